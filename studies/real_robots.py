@@ -23,12 +23,8 @@ from edtk.fit.geometry.fitted_geometry import FittedGeometry, GeometricFit
 from edtk.fit.geometry.least_squares_fit import working
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.geometry.place_robot import place_robot
-from edtk.fit.geometry.position_noise import (
-    PositionNoise,
-    contrasts_of,
-    fit_model_error,
-    fit_variances_of_blocks,
-)
+from edtk.fit.restricted_likelihood import Blocks, contrasts_of, fit_model_error, fit_variances
+from edtk.measure.noise import PositionNoise
 from edtk.report.tables import markdown_table
 from edtk.system.files import write_text
 
@@ -190,9 +186,8 @@ def _chi_squares(z: Array, J: Array, pose: Array, joints: bool) -> list[float]:
     for left_out in np.unique(pose):
         others = pose != left_out
         nothing = np.zeros((int(others.sum()), width, 0))
-        told = fit_variances_of_blocks(
-            1e-12 * eye[others], [kind[others] for kind in kinds], z[others], nothing
-        )
+        others_kinds = [kind[others] for kind in kinds]
+        told = fit_variances([Blocks(1e-12 * eye[others], others_kinds, z[others], nothing)])
         own = ~others
         V[own] = sum(v * kind[own] for v, kind in zip(told.variances, kinds, strict=True))
     mean = np.kron(np.ones((1, width // 3)), np.eye(3)) * 3 / width

@@ -20,8 +20,8 @@ from tqdm import tqdm
 
 from edtk.fit.geometry.fit_geometry import fit_geometry
 from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.fit.geometry.position_noise import PositionNoise
 from edtk.measure.geometric_model import GeometricModel, Seen
+from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import all_parameters
 from edtk.report.tables import markdown_table
 from edtk.robots.joint import Joint

@@ -11,17 +11,14 @@ from edtk.fit.distributions import fisher_tail
 from edtk.fit.least_squares import SingularPlanError, Whitened
 from edtk.fit.measurements import Measurements, joint_motion
 from edtk.fit.outliers import UNLIKELY, LackOfFit
+from edtk.fit.restricted_likelihood import Blocks, fit_variances
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.system.typing import Array, Indices, Mask
 
 # Singular values of unit columns that are rounding.
 ROUNDING_OF_STRATA = 1e-9
-ITERATIONS = 100  # of Fisher scoring; ten are the rule
-SETTLED = 1e-8  # relative change of the variances
-# Factors by which a variance grows or falls in one step, at most.
-GROWTH = 4.0
-FALL = 100.0
-SMALL = 1e-9  # of its start, a variance that is zero
+SETTLED = 1e-8  # change of what a variance adds, over the mean square
+IN_CACHE = 1e5  # numbers of a matrix for each of some poses
 MOST_ROWS = 1500  # measurements from which noise is estimated; of more, some poses
 MOST_IN_POSE = 150  # measurements of one pose; of more, the first ones
 ROUNDING = 1e-6  # of the tracker's noise: residuals as small are no errors
@@ -177,15 +174,8 @@ def _orthonormal(X: Array, apart: Array) -> Array:
     return np.linalg.qr(found - apart @ (apart.T @ found))[0]
 
 
-def fit_variances(seen: Visited, told: Mask) -> tuple[Array, Array]:
-    """Fit ``V = v_0 I + v_1 C C' + v_2 E E'`` to whitened residuals (Patterson and Thompson 1971).
-
-    The residual likelihood is that of what the compliances leave. With
-    ``P = V^-1 - V^-1 Q (Q' V^-1 Q)^-1 Q' V^-1`` and ``V_i = dV/dv_i``, Fisher scoring solves
-
-        1/2 tr(P V_i P V_j) dv_j = 1/2 (z' P V_i P z - tr(P V_i)).
-
-    A variance that falls to nothing stays zero, but that of the tracker.
+def visit_variances(seen: Visited, told: Mask) -> tuple[Array, Array]:
+    """Fit ``V = v_0 I + v_1 C C' + v_2 E E'`` to whitened residuals by restricted likelihood.
 
     Args:
         seen: The residuals.
@@ -198,78 +188,31 @@ def fit_variances(seen: Visited, told: Mask) -> tuple[Array, Array]:
         numpy.linalg.LinAlgError: The residuals do not tell the variances apart.
     """
     poses = list(seen.poses())
-    v = _start(poses, told)
-    least = SMALL * np.where(v > 0, v, 1.0)
-    free = told & (v > 0)
-    for _ in range(ITERATIONS):
-        slope, F = _scores(poses, v)
-        step = np.zeros(3)
-        step[free] = np.linalg.solve(F[np.ix_(free, free)], slope[free])
-        after = np.where(free, np.clip(v + step, v / FALL, v * GROWTH), v)
-        # Without any error of the tracker nothing could be whitened.
-        after[0] = max(after[0], least[0])
-        gone = free & (after < least)
-        after[gone] = 0.0
-        free &= ~gone
-        settled = np.abs(after - v).max() <= SETTLED * v.max() and _close(after, v, free)
-        v = after
-        if settled:
-            break
-    covariance = np.full((3, 3), np.nan)
-    _, F = _scores(poses, v)
-    covariance[np.ix_(free, free)] = np.linalg.inv(F[np.ix_(free, free)])
-    return v, covariance
+    sizes = np.array([len(pose.residual) for pose in poses])
+    alike = (np.flatnonzero(sizes == size) for size in np.unique(sizes))
+    blocks = [
+        _blocks([poses[i] for i in some]) for same in alike for some in _in_parts(same, sizes)
+    ]
+    found = fit_variances(blocks, told, SETTLED)
+    unknown = found.variances <= 0
+    return found.variances, np.where(unknown | unknown[:, None], np.nan, found.covariance)
 
 
-def _close(after: Array, before: Array, free: Mask) -> bool:
-    """Whether no variance changes any more; they differ by powers of ten."""
-    return bool((np.abs(after - before)[free] <= SETTLED * before[free]).all())
+def _in_parts(poses: Indices, sizes: Array) -> list[Indices]:
+    """Poses of one size, so many at once that their matrices fit into a core's cache."""
+    most = max(int(IN_CACHE / sizes[poses[0]] ** 2), 1)
+    return np.split(poses, range(most, len(poses), most))
 
 
-def _start(poses: list[PoseErrors], told: Mask) -> Array:
-    """Variances (3,), each of which alone would make all the residuals."""
-    squares = sum(float(pose.residual @ pose.residual) for pose in poses)
-    sizes = np.array([[len(p.residual), (p.apart**2).sum(), (p.shared**2).sum()] for p in poses])
-    total = sizes.sum(axis=0)
-    start = squares / np.where(total > 0, total, 1.0) / 3
-    return np.where(told & (total > 0), start, 0.0)
-
-
-def _scores(poses: list[PoseErrors], v: Array) -> tuple[Array, Array]:
-    """Slope (3,) of the residual log-likelihood, and Fisher's information (3, 3)."""
-    p = poses[0].Q.shape[1]
-    square = np.zeros((p, p))
-    onto = np.zeros(p)
-    G = np.zeros((3, p, p))
-    B = np.zeros((3, 3, p, p))
-    g = np.zeros((3, p))
-    traces = np.zeros(3)
-    products = np.zeros((3, 3))
-    squares = np.zeros(3)
-    for pose in poses:
-        parts = [np.eye(len(pose.residual)), pose.apart @ pose.apart.T, pose.shared @ pose.shared.T]
-        inverse = np.linalg.inv(sum(one * part for one, part in zip(v, parts, strict=True)))
-        X = inverse @ pose.Q
-        y = inverse @ pose.residual
-        K = np.stack([inverse @ part for part in parts])
-        VX = np.stack([part @ X for part in parts])
-        Vy = np.stack([part @ y for part in parts])
-        square += pose.Q.T @ X
-        onto += pose.Q.T @ y
-        G += X.T @ VX
-        g += Vy @ X
-        B += np.swapaxes(VX, 1, 2)[:, None] @ (inverse @ VX)[None]
-        traces += np.einsum("iaa->i", K)
-        products += K.reshape(3, -1) @ np.swapaxes(K, 1, 2).reshape(3, -1).T
-        squares += Vy @ y
-    H = np.linalg.inv(square)
-    k = H @ onto
-    # z' P V_i P z, tr(P V_i) and tr(P V_i P V_j), with what was fitted taken out.
-    squares = squares - 2 * g @ k + np.einsum("p,ipq,q->i", k, G, k)
-    HG = H @ G
-    traces = traces - np.einsum("ipp->i", HG)
-    products = products - 2 * np.einsum("pq,ijqp->ij", H, B) + np.einsum("ipq,jqp->ij", HG, HG)
-    return 0.5 * (squares - traces), 0.5 * products
+def _blocks(poses: list[PoseErrors]) -> Blocks:
+    """Poses of one size, with what tracker, visits and model add to them."""
+    apart = [pose.apart @ pose.apart.T for pose in poses]
+    shared = [pose.shared @ pose.shared.T for pose in poses]
+    residual = np.stack([pose.residual for pose in poses])
+    eye = np.broadcast_to(np.eye(residual.shape[1]), (len(poses), *apart[0].shape))
+    nothing = np.zeros_like(eye)
+    design = np.stack([pose.Q for pose in poses])
+    return Blocks(nothing, (eye, np.stack(apart), np.stack(shared)), residual, design)
 
 
 def visit_residuals(
@@ -437,7 +380,7 @@ def estimate_noise(seen: Visited) -> NoiseEstimate | None:
         return None
     told = _told(strata)
     try:
-        v, covariance = fit_variances(seen, told)
+        v, covariance = visit_variances(seen, told)
     except np.linalg.LinAlgError:
         return None
     if not np.isfinite(v).all():

@@ -1,6 +1,6 @@
-"""Noise of a visit: tracker, repeatability of the robot, and what the model leaves out."""
+"""Noise of a visit: tracker, joints that come back, and what the model leaves out."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -9,9 +9,10 @@ from numpy.typing import ArrayLike
 
 from edtk.robots.frames import Frames
 from edtk.robots.robot import joint_distance
-from edtk.system.typing import Array, Mask
+from edtk.system.typing import Array, Indices, Mask
 
 SAME = 1e-9  # [rad]: poses nearer than this are one pose, whatever the distance that is asked for
+ROUNDING = 1e-6  # [mm] no instrument reads better
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,3 +310,116 @@ class VisitNoise:
     def _lifted(numbers: Array, like: Array) -> Array:
         """Numbers (n,) that multiply arrays (n, rows, ...)."""
         return numbers.reshape(-1, *[1] * (like.ndim - 1))
+
+
+@dataclass(frozen=True, eq=False)
+class BlockVariances:
+    """Variances, and how well they are known.
+
+    Attributes:
+        variances: One a kind (c,).
+        covariance: Of these (c, c); infinite where a variance is zero and so not bounded below.
+        log_likelihood: The residual log-likelihood, up to a constant.
+    """
+
+    variances: Array
+    covariance: Array
+    log_likelihood: float
+
+    def relative_dof(self, slopes: Array) -> Array:
+        """Degrees of freedom (...,) of sums ``slopes v``: ``2 mean^2 / variance`` (Satterthwaite).
+
+        Args:
+            slopes: Sums' derivatives (..., c) by the variances.
+        """
+        mean = slopes @ self.variances
+        spread = np.einsum("...i,ij,...j->...", slopes, self.covariance, slopes)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(spread > 0, 2 * mean**2 / spread, np.inf)
+
+
+@dataclass(frozen=True, eq=False)
+class PositionNoise:
+    """Errors of a pose's positions, in millimetres and milliradians.
+
+    A reading of all markers has the covariance ``R = r^2 I + sum_j s_j^2 J_j J_j'`` with the motion
+    J_j of the markers by joint j: the joints move all of them together. Repeats average it out.
+    What the model leaves out, ``D = w^2 I + e^2 sum_j J_j J_j'``, they do not: it is as if each
+    joint were wrong by another small angle in each pose, as by gears that are not round.
+
+    Attributes:
+        reading: r [mm].
+        joints: s (n,) [mrad, or mm of a prismatic joint].
+        model_white: w [mm].
+        model_joints: e (n,) likewise: the same for all joints of a kind, or one size a joint where
+            the residuals speak for that.
+        model_fit: The fitted variances of the model's part; None where none was fitted.
+        repeats: Degrees of freedom of the repeats that told r and s; zero where they were stated.
+        turn: The same as r, of orientations [mrad], where they are measured; their rows follow the
+            positions of each marker.
+        model_turn: The same as w, of orientations [mrad].
+    """
+
+    reading: float
+    joints: Array
+    model_white: float = 0.0
+    model_joints: Array = field(default_factory=lambda: np.zeros(0))
+    model_fit: BlockVariances | None = None
+    repeats: int = 0
+    turn: float | None = None
+    model_turn: float = 0.0
+
+    @property
+    def rows(self) -> int:
+        """Measured coordinates of a marker."""
+        return 3 if self.turn is None else 6
+
+    def white_kinds(self, width: int) -> list[Array]:
+        """Masks (r,) of the coordinates that share a white error: positions, and orientations."""
+        return white_kinds(self.rows, width)
+
+    def _white(self, position: float, turn: float, width: int) -> Array:
+        """Variances (r,) of white errors."""
+        sizes = (position, turn)
+        kinds = self.white_kinds(width)
+        return np.asarray(sum(size**2 * kind for size, kind in zip(sizes, kinds, strict=False)))
+
+    def of_reading(self, motion: Array) -> Array:
+        """Covariances R (m, r, r) [mm^2] of one reading, for motions (m, r, n) [mm/mrad]."""
+        J = motion * self.joints
+        turn = max(self.turn or 0.0, ROUNDING)
+        white = self._white(max(self.reading, ROUNDING), turn, motion.shape[1])
+        return np.diag(white) + J @ np.swapaxes(J, 1, 2)
+
+    def of_model(self, motion: Array) -> Array:
+        """Covariances D (m, r, r) [mm^2] of what the model leaves out."""
+        J = motion * (self.model_joints if len(self.model_joints) else 0.0)
+        white = self._white(self.model_white, self.model_turn, motion.shape[1])
+        return np.diag(white) + J @ np.swapaxes(J, 1, 2)
+
+    def of_pose(self, motion: Array, counts: Indices) -> Array:
+        """Covariances (m, r, r) of means over some readings.
+
+        Args:
+            motion: Motions (m, r, n) of the coordinates [mm/mrad].
+            counts: Readings (m, k) of each marker; where there is none, the coordinates count as
+                independent and of size one.
+        """
+        size = np.sqrt(np.repeat(np.maximum(counts, 1), self.rows, axis=1).astype(float))
+        V = self.of_reading(motion) / (size[:, :, None] * size[:, None]) + self.of_model(motion)
+        return only_seen(V, counts > 0)
+
+
+def only_seen(V: Array, seen: Mask) -> Array:
+    """Covariances (m, r, r) in which markers that were not seen are independent, of size one."""
+    there = np.repeat(seen, V.shape[1] // seen.shape[1], axis=1).astype(float)
+    absent = np.eye(V.shape[1]) * (1 - there)[:, None]
+    return V * there[:, :, None] * there[:, None] + absent
+
+
+def white_kinds(rows: int, width: int) -> list[Array]:
+    """Masks (width,) of the coordinates that share a white error: positions, and orientations."""
+    if rows == 3:
+        return [np.ones(width)]
+    turns = np.arange(width) % rows >= 3
+    return [(~turns).astype(float), turns.astype(float)]

@@ -6,9 +6,9 @@ from typing import Literal
 import numpy as np
 
 from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.fit.geometry.position_noise import PositionNoise
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import GeometricParameter, all_parameters
 from edtk.robots.frames import Frames
 from edtk.robots.weights import DeadWeights

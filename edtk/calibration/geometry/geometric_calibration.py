@@ -19,8 +19,8 @@ from edtk.fit.geometry.geometry_posterior import (
     GeometryPosterior,
     geometry_posterior,
 )
-from edtk.fit.geometry.position_noise import BlockVariances, PositionNoise
 from edtk.fit.posterior import SamplingOptions
+from edtk.measure.noise import BlockVariances, PositionNoise
 from edtk.measure.parameters import COMPONENTS, GeometricParameter
 from edtk.measure.pose_table import of_file_units
 from edtk.robots.robot import Robot

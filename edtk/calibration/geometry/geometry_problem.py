@@ -9,8 +9,8 @@ import criteria
 from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.design.problem import Problem, rows_of_blocks
 from edtk.fit.geometry.fit_geometry import stages
-from edtk.fit.geometry.position_noise import PositionNoise
 from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import identifiable
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry, StudyLoads

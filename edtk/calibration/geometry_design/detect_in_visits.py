@@ -37,7 +37,7 @@ from edtk.findings.causes.family import (
     since_first,
 )
 from edtk.fit.distributions import chi_square_quantile, noncentral_chi_square_tail
-from edtk.fit.geometry.position_noise import PositionNoise
+from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import SHIFTS, SOFTNESS, GeometricParameter, all_parameters
 from edtk.robots.joint import Joint
 from edtk.study.study import Study

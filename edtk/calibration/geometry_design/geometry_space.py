@@ -9,8 +9,8 @@ import numpy as np
 from edtk.design.design_space import DesignSpace, Experiments
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem, rows_of_blocks
-from edtk.fit.geometry.position_noise import PositionNoise
 from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.noise import PositionNoise
 from edtk.measure.nominal_columns import NominalColumns, PlacedColumns
 from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.robots.loads.listed_load import ListedLoad

@@ -9,12 +9,8 @@ import numpy as np
 from edtk.findings.causes.family import since_first
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit
 from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.fit.geometry.position_noise import (
-    PositionNoise,
-    fit_model_error,
-    fit_variances_of_blocks,
-    only_seen,
-)
+from edtk.fit.restricted_likelihood import Blocks, fit_model_error, fit_variances
+from edtk.measure.noise import PositionNoise, only_seen
 from edtk.measure.parameters import GeometricParameter, all_parameters
 from edtk.system.typing import Array
 
@@ -319,7 +315,8 @@ def common_scale(fit: GeometricFit) -> CommonScale | None:
     C = fit.fitted.covariance[np.ix_(own, own)]
     y = fit.fitted.values[own]
     t = taken[:, -1]
-    found = fit_variances_of_blocks(C[None], [K[None] for K in kinds], y[None], t[None, :, None])
+    blocks = Blocks(C[None], [K[None] for K in kinds], y[None], t[None, :, None])
+    found = fit_variances([blocks])
     V = C + sum(v * K for v, K in zip(found.variances, kinds, strict=True))
     weighted = np.linalg.solve(V, t)
     variance = 1 / float(t @ weighted)

@@ -7,7 +7,7 @@ import numpy as np
 
 from edtk.findings.geometry.fit_rows import FitRows, explained_by, frame_columns, log_chance
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit
-from edtk.fit.geometry.position_noise import PositionNoise
+from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import GeometricParameter
 from edtk.system.typing import Array, Indices, Mask
 

@@ -15,8 +15,9 @@ from edtk.fit.geometry.judge_fit import judge_fit
 from edtk.fit.geometry.least_squares_fit import PoseRows, least_squares_fit, working
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.geometry.place_robot import place_robot
-from edtk.fit.geometry.position_noise import PositionNoise, fit_model_error, noise_of_repeats
+from edtk.fit.restricted_likelihood import fit_model_error, noise_of_repeats
 from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import TURNS, Identifiable, identifiable
 from edtk.system.typing import Array, Mask
 

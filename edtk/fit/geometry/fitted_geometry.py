@@ -7,8 +7,9 @@ from typing import Protocol
 import numpy as np
 
 from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.fit.geometry.position_noise import PositionNoise, fitted_kinds
+from edtk.fit.restricted_likelihood import fitted_kinds
 from edtk.measure.geometric_model import GeometricModel, Seen
+from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import GeometricParameter
 from edtk.system.typing import Array, Mask
 

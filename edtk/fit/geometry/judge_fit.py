@@ -15,8 +15,8 @@ from edtk.fit.geometry.fitted_geometry import (
 )
 from edtk.fit.geometry.least_squares_fit import PoseRows, working
 from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.fit.geometry.position_noise import PositionNoise
 from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import GeometricParameter
 from edtk.system.typing import Array, Mask
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.fit.geometry.position_noise import white_kinds
 from edtk.measure.geometric_model import GeometricModel, Seen
+from edtk.measure.noise import white_kinds
 from edtk.robots.rotations import rotation_vectors
 from edtk.system.typing import Array
 

@@ -5,7 +5,7 @@ import pytest
 from loaded_arm import LOAD, STUDY
 
 from edtk.calibration.geometry_design.geometry_space import PositionRows
-from edtk.fit.geometry.position_noise import PositionNoise
+from edtk.measure.noise import PositionNoise
 from edtk.study.study_geometry import StudyGeometry
 
 RNG = np.random.default_rng(4)

@@ -5,15 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from edtk.fit.geometry import fit_geometry as module
 from edtk.fit.geometry.fit_geometry import TooFewPosesError, fit_geometry
 from edtk.fit.geometry.fitted_geometry import GeometricFit
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.geometry.place_robot import linear_start
-from edtk.fit.geometry.position_noise import PositionNoise, fit_variances_of_blocks
 from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import all_parameters
 from edtk.robots.joint import Joint
 from edtk.robots.robot import Robot
@@ -163,45 +162,6 @@ def test_left_out_residuals_are_those_of_refits(monkeypatch: pytest.MonkeyPatch)
         without = fit_geometry(model, data[kept], white(SIX, 0.05))
         left = data.measured[pose] - without.fitted.predict(data.q[[pose]]).points[0]
         np.testing.assert_allclose(fit.left_out[pose], left, atol=2e-3 * np.abs(left).max())
-
-
-def test_variances_of_kinds_are_found() -> None:
-    """Of many blocks the fitted variances of white and common errors are near the true ones."""
-    rng = np.random.default_rng(0)
-    b, r = 400, 6
-    common = np.ones((b, r, r))
-    eye = np.broadcast_to(np.eye(r), (b, r, r))
-    z = 0.3 * rng.standard_normal((b, r)) + 0.8 * rng.standard_normal((b, 1))
-    X = rng.standard_normal((b, r, 5))
-    found = fit_variances_of_blocks(np.zeros((b, r, r)), [eye, common], z, X)
-    std = np.sqrt(np.diag(found.covariance))
-    np.testing.assert_array_less(np.abs(found.variances - [0.09, 0.64]), 4 * std)
-    # Of n normal numbers a variance has 2 v^2 / n: 2000 for the white one.
-    assert std[0] == pytest.approx(0.09 * np.sqrt(2 / (b * (r - 1))), rel=0.1)
-    none = fit_variances_of_blocks(eye, [eye], rng.standard_normal((b, r)) * 0.5, X)
-    assert none.variances[0] == 0.0
-
-
-def test_information_of_variances_is_that_of_the_whole_matrices() -> None:
-    """``tr(P K_i P K_j)/2`` of blocks, of several kinds, is that of the matrices of all rows."""
-    rng = np.random.default_rng(3)
-    b, r = 60, 4
-    kinds = [np.broadcast_to(np.diag(one), (b, r, r)) for one in np.eye(r)[:2]]
-    moved = rng.standard_normal((b, r, 1))
-    kinds.append(moved @ np.swapaxes(moved, 1, 2))
-    X = rng.standard_normal((b, r, 5))
-    fixed = np.broadcast_to(0.1 * np.eye(r), (b, r, r))
-    z = rng.standard_normal((b, r))
-    found = fit_variances_of_blocks(fixed, kinds, z, X)
-    assert (found.variances > 0).all()
-    V = fixed + sum(v * K for v, K in zip(found.variances, kinds, strict=True))
-    inverse = block_diag(*np.linalg.inv(V))
-    columns = X.reshape(-1, 5)
-    seen = inverse @ columns
-    P = inverse - seen @ np.linalg.solve(columns.T @ seen, seen.T)
-    PK = [P @ block_diag(*K) for K in kinds]
-    information = 0.5 * np.array([[np.trace(a @ c) for c in PK] for a in PK])
-    np.testing.assert_allclose(np.linalg.inv(found.covariance), information, rtol=1e-8)
 
 
 @pytest.mark.slow

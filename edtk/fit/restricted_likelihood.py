@@ -1,11 +1,12 @@
-"""Sizes of the errors of positions: of the instrument, of joints that repeat, of the model."""
+"""How large errors are, by restricted likelihood: of instruments, joints, visits, and the model."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.measure.noise import ROUNDING, BlockVariances, PositionNoise
 from edtk.robots.rotations import rotation_vectors
 from edtk.system.typing import Array, Indices, Mask
 
@@ -16,72 +17,124 @@ ENOUGH = 20  # degrees of freedom of repeats, from which they tell the noise of 
 # Twice the gain in log-likelihood, from which a model error is believed: chance exceeds it one time
 # in twenty, or in forty where the variance may not be negative.
 SPEAKS = 4.0
-ROUNDING = 1e-6  # [mm] no instrument reads better
 
 
 @dataclass(frozen=True, eq=False)
-class BlockVariances:
-    """Variances, and how well they are known.
+class Blocks:
+    """Independent blocks b of residuals, as many rows r each: ``V_b = F_b + sum_i v_i K_ib``.
 
     Attributes:
-        variances: One a kind (c,).
-        covariance: Of these (c, c); infinite where a variance is zero and so not bounded below.
-        log_likelihood: The residual log-likelihood, up to a constant.
-    """
-
-    variances: Array
-    covariance: Array
-    log_likelihood: float
-
-    def relative_dof(self, slopes: Array) -> Array:
-        """Degrees of freedom (...,) of sums ``slopes v``: ``2 mean^2 / variance`` (Satterthwaite).
-
-        Args:
-            slopes: Sums' derivatives (..., c) by the variances.
-        """
-        mean = slopes @ self.variances
-        spread = np.einsum("...i,ij,...j->...", slopes, self.covariance, slopes)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(spread > 0, 2 * mean**2 / spread, np.inf)
-
-
-def fit_variances_of_blocks(
-    fixed: Array, kinds: Sequence[Array], residual: Array, design: Array, told: Mask | None = None
-) -> BlockVariances:
-    """Fit ``V_b = F_b + sum_i v_i K_ib`` to independent blocks b of residuals.
-
-    The residual likelihood (Patterson and Thompson 1971) is that of what the design leaves. Fisher
-    scoring solves ``1/2 tr(P K_i P K_j) dv_j = 1/2 (z' P K_i P z - tr(P K_i))`` for the variances
-    that are not held at zero. Where its step lowers the likelihood, each variance is multiplied by
-    ``sqrt(z' P K_i P z / tr(P K_i))`` instead, which never does (Zhou, Hu, Zhou and Lange 2019).
-
-    Args:
         fixed: Known covariances F (b, r, r).
         kinds: Matrices K_i (b, r, r) of each kind.
         residual: Residuals z (b, r) of any fit of the design.
         design: Columns (b, r, p) that were fitted; p may be zero.
-        told: Mask (c,) of the kinds whose variances are fitted; the others are zero.
     """
-    count = len(kinds)
-    K = np.stack(kinds) if count else np.zeros((0, *fixed.shape))
+
+    fixed: Array
+    kinds: Sequence[Array]
+    residual: Array
+    design: Array
+
+
+def fit_variances(
+    blocks: Sequence[Blocks], told: Mask | None = None, settled: float = SETTLED
+) -> BlockVariances:
+    """Fit the variances of all kinds to all blocks.
+
+    The residual likelihood (Patterson and Thompson 1971) is that of what the design leaves. With
+    ``P = V^-1 - V^-1 X (X' V^-1 X)^-1 X' V^-1``, Fisher scoring solves
+    ``1/2 tr(P K_i P K_j) dv_j = 1/2 (z' P K_i P z - tr(P K_i))`` for the variances that are not
+    held at zero. Where its step lowers the likelihood, each variance is multiplied by
+    ``sqrt(z' P K_i P z / tr(P K_i))`` instead, which never does (Zhou, Hu, Zhou and Lange 2019).
+
+    Args:
+        blocks: The residuals, those of one size together, with the same kinds.
+        told: Mask (c,) of the kinds whose variances are fitted; the others are zero.
+        settled: Change of what a variance adds, over the mean square, below which it has settled.
+
+    Raises:
+        numpy.linalg.LinAlgError: Without variances, what is known is no covariance.
+    """
+    stacked = [_Stacked.of(some) for some in blocks]
+    count = len(blocks[0].kinds)
     free = np.ones(count, dtype=bool) if told is None else np.array(told)
-    square = float((residual**2).sum()) / residual.size
-    size = np.einsum("cbrr->c", K) / residual.size
+    coordinates = sum(some.residual.size for some in blocks)
+    square = sum(float((some.residual**2).sum()) for some in blocks) / coordinates
+    size = sum((np.einsum("cbrr->c", some.K) for some in stacked), np.zeros(count)) / coordinates
+    unit = _powers_of_two(size)
+    stacked = [some.in_units(unit) for some in stacked]
+    size = size / unit
     v = np.where(free & (size > 0), square / np.where(size > 0, size, 1.0) / max(count, 1), 0.0)
-    at = _scores(fixed, K, residual, design, v)
+    at = _scores(stacked, v)
     for _ in range(ITERATIONS if count else 0):
-        after, there = _step(at, v, free, lambda w: _scores(fixed, K, residual, design, w))
-        settled = (np.abs(after - v) * size).max(initial=0.0) <= SETTLED * square
+        after, there = _step(at, v, free, lambda w: _scores(stacked, w))
+        still = (np.abs(after - v) * size).max(initial=0.0) <= settled * square
         v, at = after, there
-        if settled:
+        if still:
             break
-    products = at.products
-    likelihood = at.likelihood
     covariance = np.zeros((count, count))
     known = np.flatnonzero(v > 0)
     if len(known):
-        covariance[np.ix_(known, known)] = np.linalg.pinv(0.5 * products[np.ix_(known, known)])
-    return BlockVariances(v, covariance, likelihood)
+        covariance[np.ix_(known, known)] = np.linalg.pinv(0.5 * at.products[np.ix_(known, known)])
+    return BlockVariances(v / unit, covariance / np.outer(unit, unit), at.likelihood)
+
+
+def _powers_of_two(size: Array) -> Array:
+    """Units (c,) in which kinds are of order one, which cost no rounding; one where there is none.
+
+    Variances of angles and of coordinates differ by ten powers of ten, which Fisher's information
+    would show as a singular matrix.
+    """
+    there = np.where(size > 0, size, 1.0)
+    return np.asarray(np.exp2(np.rint(np.log2(there))))
+
+
+@dataclass(frozen=True, eq=False)
+class _Stacked:
+    """Blocks with their kinds K (c, b, r, r) in one array."""
+
+    fixed: Array
+    K: Array
+    z: Array
+    X: Array
+
+    @classmethod
+    def of(cls, blocks: Blocks) -> "_Stacked":
+        """Of blocks with any kinds, or none."""
+        kinds = blocks.kinds
+        K = np.stack(kinds) if len(kinds) else np.zeros((0, *blocks.fixed.shape))
+        return cls(blocks.fixed, K, blocks.residual, blocks.design)
+
+    def in_units(self, unit: Array) -> "_Stacked":
+        """With kinds over units (c,)."""
+        return replace(self, K=self.K / unit[:, None, None, None])
+
+
+@dataclass(frozen=True, eq=False)
+class _Weighted:
+    """Blocks in units of their covariances V.
+
+    Attributes:
+        inverse: V^-1 (b, r, r).
+        W: ``V^-1 X`` (b, r, p).
+        y: ``V^-1 z`` (b, r).
+        log_V: Logarithm of the determinant.
+    """
+
+    inverse: Array
+    W: Array
+    y: Array
+    log_V: float
+
+    @classmethod
+    def of(cls, some: _Stacked, v: Array) -> "_Weighted":
+        """At variances v (c,)."""
+        V = some.fixed + np.einsum("c,cbrs->brs", v, some.K)
+        L = np.linalg.cholesky(V)
+        inverse = np.linalg.inv(V)
+        y = np.einsum("brs,bs->br", inverse, some.z)
+        log_V = 2 * float(np.log(np.diagonal(L, axis1=1, axis2=2)).sum())
+        return cls(inverse, inverse @ some.X, y, log_V)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,124 +183,65 @@ def _step(
         return v, at
 
 
-def _scores(fixed: Array, K: Array, z: Array, X: Array, v: Array) -> _Scores:
+def _scores(blocks: Sequence[_Stacked], v: Array) -> _Scores:
     """The terms at variances v (c,)."""
-    V = fixed + np.einsum("c,cbrs->brs", v, K)
-    L = np.linalg.cholesky(V)
-    inverse = np.linalg.inv(V)
-    W = inverse @ X
+    weighted = [_Weighted.of(some, v) for some in blocks]
+    pairs = list(zip(blocks, weighted, strict=True))
     # As products of two matrices: einsum alone sums over so many rows one by one.
-    XW = np.tensordot(X, W, axes=((0, 1), (0, 1)))
-    H = np.linalg.pinv(XW, hermitian=True)
-    y = np.einsum("brs,bs->br", inverse, z)
-    k = H @ np.einsum("brp,br->p", X, y)
-    Pz = y - W @ k
-    quadratic = np.einsum("br,cbrs,bs->c", Pz, K, Pz)
-    own = inverse @ K
-    KW = K @ W
-    G = np.moveaxis(np.tensordot(W, KW, axes=((0, 1), (1, 2))), 1, 0)
-    trace = np.einsum("cbrr->c", own) - np.einsum("pq,cqp->c", H, G)
+    XW = sum(np.tensordot(some.X, own.W, axes=((0, 1), (0, 1))) for some, own in pairs)
+    H = np.asarray(np.linalg.pinv(XW, hermitian=True), dtype=float)
+    onto = sum(np.einsum("brp,br->p", some.X, own.y) for some, own in pairs)
+    k = np.asarray(H @ onto, dtype=float)
+    parts = [_terms(some, own, H, k) for some, own in pairs]
+    G = sum(part.G for part in parts)
     HG = H @ G
-    # tr(H W'K_c V^-1 K_d W) as sums over rows: matrices of all pairs of kinds would cost c times.
-    before = (K @ (W @ H)).reshape(len(K), X.size)
-    after = (inverse @ KW).reshape(len(K), X.size)
-    products = (
-        np.einsum("cbrs,dbsr->cd", own, own, optimize=True)
-        - 2 * before @ after.T
-        + np.einsum("cpq,dqp->cd", HG, HG)
-    )
-    values = np.linalg.eigvalsh(XW) if X.shape[-1] else np.ones(1)
+    values = np.linalg.eigvalsh(XW) if len(H) else np.ones(1)
     log_design = float(np.log(values[values > 0]).sum())
-    log_V = 2 * float(np.log(np.diagonal(L, axis1=1, axis2=2)).sum())
-    likelihood = -0.5 * (log_V + log_design + float((z * Pz).sum()))
-    return _Scores(quadratic, trace, products, likelihood)
+    log_V = sum(own.log_V for own in weighted)
+    square = sum(part.square for part in parts)
+    return _Scores(
+        quadratic=np.asarray(sum(part.quadratic for part in parts)),
+        trace=sum(part.trace for part in parts) - np.einsum("pq,cqp->c", H, G),
+        products=sum(part.products for part in parts) + np.einsum("cpq,dqp->cd", HG, HG),
+        likelihood=-0.5 * (log_V + log_design + square),
+    )
 
 
 @dataclass(frozen=True, eq=False)
-class PositionNoise:
-    """Errors of a pose's positions, in millimetres and milliradians.
-
-    A reading of all markers has the covariance ``R = r^2 I + sum_j s_j^2 J_j J_j'`` with the motion
-    J_j of the markers by joint j: the joints move all of them together. Repeats average it out.
-    What the model leaves out, ``D = w^2 I + e^2 sum_j J_j J_j'``, they do not: it is as if each
-    joint were wrong by another small angle in each pose, as by gears that are not round.
+class _Terms:
+    """What blocks of one size add to the scores, before the design is taken out of all together.
 
     Attributes:
-        reading: r [mm].
-        joints: s (n,) [mrad, or mm of a prismatic joint].
-        model_white: w [mm].
-        model_joints: e (n,) likewise: the same for all joints of a kind, or one size a joint where
-            the residuals speak for that.
-        model_fit: The fitted variances of the model's part; None where none was fitted.
-        repeats: Degrees of freedom of the repeats that told r and s; zero where they were stated.
-        turn: The same as r, of orientations [mrad], where they are measured; their rows follow the
-            positions of each marker.
-        model_turn: The same as w, of orientations [mrad].
+        quadratic: ``z' P K_i P z`` (c,).
+        trace: ``tr(V^-1 K_i)`` (c,).
+        products: ``tr(V^-1 K_i V^-1 K_j)`` less twice what the design takes of it (c, c).
+        G: ``X' V^-1 K_i V^-1 X`` (c, p, p).
+        square: ``z' P z``.
     """
 
-    reading: float
-    joints: Array
-    model_white: float = 0.0
-    model_joints: Array = field(default_factory=lambda: np.zeros(0))
-    model_fit: BlockVariances | None = None
-    repeats: int = 0
-    turn: float | None = None
-    model_turn: float = 0.0
-
-    @property
-    def rows(self) -> int:
-        """Measured coordinates of a marker."""
-        return 3 if self.turn is None else 6
-
-    def white_kinds(self, width: int) -> list[Array]:
-        """Masks (r,) of the coordinates that share a white error: positions, and orientations."""
-        return white_kinds(self.rows, width)
-
-    def _white(self, position: float, turn: float, width: int) -> Array:
-        """Variances (r,) of white errors."""
-        sizes = (position, turn)
-        kinds = self.white_kinds(width)
-        return np.asarray(sum(size**2 * kind for size, kind in zip(sizes, kinds, strict=False)))
-
-    def of_reading(self, motion: Array) -> Array:
-        """Covariances R (m, r, r) [mm^2] of one reading, for motions (m, r, n) [mm/mrad]."""
-        J = motion * self.joints
-        turn = max(self.turn or 0.0, ROUNDING)
-        white = self._white(max(self.reading, ROUNDING), turn, motion.shape[1])
-        return np.diag(white) + J @ np.swapaxes(J, 1, 2)
-
-    def of_model(self, motion: Array) -> Array:
-        """Covariances D (m, r, r) [mm^2] of what the model leaves out."""
-        J = motion * (self.model_joints if len(self.model_joints) else 0.0)
-        white = self._white(self.model_white, self.model_turn, motion.shape[1])
-        return np.diag(white) + J @ np.swapaxes(J, 1, 2)
-
-    def of_pose(self, motion: Array, counts: Indices) -> Array:
-        """Covariances (m, r, r) of means over some readings.
-
-        Args:
-            motion: Motions (m, r, n) of the coordinates [mm/mrad].
-            counts: Readings (m, k) of each marker; where there is none, the coordinates count as
-                independent and of size one.
-        """
-        size = np.sqrt(np.repeat(np.maximum(counts, 1), self.rows, axis=1).astype(float))
-        V = self.of_reading(motion) / (size[:, :, None] * size[:, None]) + self.of_model(motion)
-        return only_seen(V, counts > 0)
+    quadratic: Array
+    trace: Array
+    products: Array
+    G: Array
+    square: float
 
 
-def only_seen(V: Array, seen: Mask) -> Array:
-    """Covariances (m, r, r) in which markers that were not seen are independent, of size one."""
-    there = np.repeat(seen, V.shape[1] // seen.shape[1], axis=1).astype(float)
-    absent = np.eye(V.shape[1]) * (1 - there)[:, None]
-    return V * there[:, :, None] * there[:, None] + absent
-
-
-def white_kinds(rows: int, width: int) -> list[Array]:
-    """Masks (width,) of the coordinates that share a white error: positions, and orientations."""
-    if rows == 3:
-        return [np.ones(width)]
-    turns = np.arange(width) % rows >= 3
-    return [(~turns).astype(float), turns.astype(float)]
+def _terms(some: _Stacked, own: _Weighted, H: Array, k: Array) -> _Terms:
+    """Of blocks, with ``H = (X' V^-1 X)^-1`` and coefficients k (p,) of all."""
+    K, W = some.K, own.W
+    Pz = own.y - W @ k
+    each = own.inverse @ K
+    KW = K @ W
+    # tr(H W'K_c V^-1 K_d W) as sums over rows: matrices of all pairs of kinds would cost c times.
+    before = (K @ (W @ H)).reshape(len(K), some.X.size)
+    after = (own.inverse @ KW).reshape(len(K), some.X.size)
+    return _Terms(
+        quadratic=np.einsum("br,cbrs,bs->c", Pz, K, Pz),
+        trace=np.einsum("cbrr->c", each),
+        products=np.einsum("cbrs,dbsr->cd", each, each, optimize=True) - 2 * before @ after.T,
+        G=np.moveaxis(np.tensordot(W, KW, axes=((0, 1), (1, 2))), 1, 0),
+        square=float((some.z * Pz).sum()),
+    )
 
 
 def joint_kinds(slides: Mask) -> list[Mask]:
@@ -292,7 +286,7 @@ def noise_of_repeats(
         *(J[:, :, [j]] @ np.swapaxes(J[:, :, [j]], 1, 2) for j in range(n)),
     ]
     nothing = np.zeros((*contrasts.shape, 0))
-    found = fit_variances_of_blocks(ROUNDING**2 * eye, kinds, contrasts, nothing)
+    found = fit_variances([Blocks(ROUNDING**2 * eye, kinds, contrasts, nothing)])
     sizes = np.sqrt(found.variances)
     reading, *turn = np.maximum(sizes[: len(whites)], ROUNDING).tolist()
     told = PositionNoise(
@@ -368,10 +362,10 @@ def fit_model_error(
 
     def fitted(masks: list[Mask]) -> BlockVariances:
         kinds = [*whites, *(J[:, :, mask] @ np.swapaxes(J[:, :, mask], 1, 2) for mask in masks)]
-        return fit_variances_of_blocks(fixed, kinds, residual, design)
+        return fit_variances([Blocks(fixed, kinds, residual, design)])
 
     found = fitted(masks)
-    nothing = fit_variances_of_blocks(fixed, (), residual, design)
+    nothing = fit_variances([Blocks(fixed, (), residual, design)])
     if 2 * (found.log_likelihood - nothing.log_likelihood) < SPEAKS:
         return plain
     single = single_joints(slides)
