@@ -9,6 +9,7 @@ from no_dual import NoDual
 
 import criteria
 import edtk
+from edtk.design.relaxation.relax import RelaxationInterrupted, relax
 from edtk.system.errors import UserError
 
 RNG = np.random.default_rng(11)
@@ -352,6 +353,24 @@ def test_a_missing_bound_has_its_reason():
     assert found.basis == "no bound: in blocks O2 may be better with less information"
     assert found.headline().endswith(found.basis)
     assert found.bound == 0
+
+
+@pytest.mark.parametrize("has_weights", [True, False])
+def test_ctrl_c_while_a_bound_is_sought_leaves_a_plan(monkeypatch, has_weights):
+    """The first plan that can be given comes, with the bound of the best weights so far, if any."""
+    problem = edtk.Problem(np.random.default_rng(2).normal(size=(40, 1, 3)))
+    best = relax(problem, edtk.criteria.create("A"), gap=0.1)
+
+    def interrupted(*arguments):
+        raise RelaxationInterrupted(best) if has_weights else KeyboardInterrupt
+
+    monkeypatch.setattr("edtk.design.exact.counts.counts_bound.relax", interrupted)
+    found = edtk.plan(problem, 6, "A", seed=1)
+    assert found.ended == "interrupted"
+    assert found.size == 6
+    assert (found.bound > 0) == has_weights
+    assert found.bound <= found.cost
+    assert has_weights or found.basis == "no bound: interrupted before one was found"
 
 
 def test_a_word_is_marked():

@@ -9,7 +9,8 @@ from criteria.linalg.inverse import root
 from edtk.design.bound import Bound, BoundKind
 from edtk.design.exact.counts.limits import Limits, Reachable
 from edtk.design.problem import Problem
-from edtk.design.relaxation.relax import relax
+from edtk.design.relaxation.relax import RelaxationInterrupted, relax
+from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.restricted_master import RelaxationError
 from edtk.system.typing import Array, Indices
 
@@ -144,6 +145,7 @@ class RelaxedCounts:
         multipliers: What proves it (r, p, p).
         basis: What the bound is on, in words.
         kind: Whether it is proved, or a solver's word.
+        interrupted: Whether Ctrl-C has ended it, so that a plan is wanted at once.
     """
 
     counts: Array
@@ -152,6 +154,7 @@ class RelaxedCounts:
     multipliers: Array
     basis: str
     kind: BoundKind = BoundKind.PROVED_ON_CANDIDATES
+    interrupted: bool = False
 
     def exceeds(self, limits: Limits) -> bool:
         """Whether these counts break a limit, so that a better bound may be proved."""
@@ -185,7 +188,13 @@ def relaxed_counts(problem: Problem, criterion: Relaxable, limits: Limits) -> Re
         question = Problem(rows, parameters=problem.parameters)
     if limits.base.any():
         question = question.with_prior(limits.base / total)
-    weights, bound, multipliers = _equal(question, criterion) or _relaxed(question, criterion)
+    interrupted = False
+    try:
+        found = _equal(question, criterion) or _relaxed(relax(question, criterion))
+    except RelaxationInterrupted as interrupt:
+        found = _relaxed(interrupt.best)
+        interrupted = True
+    weights, bound, multipliers = found
     basis = "weights, their limits set aside" if limits.restricts and limits.sized else "weights"
     return RelaxedCounts(
         counts=weights * total / each,
@@ -194,12 +203,12 @@ def relaxed_counts(problem: Problem, criterion: Relaxable, limits: Limits) -> Re
         multipliers=multipliers,
         basis=basis,
         kind=bound.kind,
+        interrupted=interrupted,
     )
 
 
-def _relaxed(problem: Problem, criterion: Relaxable) -> tuple[Array, Bound, Array]:
+def _relaxed(found: Relaxation) -> tuple[Array, Bound, Array]:
     """The best weights (n,), their bound, and the multipliers that prove it."""
-    found = relax(problem, criterion)
     return found.weights, found.proved_bound, found.multipliers
 
 

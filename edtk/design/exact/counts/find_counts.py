@@ -24,9 +24,11 @@ from edtk.design.problem import Problem, RankDeficientError
 from edtk.design.relaxation.restricted_master import RelaxationError
 from edtk.design.relaxation.setting import OrderOne
 from edtk.system.errors import UserError
+from edtk.system.time_limit import time_limit
 from edtk.system.typing import Indices
 
 Progress = Callable[[int, float], object]
+INTERRUPTED = "interrupted before one was found"
 
 
 def find_counts(
@@ -44,7 +46,8 @@ def find_counts(
 
     From random places, and from places drawn by the weights of the relaxation, plans are improved
     by exchanges (`descend_places`), kicked out of their local optimum a few times, and improved
-    again. The same seed gives the same plan.
+    again. The same seed gives the same plan. Ctrl-C ends the search with the best plan so far, and
+    the relaxation with the first plan that can be given.
 
     Args:
         problem: The candidates; its prior is part of `Limits.base` already.
@@ -74,15 +77,17 @@ def find_counts(
     question = beside_blocks(bare, plain, limits)
     _require_beside_blocks(question, limits, problem)
     relaxed, reason = _relaxed(question, plain)
+    interrupted = reason == INTERRUPTED or (relaxed is not None and relaxed.interrupted)
     search = _search(bare, plain, limits, relaxed)
     if not thorough:
         search = replace(search, pricing=search.pricing.brief())
-    found = search.run(seed, starts, progress)
+    with time_limit(0.0 if interrupted else np.inf):
+        found = search.run(seed, 1 if interrupted else starts, progress)
     cost = float(search.criterion.cost(search.scatter.information(found.places[None])[0]))
     _require_regular(cost, limits, problem, criterion)
     cost = sized.cost(cost, criterion)
     counts = limits.counts(found.places[None], problem.n)[0]
-    if relaxed is not None and question is not None:
+    if relaxed is not None and question is not None and not interrupted:
         relaxed = within_limits(relaxed, *question, counts.astype(float))
     return ProblemPlan(
         problem=problem,
@@ -93,7 +98,7 @@ def find_counts(
         basis=f"no bound: {reason}" if relaxed is None else relaxed.basis,
         starts=found.starts,
         found=found.found,
-        ended=found.ended,
+        ended="interrupted" if interrupted else found.ended,
         seconds=monotonic() - since,
         kept=kept,
         elsewhere=elsewhere,
@@ -127,6 +132,8 @@ def _relaxed(question: Question | None, criterion: Criterion) -> tuple[RelaxedCo
         found = relaxed_counts(*question)
     except RelaxationError:
         return None, "no solver found weights"
+    except KeyboardInterrupt:
+        return None, INTERRUPTED
     return (found, "") if found.cost > 0 else (None, "the multipliers found prove nothing")
 
 
