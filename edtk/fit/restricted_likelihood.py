@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.measure.noise import ROUNDING, BlockVariances, PositionNoise
+from edtk.measure.noise import ROUNDING, BlockVariances, PositionNoise, of_rows
 from edtk.robots.rotations import rotation_vectors
 from edtk.system.typing import Array, Indices, Mask
 
@@ -274,13 +274,14 @@ def noise_of_repeats(
         stated: The noise that counts where there are too few repeats.
     """
     contrasts, pose = contrasts_of(data)
-    if contrasts.size < ENOUGH:
+    dof = len(contrasts) * int(data.present.sum())
+    if dof < ENOUGH:
         return stated, None
     J = motion[pose]
     n = motion.shape[2]
     shape = (len(J), J.shape[1], J.shape[1])
     eye = np.broadcast_to(np.eye(J.shape[1]), shape)
-    whites = stated.white_kinds(J.shape[1])
+    whites = [kind * data.present.reshape(-1) for kind in stated.white_kinds(J.shape[1])]
     kinds = [
         *(np.broadcast_to(np.diag(white), shape) for white in whites),
         *(J[:, :, [j]] @ np.swapaxes(J[:, :, [j]], 1, 2) for j in range(n)),
@@ -292,14 +293,17 @@ def noise_of_repeats(
     told = PositionNoise(
         reading,
         sizes[len(whites) :],
-        repeats=contrasts.size,
+        repeats=dof,
         turn=turn[0] if turn else None,
     )
     return told, found
 
 
 def contrasts_of(data: MarkerPositions) -> tuple[Array, Indices]:
-    """Orthonormal contrasts (c, r) of whole visits of a pose [mm, mrad], and their poses (c,)."""
+    """Orthonormal contrasts (c, r) of whole visits of a pose [mm, mrad], and their poses (c,).
+
+    They are as large as those of single readings; rows that nothing reads are zero.
+    """
     whole = data.seen.all(axis=1)
     rows: list[Array] = []
     poses: list[int] = []
@@ -308,6 +312,8 @@ def contrasts_of(data: MarkerPositions) -> tuple[Array, Indices]:
         if len(visits) < 2:
             continue
         z = 1e3 * _coordinates(data, visits).reshape(len(visits), -1)
+        # A difference has the noise of two readings.
+        z = z / np.sqrt(2.0) if data.is_difference[visits[0]] else z
         # Helmert: each visit against the mean of those before it.
         for i in range(1, len(visits)):
             rows.append((z[i] - z[:i].mean(axis=0)) * np.sqrt(i / (i + 1)))
@@ -318,21 +324,23 @@ def contrasts_of(data: MarkerPositions) -> tuple[Array, Indices]:
 
 def _coordinates(data: MarkerPositions, visits: Indices) -> Array:
     """Positions, and orientations as turns from that of the first visit (v, k, rows) [m, rad]."""
-    x = data.measured[visits]
+    x = np.where(data.rows_seen[visits, :, :3], data.measured[visits], 0.0)
     if data.turns is None:
         return x
     turned = data.turns[visits] @ np.swapaxes(data.turns[visits[:1]], -1, -2)
+    turned = np.where(data.rows_seen[visits, :, 3:, None], turned, np.eye(3))
     return np.concatenate([x, rotation_vectors(turned)], axis=-1)
 
 
 def fit_model_error(
     noise: PositionNoise,
     motion: Array,
-    counts: Indices,
+    counts: Array | Indices,
     residual: Array,
     design: Array,
     slides: Mask,
     singly: bool = False,
+    differs: Mask | None = None,
 ) -> PositionNoise:
     """Tell what the model leaves out from the residuals of poses.
 
@@ -344,24 +352,32 @@ def fit_model_error(
     Args:
         noise: The noise of a reading, which stays.
         motion: Motions (m, 3k, n) [mm/mrad].
-        counts: Readings (m, k) of each marker.
+        counts: Readings (m, k) of each marker, or what those of each row (m, k, rows) are worth.
         residual: Residuals (m, 3k) [mm], zero where nothing was seen.
         design: Columns (m, 3k, p) [mm per unit], zero there too.
         slides: Which joints (n,) are prismatic.
         singly: Whether each joint may have a size of its own.
+        differs: Which poses (m,) are differences of two readings, whose errors have a size of
+            their own; None for none.
     """
     rigid = np.zeros(len(slides))
     plain = PositionNoise(
         noise.reading, noise.joints, 0.0, rigid, repeats=noise.repeats, turn=noise.turn
     )
-    there = np.repeat(counts > 0, noise.rows, axis=1).astype(float)
-    J = motion * there[:, :, None]
-    whites = [np.diag(kind) * there[:, None] for kind in noise.white_kinds(J.shape[1])]
+    there = of_rows(counts > 0, motion.shape[1])
+    differs = np.zeros(len(motion), dtype=bool) if differs is None else differs
+    absolute = there * ~differs[:, None]
+    J = motion * absolute[:, :, None]
+    alike = noise.white_kinds(J.shape[1])
+    whites = [np.diag(kind) * absolute[:, None] for kind in alike]
+    changes = [np.diag(kind) * (there - absolute)[:, None] for kind in alike]
+    changes = changes if differs.any() else []
     masks = joint_kinds(slides)
     fixed = plain.of_pose(motion, counts)
 
     def fitted(masks: list[Mask]) -> BlockVariances:
-        kinds = [*whites, *(J[:, :, mask] @ np.swapaxes(J[:, :, mask], 1, 2) for mask in masks)]
+        of_joints = (J[:, :, mask] @ np.swapaxes(J[:, :, mask], 1, 2) for mask in masks)
+        kinds = [*whites, *of_joints, *changes]
         return fit_variances([Blocks(fixed, kinds, residual, design)])
 
     found = fitted(masks)
@@ -375,15 +391,21 @@ def fit_model_error(
             found, masks = each, single
     sizes = np.sqrt(found.variances)
     joints = rigid.copy()
-    for mask, size in zip(masks, sizes[len(whites) :], strict=True):
+    last = len(whites) + len(masks)
+    for mask, size in zip(masks, sizes[len(whites) : last], strict=True):
         joints[mask] = size
+    change = [*sizes[last:].tolist(), 0.0, 0.0]
+    # Bands are those of absolute readings, of which differences tell nothing.
+    of_told = found.covariance[:last, :last]
+    told = replace(found, variances=found.variances[:last], covariance=of_told)
     return PositionNoise(
         noise.reading,
         noise.joints,
         float(sizes[0]),
         joints,
-        found,
+        told,
         noise.repeats,
         noise.turn,
         float(sizes[1]) if len(whites) > 1 else 0.0,
+        (change[0], change[1]),
     )

@@ -1,4 +1,4 @@
-"""Positions of markers on a robot whose geometry and springs are not those of the drawing."""
+"""What instruments read of a robot whose geometry and springs are not those of the drawing."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -22,6 +22,8 @@ class PlacedChain:
         turned: The same frames after the error's turn (N, m, 3, 3): those of the joint itself.
         tips: Rotations (m, 3, 3) of the tool frame.
         points: Tool points (m, 3) [m].
+        bodies: Rotations (N, m, 3, 3) of the body behind each joint.
+        centers: Origins (N, m, 3) of these frames [m].
     """
 
     frames: Array
@@ -29,6 +31,14 @@ class PlacedChain:
     turned: Array
     tips: Array
     points: Array
+    bodies: Array
+    centers: Array
+
+    def body(self, joint: int | None) -> tuple[Array, Array]:
+        """Rotations (m, 3, 3) and origins (m, 3) of the body of a joint; None for the tool."""
+        if joint is None:
+            return self.tips, self.points
+        return self.bodies[joint], self.centers[joint]
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +89,9 @@ class ErringChain:
         p = np.broadcast_to(self.robot.base[:3, 3], (m, 3))
         frames = np.empty((self.n, m, 3, 3))
         turned = np.empty((self.n, m, 3, 3))
+        bodies = np.empty((self.n, m, 3, 3))
         origins = np.empty((self.n, m, 3))
+        centers = np.empty((self.n, m, 3))
         bends = rotation(errors[:, 3:])
         turns = rotation(np.ascontiguousarray(variables.T)[..., None] * self._axes[:, None])
         for j, joint in enumerate(self.robot.chain):
@@ -94,8 +106,11 @@ class ErringChain:
                 p = p + variables[:, j, None] * (R @ joint.axis)
             else:
                 R = R @ turns[j]
+            bodies[j] = R
+            centers[j] = p
         tips = R @ self.robot.tool[:3, :3]
-        return PlacedChain(frames, origins, turned, tips, p + R @ self.robot.tool[:3, 3])
+        tool = p + R @ self.robot.tool[:3, 3]
+        return PlacedChain(frames, origins, turned, tips, tool, bodies, centers)
 
     def by_errors(self, placed: PlacedChain, errors: Array, points: Array) -> Array:
         """Derivatives (m, k, 3, N, 6) of points on the tool by the errors.
@@ -126,8 +141,8 @@ class ErringChain:
         D[..., 3:] = np.moveaxis(bends, 0, 2)
         return D
 
-    def by_joints(self, placed: PlacedChain, points: Array) -> Array:
-        """Derivatives (m, k, 3, n) of points on the tool by the free joints [m/rad, or 1]."""
+    def by_each(self, placed: PlacedChain, points: Array) -> Array:
+        """Derivatives (m, k, 3, N) of points on the tool by each joint [m/rad, or 1]."""
         m, k = points.shape[:2]
         D = np.empty((self.n, m, k, 3))
         for j, joint in enumerate(self.robot.chain):
@@ -136,29 +151,61 @@ class ErringChain:
                 D[j] = axis[:, None]
             else:
                 D[j] = vector_product(axis[:, None], points - placed.origins[j][:, None])
-        ties = self.robot.ties
-        return np.moveaxis(D if ties is None else ties.fold(D), 0, -1)
+        return np.moveaxis(D, 0, -1)
 
-    def turns_by_joints(self, placed: PlacedChain) -> Array:
-        """Derivatives (m, 3, n) of the tool's orientation by the free joints."""
+    def turns_by_each(self, placed: PlacedChain) -> Array:
+        """Derivatives (m, 3, N) of the tool's orientation by each joint."""
         D = np.zeros((self.n, len(placed.points), 3))
         for j, joint in enumerate(self.robot.chain):
             if not self.slides[j]:
                 D[j] = placed.turned[j] @ joint.axis
+        return np.moveaxis(D, 0, -1)
+
+    def folded(self, by_each: Array) -> Array:
+        """Derivatives (..., n) by the free joints, of those (..., N) by each."""
         ties = self.robot.ties
-        return np.moveaxis(D if ties is None else ties.fold(D), 0, -1)
+        if ties is None:
+            return by_each
+        return np.moveaxis(ties.fold(np.moveaxis(by_each, -1, 0)), 0, -1)
+
+
+Kind = Literal["position", "pose", "distance"]
+ROWS_OF: dict[Kind, int] = {"position": 3, "pose": 6, "distance": 1}
+NEAREST = 1e-9  # distance below which a wire has no direction [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Loading:
+    """What loads the joints in some readings, of which some are differences of two.
+
+    Attributes:
+        torque: Loads (m, n) of the free joints [N m or N].
+        differs: Which readings (m,) are those less what was read before.
+        before: The loads (m, n) before.
+    """
+
+    torque: Array
+    differs: Mask
+    before: Array
+
+
+Torque = Array | Loading | None
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What a model says is measured in some poses, and how the parameters move that.
+    """What a model says is read in some poses, and how the parameters move that.
+
+    Rows that an instrument does not have are zero.
 
     Attributes:
-        points: Markers (m, k, 3) in the frame of the instrument [m].
-        turns: Their orientations (m, k, 3, 3) there, in the axes of the instrument.
+        points: Positions (m, k, 3) in the frame of the instrument [m], or their change where a
+            reading is a difference. A distance stands in the first coordinate.
+        turns: Orientations (m, k, 3, 3) there, in the axes of the instrument; or the turn.
         jacobian: Derivatives (m, k, rows, P) by the model's parameters, in SI units; rotations as
             turns in the axes of the instrument. None where they were not asked for.
-        by_joints: Derivatives (m, k, rows, n) by the free joints; None likewise.
+        by_joints: Derivatives (m, k, rows, n) by the free joints, of the reading that a difference
+            ends with; None likewise.
     """
 
     points: Array
@@ -166,22 +213,49 @@ class Seen:
     jacobian: Array | None = None
     by_joints: Array | None = None
 
+    def less(self, before: "Seen", differs: Mask) -> "Seen":
+        """The same with differences in some poses (m,): less what was seen there before.
+
+        The turn of a difference is ``R R0'``, which moves by the vector ``w - R R0' w0``.
+        """
+        points = self.points.copy()
+        points[differs] -= before.points
+        turned = self.turns[differs] @ np.swapaxes(before.turns, -1, -2)
+        turns = self.turns.copy()
+        turns[differs] = turned
+        if self.jacobian is None or before.jacobian is None:
+            return replace(self, points=points, turns=turns)
+        first = before.jacobian.copy()
+        first[:, :, 3:] = turned @ first[:, :, 3:] if first.shape[2] > 3 else 0.0
+        jacobian = self.jacobian.copy()
+        jacobian[differs] -= first
+        return replace(self, points=points, turns=turns, jacobian=jacobian)
+
 
 @dataclass(frozen=True, eq=False)
 class GeometricModel:
-    """Markers seen by an instrument: ``x = B prod_j (O_j exp(e_j) exp(xi_j q_j)) tool_i``.
+    """What instruments read of a robot: ``x = B prod_j (O_j exp(e_j) exp(xi_j q_j)) tool_i``.
 
     Joint j is turned by its spring besides: ``q_j + k_j tau_j``, under the loads tau of the poses.
     The base's error is after its start B, as those of the joints: B is where the world of the
-    drawing is in the frame of the instrument.
+    drawing is in the frame of the instrument. An instrument reads a marker's position, its pose, or
+    the distance of a point from an anchor, which is fixed in the world of the drawing: a distance
+    does not depend on B. All have the rows of the widest, of which `present` are read.
 
     Args:
         robot: The drawing, with its tool frame.
-        offsets: Markers (k, 3) from the tool point, in the tool frame [m].
-        markers: Their names (k,).
+        offsets: Markers (k, 3) from the tool point, in the tool frame, or on another body in the
+            frame of its joint [m].
+        markers: Names of the instruments (k,).
         parameters: What is unknown, in this order.
         start: The transform B (4, 4) [m].
         rows: "position" for three measured rows a marker, "pose" for all six.
+        bodies: The joint (k,) of the chain that moves each marker's body, None for the tool; all
+            are on the tool by default.
+        kinds: What is read of each (k,); `rows` by default.
+        anchors: Fixed ends (k, 3) of the distances [m]; those of others do not count.
+        places: The marker (k,) whose place on the robot each has: its own, or that of the marker
+            where a distance ends.
 
     Raises:
         ValueError: Names and offsets do not fit each other.
@@ -193,10 +267,23 @@ class GeometricModel:
     parameters: tuple[GeometricParameter, ...]
     start: Array = field(default_factory=lambda: np.eye(4))
     rows: Literal["position", "pose"] = "position"
+    bodies: tuple[int | None, ...] = ()
+    kinds: tuple[Kind, ...] = ()
+    anchors: Array | None = None
+    places: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        if np.shape(self.offsets) != (len(self.markers), 3):
-            raise ValueError(f"{len(self.markers)} markers, and offsets {np.shape(self.offsets)}")
+        k = len(self.markers)
+        if np.shape(self.offsets) != (k, 3):
+            raise ValueError(f"{k} markers, and offsets {np.shape(self.offsets)}")
+        # Frozen, and yet defaults depend on how many markers there are.
+        for name, default in (("bodies", None), ("kinds", self.rows)):
+            if not getattr(self, name):
+                object.__setattr__(self, name, (default,) * k)
+        if not self.places:
+            object.__setattr__(self, "places", tuple(range(k)))
+        if self.anchors is None:
+            object.__setattr__(self, "anchors", np.zeros((k, 3)))
 
     @cached_property
     def chain(self) -> ErringChain:
@@ -208,15 +295,27 @@ class GeometricModel:
         """Number of parameters."""
         return len(self.parameters)
 
-    @property
+    @cached_property
     def row_count(self) -> int:
-        """Measured rows of one marker."""
-        return 3 if self.rows == "position" else 6
+        """Rows of one instrument: three, or six where any orientation is read."""
+        return 6 if "pose" in self.kinds else 3
+
+    @cached_property
+    def present(self) -> Mask:
+        """Which of these (k, rows) each instrument reads."""
+        count = np.array([ROWS_OF[kind] for kind in self.kinds])
+        return np.arange(self.row_count) < count[:, None]
 
     @property
     def placed_rows(self) -> Mask:
         """Which of the rows of a pose (k rows,) are positions."""
-        return np.tile(np.arange(self.row_count) < 3, len(self.markers))
+        positions = (np.arange(self.row_count) < 3) & ~self.is_distance[:, None]
+        return np.asarray(positions.reshape(-1))
+
+    @cached_property
+    def is_distance(self) -> Mask:
+        """Which instruments (k,) read a distance."""
+        return np.array([kind == "distance" for kind in self.kinds], dtype=bool)
 
     @cached_property
     def scales(self) -> Array:
@@ -233,45 +332,115 @@ class GeometricModel:
         """The same model with other unknowns."""
         return replace(self, parameters=parameters)
 
+    def of_markers(self, chosen: Indices) -> "GeometricModel":
+        """Some of the instruments, in their order, and the parameters that are theirs."""
+        assert self.anchors is not None
+        order = chosen.tolist()
+        names = tuple(self.markers[i] for i in order)
+        own = {i: at for at, i in enumerate(order)}
+        return replace(
+            self,
+            offsets=np.asarray(self.offsets)[order],
+            markers=names,
+            parameters=tuple(p for p in self.parameters if p.place != "tool" or p.of in names),
+            bodies=tuple(self.bodies[i] for i in order),
+            kinds=tuple(self.kinds[i] for i in order),
+            anchors=self.anchors[order],
+            places=tuple(own.get(self.places[i], own[i]) for i in order),
+        )
+
+    def carried(self, q: Array) -> Array:
+        """Frames (m, 4, 4) of the tool in the drawing's world, or (m, k, 4, 4) of all bodies [m].
+
+        Args:
+            q: Joint variables (m, n) [rad or m].
+        """
+        if all(joint is None for joint in self.bodies):
+            return self.robot.forward(q)
+        placed = self.chain.place(self.chain.variables(q), np.zeros((self.chain.n, 6)))
+        frames = np.tile(np.eye(4), (len(q), len(self.bodies), 1, 1))
+        for marker, joint in enumerate(self.bodies):
+            frames[:, marker, :3, :3], frames[:, marker, :3, 3] = placed.body(joint)
+        return frames
+
     def compliances(self, theta: Array) -> Array:
         """Compliances (n,) of all free joints at parameters theta (p,) [rad/(N m)]."""
         k = np.zeros(self.robot.n)
         k[self.compliant] = theta[[p.place == "compliance" for p in self.parameters]]
         return k
 
-    def see(
-        self,
-        theta: Array,
-        q: Array,
-        torque: Array | None = None,
-        derivatives: bool = True,
-    ) -> Seen:
-        """What is measured in some poses.
+    def see(self, theta: Array, q: Array, torque: Torque = None, derivatives: bool = True) -> Seen:
+        """What is read in some poses.
 
         Args:
             theta: Parameters (p,) in SI units.
             q: Joint variables (m, n) [rad or m].
-            torque: Loads (m, n) of the free joints [N m or N]; None for none.
+            torque: Loads (m, n) of the free joints [N m or N], with those before where readings are
+                differences; None for none.
             derivatives: Whether those are computed too.
         """
+        if not isinstance(torque, Loading):
+            return self._see(theta, q, torque, derivatives)
+        after = self._see(theta, q, torque.torque, derivatives)
+        own = torque.differs
+        return after.less(self._see(theta, q[own], torque.before[own], derivatives), own)
+
+    def _see(self, theta: Array, q: Array, torque: Array | None, derivatives: bool) -> Seen:
+        """What is read in some poses, all readings by themselves."""
         base, errors, tools = self._motions(theta)
         bent = q if torque is None else q + self.compliances(theta) * torque
         placed = self.chain.place(self.chain.variables(bent), errors)
-        points = placed.points[:, None] + np.einsum(
-            "mij,kj->mki", placed.tips, self.offsets + tools[:, :3]
-        )
+        points, axes = self._carried(placed, tools[:, :3])
         B = self.start[:3, :3] @ rotation(base[3:])
         origin = self.start[:3, 3] + self.start[:3, :3] @ base[:3]
         levers = points @ B.T
-        turns = B @ placed.tips[:, None] @ rotation(tools[:, 3:])
+        turns = B @ axes @ rotation(tools[:, 3:])
         seen = Seen(origin + levers, turns)
-        if not derivatives:
+        if derivatives:
+            world = self._in_world(placed, errors, tools, points)
+            moved = {name: _turned(B, D) for name, D in world.items()}
+            moved["base"] = self._by_base(base, levers)
+            columns = self._chosen(moved, torque)
+            seen = replace(seen, jacobian=columns, by_joints=moved["springs"])
+        return self._as_read(seen, points, B)
+
+    def _carried(self, placed: PlacedChain, shifts: Array) -> tuple[Array, Array]:
+        """Markers (m, k, 3) in the world of the drawing, and the axes (m, k, 3, 3) of bodies."""
+        bodies = [placed.body(joint) for joint in self.bodies]
+        axes = np.stack([turned for turned, _ in bodies], axis=1)
+        origins = np.stack([origin for _, origin in bodies], axis=1)
+        return origins + np.einsum("mkij,kj->mki", axes, self.offsets + shifts), axes
+
+    def _as_read(self, seen: Seen, world: Array, B: Array) -> Seen:
+        """Distances instead of the positions of their points, and no rows that nothing reads.
+
+        Args:
+            seen: Positions and orientations of all, with the base among what moves them.
+            world: Points (m, k, 3) in the world of the drawing [m].
+            B: Axes (3, 3) of that world in those of the instrument.
+        """
+        own = np.flatnonzero(self.is_distance)
+        points = seen.points
+        if len(own):
+            assert self.anchors is not None
+            wires = world[:, own] - self.anchors[own]
+            lengths = np.maximum(np.linalg.norm(wires, axis=-1), NEAREST)
+            points = points.copy()
+            points[:, own] = 0.0
+            points[:, own, 0] = lengths
+            seen = replace(seen, points=points)
+            directions = (wires / lengths[..., None]) @ B.T
+        if seen.jacobian is None or seen.by_joints is None or self.present.all():
             return seen
-        world = self._in_world(placed, errors, tools, points)
-        moved = {name: _turned(B, D) for name, D in world.items()}
-        moved["base"] = self._by_base(base, levers)
-        columns = self._chosen(moved, torque)
-        return replace(seen, jacobian=columns, by_joints=moved["springs"])
+        parts = []
+        for D in (seen.jacobian, seen.by_joints):
+            read = np.where(self.present[..., None], D, 0.0)
+            if len(own):
+                read[:, own, 0] = np.einsum("mkc,mkcp->mkp", directions, D[:, own, :3])
+            parts.append(read)
+        of_base = [i for i, one in enumerate(self.parameters) if one.place == "base"]
+        parts[0][:, own[:, None], :, of_base] = 0.0
+        return replace(seen, jacobian=parts[0], by_joints=parts[1])
 
     def motions_of_many(self, theta: Array) -> tuple[Array, Array, Array, Array]:
         """Motions and springs at many sets of parameters (w, p).
@@ -291,26 +460,36 @@ class GeometricModel:
         for one, value in zip(self.parameters, theta, strict=True):
             if one.place != "compliance":
                 motions[one.place][self._place_of(one)] = value
-        return motions["base"], motions["joint"].reshape(-1, 6), motions["tool"].reshape(-1, 6)
+        tools = motions["tool"].reshape(-1, 6)[list(self.places)]
+        return motions["base"], motions["joint"].reshape(-1, 6), tools
 
     def _in_world(
         self, placed: PlacedChain, errors: Array, tools: Array, points: Array
     ) -> dict[str, Array]:
         """Derivatives (m, k, rows, ...) in the world of the drawing, by what moves the markers."""
         m, k = points.shape[:2]
-        by_errors = self.chain.by_errors(placed, errors, points).reshape(m, k, 3, -1)
-        by_joints = self.chain.by_joints(placed, points)
+        by_errors = self.chain.by_errors(placed, errors, points)
+        by_joints = self.chain.by_each(placed, points)
         by_tools = np.zeros((m, k, self.row_count, k, 6))
         each = np.arange(k)
-        by_tools[:, each, :3, each, :3] = placed.tips
-        if self.rows == "pose":
-            turned = self.chain.turns_by_errors(placed, errors).reshape(m, 1, 3, -1)
+        place = list(self.places)
+        axes = np.stack([placed.body(joint)[0] for joint in self.bodies], axis=1)
+        by_tools[:, each, :3, place, :3] = np.moveaxis(axes, 1, 0)
+        if self.row_count == 6:
+            turned = self.chain.turns_by_errors(placed, errors)[:, None]
             by_errors = _stacked(by_errors, turned)
-            by_joints = _stacked(by_joints, self.chain.turns_by_joints(placed)[:, None])
-            bends = placed.tips[:, None] @ left_jacobian(tools[:, 3:])
-            by_tools[:, each, 3:, each, 3:] = np.moveaxis(bends, 1, 0)
-        each_tool = by_tools.reshape(m, k, self.row_count, -1)
-        return {"joint": by_errors, "springs": by_joints, "tool": each_tool}
+            by_joints = _stacked(by_joints, self.chain.turns_by_each(placed)[:, None])
+            bends = axes @ left_jacobian(tools[:, 3:])
+            by_tools[:, each, 3:, place, 3:] = np.moveaxis(bends, 1, 0)
+        for marker, joint in enumerate(self.bodies):
+            if joint is not None:
+                by_errors[:, marker, :, joint + 1 :] = 0.0
+                by_joints[:, marker, :, joint + 1 :] = 0.0
+        return {
+            "joint": by_errors.reshape(m, k, self.row_count, -1),
+            "springs": self.chain.folded(by_joints),
+            "tool": by_tools.reshape(m, k, self.row_count, -1),
+        }
 
     def _by_base(self, base: Array, levers: Array) -> Array:
         """Derivatives (m, k, rows, 6) by the base's error, in the frame of the instrument."""
@@ -320,7 +499,7 @@ class GeometricModel:
         D[..., :3, :3] = R
         for c in range(3):
             D[..., :3, 3 + c] = vector_product(bends[:, c], levers)
-        if self.rows == "pose":
+        if self.row_count == 6:
             D[..., 3:, 3:] = bends
         return D
 
@@ -352,5 +531,5 @@ def _turned(B: Array, derivatives: Array) -> Array:
 
 
 def _stacked(points: Array, turns: Array) -> Array:
-    """Rows of points (m, k, 3, p), then those of turns (m, 1, 3, p) of the body they are on."""
-    return np.concatenate([points, np.broadcast_to(turns, points.shape)], axis=-2)
+    """Rows of points (m, k, 3, ...), then those of turns (m, 1, 3, ...) of the body they are on."""
+    return np.concatenate([points, np.broadcast_to(turns, points.shape)], axis=2)

@@ -358,6 +358,8 @@ class PositionNoise:
         turn: The same as r, of orientations [mrad], where they are measured; their rows follow the
             positions of each marker.
         model_turn: The same as w, of orientations [mrad].
+        model_change: The same as w and `model_turn`, of differences of two readings [mm, mrad]:
+            what both readings err by is not in them.
     """
 
     reading: float
@@ -368,6 +370,7 @@ class PositionNoise:
     repeats: int = 0
     turn: float | None = None
     model_turn: float = 0.0
+    model_change: tuple[float, float] = (0.0, 0.0)
 
     @property
     def rows(self) -> int:
@@ -397,22 +400,41 @@ class PositionNoise:
         white = self._white(self.model_white, self.model_turn, motion.shape[1])
         return np.diag(white) + J @ np.swapaxes(J, 1, 2)
 
-    def of_pose(self, motion: Array, counts: Indices) -> Array:
+    def of_pose(self, motion: Array, counts: Array | Indices, differs: Mask | None = None) -> Array:
         """Covariances (m, r, r) of means over some readings.
 
         Args:
             motion: Motions (m, r, n) of the coordinates [mm/mrad].
-            counts: Readings (m, k) of each marker; where there is none, the coordinates count as
-                independent and of size one.
+            counts: Readings (m, k) of each marker, or what those of each row (m, k, rows) are
+                worth; where there is none, the coordinates count as independent and of size one.
+            differs: Which poses (m,) are differences of two readings; None for none.
         """
-        size = np.sqrt(np.repeat(np.maximum(counts, 1), self.rows, axis=1).astype(float))
-        V = self.of_reading(motion) / (size[:, :, None] * size[:, None]) + self.of_model(motion)
-        return only_seen(V, counts > 0)
+        worth = of_rows(counts, motion.shape[1])
+        size = np.sqrt(np.where(worth > 0, worth, 1.0))
+        D = self.of_model(motion)
+        if differs is not None and differs.any():
+            white = self._white(*self.model_change, motion.shape[1])
+            D[differs] = np.diag(white)
+        V = self.of_reading(motion) / (size[:, :, None] * size[:, None]) + D
+        return only_seen(V, worth > 0)
+
+
+def of_rows(by_marker: Array | Indices | Mask, width: int) -> Array:
+    """Numbers (m, width) of all rows, of those (m, k) of markers or (m, k, rows) of their rows."""
+    m, k = by_marker.shape[:2]
+    if by_marker.ndim == 3:
+        return by_marker.reshape(m, width).astype(float)
+    return np.repeat(by_marker, width // k, axis=1).astype(float)
 
 
 def only_seen(V: Array, seen: Mask) -> Array:
-    """Covariances (m, r, r) in which markers that were not seen are independent, of size one."""
-    there = np.repeat(seen, V.shape[1] // seen.shape[1], axis=1).astype(float)
+    """Covariances (m, r, r) in which rows that were not seen are independent, of size one.
+
+    Args:
+        V: Covariances.
+        seen: Which markers (m, k) were seen, or which rows (m, r).
+    """
+    there = of_rows(seen, V.shape[1])
     absent = np.eye(V.shape[1]) * (1 - there)[:, None]
     return V * there[:, :, None] * there[:, None] + absent
 

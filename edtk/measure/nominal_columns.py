@@ -5,10 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
-from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.geometric_model import NEAREST, GeometricModel
 from edtk.measure.parameters import COMPONENTS
-from edtk.robots.frames import Frames, columns_slope, combine
-from edtk.system.typing import Array
+from edtk.robots.frames import BodyPoint, Frames, columns_slope, combine
+from edtk.system.typing import Array, Indices, Mask
 
 BASE = -1  # the frame of the base's error, which no joint moves
 
@@ -17,17 +17,44 @@ MOVED = slice(0, 3)  # the rows of a marker that are its position
 TURNED = slice(3, 6)  # and those of its orientation, where that is measured
 
 
+@dataclass(frozen=True, eq=False)
+class Wire:
+    """Distances of points from their anchors: ``u . dx`` by the directions u of the wires.
+
+    Attributes:
+        own: Indices (d,) of the instruments.
+        directions: Unit vectors u (d, 3, m) from the anchors to the points.
+        lengths: Distances (d, m) [m].
+    """
+
+    own: Indices
+    directions: Array
+    lengths: Array
+
+    def read(self, moved: Array) -> Array:
+        """What the wires read (..., d, m) of motions (..., d, 3, m) of their points."""
+        return np.asarray((self.directions * moved).sum(axis=-2))
+
+    def turned(self, moved: Array) -> Array:
+        """Weights (d, 3, m) of the points' motions v in ``s . du``, for sums s (d, 3, m) of theirs.
+
+        A direction turns by ``du = (v - u u.v) / d``.
+        """
+        along = self.read(moved)[:, None]
+        return np.asarray((moved - self.directions * along) / self.lengths[:, None])
+
+
 @dataclass(frozen=True)
 class Element:
     """One twist that moves markers: a unit vector of a frame, to shift along or to turn about.
 
     Attributes:
         parameter: Index of the parameter that it belongs to.
-        frame: Index of the joint before which the frame is; BASE, or the number of joints for the
-            tool.
+        frame: Index of the joint before which the frame is; BASE. For the place of a marker, one
+            more than that of the joint that moves its body: the number of joints for the tool.
         turns: Whether it is a turn.
         axis: Which unit vector of the frame; None for the axis of the joint, of a spring.
-        marker: The only marker that it moves, and turns about itself; None for all.
+        marker: The marker whose place it moves, and that it turns about itself; None for all.
         joint: The free joint whose load it is multiplied by; None for none.
         factor: What it is multiplied by besides.
     """
@@ -64,6 +91,7 @@ class NominalColumns:
         robot = self.model.robot
         count = len(robot.chain)
         ties = np.eye(count) if robot.ties is None else robot.ties.matrix
+        bodies = self.model.bodies
         for i, one in enumerate(self.model.parameters):
             if one.place == "compliance":
                 j = robot.joint_names.index(one.of)
@@ -77,7 +105,9 @@ class NominalColumns:
             axis = COMPONENTS.index(one.component) % 3
             if one.place == "tool":
                 marker = self.model.markers.index(one.of)
-                found.append(Element(i, count, one.turns, axis, marker))
+                joint = bodies[marker]
+                frame = count if joint is None else joint + 1
+                found.append(Element(i, frame, one.turns, axis, marker))
             else:
                 frame = BASE if one.place == "base" else robot.body_names.index(one.of)
                 found.append(Element(i, frame, one.turns, axis))
@@ -115,14 +145,51 @@ class PlacedColumns:
     @property
     def _has_turns(self) -> bool:
         """Whether orientations are measured."""
-        return self.columns.model.rows == "pose"
+        return self.columns.model.row_count == 6
 
     @cached_property
     def points(self) -> Array:
         """Markers (k, 3, m) [m]."""
-        offsets = self.columns.model.offsets
-        turned = [combine(list(self.frames.rotation), offset) for offset in offsets]
-        return np.stack([self.frames.position + own for own in turned])
+        model = self.columns.model
+        pairs = zip(model.offsets, model.bodies, strict=True)
+        return np.stack([BodyPoint(at, joint).position(self.frames) for at, joint in pairs])
+
+    @cached_property
+    def _is_plain(self) -> bool:
+        """Whether all markers are on the tool, and all of their rows are read."""
+        model = self.columns.model
+        return bool(model.present.all()) and all(joint is None for joint in model.bodies)
+
+    @cached_property
+    def wires(self) -> Wire | None:
+        """The distances; None without any."""
+        model = self.columns.model
+        own = np.flatnonzero(model.is_distance)
+        if not len(own):
+            return None
+        assert model.anchors is not None
+        wires = self.points[own] - model.anchors[own, :, None]
+        lengths = np.maximum(np.linalg.norm(wires, axis=1), NEAREST)
+        return Wire(own, wires / lengths[:, None], lengths)
+
+    def _as_read(self, moved: Array) -> Array:
+        """Rows (..., k, rows, m) of all instruments, of motions of their points alike."""
+        if self._is_plain:
+            return moved
+        read = moved * self.columns.model.present[..., None]
+        if self.wires is not None:
+            own = self.wires.own
+            read[..., own, 0, :] = self.wires.read(moved[..., own, MOVED, :])
+        return read
+
+    def _of_points(self, B: Array) -> Array:
+        """Weights (..., k, rows, m) of the points' motions, for those of all rows that are read."""
+        if self.wires is None:
+            return B
+        own = self.wires.own
+        B = B.copy()
+        B[..., own, MOVED, :] = B[..., own, :1, :] * self.wires.directions
+        return B
 
     def before(self, joint: int) -> Array:
         """Unit vectors (3, 3, m) of the frame in which the error before a joint is."""
@@ -147,27 +214,51 @@ class PlacedColumns:
             if one.axis is None:
                 place[:] = one.factor * self.frames.axes[one.frame]
                 continue
+            if one.marker is not None and one.frame < count:
+                place[:] = self.frames.bodies[one.frame - 1][0][one.axis]
+                continue
             if one.frame not in frames:
                 frames[one.frame] = self.before(one.frame)
             place[:] = frames[one.frame][one.axis]
         return found
 
     @cached_property
+    def _reached(self) -> Mask:
+        """Whether each joint of the chain (N,), and what is before it, moves each marker (k,)."""
+        last = len(self.frames.axes)
+        bodies = [last if joint is None else joint for joint in self.columns.model.bodies]
+        return np.asarray(np.arange(last)[:, None] <= np.array(bodies))
+
+    @cached_property
     def twists(self) -> Array:
-        """How each twist moves the markers (e, k, rows, m), springs by a load of one."""
+        """How each twist moves the rows (e, k, rows, m), springs by a load of one."""
+        return self._as_read(self._moves)
+
+    @cached_property
+    def _moves(self) -> Array:
+        """How each twist moves the points of all instruments (e, k, rows, m)."""
         points = self.points
+        model = self.columns.model
         found = np.zeros((len(self.columns.elements), *self._shape))
         for place, u, one in zip(found, self.units, self.columns.elements, strict=True):
             if one.marker is not None:
-                place[one.marker, TURNED if one.turns else MOVED] = u
-            elif one.turns:
+                its = np.equal(model.places, one.marker)
+                place[its, TURNED if one.turns else MOVED] = u
+                continue
+            if one.turns:
                 o = 0.0 if one.frame == BASE else self.frames.origins[one.frame]
                 _cross(u, points - o, place[:, MOVED])
                 if self._has_turns:
                     place[:, TURNED] = u
             else:
                 place[:, MOVED] = u
+            if not self._is_plain:
+                place[~self._moved_by(one.frame)] = 0.0
         return found
+
+    def _moved_by(self, frame: int) -> Mask:
+        """Which instruments (k,) errors in a frame move: anchors stand with the robot's base."""
+        return ~self.columns.model.is_distance if frame == BASE else self._reached[frame]
 
     @cached_property
     def by_joints(self) -> Array:
@@ -177,32 +268,55 @@ class PlacedColumns:
     @cached_property
     def by_each(self) -> Array:
         """The same per joint of the chain (N, k, rows, m)."""
+        return self._as_read(self._moves_by_each)
+
+    @cached_property
+    def _moves_by_each(self) -> Array:
+        """How each joint of the chain moves the points of all instruments (N, k, rows, m)."""
         found = np.zeros((len(self.frames.axes), *self._shape))
         for j, axis in enumerate(self.frames.axes):
             if self.frames.prismatic[j]:
                 found[j, :, MOVED] = axis
-                continue
-            _cross(axis, self.points - self.frames.origins[j], found[j, :, MOVED])
-            if self._has_turns:
-                found[j, :, TURNED] = axis
+            else:
+                _cross(axis, self.points - self.frames.origins[j], found[j, :, MOVED])
+                if self._has_turns:
+                    found[j, :, TURNED] = axis
+            if not self._is_plain:
+                found[j, ~self._reached[j]] = 0.0
         return found
 
-    def jacobian(self, torque: Array | None) -> Array:
-        """Derivatives of the markers by the parameters (p, k, rows, m), in SI units.
+    def _wires_turn(self, b: Array) -> Array:
+        """Derivatives (N, m) by each joint of what wires read, by their own turns.
 
         Args:
-            torque: Loads (n, m) of the free joints [N m or N]; None for none.
+            b: Sums (d, 3, m) of the motions of their points, with the weights of the rows.
+        """
+        assert self.wires is not None
+        moved = self._moves_by_each[:, self.wires.own, MOVED]
+        return np.asarray(np.einsum("jdcm,dcm->jm", moved, self.wires.turned(b)))
+
+    def jacobian(self, torque: Array | None, absolute: Array | None = None) -> Array:
+        """Derivatives of the rows by the parameters (p, k, rows, m), in SI units.
+
+        A difference of a loaded and an unloaded reading sees springs alone, by the difference of
+        the loads: any other error of the drawing is in both readings.
+
+        Args:
+            torque: Loads (n, m) of the free joints, or their differences [N m or N]; None for none.
+            absolute: One (m,) for absolute readings, and zero for differences; None for one.
         """
         model = self.columns.model
         found = np.zeros((model.p, *self._shape))
         for twist, one in zip(self.twists, self.columns.elements, strict=True):
             if one.joint is None:
-                found[one.parameter] = twist
+                found[one.parameter] = twist if absolute is None else twist * absolute
             elif torque is not None:
                 found[one.parameter] += torque[one.joint] * twist
         return found
 
-    def slope(self, B: Array, torque: Array | None) -> tuple[Array, Array]:
+    def slope(
+        self, B: Array, torque: Array | None, absolute: Array | None = None
+    ) -> tuple[Array, Array]:
         """Derivatives of ``<B, jacobian>`` by the free joints, weights B and loads held fixed.
 
         A joint that is before a frame turns all of its twists, ``d(c) = a x c`` for a column c, of
@@ -211,33 +325,52 @@ class PlacedColumns:
 
             d/dq_k = a_k . sum_{frames behind k} c x b + v_k . sum_{others, turns} b x u.
 
+        The row of a distance is that of its point along the wire, whose own turn comes on top.
+
         Args:
             B: Weights (p, k, rows, m) of the entries.
             torque: Loads (n, m) of the free joints; None for none.
+            absolute: See `jacobian`.
 
         Returns:
             The derivatives (n, m), and the weights (n, m) of the loads: ``<B, jacobian>`` is linear
             in the loads, whose own derivatives come on top.
         """
         count = len(self.frames.axes)
+        model = self.columns.model
         turning = np.zeros((count + 2, 3, self._poses))  # by frame, that of the base first
         moving = np.zeros((count + 2, *self.points.shape))
-        by_torque = np.zeros((self.columns.model.robot.n, self._poses))
-        for twist, u, one in zip(self.twists, self.units, self.columns.elements, strict=True):
-            b = B[one.parameter]
+        by_torque = np.zeros((model.robot.n, self._poses))
+        wired = np.zeros(0) if self.wires is None else np.zeros(self.wires.directions.shape)
+        B = B if self._is_plain else B * model.present[..., None]
+        weights = self._of_points(B)
+        for i, (u, one) in enumerate(zip(self.units, self.columns.elements, strict=True)):
+            b = weights[one.parameter]
+            factor = absolute
             if one.joint is not None:
                 if torque is None:
                     continue
-                by_torque[one.joint] += np.einsum("kcm,kcm->m", twist, b)
-                b = b * torque[one.joint]
+                by_torque[one.joint] += np.einsum("kcm,kcm->m", self.twists[i], B[one.parameter])
+                factor = torque[one.joint]
+            b = b if factor is None else b * factor
+            moves = self._moves[i]
             if one.frame != BASE:
-                turning[one.frame + 1] += _crossed(_vectors(twist), _vectors(b))
+                turning[one.frame + 1] += _crossed(_vectors(moves), _vectors(b))
             if one.turns and one.marker is None:
-                moving[one.frame + 1] += _turned(b[:, MOVED], u)
+                own = b[:, MOVED]
+                if not self._is_plain:
+                    own = own * self._moved_by(one.frame)[:, None, None]
+                moving[one.frame + 1] += _turned(own, u)
+            if self.wires is not None:
+                of_row = B[one.parameter][self.wires.own, :1]
+                of_row = of_row if factor is None else of_row * factor
+                wired += of_row * moves[self.wires.own, MOVED]
         behind = np.cumsum(turning[::-1], axis=0)[::-1][2:]
         before = np.cumsum(moving, axis=0)[1:-1]
         slope = np.einsum("jcm,jcm->jm", self.frames.angular_of_each, behind)
-        slope += np.einsum("jkcm,jkcm->jm", self.by_each[:, :, MOVED], before)
+        slope += np.einsum("jkcm,jkcm->jm", self._moves_by_each[:, :, MOVED], before)
+        if self.wires is not None:
+            slope += self._wires_turn(wired)
         return self.frames.folded(slope), by_torque
 
     def motion_slope(self, C: Array) -> Array:
@@ -245,18 +378,28 @@ class PlacedColumns:
 
         The motions by the joints are columns of a Jacobian for each marker, see `columns_slope`.
         """
-        by_each = self.frames.spread(C)
-        angular = self.frames.angular_of_each
-        slopes = [
-            columns_slope(
-                self.by_each[:, marker, MOVED],
-                angular,
-                by_each[:, marker, MOVED],
-                by_each[:, marker, TURNED] if self._has_turns else None,
+        model = self.columns.model
+        rows = self.frames.spread(C)
+        rows = rows if self._is_plain else rows * model.present[..., None]
+        by_each = self._of_points(rows)
+        moves = self._moves_by_each
+        slopes = []
+        for marker in range(len(self.points)):
+            reached = self._reached[:, marker, None, None]
+            slopes.append(
+                columns_slope(
+                    moves[:, marker, MOVED],
+                    self.frames.angular_of_each * reached,
+                    by_each[:, marker, MOVED],
+                    by_each[:, marker, TURNED] if self._has_turns else None,
+                )
             )
-            for marker in range(len(self.points))
-        ]
-        return self.frames.folded(np.sum(slopes, axis=0))
+        slope = np.sum(slopes, axis=0)
+        if self.wires is not None:
+            own = self.wires.own
+            wired = (rows[:, own, :1] * moves[:, own, MOVED]).sum(axis=0)
+            slope = slope + self._wires_turn(wired)
+        return self.frames.folded(slope)
 
 
 def _vectors(rows: Array) -> Array:

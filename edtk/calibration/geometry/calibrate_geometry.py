@@ -90,6 +90,8 @@ def calibrate_geometry(
     asked = (*named.markers, *named.references) if study.specification.marker else ()
     turned = named.markers if named.full_poses else ()
     every = read_positions(path, study.robot, study.fixed, asked, turned=turned)
+    if every.differs is not None:
+        raise UserError("displacements under a load; expected absolute positions", where=where)
     reading = "" if as_is else turn_reading(path, study.robot, every)
     if reading:
         raise UserError(f"the robot fits if {reading}; expected {EXPECTED}", where=where)

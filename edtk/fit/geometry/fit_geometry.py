@@ -1,4 +1,4 @@
-"""Identify geometry and springs from absolute positions."""
+"""Identify geometry and springs from absolute readings, from differences, or from both."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ from edtk.fit.geometry.fitted_geometry import (
     MM,
     GeometricFit,
     Loads,
-    resting_torque,
+    loading_of,
     root_mean_square,
 )
 from edtk.fit.geometry.judge_fit import judge_fit
@@ -16,7 +16,7 @@ from edtk.fit.geometry.least_squares_fit import PoseRows, least_squares_fit, wor
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.geometry.place_robot import place_robot
 from edtk.fit.restricted_likelihood import fit_model_error, noise_of_repeats
-from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.geometric_model import GeometricModel, Torque
 from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import TURNS, Identifiable, identifiable
 from edtk.system.typing import Array, Mask
@@ -71,8 +71,9 @@ def fit_geometry(
     """
     means = data.means
     placed, start = place_robot(model, means)
-    torque = resting_torque(np.zeros(model.robot.n), means.q, means.wrench, loads)
-    alone = means.measured - placed.see(start, means.q, derivatives=False).points
+    torque = loading_of(np.zeros(model.robot.n), means, loads)
+    absolute = means.absolute
+    alone = absolute.measured - placed.see(start, absolute.q, derivatives=False).points
     possible = _possible(placed, start, means, loads)
     minimal = placed.with_parameters(tuple(placed.parameters[i] for i in possible.kept))
     _require_enough(means, minimal.p)
@@ -112,7 +113,7 @@ def placed_tools(model: GeometricModel, theta: Array) -> Array:
 
 def placed_turns(model: GeometricModel, theta: Array) -> Array | None:
     """Orientations (k, 3) of the markers there, as rotation vectors [rad]; None without any."""
-    if model.rows == "position":
+    if model.row_count == 3:
         return None
     turns = np.zeros((len(model.markers), 3))
     for one, value in zip(model.parameters, theta, strict=True):
@@ -128,9 +129,7 @@ def stages(model: GeometricModel) -> list[list[int]]:
     return [[i for i, rank in enumerate(ranks) if rank == stage] for stage in range(4)]
 
 
-def _scaled(
-    model: GeometricModel, theta: Array, means: MarkerPositions, torque: Array | None
-) -> Array:
+def _scaled(model: GeometricModel, theta: Array, means: MarkerPositions, torque: Torque) -> Array:
     """The regressor (rows, p) of what was seen, in millimetres for a unit of each parameter."""
     J = model.see(theta, means.q, torque).jacobian
     assert J is not None
@@ -144,15 +143,13 @@ def _possible(
     rng = np.random.default_rng(0)
     lower, upper = np.clip(model.robot.limits, -np.pi, np.pi)
     q = rng.uniform(lower, upper, (POSES, model.robot.n))
-    wrench = means.wrench[rng.integers(0, len(means), POSES)]
-    wide = MarkerPositions(
-        np.concatenate([means.q, q]),
-        np.concatenate([means.wrench, wrench]),
-        np.zeros((len(means) + POSES, *means.measured.shape[1:])),
-        np.zeros((len(means) + POSES, len(means.markers)), dtype=int),
-        means.markers,
+    like = np.concatenate([np.arange(len(means)), rng.integers(0, len(means), POSES)])
+    wide = replace(
+        means[like],
+        q=np.concatenate([means.q, q]),
+        measured=np.zeros((len(like), *means.measured.shape[1:])),
     )
-    torque = resting_torque(np.zeros(model.robot.n), wide.q, wide.wrench, loads)
+    torque = loading_of(np.zeros(model.robot.n), wide, loads)
     scaled = _scaled(model, theta, wide, torque)
     return identifiable(scaled, model.parameters, stages(model))
 
@@ -163,9 +160,9 @@ def _require_enough(means: MarkerPositions, rank: int) -> None:
     Raises:
         TooFewPosesError: There are not.
     """
-    coordinates = means.rows * means.count
+    coordinates = int(means.rows_seen.sum())
     if coordinates < rank:
-        missing = -(-(rank - coordinates) // (means.rows * len(means.markers)))
+        missing = -(-(rank - coordinates) // int(means.present.sum()))
         raise TooFewPosesError(coordinates, rank, missing)
 
 
@@ -184,18 +181,24 @@ def _in_turns(
     last = np.zeros(2)
     slides = _slides(model)
     for turn in range(ROUNDS):
-        torque = resting_torque(model.compliances(theta), means.q, means.wrench, loads)
+        torque = loading_of(model.compliances(theta), means, loads)
         rows = PoseRows.of(model, theta, means, torque)
         if not turn:
             noise = noise_of_repeats(data, rows.motion, stated)[0]
         trusted = rows.weighted(weights)
         noise = fit_model_error(
-            noise, rows.motion, data.counts, trusted.residual, trusted.design, slides
+            noise,
+            rows.motion,
+            data.worth,
+            trusted.residual,
+            trusted.design,
+            slides,
+            differs=means.is_difference,
         )
-        V = noise.of_pose(rows.motion, data.counts)
+        V = noise.of_pose(rows.motion, data.worth, means.is_difference)
         if robust:
             weights = _trusted(rows.residual, V, means)
-        whitening = np.linalg.inv(np.linalg.cholesky(working(V, means.rows)))
+        whitening = np.linalg.inv(np.linalg.cholesky(working(V, means)))
         whitening = whitening * np.sqrt(weights)[:, None, None]
         theta = least_squares_fit(model, theta, means, torque, whitening).theta
         now = np.array([noise.model_white, np.max(noise.model_joints, initial=0.0)])
@@ -220,12 +223,20 @@ def _as_shown(
     nobody told bends the robot.
     """
     means = data.means
-    torque = resting_torque(model.compliances(theta), means.q, means.wrench, loads)
+    torque = loading_of(model.compliances(theta), means, loads)
     rows = PoseRows.of(model, theta, means, torque).weighted(weights)
+    differs = means.is_difference
     shown = fit_model_error(
-        noise, rows.motion, data.counts, rows.residual, rows.design, _slides(model), True
+        noise,
+        rows.motion,
+        data.worth,
+        rows.residual,
+        rows.design,
+        _slides(model),
+        singly=True,
+        differs=differs,
     )
-    return noise.of_pose(rows.motion, data.counts), shown
+    return noise.of_pose(rows.motion, data.worth, differs), shown
 
 
 def _slides(model: GeometricModel) -> Mask:
@@ -236,5 +247,5 @@ def _slides(model: GeometricModel) -> Mask:
 def _trusted(residual: Array, V: Array, means: MarkerPositions) -> Array:
     """Weights (m,) of poses with multivariate t errors, one at most (Lange et al. 1989)."""
     z2 = np.einsum("mr,mr->m", residual, np.linalg.solve(V, residual[..., None])[..., 0])
-    weights = (NU + means.rows * means.seen.sum(axis=1)) / (NU + z2)
+    weights = (NU + means.rows_seen.sum(axis=(1, 2))) / (NU + z2)
     return np.minimum(weights, 1.0)

@@ -8,7 +8,7 @@ import numpy as np
 
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.restricted_likelihood import fitted_kinds
-from edtk.measure.geometric_model import GeometricModel, Seen
+from edtk.measure.geometric_model import GeometricModel, Loading, Seen, Torque
 from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import GeometricParameter
 from edtk.system.typing import Array, Mask
@@ -258,6 +258,16 @@ def resting_torque(
     return torque
 
 
+def loading_of(compliances: Array, data: MarkerPositions, loads: Loads | None) -> Torque:
+    """What loads the joints at rest in each visit, see `resting_torque`, and what did before."""
+    torque = resting_torque(compliances, data.q, data.wrench, loads)
+    if torque is None or not data.is_difference.any():
+        return torque
+    before = resting_torque(compliances, data.q, np.zeros_like(data.wrench), loads)
+    assert before is not None
+    return Loading(torque, data.is_difference, before)
+
+
 def student_quantile(dof: Array) -> Array:
     """The 97.5 % quantiles of Student's t."""
     from scipy.stats import t
@@ -354,9 +364,12 @@ class GeometricFit:
 
 
 def root_mean_square(distances: Array) -> float:
-    """Root mean square length of vectors (m, k, 3) [m], of which some are NaN."""
-    squares = (distances**2).sum(axis=-1)
-    known = np.isfinite(squares)
+    """Root mean square length of vectors (m, k, 3) [m], of which some are NaN.
+
+    Of a distance the first coordinate is told alone.
+    """
+    known = np.isfinite(distances[..., 0])
+    squares = np.nan_to_num(distances**2).sum(axis=-1)
     return float(np.sqrt(squares[known].mean())) if known.any() else float("nan")
 
 

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.fit.geometry.fit_geometry import NU
-from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, Loads, resting_torque
+from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, Loads, loading_of
 from edtk.fit.geometry.least_squares_fit import PoseRows, least_squares_fit, measured_less_seen
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.posterior import SamplingOptions
 from edtk.fit.run_chain import run_chain
-from edtk.measure.geometric_model import GeometricModel, Seen
+from edtk.measure.geometric_model import GeometricModel, Loading, Seen, Torque
 from edtk.robots.rotations import rotation
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
@@ -27,19 +27,34 @@ LAPLACE = "Laplace"
 EMCEE = "emcee"
 
 
-def many_seen(model: GeometricModel, theta: Array, q: Array, torque: Array | None = None) -> Seen:
+def many_seen(model: GeometricModel, theta: Array, q: Array, torque: Torque = None) -> Seen:
     """What `GeometricModel.see` predicts, for each of many sets of parameters.
 
     Args:
         model: The model.
         theta: Parameters (w, p) in SI units.
         q: Joint variables (m, n) [rad or m].
-        torque: Loads (m, n) of the free joints [N m or N]; None for none.
+        torque: Loads (m, n) of the free joints [N m or N], with those before where readings are
+            differences; None for none.
 
     Returns:
         Positions (w, m, k, 3) in the frame of the instrument [m], and orientations
         (w, m, k, 3, 3), none (0,) where positions alone are measured. No derivatives.
     """
+    if not isinstance(torque, Loading):
+        return _many_seen(model, theta, q, torque)
+    own = torque.differs
+    after = _many_seen(model, theta, q, torque.torque)
+    before = _many_seen(model, theta, q[own], torque.before[own])
+    after.points[:, own] -= before.points
+    if after.turns.size:
+        turned = after.turns[:, own] @ np.swapaxes(before.turns, -1, -2)
+        after.turns[:, own] = turned
+    return after
+
+
+def _many_seen(model: GeometricModel, theta: Array, q: Array, torque: Array | None) -> Seen:
+    """The same, all readings by themselves."""
     base, errors, tools, softness = model.motions_of_many(theta)
     robot = model.robot
     w = len(theta)
@@ -49,6 +64,7 @@ def many_seen(model: GeometricModel, theta: Array, q: Array, torque: Array | Non
     variables = model.chain.variables(bent.reshape(-1, q.shape[1])).reshape(w, len(q), -1)
     R = np.broadcast_to(robot.base[:3, :3], (w, len(q), 3, 3))
     p = np.broadcast_to(robot.base[:3, 3], (w, len(q), 3))
+    bodies: dict[int | None, tuple[Array, Array]] = {}
     for j, joint in enumerate(robot.chain):
         p = p + R @ joint.origin[:3, 3]
         R = R @ joint.origin[:3, :3]
@@ -58,16 +74,24 @@ def many_seen(model: GeometricModel, theta: Array, q: Array, torque: Array | Non
             p = p + variables[..., j, None] * (R @ joint.axis)
         else:
             R = R @ rotation(variables[..., j, None] * joint.axis)
-    p = p + R @ robot.tool[:3, 3]
-    R = R @ robot.tool[:3, :3]
-    local = model.offsets + tools[..., :3]
-    points = p[:, :, None] + np.einsum("wmij,wkj->wmki", R, local)
+        bodies[j] = R, p
+    bodies[None] = R @ robot.tool[:3, :3], p + R @ robot.tool[:3, 3]
+    axes, origins = (
+        np.stack([bodies[joint][part] for joint in model.bodies], axis=2) for part in (0, 1)
+    )
+    points = origins + np.einsum("wmkij,wkj->wmki", axes, model.offsets + tools[..., :3])
     B = model.start[:3, :3] @ rotation(base[:, 3:])
     origin = model.start[:3, 3] + base[:, :3] @ model.start[:3, :3].T
     turns = np.zeros(0)
-    if model.rows == "pose":
-        turns = (B[:, None] @ R)[:, :, None] @ rotation(tools[..., 3:])[:, None]
-    return Seen(origin[:, None, None] + np.einsum("wij,wmkj->wmki", B, points), turns)
+    if model.row_count == 6:
+        turns = B[:, None, None] @ axes @ rotation(tools[..., 3:])[:, None]
+    seen = origin[:, None, None] + np.einsum("wij,wmkj->wmki", B, points)
+    if model.is_distance.any():
+        assert model.anchors is not None
+        own = model.is_distance
+        seen[:, :, own] = 0.0
+        seen[:, :, own, 0] = np.linalg.norm(points[:, :, own] - model.anchors[own], axis=-1)
+    return Seen(seen, turns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +107,7 @@ class GeometryDensity:
         mode: Where the density is largest (p,), in the parameters' units.
         root: Factor (p, p) of the covariance of the normal approximation, in these units.
         means: The measured poses.
-        torque: Loads of the joints (m, n).
+        torque: Loads of the joints (m, n), with those before where readings are differences.
         whitening: Matrices (m, k r, k r) that make errors of a pose independent, of size one
             [1/mm, 1/mrad], with the r = 3 coordinates of a marker, or 6 with its orientation.
         nu: Degrees of freedom of t errors; None for normal ones.
@@ -93,7 +117,7 @@ class GeometryDensity:
     mode: Array
     root: Array
     means: MarkerPositions
-    torque: Array | None
+    torque: Torque
     whitening: Array
     nu: float | None
 
@@ -107,11 +131,10 @@ class GeometryDensity:
         fitted = fit.fitted
         model = fitted.model
         means = fit.data.means
-        torque = resting_torque(fitted.compliances, means.q, means.wrench, loads)
-        V = fitted.noise.of_pose(
-            PoseRows.of(model, fitted.theta, means, torque).motion, fit.data.counts
-        )
-        there = np.repeat(means.seen, means.rows, axis=1)[:, :, None]
+        torque = loading_of(fitted.compliances, means, loads)
+        motion = PoseRows.of(model, fitted.theta, means, torque).motion
+        V = fitted.noise.of_pose(motion, fit.data.worth, means.is_difference)
+        there = means.rows_seen.reshape(len(means), -1)[:, :, None]
         whitening = np.linalg.inv(np.linalg.cholesky(V)) * there
         weights = np.sqrt(fit.weights)[:, None, None]
         theta = least_squares_fit(model, fitted.theta, means, torque, whitening * weights).theta
@@ -134,7 +157,7 @@ class GeometryDensity:
         squares = np.concatenate(parts)
         if self.nu is None:
             return np.asarray(-0.5 * squares.sum(axis=1))
-        d = self.means.rows * self.means.seen.sum(axis=1)
+        d = self.means.rows_seen.sum(axis=(1, 2))
         return np.asarray(-0.5 * ((self.nu + d) * np.log1p(squares / self.nu)).sum(axis=1))
 
     def _squares(self, x: Array) -> Array:

@@ -10,7 +10,7 @@ from edtk.fit.geometry.fitted_geometry import (
     GeometricFit,
     Loads,
     TurnResiduals,
-    resting_torque,
+    loading_of,
     student_quantile,
 )
 from edtk.fit.geometry.least_squares_fit import PoseRows, working
@@ -98,10 +98,10 @@ def judge_fit(
     """
     common, weights = weighting
     means = data.means
-    torque = resting_torque(model.compliances(theta), means.q, means.wrench, loads)
-    rows = PoseRows.of(model, theta, means, torque)
-    work = working(common, means.rows)
-    out = _LeftOut.of(rows, noise.of_pose(rows.motion, data.counts), work, weights)
+    rows = PoseRows.of(model, theta, means, loading_of(model.compliances(theta), means, loads))
+    work = working(common, means)
+    V = noise.of_pose(rows.motion, data.worth, means.is_difference)
+    out = _LeftOut.of(rows, V, work, weights)
     # Sizes that each joint has of its own may be those of one wrong pose, which they would hide.
     surprise = _LeftOut.of(rows, common, work, weights).surprise
     fitted = FittedGeometry(
@@ -117,7 +117,7 @@ def judge_fit(
     spread = np.einsum("mrr->mr", out.covariance_of_errors)
     half = np.sqrt(np.maximum(spread, 0.0)) * student_quantile(fitted.dof(rows.motion))
     shape = (len(means), len(data.markers), means.rows)
-    blank = np.where(means.seen[..., None], 0.0, np.nan)
+    blank = np.where(means.rows_seen, 0.0, np.nan)
     residual = rows.residual.reshape(shape) / MM + blank
     left_out = out.errors.reshape(shape) / MM + blank
     left_out_half = half.reshape(shape) / MM + blank
@@ -138,7 +138,7 @@ def judge_fit(
         surprise=surprise / weights,
         independent=independent_coordinates(
             out.covariance_of_errors,
-            np.repeat(means.seen, means.rows, axis=1),
+            means.rows_seen.reshape(len(means), -1),
             noise.model_fit is not None,
         ),
         weights=weights,

@@ -1,11 +1,11 @@
-"""Nonlinear least squares on positions of markers, and the weights of their coordinates."""
+"""Nonlinear least squares on what instruments read, and the weights of its coordinates."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.measure.geometric_model import GeometricModel, Seen
+from edtk.measure.geometric_model import GeometricModel, Seen, Torque
 from edtk.measure.noise import white_kinds
 from edtk.robots.rotations import rotation_vectors
 from edtk.system.typing import Array
@@ -29,7 +29,7 @@ class PoseRows:
 
     @classmethod
     def of(
-        cls, model: GeometricModel, theta: Array, means: MarkerPositions, torque: Array | None
+        cls, model: GeometricModel, theta: Array, means: MarkerPositions, torque: Torque
     ) -> "PoseRows":
         """At parameters theta (p,)."""
         seen = model.see(theta, means.q, torque)
@@ -37,8 +37,7 @@ class PoseRows:
         assert seen.by_joints is not None
         m, k = means.seen.shape
         width = means.rows * k
-        there = means.seen[..., None, None]
-        design = np.where(there, seen.jacobian * model.scales, 0.0)
+        design = np.where(means.rows_seen[..., None], seen.jacobian * model.scales, 0.0)
         return cls(
             MM * measured_less_seen(means, seen).reshape(m, width),
             MM * design.reshape(m, width, -1),
@@ -57,15 +56,15 @@ def measured_less_seen(means: MarkerPositions, seen: Seen) -> Array:
     That of an orientation is the vector of the turn from the predicted to the measured one, in the
     axes of the instrument.
     """
-    apart = np.where(means.seen[..., None], means.measured - seen.points, 0.0)
+    apart = np.where(means.rows_seen[..., :3], means.measured - seen.points, 0.0)
     if means.turns is None:
         return apart
     turned = means.turns @ np.swapaxes(seen.turns, -1, -2)
-    turned = np.where(means.seen[..., None, None], turned, np.eye(3))
+    turned = np.where(means.rows_seen[..., 3:, None], turned, np.eye(3))
     return np.concatenate([apart, rotation_vectors(turned)], axis=-1)
 
 
-def working(V: Array, rows: int = 3) -> Array:
+def working(V: Array, means: MarkerPositions) -> Array:
     """The covariances (m, r, r) that weight the coordinates of a pose: V and half its size, white.
 
     Weights by V alone would trust what markers of a pose have in common as little as V says, and
@@ -75,13 +74,17 @@ def working(V: Array, rows: int = 3) -> Array:
     of the estimate with these weights under V, so that they are right for any weights.
 
     Args:
-        V: Covariances of the poses.
-        rows: Coordinates of a marker: three, or six with its orientation, whose size is its own.
+        V: Covariances of the poses; where nothing was read, variances do not count.
+        means: A visit a pose. Positions and orientations have a size each, and so have differences.
     """
     own = np.einsum("mrr->mr", V)
+    there = means.rows_seen.reshape(own.shape)
     white = np.zeros_like(own)
-    for kind in white_kinds(rows, V.shape[1]):
-        white += kind * (own @ kind / kind.sum())[:, None]
+    for kind in white_kinds(means.rows, V.shape[1]):
+        counted = kind * there
+        total = counted.sum(axis=1)
+        size = np.divide((own * counted).sum(axis=1), total, where=total > 0, out=np.zeros(len(V)))
+        white += kind * size[:, None]
     return V + WHITE_SHARE * white[:, None] * np.eye(V.shape[1])
 
 
@@ -104,7 +107,7 @@ def least_squares_fit(
     model: GeometricModel,
     theta: Array,
     means: MarkerPositions,
-    torque: Array | None = None,
+    torque: Torque = None,
     whitening: Array | None = None,
     most: int = MOST,
 ) -> LeastSquaresFit:
@@ -117,7 +120,7 @@ def least_squares_fit(
         model: What is fitted.
         theta: Where to begin (p,), in SI units.
         means: The positions, a visit a pose.
-        torque: Loads (m, n) of the joints [N m].
+        torque: Loads (m, n) of the joints [N m], with those before where readings are differences.
         whitening: Matrices (m, 3k, 3k) that make the errors of a pose independent and of size one
             [1/mm]; rows of markers that were not seen are zero. None for equal weights.
         most: Evaluations at most.
@@ -131,7 +134,7 @@ def least_squares_fit(
     def weighted(rows: Array) -> Array:
         """Rows (m, k, rows, ...) in units of the noise, one beneath the other."""
         m, k = means.seen.shape
-        rows = rows * means.seen.reshape(m, k, *(1,) * (rows.ndim - 2))
+        rows = rows * means.rows_seen.reshape(*rows.shape[:3], *(1,) * (rows.ndim - 3))
         flat = MM * rows.reshape(m, means.rows * k, -1)
         flat = flat if whitening is None else whitening @ flat
         return flat.reshape(m * means.rows * k, *rows.shape[3:])

@@ -8,10 +8,14 @@ from functools import cached_property
 
 import numpy as np
 
+from edtk.measure.geometric_model import ROWS_OF, Kind
 from edtk.measure.pose_table import (
+    DEFLECTION_COLUMNS,
     LOADED_COLUMNS,
     MARKER_NAME_COLUMN,
+    ROTATION_COLUMNS,
     SHEET_COLUMNS,
+    UNLOADED_COLUMNS,
     VISIT_COLUMN,
     WRENCH_COLUMNS,
     PoseTable,
@@ -35,16 +39,20 @@ POSE_COLUMN = "pose"  # a number for people
 
 @dataclass(frozen=True, eq=False)
 class MarkerPositions(Presented):
-    """Positions of k markers in v visits; a marker that was not seen is NaN.
+    """What k instruments read in v visits: positions as a rule; NaN where nothing was seen.
 
     Attributes:
         q: Joint variables (v, n) [rad or m].
         wrench: Forces and torques (v, 6) at the load point [N, N m]; zero where nothing loads.
-        measured: Positions (v, k, 3) in the frame of the instrument [m].
+        measured: Positions (v, k, 3) in the frame of the instrument [m], or in visits that are
+            differences their change under the load; a distance stands in the first coordinate.
         row: Row of the file (v, k) that holds each, counted from 0; -1 where there is none.
         markers: Names (k,).
         turns: Orientations (v, k, 3, 3) there, where they were measured with the positions; NaN
-            where nothing was seen.
+            where nothing was seen. Where the visit is a difference, the turn under the load.
+        differs: Which visits (v,) are differences of a loaded and an unloaded reading; None where
+            all are absolute.
+        kinds: What is read of each (k,); by default positions, or poses where there are turns.
     """
 
     q: Array
@@ -53,13 +61,16 @@ class MarkerPositions(Presented):
     row: Indices
     markers: tuple[str, ...]
     turns: Array | None = None
+    differs: Mask | None = None
+    kinds: tuple[Kind, ...] = ()
 
     def __len__(self) -> int:
         return len(self.q)
 
     def __getitem__(self, chosen: Indices | slice | Mask) -> "MarkerPositions":
         """Some of the visits."""
-        names = ["q", "wrench", "measured", "row", *(["turns"] if self.turns is not None else [])]
+        names = ["q", "wrench", "measured", "row"]
+        names += [name for name in ("turns", "differs") if getattr(self, name) is not None]
         return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
     def of_markers(self, chosen: Indices | list[int] | slice) -> "MarkerPositions":
@@ -71,12 +82,31 @@ class MarkerPositions(Presented):
             row=self.row[:, order],
             markers=tuple(self.markers[i] for i in order),
             turns=None if self.turns is None else self.turns[:, order],
+            kinds=tuple(self.kinds[i] for i in order) if self.kinds else (),
         )
 
     @property
     def rows(self) -> int:
-        """Measured coordinates of a marker: three, or six with its orientation."""
+        """Rows of an instrument: three, or six where orientations are measured."""
         return 3 if self.turns is None else 6
+
+    @cached_property
+    def present(self) -> Mask:
+        """Which of these (k, rows) each instrument reads."""
+        if not self.kinds:
+            return np.ones((len(self.markers), self.rows), dtype=bool)
+        count = np.array([ROWS_OF[kind] for kind in self.kinds])
+        return np.arange(self.rows) < count[:, None]
+
+    @cached_property
+    def is_difference(self) -> Mask:
+        """Which visits (v,) are differences of two readings."""
+        return np.zeros(len(self), dtype=bool) if self.differs is None else self.differs
+
+    @property
+    def absolute(self) -> "MarkerPositions":
+        """The visits that are read absolutely."""
+        return self if self.differs is None else self[~self.differs]
 
     def headline(self) -> str:
         """How many positions in how many poses."""
@@ -88,13 +118,18 @@ class MarkerPositions(Presented):
     @cached_property
     def seen(self) -> Mask:
         """Which markers (v, k) were seen."""
-        return np.asarray(np.isfinite(self.measured).all(axis=-1))
+        return np.asarray((np.isfinite(self.measured) | ~self.present[:, :3]).all(axis=-1))
+
+    @cached_property
+    def rows_seen(self) -> Mask:
+        """Which rows (v, k, rows) were read."""
+        return np.asarray(self.seen[..., None] & self.present)
 
     @cached_property
     def lost(self) -> Mask:
         """Which markers (v, k) are at the instrument's origin, where no beam has reached them."""
-        size = np.abs(np.where(self.seen[..., None], self.measured, np.inf)).max(axis=-1)
-        return np.asarray(size < LOST)
+        size = np.abs(np.where(self.rows_seen[..., :3], self.measured, 0.0)).max(axis=-1)
+        return np.asarray(self.seen & (size < LOST) & ~self.is_difference[:, None])
 
     def without_lost(self) -> "MarkerPositions":
         """The positions without those of lost beams."""
@@ -107,8 +142,11 @@ class MarkerPositions(Presented):
 
     @cached_property
     def pose(self) -> Indices:
-        """Number (v,) of each visit's pose and load, counted from 0 in order of appearance."""
-        keys = np.hstack([self.q, self.wrench]) + 0.0
+        """Number (v,) of each visit's pose and load, counted from 0 in order of appearance.
+
+        Differences count apart from absolute readings of the same pose and load.
+        """
+        keys = np.column_stack([self.q, self.wrench, self.is_difference]) + 0.0
         _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
         rank = np.empty(len(first), dtype=int)
         rank[np.argsort(first)] = np.arange(len(first))
@@ -127,6 +165,15 @@ class MarkerPositions(Presented):
         return found
 
     @cached_property
+    def worth(self) -> Array:
+        """As many absolute readings say as much of each row, by their noise (poses, k, rows).
+
+        A difference has the noise of two readings, and counts as half of one.
+        """
+        each = np.where(self.means.is_difference, 0.5, 1.0)
+        return np.asarray((self.counts * each[:, None])[..., None] * self.present)
+
+    @cached_property
     def means(self) -> "MarkerPositions":
         """The mean of the visits of each pose, a visit a pose."""
         total = np.zeros((self.poses, len(self.markers), 3))
@@ -141,6 +188,8 @@ class MarkerPositions(Presented):
             self.row[first],
             self.markers,
             None if self.turns is None else self._mean_turns(self.turns),
+            None if self.differs is None else self.differs[first],
+            self.kinds,
         )
 
     def _mean_turns(self, turns: Array) -> Array:
@@ -263,6 +312,8 @@ def with_turns(
 ) -> MarkerPositions:
     """The positions with the orientations that the sheet has beside them.
 
+    Beside a change of a position stands the turn under the load, `drx_deg dry_deg drz_deg`.
+
     Raises:
         PoseFileError: A cell is no number, or empty beside a position; or a quaternion is none.
     """
@@ -270,17 +321,43 @@ def with_turns(
     for name, own in columns.items():
         marker = data.markers.index(name)
         seen = data.seen[:, marker]
-        rows = data.row[seen, marker]
-        filled: Mask = np.zeros(len(table), dtype=bool)
-        filled[rows] = True
-        if set(own) <= set(VECTOR) | set(QUATERNION):
-            filled = table.filled(own)  # rows of other markers have theirs in the same columns
-            blank = rows[~filled[rows]]
-            if len(blank):
-                raise table.error("a position without an orientation", f"row {blank[0] + 1}")
-        values = table.of_rows(filled).vectors(own)[rows]
-        turns[seen, marker] = _matrices(table, values, rows)
+        for visits, written in (
+            (seen & ~data.is_difference, own),
+            (seen & data.is_difference, _change_of(table, name, ROTATION_COLUMNS)),
+        ):
+            if visits.any():
+                turns[visits, marker] = _turns(table, data.row[visits, marker], written)
     return replace(data, turns=turns)
+
+
+def _turns(table: PoseTable, rows: Indices, own: tuple[str, ...]) -> Array:
+    """The rotations (m, 3, 3) in some rows of a sheet."""
+    missing = [column for column in own if column not in table]
+    if missing:
+        raise table.error(
+            f"column {missing[0]!r} is missing; expected {', '.join(own)}, as measurement.rows is "
+            "'pose'"
+        )
+    filled: Mask = np.zeros(len(table), dtype=bool)
+    filled[rows] = True
+    if set(own) <= {*VECTOR, *QUATERNION, *ROTATION_COLUMNS}:
+        filled = table.filled(own)  # rows of other markers have theirs in the same columns
+        blank = rows[~filled[rows]]
+        if len(blank):
+            raise table.error("a position without an orientation", f"row {blank[0] + 1}")
+    return _matrices(table, table.of_rows(filled).vectors(own)[rows], rows)
+
+
+def _change_of(table: PoseTable, name: str, columns: tuple[str, ...]) -> tuple[str, ...]:
+    """The columns of a change: with the marker's name before them, as in a sheet with a pose a row.
+
+    Those of a sheet with a marker a row have none.
+    """
+    for before in (name, f"{name}_"):
+        named = tuple(f"{before}{column}" for column in columns)
+        if any(column in table for column in named):
+            return named
+    return columns
 
 
 def _matrices(table: PoseTable, values: Array, rows: Array) -> Array:
@@ -311,6 +388,7 @@ def read_positions(
     measured: bool = True,
     others: Sequence[str] = (),
     turned: Sequence[str] = (),
+    load: Array | None = None,
 ) -> MarkerPositions:
     """Read a sheet of positions.
 
@@ -321,6 +399,10 @@ def read_positions(
     without it each repetition of a marker is a visit of its own. Columns and markers that nothing
     is known of are passed over, with a note. For orientations see `turn_columns`.
 
+    A row with `dx_mm dy_mm dz_mm`, or with the unloaded position `x0_mm y0_mm z0_mm` beside the
+    loaded one, is the difference of two readings, in the axes of the instrument. Others are
+    absolute; one sheet may have both.
+
     Args:
         path: The CSV file, or a data frame that holds what it would.
         robot: Names the joints.
@@ -329,6 +411,7 @@ def read_positions(
         measured: Whether there have to be positions; without them all markers are in every row.
         others: Names of markers that the sheet may have besides, and that are passed over.
         turned: Names of the markers whose orientations are measured, too.
+        load: The load (6,) of differences in a sheet that has no columns of loads; None for none.
 
     Raises:
         PoseFileError: The file cannot be read; names the row or column.
@@ -337,12 +420,17 @@ def read_positions(
     found = _names_in(table, robot)
     markers = markers or found
     wide = {name: _wide(table, name) for name in markers}
-    own = tuple(column for columns in wide.values() for column in columns)
+    own = tuple(column for forms in wide.values() for column in forms)
     if measured and not own and found and MARKER_NAME_COLUMN not in table:
         _require_same(table, found, markers)
-    plain = (*LOADED_COLUMNS, MARKER_NAME_COLUMN)
-    of_turns = turn_columns(table, turned, pose_columns(robot), measured)
-    turns = tuple(column for columns in of_turns.values() for column in columns)
+    plain = (*LOADED_COLUMNS, MARKER_NAME_COLUMN, *UNLOADED_COLUMNS, *DEFLECTION_COLUMNS)
+    changes = tuple(
+        column for name in turned for column in _change_of(table, name, ROTATION_COLUMNS)
+    )
+    needed = measured and not any(column in table for column in changes)
+    of_turns = turn_columns(table, turned, pose_columns(robot), needed)
+    turns = (*changes, *(column for columns in of_turns.values() for column in columns))
+    of_turns = {name: of_turns.get(name, VECTOR) for name in turned}
     known = (*own, *plain, VISIT_COLUMN, POSE_COLUMN, *turns)
     beside = tuple(column for name in others for column in _wide(table, name))
     table = table.without([column for column in beside if column not in known])
@@ -350,14 +438,33 @@ def read_positions(
     q = table.poses(robot, fixed)
     wrench = table.wrenches(NO_LOAD)
     if own:
-        positions = _by_pose(table, q, wrench, wide)
-        return with_turns(table, positions, of_turns) if turned else positions
-    if not measured and not any(column in table for column in plain):
+        positions = _by_pose(table, q, wrench, markers)
+    elif not measured and not any(column in table for column in plain):
         nothing = np.full((len(q), len(markers), 3), np.nan)
         row = np.repeat(np.arange(len(q))[:, None], len(markers), axis=1)
         return MarkerPositions(q, wrench, nothing, row, tuple(markers))
-    positions = _by_marker(table, q, wrench, (tuple(markers), tuple(others)), measured)
+    else:
+        positions = _by_marker(table, q, wrench, (tuple(markers), tuple(others)), measured)
+    if positions.differs is not None:
+        positions = _loaded(table, positions, load)
     return with_turns(table, positions, of_turns) if turned else positions
+
+
+def _loaded(table: PoseTable, data: MarkerPositions, load: Array | None) -> MarkerPositions:
+    """The visits, of which differences are under a load.
+
+    Raises:
+        PoseFileError: One is under none.
+    """
+    if load is not None and not any(column in table for column in WRENCH_COLUMNS):
+        data = replace(data, wrench=np.where(data.is_difference[:, None], load, data.wrench))
+    unloaded = np.flatnonzero(data.is_difference & ~data.wrench.any(axis=1))
+    if len(unloaded):
+        row = int(data.row[unloaded[0]].max()) + 1
+        raise table.error(
+            "a displacement without a load; expected the load that made it", f"row {row}"
+        )
+    return data
 
 
 def _names_in(table: PoseTable, robot: Robot) -> tuple[str, ...]:
@@ -367,30 +474,66 @@ def _names_in(table: PoseTable, robot: Robot) -> tuple[str, ...]:
     joints = pose_columns(robot)
     others = (str(column) for column in table.cells if column not in joints)
     found = (X_COORDINATE.fullmatch(column) for column in others)
-    names = (match[1] for match in found if match)
+    names = (
+        match[1].removesuffix("_d")
+        for match in found
+        if match and match[0] != DEFLECTION_COLUMNS[0]
+    )
     return tuple(dict.fromkeys(names)) or (MARKER_NAME_COLUMN,)
+
+
+def _forms(before: str) -> tuple[tuple[str, ...], ...]:
+    """Columns of a marker, with its name before them: positions, unloaded ones, and changes."""
+    own = (LOADED_COLUMNS, UNLOADED_COLUMNS, DEFLECTION_COLUMNS)
+    return tuple(tuple(f"{before}{column}" for column in columns) for columns in own)
+
+
+def _before(table: PoseTable, name: str) -> str | None:
+    """What stands before the columns of one marker in a sheet with a pose a row; None without."""
+    for before in (name, f"{name}_"):
+        if any(column in table for columns in _forms(before) for column in columns):
+            return before
+    return None
 
 
 def _wide(table: PoseTable, name: str) -> tuple[str, ...]:
     """The columns of one marker in a sheet with a pose a row; none where it has no such columns."""
-    for form in ("{name}{axis}_mm", "{name}_{axis}_mm"):
-        columns = tuple(form.format(name=name, axis=axis) for axis in "xyz")
-        if any(column in table for column in columns):
-            return columns
-    return ()
+    before = _before(table, name)
+    if before is None:
+        return ()
+    has = (any(column in table for column in columns) for columns in _forms(before))
+    return tuple(
+        c for columns, there in zip(_forms(before), has, strict=True) if there for c in columns
+    )
 
 
-def _by_pose(
-    table: PoseTable, q: Array, wrench: Array, wide: dict[str, tuple[str, ...]]
-) -> MarkerPositions:
-    """A sheet with a pose a row."""
-    found = np.full((len(q), len(wide), 3), np.nan)
-    row = np.full((len(q), len(wide)), -1)
-    for i, columns in enumerate(wide.values()):
-        if columns:
-            found[:, i] = _points(table, columns)
+def _by_pose(table: PoseTable, q: Array, wrench: Array, markers: Sequence[str]) -> MarkerPositions:
+    """A sheet with a pose a row; one with a position and a change is of two visits."""
+    found = np.full((len(q), len(markers), 3), np.nan)
+    row = np.full((len(q), len(markers)), -1)
+    differs = np.zeros(row.shape, dtype=bool)
+    for i, before in enumerate(_before(table, name) for name in markers):
+        if before is not None:
+            found[:, i], differs[:, i] = _readings(table, _forms(before))
             row[:, i] = np.arange(len(q))
-    return MarkerPositions(q, wrench, found, row, tuple(wide))
+    if not differs.any():
+        return MarkerPositions(q, wrench, found, row, tuple(markers))
+    absolute = np.isfinite(found[..., 0]) & ~differs
+    first = np.flatnonzero(absolute.any(axis=1) | ~differs.any(axis=1))
+    second = np.flatnonzero(differs.any(axis=1))
+    visit = np.concatenate([first, second])
+    is_change = np.repeat([False, True], [len(first), len(second)])
+    order = np.argsort(visit, kind="stable")
+    visit, is_change = visit[order], is_change[order]
+    own = differs[visit] == is_change[:, None]
+    return MarkerPositions(
+        q[visit],
+        wrench[visit],
+        np.where(own[..., None], found[visit], np.nan),
+        np.where(own, row[visit], -1),
+        tuple(markers),
+        differs=is_change,
+    )
 
 
 def _by_marker(
@@ -404,18 +547,51 @@ def _by_marker(
     markers, others = names
     index = _markers(table, markers, others)
     x = np.full((len(q), 3), np.nan)
-    if measured or any(column in table for column in LOADED_COLUMNS):
-        x = _points(table, LOADED_COLUMNS)
+    differs = np.zeros(len(q), dtype=bool)
+    forms = _forms("")
+    if measured or any(column in table for columns in forms for column in columns):
+        x, differs = _readings(table, forms)
     rows = np.flatnonzero(index >= 0)
-    q, wrench, x, index = q[rows], wrench[rows], x[rows], index[rows]
-    visit = _visits(table, np.hstack([q, wrench]), index, rows)
+    q, wrench, x, index, differs = q[rows], wrench[rows], x[rows], index[rows], differs[rows]
+    visit = _visits(table, np.column_stack([q, wrench, differs]), index, rows)
     count = int(visit.max(initial=-1)) + 1
     found = np.full((count, len(markers), 3), np.nan)
     row = np.full((count, len(markers)), -1)
     first = np.array([int(np.argmax(visit == one)) for one in range(count)], dtype=int)
     found[visit, index] = x
     row[visit, index] = rows
-    return MarkerPositions(q[first], wrench[first], found, row, markers)
+    is_change = differs[first] if differs.any() else None
+    return MarkerPositions(q[first], wrench[first], found, row, markers, differs=is_change)
+
+
+def _readings(table: PoseTable, forms: tuple[tuple[str, ...], ...]) -> tuple[Array, Mask]:
+    """What a marker's columns say: positions or changes (m, 3) [m], and which are changes (m,).
+
+    Args:
+        table: The sheet.
+        forms: Columns of positions, of unloaded positions, and of changes.
+
+    Raises:
+        PoseFileError: A row has a change and a position, or a cell is no number.
+    """
+    placed, _, changed = forms
+    has = [any(column in table for column in columns) for columns in forms]
+    if not has[1] and not has[2]:
+        return _points(table, placed), np.zeros(len(table), dtype=bool)
+    nothing = np.full((len(table), 3), np.nan)
+    x, before, change = (
+        _points(table, columns) if there else nothing
+        for columns, there in zip(forms, has, strict=True)
+    )
+    is_placed, is_change = (np.isfinite(one[:, 0]) for one in (x, change))
+    both = np.flatnonzero(is_placed & is_change)
+    if len(both):
+        raise table.error(
+            f"a position and a change; expected {', '.join(placed)}, or {', '.join(changed)}",
+            f"row {both[0] + 1}",
+        )
+    differs = is_change | (is_placed & np.isfinite(before[:, 0]))
+    return np.where(is_change[:, None], change, x - np.nan_to_num(before)), differs
 
 
 def _points(table: PoseTable, columns: tuple[str, ...]) -> Array:

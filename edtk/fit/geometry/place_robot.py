@@ -68,7 +68,7 @@ class LinearStart:
 
 
 def linear_start(
-    flange: Array, measured: Array, seen: Mask, guess: Array | None = None
+    carried: Array, measured: Array, seen: Mask, guess: Array | None = None
 ) -> LinearStart:
     """Solve ``S x = R_i t_j + p_i + c`` for the matrix S and the vectors t_j and c at once.
 
@@ -80,22 +80,25 @@ def linear_start(
     eliminated: twelve unknowns remain, whatever the number of markers.
 
     Args:
-        flange: Transforms (m, 4, 4) of the tool frame in the drawing's world [m].
+        carried: Transforms (m, 4, 4) of the tool frame in the drawing's world, or (m, k, 4, 4) of
+            the body that each marker is on [m].
         measured: Positions (m, k, 3) [m].
         seen: Which of them (m, k) there are.
         guess: Places (k, 3) of the markers in the tool frame [m]. Of places that fit equally well,
             as those along the axes of a SCARA, the nearest to these are taken.
     """
     pose, marker = np.nonzero(seen)
+    frames = carried[:, None] if carried.ndim == 3 else carried
+    frames = np.broadcast_to(frames, (*seen.shape, 4, 4))
     center = measured[seen].mean(axis=0)
     size = max(float(np.sqrt(((measured[seen] - center) ** 2).mean())), 1e-12)
     x = (measured[pose, marker] - center) / size
-    turn = flange[pose, :3, :3]
+    turn = frames[pose, marker, :3, :3]
     A = np.zeros((len(pose), 3, 12))
     for axis in range(3):
         A[:, axis, 3 * axis : 3 * axis + 3] = x
         A[:, axis, 9 + axis] = 1.0
-    y = flange[pose, :3, 3]
+    y = frames[pose, marker, :3, 3]
     alone = _Alone.of(turn, marker, seen.shape[1])
     found, rank, whole = alone.solved(A, y, guess)
     tools = found[12:].reshape(-1, 3)
@@ -105,7 +108,7 @@ def linear_start(
     right = u @ np.diag([1.0, 1.0, -1.0 if mirrored else 1.0]) @ vt
     base = np.eye(4)
     base[:3, :3] = right.T
-    base[:3, 3] = _center(flange, measured, seen, right.T, tools)
+    base[:3, 3] = _center(frames, measured, seen, right.T, tools)
     left = A @ found[:12] - np.einsum("nij,nj->ni", turn, tools[marker]) - y
     return LinearStart(
         base=base,
@@ -180,9 +183,9 @@ class _Alone:
         return found, int(kept.sum()) + 3 * int((self.count > 0).sum()), whole
 
 
-def _center(flange: Array, measured: Array, seen: Mask, B: Array, tools: Array) -> Array:
+def _center(frames: Array, measured: Array, seen: Mask, B: Array, tools: Array) -> Array:
     """Where the world's origin is (3,), given how it is turned."""
-    points = flange[:, None, :3, 3] + np.einsum("mij,kj->mki", flange[:, :3, :3], tools)
+    points = frames[..., :3, 3] + np.einsum("mkij,kj->mki", frames[..., :3, :3], tools)
     return np.asarray((measured - points @ B.T)[seen].mean(axis=0))
 
 
@@ -192,7 +195,7 @@ QUARTER = np.pi / 2
 def first_place(model: GeometricModel, means: MarkerPositions) -> LinearStart:
     """The linear solution for the place of robot and markers, see `linear_start`."""
     return linear_start(
-        model.robot.forward(means.q), means.measured, means.seen, np.asarray(model.offsets)
+        model.carried(means.q), means.measured, means.seen, np.asarray(model.offsets)
     )
 
 
@@ -200,7 +203,8 @@ def place_robot(model: GeometricModel, means: MarkerPositions) -> tuple[Geometri
     """Find the base and the tools with which the drawing fits best.
 
     Starts are the linear solution, and where that does not lead near the positions, 24 orientations
-    of the robot with the tools of the drawing; the best descent counts.
+    of the robot with the tools of the drawing; the best descent counts. Distances and differences
+    do not say where a robot stands: where there are no absolute positions, it stays where it is.
 
     Args:
         model: Its parameters of base and tool are fitted, others stay zero.
@@ -210,18 +214,23 @@ def place_robot(model: GeometricModel, means: MarkerPositions) -> tuple[Geometri
         The model with its base at the place found, and parameters (p,) for it: those of the tools
         are at their place, and all others zero.
     """
-    places = {one.place for one in model.parameters}
-    placing = tuple(one for one in model.parameters if one.place in ("base", "tool"))
-    only = model.with_parameters(placing)
+    read = np.flatnonzero(~model.is_distance)
+    means = means.absolute.of_markers(read)
+    if not means.seen.any():
+        return model, np.zeros(model.p)
+    of_read = model.of_markers(read)
+    places = {one.place for one in of_read.parameters}
+    placing = tuple(one for one in of_read.parameters if one.place in ("base", "tool"))
+    only = of_read.with_parameters(placing)
     found: list[tuple[float, GeometricModel, Array]] = []
     good = 0.5 * GOOD**2 * _spread(means)
     tool_turns = any(one.place == "tool" and one.turns for one in placing)
     for start, tools in _starts(only, means, "base" in places, "tool" in places):
         there = replace(only, start=start)
-        turned = _tool_turns(there, means) if tool_turns else np.zeros((len(model.markers), 3))
+        turned = _tool_turns(there, means) if tool_turns else np.zeros((len(there.markers), 3))
         every = np.concatenate([tools, turned], axis=1)
         values = [
-            every[model.markers.index(one.of), COMPONENTS.index(one.component)]
+            every[there.markers.index(one.of), COMPONENTS.index(one.component)]
             if one.place == "tool"
             else 0.0
             for one in placing
@@ -233,7 +242,7 @@ def place_robot(model: GeometricModel, means: MarkerPositions) -> tuple[Geometri
     best, theta = _descended(found, means)
     at = dict(zip(best.parameters, theta, strict=True))
     whole = replace(model, start=_moved(best, at))
-    values = [at[one] if one.place == "tool" else 0.0 for one in whole.parameters]
+    values = [at.get(one, 0.0) if one.place == "tool" else 0.0 for one in whole.parameters]
     return whole, np.array(values)
 
 

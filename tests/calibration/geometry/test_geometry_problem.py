@@ -44,7 +44,7 @@ def test_candidates_tell_what_fits_find(monkeypatch: pytest.MonkeyPatch) -> None
     model = replace(found.model, start=np.eye(4))
     x = model.see(np.zeros(33), q, derivatives=False).points
     data = MarkerPositions(q, np.zeros((20, 6)), x, np.zeros((20, 3), dtype=int), tuple("ABC"))
-    monkeypatch.setattr(module, "fit_model_error", lambda noise, *rest: noise)
+    monkeypatch.setattr(module, "fit_model_error", lambda noise, *_, **__: noise)
     fit = fit_geometry(model, data, PositionNoise(0.05, np.zeros(6)))
     M = found.problem.information(np.ones(20))
     there = poses(5, seed=3)
