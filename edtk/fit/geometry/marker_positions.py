@@ -360,7 +360,7 @@ def _change_of(table: PoseTable, name: str, columns: tuple[str, ...]) -> tuple[s
     return columns
 
 
-def _matrices(table: PoseTable, values: Array, rows: Array) -> Array:
+def _matrices(table: PoseTable, values: Array, rows: Indices) -> Array:
     """Rotations (m, 3, 3) of vectors [deg] or quaternions, scalar first."""
     from scipy.spatial.transform import Rotation
 
