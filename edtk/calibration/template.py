@@ -26,6 +26,7 @@ from edtk.measure.pose_table import (
     coordinate_names,
     rounded,
 )
+from edtk.study.plan_study import day_costs
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 from edtk.system.files import BYTE_ORDER_MARKS, write_text
@@ -295,9 +296,35 @@ def _exchanged(distance: Array, order: Indices) -> Indices:
         path[i + 1 : j + 2] = path[i + 1 : j + 2][::-1].copy()
 
 
+def visit_order(study: Study, plan: Plan) -> Indices:
+    """Indices of the plan's poses in the order in which they are visited, repeats included.
+
+    All poses without a load come first, then those under each load. Where the study asks for more
+    load changes, the visits of each load are shared out among so many rounds.
+    """
+    lower, upper = study.robot.limits
+    span = upper - lower
+    loads = np.unique(plan.wrench, axis=0)
+    loads = loads[np.argsort(loads.any(axis=1), kind="stable")]
+    costs = day_costs(study)
+    # Where experiments are pairs, the day begins without a load.
+    parts = len(loads) if costs is None else costs.changes_of(len(loads)) + 1 - costs.paired
+    rounds: list[list[Indices]] = []
+    for i, load in enumerate(loads):
+        own = np.flatnonzero((plan.wrench == load).all(axis=1))
+        path = own[visiting_order(plan.q[own], span)]
+        visits = np.repeat(path, plan.repeats[path])
+        # Load i is on in every len(loads)-th of so many stretches of the day.
+        stretches = len(range(i, parts, len(loads)))
+        rounds.append(np.array_split(visits, stretches))
+    taken = [rounds[i % len(loads)][i // len(loads)] for i in range(parts)]
+    return np.concatenate(taken)
+
+
 def template(study: Study, plan: Plan, positions: bool = False, markers: int = 0) -> "pd.DataFrame":
     """Make the empty sheet of a plan: a row per repetition, in an order of little joint travel.
 
+    Where load changes cost something, the poses of a load come one after another.
     Repetitions of a pose come one after another. Angles have the digits that a controller takes.
     Where a visit has several rows, or errors of its own, a column numbers the visits.
 
@@ -315,11 +342,15 @@ def template(study: Study, plan: Plan, positions: bool = False, markers: int = 0
     """
     lower, upper = study.robot.limits
     plan = replace(plan, q=rounded(study.robot, plan.q))
-    table = plan.to_frame(study.robot).iloc[visiting_order(plan.q, upper - lower)]
+    if study.specification.costs is None:
+        path = visiting_order(plan.q, upper - lower)
+        order = np.repeat(path, plan.repeats[path])
+    else:
+        order = visit_order(study, plan)
     sensors = study.model.sensors
     rows = len(sensors) or max(markers, 1)
-    times = table.pop("repeats") * rows
-    table = table.loc[table.index.repeat(times)].reset_index(drop=True)
+    table = plan.to_frame(study.robot).drop(columns="repeats")
+    table = table.iloc[np.repeat(order, rows)].reset_index(drop=True)
     if rows > 1 or study.noise is not None:
         table[VISIT_COLUMN] = np.arange(len(table)) // rows + 1
     if sensors:

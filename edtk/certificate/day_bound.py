@@ -195,9 +195,13 @@ def load_of(load: Load, loads: tuple[int, ...]) -> Load:
 def _listed(load: Load) -> Array:
     """The loads (s, 6) that visits choose among.
 
+    Of forces along a direction the largest counts alone: a displacement grows with its load.
+
     Raises:
         ValueError: They are not listed.
     """
+    if load.direction is not None:
+        return np.append(load.largest * load.direction, np.zeros(3))[None]
     if load.listed is None:
         raise ValueError("day: expected loads that are listed")
     return load.listed

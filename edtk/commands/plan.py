@@ -52,7 +52,7 @@ MOST_EXPERIMENTS = 10**12  # as in a study: beyond them numbers of repetitions a
 @click.option(
     "--cost-budget",
     type=Range(min=0, min_open=True),
-    help="What a day may cost, for a study of geometry [default: the study's].",
+    help="What a day may cost, by the study's [costs] [default: the study's budget].",
 )
 @workers_option
 @dask_option

@@ -1,8 +1,9 @@
 """Where experiments of a robot may lie: design variables, feasible set, and what they tell."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from edtk.design.problem import Problem
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.noise import VisitNoise, Whitener, shared_visits
 from edtk.robots.frames import Frames
+from edtk.robots.loads.fixed_load import FixedLoad
+from edtk.robots.loads.listed_load import ListedLoad
 from edtk.robots.loads.load import Load
 from edtk.robots.workspace import Workspace
 from edtk.system.typing import Array, Indices, Mask
@@ -136,8 +139,10 @@ class Experiments:
         """Whitened regressors, ``A/sigma`` or ``L^-1 A`` (p, rows, ...), component first."""
         A = self.space.model.regressor_of(self.frames, self.space.load.wrench(self._load))
         if self._whitener is not None:
-            return self._whitener.rows(A)
-        return A / self.space.sigma.reshape(-1, *[1] * (A.ndim - 2))
+            A = self._whitener.rows(A)
+        else:
+            A = A / self.space.sigma.reshape(-1, *[1] * (A.ndim - 2))
+        return A if self.space.prices is None else A * self.space.shares(self.x)
 
     @cached_property
     def regressor(self) -> Array:
@@ -187,6 +192,8 @@ class Experiments:
         """
         space = self.space
         model = space.model
+        if space.prices is not None:
+            B = B * space.shares(self.x)[..., None, None]
         # All derivatives by joints come from one adjoint pass with these weights.
         if self._whitener is None:
             weights = _component_first(B / space.sigma[:, None], (-1, -2))
@@ -285,6 +292,8 @@ class DesignSpace:
             default there is none. `with_kept` sets it.
         sharing: Number of experiments that share what is known beside them; 0 without a prior.
         noise: Errors that are not white, in place of `sigma`; None for white ones.
+        prices: What an experiment costs under each of several loads (loads,): the information of an
+            experiment is then that for one unit of costs; None where experiments are counted.
 
     Raises:
         ValueError: A joint is fixed outside its limits.
@@ -299,6 +308,7 @@ class DesignSpace:
     prior: Array | None = None
     sharing: int = 0
     noise: VisitNoise | None = None
+    prices: Array | None = None
 
     def __post_init__(self) -> None:
         lower, upper = self.workspace.robot.hard_limits
@@ -349,6 +359,27 @@ class DesignSpace:
             for constraint in self.workspace.constraints
             for label in constraint.labels(self.workspace.robot)
         )
+
+    def with_loads(self, wrenches: Array, chosen: Sequence[int]) -> Self:
+        """The same poses under some loads alone.
+
+        Args:
+            wrenches: All loads (s, 6) [N, N m].
+            chosen: Indices of those that experiments may have.
+        """
+        own = wrenches[list(chosen)]
+        return replace(self, load=FixedLoad(own[0]) if len(own) == 1 else ListedLoad(own))
+
+    def load_of(self, x: Array) -> Indices:
+        """Index (...) of the load of experiments x (..., v), of those that are listed."""
+        u = x[..., len(self.fixed) :]
+        return np.rint(u[..., 0]).astype(int) if u.shape[-1] else np.zeros(x.shape[:-1], dtype=int)
+
+    def shares(self, x: Array) -> Array:
+        """Factors (...) of rows: the root of what one unit of costs pays of an experiment."""
+        if self.prices is None:
+            return np.ones(x.shape[:-1])
+        return np.asarray(1.0 / np.sqrt(self.prices[self.load_of(x)]))
 
     def at(self, x: Array) -> Experiments:
         """The experiments of design variables x (..., v)."""

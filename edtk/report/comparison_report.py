@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
-from edtk.calibration.geometry_design.visit_search import STARTS
 from edtk.calibration.planned import plan_tasks
 from edtk.design.exact.find_plan import BATCH_SIZE
+from edtk.design.exact.visit_search import STARTS
 from edtk.measure.expected_error import TaskAccuracy
 from edtk.report.calibration_sections import TOOL_POINT
 from edtk.report.comparison_sections import (

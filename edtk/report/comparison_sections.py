@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import criteria
-from edtk.calibration.geometry_design.day_costs import DayCosts, PosesByLoad
 from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
+from edtk.design.exact.day import PosesByLoad
 from edtk.measure.expected_error import TaskAccuracy
 from edtk.report.calibration_sections import TOOL_POINT, task_sentence, task_table
 from edtk.report.shown import other_plans, plans_of, run_unit, shown_unit
@@ -17,6 +17,7 @@ from edtk.report.views.calibration import assumed_joints
 from edtk.report.views.geometry_plan import about
 from edtk.report.views.study import budget_of_run
 from edtk.robots.workspace import joints_on_limits, on_limits_in_words
+from edtk.study.plan_study import day_costs
 from edtk.study.schema import describe_noise
 from edtk.study.study import Study
 from edtk.study.study_run import ERRORS, StudyRun
@@ -425,7 +426,7 @@ def visits_by_load(run: StudyRun, designs: GeometryDesigns) -> str:
     It is empty where visits have no load and cost nothing that somebody told.
     """
     wrenches = designs.question.wrenches
-    costs = DayCosts.of(run.study)
+    costs = day_costs(run.study)
     if len(wrenches) == 1 and costs is None:
         return ""
     loads = ["loaded"] if len(wrenches) == 2 else [f"load {i}" for i in range(1, len(wrenches))]

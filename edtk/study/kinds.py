@@ -54,11 +54,7 @@ class Compliances(Kind):
         return robot.body_names
 
     def check(self, study: Asked) -> None:
-        """Check costs, which plans do not heed, and the loads of test poses."""
-        if study.specification.costs is not None:
-            raise study.error(
-                "costs", "plans of compliances alone do not heed it; expected [parameters] too"
-            )
+        """Check the loads of test poses."""
         # rho0 has no meaning where errors of compliances do no harm.
         for i, pose in enumerate(study.specification.test_poses):
             if pose.payload is None and not any((*pose.load.F_N, *pose.load.T_Nm)):
@@ -66,6 +62,10 @@ class Compliances(Kind):
                     f"{study.key_of(i)}.load",
                     "a test pose without load has nothing to compensate; expected a load",
                 )
+
+    def is_paired(self, study: Asked) -> bool:
+        """Displacements are those from the pose without the load, unless they are absolute."""
+        return not study.is_absolute
 
     def check_interest(self, study: StudyObjects, table: InterestTable) -> None:
         """Check joints and combinations, and that some criterion can be about them."""
@@ -194,6 +194,10 @@ class Geometry(Kind):
             )
         _check_measured(study)
         _check_unused(study)
+
+    def is_paired(self, study: Asked) -> bool:
+        """Positions are absolute."""
+        return False
 
     def check_interest(self, study: StudyObjects, table: InterestTable) -> None:
         """Check names of parameters, of which geometry has more than compliances."""

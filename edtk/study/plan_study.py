@@ -9,24 +9,35 @@ import numpy as np
 
 from edtk.design.candidate_source import CandidateSource, EmptyFeasibleSetError
 from edtk.design.design_space import DesignSpace
-from edtk.design.exact.exact_plan import ExactPlan, TooFewExperimentsError, require_enough
-from edtk.design.exact.find_plan import STARTS, SearchOptions, find_plan
+from edtk.design.exact.day import DayCosts
+from edtk.design.exact.day_search import MOST_LOADS, DaySearch
+from edtk.design.exact.exact_plan import (
+    ExactPlan,
+    NoPlanError,
+    TooFewExperimentsError,
+    require_enough,
+)
+from edtk.design.exact.find_plan import STARTS, SearchOptions, search_plan
 from edtk.design.plan import Plan
 from edtk.design.problem import RankDeficientError
+from edtk.design.relaxation.relax import require_relaxable
 from edtk.design.relaxation.relax_poses import (
     DEFAULT_MB,
     MemoryLimitError,
     RelaxOptions,
     relax_poses,
-    relaxed_in_time,
 )
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.design.relaxation.restricted_master import RelaxationError
+from edtk.robots.loads.bounded_load import BoundedLoad
+from edtk.robots.loads.fixed_load import FixedLoad
+from edtk.robots.loads.listed_load import ListedLoad
 from edtk.study.evaluate import plan_accuracy
 from edtk.study.plausibility import plan_plausibility
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.time_limit import time_limit
+from edtk.system.typing import Array
 from edtk.system.workers import Workers, WorkersLostError
 
 TOLERANCE = 1e-5  # relative gap, beyond which a bound would not change how a plan is judged
@@ -105,14 +116,20 @@ def planning_space(study: Study, new: int | None = None, kept: Plan | None = Non
     Returns:
         The space, whose prior is that of the study, if it counts, and of the kept experiments.
     """
-    known = study.prior_information
-    if kept is not None:
-        of_kept = study.space.information(kept)
-        known = of_kept if known is None else known + of_kept
+    known = known_beside(study, kept)
     if known is None:
         return study.space
     assert new is not None
     return study.space.with_kept(known, new)
+
+
+def known_beside(study: Study, kept: Plan | None) -> Array | None:
+    """Information (p, p) of a study's prior, if it counts, and of kept experiments."""
+    known = study.prior_information
+    if kept is None:
+        return known
+    of_kept = study.space.information(kept)
+    return of_kept if known is None else known + of_kept
 
 
 def source_of(
@@ -177,25 +194,28 @@ def relax_study(
 
 def plan_study(
     study: Study,
-    size: int,
+    size: int | None,
     criterion: str | None = None,
     *,
     distinct: int | None = None,
     kept: Plan | None = None,
     budget: float | None = None,
+    cost_budget: float | None = None,
     options: RunOptions = DEFAULTS,
 ) -> ExactPlan:
     """Search for the best plan of `size` experiments in all, with a bound on every such plan.
 
     Args:
         study: The study.
-        size: Number of experiments, kept ones counted.
+        size: Number of experiments, kept ones counted; None where a budget of costs decides.
         criterion: Name of a criterion; defaults to the one that the study is about.
         distinct: Number of distinct new poses, at most; defaults to p(p+1)/2 + 1, since the best
             weights need no more.
-        kept: Experiments that have been carried out already; their information counts as known.
+        kept: Experiments that have been carried out already; their information counts as known,
+            and they cost nothing more.
         budget: Seconds after which the best plan so far is returned; defaults to no limit. A
             first design on the candidates and a first plan are always completed.
+        cost_budget: What the new experiments may cost; defaults to the study's, see `DaySearch`.
         options: Seed, processes and progress.
 
     Ctrl-C leaves the best plan so far as soon as there is a first design on the candidates.
@@ -204,25 +224,18 @@ def plan_study(
         UserError: One line that says what cannot be done, and where.
     """
     since = monotonic()
-    seconds = np.inf if budget is None else budget
-    new = _new_experiments(size, distinct, kept)
     design = study.designed_for(criterion)
-    asked = design.criterion(criterion)
-    with study_errors(study), _enough(study, new, kept):
-        space = planning_space(design, new, kept)
-        if asked.needs_all:  # else only the relaxation knows how few the right poses are
-            require_enough(space, new, new if distinct is None else distinct, asked)
-        with time_limit(seconds):
-            relaxed, interrupted = relaxed_in_time(
-                source_of(study, options.seed, space),
-                study.specification.candidates,
-                asked,
-                RelaxOptions(progress=_bounding(options)),
-            )
-            left = 0.0 if interrupted else np.inf
-            found = find_plan(relaxed, new, distinct, kept, _search_options(study, options, left))
-    if interrupted:
-        found = replace(found, ended="interrupted")
+    search = _day_search(design, size, criterion, distinct, kept, cost_budget, options)
+    try:
+        most = search.budget.most()
+        with study_errors(study), _enough(study, search, most):
+            if search.criterion.needs_all:  # else only the relaxation knows how few are enough
+                space = search.beside_known(search.space, most)
+                require_enough(space, most, distinct or most, search.criterion)
+            with time_limit(np.inf if budget is None else budget):
+                found = search.run()
+    except ArgumentError as error:
+        raise error_of_costs(study, error, cost_budget) from error
     expected = plan_accuracy(design, found.whole)
     return replace(
         found,
@@ -233,44 +246,151 @@ def plan_study(
     )
 
 
-def _bounding(options: RunOptions) -> Callable[[str, float], object]:
-    """The progress of the relaxation, by the names that people read."""
+def _day_search(
+    study: Study,
+    size: int | None,
+    criterion: str | None,
+    distinct: int | None,
+    kept: Plan | None,
+    cost_budget: float | None,
+    options: RunOptions,
+) -> DaySearch:
+    """The search for a plan of a study, whose costs may decide its size.
 
-    def progress(stage: str, gap: float) -> None:
-        options.progress(f"bound: {stage}", gap)
-
-    return progress
-
-
-def _search_options(study: Study, options: RunOptions, seconds: float) -> SearchOptions:
-    """Options of the search for the plan, for which so many seconds are left."""
-
-    def progress(starts: int, cost: float) -> None:
-        options.progress(f"{starts} starts", cost)
-
-    return SearchOptions(
+    Raises:
+        UserError: One of the arguments is impossible.
+    """
+    costs = day_costs(study, cost_budget)
+    wrenches = wrenches_of(study, costs)
+    require_few_loads(study, costs, wrenches)
+    new = new_experiments(size, distinct, kept, costs)
+    limits = SearchOptions(
         seed=study.specification.seed if options.seed is None else options.seed,
         starts=STARTS,
-        seconds=seconds,
         workers=options.workers,
         alone=ALONE,
-        progress=progress,
+        progress=lambda starts, cost: options.progress(f"{starts} starts", cost),
+    )
+    return DaySearch(
+        source=source_of(study, options.seed),
+        candidates=study.specification.candidates,
+        wrenches=wrenches,
+        criterion=require_relaxable(study.criterion(criterion)),
+        known=known_beside(study, kept),
+        kept=kept,
+        new=new,
+        costs=costs,
+        distinct=distinct,
+        seed=limits.seed,
+        of_size=lambda relaxed, m, places: search_plan(relaxed, m, places, kept, limits),
+        progress=options.progress,
     )
 
 
-def _new_experiments(size: int, distinct: int | None, kept: Plan | None) -> int:
-    """Number of new experiments.
+def wrenches_of(study: Study, costs: DayCosts | None) -> Array | None:
+    """The loads (s, 6) of which a day within a budget of costs chooses some.
+
+    Of forces along a direction the largest one tells most, as a displacement grows with its load.
+
+    Returns:
+        The loads; None where every experiment chooses its own and nothing depends on how many
+        there are: without a budget, or where forces of any direction cost no load changes.
+
+    Raises:
+        UserError: There are too many to choose from: a force of any direction.
+    """
+    if costs is None or costs.budget is None:
+        return None
+    load = study.specification.build_load()
+    if isinstance(load, FixedLoad):
+        return load.always[None]
+    if isinstance(load, ListedLoad):
+        return load.wrenches
+    if isinstance(load, BoundedLoad) and costs.paired:
+        return load.largest[None]
+    if costs.change or not costs.paired:
+        raise study.error(
+            "load.F_max_N",
+            "poses that choose their forces freely have as many loads as there are poses, and no "
+            "set of loads whose changes a budget could count; list forces in list_F_N",
+        )
+    return None
+
+
+def day_costs(study: Study, budget: float | None = None) -> DayCosts | None:
+    """What visits and load changes cost; None where neither the study nor the call says any.
+
+    Args:
+        study: The study.
+        budget: What a plan may cost, in place of the study's own.
+    """
+    given = study.specification.costs
+    paired = study.kind.is_paired(study)
+    if given is None:
+        return None if budget is None else DayCosts(budget=budget, paired=paired)
+    return DayCosts(
+        given.visit,
+        given.visit if given.loaded_visit is None else given.loaded_visit,
+        given.load_change,
+        given.load_changes,
+        given.budget if budget is None else budget,
+        given.unit,
+        paired,
+    )
+
+
+def require_few_loads(study: Study, costs: DayCosts | None, wrenches: Array | None) -> None:
+    """Check that the sets of loads within a budget can all be searched.
+
+    Raises:
+        UserError: They are too many.
+    """
+    if costs is None or costs.budget is None or wrenches is None:
+        return
+    if int(wrenches.any(axis=1).sum()) > MOST_LOADS:
+        message = f"plans within a budget choose among {MOST_LOADS} loads at most; list fewer"
+        raise study.error("load.list_F_N", message)
+
+
+def error_of_costs(study: Study, error: ArgumentError, budget: float | None) -> UserError:
+    """An error about a budget, of the study's key where nobody gave an argument."""
+    if error.argument != "cost_budget" or budget is not None:
+        return error
+    given = "" if error.given is None else f" (got {error.given})"
+    return study.error("costs.budget", f"{error.message}{given}")
+
+
+def new_experiments(
+    size: int | None,
+    distinct: int | None,
+    kept: Plan | None,
+    costs: DayCosts | None,
+    what: str = "experiments",
+) -> int | None:
+    """Number of new experiments; None where a budget of costs decides.
+
+    Args:
+        size: Number of experiments in all; None where the budget decides.
+        distinct: Number of distinct new poses, at most; None for any.
+        kept: Experiments that were made already.
+        costs: What experiments cost; None where nobody said.
+        what: What they are called.
 
     Raises:
         ArgumentError: There is nothing to plan, or the poses are too many.
     """
+    if size is None:
+        if costs is None or costs.budget is None:
+            message = f"expected the number of {what}, unless a budget of costs decides"
+            raise ArgumentError(message, argument="size")
+        return None
     count = 0 if kept is None else kept.experiments
     new = size - count
     if new < 1:
         message = f"{count} experiments are kept; expected more than that"
         raise ArgumentError(message, argument="size", given=size)
     if distinct is not None and distinct > new:
-        message = f"expected at most {new}, the number of new experiments"
+        message = f"expected at most {new}, the number of new {what}"
         raise ArgumentError(message, argument="distinct", given=distinct)
     if distinct is not None and distinct > MOST_DISTINCT:
         message = f"expected at most {MOST_DISTINCT}"
@@ -279,7 +399,7 @@ def _new_experiments(size: int, distinct: int | None, kept: Plan | None) -> int:
 
 
 @contextmanager
-def _enough(study: Study, new: int, kept: Plan | None) -> Iterator[None]:
+def _enough(study: Study, search: DaySearch, most: int) -> Iterator[None]:
     """Turn the error of too few experiments or poses into one about the arguments.
 
     Raises:
@@ -287,9 +407,11 @@ def _enough(study: Study, new: int, kept: Plan | None) -> Iterator[None]:
     """
     try:
         yield
-    except TooFewExperimentsError as error:
-        argument = "size" if new < error.least else "distinct"
+    except NoPlanError as error:
+        least = error.least if isinstance(error, TooFewExperimentsError) else most + 1
+        argument = "distinct" if most >= least else "size" if search.new else "cost_budget"
         message = str(error)
+        kept = search.kept
         if kept is not None and argument == "size":
-            message += f"; with the {kept.experiments} kept ones: {kept.experiments + error.least}"
+            message += f"; with the {kept.experiments} kept ones: {kept.experiments + least}"
         raise ArgumentError(message, argument=argument, where=study.where) from error

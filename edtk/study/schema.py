@@ -176,7 +176,7 @@ class Specification(Table):
     )
     costs: CostsTable | None = Field(
         None,
-        description="What visits and load changes cost, for plans of a study with `parameters`",
+        description="What visits and load changes cost, and what a plan may cost",
     )
     uncertainty: UncertaintyTable = Field(
         UncertaintyTable(), description="How well the circumstances of a calibration are known"

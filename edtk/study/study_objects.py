@@ -85,6 +85,10 @@ class Kind(ABC):
         """
 
     @abstractmethod
+    def is_paired(self, study: Asked) -> bool:
+        """Whether an experiment visits its pose twice, without its load and with it."""
+
+    @abstractmethod
     def check_interest(self, study: "StudyObjects", table: InterestTable) -> None:
         """Check that what is of interest makes sense, and that the criteria can be about it.
 

@@ -1,7 +1,7 @@
 """The result of a whole study, its table of comparison and its files."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -11,7 +11,7 @@ import numpy as np
 import criteria
 from edtk.design.bound import Bound
 from edtk.design.design_space import DesignSpace
-from edtk.design.exact.exact_plan import ExactPlan
+from edtk.design.exact.exact_plan import ExactPlan, NoPlanError
 from edtk.design.exact.find_plan import SearchOptions, find_plan
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relax_poses import RelaxOptions
@@ -21,10 +21,11 @@ from edtk.fit.least_squares import SingularPlanError
 from edtk.measure.cells import csv_text
 from edtk.measure.expected_error import ExpectedError, TaskAccuracy
 from edtk.study.evaluate import accuracy_of_tasks, plan_accuracy, plan_covariance
-from edtk.study.plan_study import planning_space
+from edtk.study.plan_study import plan_study, planning_space
 from edtk.study.plausibility import plan_plausibility
 from edtk.study.study import Study
 from edtk.study.study_parts import counts_known
+from edtk.system.errors import ArgumentError
 from edtk.system.files import Content
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
@@ -129,18 +130,51 @@ class Designs:
         """How accurate relaxations over all poses are."""
         return RelaxOptions(tolerance=TOLERANCE)
 
+    @property
+    def budget(self) -> float | None:
+        """What a day may cost; None where the study does not say."""
+        costs = self.study.specification.costs
+        return None if costs is None else costs.budget
+
     def distinct(self, sizes: range) -> range:
-        """Numbers of distinct poses, of those below a size, for which plans are searched, too."""
-        return sizes
+        """Numbers of distinct poses, of those below a size, for which plans are searched, too.
+
+        There are none within a budget of costs.
+        """
+        return sizes if self.budget is None else range(0)
 
     def search(self, relaxed: RelaxedPlan, case: Case, starts: int) -> ExactPlan:
-        """The best plan of a case.
+        """The best plan of a case, within the study's budget of costs if it has one.
+
+        Raises:
+            NoPlanError: So few experiments tell too little, or the budget does not pay for them.
+        """
+        if self.budget is None:
+            return self.of_size(relaxed, case, starts)
+        try:
+            found = self.within_budget(case)
+        except ArgumentError as error:
+            raise NoPlanError(error.message) from error
+        plain = {field.name: getattr(found, field.name) for field in fields(ExactPlan)}
+        return replace(ExactPlan(**plain), relaxed=relaxed, expected=None, warnings=())
+
+    def of_size(self, relaxed: RelaxedPlan, case: Case, starts: int) -> ExactPlan:
+        """The best plan of a case, whatever it costs.
 
         Raises:
             NoPlanError: There is no such plan, as so few experiments tell too little.
         """
         options = SearchOptions(seed=self.study.specification.seed, starts=starts)
         return find_plan(relaxed, case.size, case.distinct, options=options)
+
+    def within_budget(self, case: Case) -> ExactPlan:
+        """The best plan of a case that the budget pays for.
+
+        Raises:
+            ArgumentError: It pays for none.
+        """
+        # Given here, a budget that pays for too little is an error of this call.
+        return plan_study(self.study, case.size, case.optimised, cost_budget=self.budget)
 
     def expected(self, plan: Plan) -> ExpectedError | None:
         """Errors to expect in the test poses and around them; None where nothing tells them."""

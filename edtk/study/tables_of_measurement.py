@@ -246,7 +246,8 @@ class CostsTable(Table):
 
     A plan costs ``visits * visit + load changes * load_change``. One that visits poses under one
     load alone, or under none, needs no change; one with several loads visits all poses of a load,
-    then those of the next one.
+    then those of the next one. An experiment that measures a displacement from the unloaded pose
+    costs both visits, and a day of them begins without a load.
     """
 
     visit: Positive = Field(1.0, description="Cost of a visit of a pose without a load [any unit]")

@@ -23,7 +23,6 @@ from edtk.verbs.inputs import (
     as_table,
     content_of,
     files_of,
-    given_size,
     name_of,
     plan_of,
     require_output,
@@ -70,11 +69,6 @@ class OfCompliances(OfStudy):
 
         return Designs(study)
 
-    def _checked(self, call: PlanCall) -> PlanCall:
-        call = super()._checked(call)
-        given_size(call.size)
-        return call
-
     def _faults(self, given: Mapping[str, str]) -> Any:
         from edtk.calibration.detect import sized_faults
 
@@ -92,11 +86,12 @@ class OfCompliances(OfStudy):
 
         return plan_study(
             asked,
-            given_size(call.size),
+            call.size,
             criterion,
             distinct=call.distinct,
             kept=kept,
             budget=call.budget,
+            cost_budget=call.cost_budget,
             options=options,
         )
 
@@ -115,9 +110,7 @@ class OfCompliances(OfStudy):
         )
 
     def _proof(self, asked: Study, found: "ExactPlan") -> str:
-        from edtk.certificate.certificate import certificate_text
-
-        return certificate_text(asked, found)
+        return self._proof_of_day(asked, found, None)
 
     def _best_weights(
         self, asked: Study, criterion: str | None, call: RelaxCall, options: "RunOptions"
@@ -255,17 +248,6 @@ class OfGeometry(OfStudy):
 
         return sized_visit_faults(self.study, given)
 
-    def _require_certifiable(self, asked: Study, criterion: str | None, call: PlanCall) -> None:
-        super()._require_certifiable(asked, criterion, call)
-        costs = asked.specification.costs
-        limited = call.cost_budget is not None or (costs is not None and costs.budget is not None)
-        if limited and not criteria.get(criterion or asked.main_criterion).degree:
-            raise ArgumentError(
-                "plans within a budget of costs have none for this criterion, which is the same "
-                "for plans of any size; leave it out",
-                argument="certificate",
-            )
-
     def _best_plan(
         self,
         asked: Study,
@@ -303,12 +285,8 @@ class OfGeometry(OfStudy):
 
     def _proof(self, asked: Study, found: Any) -> str:
         from edtk.calibration.geometry_design.geometry_question import geometry_setting
-        from edtk.certificate.certificate import certificate_text
 
-        setting = geometry_setting(found.question)
-        if found.day is None:
-            return certificate_text(asked, found, setting)
-        return certificate_text(asked, found, setting, found.day, found.proofs)
+        return self._proof_of_day(asked, found, geometry_setting(found.question))
 
     def _best_weights(
         self, asked: Study, criterion: str | None, call: RelaxCall, options: "RunOptions"

@@ -158,11 +158,19 @@ class OfStudy(Question):
         """Check, before a long search, that its certificate can be written.
 
         Raises:
-            UserError: The criterion has parameters.
+            UserError: The criterion has parameters, or says nothing of plans of other sizes.
         """
         from edtk.certificate.certificate import require_certifiable
 
         require_certifiable(asked, criterion, call.certificate)
+        costs = asked.specification.costs
+        limited = call.cost_budget is not None or (costs is not None and costs.budget is not None)
+        if limited and not criteria.get(criterion or asked.main_criterion).degree:
+            raise ArgumentError(
+                "plans within a budget of costs have none for this criterion, which is the same "
+                "for plans of any size; leave it out",
+                argument="certificate",
+            )
 
     @abstractmethod
     def _best_plan(
@@ -182,6 +190,14 @@ class OfStudy(Question):
     @abstractmethod
     def _proof(self, asked: Study, found: Any) -> str:
         """The certificate of a plan."""
+
+    def _proof_of_day(self, asked: Study, found: Any, setting: dict[str, Any] | None) -> str:
+        """The same in a setting, with a proof for each set of loads that a budget pays for."""
+        from edtk.certificate.certificate import certificate_text
+
+        if found.day is None:
+            return certificate_text(asked, found, setting)
+        return certificate_text(asked, found, setting, found.day, found.proofs)
 
     def relax(self, call: RelaxCall) -> "RelaxedPlan":
         """The best weights over poses; see `edtk.relax`."""

@@ -107,8 +107,8 @@ def plan(
 
     Args:
         study: A study, the path of a study file, a `Problem`, or a `Region`.
-        size: Number of experiments m; kept experiments count. A problem or a study of geometry
-            with a budget of costs needs none.
+        size: Number of experiments m; kept experiments count. A problem or a study with a
+            budget of costs needs none.
         criterion: Name of the criterion to optimise; defaults to the study's main criterion. A
             problem or a region takes an object as well, and defaults to "D".
         seed: Seed of the search; defaults to the study's, and to 0 for a problem or a region.
@@ -122,8 +122,8 @@ def plan(
         most: How often each candidate may be measured, kept ones counted: a number (n,) for each,
             or one for all; 1 is a plan without replacement. Defaults to no limit.
         costs: Costs (n,) of one experiment with each candidate.
-        cost_budget: What the new experiments may cost together. For a study of geometry: what a
-            day may cost, load changes included, by the costs that the study says.
+        cost_budget: What the new experiments may cost together. For a study: what a day may
+            cost, load changes included, by the costs that the study says.
         blocks: Sizes of the blocks in which the experiments are made, each with an unknown effect
             of its own on all its readings. It is nuisance: only what differs within blocks counts.
         block_variance: Variance of random effects of blocks, in units of the noise; infinite, the

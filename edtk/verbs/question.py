@@ -49,7 +49,7 @@ REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
         "relax": _none_of(("seed",), "not for the relaxation of a region"),
     },
     "compliances": {
-        "plan": _none_of((*OF_PROBLEMS, "cost_budget"), "not for plans of a study"),
+        "plan": _none_of(OF_PROBLEMS, "not for plans of a study"),
     },
     "geometry": {
         "plan": {

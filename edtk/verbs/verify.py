@@ -10,14 +10,14 @@ import numpy as np
 
 from edtk.certificate.verify_certificate import Claim, Verification, verify_certificate
 from edtk.certificate.verify_problem import KIND, verify_problem
+from edtk.design.plan import Plan
 from edtk.design.problem import Problem
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.files import read_text
 from edtk.system.parsing import parse_json
 
 if TYPE_CHECKING:
-    from edtk.calibration.geometry_design.day_costs import DayCosts
-    from edtk.design.plan import Plan
+    from edtk.design.exact.day import DayCosts
     from edtk.study.study import Study
     from edtk.verbs.inputs import PlanLike, StudyLike
 
@@ -108,7 +108,8 @@ def _beside_study(
 ) -> tuple[Claim, Claim]:
     """The claims that a certificate's setting, and what it asks, are those of a study."""
     # Imported late: studies bring pydantic, which the check of a file alone need not pay.
-    from edtk.calibration.geometry_design.day_costs import DayCosts
+    from edtk.design.exact.day import DayCosts
+    from edtk.study.plan_study import day_costs
     from edtk.verbs.inputs import as_plan
     from edtk.verbs.of_kinds import of_study
 
@@ -118,7 +119,7 @@ def _beside_study(
     stated = content["setting"]
     keys = [*expected, *(key for key in stated if key not in expected)]
     other = [key for key in keys if stated.get(key) != expected.get(key)]
-    costs = DayCosts.of(known, cost_budget) or DayCosts()
+    costs = day_costs(known, cost_budget) or DayCosts()
     other += _other_costs(content, costs)
     reason = f"the study has another {', '.join(other)}" if other else ""
     questions = [
@@ -136,13 +137,11 @@ def _other_costs(content: dict[str, Any], costs: "DayCosts") -> list[str]:
     """What a day costs, where that is not what the study says."""
     if "day" not in content:
         return []
-    expected = {
-        "visit": costs.visit,
-        "loaded_visit": costs.loaded_visit,
-        "load_change": costs.change,
-        "load_changes": costs.changes,
-    }
-    return [f"cost {key}" for key, value in expected.items() if content["day"].get(key) != value]
+    stated = content["day"]
+    # The budget is another claim, and so is the size.
+    expected = replace(costs, budget=stated["budget"]).to_dict(stated["visits"]) or {}
+    keys = [*expected, *(key for key in stated if key not in expected)]
+    return [f"cost {key}" for key in keys if stated.get(key) != expected.get(key)]
 
 
 def _other_candidates(content: dict[str, Any], study: "Study") -> list[str]:
@@ -172,10 +171,7 @@ def _other_budget(content: dict[str, Any], costs: "DayCosts") -> list[str]:
         return []
     # A plan may be judged beside all plans of its size, whatever these cost.
     made = content["experiments"]
-    wrenches = np.array([row["wrench"] for row in made], dtype=float)
-    loads, which = np.unique(wrenches, axis=0, return_inverse=True)
-    visits = np.bincount(which.ravel(), [row["repeats"] for row in made])
-    spent = costs.total(loads, visits)
+    spent = costs.spent(Plan.from_dict({key: [row[key] for row in made] for key in made[0]}))
     if spent <= costs.budget * (1 + 1e-9):
         return []
     return [f"the study has a budget of {costs.budget:g}, and the plan costs {spent:g}"]

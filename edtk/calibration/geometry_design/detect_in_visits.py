@@ -16,9 +16,9 @@ from edtk.calibration.detect import (
     times_to_tell,
 )
 from edtk.calibration.detect import UNITS as SI
-from edtk.calibration.geometry_design.geometry_plan import visit_order
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import PositionRows
+from edtk.calibration.template import visit_order
 from edtk.design.candidate_source import sample_feasible
 from edtk.design.detection import LEVEL, Detection, Separation
 from edtk.design.plan import Plan

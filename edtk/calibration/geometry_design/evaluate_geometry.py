@@ -8,9 +8,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 import criteria
-from edtk.calibration.geometry_design.day_costs import PosesByLoad
-from edtk.calibration.geometry_design.day_search import SEARCHES
-from edtk.calibration.geometry_design.day_search import TOLERANCE as OF_PLANS
 from edtk.calibration.geometry_design.geometry_plan import ToldByPlan
 from edtk.calibration.geometry_design.geometry_question import (
     GeometryQuestion,
@@ -18,9 +15,10 @@ from edtk.calibration.geometry_design.geometry_question import (
     marker_tasks,
 )
 from edtk.calibration.geometry_design.geometry_space import MM, GeometrySpace, PositionRows
-from edtk.calibration.geometry_design.plan_geometry import plan_geometry
-from edtk.calibration.geometry_design.visit_search import STARTS, VisitSearch
+from edtk.calibration.geometry_design.plan_geometry import OF_PLANS, SEARCHES, plan_geometry
+from edtk.design.exact.day import PosesByLoad
 from edtk.design.exact.exact_plan import ExactPlan, NoPlanError, require_enough
+from edtk.design.exact.visit_search import STARTS, VisitSearch
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relax_poses import RelaxOptions
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
@@ -35,7 +33,6 @@ from edtk.study.plan_study import no_progress, study_errors
 from edtk.study.plausibility import poor_around
 from edtk.study.study import Study
 from edtk.study.study_run import Case, Designs
-from edtk.system.errors import ArgumentError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
@@ -244,24 +241,12 @@ class GeometryDesigns(Designs):
             tolerance=tolerance, progress=progress, stop=lambda plan: searches >= SEARCHES
         )
 
-    @property
-    def has_budget(self) -> bool:
-        """Whether the study says what a day may cost."""
-        costs = self.study.specification.costs
-        return costs is not None and costs.budget is not None
-
-    def distinct(self, sizes: range) -> range:
-        """Numbers of distinct visits for which plans are searched; none within a budget."""
-        return range(0) if self.has_budget else sizes
-
-    def search(self, relaxed: RelaxedPlan, case: Case, starts: int) -> ExactPlan:
-        """The best plan of a case, within the study's budget if it has one.
+    def of_size(self, relaxed: RelaxedPlan, case: Case, starts: int) -> ExactPlan:
+        """The best plan of a case, whatever it costs.
 
         Raises:
-            NoPlanError: So few visits tell too little, or a budget does not pay for them.
+            NoPlanError: So few visits tell too little.
         """
-        if self.has_budget:
-            return self._within_budget(relaxed, case)
         since = monotonic()
         space = self.question.space
         criterion = relaxed.criterion
@@ -273,42 +258,15 @@ class GeometryDesigns(Designs):
             space, relaxed, criterion, seed, no_progress, starts=min(starts, STARTS)
         )
         found = search.of_size(case.size, case.distinct)
-        plan = space.plan(found.x, found.repeats)
-        cost = float(criterion.cost(space.information(plan)))
+        best = ExactPlan.of(relaxed, found)
+        cost = float(criterion.cost(space.information(best.plan)))
         if not np.isfinite(cost):
             raise NoPlanError(f"so few visits cannot tell what {criterion.label} needs")
-        return ExactPlan(
-            relaxed,
-            plan,
-            None,
-            cost,
-            found.starts,
-            found.found,
-            found.optima,
-            monotonic() - since,
-            found.ended,
-        )
+        return replace(best, cost=cost, seconds=monotonic() - since)
 
-    def _within_budget(self, relaxed: RelaxedPlan, case: Case) -> ExactPlan:
-        """The same, where a day pays for some loads alone."""
-        costs = self.study.specification.costs
-        budget = None if costs is None else costs.budget
-        try:
-            # Given here, a budget that pays for too little is an error of this call.
-            found = plan_geometry(self.study, case.size, case.optimised, cost_budget=budget)
-        except ArgumentError as error:
-            raise NoPlanError(error.message) from error
-        return ExactPlan(
-            relaxed,
-            found.plan,
-            None,
-            found.cost,
-            found.starts,
-            found.found,
-            found.optima,
-            found.seconds,
-            found.ended,
-        )
+    def within_budget(self, case: Case) -> ExactPlan:
+        """The best plan of a case that the budget pays for."""
+        return plan_geometry(self.study, case.size, case.optimised, cost_budget=self.budget)
 
     @cached_property
     def tasks(self) -> Tasks:

@@ -1,19 +1,16 @@
 """A plan of visits for a study of geometry, by load, with what it tells, and its sheet."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.calibration.geometry_design.day_costs import DayCosts, PosesByLoad
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import PositionRows
-from edtk.calibration.template import visiting_order
-from edtk.design.bound import Bound
-from edtk.design.exact.exact_plan import ExactPlan
+from edtk.calibration.template import visit_order
+from edtk.design.exact.day import DayPlan, PosesByLoad
 from edtk.design.plan import Plan
-from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.fit.geometry.fit_geometry import stages
 from edtk.fit.geometry.marker_positions import VECTOR
 from edtk.measure.parameters import Identifiable, identifiable
@@ -66,38 +63,16 @@ class ToldByPlan:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class GeometryPlan(ExactPlan):
+class GeometryPlan(DayPlan):
     """The best plan of visits that a search has found.
 
     Attributes:
         question: The question of the study.
-        bound_of_all: No plan within the same size and budget costs less, whatever loads it uses.
-        costs: What visits and load changes cost; None where nobody said.
-        tried: Loads that a plan within the budget may visit, as indices of `question.wrenches`,
-            with the cost of the best plan of them; none where nothing limits the loads.
-        asked: Number of new visits that were asked for; None where the budget decides.
-        proofs: The relaxations of all sets of loads that the budget pays for, on which the bound
-            rests; none of a set that cannot tell what the criterion needs.
         rho0: Error of the markers to expect in the test poses [m]; None without any.
     """
 
     question: GeometryQuestion
-    bound_of_all: Bound
-    costs: DayCosts | None = None
-    tried: dict[tuple[int, ...], float] = field(default_factory=dict)
     rho0: float | None = None
-    asked: int | None = None
-    proofs: dict[tuple[int, ...], RelaxedPlan] = field(default_factory=dict)
-
-    @property
-    def lower_bound(self) -> Bound:
-        """The bound on the cost of every plan within the same size and budget."""
-        return self.bound_of_all
-
-    @property
-    def bound_gap(self) -> float:
-        """Relative gap between the bound and the best weights."""
-        return self.bound_of_all.gap
 
     @property
     def poses(self) -> PosesByLoad:
@@ -117,38 +92,12 @@ class GeometryPlan(ExactPlan):
             return np.zeros(len(every), dtype=int)
         return self.poses.visits_of(self.kept)
 
-    @property
-    def spent(self) -> float | None:
-        """What the new visits cost, load changes included; None where nobody said."""
-        if self.costs is None:
-            return None
-        new = PosesByLoad.of(self.plan, self.question.wrenches, self.robot)
-        return self.costs.total(new.wrenches, new.visits.sum(axis=0))
-
-    @property
-    def day(self) -> dict[str, Any] | None:
-        """What visits cost and may cost, as a certificate holds it; None without a budget."""
-        costs = self.costs
-        if costs is None or costs.budget is None:
-            return None
-        return {
-            "visit": costs.visit,
-            "loaded_visit": costs.loaded_visit,
-            "load_change": costs.change,
-            "load_changes": costs.changes,
-            "budget": costs.budget,
-            "visits": self.asked,
-        }
-
     def to_dict(self) -> dict[str, Any]:
-        """Plain numbers, as of other plans, with costs, loads and what is identified."""
-        found = super().to_dict()
+        """Plain numbers, as of other plans, with loads and what is identified."""
         poses = self.poses
-        new = PosesByLoad.of(self.plan, self.question.wrenches, self.robot)
-        loads = int(np.count_nonzero(new.visits.sum(axis=0)))
-        costs = self.costs
         return {
-            **found,
+            "costs": None,
+            **super().to_dict(),
             "rank": self.question.model.p,
             "structural_rank": self.question.structural.p,
             "parameters": [one.name for one in self.question.model.parameters],
@@ -156,14 +105,6 @@ class GeometryPlan(ExactPlan):
             "rho0_mm": None if self.rho0 is None else 1e3 * self.rho0,
             "loads": poses.wrenches.tolist(),
             "poses": poses.to_list(),
-            "costs": None
-            if costs is None
-            else {
-                "spent": self.spent,
-                "budget": costs.budget,
-                "load_changes": costs.changes_of(loads),
-                "unit": costs.unit,
-            },
         }
 
 
@@ -199,23 +140,3 @@ def _turn_columns(study: Study, markers: tuple[str, ...]) -> list[str]:
     if set(VECTOR) & set(pose_columns(study.robot)):
         return [f"{name}_{column}" for name in markers for column in VECTOR]
     return list(VECTOR)
-
-
-def visit_order(study: Study, plan: Plan) -> Indices:
-    """Indices of the plan's poses in the order in which they are visited, repeats included."""
-    lower, upper = study.robot.limits
-    span = upper - lower
-    loads = np.unique(plan.wrench, axis=0)
-    loads = loads[np.argsort(loads.any(axis=1), kind="stable")]
-    costs = DayCosts.of(study)
-    changes = len(loads) - 1 if costs is None else costs.changes_of(len(loads))
-    rounds: list[list[Indices]] = []
-    for i, load in enumerate(loads):
-        own = np.flatnonzero((plan.wrench == load).all(axis=1))
-        path = own[visiting_order(plan.q[own], span)]
-        visits = np.repeat(path, plan.repeats[path])
-        # Load i is on in every len(loads)-th of changes + 1 stretches of the day.
-        stretches = len(range(i, changes + 1, len(loads)))
-        rounds.append(np.array_split(visits, stretches))
-    taken = [rounds[i % len(loads)][i // len(loads)] for i in range(changes + 1)]
-    return np.concatenate(taken)

@@ -1,7 +1,6 @@
 """Where experiments of a study of geometry may lie, and what markers tell there."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -12,8 +11,6 @@ from edtk.design.problem import Problem, rows_of_blocks
 from edtk.measure.geometric_model import GeometricModel
 from edtk.measure.noise import PositionNoise
 from edtk.measure.nominal_columns import NominalColumns, PlacedColumns
-from edtk.robots.loads.fixed_load import FixedLoad
-from edtk.robots.loads.listed_load import ListedLoad
 from edtk.study.study_geometry import StudyLoads
 from edtk.system.typing import Array, Indices
 
@@ -184,14 +181,11 @@ class GeometrySpace(DesignSpace):
         geometry: Markers and parameters, in the parameters' own units.
         errors: The errors of a visit.
         loads: What loads the joints; None without springs.
-        prices: What a visit costs under each load (loads,): the information of a candidate is then
-            that for one unit of costs; None where visits are counted.
     """
 
     geometry: GeometricModel
     errors: PositionNoise
     loads: StudyLoads | None
-    prices: Array | None = None
 
     @property
     def p(self) -> int:
@@ -233,43 +227,22 @@ class GeometrySpace(DesignSpace):
     def _rows(self) -> PositionRows:
         return PositionRows(self.geometry, self.loads, self.errors)
 
-    def with_loads(self, wrenches: Array, chosen: Sequence[int]) -> "GeometrySpace":
-        """The same poses under some loads alone.
-
-        Args:
-            wrenches: All loads (s, 6) [N, N m].
-            chosen: Indices of those that visits may have.
-        """
-        own = wrenches[list(chosen)]
-        return replace(self, load=FixedLoad(own[0]) if len(own) == 1 else ListedLoad(own))
-
-    def load_of(self, x: Array) -> Indices:
-        """Index (m,) of the load of each visit x (m, v), among those of this space."""
-        u = x[:, len(self.fixed) :]
-        return np.rint(u[:, 0]).astype(int) if u.shape[1] else np.zeros(len(x), dtype=int)
-
     def rows(self, x: Array) -> Array:
         """Whitened rows (m, r markers, p) of experiments x (m, v), for one unit of costs each."""
         q, wrench = self._visits(x)
-        return self._rows(q, wrench) * self._shares(x)[:, None, None]
+        return self._rows(q, wrench) * self.shares(x)[:, None, None]
 
     def slopes(self, x: Array, B: Array) -> Array:
         """Derivatives (m, v) of ``<B, rows>`` by all design variables, weights B held fixed."""
         q, wrench = self._visits(x)
         found = np.zeros(x.shape)
-        found[:, : q.shape[1]] = self._rows.slopes(q, wrench, B * self._shares(x)[:, None, None])
+        found[:, : q.shape[1]] = self._rows.slopes(q, wrench, B * self.shares(x)[:, None, None])
         return found
 
     def _visits(self, x: Array) -> tuple[Array, Array]:
         """Poses (m, n) and wrenches (m, 6) of experiments."""
         n = len(self.fixed)
         return x[:, :n], np.array(self.load.wrench(x[:, n:]))
-
-    def _shares(self, x: Array) -> Array:
-        """Factors (m,) of the rows: the root of the part of a visit that one unit of costs pays."""
-        if self.prices is None:
-            return np.ones(len(x))
-        return np.asarray(1.0 / np.sqrt(self.prices[self.load_of(x)]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ class Day:
     """Costs of visits and of load changes, and the budget.
 
     A plan with s loads, none counted as one, needs s - 1 load changes; of several loads the study
-    may ask for more.
+    may ask for more. Where experiments are pairs, each visits its pose without its load, too.
 
     Attributes:
         visit: Cost of a visit without a load.
@@ -30,7 +30,8 @@ class Day:
         change: Cost of a load change.
         changes: Changes of a plan with several loads; None for the least number.
         budget: What the new visits may cost together.
-        visits: Number of new visits; None where the budget decides.
+        visits: Number of new experiments; None where the budget decides.
+        paired: Whether experiments are pairs of visits.
     """
 
     visit: float
@@ -39,6 +40,7 @@ class Day:
     changes: int | None
     budget: float
     visits: int | None
+    paired: bool = False
 
     @classmethod
     def from_dict(cls, content: Any) -> "Day":
@@ -47,7 +49,10 @@ class Day:
         Raises:
             ValueError: A part is missing, or is not what it should be.
         """
-        content = table(content, KEYS, "day")
+        content = table(content, KEYS, "day", ("paired",))
+        paired = content.get("paired", False)
+        if not isinstance(paired, bool):
+            raise ValueError("day.paired: expected true or false")
         costs = {name: number(content[name], f"day.{name}") for name in (*KEYS[:3], "budget")}
         if min(costs["visit"], costs["loaded_visit"]) <= 0 or costs["load_change"] < 0:
             raise ValueError("day: expected costs above zero, and of load changes none below it")
@@ -59,14 +64,17 @@ class Day:
             None if changes is None else whole(changes, 0, MOST_CHANGES, "day.load_changes"),
             costs["budget"],
             None if visits is None else whole(visits, 1, MOST_VISITS, "day.visits"),
+            paired,
         )
 
     def price(self, wrench: Array) -> Array:
-        """Costs (k,) of a visit under each of some wrenches (k, 6)."""
+        """Costs (k,) of an experiment under each of some wrenches (k, 6)."""
+        if self.paired:
+            return np.full(len(wrench), self.visit + self.loaded_visit)
         return np.where(np.any(wrench != 0, axis=1), self.loaded_visit, self.visit)
 
     def total(self, wrench: Array, amount: Array) -> float:
-        """What visits cost under some wrenches (k, 6), load changes included."""
+        """What experiments cost under some wrenches (k, 6), load changes included."""
         loads = len(np.unique(wrench, axis=0))
         return float(self.price(wrench) @ amount + self.change * self._changes_of(loads))
 
@@ -99,5 +107,5 @@ class Day:
 
     def _changes_of(self, loads: int) -> int:
         """Load changes of a plan with so many loads."""
-        least = loads - 1
-        return least if loads < 2 or self.changes is None else max(self.changes, least)
+        least = loads - 1 + self.paired
+        return least if least < 1 or self.changes is None else max(self.changes, least)

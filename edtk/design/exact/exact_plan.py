@@ -21,7 +21,7 @@ from edtk.measure.expected_error import ErrorBudget, ExpectedError, TaskAccuracy
 from edtk.measure.pose_table import WRENCH_COLUMNS, in_file_units
 from edtk.robots.robot import Robot
 from edtk.robots.workspace import joints_on_limits
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -130,6 +130,29 @@ def _smallest_size_for(criterion: Criterion, problem: Problem) -> int:
 
 
 @dataclass(frozen=True, eq=False)
+class FoundPlan:
+    """The best plan of a search, before anybody says what it is worth.
+
+    Attributes:
+        x: Design variables (k, v) of its experiments.
+        repeats: How often each is made (k,).
+        cost: Its cost, of what is known besides too.
+        starts: Number of starts.
+        found: How many of the refined plans came out as this one.
+        optima: How many different plans they came out as.
+        ended: Why the search ended: "stagnation", "starts", "budget" or "interrupted".
+    """
+
+    x: Array
+    repeats: Indices
+    cost: float
+    starts: int
+    found: int
+    optima: int
+    ended: str
+
+
+@dataclass(frozen=True, eq=False)
 class ExactPlan(BoundedDesign):
     """The best plan of m experiments that a search has found.
 
@@ -170,6 +193,21 @@ class ExactPlan(BoundedDesign):
     separations: tuple[Separation, ...] = ()
     with_prior: bool = False
     tasks: TaskAccuracy | None = None
+
+    @classmethod
+    def of(cls, relaxed: RelaxedPlan, found: FoundPlan, kept: Plan | None = None) -> "ExactPlan":
+        """The plan that a search has found from a relaxation, whose bound holds for it too."""
+        return cls(
+            relaxed=relaxed,
+            plan=relaxed.space.plan(found.x, found.repeats),
+            kept=kept,
+            cost=found.cost,
+            starts=found.starts,
+            found=found.found,
+            optima=found.optima,
+            seconds=0.0,
+            ended=found.ended,
+        )
 
     @property
     def robot(self) -> Robot:

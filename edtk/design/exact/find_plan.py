@@ -11,7 +11,7 @@ from criteria.linalg.estimable import range_whitener
 from edtk.design.candidate_source import Candidates, CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.design.exact.apportion import apportion
-from edtk.design.exact.exact_plan import ExactPlan, require_enough
+from edtk.design.exact.exact_plan import ExactPlan, FoundPlan, require_enough
 from edtk.design.exact.refine import draw_starts, exchange_and_refine, refine, tidy
 from edtk.design.exact.round_poses import round_poses
 from edtk.design.exact.search_record import (
@@ -249,14 +249,17 @@ def find_plan(
     """
     since = monotonic()
     with time_limit(options.seconds):
-        found = _found(relaxed, m, places, kept, options)
-    return replace(found, seconds=monotonic() - since)
+        found = search_plan(relaxed, m, places, kept, options)
+    if relaxed.searched_bound is None:
+        # The poses of the plan are no candidates, and the bound has to hold for them, too.
+        relaxed = relaxed.holding_for(found.x)
+    return replace(ExactPlan.of(relaxed, found, kept), seconds=monotonic() - since)
 
 
-def _found(
+def search_plan(
     relaxed: RelaxedPlan, m: int, places: int | None, kept: Plan | None, options: SearchOptions
-) -> ExactPlan:
-    """`find_plan` within the time that is left."""
+) -> FoundPlan:
+    """The search of `find_plan`, within the time that is left."""
     space = relaxed.space
     searched = space.alone if places is None else space
     if places is None:
@@ -281,15 +284,12 @@ def _found(
             record.improve(costs, Plans(x, best.repeats))
         # An interrupted search has a best plan all the same, which is tidied like any other.
         x, repeats = _tidied(relaxed, searched, record, kept)
-    plan = space.plan(x, repeats.astype(int))
-    if relaxed.searched_bound is None:
-        # The poses of the plan are no candidates, and the bound has to hold for them, too.
-        relaxed = relaxed.holding_for(x)
     # The cost is that of the plan as it is written, whatever the search believed.
+    plan = space.plan(x, repeats.astype(int))
     cost = float(relaxed.criterion.cost(space.information_beside(kept, plan)))
     found, optima = record.census()
     starts = record.batches * BATCH_SIZE
-    return ExactPlan(relaxed, plan, kept, cost, starts, found, optima, 0.0, ended)
+    return FoundPlan(x, repeats.astype(int), cost, starts, found, optima, ended)
 
 
 def _rounds_well(relaxed: RelaxedPlan, m: int, places: int) -> bool:

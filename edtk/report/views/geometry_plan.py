@@ -1,15 +1,20 @@
 """Plans of visits for studies of geometry, and their worth."""
 
-import numpy as np
-
 import criteria
-from edtk.calibration.geometry_design.day_costs import PosesByLoad
 from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
 from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+from edtk.design.exact.day import PosesByLoad
 from edtk.measure.pose_table import in_file_units, pose_columns
 from edtk.report.tables import name_width, number_columns
-from edtk.report.views.plan import among, on_limits, reach, search_summary, shown_faults
+from edtk.report.views.plan import (
+    among,
+    costs_of_day,
+    on_limits,
+    reach,
+    search_summary,
+    shown_faults,
+)
 from edtk.system.typing import Array
 
 
@@ -29,7 +34,7 @@ def geometry_plan_text(found: GeometryPlan) -> str:
         *_identified(found),
         *_rho0(found),
         *visits_by_load(poses),
-        *_costs(found),
+        *costs_of_day(found),
         *shown_faults(found.robot, found.detections, found.separations, "the parameters"),
         search_summary(found.starts, found.seconds, found.found, found.optima),
     ]
@@ -90,29 +95,6 @@ def _wrench(W: Array) -> str:
         if part.any()
     ]
     return ", ".join(parts)
-
-
-def _costs(found: GeometryPlan) -> list[str]:
-    """What the day costs, and what other loads would have brought."""
-    costs = found.costs
-    if costs is None or found.spent is None:
-        return []
-    unit = f" {costs.unit}".rstrip()
-    new = PosesByLoad.of(found.plan, found.question.wrenches, found.robot)
-    visits = new.visits.sum(axis=0)
-    changes = costs.changes_of(int(np.count_nonzero(visits)))
-    plural = "" if changes == 1 else "s"
-    limit = "" if costs.budget is None else f" of {costs.budget:g}{unit}"
-    lines = [
-        f"costs {found.spent:g}{unit}{limit}: {visits.sum()} visits and {changes} load "
-        f"change{plural} of {costs.change:g}{unit}"
-    ]
-    for loads, cost in found.tried.items():
-        names = " and ".join("no load" if not i else _name(new, i) for i in loads)
-        efficiency = 100 * found.lower_bound.efficiency(cost) if np.isfinite(cost) else None
-        told = "cannot be better" if efficiency is None else f"efficiency {efficiency:.2f} %"
-        lines.append(f"  with {names} alone: {told}")
-    return lines
 
 
 def _table(found: GeometryPlan, poses: PosesByLoad) -> list[str]:

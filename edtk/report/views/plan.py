@@ -7,6 +7,7 @@ import numpy as np
 
 from edtk.design.bound import BoundKind
 from edtk.design.detection import ENOUGH, Detection, Separation
+from edtk.design.exact.day import DayPlan
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.plan import Plan
 from edtk.measure.pose_table import WRENCH_COLUMNS, in_file_units, pose_columns
@@ -17,6 +18,7 @@ from edtk.report.tables import notebook_table, number_columns, text_table
 from edtk.report.views.calibration import error_budget
 from edtk.robots.robot import Robot
 from edtk.robots.workspace import on_limits_in_words
+from edtk.system.typing import Array
 
 NO_BUDGET = "no error budget: it needs [simulation], and a plan that tells all compliances"
 CUT_OFF = 1e-3  # relative gap of a bound beyond which a person is told
@@ -146,6 +148,7 @@ def exact_plan_text(found: ExactPlan) -> str:
         f"  efficiency  {100 * found.efficiency:.2f} %{among(found)}",
         *_budget(found),
         *([] if found.expected is None else [str(found.expected)]),
+        *costs_of_day(found),
         *shown_faults(found.robot, found.detections, found.separations),
         search_summary(found.starts, found.seconds, found.found, found.optima),
     ]
@@ -186,6 +189,38 @@ def reach(found: ExactPlan) -> str:
     if np.isfinite(found.bound_gap):
         too_good = f"up to {100 * found.bound_gap:.2g} % too optimistic"
     return f"{reach}; its search was stopped early: it may be {too_good}"
+
+
+def costs_of_day(found: ExactPlan) -> list[str]:
+    """What the day costs, and what other loads would have brought; nothing where nobody said."""
+    costs = found.costs if isinstance(found, DayPlan) else None
+    if costs is None or not isinstance(found, DayPlan):
+        return []
+    unit = f" {costs.unit}".rstrip()
+    changes = costs.changes_in(found.plan)
+    plural = "" if changes == 1 else "s"
+    limit = "" if costs.budget is None else f" of {costs.budget:g}{unit}"
+    what = "experiments, each without its load and with it," if costs.paired else "visits"
+    lines = [
+        f"costs {found.spent:g}{unit}{limit}: {found.plan.experiments} {what} and {changes} load "
+        f"change{plural} of {costs.change:g}{unit}"
+    ]
+    for loads, cost in found.tried.items():
+        names = " and ".join(_load_names(found.wrenches)[i] for i in loads)
+        efficiency = 100 * found.lower_bound.efficiency(cost) if np.isfinite(cost) else None
+        told = "cannot be better" if efficiency is None else f"efficiency {efficiency:.2f} %"
+        lines.append(f"  with {names} alone: {told}")
+    return lines
+
+
+def _load_names(wrenches: Array | None) -> list[str]:
+    """What the loads (s, 6) of a day are called: no load, and the others by their numbers."""
+    loaded = [] if wrenches is None else [bool(W.any()) for W in wrenches]
+    several = sum(loaded) > 1
+    return [
+        "no load" if not own else f"load {sum(loaded[: i + 1])}" if several else "load"
+        for i, own in enumerate(loaded)
+    ]
 
 
 def _experiments(found: ExactPlan) -> list[str]:

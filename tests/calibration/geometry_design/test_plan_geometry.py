@@ -167,12 +167,6 @@ def test_what_cannot_be_planned(
         plan_geometry(STUDY.replace(**keys), **arguments)
 
 
-def test_costs_belong_to_geometry() -> None:
-    """A study of compliances alone does not pass them over in silence."""
-    with pytest.raises(edtk.UserError, match="costs: plans of compliances alone do not heed it"):
-        STUDY.replace(costs=FREE, parameters=None, joints={"unknown": ["q1", "q2"]})
-
-
 def test_fixed_joints_leave_something_open() -> None:
     """What no feasible pose tells is named; a task that depends on it is refused."""
     fixed = STUDY.replace(joints={"fixed_deg": {"q2": -60}}, criterion="D", test_pose=None)

@@ -5,22 +5,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from criteria import Criterion, Relaxable
-from edtk.calibration.geometry_design.day_costs import MOST_VISITS
-from edtk.calibration.geometry_design.geometry_space import GeometrySpace
+from criteria import Criterion
 from edtk.design.candidate_source import Candidates
+from edtk.design.design_space import DesignSpace
 from edtk.design.exact.apportion import apportion
 from edtk.design.exact.counts.find_counts import find_counts
 from edtk.design.exact.counts.limits import Limits
+from edtk.design.exact.exact_plan import FoundPlan
 from edtk.design.exact.exchange import exchange
 from edtk.design.exact.refine import exchange_in_turn, refine
 from edtk.design.exact.round_poses import round_plan
-from edtk.design.plan import Plan
 from edtk.design.problem import Problem, RankDeficientError
 from edtk.design.relaxation.proof import normalised
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
-from edtk.measure.geometric_model import GeometricModel
-from edtk.system.errors import ArgumentError, UserError
+from edtk.system.errors import UserError
 from edtk.system.time_limit import out_of_time, time_limit
 from edtk.system.typing import Array, Indices
 
@@ -39,98 +37,9 @@ WEIGHTY = 0.5  # part of the starts that are drawn by the weights of the relaxat
 SEED = 2  # the stream of random numbers that starts come from
 
 
-def new_visits(size: int | None, kept: Plan | None) -> int | None:
-    """Number of new visits; None where the budget decides.
-
-    Args:
-        size: Number of visits in all; None where the budget decides.
-        kept: Visits that were made already.
-
-    Raises:
-        ArgumentError: There is nothing to plan, or the visits are too many.
-    """
-    if size is None:
-        return None
-    count = 0 if kept is None else kept.experiments
-    if size - count < 1:
-        message = f"{count} experiments are kept; expected more than that"
-        raise ArgumentError(message, argument="size", given=size)
-    if size - count > MOST_VISITS:
-        message = f"plans of more than {MOST_VISITS} new visits are not searched for"
-        raise ArgumentError(message, argument="size", given=size)
-    return size - count
-
-
-def too_few_visits(
-    model: GeometricModel,
-    criterion: Relaxable,
-    new: int | None,
-    kept: Plan | None,
-    budget: float | None,
-    distinct: int | None,
-    least: int | None,
-) -> ArgumentError:
-    """The error of visits that leave open what a criterion needs.
-
-    Args:
-        model: What the visits tell about.
-        criterion: The criterion.
-        new: Number of new visits; None where the budget decides.
-        kept: Visits that were made already.
-        budget: What the new visits may cost; None for any costs.
-        distinct: Number of different new visits at most; None for any number.
-        least: Visits that tell all parameters apart; defaults to those with as many rows.
-    """
-    if new is None and distinct is not None:
-        message = f"so few different visits cannot tell what {criterion.name} needs"
-        return ArgumentError(message, argument="distinct", given=distinct)
-    message = f"so few visits cannot tell what {criterion.name} needs; expected more"
-    if criterion.needs_all:
-        message = _all_parameters(model, least)
-    if new is None:
-        return ArgumentError(message, argument="cost_budget", given=budget)
-    count = 0 if kept is None else kept.experiments
-    return ArgumentError(message, argument="size", given=new + count)
-
-
-def _all_parameters(model: GeometricModel, least: int | None) -> str:
-    """How many visits tell all parameters apart."""
-    count = len(model.markers)
-    least = least or -(-model.p // (model.row_count * count))
-    poses = "full poses of " if model.rows == "pose" else ""
-    plural = "s" if count > 1 else ""
-    return (
-        f"so few visits cannot tell {model.p} parameters apart; expected {least} or more, "
-        f"each of {poses}{count} marker{plural}"
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class FoundVisits:
-    """The best plan of a search.
-
-    Attributes:
-        x: Design variables (k, v) of its visits.
-        repeats: How often each is made (k,).
-        cost: Its cost.
-        starts: Number of starts.
-        found: How many of the refined plans came out as this one.
-        optima: How many different plans they came out as.
-        ended: Why the search ended: "starts", "budget" or "interrupted".
-    """
-
-    x: Array
-    repeats: Indices
-    cost: float
-    starts: int
-    found: int
-    optima: int
-    ended: str
-
-
 @dataclass(frozen=True, eq=False)
 class VisitSearch:
-    """A search for the best visits in a space of geometry.
+    """A search for the best visits in a space of many parameters.
 
     Places are exchanged among the poses of the relaxation and the candidates of largest
     sensitivity. Then all joints of a plan move together to an optimum nearby (`refine`), places
@@ -146,14 +55,14 @@ class VisitSearch:
         starts: Number of starts.
     """
 
-    space: GeometrySpace
+    space: DesignSpace
     relaxed: RelaxedPlan
     criterion: Criterion
     seed: int
     progress: Callable[[str, float], object]
     starts: int = STARTS
 
-    def of_size(self, m: int, distinct: int | None = None) -> FoundVisits:
+    def of_size(self, m: int, distinct: int | None = None) -> FoundPlan:
         """The best plan of m visits, whatever each costs.
 
         Args:
@@ -175,7 +84,7 @@ class VisitSearch:
 
     def within(
         self, prices: Array, funds: float, m: int, sized: bool, distinct: int | None = None
-    ) -> FoundVisits | None:
+    ) -> FoundPlan | None:
         """The best plan whose visits cost no more than some funds.
 
         Args:
@@ -275,7 +184,7 @@ class VisitSearch:
 
     def _finished(
         self, x: Array, repeats: Array, pool: Candidates | None, starts: int
-    ) -> FoundVisits:
+    ) -> FoundPlan:
         """The best of some plans (b, k) after refinement, in poses that a controller takes."""
         ended = "starts"
         costs = np.asarray(self.criterion.cost(self.space.at(x).information(repeats))).reshape(-1)
@@ -320,7 +229,7 @@ class VisitSearch:
         places, costs = exchange(pool.problem, self.criterion, places, repeats, thorough=False)
         return places, repeats, costs
 
-    def _rounded(self, x: Array, repeats: Array, search: tuple[int, int, int, str]) -> FoundVisits:
+    def _rounded(self, x: Array, repeats: Array, search: tuple[int, int, int, str]) -> FoundPlan:
         """One plan (k, v), refined to the end and rounded to the steps of the controller."""
         starts, found, optima, ended = search
         used = repeats > 0
@@ -331,7 +240,7 @@ class VisitSearch:
         order = np.lexsort((*np.round(x.T[::-1], 9), self.space.load_of(x)))
         x, repeats = x[order], repeats[order]
         cost = float(self.criterion.cost(self.space.problem(x).information(repeats)))
-        return FoundVisits(x, repeats.astype(int), cost, starts, found, optima, ended)
+        return FoundPlan(x, repeats.astype(int), cost, starts, found, optima, ended)
 
 
 def _counted(starts: int) -> str:

@@ -1,16 +1,18 @@
-"""What visits of a day cost and what its budget leaves; the poses of a plan by load."""
+"""What a day costs and what its budget leaves, a plan for it, and its poses by load."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 
+from edtk.design.bound import Bound
+from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.plan import Plan
+from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.measure.pose_table import in_file_units
 from edtk.robots.robot import Robot
-from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Indices
 
@@ -25,7 +27,8 @@ class DayCosts:
 
     The poses of one load are visited together, so that a plan with s loads, none counted as one,
     needs s - 1 changes: that with which the day begins is mounted beforehand. Where drift asks for
-    more, the study says how many.
+    more, the study says how many. An experiment that measures how far a load moves the tool visits
+    its pose twice, without the load and with it.
 
     Attributes:
         visit: Cost of a visit without a load.
@@ -34,6 +37,7 @@ class DayCosts:
         changes: Changes of a plan with several loads; None for the least number.
         budget: What a plan may cost; None for any.
         unit: What costs are counted in; may be empty.
+        paired: Whether each experiment needs a visit of its pose without the load, too.
     """
 
     visit: float = 1.0
@@ -42,42 +46,51 @@ class DayCosts:
     changes: int | None = None
     budget: float | None = None
     unit: str = ""
-
-    @classmethod
-    def of(cls, study: Study, budget: float | None = None) -> "DayCosts | None":
-        """Those of a study; None where neither it nor the call says any.
-
-        Args:
-            study: The study.
-            budget: What a plan may cost, in place of the study's own.
-        """
-        given = study.specification.costs
-        if given is None:
-            return None if budget is None else cls(budget=budget)
-        return cls(
-            given.visit,
-            given.visit if given.loaded_visit is None else given.loaded_visit,
-            given.load_change,
-            given.load_changes,
-            given.budget if budget is None else budget,
-            given.unit,
-        )
+    paired: bool = False
 
     def prices(self, wrenches: Array) -> Array:
-        """Costs (s,) of a visit under each wrench (s, 6)."""
+        """Costs (s,) of an experiment under each wrench (s, 6)."""
+        if self.paired:
+            return np.full(len(wrenches), self.visit + self.loaded_visit)
         return np.where(wrenches.any(axis=1), self.loaded_visit, self.visit)
 
     def changes_of(self, loads: int) -> int:
-        """Load changes of a plan that visits poses under so many loads, none counted as one."""
-        least = loads - 1
-        if loads < 2 or self.changes is None:
+        """Load changes of a plan that visits poses under so many loads, none counted as one.
+
+        Where experiments are pairs, none comes on top of their loads.
+        """
+        least = loads - 1 + self.paired
+        if least < 1 or self.changes is None:
             return least
         return max(self.changes, least)
 
     def total(self, wrenches: Array, visits: Indices) -> float:
-        """What a plan costs with so many visits (s,) under each wrench (s, 6)."""
+        """What a plan costs with so many experiments (s,) under each wrench (s, 6)."""
         loads = int(np.count_nonzero(visits))
         return float(self.prices(wrenches) @ visits + self.change * self.changes_of(loads))
+
+    def spent(self, plan: Plan) -> float:
+        """What a plan costs."""
+        wrenches, which = np.unique(plan.wrench, axis=0, return_inverse=True)
+        return self.total(wrenches, np.bincount(which.ravel(), plan.repeats))
+
+    def changes_in(self, plan: Plan) -> int:
+        """Load changes of a plan."""
+        return self.changes_of(len(np.unique(plan.wrench, axis=0)))
+
+    def to_dict(self, visits: int | None) -> dict[str, Any] | None:
+        """What a certificate says of a day with so many new experiments; None without a budget."""
+        if self.budget is None:
+            return None
+        return {
+            "visit": self.visit,
+            "loaded_visit": self.loaded_visit,
+            "load_change": self.change,
+            "load_changes": self.changes,
+            "budget": self.budget,
+            "visits": visits,
+            **({"paired": True} if self.paired else {}),
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,19 +98,22 @@ class DayBudget:
     """The sets of loads that a day can pay for, and how many visits of each.
 
     Attributes:
-        wrenches: The loads (s, 6) to choose from, none counted as one [N, N m].
+        wrenches: The loads (s, 6) to choose from, none counted as one [N, N m]. None where every
+            experiment chooses its own: they are one set then, and no load is changed.
         new: Number of new visits; None where the budget decides.
         costs: What visits and load changes cost; None where nothing is said of costs.
     """
 
-    wrenches: Array
+    wrenches: Array | None
     new: int | None
     costs: DayCosts | None
 
     def prices(self, loads: tuple[int, ...]) -> Array:
         """Costs of a visit under each of some loads."""
         if self.costs is None:
-            return np.ones(len(loads))
+            return np.ones(max(1, len(loads)))
+        if self.wrenches is None:
+            return self.costs.prices(np.ones((1, 6)))
         return self.costs.prices(self.wrenches)[list(loads)]
 
     def sets(self) -> Iterator[tuple[tuple[int, ...], float]]:
@@ -106,26 +122,42 @@ class DayBudget:
         Raises:
             ArgumentError: The budget pays for no plan.
         """
-        every = tuple(range(len(self.wrenches)))
+        every = () if self.wrenches is None else tuple(range(len(self.wrenches)))
         if self.costs is None or self.costs.budget is None:
             yield every, np.inf
             return
         any_left = False
         # Large sets first: their plans are the best ones where load changes are cheap.
-        for number in range(len(every), 0, -1):
-            funds = self.costs.budget - self.costs.change * self.costs.changes_of(number)
+        for number in range(len(every), 0, -1) if every else (0,):
+            changes = self.costs.changes_of(number) if number else 0
+            funds = self.costs.budget - self.costs.change * changes
             for loads in combinations(every, number):
                 if affords(funds, self._least(loads)):
                     any_left = True
                     yield loads, funds
         if not any_left:
-            visits = "a visit costs" if self.new is None else f"{self.new} visits cost"
-            message = f"{visits} {self._least(every):g} or more"
+            what = "experiment" if self.costs.paired else "visit"
+            visits = f"a{'n' * self.costs.paired} {what} costs"
+            if self.new is not None:
+                visits = f"{self.new} {what}s cost"
+            least = self._least(every) + self.costs.change * self.costs.changes_of(1)
+            message = f"{visits} {least:g} or more"
             raise ArgumentError(message, argument="cost_budget", given=self.costs.budget)
 
     def _least(self, loads: tuple[int, ...]) -> float:
         """What the cheapest plan of some loads costs, load changes not counted."""
         return float(self.prices(loads).min()) * (self.new or 1)
+
+    def most(self) -> int:
+        """The largest number of new experiments.
+
+        Raises:
+            ArgumentError: The budget pays for none, or for too many.
+        """
+        return max(
+            self.new or most_visits(funds, float(self.prices(loads).min()))
+            for loads, funds in self.sets()
+        )
 
 
 def affords(funds: float, price: float) -> bool:
@@ -201,3 +233,72 @@ class PosesByLoad:
             }
             for q, own in zip(shown, self.visits, strict=True)
         ]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DayPlan(ExactPlan):
+    """The best plan for a day whose visits and load changes cost something.
+
+    Attributes:
+        bound_of_all: No plan within the same size and budget costs less, whatever loads it uses.
+        wrenches: The loads (s, 6) to choose from, none counted as one [N, N m]; None where every
+            experiment chooses its own.
+        costs: What visits and load changes cost; None where nobody said.
+        tried: Loads that a plan within the budget may visit, as indices of `wrenches`, with the
+            cost of the best plan of them; none where nothing limits the loads.
+        asked: Number of new experiments that were asked for; None where the budget decides.
+        proofs: The relaxations of all sets of loads that the budget pays for, on which the bound
+            rests; none of a set that cannot tell what the criterion needs.
+    """
+
+    bound_of_all: Bound
+    wrenches: Array | None = None
+    costs: DayCosts | None = None
+    tried: dict[tuple[int, ...], float] = field(default_factory=dict)
+    asked: int | None = None
+    proofs: dict[tuple[int, ...], RelaxedPlan] = field(default_factory=dict)
+
+    @property
+    def lower_bound(self) -> Bound:
+        """The bound on the cost of every plan within the same size and budget."""
+        return self.bound_of_all
+
+    @property
+    def bound_gap(self) -> float:
+        """Relative gap between the bound and the best weights."""
+        return self.bound_of_all.gap
+
+    @property
+    def shows_loads(self) -> bool:
+        """Whether experiments may differ in their loads."""
+        return super().shows_loads or (self.wrenches is not None and len(self.wrenches) > 1)
+
+    @property
+    def spent(self) -> float | None:
+        """What the new experiments cost, load changes included; None where nobody said."""
+        return None if self.costs is None else self.costs.spent(self.plan)
+
+    @property
+    def day(self) -> dict[str, Any] | None:
+        """What visits cost and may cost, as a certificate holds it; None without a budget.
+
+        Where every experiment chooses its own load, a certificate holds the size alone.
+        """
+        if self.costs is None or self.wrenches is None:
+            return None
+        return self.costs.to_dict(self.asked)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers, as of other plans, with what the day costs where somebody said."""
+        costs = self.costs
+        if costs is None:
+            return super().to_dict()
+        return {
+            **super().to_dict(),
+            "costs": {
+                "spent": self.spent,
+                "budget": costs.budget,
+                "load_changes": costs.changes_in(self.plan),
+                "unit": costs.unit,
+            },
+        }

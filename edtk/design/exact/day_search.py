@@ -1,0 +1,281 @@
+"""The search for the experiments, the loads and the best plan of a day."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from time import monotonic
+
+import numpy as np
+
+from criteria import Relaxable
+from edtk.design.bound import Bound, BoundKind
+from edtk.design.candidate_source import CandidateSource
+from edtk.design.design_space import DesignSpace
+from edtk.design.exact.day import DayBudget, DayCosts, DayPlan, affords, most_visits
+from edtk.design.exact.exact_plan import ExactPlan, FoundPlan, NoPlanError
+from edtk.design.exact.visit_search import VisitSearch
+from edtk.design.plan import Plan
+from edtk.design.problem import RankDeficientError
+from edtk.design.relaxation.relax_poses import RelaxOptions, relaxed_in_time
+from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.system.time_limit import out_of_time, time_left, time_limit
+from edtk.system.typing import Array
+
+AS_GOOD = 1e-4  # relative difference of costs of plans below which the cheaper day is better
+MOST_LOADS = 5  # none not counted: of more, too many sets would have to be searched one by one
+Loads = tuple[int, ...]
+OfSize = Callable[[RelaxedPlan, int, int | None], FoundPlan]
+
+
+@dataclass(frozen=True, eq=False)
+class LoadTrial:
+    """The best plan of one set of loads.
+
+    Attributes:
+        loads: Indices of the loads.
+        relaxed: The relaxation over its poses.
+        total: Experiments, or what they cost, of which the relaxation has one.
+        found: The plan; None where it could not be better than another one.
+    """
+
+    loads: Loads
+    relaxed: RelaxedPlan
+    total: float
+    found: FoundPlan | None
+
+    @property
+    def bound(self) -> Bound:
+        """No plan of these loads costs less."""
+        return self.relaxed.best_bound.scaled(self.total)
+
+    @property
+    def plan(self) -> Plan:
+        """The plan that was found."""
+        assert self.found is not None
+        return self.relaxed.space.plan(self.found.x, self.found.repeats)
+
+    @classmethod
+    def of(
+        cls, loads: Loads, relaxed: RelaxedPlan, total: float, found: FoundPlan | None
+    ) -> "LoadTrial":
+        """A trial whose bound holds for the plan that was found."""
+        if found is not None and relaxed.searched_bound is None:
+            relaxed = relaxed.holding_for(found.x)
+        return cls(loads, relaxed, total, found)
+
+    def or_better(self, earlier: "LoadTrial | None") -> "LoadTrial":
+        """The trial with the plan of an earlier one, where that is better or the only one."""
+        if earlier is None or earlier.found is None:
+            return self
+        if self.found is not None and self.found.cost <= earlier.found.cost:
+            return self
+        return LoadTrial.of(self.loads, self.relaxed, self.total, earlier.found)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DaySearch:
+    """One search for the plan of a day.
+
+    Without a budget all loads are there to choose from, and the size alone decides. With one, a
+    plan of several loads has to pay for load changes: the best plans of each set of loads are
+    searched within what the budget leaves, and the best of them is taken. A set whose bound is no
+    better than a plan that was found already is not searched.
+
+    Attributes:
+        source: Where candidates come from; its design space knows nothing besides.
+        candidates: Number of candidates.
+        wrenches: The loads (s, 6) to choose from, none counted as one [N, N m]; None where every
+            experiment chooses its own.
+        criterion: What is minimised.
+        known: Information (p, p) of all that is known besides; None for nothing.
+        kept: Experiments that were made already, whose information is a part of that.
+        new: Number of new experiments; None where the budget decides.
+        costs: What visits and load changes cost; None where nothing does.
+        distinct: Different new experiments at most; None for any number.
+        seed: Seed.
+        relax: Accuracy and progress of the relaxations.
+        searches: Over all poses for a bound, at most.
+        of_size: Searches the best plan of so many experiments from a relaxation; None for that of
+            `VisitSearch`, which many parameters need.
+        progress: Called with a label and the best cost.
+    """
+
+    source: CandidateSource
+    candidates: int
+    wrenches: Array | None
+    criterion: Relaxable
+    known: Array | None
+    kept: Plan | None
+    new: int | None
+    costs: DayCosts | None
+    distinct: int | None
+    seed: int
+    relax: RelaxOptions = field(default_factory=RelaxOptions)
+    searches: float = np.inf
+    of_size: OfSize | None = None
+    progress: Callable[[str, float], object]
+
+    @property
+    def space(self) -> DesignSpace:
+        """Where experiments may lie, under any of the loads."""
+        return self.source.space
+
+    @property
+    def budget(self) -> DayBudget:
+        """What the costs of the day leave for experiments."""
+        return DayBudget(self.wrenches, self.new, self.costs)
+
+    def run(self) -> DayPlan:
+        """Search each set of loads, and take the best plan.
+
+        Where there are several sets, each has a first plan and a first bound before any of them is
+        searched in earnest: the bound of a day rests on all of them. Those of the best first plans
+        come first, since what they find shows of others that they cannot be better.
+
+        Raises:
+            RankDeficientError: No experiments tell what the criterion needs.
+            NoPlanError: So few do not.
+        """
+        since = monotonic()
+        sets = dict(self.budget.sets())
+        trials: dict[Loads, LoadTrial] = {}
+        refused: RankDeficientError | None = None
+        if len(sets) > 1:
+            for loads, funds in sets.items():
+                try:
+                    with time_limit(0.0):
+                        trials[loads] = self._trial(loads, funds)
+                except RankDeficientError as error:
+                    # Without a load, springs are open; with it, they may be told.
+                    refused = error
+            sets = {loads: sets[loads] for loads in sorted(trials, key=lambda i: _cost(trials[i]))}
+        ended = self._search_all(sets, trials)
+        found = [one for one in trials.values() if one.found and np.isfinite(one.found.cost)]
+        if not found and not trials:
+            assert refused is not None
+            raise refused
+        if not found:
+            raise NoPlanError(f"so few experiments cannot tell what {self.criterion.label} needs")
+        result = self._result(self._cheapest(found), list(trials.values()))
+        return replace(result, seconds=monotonic() - since, ended=ended or result.ended)
+
+    def _search_all(self, sets: dict[Loads, float], trials: dict[Loads, LoadTrial]) -> str:
+        """Search each set of loads, whose first plans are there already where it has others.
+
+        Args:
+            sets: The sets, and what the budget leaves for experiments.
+            trials: The best of each, which changes.
+
+        Returns:
+            Why the search ended, "budget" or "interrupted"; empty where it came to its end.
+        """
+        for i, (loads, funds) in enumerate(sets.items()):
+            if trials and out_of_time():
+                return "budget"
+            least = min((_cost(one) for key, one in trials.items() if key != loads), default=np.inf)
+            try:
+                with time_limit(time_left() / (len(sets) - i)):
+                    trial = self._trial(loads, funds, least)
+            except KeyboardInterrupt:
+                if not trials:
+                    raise
+                return "interrupted"
+            # A first plan counts no more where no plan of these loads can be the best one.
+            is_open = trial.bound.cost < least
+            trials[loads] = trial.or_better(trials.get(loads)) if is_open else trial
+            if trial.found is not None and trial.found.ended == "interrupted":
+                return "interrupted"
+        return "budget" if out_of_time() else ""
+
+    def _cheapest(self, found: list[LoadTrial]) -> LoadTrial:
+        """Of the plans that are as good as the best one, that which costs least."""
+        least = min(map(_cost, found))
+        best = [one for one in found if _cost(one) <= least * (1 + AS_GOOD)]
+        if self.costs is None:
+            return best[0]
+        spent = [self.costs.spent(one.plan) for one in best]
+        return best[int(np.argmin(spent))]
+
+    def _trial(self, loads: Loads, funds: float, least: float = np.inf) -> LoadTrial:
+        """The best plan of a set of loads, unless its bound is no better than a least cost."""
+        space = self.space
+        if self.wrenches is not None:
+            space = space.with_loads(self.wrenches, loads)
+        prices = self.budget.prices(loads)
+        m = self.new
+        one_price = bool((prices == prices[0]).all()) or not np.isfinite(funds)
+        if m is None and one_price:
+            m = most_visits(funds, prices[0])
+        total = float(funds if m is None else m)
+        if m is None:
+            space = replace(space, prices=prices)
+        relaxed, interrupted = self._relaxed(self.beside_known(space, total), total, least)
+        if relaxed.best_bound.scaled(total).cost >= least:
+            return LoadTrial(loads, relaxed, total, None)
+        search = VisitSearch(
+            self.beside_known(replace(space, prices=None), 1.0 if m is None else total),
+            relaxed,
+            self.criterion,
+            self.seed,
+            self.progress,
+        )
+        of_size = self.of_size or (lambda _, m, distinct: search.of_size(m, distinct))
+        with time_limit(0.0 if interrupted else np.inf):
+            if m is not None and (one_price or affords(funds, prices.max() * m)):
+                found: FoundPlan | None = of_size(relaxed, m, self.distinct)
+            else:
+                most = most_visits(funds, prices.min()) if m is None else m
+                found = search.within(prices, funds, most, m is not None, self.distinct)
+        if found is not None and interrupted:
+            found = replace(found, ended="interrupted")
+        return LoadTrial.of(loads, relaxed, total, found)
+
+    def beside_known(self, space: DesignSpace, total: float) -> DesignSpace:
+        """The space with its share of what is known besides."""
+        if self.known is None:
+            return space
+        return replace(space, prior=self.known / total, sharing=max(int(total), 1))
+
+    def _relaxed(self, space: DesignSpace, total: float, least: float) -> tuple[RelaxedPlan, bool]:
+        """The relaxation over all feasible poses, and whether Ctrl-C has ended it.
+
+        It needs no sharper bound once none of its plans can cost less than `least`.
+        """
+        rounds = 0
+
+        def stop(plan: RelaxedPlan) -> bool:
+            return rounds >= self.searches or plan.best_bound.scaled(total).cost >= least
+
+        def progress(stage: str, gap: float) -> None:
+            nonlocal rounds
+            rounds += stage == "continuum"
+            self.progress(f"bound: {stage}", gap)
+
+        return relaxed_in_time(
+            replace(self.source, space=space),
+            self.candidates,
+            self.criterion,
+            replace(self.relax, progress=progress, stop=stop),
+        )
+
+    def _result(self, best: LoadTrial, trials: list[LoadTrial]) -> DayPlan:
+        """The plan, with a bound on the plans of all sets of loads."""
+        assert best.found is not None
+        least = min(trials, key=lambda one: one.bound.cost).bound
+        # What holds for all sets of loads is as far-reaching as the narrowest of their bounds.
+        searched = all(one.bound.kind is BoundKind.SEARCHED for one in trials)
+        kind = BoundKind.SEARCHED if searched else BoundKind.PROVED_ON_CANDIDATES
+        plain = ExactPlan.of(best.relaxed, best.found, self.kept)
+        return DayPlan(
+            **{name: getattr(plain, name) for name in plain.__dataclass_fields__},
+            bound_of_all=replace(least, kind=kind),
+            wrenches=self.wrenches,
+            costs=self.costs,
+            tried={one.loads: _cost(one) for one in trials} if len(trials) > 1 else {},
+            asked=self.new,
+            proofs={one.loads: one.relaxed for one in trials},
+        )
+
+
+def _cost(trial: LoadTrial) -> float:
+    """The cost of the plan that was found; infinite without one."""
+    return np.inf if trial.found is None else trial.found.cost

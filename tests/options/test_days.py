@@ -1,0 +1,143 @@
+"""Days: what visits and load changes cost, for springs as for geometry."""
+
+from itertools import combinations_with_replacement
+from pathlib import Path
+
+import numpy as np
+import pytest
+from arm import ROBOT, arm
+from click.testing import CliRunner
+
+import edtk
+from edtk.cli import main
+from edtk.design.exact.day import DayCosts, DayPlan
+from edtk.design.plan import Plan
+from edtk.study.plan_study import day_costs, plan_study
+from edtk.study.study import Study
+
+FORCES = [[0, 0, -100], [80, 0, 0], [60, 0, -60]]
+COSTS = {"visit": 1, "loaded_visit": 2, "load_change": 4, "budget": 20}
+# The weights of its links load a pose without any other load.
+HEAVY = ROBOT | {
+    "joints": [
+        joint | {"mass_kg": mass, "center_m": [0.3, 0, 0.1]}
+        for joint, mass in zip(ROBOT["joints"], (20, 10), strict=True)
+    ]
+}
+
+
+def one_pose(**keys: object) -> Study:
+    """Springs in one pose, so that the loads are all there is to choose."""
+    joints = {"unknown": ["q1", "q2"], "fixed_deg": {"q1": 10, "q2": -60}}
+    given = {"load": {"list_F_N": FORCES}, "optimise": ["A"], "costs": COSTS} | keys
+    return arm(joints=joints, **given)
+
+
+def every_day(study: Study, costs: DayCosts, most: int) -> list[tuple[float, Plan]]:
+    """All plans within a budget, with their costs by the criterion."""
+    q = np.deg2rad([[10.0, -60.0]])
+    wrenches = np.array([[*F, 0, 0, 0] for F in study.specification.load.list_F_N], dtype=float)
+    criterion = study.criterion("A")
+    found = []
+    for m in range(1, most + 1):
+        for loads in combinations_with_replacement(range(len(wrenches)), m):
+            chosen, repeats = np.unique(loads, return_counts=True)
+            plan = Plan(np.repeat(q, len(chosen), axis=0), wrenches[chosen], repeats)
+            if costs.spent(plan) <= costs.budget:
+                found.append((float(criterion.cost(study.information(plan))), plan))
+    return found
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {},
+        {"costs": COSTS | {"load_change": 1.5, "budget": 18}},
+        {"costs": COSTS | {"load_changes": 3, "load_change": 1}},
+        {
+            "robot": HEAVY,
+            "measurement": {"sigma_mm": 0.1, "reference": "nominal"},
+            "load": {"list_F_N": [[0, 0, 0], *FORCES[1:3]]},
+            "costs": {"visit": 1, "loaded_visit": 3, "load_change": 2, "budget": 12},
+        },
+    ],
+    ids=["dear", "cheap", "rounds", "absolute"],
+)
+def test_no_day_is_better(keys: dict[str, object]) -> None:
+    """The search finds the best of all plans within the budget, and its bound is below it."""
+    study = one_pose(**keys)
+    found = plan_study(study, None)
+    assert isinstance(found, DayPlan)
+    costs = day_costs(study)
+    assert costs is not None
+    most = int(costs.budget / costs.prices(np.array([[0.0] * 6, [1.0] * 6])).min())
+    best, _ = min(every_day(study, costs, most), key=lambda one: one[0])
+    assert found.cost == pytest.approx(best, rel=1e-9)
+    assert found.lower_bound.cost <= best * (1 + 1e-9)
+    assert found.spent == costs.spent(found.plan) <= costs.budget
+
+
+def test_the_size_may_be_given() -> None:
+    """A budget may pay for a size under one load only."""
+    five = plan_study(one_pose(), 5)
+    assert five.plan.experiments == 5
+    assert len(np.unique(five.plan.wrench, axis=0)) == 1
+    with pytest.raises(edtk.UserError, match=r"costs\.budget: 6 experiments cost 22 or more"):
+        plan_study(one_pose(), 6)
+
+
+@pytest.mark.parametrize(
+    "load", [{"list_F_N": FORCES[:2]}, {"F_max_N": 90, "direction": [0, 0, -1]}]
+)
+def test_certificates_of_days(load: dict[str, object], tmp_path: Path) -> None:
+    """The claims are recomputed, and hold for the study's costs alone.
+
+    Of forces along a direction the largest one tells most.
+    """
+    study = arm(load=load, costs=COSTS)
+    found = edtk.plan(study, certificate=tmp_path / "c.json")
+    assert edtk.verify(tmp_path / "c.json", study).valid
+    assert found.spent == 19
+    dearer = study.replace(costs=COSTS | {"visit": 2})
+    assert not edtk.verify(tmp_path / "c.json", dearer).valid
+    largest = np.linalg.norm(found.plan.wrench, axis=1)
+    assert largest == pytest.approx([90.0] * len(largest) if "F_max_N" in load else largest)
+
+
+def test_forces_of_any_direction_have_no_sets() -> None:
+    """Where changes cost something they are refused; where none does, each pose has its own."""
+    free = {"load": {"F_max_N": 90}, "costs": COSTS}
+    with pytest.raises(edtk.UserError, match=r"load\.F_max_N: poses that choose"):
+        plan_study(arm(**free), None)
+    found = plan_study(arm(**free | {"costs": COSTS | {"load_change": 0}}), None)
+    assert found.plan.experiments == 6
+    assert found.cost == pytest.approx(plan_study(arm(**free | {"costs": None}), 6).cost)
+
+
+def test_days_of_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It prints what the day costs, and two workers find what one finds."""
+    monkeypatch.chdir(tmp_path)
+    arm(load={"list_F_N": FORCES[:2]}).to_toml("study.toml")
+    costs = '[costs]\nvisit = 1\nloaded_visit = 2\nload_change = 4\nunit = "min"\n'
+    Path("study.toml").write_text(Path("study.toml").read_text() + costs)
+    words = ["plan", "study.toml", "--cost-budget", "20", "--out"]
+    for workers in ("1", "2"):
+        result = CliRunner().invoke(main, [*words, f"{workers}.csv", "--workers", workers])
+        assert result.exit_code == 0
+        expected = "5 experiments, each without its load and with it, and 1 load change of 4 min"
+        assert f"costs 19 min of 20 min: {expected}" in result.stdout
+    assert Path("1.csv").read_bytes() == Path("2.csv").read_bytes()
+
+
+def test_sheets_and_runs_of_days(tmp_path: Path) -> None:
+    """The poses of a load follow each other, and `run` compares plans that the budget pays for."""
+    study = arm(load={"list_F_N": FORCES[:2]}, costs=COSTS | {"load_change": 1}, sizes=[4])
+    q = np.deg2rad([[10, 20], [50, -60], [12, 22], [55, -60]])
+    wrench = np.array([[*FORCES[i], 0, 0, 0] for i in (0, 1, 1, 0)], dtype=float)
+    sheet = edtk.template(study, Plan(q, wrench, np.array([1, 2, 1, 1])))
+    assert (np.diff(sheet["Fz_N"]) != 0).sum() == 1
+    run = edtk.run(study, tmp_path)
+    (best,) = [case for case in run.cases if case.kind == "optimised" and case.optimised == "D"]
+    costs = day_costs(study)
+    assert costs is not None
+    assert costs.spent(best.plan) <= 20
