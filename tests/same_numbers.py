@@ -54,7 +54,6 @@ sigma_mm = 0.05
 list_F_N = [[0, 0, 0], [0, 0, -2500]]
 [test_pose]
 q_deg = [0, -56.9, 89.3, 45.1, 76, 57.2]
-tool = {{ position_mm = [0, 0, 100] }}
 load = {{ F_N = [0, 280, -180] }}
 [simulation]
 compliance_rad_per_Nm = {{ q2 = 3e-7, q3 = 4e-7, q4 = 2.8e-6, q5 = 2.8e-6, q6 = 2.1e-6 }}

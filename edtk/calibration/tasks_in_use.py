@@ -142,8 +142,8 @@ def robot_of_task(study: Study) -> Robot:
         UserError: The study has no task, or tasks with several tools.
     """
     require_task(study)
-    robot = study.tasks[0].model.robot
-    if any(not np.array_equal(task.model.robot.tool, robot.tool) for task in study.tasks):
+    robot = study.tasks[0].placed
+    if any(not np.array_equal(task.placed.tool, robot.tool) for task in study.tasks):
         message = "the test poses have different tools; expected one, or no file of other poses"
         raise study.error("test_pose", message)
     return robot
@@ -195,12 +195,12 @@ def tools_of_task(study: Study, poses: int, own: bool) -> tuple[ToolInUse, ...]:
         robot = robot_of_task(study)
         return (ToolInUse(np.arange(poses), robot, weights_of_task(study)),)
     pairs = zip(study.tasks, given, strict=True)
-    keys = [(task.model.robot.tool.tobytes(), one.payload) for task, one in pairs]
+    keys = [(task.placed.tool.tobytes(), one.payload) for task, one in pairs]
     found = []
     for key in dict.fromkeys(keys):
         rows = np.array([i for i, other in enumerate(keys) if other == key])
         task = study.tasks[int(rows[0])]
-        found.append(ToolInUse(rows, task.model.robot, task.dead_weights))
+        found.append(ToolInUse(rows, task.placed, task.dead_weights))
     return tuple(found)
 
 

@@ -382,7 +382,7 @@ def _task(task: Task) -> dict[str, Any]:
     sizes = {"within": task.within, "lever": task.lever}
     return {
         "q": task.q.tolist(),
-        "tool": task.model.robot.tool.tolist(),
+        "tool": task.placed.tool.tolist(),
         "wrench": task.wrench.tolist(),
         **{name: size for name, size in sizes.items() if size},
         **({} if hanging is None else {"weights": weights_to_list(hanging)}),

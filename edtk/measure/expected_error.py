@@ -476,7 +476,7 @@ def _in_one(task: Task, cov: Array) -> ExpectedError:
     errors = compensation_accuracy(A, cov)
     rotation = None
     if task.lever:
-        rotation = float(compensation_accuracy(A[0, 3:], cov) / task.lever)
+        rotation = float(compensation_accuracy(A[0, -3:], cov) / task.lever)
     return ExpectedError(
         test_pose=float(errors[0]),
         mean=float(np.sqrt(np.mean(errors**2))),

@@ -318,6 +318,11 @@ class GeometricModel:
         return np.array([kind == "distance" for kind in self.kinds], dtype=bool)
 
     @cached_property
+    def on_tool(self) -> Mask:
+        """Which instruments (k,) read where a marker on the tool is."""
+        return np.array([joint is None for joint in self.bodies], dtype=bool) & ~self.is_distance
+
+    @cached_property
     def scales(self) -> Array:
         """Units (p,) in which the parameters are of order one, in SI."""
         return np.array([parameter.scale for parameter in self.parameters])
@@ -362,6 +367,19 @@ class GeometricModel:
         for marker, joint in enumerate(self.bodies):
             frames[:, marker, :3, :3], frames[:, marker, :3, 3] = placed.body(joint)
         return frames
+
+    def at_tool(self, tool: Array) -> "GeometricModel":
+        """The model of a tool frame, in position and orientation, in place of the markers.
+
+        It rides on the last joint, as drawn: parameters of markers are none of it.
+
+        Args:
+            tool: Transform (4, 4) after the last joint [m].
+        """
+        own = tuple(one for one in self.parameters if one.place != "tool")
+        return GeometricModel(
+            self.robot.with_tool(tool), np.zeros((1, 3)), ("tool",), own, self.start, "pose"
+        )
 
     def compliances(self, theta: Array) -> Array:
         """Compliances (n,) of all free joints at parameters theta (p,) [rad/(N m)]."""

@@ -1,13 +1,15 @@
 """The tasks of a robot: the poses, tools and loads in which it shall be accurate."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.geometric_model import GeometricModel
 from edtk.robots.robot import Robot
 from edtk.robots.weights import DeadWeights
 from edtk.robots.workspace import neighbourhood
@@ -88,16 +90,99 @@ def all_compliances(
     return complete
 
 
+class Columns(Protocol):
+    """How what counts in a task moves with the parameters."""
+
+    def __call__(self, q: Array, turned: bool) -> Array:
+        """Rows (..., r, p) in poses q (..., n), for a unit of each parameter.
+
+        The squares of the rows, times errors of the parameters, add up to a squared displacement
+        [m]. Where `turned`, three more rows are the rotation of the tool [rad].
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class SpringColumns:
+    """How a tool point moves with compliances: the regressor, Eq. (4).
+
+    Attributes:
+        model: The elastostatic model with the task's tool.
+        wrench: The load (..., 6) or (6,) of the task [N, N m].
+    """
+
+    model: ElastostaticModel
+    wrench: Array
+
+    def __call__(self, q: Array, turned: bool) -> Array:
+        """Rows (..., 3 or 6, p) [m, rad for 1 rad/(N m)]."""
+        model = replace(self.model, rows="pose") if turned else self.model
+        return model.regressor(q, self.wrench)
+
+
+@dataclass(frozen=True, eq=False)
+class ErringColumns:
+    """How markers, or a tool point, move with geometry and springs.
+
+    A tool rides on the last joint, as drawn: where markers sit on it moves no tool. Of k markers
+    the squares of the rows add up to the mean over the markers.
+
+    Attributes:
+        model: Markers and parameters.
+        theta: Values (p,) of the parameters about which they move, in SI units.
+        tool: Transform (4, 4) of the tool after the last joint, whose point counts [m]; None where
+            the markers count.
+        torque: Gives the loads (m, n) of the free joints in poses (m, n) [N m or N]; None where
+            nothing loads them.
+    """
+
+    model: GeometricModel
+    theta: Array
+    tool: Array | None
+    torque: Callable[[Array], Array | None]
+
+    def __call__(self, q: Array, turned: bool) -> Array:
+        """Rows (..., 3k or 3, p) [m, rad] for a unit of each parameter; with turns three more."""
+        flat = q.reshape(-1, q.shape[-1])
+        torque = self.torque(flat)
+        if self.tool is not None:
+            rows = self._of_tool(self.tool, flat, torque)[:, : 6 if turned else 3]
+        else:
+            rows = self._of_markers(flat, torque)
+            if turned:
+                tool = self._of_tool(self.model.robot.tool, flat, torque)
+                rows = np.concatenate([rows, tool[:, 3:]], axis=1)
+        return np.asarray(rows.reshape(*q.shape[:-1], *rows.shape[1:]))
+
+    def _of_markers(self, q: Array, torque: Array | None) -> Array:
+        """Rows (m, 3k, p) of the root of the mean square of all markers on the tool."""
+        J = self.model.see(self.theta, q, torque).jacobian
+        assert J is not None
+        counted = self.model.on_tool
+        rows = J[:, counted, :3].reshape(len(q), -1, self.model.p)
+        return np.asarray(rows * self.model.scales / np.sqrt(counted.sum()))
+
+    def _of_tool(self, tool: Array, q: Array, torque: Array | None) -> Array:
+        """Rows (m, 6, p) of a tool frame; those of parameters of markers are zero."""
+        moves = np.array([one.place != "tool" for one in self.model.parameters], dtype=bool)
+        J = self.model.at_tool(tool).see(self.theta[moves], q, torque).jacobian
+        assert J is not None
+        rows = np.zeros((len(q), 6, self.model.p))
+        rows[..., moves] = J[:, 0] * self.model.scales[moves]
+        return rows
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Task:
     """One pose in which the robot works, or several, with the task's own tool and load.
 
-    It is here that errors of compliances do harm: an error dk moves the tool point by ``A0 dk``,
-    with the regressor A0 of the pose (Eq. 17, 20).
+    It is here that errors of parameters do harm: an error dk of the compliances moves the tool
+    point by ``A0 dk``, with the regressor A0 of the pose (Eq. 17, 20); those of geometry have
+    columns of their own.
 
     Args:
         q: Joint variables (..., n) under load [rad or m].
-        tool: Transform (4, 4) of the task's tool after the last joint [m].
+        tool: Transform (4, 4) of the task's tool after the last joint [m]; None where the markers
+            of the study count, and no tool point.
         wrench: Task load (..., 6) or (6,) at the tool point in the world frame [N, N m].
         robot: The chain, with any tool.
         unknown: Indices (p,) of the joints whose compliances are to be found, or are known.
@@ -107,39 +192,58 @@ class Task:
             point; zero if rotations do no harm [m].
         weight: How much the task counts beside others; zero for a task that is only looked at.
         dead_weights: Weights that load the joints besides the wrench; None for none.
+        carries: Whether the task says by itself what the robot carries.
+        columns: How what counts moves with the parameters; None for the tool point by the
+            compliances of `unknown`.
     """
 
     q: Array
-    tool: Array
+    tool: Array | None
     wrench: Array
     robot: Robot
-    unknown: tuple[int, ...]
+    unknown: tuple[int, ...] = ()
     within: float = 0.0
     lever: float = 0.0
     weight: float = 1.0
     dead_weights: DeadWeights | None = None
+    carries: bool = False
+    columns: Columns | None = None
+
+    @cached_property
+    def placed(self) -> Robot:
+        """The chain with the task's tool; with its own where the markers count."""
+        return self.robot if self.tool is None else self.robot.with_tool(self.tool)
 
     @cached_property
     def model(self) -> ElastostaticModel:
         """The elastostatic model with the task's tool, for the position of the tool point."""
-        robot = self.robot.with_tool(self.tool)
-        return ElastostaticModel(robot, self.unknown, weights=self.dead_weights)
+        return ElastostaticModel(self.placed, self.unknown, weights=self.dead_weights)
+
+    @cached_property
+    def moved(self) -> Columns:
+        """How what counts moves with the parameters."""
+        return SpringColumns(self.model, self.wrench) if self.columns is None else self.columns
 
     @cached_property
     def regressor(self) -> Array:
-        """A0 (..., 3, p): the regressor, Eq. (4), with the task's tool and load [m/(rad/(N m))]."""
-        return self.model.regressor(self.q, self.wrench)
+        """A0 (..., r, p): how positions move, Eq. (4), with the task's tool and load [m]."""
+        return self.moved(self.q, False)
 
     @property
     def point(self) -> Array:
         """The tool point (..., 3) of the task [m]."""
-        return self.robot.with_tool(self.tool).forward(self.q)[..., :3, 3]
+        return self.placed.forward(self.q)[..., :3, 3]
 
     @property
     def place(self) -> str:
         """Where rho0 is the error, in words."""
         around = f"within {np.rad2deg(self.within):.3g} deg of the test pose"
         return around if self.within else "in the test pose"
+
+    @property
+    def poses(self) -> Array:
+        """The pose itself (n,), or all poses (N, n) of its neighbourhood."""
+        return neighbourhood(self.robot, self.q, self.within) if self.within else self.q
 
     @cached_property
     def target(self) -> Array:
@@ -149,14 +253,14 @@ class Task:
         of at most p rows with ``R'R = sum_i A_i' A_i / N``, so that the harm is the mean square of
         the errors there.
         """
+        A = self.harm(self.poses)
         if not self.within:
-            return self.harm(self.q)
-        A = self.harm(neighbourhood(self.robot, self.q, self.within))
+            return A
         # From the stacked rows: their squares would lose half of the digits.
         return np.asarray(np.linalg.qr(A.reshape(-1, A.shape[-1]) / np.sqrt(len(A)), mode="r"))
 
     def harm(self, q: Array) -> Array:
-        """Rows (..., 3 or 6, p) whose squares, times dk, add up to the squared error in poses q.
+        """Rows (..., r, p) whose squares, times dk, add up to the squared error in poses q.
 
         Rotation rows count with the lever: a small rotation phi moves a point at that distance from
         the tool point by up to ``lever |phi|``.
@@ -164,10 +268,9 @@ class Task:
         Args:
             q: Joint variables (..., n) [rad or m].
         """
-        if not self.lever:
-            return self.model.regressor(q, self.wrench)
-        A = replace(self.model, rows="pose").regressor(q, self.wrench)
-        A[..., 3:, :] *= self.lever
+        A = self.moved(q, bool(self.lever))
+        if self.lever:
+            A[..., -3:, :] *= self.lever
         return A
 
 
@@ -214,11 +317,19 @@ class Tasks(tuple[Task, ...]):
     def regressor(self) -> Array:
         """Rows (r, p) whose squares, times dk, are the mean squared displacement of the tool point.
 
-        Those of a single task are A0 (3, p), Eq. (4) [m/(rad/(N m))].
+        Those of a single task are A0 (3, p), Eq. (4) [m for a unit of each parameter].
         """
         if len(self) == 1:
             return self[0].regressor
         return self._weighted([task.regressor for task in self])
+
+    @property
+    def subject(self) -> str:
+        """What rho0 is the error of, in words."""
+        kinds = {task.tool is None for task in self}
+        if len(kinds) > 1:
+            return "markers and tool points"
+        return "the markers" if True in kinds else "the tool point"
 
     @property
     def place(self) -> str:
@@ -234,6 +345,10 @@ class Tasks(tuple[Task, ...]):
     def with_unknown(self, unknown: tuple[int, ...]) -> "Tasks":
         """The same tasks of a robot of which other compliances are unknown."""
         return Tasks(replace(task, unknown=unknown) for task in self)
+
+    def with_columns(self, columns: Callable[[Task], Columns]) -> "Tasks":
+        """The same tasks, in which other parameters do harm."""
+        return Tasks(replace(task, columns=columns(task)) for task in self)
 
     def _weighted(self, each: Sequence[Array]) -> Array:
         """Rows (..., p) of each task, times the root of its share, below each other."""

@@ -10,7 +10,6 @@ from edtk.calibration.planned import plan_tasks
 from edtk.design.exact.find_plan import BATCH_SIZE
 from edtk.design.exact.visit_search import STARTS
 from edtk.measure.expected_error import TaskAccuracy
-from edtk.report.calibration_sections import TOOL_POINT
 from edtk.report.comparison_sections import (
     PICTURE,
     Efficiencies,
@@ -115,7 +114,6 @@ class _Chapters:
 
     run: StudyRun
     units: ClassVar[str] = UNITS
-    whose: ClassVar[str] = TOOL_POINT
 
     @staticmethod
     def of_run(run: StudyRun) -> "_Chapters":
@@ -146,7 +144,7 @@ class _Chapters:
             return []
         if len(run.study.tasks) == 1:
             return [f"## {AROUND}\n", around_the_task(run)]
-        each = [in_each_task(found, self.whose) for found in self._of_largest()]
+        each = [in_each_task(found, self.run.study.tasks.subject) for found in self._of_largest()]
         return [f"## {IN_EACH}\n", *each, around_the_task(run)]
 
     def _of_largest(self) -> list[TaskAccuracy]:
@@ -178,7 +176,6 @@ class _OfGeometry(_Chapters):
 
     designs: GeometryDesigns
     units: ClassVar[str] = UNITS_OF_GEOMETRY
-    whose: ClassVar[str] = "the markers"
 
     def setting(self) -> str:
         """One paragraph on the question."""

@@ -164,8 +164,8 @@ def _prediction(found: GeometricCalibration) -> str:
     if found.rho0_mm is None:
         return text
     return (
-        f"{text} In the test poses, wrong parameters leave {found.rho0_mm:.2g} mm (rho0); what the "
-        "model leaves out comes on top of it."
+        f"{text} Wrong parameters leave {found.rho0_mm:.2g} mm (rho0) of {found.tasks.subject} "
+        f"{found.tasks.place}; what the model leaves out comes on top of it."
     )
 
 

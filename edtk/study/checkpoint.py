@@ -126,8 +126,8 @@ def checkpoint_of(
         digest.update(repr(constraint.labels(study.robot)).encode())
     for poses in (getattr(c, "poses", None) for c in constraints):
         digest.update(b"" if poses is None else _bytes(poses))
-    if study.target is not None:
-        digest.update(_bytes(study.tasks.targets))  # those of a path are in a file of their own
+    for task in study.tasks:  # those of a path are in a file of their own
+        digest.update(_bytes(np.concatenate([task.q, task.wrench])))
     if study.prior_information is not None:
         digest.update(_bytes(study.prior_information))
     for path in sorted(_code(study)):

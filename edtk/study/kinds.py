@@ -26,8 +26,16 @@ from edtk.study.asked import Asked
 from edtk.study.plans import firsts
 from edtk.study.plausibility import doubtful_noise, idle_axes
 from edtk.study.schema import Specification
-from edtk.study.study_model import BASE, is_reference, marker_names, on_robot
+from edtk.study.study_model import (
+    BASE,
+    absolute_task_weights,
+    is_reference,
+    marker_names,
+    on_robot,
+    task_weights,
+)
 from edtk.study.study_objects import Kind, StudyObjects
+from edtk.study.study_parts import TaskDefaults
 from edtk.study.tables_of_robot import ParametersTable
 from edtk.study.tables_of_task import InterestTable
 from edtk.system.errors import UserError, note
@@ -43,6 +51,8 @@ class Compliances(Kind):
     """Compliances alone are unknown, and displacements under loads are measured."""
 
     key = "joints.unknown"
+    # A payload hangs at the last joint's frame, and needs no tool.
+    task = TaskDefaults(task_weights, tool=np.eye(4), wrench=None)
     hard_to_believe = (doubtful_noise, idle_axes)
 
     def unknowns(self, study: Asked) -> str:
@@ -54,10 +64,17 @@ class Compliances(Kind):
         return robot.body_names
 
     def check(self, study: Asked) -> None:
-        """Check the loads of test poses."""
+        """Check that test poses have a tool, and a load."""
+        if study.specification.task is not None and study.specification.task.tool is None:
+            raise study.error("task.tool", "this key is required")
         # rho0 has no meaning where errors of compliances do no harm.
         for i, pose in enumerate(study.specification.test_poses):
-            if pose.payload is None and not any((*pose.load.F_N, *pose.load.T_Nm)):
+            if pose.payload is not None:
+                continue
+            for key in ("tool", "load"):
+                if getattr(pose, key) is None:
+                    raise study.error(f"{study.key_of(i)}.{key}", "this key is required")
+            if pose.load is not None and not any((*pose.load.F_N, *pose.load.T_Nm)):
                 raise study.error(
                     f"{study.key_of(i)}.load",
                     "a test pose without load has nothing to compensate; expected a load",
@@ -154,6 +171,7 @@ class Geometry(Kind):
     """Geometry, base and tools are unknown, springs too if asked for; positions are measured."""
 
     key = "parameters"
+    task = TaskDefaults(absolute_task_weights, tool=None, wrench=np.zeros(6))
 
     def unknowns(self, study: Asked) -> str:
         """Geometry, and how many compliances."""
@@ -333,21 +351,13 @@ def _check_unused(study: Asked) -> None:
     unused = {
         "joints.known_rad_per_Nm": bool(given.joints.known_rad_per_Nm),
         "noise.tracker_position_mm": noise is not None and noise.has_tracker,
-        "task": given.task is not None,
         "prior": given.prior != type(given.prior)(),
     }
-    for i, pose in enumerate(given.test_poses):
-        key = study.key_of(i)
-        unused[f"{key}.robust_deg"] = bool(pose.robust_deg)
-        unused[f"{key}.lever_mm"] = bool(pose.lever_mm)
-        unused[f"{key}.payload"] = pose.payload is not None
     instead = {
         "joints.known_rad_per_Nm": "list the joint in parameters.compliance",
         "noise.tracker_position_mm": "give measurement.sigma_mm",
-        "task": "give test poses",
         "prior": "its estimate rests on the positions alone",
     }
     for key, is_given in unused.items():
         if is_given:
-            why = instead.get(key, "give more test poses, with a load each")
-            raise study.error(key, f"a study of geometry does not heed this key; {why}")
+            raise study.error(key, f"a study of geometry does not heed this key; {instead[key]}")

@@ -14,6 +14,7 @@ from edtk.measure.expected_error import WITHIN, ExpectedError, compensation_accu
 from edtk.robots.weights import GRAVITY
 from edtk.robots.workspace import neighbourhood
 from edtk.study.study_objects import StudyObjects
+from edtk.study.tables_of_task import Tool
 from edtk.system.typing import Array, Indices
 
 # The longest serial arms reach 5 m, painting and erection robots 15 m; in millimetres already a
@@ -72,11 +73,13 @@ def length_of_links(study: StudyObjects) -> float:
 
 def _tools(study: StudyObjects) -> Iterator[Finding]:
     """Tools in metres, and tools that are longer than the robot."""
-    tools = {"tool": study.specification.tool.build()}
-    for i, pose in enumerate(study.specification.test_poses):
-        tools[f"{study.key_of(i)}.tool"] = pose.tool.build()
-    if study.specification.task is not None:
-        tools["task.tool"] = study.specification.task.tool.build()
+    given = study.specification
+    tables: dict[str, Tool | None] = {"tool": given.tool}
+    for i, pose in enumerate(given.test_poses):
+        tables[f"{study.key_of(i)}.tool"] = pose.tool
+    if given.task is not None:
+        tables["task.tool"] = given.task.tool
+    tools = {key: one.build() for key, one in tables.items() if one is not None}
     links = length_of_links(study)
     seen: list[Array] = []
     for key, tool in tools.items():

@@ -10,6 +10,7 @@ from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.geometric_model import GeometricModel
 from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import GeometricParameter, all_parameters
+from edtk.measure.task import ErringColumns, Task
 from edtk.robots.frames import Frames
 from edtk.robots.weights import DeadWeights
 from edtk.study.study import Study
@@ -115,6 +116,28 @@ class StudyGeometry:
         if not self.study.specification.joints.unknown:
             return None
         return StudyLoads.of(self.study)
+
+    def loads_of(self, task: Task) -> "StudyLoads | None":
+        """What loads the joints in a task.
+
+        A task without a tool and a payload is a visit: loaded where those of a sheet are, and with
+        the study's own payload. Any other is loaded at its tool point, and carries what it says.
+        """
+        if self.loads is None or (task.tool is None and not task.carries):
+            return self.loads
+        if task.tool is None:
+            return replace(self.loads, links=task.dead_weights, payload=None)
+        at_tool = ElastostaticModel(task.placed, self.loads.by_wrench.unknown)
+        return StudyLoads(at_tool, task.dead_weights, None)
+
+    def columns(self, task: Task, model: GeometricModel) -> ErringColumns:
+        """How what counts in a task moves with a model's parameters, about the drawing."""
+        loads = self.loads_of(task)
+
+        def torque(q: Array) -> Array | None:
+            return None if loads is None else loads(q, np.tile(task.wrench, (len(q), 1)))
+
+        return ErringColumns(model, np.zeros(model.p), task.tool, torque)
 
     def split(self, data: MarkerPositions) -> tuple[MarkerPositions, MarkerPositions]:
         """Positions of the markers on the tool, and of the references."""

@@ -250,6 +250,11 @@ def task_weights(study: Asked, payload: PayloadTable | None) -> DeadWeights | No
     return _held(study, payload, link_weights(study))
 
 
+def absolute_task_weights(study: Asked, payload: PayloadTable | None) -> DeadWeights | None:
+    """The same where positions are absolute, so that the links' weights always count."""
+    return _held(study, payload, _links(study))
+
+
 def link_weights(study: Asked) -> DeadWeights | None:
     """The weights of the links, where displacements are measured from the nominal robot.
 

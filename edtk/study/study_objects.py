@@ -21,7 +21,12 @@ from edtk.robots.robot import Robot
 from edtk.robots.workspace import Workspace
 from edtk.study.asked import Asked
 from edtk.study.study_model import study_model, study_noise, study_sigma
-from edtk.study.study_parts import prior_information, study_tasks, study_workspace
+from edtk.study.study_parts import (
+    TaskDefaults,
+    prior_information,
+    study_tasks,
+    study_workspace,
+)
 from edtk.study.tables_of_robot import ParametersTable
 from edtk.study.tables_of_task import CriterionTable, InterestTable
 from edtk.system.errors import UserError
@@ -63,9 +68,11 @@ class Kind(ABC):
     Attributes:
         key: The key of a study that says what is unknown.
         hard_to_believe: Checks besides those of any study, see `plausibility`.
+        task: What a task has that says nothing else.
     """
 
     key: ClassVar[str]
+    task: ClassVar[TaskDefaults]
     hard_to_believe: ClassVar[tuple[Callable[["StudyObjects"], Iterator[Finding]], ...]] = ()
 
     @abstractmethod
@@ -184,7 +191,7 @@ class StudyObjects(Asked):
     @cached_property
     def tasks(self) -> Tasks:
         """The poses in which the robot shall be accurate, with their tools and loads."""
-        return study_tasks(self)
+        return study_tasks(self, self.kind.task)
 
     @cached_property
     def noise(self) -> VisitNoise | None:

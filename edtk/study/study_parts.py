@@ -1,6 +1,7 @@
 """Tasks, prior, feasible set and robot that a study names."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +20,12 @@ from edtk.robots.constraints.excluded import Excluded
 from edtk.robots.load_robot import load_robot
 from edtk.robots.robot import Robot, shown_limits
 from edtk.robots.robot_file import RobotFileError, robot_from_dict
+from edtk.robots.weights import DeadWeights
 from edtk.robots.workspace import Workspace, within_margin
 from edtk.study.asked import Asked
 from edtk.study.schema import Specification
-from edtk.study.study_model import task_weights
 from edtk.study.tables_of_robot import KnownCompliance
-from edtk.study.tables_of_task import TestPose
+from edtk.study.tables_of_task import PayloadTable, TaskTable, TestPose
 from edtk.system.errors import UserError, note
 from edtk.system.typing import Array
 
@@ -38,39 +39,63 @@ KEY_OF_KIND = {"revolute": "limits_deg", "prismatic": "limits_mm"}
 LINKS = ("base_link", "tip_link")
 
 
-def study_tasks(study: Asked) -> Tasks:
+@dataclass(frozen=True, eq=False)
+class TaskDefaults:
+    """What kinds of studies say otherwise of a task.
+
+    Attributes:
+        weights: Gives all that loads the joints besides a wrench, for the payload of a task.
+        tool: The tool of a task that names none; None where its markers count then.
+        wrench: The load (6,) of a row of a path that names none; None where it has to.
+    """
+
+    weights: Callable[[Asked, PayloadTable | None], DeadWeights | None]
+    tool: Array | None
+    wrench: Array | None
+
+
+def study_tasks(study: Asked, others: TaskDefaults) -> Tasks:
     """The poses in which the robot shall be accurate, in their order; there may be none.
 
     Raises:
         UserError: The file of a path cannot be read, or has a pose that the robot cannot take;
             names the row and the column.
     """
-    if study.specification.task is not None:
-        return _of_file(study)
-    return Tasks(_of_table(study, pose) for pose in study.specification.test_poses)
-
-
-def _of_table(study: Asked, pose: TestPose) -> Task:
-    """The task of one test pose."""
-    return Task(
-        q=of_file_units(study.robot, np.array(pose.q_deg)),
-        tool=pose.tool.build(),
-        wrench=pose.load.build(),
-        robot=study.robot,
-        unknown=study.unknown,
-        within=float(np.deg2rad(pose.robust_deg)),
-        lever=pose.lever_mm / 1e3,
-        weight=pose.weight,
-        dead_weights=task_weights(study, pose.payload),
+    given = study.specification
+    if given.task is not None:
+        task = _task(study, given.task, others)
+        load = others.wrench if given.task.load is None else given.task.load.build()
+        pairs = zip(*_of_file(study, given.task.file, load), strict=True)
+        return Tasks(replace(task, q=q, wrench=wrench) for q, wrench in pairs)
+    return Tasks(
+        replace(
+            _task(study, pose, others),
+            q=of_file_units(study.robot, np.array(pose.q_deg)),
+            wrench=np.zeros(6) if pose.load is None else pose.load.build(),
+            weight=pose.weight,
+        )
+        for pose in given.test_poses
     )
 
 
-def _of_file(study: Asked) -> Tasks:
-    """The tasks of a path, all with its tool, a row each; a long path is thinned, with a note."""
-    given = study.specification.task
-    assert given is not None
-    load = None if given.load is None else given.load.build()
-    path = study.folder / given.file
+def _task(study: Asked, table: TestPose | TaskTable, others: TaskDefaults) -> Task:
+    """What test poses and paths say alike; in the zero pose, without a load."""
+    return Task(
+        q=np.zeros(study.robot.n),
+        tool=others.tool if table.tool is None else table.tool.build(),
+        wrench=np.zeros(6),
+        robot=study.robot,
+        unknown=study.unknown,
+        within=float(np.deg2rad(table.robust_deg)),
+        lever=table.lever_mm / 1e3,
+        dead_weights=others.weights(study, table.payload),
+        carries=table.payload is not None,
+    )
+
+
+def _of_file(study: Asked, file: str, load: Array | None) -> tuple[Array, Array]:
+    """Poses and wrenches of a path, a row each; a long path is thinned, with a note."""
+    path = study.folder / file
     plan = Plan.from_csv(path, study.robot, study.fixed, load)
     check_limits(study, plan.q)
     count = len(plan.q)
@@ -81,21 +106,7 @@ def _of_file(study: Asked) -> Tasks:
             "and are numbered among themselves",
             path,
         )
-    tool = given.tool.build()
-    weights = task_weights(study, given.payload)
-    return Tasks(
-        Task(
-            q=q,
-            tool=tool,
-            wrench=wrench,
-            robot=study.robot,
-            unknown=study.unknown,
-            within=float(np.deg2rad(given.robust_deg)),
-            lever=given.lever_mm / 1e3,
-            dead_weights=weights,
-        )
-        for q, wrench in zip(plan.q[rows], plan.wrench[rows], strict=True)
-    )
+    return plan.q[rows], plan.wrench[rows]
 
 
 def check_limits(study: Asked, q: Array) -> None:

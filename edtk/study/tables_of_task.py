@@ -12,7 +12,6 @@ from pydantic import (
     Field,
     Tag,
     ValidationInfo,
-    field_validator,
     model_validator,
 )
 from pydantic_core import PydanticCustomError
@@ -116,15 +115,14 @@ class TestPose(Table):
     payload: PayloadTable | None = Field(
         None, description="What the robot carries in the task, besides `load` or instead of it"
     )
-    tool: Tool = Field(
+    tool: Tool | None = Field(
         None,
-        validate_default=True,
-        description="Tool of the task; with a payload it defaults to the frame of the last joint",
+        description="Tool of the task; with a payload it defaults to the frame of the last joint. "
+        "With `parameters` it may be left out: then the markers count, and no tool point",
     )
-    load: Load = Field(
+    load: Load | None = Field(
         None,
-        validate_default=True,
-        description="Load of the task; with a payload there may be none",
+        description="Load of the task; with a payload, and with `parameters`, there may be none",
     )
     robust_deg: Robust = Field(
         0.0,
@@ -141,12 +139,6 @@ class TestPose(Table):
         1.0,
         description="How much the pose counts beside others; one of weight 0 is only reported [-]",
     )
-
-    @field_validator("tool", "load", mode="before")
-    @classmethod
-    def _without_a_load(cls, given: Any, info: ValidationInfo) -> Any:
-        """A payload needs neither a load nor a tool."""
-        return payload_stands_in(given, info, no_load=Load(F_N=ZERO))
 
 
 def _form(given: object) -> str:
@@ -173,7 +165,9 @@ class TaskTable(Table):
     payload: PayloadTable | None = Field(
         None, description="What the robot carries along the path, besides other loads"
     )
-    tool: Tool = Field(description="Tool of the task")
+    tool: Tool | None = Field(
+        None, description="Tool of the task; with `parameters` it may be left out, see `test_pose`"
+    )
     load: Load | None = Field(
         None, description="Load in every pose; columns of the file take the place of its components"
     )

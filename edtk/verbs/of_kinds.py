@@ -278,10 +278,18 @@ class OfGeometry(OfStudy):
 
         whole = found.whole
         detections, separations = detect_in_visits(found.question, whole, faults)
+        designs = GeometryDesigns(asked, found.question)
         warnings = found.warnings + poor_left_out(found.question, whole)
         if found.relaxed.criterion.needs_target:
-            warnings += GeometryDesigns(asked, found.question).around(whole)
-        return replace(found, detections=detections, separations=separations, warnings=warnings)
+            warnings += designs.around(whole)
+        return replace(
+            found,
+            detections=detections,
+            separations=separations,
+            warnings=warnings,
+            expected=designs.expected(whole),
+            tasks=designs.accuracy(whole),
+        )
 
     def _proof(self, asked: Study, found: Any) -> str:
         from edtk.calibration.geometry_design.geometry_question import geometry_setting

@@ -13,7 +13,6 @@ STUDY = Study(
     parameters={"geometry": ["zeros"], "compliance": ["q1", "q2"], "base": False},
     test_pose={
         "q_deg": [10, -60],
-        "tool": {"position_mm": [500, 0, 0]},
         "load": {"F_N": [0, 0, -50]},
     },
     candidates=100,

@@ -13,6 +13,7 @@ from criteria.linalg.spectrum import is_semidefinite
 from edtk.calibration.calibration import Origin
 from edtk.findings.finding import Finding, Severity, verdict
 from edtk.findings.geometry.counting import Counting
+from edtk.fit.distributions import task_accuracy
 from edtk.fit.geometry.fitted_geometry import FittedGeometry, GeometricFit, root_mean_square
 from edtk.fit.geometry.geometry_posterior import (
     GeometryDensity,
@@ -20,9 +21,15 @@ from edtk.fit.geometry.geometry_posterior import (
     geometry_posterior,
 )
 from edtk.fit.posterior import SamplingOptions
+from edtk.measure.expected_error import (
+    ExpectedError,
+    TaskAccuracy,
+    compensation_accuracy,
+    expected_error,
+)
 from edtk.measure.noise import BlockVariances, PositionNoise
 from edtk.measure.parameters import COMPONENTS, GeometricParameter
-from edtk.measure.pose_table import of_file_units
+from edtk.measure.task import ErringColumns, Task, Tasks
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import rotation
 from edtk.study.study import Study
@@ -363,24 +370,44 @@ class GeometricCalibration(Presented):
         return MM * self.fit.loo_rms
 
     @cached_property
+    def tasks(self) -> Tasks:
+        """The study's tasks, in which errors of the identified parameters do harm."""
+        fitted = self.fit.fitted
+
+        def columns(task: Task) -> ErringColumns:
+            loads = self.setting.loads_of(task)
+
+            def torque(q: Array) -> Array | None:
+                return fitted.torque(q, np.tile(task.wrench, (len(q), 1)), loads)
+
+            return ErringColumns(fitted.model, fitted.theta, task.tool, torque)
+
+        turned = (replace(task, q=self.counting.turned(task.q)) for task in self.study.tasks)
+        return Tasks(turned).with_columns(columns)
+
+    @cached_property
     def rho0_mm(self) -> float | None:
-        """The error of the markers to expect in the tasks, geometry and load compensated [mm].
+        """The error to expect in the tasks, geometry and load compensated [mm].
 
         It is the root mean square distance that wrong parameters leave, over the tasks with their
-        weights; what the model leaves out comes on top of it. Of full poses it is that of the
-        positions. None without tasks.
+        weights; what the model leaves out comes on top of it. None without tasks.
         """
-        poses = self.study.specification.test_poses
-        if not poses:
+        if not self.tasks:
             return None
-        q = of_file_units(self.study.robot, np.array([pose.q_deg for pose in poses]))
-        wrench = np.array([pose.load.build() for pose in poses])
-        fitted = self.fit.fitted
-        rows = fitted.columns(self.counting.turned(q), wrench, self.setting.loads)
-        rows = rows[:, fitted.model.placed_rows]
-        squares = np.einsum("mrp,pq,mrq->mr", rows, fitted.covariance, rows)
-        weights = [pose.weight for pose in poses]
-        return float(np.sqrt(3 * np.average(squares.mean(axis=1), weights=weights)))
+        return MM * float(compensation_accuracy(self.tasks.target, self.fit.fitted.covariance))
+
+    @cached_property
+    def expected(self) -> ExpectedError | None:
+        """Errors to expect in the tasks and around them; None without tasks."""
+        return expected_error(self.tasks, self.fit.fitted.covariance) if self.tasks else None
+
+    @cached_property
+    def accuracy(self) -> TaskAccuracy | None:
+        """Errors to expect in each of several tasks; None for one or none."""
+        if len(self.tasks) < 2:
+            return None
+        is_path = self.study.specification.task is not None
+        return task_accuracy(self.tasks, self.fit.fitted.covariance, is_path=is_path)
 
     @property
     def assumed(self) -> tuple[str, ...]:
@@ -426,6 +453,8 @@ class GeometricCalibration(Presented):
             "rms_mm": MM * fit.rms,
             "loo_rms_mm": self.loo_rms_mm,
             "rho0_mm": self.rho0_mm,
+            **({} if self.expected is None else {"expected_error": self.expected.to_dict()}),
+            **({} if self.accuracy is None else {"tasks": self.accuracy.to_dict()}),
             "placed_rms_mm": MM * fit.placed,
             **self._turns(),
             "parameters": self.parameters,

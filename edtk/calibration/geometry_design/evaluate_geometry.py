@@ -9,11 +9,7 @@ import numpy as np
 
 import criteria
 from edtk.calibration.geometry_design.geometry_plan import ToldByPlan
-from edtk.calibration.geometry_design.geometry_question import (
-    GeometryQuestion,
-    MarkerTask,
-    marker_tasks,
-)
+from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import MM, GeometrySpace, PositionRows
 from edtk.calibration.geometry_design.plan_geometry import OF_PLANS, SEARCHES, plan_geometry
 from edtk.design.exact.day import PosesByLoad
@@ -26,7 +22,6 @@ from edtk.findings.finding import Finding, Severity, Wording
 from edtk.fit.distributions import task_accuracy
 from edtk.measure.expected_error import WITHIN, ExpectedError, TaskAccuracy, expected_error
 from edtk.measure.parameters import GeometricParameter, Identifiable
-from edtk.measure.task import Tasks
 from edtk.robots.workspace import neighbourhood
 from edtk.study.evaluate import criteria_frame, criterion_values, observability
 from edtk.study.plan_study import no_progress, study_errors
@@ -128,10 +123,12 @@ class GeometryEvaluation(Presented):
         covariance: Covariance (r, r) of the parameters that the plan tells.
         parameters: These parameters (r,).
         open: A sentence for each parameter that feasible poses could tell, and this plan does not.
-        rho0: Error of the markers to expect in the test poses [m]; None without any, or where it
-            depends on an open parameter.
+        rho0: Error to expect in the test poses [m]; None without any, or where it depends on an
+            open parameter.
         skipped: Why criteria have no value, by name.
         warnings: What is hard to believe in the study, a line each.
+        expected: Errors to expect in the test poses and around them; None likewise.
+        tasks: Errors to expect in each of several test poses; None likewise, and for one.
     """
 
     question: GeometryQuestion
@@ -144,6 +141,8 @@ class GeometryEvaluation(Presented):
     rho0: float | None
     skipped: dict[str, str]
     warnings: tuple[Finding, ...]
+    expected: ExpectedError | None = None
+    tasks: TaskAccuracy | None = None
 
     def headline(self) -> str:
         """Number of visits, and how many parameters they tell."""
@@ -189,6 +188,8 @@ class GeometryEvaluation(Presented):
             "open": list(self.open),
             "untold": list(self.question.untold),
             "rho0_mm": None if self.rho0 is None else 1e3 * self.rho0,
+            **({} if self.expected is None else {"expected_error": self.expected.to_dict()}),
+            **({} if self.tasks is None else {"tasks": self.tasks.to_dict()}),
             "loads": self.poses.wrenches.tolist(),
             "poses": self.poses.to_list(),
             "skipped": self.skipped,
@@ -268,11 +269,6 @@ class GeometryDesigns(Designs):
         """The best plan of a case that the budget pays for."""
         return plan_geometry(self.study, case.size, case.optimised, cost_budget=self.budget)
 
-    @cached_property
-    def tasks(self) -> Tasks:
-        """The test poses; there may be none."""
-        return marker_tasks(self.question)
-
     def expected(self, plan: Plan) -> ExpectedError | None:
         """Errors of the markers to expect in the test poses and around them.
 
@@ -281,16 +277,19 @@ class GeometryDesigns(Designs):
             something that no feasible pose tells moves the markers around a test pose.
         """
         cov = self._covariance(plan)
-        if not self.tasks or cov is None or not self._is_told:
+        tasks = self.question.tasks
+        if not tasks or cov is None or not self._is_told:
             return None
-        return expected_error(self.tasks, cov)
+        return expected_error(tasks, cov)
 
     def accuracy(self, plan: Plan) -> TaskAccuracy | None:
         """Errors of the markers to expect in each of several test poses; None likewise."""
         cov = self._covariance(plan)
-        if len(self.tasks) < 2 or cov is None:
+        tasks = self.question.tasks
+        if len(tasks) < 2 or cov is None:
             return None
-        return task_accuracy(self.tasks, cov)
+        is_path = self.study.specification.task is not None
+        return task_accuracy(tasks, cov, is_path=is_path)
 
     def warnings(self, plan: Plan) -> tuple[Finding, ...]:
         """Whether a plan is poor around the test poses, or no better than base and tool alone."""
@@ -307,10 +306,10 @@ class GeometryDesigns(Designs):
     @cached_property
     def _is_told(self) -> bool:
         """Whether feasible poses tell all that moves the markers around the test poses."""
+        question = self.question
         return all(
-            isinstance(task, MarkerTask)
-            and task.is_told(neighbourhood(task.robot, task.q, task.within or WITHIN))
-            for task in self.tasks
+            question.tells(task, neighbourhood(task.robot, task.q, task.within or WITHIN))
+            for task in question.every_task
         )
 
     def _covariance(self, plan: Plan) -> Array | None:
@@ -335,6 +334,7 @@ def evaluate_geometry(study: Study, plan: Plan) -> GeometryEvaluation:
     """
     with study_errors(study):
         question = GeometryQuestion.of(study)
+    designs = GeometryDesigns(study, question)
     by_plan = ToldByPlan(question, plan)
     told = by_plan.told
     is_whole = not len(told.left)
@@ -356,7 +356,9 @@ def evaluate_geometry(study: Study, plan: Plan) -> GeometryEvaluation:
         open=told.words,
         rho0=_rho0(question, told, cov),
         skipped=skipped,
-        warnings=study.warnings + GeometryDesigns(study, question).warnings(plan),
+        warnings=study.warnings + designs.warnings(plan),
+        expected=designs.expected(plan),
+        tasks=designs.accuracy(plan),
     )
 
 

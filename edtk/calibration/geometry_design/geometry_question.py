@@ -14,7 +14,6 @@ from edtk.design.design_space import DesignSpace
 from edtk.fit.geometry.fit_geometry import stages
 from edtk.measure.geometric_model import GeometricModel
 from edtk.measure.parameters import COMPONENTS, GeometricParameter, Identifiable, identifiable
-from edtk.measure.pose_table import of_file_units
 from edtk.measure.task import Task, Tasks
 from edtk.robots.frames import BodyPoint
 from edtk.robots.loads.fixed_load import FixedLoad
@@ -118,59 +117,73 @@ class GeometryQuestion:
         return PositionRows(self.model, self.setting.loads)(q, wrench)
 
     @cached_property
-    def tasks(self) -> Array | None:
-        """Rows (t, 3k, p) of the markers' positions in the test poses [mm]; None without any.
-
-        Where orientations are measured, too, tasks ask for positions all the same.
+    def tasks(self) -> Tasks:
+        """The study's tasks, in which errors of these parameters do harm; there may be none.
 
         Raises:
-            UserError: Something that no feasible pose tells moves a marker there.
+            UserError: Something that no feasible pose tells does harm there.
         """
-        poses = self.study.specification.test_poses
-        if not poses:
-            return None
-        q = of_file_units(self.study.robot, np.array([pose.q_deg for pose in poses]))
-        wrench = np.array([pose.load.build() for pose in poses])
-        rows = PositionRows(self.structural, self.setting.loads)(q, wrench)
-        rows = rows[:, self.model.placed_rows]
-        kept = rows[..., self.shares.kept]
-        apart = np.abs(rows[..., self.shares.left] - kept @ self.shares.shares)
-        if apart.size and apart.max() > UNTOLD:
-            worst = int(apart.max(axis=(0, 1)).argmax())
-            raise self.study.error(
-                "test_pose",
-                f"depends on what no feasible pose tells: {self.shares.words[worst]}; free joints "
-                "that are fixed, or widen the workspace",
-            )
-        return kept
+        every = self.every_task
+        for i, task in enumerate(every):
+            apart = self._apart(task, task.poses)
+            if apart.size and apart.max() > UNTOLD:
+                worst = int(apart.max(axis=0).argmax())
+                key = "task" if self.study.specification.task is not None else "test_pose"
+                raise self.study.error(
+                    key if len(every) == 1 or key == "task" else self.study.key_of(i),
+                    f"depends on what no feasible pose tells: {self.shares.words[worst]}; free "
+                    "joints that are fixed, or widen the workspace",
+                )
+        kept = self.model
+        return every.with_columns(lambda task: self.setting.columns(task, kept))
 
     @cached_property
-    def _weights(self) -> Array:
-        """Shares (t,) of the test poses."""
-        weights = np.array([pose.weight for pose in self.study.specification.test_poses])
-        return np.asarray(weights / weights.sum())
+    def every_task(self) -> Tasks:
+        """The same by all parameters that any poses could tell."""
+        return self.study.tasks.with_columns(
+            lambda task: self.setting.columns(task, self.structural)
+        )
+
+    def tells(self, task: Task, q: Array) -> bool:
+        """Whether what feasible poses leave open does no harm in poses q (..., n) of a task.
+
+        Args:
+            task: One of `every_task`.
+            q: The poses [rad or m].
+        """
+        return bool(self._apart(task, q).max(initial=0.0) <= UNTOLD)
+
+    def _apart(self, task: Task, q: Array) -> Array:
+        """Harm (rows, others) of what feasible poses leave open, less that of the rest [mm]."""
+        rows = task.harm(q).reshape(-1, self.structural.p)
+        others = self.shares
+        return MM * np.abs(rows[:, others.left] - rows[:, others.kept] @ others.shares)
+
+    @cached_property
+    def as_drawn(self) -> tuple[str, ...]:
+        """A sentence for each parameter that no pose tells, and that moves a tool in the tasks.
+
+        Where markers sit is unknown, they tell neither the zero of the last joint nor its length.
+        """
+        told = _told(
+            self.setting, self.setting.model, *_anywhere(self.setting.model, self.wrenches)
+        )
+        moved = np.zeros(len(told.left), dtype=bool)
+        for task in self.study.tasks:
+            rows = self.setting.columns(task, self.setting.model)(task.q, bool(task.lever))
+            apart = MM * np.abs(rows[:, told.left] - rows[:, told.kept] @ told.shares)
+            moved |= apart.max(axis=0, initial=0.0) > UNTOLD
+        return tuple(words for words, counts in zip(told.words, moved, strict=True) if counts)
 
     @property
     def target(self) -> Array | None:
-        """The target A0 (r, p) of rho0 [m]; None without test poses.
-
-        ``rho0^2 = trace(A0 M^-1 A0')`` is the mean square distance of the markers from where the
-        calibrated model has them, over the test poses with their weights and all markers.
-        """
-        if self.tasks is None:
-            return None
-        k = len(self.model.markers)
-        A0 = (np.sqrt(self._weights / k)[:, None, None] * self.tasks).reshape(-1, self.model.p)
-        # As many rows as parameters say the same as all: only A0'A0 counts.
-        return np.asarray(np.linalg.qr(A0, mode="r") if len(A0) > A0.shape[1] else A0) / MM
+        """The target A0 (r, p) of rho0 [m], see `Tasks.target`; None without test poses."""
+        return self.tasks.target if self.tasks else None
 
     @property
     def targets(self) -> Array | None:
-        """The same of each test pose (t, 3k, p), for the worst of them; zero without weight."""
-        if self.tasks is None:
-            return None
-        counts = self._weights > 0
-        return self.tasks * counts[:, None, None] / np.sqrt(len(self.model.markers)) / MM
+        """The same of each test pose (t, r, p), for the worst of them; zero without weight."""
+        return self.tasks.targets if self.tasks else None
 
     def criterion(self, name: str | None = None) -> criteria.Criterion:
         """A criterion of the study's parameters, in their own units (mm, mrad, 1e-6 rad/(N m)).
@@ -288,7 +301,7 @@ def geometry_setting(question: GeometryQuestion) -> dict[str, Any]:
         "free": feasible["free"],
         "fixed": feasible["fixed"],
         **({"margin": feasible["margin"]} if any(feasible["margin"]) else {}),
-        "test_pose": _test_poses(question),
+        "test_pose": [_test_pose(task) for task in question.study.tasks] or None,
         "physics": {
             "sensors": [
                 {"kind": question.model.rows, "offset": offset.tolist(), "joint": None}
@@ -332,19 +345,19 @@ def _load(wrenches: Array) -> dict[str, Any]:
     return {"wrenches": wrenches.tolist()}
 
 
-def _test_poses(question: GeometryQuestion) -> list[dict[str, Any]] | None:
-    """The test poses with their loads and weights; None without any."""
-    poses = question.study.specification.test_poses
-    if not poses:
-        return None
-    return [
-        {
-            "q": of_file_units(question.study.robot, np.array(pose.q_deg)).tolist(),
-            "wrench": pose.load.build().tolist(),
-            "weight": pose.weight,
-        }
-        for pose in poses
-    ]
+def _test_pose(task: Task) -> dict[str, Any]:
+    """A task: what is as in a visit is left out."""
+    sizes = {"within": task.within, "lever": task.lever}
+    tool = {} if task.tool is None else {"tool": task.placed.tool.tolist()}
+    own = {"weights": _weights(task.dead_weights)} if tool or task.carries else {}
+    return {
+        "q": task.q.tolist(),
+        "wrench": task.wrench.tolist(),
+        "weight": task.weight,
+        **tool,
+        **own,
+        **{name: size for name, size in sizes.items() if size},
+    }
 
 
 def _weights(weights: DeadWeights | None) -> list[dict[str, Any]]:
@@ -374,56 +387,3 @@ def _interest(question: GeometryQuestion) -> dict[str, Any]:
     if question.study.specification.interest is None:
         return {}
     return {"interest": question.interest()[0].tolist()}
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class MarkerTask(Task):
-    """A task whose harm is the error of all markers, by geometry and springs.
-
-    Args:
-        question: The question of the study, whose parameters they are.
-    """
-
-    question: GeometryQuestion
-
-    def harm(self, q: Array) -> Array:
-        """Rows (..., 3k, p) whose squares, times an error, add up to the mean square of k markers.
-
-        Args:
-            q: Joint variables (..., n) [rad or m].
-        """
-        rows = self._rows(q)
-        return np.asarray(rows[..., self.question.shares.kept])
-
-    def is_told(self, q: Array) -> bool:
-        """Whether what feasible poses leave open moves no marker in poses q (..., n)."""
-        shares = self.question.shares
-        rows = self._rows(q)
-        apart = rows[..., shares.left] - rows[..., shares.kept] @ shares.shares
-        return bool(MM * np.abs(apart).max(initial=0.0) <= UNTOLD)
-
-    def _rows(self, q: Array) -> Array:
-        """Rows (..., 3k, structural p) of the root of the mean square [m]."""
-        question = self.question
-        flat = q.reshape(-1, self.robot.n)
-        wrench = np.tile(self.wrench, (len(flat), 1))
-        rows = PositionRows(question.structural, question.setting.loads)(flat, wrench)
-        rows = rows[:, question.model.placed_rows] / MM / np.sqrt(len(question.model.markers))
-        return np.asarray(rows.reshape(*q.shape[:-1], *rows.shape[1:]))
-
-
-def marker_tasks(question: GeometryQuestion) -> Tasks:
-    """The test poses of a study of geometry; there may be none."""
-    study = question.study
-    return Tasks(
-        MarkerTask(
-            q=of_file_units(study.robot, np.array(pose.q_deg)),
-            tool=study.robot.tool,
-            wrench=pose.load.build(),
-            robot=study.robot,
-            unknown=(),
-            weight=pose.weight,
-            question=question,
-        )
-        for pose in study.specification.test_poses
-    )

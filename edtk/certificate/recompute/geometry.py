@@ -9,6 +9,7 @@ from edtk.certificate.recompute.chain import Chain
 from edtk.certificate.recompute.physics import (
     MEASURED,
     Physics,
+    Place,
     Weight,
     read_weights,
     weight_torque,
@@ -104,20 +105,32 @@ class Geometry:
 
     def rows(self, chain: Chain, physics: Physics, q: Array, wrench: Array) -> Array:
         """Rows (k, measured, p) [m, rad] of poses q (k, n) under wrenches (k, 6), unit by unit."""
-        frames = chain.frames(q)
         torque = self._torque(chain, physics, q, wrench)
-        parts = []
-        for marker, (kind, place, _) in enumerate(physics.sensors):
-            point = chain.point(q, place.offset, place.joint)
-            springs = chain.jacobian(q, place.offset, place.joint)
-            columns = [
-                SOFTNESS * springs[:, :, one.of] * torque[:, one.of, None]
-                if one.place == "compliance"
-                else UNIT * _moved(one, chain, frames, point, marker)
-                for one in self.parameters
-            ]
-            parts.append(np.stack(columns, axis=-1)[:, : MEASURED[kind]])
+        parts = [
+            self._of_point(chain, torque, q, place, marker)[:, : MEASURED[kind]]
+            for marker, (kind, place, _) in enumerate(physics.sensors)
+        ]
         return np.concatenate(parts, axis=1)
+
+    def of_tool(self, chain: Chain, physics: Physics, q: Array, wrench: Array) -> Array:
+        """Rows (k, 6, p) of the tool frame of a chain, which parameters of markers do not move."""
+        torque = self._torque(chain, physics, q, wrench)
+        return self._of_point(chain, torque, q, Place(np.zeros(3), None), None)
+
+    def _of_point(
+        self, chain: Chain, torque: Array, q: Array, place: Place, marker: int | None
+    ) -> Array:
+        """Rows (k, 6, p) of a point that sits on a marker, or on none."""
+        frames = chain.frames(q)
+        point = chain.point(q, place.offset, place.joint)
+        springs = chain.jacobian(q, place.offset, place.joint)
+        columns = [
+            SOFTNESS * springs[:, :, one.of] * torque[:, one.of, None]
+            if one.place == "compliance"
+            else UNIT * _moved(one, chain, frames, point, marker)
+            for one in self.parameters
+        ]
+        return np.stack(columns, axis=-1)
 
     def _torque(self, chain: Chain, physics: Physics, q: Array, wrench: Array) -> Array:
         """Loads (k, n) of the free joints: of the wrench, of the links, of a payload beside it."""
@@ -127,7 +140,9 @@ class Geometry:
         return np.asarray(torque + loaded * weight_torque(chain, self.payload, q))
 
 
-def _moved(one: Parameter, chain: Chain, frames: list[Array], point: Array, marker: int) -> Array:
+def _moved(
+    one: Parameter, chain: Chain, frames: list[Array], point: Array, marker: int | None
+) -> Array:
     """How a point (k, 3) of a marker moves and turns (k, 6) by one unit of a motion."""
     still = np.zeros((len(point), 6))
     if one.place == "base":

@@ -108,11 +108,12 @@ class Physics:
         return np.concatenate([self._motion(chain, q, *sensor) for sensor in self.sensors], axis=1)
 
     def positions(self, A: Array) -> Array:
-        """The rows (rows, p) of a measurement that are positions, not rotations or distances."""
+        """The rows (..., 3k, p) of measurements that are positions of the k markers on the tool."""
         kept = []
-        for kind, _, _ in self.sensors:
-            kept += [row < 3 and kind != "distance" for row in range(MEASURED[kind])]
-        return np.asarray(A[np.array(kept)])
+        for kind, place, _ in self.sensors:
+            counts = kind != "distance" and place.joint is None
+            kept += [row < 3 and counts for row in range(MEASURED[kind])]
+        return np.asarray(A[..., np.array(kept), :])
 
     def _motion(self, chain: Chain, q: Array, kind: str, place: Place, anchor: Array) -> Array:
         """Derivatives (k, rows, n) of the rows of one instrument by the joints."""

@@ -462,10 +462,10 @@ def _tasks(
     geometry: Geometry | None,
     unknown: list[int],
 ) -> Tasks:
-    """The tasks: of the tool point under a load, or of all markers where geometry is unknown."""
+    """The tasks, by compliances alone or by all that is unknown."""
     if geometry is None or physics is None:
         return Tasks.from_content(content["test_pose"], content["robot"], unknown)
-    return Tasks.of_markers(content["test_pose"], chain, physics, geometry)
+    return Tasks.of_geometry(content["test_pose"], content["robot"], chain, physics, geometry)
 
 
 def _prior(content: dict[str, Any], p: int) -> Array | None:

@@ -1,13 +1,19 @@
 """The tasks of a certificate, the poses around them, and the targets that follow."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from edtk.certificate.recompute.chain import Chain
 from edtk.certificate.recompute.geometry import Geometry
-from edtk.certificate.recompute.physics import Physics, read_weights, regressors
+from edtk.certificate.recompute.physics import (
+    Physics,
+    Place,
+    Weight,
+    read_weights,
+    regressors,
+)
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table
 from edtk.system.typing import Array
 
@@ -152,13 +158,10 @@ class Tasks:
         return cls(each, _shares(content, places))
 
     @classmethod
-    def of_markers(
-        cls, content: Any, chain: Chain, physics: Physics, geometry: Geometry
+    def of_geometry(
+        cls, content: Any, robot: Any, chain: Chain, physics: Physics, geometry: Geometry
     ) -> "Tasks":
-        """Read test poses of a study of geometry, in which the harm is that of all markers.
-
-        The squares of a task's rows are the mean over the markers: ``|A0 d|^2 = sum_k |x_k|^2 / k``
-        for displacements x_k of the k markers [m].
+        """Read the tasks of a study of geometry, in which parameters of markers count, too.
 
         Raises:
             ValueError: A part is missing, or is not what it should be.
@@ -167,13 +170,10 @@ class Tasks:
             return cls([], np.empty(0))
         places = [f"{WHERE}.{i}" for i in range(len(rows(content, MOST_TASKS, WHERE)))]
         _require_few(content, len(chain.axes), geometry.p, len(physics.sensors))
-        each = []
-        for task, place in zip(content, places, strict=True):
-            task = table(task, ("q", "wrench", "weight"), place)
-            q = numbers(task["q"], (chain.n,), f"{place}.q")[None]
-            wrench = numbers(task["wrench"], (6,), f"{place}.wrench")[None]
-            A = geometry.rows(chain, physics, q, wrench)[0]
-            each.append(physics.positions(A) / np.sqrt(len(physics.sensors)))
+        each = [
+            _geometric_harm(task, robot, physics, geometry, place)
+            for task, place in zip(content, places, strict=True)
+        ]
         return cls(each, _shares(content, places))
 
     def targets(self, name: str) -> list[Array]:
@@ -240,24 +240,92 @@ def _shares(content: list[Any], places: list[str]) -> Array:
     return np.asarray(weights / weights.sum())
 
 
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """What tasks of all kinds say.
+
+    Attributes:
+        chain: The robot with the task's tool.
+        poses: The pose (1, n), or all of its neighbourhood [rad or m].
+        wrench: The load (poses, 6) in each [N, N m].
+        lever: Distance at which rotations count [m].
+        weights: What loads the joints besides; None where the task does not say.
+    """
+
+    chain: Chain
+    poses: Array
+    wrench: Array
+    lever: float
+    weights: list[Weight] | None
+
+    @classmethod
+    def of(cls, task: dict[str, Any], robot: Any, where: str) -> "_Place":
+        """Read a task.
+
+        Raises:
+            ValueError: A part is not what it should be.
+        """
+        chain = Chain.from_dict(robot | ({"tool": task["tool"]} if "tool" in task else {}))
+        q = numbers(task["q"], (chain.n,), f"{where}.q")
+        wrench = numbers(task["wrench"], (6,), f"{where}.wrench")
+        within = number(task.get("within", 0.0), f"{where}.within")
+        lever = number(task.get("lever", 0.0), f"{where}.lever")
+        if not 0 <= within <= np.pi or not 0 <= lever <= LONGEST_LEVER:
+            raise ValueError(
+                f"{where}: expected an angle within half a turn, and a lever in metres"
+            )
+        poses = neighbourhood(chain, q, within) if within else q[None]
+        weights = None
+        if "weights" in task:
+            weights = read_weights(task["weights"], len(chain.axes), f"{where}.weights")
+        return cls(chain, poses, np.tile(wrench, (len(poses), 1)), lever, weights)
+
+    def mean(self, positions: Array, turns: Array) -> Array:
+        """Rows (r, p) whose squares are the mean harm over the poses.
+
+        Args:
+            positions: Rows (poses, r, p) of positions [m].
+            turns: Rows (poses, 3, p) of rotations, which count with the lever [rad].
+        """
+        each = np.concatenate([positions, self.lever * turns], axis=1) if self.lever else positions
+        return np.concatenate(each) / np.sqrt(len(self.poses))
+
+
+OPTIONAL = ("within", "lever", "weight", "weights")
+
+
 def _harm(content: Any, robot: Any, unknown: list[int], where: str) -> Array:
     """Rows (r, p) of a task with its tool: their squares are the harm.
 
     For a test pose alone it is the regressor A0. Over a neighbourhood it has the rows of all its
     poses, divided by the root of their number. Rotation rows count with the lever, if there is one.
     """
-    optional = ("within", "lever", "weight", "weights")
-    task = table(content, ("q", "tool", "wrench"), where, optional)
-    chain = Chain.from_dict(robot | {"tool": task["tool"]})
-    q = numbers(task["q"], (chain.n,), f"{where}.q")
-    wrench = numbers(task["wrench"], (6,), f"{where}.wrench")
-    within = number(task.get("within", 0.0), f"{where}.within")
-    lever = number(task.get("lever", 0.0), f"{where}.lever")
-    if not 0 <= within <= np.pi or not 0 <= lever <= LONGEST_LEVER:
-        raise ValueError(f"{where}: expected an angle within half a turn, and a lever in metres")
-    poses = neighbourhood(chain, q, within) if within else q[None]
-    weights = read_weights(task.get("weights", []), len(chain.axes), f"{where}.weights")
-    A = regressors(chain, unknown, poses, np.tile(wrench, (len(poses), 1)), weights)
-    scale = np.array([1.0, 1.0, 1.0, lever, lever, lever])
-    rows_of_all = (A * scale[:, None])[:, : 6 if lever else 3]
-    return np.concatenate(rows_of_all) / np.sqrt(len(poses))
+    task = table(content, ("q", "tool", "wrench"), where, OPTIONAL)
+    at = _Place.of(task, robot, where)
+    A = regressors(at.chain, unknown, at.poses, at.wrench, at.weights or [])
+    return at.mean(A[:, :3], A[:, 3:])
+
+
+def _geometric_harm(
+    content: Any, robot: Any, physics: Physics, geometry: Geometry, where: str
+) -> Array:
+    """The same by geometry and springs.
+
+    A task with a tool is about its tool point, which the task's wrench and weights load. One
+    without is about the k markers on it, ``|A0 d|^2 = sum_k |x_k|^2 / k``, and is loaded as a visit
+    is, unless it has weights of its own.
+    """
+    task = table(content, ("q", "wrench", "weight"), where, (*OPTIONAL, "tool"))
+    at = _Place.of(task, robot, where)
+    if at.weights is not None or "tool" in task:
+        physics = replace(physics, weights=at.weights or [])
+        geometry = replace(geometry, payload=[])
+    if "tool" in task:
+        physics = replace(physics, load_point=Place(np.zeros(3), None))
+    of_tool = geometry.of_tool(at.chain, physics, at.poses, at.wrench)
+    if "tool" in task:
+        return at.mean(of_tool[:, :3], of_tool[:, 3:])
+    A = physics.positions(geometry.rows(at.chain, physics, at.poses, at.wrench))
+    if not A.shape[1]:
+        raise ValueError(f"{where}: expected a tool, as no marker sits on it")
+    return at.mean(A / np.sqrt(A.shape[1] // 3), of_tool[:, 3:])

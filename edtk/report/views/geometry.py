@@ -10,6 +10,7 @@ from edtk.fit.geometry.geometry_posterior import GeometryPosterior
 from edtk.report.geometry_report import robot_stands
 from edtk.report.shown import places_of
 from edtk.report.tables import name_width
+from edtk.report.views.geometry_plan import expected_rho0
 
 MM = 1e3
 MOST_LINES = 60
@@ -94,7 +95,7 @@ def _quality(found: GeometricCalibration) -> list[str]:
         f"{100 * fit.share_inside:.1f} % of the coordinates inside their 95 % bands",
         *_turns(found),
         *(
-            [f"rho0 {found.rho0_mm:.4g} mm: error of the markers to expect in the test poses"]
+            [expected_rho0(found.rho0_mm, found.tasks), str(found.expected)]
             if found.rho0_mm is not None
             else []
         ),

@@ -6,6 +6,7 @@ from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.design.exact.day import PosesByLoad
 from edtk.measure.pose_table import in_file_units, pose_columns
+from edtk.measure.task import Tasks
 from edtk.report.tables import name_width, number_columns
 from edtk.report.views.plan import (
     among,
@@ -64,7 +65,21 @@ def _rho0(found: GeometryPlan) -> list[str]:
     """The error in the test poses, where it is not the value itself."""
     if found.rho0 is None:
         return []
-    return [f"rho0 {1e3 * found.rho0:.4g} mm: error of the markers to expect in the test poses"]
+    return [
+        expected_rho0(1e3 * found.rho0, found.question.study.tasks),
+        *([] if found.expected is None else [str(found.expected)]),
+        *as_drawn(found.question),
+    ]
+
+
+def expected_rho0(rho0_mm: float, tasks: Tasks) -> str:
+    """The error to expect in the tasks, of what counts there."""
+    return f"rho0 {rho0_mm:.4g} mm: error of {tasks.subject} to expect {tasks.place}"
+
+
+def as_drawn(question: GeometryQuestion) -> list[str]:
+    """What a tool point depends on, and markers do not tell."""
+    return [f"in the tasks taken as drawn: {words}" for words in question.as_drawn]
 
 
 def visits_by_load(poses: PosesByLoad) -> list[str]:
@@ -145,8 +160,13 @@ def geometry_evaluation_text(found: GeometryEvaluation) -> str:
 
 def _rho0_of_evaluation(found: GeometryEvaluation) -> list[str]:
     """The error in the test poses, or why there is none."""
+    tasks = found.question.study.tasks
     if found.rho0 is not None:
-        return [f"rho0 {1e3 * found.rho0:.4g} mm: error of the markers to expect in the test poses"]
-    if found.question.target is None:
+        return [
+            expected_rho0(1e3 * found.rho0, tasks),
+            *([] if found.expected is None else [str(found.expected)]),
+            *as_drawn(found.question),
+        ]
+    if not tasks:
         return []
-    return ["no rho0: what is open moves the markers in the test poses"]
+    return [f"no rho0: what is open moves {tasks.subject} {tasks.place}"]

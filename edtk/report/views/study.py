@@ -116,7 +116,7 @@ def study_plot(result: Study, ax: Any = None) -> Any:
     if not tasks:
         return robot_plot(result.robot, ax)
     first = tasks[0]
-    ax = robot_plot(first.model.robot, ax, q=first.q)
+    ax = robot_plot(first.placed, ax, q=first.q)
     spread = np.linspace(1, len(tasks) - 1, min(len(tasks) - 1, MOST_POSES - 1))
     shown = [tasks[i] for i in np.unique(spread.astype(int))] if len(tasks) > 1 else []
     points = [_chain(task) for task in (first, *shown)]
@@ -137,8 +137,8 @@ def study_plot(result: Study, ax: Any = None) -> Any:
 
 def _chain(task: Task) -> Array:
     """Base, joints and tool point of a test pose (k, 3) [m]."""
-    frames = task.model.robot.frames(task.q)
-    return np.vstack([task.model.robot.base[:3, 3], frames.origins, frames.position])
+    frames = task.placed.frames(task.q)
+    return np.vstack([task.placed.base[:3, 3], frames.origins, frames.position])
 
 
 def _arrow(task: Task, size: float) -> Array | None:

@@ -50,7 +50,7 @@ def test_what_a_plan_leaves_open_is_said() -> None:
     text = found.summary()
     assert "4 parameters can be told apart of 6 that better poses would tell" in text
     assert "open: the compliance of joint q1 moves no marker in these poses" in text
-    assert "no rho0: what is open moves the markers in the test poses" in text
+    assert "no rho0: what is open moves the markers in the test pose" in text
     unloaded = STUDY.to_dict()["test_pose"] | {"load": {"F_N": [0, 0, 0]}}
     harmless = evaluate_geometry(STUDY.replace(test_pose=unloaded), visits([False] * 5))
     assert harmless.rho0 is not None
@@ -86,7 +86,8 @@ def test_interest_that_is_none(interest: dict[str, list[str]], message: str) -> 
     """One line names the key and what is there to choose from."""
     with pytest.raises(edtk.UserError, match=message):
         STUDY.replace(interest=interest)
-    plain = STUDY.replace(parameters=None, costs=None, joints={"unknown": ["q1", "q2"]})
+    pose = STUDY.to_dict()["test_pose"] | {"tool": {"position_mm": [500, 0, 0]}}
+    plain = STUDY.replace(parameters=None, joints={"unknown": ["q1", "q2"]}, test_pose=pose)
     with pytest.raises(edtk.UserError, match="is for studies with"):
         plain.replace(interest={"parameters": ["k_q1"]})
 

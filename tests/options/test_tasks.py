@@ -1,0 +1,182 @@
+"""Tasks of studies of geometry: harm by differences, springs alone, and the second checker."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from small_arm import ROBOT
+
+import edtk
+from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+from edtk.measure.task import Task
+from edtk.study.study import Study
+from edtk.system.typing import Array
+
+MARKERS = [
+    {"name": "A", "position_mm": [90, 10, 50]},
+    {"name": "B", "position_mm": [-30, 70, 40]},
+    {"name": "C", "position_mm": [0, -60, 100]},
+]
+POSE = {"q_deg": [10, 20, -30, 40, 50, 60], "load": {"F_N": [30, 0, -200], "T_Nm": [5, 0, 0]}}
+TOOL = {"position_mm": [30, -20, 150], "rpy_deg": [10, 0, 20]}
+PAYLOAD = {"mass_kg": 6, "center_mm": [15, 0, 80]}
+STUDY = Study(
+    robot=ROBOT
+    | {"joints": [{**j, "mass_kg": 4, "center_m": [0.1, 0, 0]} for j in ROBOT["joints"]]},
+    load={"F_N": [0, 0, -150], "at_mm": [0, 40, 20]},
+    payload={"mass_kg": 3, "center_mm": [10, 5, 60]},
+    measurement={"sigma_mm": 0.02},
+    parameters={"compliance": ["q2", "q3"], "geometry": "all"},
+    marker=MARKERS,
+    candidates=200,
+)
+KINDS: dict[str, dict[str, Any]] = {
+    "markers": {},
+    "tool": {"tool": TOOL},
+    "payload": {"payload": PAYLOAD},
+    "everything": {"tool": TOOL, "payload": PAYLOAD, "lever_mm": 300},
+    "turns of markers": {"lever_mm": 250},
+}
+
+
+def by_differences(question: GeometryQuestion, task: Task, keys: dict[str, Any]) -> Array:
+    """The harm (p, p) of a task's parameters in its pose, by differences of what is seen."""
+    model = question.model
+    setting = question.setting
+    tool = task.tool
+    robot = model.robot if tool is None else model.robot.with_tool(tool)
+    seen_by = replace(model, rows="pose")
+    if tool is not None:
+        seen_by = replace(seen_by, robot=robot, offsets=np.zeros((len(MARKERS), 3)))
+    loads = setting.loads
+    assert loads is not None
+    q = task.q[None]
+    torque = loads(q, task.wrench[None])
+    if keys.get("tool") or keys.get("payload"):
+        frames = robot.frames(q, tuple(range(6)))
+        wrench = loads.by_wrench if tool is None else replace(loads.by_wrench, robot=robot)
+        point = loads.by_wrench.load_point if tool is None else type(loads.by_wrench.load_point)()
+        torque = replace(wrench, load_point=point).torque_of(frames, task.wrench[None]).T
+        assert task.dead_weights is not None
+        assert task.dead_weights.carried.max() >= PAYLOAD["mass_kg"] * bool(keys.get("payload"))
+        torque = torque + task.dead_weights.torque(frames).T
+    h = 1e-3
+    k = len(MARKERS)
+
+    def at(theta: Array) -> tuple[Array, Array]:
+        moved = theta * model.scales
+        if tool is not None:  # which is on the last joint, wherever markers are
+            moved = moved * [one.place != "tool" for one in model.parameters]
+        seen = seen_by.see(moved, q, torque, False)
+        return seen.points[0], seen.turns[0, 0]
+
+    rows = []
+    for step in h * np.eye(model.p):
+        (x1, R1), (x0, R0) = at(step), at(-step)
+        turn = (R1 - R0) @ at(np.zeros(model.p))[1].T / (2 * h)
+        w = np.array([turn[2, 1], turn[0, 2], turn[1, 0]])
+        rows.append(np.append(np.ravel(x1 - x0) / (2 * h * np.sqrt(k)), task.lever * w))
+    A = np.array(rows).T
+    return np.asarray(A.T @ A)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_harm_is_that_of_differences(name: str) -> None:
+    """Tool, payload, lever and markers: the target is that of differences of what is seen."""
+    study = STUDY.replace(test_pose=POSE | KINDS[name])
+    question = GeometryQuestion.of(study)
+    task = question.tasks[0]
+    expected = by_differences(question, task, KINDS[name])
+    found = task.target.T @ task.target
+    assert np.abs(found - expected).max() < 1e-6 * np.abs(expected).max()
+
+
+def test_a_neighbourhood_is_the_mean_over_its_poses() -> None:
+    """The target of `robust_deg` is the mean of the harms in all poses of the neighbourhood."""
+    study = STUDY.replace(test_pose=POSE | KINDS["everything"] | {"robust_deg": 20})
+    question = GeometryQuestion.of(study)
+    task = question.tasks[0]
+    alone = [replace(task, q=q, within=0.0).target for q in task.poses]
+    expected = np.mean([A.T @ A for A in alone], axis=0)
+    found = task.target.T @ task.target
+    assert len(alone) == 255
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12 * np.abs(expected).max())
+
+
+LOAD = {"F_N": [0, 0, -200]}
+SPRINGS = Study(
+    robot=ROBOT,
+    tool={"position_mm": [0, 0, 100]},
+    load=LOAD,
+    measurement={"sigma_mm": 0.05},
+    joints={"unknown": ["q2", "q3", "q4"]},
+    test_pose=[
+        {"q_deg": [10, 20, -30, 40, 50, 60], "load": LOAD, "tool": TOOL, "lever_mm": 200},
+        {"q_deg": [0, 40, 30, 0, 50, 0], "load": LOAD, "tool": TOOL, "weight": 2, "robust_deg": 9},
+        {"q_deg": [0, 40, 30, 0, 50, 0], "tool": TOOL, "payload": PAYLOAD},
+    ],
+    candidates=300,
+)
+TWIN = SPRINGS.replace(
+    joints=None,
+    parameters={"compliance": ["q2", "q3", "q4"], "geometry": [], "base": False, "tool": False},
+)
+
+
+def test_springs_alone_have_one_target() -> None:
+    """A study of springs and its twin with [parameters] have the same A0, rho0 and rho_max."""
+    question = GeometryQuestion.of(TWIN)
+    A0 = SPRINGS.target
+    assert A0 is not None
+    twin = question.target
+    assert twin is not None
+    scales = question.model.scales
+    expected = scales[:, None] * (A0.T @ A0) * scales
+    np.testing.assert_allclose(twin.T @ twin, expected, rtol=1e-12, atol=1e-25)
+    q = np.random.default_rng(0).uniform(-1.5, 1.5, (5, 6))
+    plan = edtk.Plan(q, np.tile([0.0, 0, -200, 0, 0, 0], (5, 1)), np.ones(5, dtype=int))
+    both = [edtk.evaluate(study, plan) for study in (SPRINGS, TWIN)]
+    for name in ("rho0", "rho_max"):
+        values = [found.criteria[name] for found in both]
+        assert values[0] == pytest.approx(values[1], rel=1e-10)
+    around = [(found.expected.mean, found.expected.largest) for found in both]
+    assert around[0] == pytest.approx(around[1], rel=1e-10)
+    np.testing.assert_allclose(both[0].tasks.error, both[1].tasks.error, rtol=1e-10)
+    np.testing.assert_allclose(both[0].tasks.band, both[1].tasks.band, rtol=1e-8)
+
+
+@pytest.mark.parametrize("criterion", ["rho0", "rho_max"])
+def test_the_second_checker_finds_the_targets(criterion: str, tmp_path: Path) -> None:
+    """`edtk verify` recomputes tools, payloads, levers and neighbourhoods, and finds a forgery."""
+    poses = [POSE | keys | {"weight": i + 1} for i, keys in enumerate(KINDS.values())]
+    poses[1] |= {"robust_deg": 15}
+    study = STUDY.replace(test_pose=poses)
+    path = tmp_path / "proof.json"
+    edtk.relax(study, criterion, certificate=path)
+    content = json.loads(path.read_text())
+    found = edtk.verify(content, study)
+    assert found.valid, found.summary()
+    for key, value in (("lever", 0.31), ("within", 0.3)):
+        forged = json.loads(path.read_text())
+        place = 3 if key == "lever" else 1
+        forged["setting"]["test_pose"][place][key] = value
+        assert not edtk.verify(forged, study).valid
+
+
+def test_a_path_is_its_poses(tmp_path: Path) -> None:
+    """A path from a file is as many test poses, for plans and for the expected error."""
+    rows = [[10, 20, -30, 40, 50, 60], [20, 30, -20, 30, 40, 50]]
+    header = ",".join(f"q{i}_deg" for i in range(1, 7))
+    text = "\n".join([header, *(",".join(map(str, row)) for row in rows)])
+    (tmp_path / "path.csv").write_text(text)
+    keys = {"tool": TOOL, "payload": PAYLOAD, "lever_mm": 100}
+    table = {"file": "path.csv", "load": POSE["load"], **keys}
+    poses = [{"q_deg": row, "load": POSE["load"], **keys} for row in rows]
+    path = GeometryQuestion.of(STUDY.replace(task=table, folder=tmp_path))
+    several = GeometryQuestion.of(STUDY.replace(test_pose=poses))
+    assert path.target is not None
+    assert several.target is not None
+    np.testing.assert_array_equal(path.target, several.target)
