@@ -175,21 +175,44 @@ NEAREST = 1e-9  # distance below which a wire has no direction [m]
 
 
 @dataclass(frozen=True, eq=False)
+class Load:
+    """What loads the joints of a robot that has come to rest.
+
+    Attributes:
+        torque: Loads (m, n) of the free joints [N m or N].
+        gives: ``(I - K H)^-1`` (m, n, n) with the compliances K and ``H = dtau/dq``: by how much
+            all joints give way, where one is turned and its load changes on the way; None for I.
+    """
+
+    torque: Array
+    gives: Array | None = None
+
+    def __getitem__(self, chosen: Mask) -> "Load":
+        """In some of the poses."""
+        return Load(self.torque[chosen], None if self.gives is None else self.gives[chosen])
+
+    def by_springs(self, by_joints: Array) -> Array:
+        """Derivatives (m, k, rows, n) by all compliances, of those by the joints."""
+        turned = by_joints if self.gives is None else by_joints @ self.gives[:, None]
+        return turned * self.torque[:, None, None]
+
+
+@dataclass(frozen=True, eq=False)
 class Loading:
     """What loads the joints in some readings, of which some are differences of two.
 
     Attributes:
-        torque: Loads (m, n) of the free joints [N m or N].
+        after: The loads in all poses (m).
         differs: Which readings (m,) are those less what was read before.
-        before: The loads (m, n) before.
+        before: The loads before, in the poses of these alone.
     """
 
-    torque: Array
+    after: Load
     differs: Mask
-    before: Array
+    before: Load
 
 
-Torque = Array | Loading | None
+Torque = Array | Load | Loading | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -397,16 +420,17 @@ class GeometricModel:
                 differences; None for none.
             derivatives: Whether those are computed too.
         """
-        if not isinstance(torque, Loading):
-            return self._see(theta, q, torque, derivatives)
-        after = self._see(theta, q, torque.torque, derivatives)
-        own = torque.differs
-        return after.less(self._see(theta, q[own], torque.before[own], derivatives), own)
+        if isinstance(torque, Loading):
+            after = self._see(theta, q, torque.after, derivatives)
+            before = self._see(theta, q[torque.differs], torque.before, derivatives)
+            return after.less(before, torque.differs)
+        load = Load(torque) if isinstance(torque, np.ndarray) else torque
+        return self._see(theta, q, load, derivatives)
 
-    def _see(self, theta: Array, q: Array, torque: Array | None, derivatives: bool) -> Seen:
+    def _see(self, theta: Array, q: Array, load: Load | None, derivatives: bool) -> Seen:
         """What is read in some poses, all readings by themselves."""
         base, errors, tools = self._motions(theta)
-        bent = q if torque is None else q + self.compliances(theta) * torque
+        bent = q if load is None else q + self.compliances(theta) * load.torque
         placed = self.chain.place(self.chain.variables(bent), errors)
         points, axes = self._carried(placed, tools[:, :3])
         B = self.start[:3, :3] @ rotation(base[3:])
@@ -418,7 +442,7 @@ class GeometricModel:
             world = self._in_world(placed, errors, tools, points)
             moved = {name: _turned(B, D) for name, D in world.items()}
             moved["base"] = self._by_base(base, levers)
-            columns = self._chosen(moved, torque)
+            columns = self._chosen(moved, load)
             seen = replace(seen, jacobian=columns, by_joints=moved["springs"])
         return self._as_read(seen, points, B)
 
@@ -521,16 +545,16 @@ class GeometricModel:
             D[..., 3:, 3:] = bends
         return D
 
-    def _chosen(self, moved: dict[str, Array], torque: Array | None) -> Array:
+    def _chosen(self, moved: dict[str, Array], load: Load | None) -> Array:
         """The columns (m, k, rows, p) of the parameters, in their order."""
         joint_names = self.robot.joint_names
         columns = np.zeros((*moved["joint"].shape[:3], self.p))
+        by_springs = None if load is None else load.by_springs(moved["springs"])
         for i, one in enumerate(self.parameters):
             if one.place != "compliance":
                 columns[..., i] = moved[one.place][..., self._place_of(one)]
-            elif torque is not None:
-                j = joint_names.index(one.of)
-                columns[..., i] = moved["springs"][..., j] * torque[:, None, None, j]
+            elif by_springs is not None:
+                columns[..., i] = by_springs[..., joint_names.index(one.of)]
         return columns
 
     def _place_of(self, parameter: GeometricParameter) -> int:

@@ -57,6 +57,7 @@ class GeometricParameter:
         along: Whether the component is the one along the joint's own axis: a turn of a revolute
             joint is the offset of its zero.
         likely: Size that a compliance is likely to have, in SI units; None where nobody knows.
+        body: Name of the joint that moves the body that a marker is on; empty for the tool.
     """
 
     place: Place
@@ -65,6 +66,7 @@ class GeometricParameter:
     slides: bool = False
     along: bool = False
     likely: float | None = field(default=None, compare=False)
+    body: str = field(default="", compare=False)
 
     @property
     def name(self) -> str:
@@ -134,7 +136,7 @@ class GeometricParameter:
             return f"the base's turn about {axis}" if self.turns else f"the base's {axis}"
         if self.place == "tool":
             named = self.of if self.of.startswith("marker") else f"marker {self.of}"
-            tool = f"{named} on the tool" if self.of else "the tool"
+            tool = f"{named} on {self.body or 'the tool'}" if self.of else "the tool"
             return f"the turn of {tool} about {axis}" if self.turns else f"{tool} along {axis}"
         if self.along:
             return f"the zero of {joint}"
@@ -152,6 +154,7 @@ def all_parameters(
     tool: bool = True,
     pose: bool = False,
     likely: Mapping[str, float] | None = None,
+    bodies: Mapping[str, str] | None = None,
 ) -> tuple[GeometricParameter, ...]:
     """List the parameters that a calibration asks for, whether they can be told apart or not.
 
@@ -165,6 +168,8 @@ def all_parameters(
         tool: Whether the places of the markers on the tool are.
         pose: Whether rotations are measured, so that the tool has three angles too.
         likely: Compliances that joints are likely to have, by name [rad/(N m)]; none by default.
+        bodies: Names of the joints whose bodies markers are on, by marker; the others are on the
+            tool.
 
     Returns:
         Base, tools, joints from base to tip, springs.
@@ -175,8 +180,14 @@ def all_parameters(
     slides = {joint.name: joint.kind == "prismatic" for joint in robot.joints}
     of_joints = _chosen(_of_joints(robot), geometry)
     components = COMPONENTS if pose else SHIFTS
+    on = bodies or {}
     of_base = [GeometricParameter("base", "", c) for c in COMPONENTS if base]
-    of_tools = [GeometricParameter("tool", n, c) for n in markers for c in components if tool]
+    of_tools = [
+        GeometricParameter("tool", n, c, body=on.get(n, ""))
+        for n in markers
+        for c in components
+        if tool
+    ]
     springs = [
         GeometricParameter("compliance", n, slides=slides[n], likely=(likely or {}).get(n))
         for n in compliance

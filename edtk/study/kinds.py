@@ -210,6 +210,7 @@ class Geometry(Kind):
             raise study.error(
                 "parameters", "leaves nothing unknown; expected geometry, base or tool"
             )
+        _check_reference(study, asked.base)
         _check_measured(study)
         _check_unused(study)
 
@@ -318,11 +319,6 @@ def _check_measured(study: Asked) -> None:
     full = given.measurement.rows == "pose"
     if full and not given.marker:
         raise study.error("marker", "expected one with a name, whose poses are measured")
-    if given.measurement.reference != "unloaded":
-        raise study.error(
-            "measurement.reference",
-            "positions of a study of geometry are absolute anyway; leave the key out",
-        )
     if given.measurement.sigma_mm is None:
         raise study.error(
             "measurement.sigma_mm", "expected, the standard deviation of a coordinate [mm]"
@@ -335,13 +331,26 @@ def _check_measured(study: Asked) -> None:
         elif marker.rows not in (None, given.measurement.rows):
             message = "expected that of measurement.rows for all markers on the tool"
             raise study.error(f"marker.{i}.rows", message)
-        if marker.joint is not None and not is_reference(study, marker):
-            raise study.error(
-                f"marker.{i}.joint",
-                "markers of a study of geometry sit on the tool, or on the 'base' as references",
-            )
     if given.marker and all(is_reference(study, marker) for marker in given.marker):
-        raise study.error("marker", "expected one on the tool besides those on the base")
+        raise study.error("marker", "expected one on the robot besides those on the base")
+
+
+def _check_reference(study: Asked, base: bool) -> None:
+    """What a reading is measured from says something of what is asked for."""
+    given = study.specification
+    reference = given.measurement.reference
+    is_stated = "reference" in given.measurement.model_fields_set
+    if reference == "nominal" and base:
+        raise study.error(
+            "measurement.reference",
+            "displacements from the nominal robot ask where that stands; expected base = false",
+        )
+    if reference == "unloaded" and is_stated and not given.joints.unknown:
+        raise study.error(
+            "measurement.reference",
+            "what a load changes tells compliances alone, and none is asked for; expected "
+            "parameters.compliance, or 'instrument'",
+        )
 
 
 def _check_unused(study: Asked) -> None:

@@ -1,6 +1,7 @@
 """What a study of geometry says of its robot: model, noise and loads."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -12,6 +13,7 @@ from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import GeometricParameter, all_parameters
 from edtk.measure.task import ErringColumns, Task
 from edtk.robots.frames import Frames
+from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.robots.weights import DeadWeights
 from edtk.study.study import Study
 from edtk.study.study_model import (
@@ -32,8 +34,8 @@ class StudyGeometry:
 
     Attributes:
         study: The question.
-        markers: Names of the markers on the tool: those of the study, or where it names none,
-            those of the sheet.
+        markers: Names of the markers on the robot, those on the tool first: those of the study, or
+            where it names none, those of the sheet.
         references: Names of those on the base.
     """
 
@@ -47,11 +49,11 @@ class StudyGeometry:
         given = study.specification.marker
         names = marker_names(study)
         pairs = list(zip(given, names, strict=True))
+        moved = [(one, name) for one, name in pairs if not is_reference(study, one)]
+        moved.sort(key=lambda pair: pair[0].joint is not None)
         return cls(
             study,
-            tuple(name for one, name in pairs if not is_reference(study, one))
-            or sheet_markers
-            or ("marker",),
+            tuple(name for _, name in moved) or sheet_markers or ("marker",),
             tuple(name for one, name in pairs if is_reference(study, one)),
         )
 
@@ -68,6 +70,22 @@ class StudyGeometry:
         """Whether orientations are measured with the positions."""
         return self.study.specification.measurement.rows == "pose"
 
+    @cached_property
+    def bodies(self) -> dict[str, str]:
+        """Names of joints on whose bodies markers are, by marker; the others are on the tool."""
+        return {name: one.joint for one, name in on_robot(self.study) if one.joint is not None}
+
+    @property
+    def on_tool(self) -> int:
+        """How many of the markers are on the tool; they come first."""
+        return sum(name not in self.bodies for name in self.markers)
+
+    @property
+    def reads_changes(self) -> bool:
+        """Whether visits under a load are read as a loaded position less an unloaded one."""
+        measurement = self.study.specification.measurement
+        return measurement.reference == "unloaded" and "reference" in measurement.model_fields_set
+
     @property
     def model(self) -> GeometricModel:
         """The model with all parameters that the study asks for."""
@@ -83,10 +101,15 @@ class StudyGeometry:
             asked.tool,
             self.full_poses,
             {name: one.compliance for name, one in likely_compliances(study).items()},
+            self.bodies,
         )
         places = np.array([offsets.get(name, np.zeros(3)) for name in self.markers])
         rows: Literal["position", "pose"] = "pose" if self.full_poses else "position"
-        return GeometricModel(study.robot, places, self.markers, parameters, rows=rows)
+        joints = {name: study.robot.body_names.index(joint) for name, joint in self.bodies.items()}
+        bodies = tuple(joints.get(name) for name in self.markers)
+        return GeometricModel(
+            study.robot, places, self.markers, parameters, rows=rows, bodies=bodies
+        )
 
     @property
     def taken_as_drawn(self) -> tuple[GeometricParameter, ...]:
@@ -144,6 +167,15 @@ class StudyGeometry:
         k = len(self.markers)
         tool = replace(data.of_markers(slice(0, k)), markers=self.markers)
         return tool, replace(data.of_markers(slice(k, None)), markers=self.references)
+
+
+def alone_load(study: Study) -> Array | None:
+    """The study's only load (6,), that of a displacement where a sheet names none; None else."""
+    given = study.specification
+    if given.load is None and given.payload is None:
+        return None
+    load = given.build_load()
+    return load.always if isinstance(load, FixedLoad) else None
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,10 +35,12 @@ class MeasurementTable(Table):
     sigma_deg: Sigma | None = Field(
         None, description="Standard deviation of a rotation, per axis; for rows = 'pose' [deg]"
     )
-    reference: Literal["unloaded", "nominal"] = Field(
+    reference: Literal["unloaded", "nominal", "instrument"] = Field(
         "unloaded",
         description="What a displacement is measured from: the unloaded robot, which bends under "
-        "the weight of its links too, or where the rigid robot of the model would be",
+        "the weight of its links too, or where the rigid robot of the model would be. With "
+        "[parameters] readings are absolute (`instrument`) where the key is left out; with "
+        "`unloaded` those under a load are read loaded minus unloaded",
     )
 
 

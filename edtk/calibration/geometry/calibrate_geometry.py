@@ -34,10 +34,10 @@ from edtk.findings.units import force_findings
 from edtk.fit.geometry.fit_geometry import TooFewPosesError, fit_geometry
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, root_mean_squares
 from edtk.fit.geometry.marker_positions import MarkerPositions, read_positions
-from edtk.measure.pose_table import Table, path_of
+from edtk.measure.pose_table import LOADED_COLUMNS, Table, path_of
 from edtk.robots.robot import Robot
 from edtk.study.study import Study
-from edtk.study.study_geometry import StudyGeometry
+from edtk.study.study_geometry import StudyGeometry, alone_load
 from edtk.system.errors import UserError
 from edtk.system.typing import Array, Mask
 
@@ -89,9 +89,9 @@ def calibrate_geometry(
     named = StudyGeometry.of(study)
     asked = (*named.markers, *named.references) if study.specification.marker else ()
     turned = named.markers if named.full_poses else ()
-    every = read_positions(path, study.robot, study.fixed, asked, turned=turned)
-    if every.differs is not None:
-        raise UserError("displacements under a load; expected absolute positions", where=where)
+    load = alone_load(study)
+    every = read_positions(path, study.robot, study.fixed, asked, turned=turned, load=load)
+    every = _from_instrument(StudyGeometry.of(study, every.markers), every, where)
     reading = "" if as_is else turn_reading(path, study.robot, every)
     if reading:
         raise UserError(f"the robot fits if {reading}; expected {EXPECTED}", where=where)
@@ -190,26 +190,72 @@ def _sound(setting: StudyGeometry, every: MarkerPositions, path: Path, as_is: bo
     seen, lost = _without_lost(every)
     if not seen.seen.any():
         raise UserError("no position of a marker is filled in, or all are zero", where=path)
-    tool, base = setting.split(seen)
-    references = reference_points(base, tool)
-    tool = _taken_back(tool, references.frames)
-    tool, beyond = without_beyond_reach(tool, setting.study.robot.reach)
-    tool, copied = without_copied_markers(tool)
-    findings = [*lost, *_blank(every), *references.findings, *beyond, *copied]
-    tool = tool[np.flatnonzero(tool.seen.any(axis=1))]
-    if not len(tool):
-        raise UserError("no marker of the tool was seen in any row", where=path)
-    tool = _without_unseen(tool, findings)
+    findings = [*lost, *_blank(every)]
+    data = _on_robot(setting, seen, findings)
+    if not len(data):
+        raise UserError("no marker of the robot was seen in any row", where=path)
+    data = _without_unseen(data, findings)
     counting = as_said(setting.study.robot)
     asked = setting.study.specification.parameters
     gross = GrossErrors()
-    if asked is not None and asked.base and asked.tool:
+    on_tool = [i for i, name in enumerate(data.markers) if name not in setting.bodies]
+    rigid = data.absolute.of_markers(on_tool)
+    if asked is not None and asked.base and asked.tool and rigid.seen.any():
         robot = setting.study.robot
-        counting = _counted(robot, tool, path, as_is, findings)
-        tool = counting.of(tool)
-        gross = gross_errors(robot, tool)
-        tool = gross.without_apart(tool)
-    return Sound(tool, gross, counting, tuple(findings))
+        counting = _counted(robot, rigid, path, as_is, findings)
+        data = counting.of(data)
+        gross = gross_errors(robot, counting.of(rigid))
+        # Absolute visits and markers on the tool come first, so that numbers are the same.
+        data = gross.without_apart(data)
+    return Sound(data, gross, counting, tuple(findings))
+
+
+def _on_robot(
+    setting: StudyGeometry, seen: MarkerPositions, findings: list[Finding]
+) -> MarkerPositions:
+    """The markers on the robot, without rows of no use: absolute visits first, then differences.
+
+    What an instrument's frame, a reach and points on the base say is said of absolute positions.
+    """
+    moved, base = setting.split(seen.absolute)
+    changes = setting.split(seen[seen.is_difference])[0]
+    if moved.seen.any():
+        references = reference_points(base, moved)
+        moved = _taken_back(moved, references.frames)
+        moved, beyond = without_beyond_reach(moved, setting.study.robot.reach)
+        moved, copied = without_copied_markers(moved)
+        findings += [*references.findings, *beyond, *copied]
+    changes = changes.of_markers([changes.markers.index(name) for name in moved.markers])
+    both = moved.with_visits(changes) if len(changes) else moved
+    return both[np.flatnonzero(both.seen.any(axis=1))]
+
+
+def _from_instrument(setting: StudyGeometry, data: MarkerPositions, where: Path) -> MarkerPositions:
+    """Displacements from the nominal robot as absolute positions; others stay.
+
+    Raises:
+        UserError: Displacements under a load have no compliance to tell.
+    """
+    if data.differs is None:
+        return data
+    given = setting.study.specification
+    if given.measurement.reference == "nominal":
+        drawn = setting.model.see(np.zeros(setting.model.p), data.q, derivatives=False)
+        k = len(setting.markers)
+        own = data.is_difference[:, None, None]
+        measured, turns = data.measured.copy(), data.turns
+        measured[:, :k] += np.where(own, drawn.points, 0.0)
+        if turns is not None:
+            turns = turns.copy()
+            turns[:, :k] = np.where(own[..., None], turns[:, :k] @ drawn.turns, turns[:, :k])
+        return replace(data, measured=measured, turns=turns, differs=None)
+    if not given.joints.unknown:
+        raise UserError(
+            "displacements under a load tell compliances alone, and the study asks for none; "
+            f"expected {', '.join(LOADED_COLUMNS)} alone, or parameters.compliance",
+            where=where,
+        )
+    return data
 
 
 def _without_lost(data: MarkerPositions) -> tuple[MarkerPositions, list[Finding]]:

@@ -14,7 +14,7 @@ from edtk.findings.units import like_radians
 from edtk.fit.geometry.fitted_geometry import ErrorParts, FittedGeometry, Loads, Predicted
 from edtk.fit.geometry.marker_positions import MarkerPositions, read_positions
 from edtk.measure.parameters import COMPONENTS
-from edtk.measure.pose_table import Table, path_of
+from edtk.measure.pose_table import LOADED_COLUMNS, Table, path_of
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import rotation, rotation_vectors
 from edtk.study.study import Study
@@ -286,6 +286,11 @@ def predict_positions(
         others=marker_names(study),
         turned=setting.markers if setting.full_poses else (),
     )
+    if data.differs is not None:
+        raise UserError(
+            f"displacements; predictions are of positions: expected {', '.join(LOADED_COLUMNS)}",
+            where=path_of(poses),
+        )
     beyond = _beyond(study.robot, data)
     radians = like_radians(study, data.q)
     data = counting.of(setting.split(data.without_lost())[0])

@@ -39,10 +39,10 @@ def _say(severity: Severity, kind: str, **data: Any) -> Finding:
 
 def _few(fit: GeometricFit) -> list[Finding]:
     """Hardly more coordinates than parameters."""
-    coordinates = fit.data.rows * fit.data.means.count
+    coordinates = int(fit.data.means.rows_seen.sum())
     if coordinates >= FEW * fit.structural:
         return []
-    each = fit.data.rows * len(fit.data.markers)
+    each = int(fit.data.present.sum())
     data = {
         "coordinates": coordinates,
         "count": fit.structural,
@@ -69,23 +69,28 @@ def _alone(fit: GeometricFit) -> list[Finding]:
 
 
 def geometric_findings(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
-    """Everything that looks wrong, in any order."""
-    causes = _causes(fit, setting)
+    """Everything that looks wrong, in any order.
+
+    What is said of positions, or of the course of a day, is said of absolute readings.
+    """
+    absolute = fit.absolute
+    causes = []
+    placed = []
+    if len(absolute.data):
+        causes = _causes(absolute, setting)
+        placed = [*_rough(absolute), *_turned(absolute), *_alone(absolute), *_rounded(absolute)]
+        placed += _scaled(absolute, setting)
     found = [
-        *_rough(fit),
-        *_turned(fit),
+        *placed,
         *_open(fit),
         *_few(fit),
-        *_alone(fit),
         *_worse(fit),
-        *_rounded(fit),
         *_outliers(fit),
         *causes,
         *_loaded(fit, setting),
         *_springs(fit, setting),
         *_large(fit),
         *marker_findings(fit, setting),
-        *_scaled(fit, setting),
         *_negative(fit),
         *_noise(fit, setting, bool(causes)),
     ]
@@ -161,7 +166,7 @@ def _outliers(fit: GeometricFit) -> list[Finding]:
     """Poses that the others do not predict."""
     from scipy.stats import chi2
 
-    coordinates = fit.data.rows * fit.data.means.seen.sum(axis=1)
+    coordinates = fit.data.means.rows_seen.sum(axis=(1, 2))
     probability = chi2.sf(fit.surprise, np.maximum(coordinates, 1))
     wrong = np.flatnonzero(probability * len(probability) < UNLIKELY)
     if not len(wrong):

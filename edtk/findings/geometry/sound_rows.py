@@ -145,9 +145,10 @@ def with_standing(
     Returns:
         Both, and a finding where there is such a marker: a note where the study names none.
     """
-    k = len(setting.markers)
-    lost = (np.abs(np.nan_to_num(data.measured)) == 0).all(axis=-1, keepdims=True)
-    x = np.where(lost, np.nan, data.measured)[:, :k]
+    k = setting.on_tool
+    absolute = data.absolute
+    lost = (np.abs(np.nan_to_num(absolute.measured)) == 0).all(axis=-1, keepdims=True)
+    x = np.where(lost, np.nan, absolute.measured)[:, :k]
     seen = np.isfinite(x).all(axis=-1).sum(axis=0)
     moves = np.zeros(k)
     for i in np.flatnonzero(seen):
@@ -157,9 +158,10 @@ def with_standing(
     still = [i for i in range(k) if seen[i] > 1 and most > FAR_STANDING and moves[i] < STILL * most]
     if not still:
         return setting, data, []
-    moving = [i for i in range(k) if i not in still]
+    moved = range(len(setting.markers))
+    moving = [i for i in moved if i not in still]
     names = tuple(setting.markers[i] for i in still)
-    order = [*moving, *range(k, len(data.markers)), *still]
+    order = [*moving, *range(len(moved), len(data.markers)), *still]
     there = replace(
         setting,
         markers=tuple(setting.markers[i] for i in moving),
@@ -300,7 +302,11 @@ def marker_findings(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     if asked is None or not asked.tool:
         return []
     stated = {name: np.array(one.position_mm) / MM for one, name in on_robot(setting.study)}
-    names = [name for name in fit.data.markers if stated.get(name, np.zeros(3)).any()]
+    names = [
+        name
+        for name in fit.data.markers
+        if stated.get(name, np.zeros(3)).any() and name not in setting.bodies
+    ]
     if not names:
         return []
     there = np.array([stated[name] for name in names])

@@ -180,9 +180,12 @@ def _in_turns(
     weights = np.ones(len(means))
     last = np.zeros(2)
     slides = _slides(model)
+
+    def at_rest(theta: Array) -> Torque:
+        return loading_of(model.compliances(theta), means, loads)
+
     for turn in range(ROUNDS):
-        torque = loading_of(model.compliances(theta), means, loads)
-        rows = PoseRows.of(model, theta, means, torque)
+        rows = PoseRows.of(model, theta, means, at_rest(theta))
         if not turn:
             noise = noise_of_repeats(data, rows.motion, stated)[0]
         trusted = rows.weighted(weights)
@@ -200,7 +203,7 @@ def _in_turns(
             weights = _trusted(rows.residual, V, means)
         whitening = np.linalg.inv(np.linalg.cholesky(working(V, means)))
         whitening = whitening * np.sqrt(weights)[:, None, None]
-        theta = least_squares_fit(model, theta, means, torque, whitening).theta
+        theta = least_squares_fit(model, theta, means, at_rest, whitening).theta
         now = np.array([noise.model_white, np.max(noise.model_joints, initial=0.0)])
         if turn and np.abs(now - last).max() <= SETTLED * max(now.max(), noise.reading):
             break

@@ -1,6 +1,6 @@
 """Geometry and springs that were identified, what they predict, and their residuals."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -8,12 +8,13 @@ import numpy as np
 
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.restricted_likelihood import fitted_kinds
-from edtk.measure.geometric_model import GeometricModel, Loading, Seen, Torque
+from edtk.measure.geometric_model import GeometricModel, Load, Loading, Seen, Torque
 from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import GeometricParameter
 from edtk.system.typing import Array, Mask
 
 MM = 1e3
+STEP = 1e-4  # [rad or m] of differences
 LEAST_DOF = 3.0  # of a band: below it a quantile of Student's t says nothing
 
 
@@ -258,14 +259,29 @@ def resting_torque(
     return torque
 
 
+def resting_load(compliances: Array, q: Array, wrench: Array, loads: Loads | None) -> Load | None:
+    """The same, with what the joints give way more, or less, as their loads change with them."""
+    torque = resting_torque(compliances, q, wrench, loads)
+    if torque is None or loads is None or not compliances.any():
+        return None if torque is None else Load(torque)
+    at = q + compliances * torque
+    steps = STEP * np.eye(q.shape[1])
+    # Central differences: of what is itself a small correction, these leave nothing to see.
+    by_joints = [loads(at + d, wrench) - loads(at - d, wrench) for d in steps]
+    H = np.stack(by_joints, axis=-1) / (2 * STEP)
+    gives = np.linalg.inv(np.eye(q.shape[1]) - compliances[:, None] * H)
+    return Load(torque, np.asarray(gives, dtype=float))
+
+
 def loading_of(compliances: Array, data: MarkerPositions, loads: Loads | None) -> Torque:
-    """What loads the joints at rest in each visit, see `resting_torque`, and what did before."""
-    torque = resting_torque(compliances, data.q, data.wrench, loads)
-    if torque is None or not data.is_difference.any():
-        return torque
-    before = resting_torque(compliances, data.q, np.zeros_like(data.wrench), loads)
+    """What loads the joints at rest in each visit, see `resting_load`, and what did before."""
+    after = resting_load(compliances, data.q, data.wrench, loads)
+    own = data.is_difference
+    if after is None or not own.any():
+        return after
+    before = resting_load(compliances, data.q[own], np.zeros((own.sum(), 6)), loads)
     assert before is not None
-    return Loading(torque, data.is_difference, before)
+    return Loading(after, own, before)
 
 
 def student_quantile(dof: Array) -> Array:
@@ -331,6 +347,20 @@ class GeometricFit:
     def rank(self) -> int:
         """Number of parameters that were identified."""
         return self.fitted.model.p
+
+    @cached_property
+    def absolute(self) -> "GeometricFit":
+        """The same fit, seen from the poses that were read absolutely."""
+        own = ~self.data.means.is_difference
+        if own.all():
+            return self
+        names = ("residual", "left_out", "left_out_half", "surprise", "weights")
+        turns = self.turns
+        if turns is not None:
+            parts = (turns.residual, turns.left_out, turns.left_out_half)
+            turns = TurnResiduals(*(part[own] for part in parts))
+        of_poses = {name: getattr(self, name)[own] for name in names}
+        return replace(self, data=self.data.absolute, turns=turns, **of_poses)
 
     @property
     def rms(self) -> float:

@@ -11,7 +11,7 @@ from edtk.fit.geometry.least_squares_fit import PoseRows, least_squares_fit, mea
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.posterior import SamplingOptions
 from edtk.fit.run_chain import run_chain
-from edtk.measure.geometric_model import GeometricModel, Loading, Seen, Torque
+from edtk.measure.geometric_model import GeometricModel, Load, Loading, Seen, Torque
 from edtk.robots.rotations import rotation
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
@@ -41,11 +41,13 @@ def many_seen(model: GeometricModel, theta: Array, q: Array, torque: Torque = No
         Positions (w, m, k, 3) in the frame of the instrument [m], and orientations
         (w, m, k, 3, 3), none (0,) where positions alone are measured. No derivatives.
     """
+    if isinstance(torque, Load):
+        torque = torque.torque
     if not isinstance(torque, Loading):
         return _many_seen(model, theta, q, torque)
     own = torque.differs
-    after = _many_seen(model, theta, q, torque.torque)
-    before = _many_seen(model, theta, q[own], torque.before[own])
+    after = _many_seen(model, theta, q, torque.after.torque)
+    before = _many_seen(model, theta, q[own], torque.before.torque)
     after.points[:, own] -= before.points
     if after.turns.size:
         turned = after.turns[:, own] @ np.swapaxes(before.turns, -1, -2)

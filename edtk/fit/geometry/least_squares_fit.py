@@ -1,5 +1,6 @@
 """Nonlinear least squares on what instruments read, and the weights of its coordinates."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,7 +108,7 @@ def least_squares_fit(
     model: GeometricModel,
     theta: Array,
     means: MarkerPositions,
-    torque: Torque = None,
+    torque: Torque | Callable[[Array], Torque] = None,
     whitening: Array | None = None,
     most: int = MOST,
 ) -> LeastSquaresFit:
@@ -120,7 +121,8 @@ def least_squares_fit(
         model: What is fitted.
         theta: Where to begin (p,), in SI units.
         means: The positions, a visit a pose.
-        torque: Loads (m, n) of the joints [N m], with those before where readings are differences.
+        torque: Loads (m, n) of the joints [N m], with those before where readings are differences;
+            or what says these at parameters (p,).
         whitening: Matrices (m, 3k, 3k) that make the errors of a pose independent and of size one
             [1/mm]; rows of markers that were not seen are zero. None for equal weights.
         most: Evaluations at most.
@@ -131,6 +133,9 @@ def least_squares_fit(
 
     scales = model.scales
 
+    def loading(theta: Array) -> Torque:
+        return torque(theta) if callable(torque) else torque
+
     def weighted(rows: Array) -> Array:
         """Rows (m, k, rows, ...) in units of the noise, one beneath the other."""
         m, k = means.seen.shape
@@ -140,11 +145,11 @@ def least_squares_fit(
         return flat.reshape(m * means.rows * k, *rows.shape[3:])
 
     def residual(u: Array) -> Array:
-        there = model.see(u * scales, means.q, torque, derivatives=False)
+        there = model.see(u * scales, means.q, loading(u * scales), derivatives=False)
         return weighted(-measured_less_seen(means, there))
 
     def jacobian(u: Array) -> Array:
-        J = model.see(u * scales, means.q, torque).jacobian
+        J = model.see(u * scales, means.q, loading(u * scales)).jacobian
         assert J is not None
         return weighted(J * scales)
 

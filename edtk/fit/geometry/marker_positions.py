@@ -98,6 +98,22 @@ class MarkerPositions(Presented):
         count = np.array([ROWS_OF[kind] for kind in self.kinds])
         return np.arange(self.rows) < count[:, None]
 
+    def with_visits(self, others: "MarkerPositions") -> "MarkerPositions":
+        """The visits, then others of the same markers."""
+        differs = np.concatenate([self.is_difference, others.is_difference])
+        turns = None
+        if self.turns is not None and others.turns is not None:
+            turns = np.concatenate([self.turns, others.turns])
+        return replace(
+            self,
+            q=np.concatenate([self.q, others.q]),
+            wrench=np.concatenate([self.wrench, others.wrench]),
+            measured=np.concatenate([self.measured, others.measured]),
+            row=np.concatenate([self.row, others.row]),
+            turns=turns,
+            differs=differs if differs.any() else None,
+        )
+
     @cached_property
     def is_difference(self) -> Mask:
         """Which visits (v,) are differences of two readings."""

@@ -266,8 +266,8 @@ def test_points_on_the_base_tell_what_moved(tmp_path: Path) -> None:
             "marker.1.rows: points on the base",
         ),
         ({"marker": [{"name": "A", "rows": "pose"}]}, "sigma_deg|marker.0.rows"),
-        ({"marker": [{"name": "A", "joint": "q3"}]}, "marker.0.joint"),
-        ({"marker": [{"name": "P", "joint": "base"}]}, "expected one on the tool"),
+        ({"marker": [{"name": "A", "joint": "q9"}]}, "marker.0.joint"),
+        ({"marker": [{"name": "P", "joint": "base"}]}, "expected one on the robot"),
         (
             {"parameters": {"geometry": [], "base": False, "tool": False}},
             "leaves nothing unknown",

@@ -1,7 +1,6 @@
 """Columns at the geometry of the drawing: those of the model of any errors, and their slopes."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 from chains import mixed_chain, tied_chain
 from numpy.typing import NDArray
 
-from edtk.measure.geometric_model import GeometricModel, Loading
+from edtk.measure.geometric_model import GeometricModel, Load, Loading
 from edtk.measure.nominal_columns import NominalColumns
 from edtk.measure.parameters import all_parameters
 from edtk.robots.robot import Robot
@@ -111,7 +110,8 @@ def test_differences_see_the_difference_of_the_loads_alone(rows: Rows) -> None:
     q = RNG.uniform(-1, 1, (4, model.robot.n))
     torque, before = RNG.normal(size=(2, *q.shape))
     differs = np.array([True, False, True, True])
-    seen = model.see(np.zeros(model.p), q, Loading(torque, differs, before))
+    loading = Loading(Load(torque), differs, Load(before[differs]))
+    seen = model.see(np.zeros(model.p), q, loading)
     change = torque - differs[:, None] * before
     found = NominalColumns(model).at(q).jacobian(change.T, 1.0 - differs)
     np.testing.assert_allclose(np.moveaxis(found, (0, 3), (3, 0)), seen.jacobian, atol=1e-12)
@@ -124,8 +124,10 @@ def test_columns_of_differences_are_those_of_what_is_seen(
     """Off the drawing too, what two readings differ by moves with every parameter as it says."""
     model = model_of(CHAINS["mixed"], rows)
     q = RNG.uniform(-1, 1, (2, model.robot.n))
-    loading = Loading(*(RNG.normal(size=(3, *q.shape)) * [[[1]], [[0]], [[1]]]))
-    loading = replace(loading, differs=np.array([True, False]))
+    differs = np.array([True, False])
+    loading = Loading(
+        Load(RNG.normal(size=q.shape)), differs, Load(RNG.normal(size=(1, q.shape[1])))
+    )
     theta = RNG.normal(0, 0.05, model.p)
     seen = model.see(theta, q, loading)
 

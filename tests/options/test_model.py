@@ -1,0 +1,198 @@
+"""One model for all readings: on any body, absolute or differences, in one sheet and one fit."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.typing import NDArray
+from small_arm import ROBOT
+
+import edtk
+from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.fit.equilibrium import fit_equilibrium
+from edtk.fit.geometry.fitted_geometry import loading_of
+from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.study.study import Study
+from edtk.study.study_geometry import StudyGeometry
+from edtk.system.errors import UserError
+
+Array = NDArray[np.float64]
+JOINTS = [f"q{i}_deg" for i in range(1, 7)]
+LOADS = ["Fx_N", "Fy_N", "Fz_N"]
+TOOL = {"position_mm": [10, 20, 100]}
+LOAD = [300.0, -200.0, -800.0]
+K = {"q2": 4e-6, "q3": 8e-6, "q5": 3e-5}
+SIGMA = 0.02
+SPRINGS = {"compliance": list(K), "geometry": [], "base": False, "tool": False}
+ALL = {"compliance": list(K), "geometry": "all", "base": True, "tool": True}
+MARKERS = [
+    {"name": "A", "position_mm": [90, 10, 50]},
+    {"name": "B", "position_mm": [-30, 70, 40]},
+    {"name": "C", "position_mm": [0, -60, 100]},
+]
+ON_LINK = {"name": "elbow", "joint": "q3", "position_mm": [40, 30, 200]}
+
+
+def study_of(parameters: dict, markers: Sequence[dict] = MARKERS, **keys: object) -> Study:
+    """A study of the small arm under a load."""
+    measurement = {"sigma_mm": SIGMA} | keys.pop("measurement", {})
+    return Study(
+        robot=ROBOT,
+        tool=TOOL,
+        parameters=parameters,
+        measurement=measurement,
+        load={"F_N": LOAD},
+        marker=list(markers),
+        **keys,
+    )
+
+
+def readings(
+    study: Study,
+    theta: Array,
+    visits: int,
+    differs: Array,
+    loaded: Array,
+    sigma_mm: float = 0.0,
+    seed: int = 0,
+) -> MarkerPositions:
+    """What is read of an arm with these parameters in some visits; errors of each reading alike."""
+    setting = StudyGeometry.of(study)
+    model = setting.model
+    rng = np.random.default_rng(seed)
+    q = np.deg2rad(np.round(rng.uniform(-100, 100, (visits, 6)), 3))
+    wrench = np.zeros((visits, 6))
+    wrench[loaded, :3] = LOAD
+    shape = (visits, len(model.markers))
+    row = np.arange(visits * shape[1]).reshape(shape)
+    empty = MarkerPositions(q, wrench, np.zeros((*shape, 3)), row, model.markers, differs=differs)
+    torque = loading_of(model.compliances(theta), empty, setting.loads)
+    x = model.see(theta, q, torque, derivatives=False).points
+    size = sigma_mm * 1e-3 * np.where(differs, np.sqrt(2), 1.0)
+    x = x + size[:, None, None] * rng.normal(size=x.shape)
+    return MarkerPositions(q, wrench, x, row, model.markers, differs=differs)
+
+
+def sheet(data: MarkerPositions, beside: bool = False) -> pd.DataFrame:
+    """A sheet with a marker a row; differences as such, or beside a position without load."""
+    lines = []
+    offset = np.array([900.0, 100.0, 200.0])
+    for visit, marker in np.ndindex(data.measured.shape[:2]):
+        x = 1e3 * data.measured[visit, marker]
+        line = dict(zip(JOINTS, np.rad2deg(data.q[visit]), strict=True))
+        line |= dict(zip(LOADS, data.wrench[visit, :3], strict=True))
+        line |= {"marker": data.markers[marker], "visit": visit + 1}
+        absolute = ["x_mm", "y_mm", "z_mm"]
+        if not data.is_difference[visit]:
+            line |= dict(zip(absolute, x, strict=True))
+        elif beside:
+            line |= dict(zip(["x0_mm", "y0_mm", "z0_mm"], offset, strict=True))
+            line |= dict(zip(absolute, x + offset, strict=True))
+        else:
+            line |= dict(zip(["dx_mm", "dy_mm", "dz_mm"], x, strict=True))
+        lines.append(line)
+    return pd.DataFrame(lines)
+
+
+def truth_of(study: Study, size: float, seed: int = 5) -> Array:
+    """Errors of a drawing of some size, and the compliances of the arm."""
+    model = StudyGeometry.of(study).model
+    theta = np.random.default_rng(seed).normal(0, size, model.p) * model.scales
+    return np.array(
+        [
+            K[one.of] if one.place == "compliance" else value
+            for one, value in zip(model.parameters, theta, strict=True)
+        ]
+    )
+
+
+def springs_of(found: GeometricCalibration) -> Array:
+    """Compliances of the joints that a study asks for."""
+    fitted = found.fit.fitted
+    return fitted.compliances[[found.study.robot.joint_names.index(name) for name in K]]
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_springs_alone_are_those_of_a_study_of_springs(beside: bool) -> None:
+    """Differences of one marker at the tool point: the same compliances, deviations and verdict.
+
+    Both are least squares of the loaded equilibrium; a study of springs takes the linear model
+    where that is as good, and is led to the end here.
+    """
+    general = study_of(SPRINGS, [], measurement={"reference": "unloaded"})
+    every = np.ones(12, dtype=bool)
+    data = readings(general, np.array(list(K.values())), 12, every, every, SIGMA)
+    table = sheet(data, beside).drop(columns=["marker", "visit"])
+    plain = Study(
+        robot=ROBOT,
+        tool=TOOL,
+        joints={"unknown": list(K)},
+        measurement={"sigma_mm": SIGMA * np.sqrt(2)},
+        load={"F_N": LOAD},
+        test_pose={"q_deg": [0] * 6, "load": {"F_N": LOAD}, "tool": TOOL},
+    )
+    expected = edtk.identify(plain, table)
+    found = edtk.identify(general, table)
+    start = np.zeros(6)
+    start[list(plain.unknown)] = list(expected.k.values())
+    settled = fit_equilibrium(plain.model, expected.data, start)[1]
+    np.testing.assert_allclose(springs_of(found), settled.unbounded, rtol=1e-8)
+    std = np.array(list(expected.std.values()))
+    np.testing.assert_allclose(1e-6 * found.fit.fitted.std, settled.std, rtol=1e-6)
+    # The linear model is reported where its bias is small beside the noise.
+    assert (np.abs(springs_of(found) - list(expected.k.values())) < 0.5 * std).all()
+    assert found.verdict == expected.verdict
+
+
+@pytest.mark.parametrize("markers", [MARKERS, [*MARKERS, ON_LINK]], ids=["tool", "any body"])
+def test_one_afternoon_is_one_fit(markers: list[dict]) -> None:
+    """Visits read absolutely, without load and under it, and differences: the truth comes back."""
+    study = study_of(ALL, markers)
+    theta = truth_of(study, 0.5)
+    loaded = np.arange(40) % 2 == 1
+    differs = np.arange(40) % 4 == 1
+    found = edtk.identify(study, sheet(readings(study, theta, 40, differs, loaded)))
+    assert found.fit.data.is_difference.sum() == 10
+    # Under the load of a pose the springs have given way but for what three substitutions leave.
+    assert found.fit.rms < 1e-9
+    np.testing.assert_allclose(springs_of(found), list(K.values()), rtol=1e-6)
+    q = np.deg2rad(np.random.default_rng(9).uniform(-100, 100, (5, 6)))
+    expected = StudyGeometry.of(study).model.see(theta, q, derivatives=False).points
+    np.testing.assert_allclose(found.fit.fitted.predict(q).points, expected, rtol=0, atol=1e-8)
+
+
+def test_errors_behind_a_marker_do_not_move_it() -> None:
+    """A marker before the wrist says nothing of the wrist, and its place is told beside others."""
+    study = study_of({"compliance": [], "geometry": "all", "base": True, "tool": True}, [ON_LINK])
+    model = StudyGeometry.of(study).model
+    q = np.random.default_rng(0).uniform(-1, 1, (8, 6))
+    J = model.see(np.zeros(model.p), q).jacobian
+    still = [
+        one.name for one, c in zip(model.parameters, np.abs(J).max((0, 1, 2)), strict=True) if not c
+    ]
+    assert {name.partition(".")[0] for name in still} == {"q4", "q5", "q6"}
+    assert len(still) == 18
+    assert "on q3" in model.parameters[6].words
+
+
+def test_differences_ask_for_compliances_and_a_load(tmp_path: Path) -> None:
+    """A sheet of displacements is refused where they tell nothing, in one line."""
+    study = study_of(ALL | {"compliance": []})
+    every = np.ones(6, dtype=bool)
+    data = readings(study, np.zeros(51), 6, np.zeros(6, dtype=bool), every)
+    changes = sheet(
+        MarkerPositions(data.q, data.wrench, data.measured, data.row, data.markers, differs=every)
+    )
+    with pytest.raises(UserError, match="tell compliances alone, and the study asks for none"):
+        edtk.identify(study, changes)
+    with pytest.raises(UserError, match="a displacement without a load"):
+        edtk.identify(study_of(ALL), changes.assign(Fx_N=0.0, Fy_N=0.0, Fz_N=0.0))
+    both = changes.assign(x_mm=1.0, y_mm=2.0, z_mm=3.0)
+    with pytest.raises(UserError, match="row 1: a position and a change"):
+        edtk.identify(study_of(ALL), both)
+    with pytest.raises(UserError, match=r"measurement\.reference.*compliances alone"):
+        study_of(ALL | {"compliance": []}, measurement={"reference": "unloaded"})
+    with pytest.raises(UserError, match=r"measurement\.reference.*base = false"):
+        study_of(ALL, measurement={"reference": "nominal"})
