@@ -88,6 +88,7 @@ def calibration_to_dict(found: "Calibration") -> dict[str, Any]:
         "dof": fit.dof,
         "p_value": fit.p_value,
         "outliers": (fit.outliers + 1).tolist(),
+        **_left_out(found),
         "rho0": _rho0(found),
         "rho0_bias": found.rho0_bias,
         "model": "nonlinear" if found.fitted.nonlinear else "linear",
@@ -109,6 +110,18 @@ def calibration_to_dict(found: "Calibration") -> dict[str, Any]:
         "posterior": None if found.check is None else found.check.to_dict(),
         **_of_interest(found),
     }
+
+
+def _left_out(found: "Calibration") -> dict[str, float | None]:
+    """How well each pose is predicted without it; null where nothing tells."""
+    out = found.fitted.left_out
+    sizes = {
+        "loo_rms_mm": np.nan if out is None else 1e3 * out.rms,
+        "share_inside_left_out": np.nan if out is None else out.share_inside,
+    }
+    if not found.data.lengths.all():
+        sizes["turn_loo_rms_deg"] = np.nan if out is None else float(np.rad2deg(out.turn_rms))
+    return _known(sizes)
 
 
 def _all_uncertain(found: "Calibration") -> dict[str, Any]:
@@ -406,7 +419,8 @@ class Calibration(Presented):
     def residuals(self) -> "pd.DataFrame":
         """A row for each measured coordinate.
 
-        `row` and `pose` count from 1; `coordinate` has the unit of `residual` in its name.
+        `row` and `pose` count from 1; `coordinate` has the unit of `residual` in its name, and of
+        `left_out`, the error of a fit without the pose.
         """
         return residual_table(self.fitted)
 

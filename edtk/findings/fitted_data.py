@@ -18,12 +18,28 @@ from edtk.findings.moving_joints import (
 )
 from edtk.findings.nonlinear_part import bends_much, known_part
 from edtk.findings.readings import Explanation, explanation
-from edtk.fit.correlated_noise import CorrelatedNoise, RowNoise
+from edtk.fit.correlated_noise import (
+    CorrelatedNoise,
+    RowNoise,
+    groups_by_size,
+    std_of,
+    whiten,
+    whiten_columns,
+)
+from edtk.fit.distributions import student_quantile
 from edtk.fit.equilibrium import LinearisedData, NoFitError, fit_equilibrium, linearise
 from edtk.fit.estimate_noise import NoiseEstimate, estimate_noise, visit_residuals
+from edtk.fit.fit_huber import huber_weights
 from edtk.fit.identify import Identification, identify
-from edtk.fit.least_squares import Estimate
+from edtk.fit.least_squares import (
+    NEARLY,
+    Estimate,
+    LeftOut,
+    independent_coordinates,
+    share_inside,
+)
 from edtk.fit.measurements import Measurements
+from edtk.fit.noise import MOST_COORDINATES
 from edtk.fit.outliers import LackOfFit
 from edtk.fit.prior import Prior, PriorRows, fit_with_prior
 from edtk.measure.equilibrium import NoEquilibriumError
@@ -32,10 +48,135 @@ from edtk.measure.task import all_compliances
 from edtk.study.study import Study
 from edtk.study.study_parts import study_prior
 from edtk.system.errors import UserError
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOutReadings:
+    """Readings as all other poses predict them.
+
+    Attributes:
+        data: The readings.
+        errors: Measured less predicted (m, rows) [m, rad]; NaN where only its own pose tells
+            enough.
+        half: Half the width (m, rows) of the 95 % bands of these [m, rad].
+        out: The fits without each pose.
+        unit: Parameters (p, p) for a unit of each of the coordinates that these are in.
+        a: Regressors (m, rows, p) in these coordinates.
+        own: Noise of the readings, and by how much larger it is than that.
+        scaled: Whether the size of the noise was fitted to the residuals.
+    """
+
+    data: Measurements
+    errors: Array
+    half: Array
+    out: LeftOut
+    unit: Array
+    a: Array
+    own: tuple[RowNoise, float]
+    scaled: bool
+
+    @property
+    def share_inside(self) -> float:
+        """Share of coordinates that, left out, are within their 95 % bands; NaN without any."""
+        return share_inside(self.errors, self.half)
+
+    @property
+    def rms(self) -> float:
+        """Root mean square distance of markers, or of distances [m]; NaN without any."""
+        return self._size(self.data.lengths)
+
+    @property
+    def turn_rms(self) -> float:
+        """Root mean square angle of rotations [rad]; NaN where none was measured."""
+        return self._size(~self.data.lengths)
+
+    def _size(self, chosen: Mask) -> float:
+        """Root mean square length of the chosen coordinates (m, rows) of the readings."""
+        rows = chosen.any(axis=1)
+        squares = np.where(chosen, self.errors**2, 0.0).sum(axis=1)[rows]
+        known = np.isfinite(squares)
+        return float(np.sqrt(squares[known].mean())) if known.any() else np.nan
+
+    def growth(self) -> Array:
+        """Growth (poses, p) of each parameter's variance without a pose; inf if it is open then."""
+        variances = np.einsum("ip,bpq,iq->bi", self.unit, self.out.C, self.unit)
+        only = np.einsum("ip,bpq,iq->bi", self.unit, self.out.alone, self.unit)
+        whole = np.einsum("ip,pq,iq->i", self.unit, self.out.S, self.unit)
+        squares = (self.unit**2).sum(axis=1)
+        return np.where(only > NEARLY * squares, np.inf, variances / whole)
+
+    def independent(self) -> float:
+        """Find as many independent coordinates whose share inside their bands varies as much."""
+        noise, factor = self.own
+        rows = self.errors.shape[1]
+        noise = CorrelatedNoise.of_any(noise, self.errors.shape)
+        count = squares = 0.0
+        for members in groups_by_size(self.data.pose):
+            some = members[:, : max(1, MOST_COORDINATES // rows)]
+            G, s = some.shape
+            own = factor**2 * noise.among(some).reshape(G, s * rows, s * rows)
+            a = self.a[some].reshape(G, s * rows, -1)
+            spread = a @ self.out.C[self.data.pose[some[:, 0]]] @ np.swapaxes(a, 1, 2)
+            seen = np.isfinite(self.errors[some]).reshape(G, -1)
+            number = independent_coordinates(own + spread, seen, self.scaled)
+            times = members.shape[1] / s
+            count += times * seen.sum()
+            squares += (times * seen.sum()) ** 2 / number if number else 0.0
+        return count**2 / squares if squares else 0.0
+
+
+def left_out_readings(fitted: "FittedData") -> LeftOutReadings | None:
+    """Predict each pose by a fit of all others, see `LeftOut`; of a robust fit with its weights.
+
+    Returns:
+        The readings; None where the estimate rests on a prior, too.
+    """
+    fit = fitted.fit
+    data = fitted.data
+    if fitted.untold:
+        return None
+    size = 1.0 if fit.known or fitted.common_noise else fit.scale
+    X = whiten_columns(fitted.A, fitted.noise)
+    z = whiten(fitted.measured - fitted.A @ fit.unbounded, fitted.noise)
+    weights = huber_weights(z, size) if fit.robust else np.ones_like(z)
+    root = np.sqrt(weights)
+    length = np.linalg.norm(X.reshape(-1, X.shape[-1]), axis=0)
+    Q, R = np.linalg.qr((X * root[..., None]).reshape(-1, len(length)) / length)
+    Q = Q.reshape(X.shape)
+    transposed = np.swapaxes(Q, 1, 2)
+    out = LeftOut.of(
+        _sums(transposed @ Q, data.pose),
+        _sums((transposed @ (root * z)[..., None])[..., 0], data.pose),
+        size**2 * _sums(transposed @ (weights[..., None] * Q), data.pose),
+    )
+    own = (fitted.noise, size)
+    raw = fitted.A
+    if fitted.common_noise and fitted.estimated is None:
+        # A and measured are of rows without what repetitions share.
+        test = fitted.lack_of_fit
+        own = (data.noise, 1.0 if test is None else float(np.hypot(test.pure_error, test.common)))
+        raw = fitted.linear_regressor
+    unit = np.linalg.inv(R) / length[:, None]
+    a = raw @ unit
+    errors = fit.residual + np.einsum("mrp,mp->mr", a, out.u[data.pose])
+    only = np.einsum("mrp,mpq,mrq->mr", a, out.alone[data.pose], a)
+    errors[only > NEARLY * np.einsum("mrp,mrp->mr", a, a)] = np.nan
+    variance = (own[1] * std_of(own[0])) ** 2
+    variance = variance + np.einsum("mrp,mpq,mrq->mr", a, out.C[data.pose], a)
+    half = student_quantile(0.975, fit.covariance_dof) * np.sqrt(variance)
+    scaled = not fit.known or fitted.common_noise
+    return LeftOutReadings(data, errors, half, out, unit, a, own, scaled)
+
+
+def _sums(values: Array, pose: Indices) -> Array:
+    """Sums (poses, ...) of the values (m, ...) of the rows of each pose."""
+    total = np.zeros((int(pose.max()) + 1, *values.shape[1:]))
+    np.add.at(total, pose, values)
+    return total
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,6 +329,11 @@ class FittedData:
         return replace(self, A=seen.A, measured=seen.measured, fit=again, nonlinear=True)
 
     @cached_property
+    def left_out(self) -> LeftOutReadings | None:
+        """Readings as all other poses predict them; None where the estimate rests on a prior."""
+        return left_out_readings(self)
+
+    @cached_property
     def noise_estimate(self) -> NoiseEstimate | None:
         """Errors of tracker, joints and model, by what visits share; None if not to be told.
 
@@ -301,13 +447,16 @@ class FittedData:
 def residual_table(fitted: FittedData) -> "pd.DataFrame":
     """A row for each measured coordinate.
 
-    `row` and `pose` count from 1; `coordinate` has the unit of `residual` in its name.
+    `row` and `pose` count from 1; `coordinate` has the unit of `residual` in its name, and of
+    `left_out`, the error of a fit without the pose.
     """
     import pandas as pd
 
     fit = fitted.fit
     m, rows = fit.residual.shape
     units = np.where(fitted.data.lengths, 1e3, 180 / np.pi)
+    out = fitted.left_out
+    left_out = np.full((m, rows), np.nan) if out is None else out.errors
     columns = np.tile(coordinate_columns(rows), (m, 1)).astype(object)
     if fitted.data.turn is not None:
         columns[fitted.data.turn] = TURN_COLUMN
@@ -319,5 +468,6 @@ def residual_table(fitted: FittedData) -> "pd.DataFrame":
             "residual": (fit.residual * units).ravel(),
             "leverage": fit.leverage.ravel(),
             "standardised": fit.standardised.ravel(),
+            "left_out": (left_out * units).ravel(),
         }
     )

@@ -1,6 +1,6 @@
 """Residuals that the stated noise makes improbable: causes, outliers, shared noise."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -14,13 +14,15 @@ from edtk.findings.moving_joints import stated_repeatability
 from edtk.fit.distributions import chi_square_tail
 from edtk.fit.estimate_noise import NoiseEstimate
 from edtk.fit.identify import INTERPOLATED, Identification, identify
-from edtk.fit.least_squares import SingularPlanError
+from edtk.fit.least_squares import OUTSIDE, SingularPlanError, chance_of_outside
 from edtk.fit.outliers import UNLIKELY, LackOfFit
 
 LIKE_LOADS = 2  # decimals of loads, over the largest, up to which they are the same
 TOO_MANY = 3  # of so many rows one outlier is the most for a result that can be used
 UNLIKELY_NOISE = 0.01  # p-value of the residuals that is worth a warning
 IMPOSSIBLE = 0.001  # and an alarm
+RARE = 5e-3  # of sound days leave as few coordinates inside their bands as make a finding
+HELD = 0.75  # of the coordinates: below it bands are no bands
 TINY = 0.2  # estimated noise over the stated one that looks like another unit
 
 
@@ -215,6 +217,35 @@ def noise_findings(fitted: FittedData) -> Iterator[Finding]:
         yield Finding.of(Severity.ALARM, WORDING, "noise_estimated_small", **data)
 
 
+def left_out_findings(
+    inside: float, independent: Callable[[], float], named: bool, robust: bool
+) -> Iterator[Finding]:
+    """Bands that hold too few of the coordinates that were left out, where nothing else says why.
+
+    Args:
+        inside: Share of the coordinates inside; NaN where there are none.
+        independent: Finds as how many independent coordinates these count.
+        named: Whether what errs by much is named already.
+        robust: Whether a robust loss trusts some of them less.
+    """
+    if not inside < 1 - OUTSIDE or (named and inside > HELD):
+        return
+    if chance_of_outside(1 - inside, independent()) > RARE:
+        return
+    severity = Severity.ALARM if inside < HELD else Severity.WARNING
+    yield Finding.of(severity, WORDING, "outside", inside=inside, robust=robust)
+
+
+def _outside(data: Data) -> str:
+    """Bands that are too narrow."""
+    look = "look at the largest residuals"
+    return (
+        f"{100 * data['inside']:.0f} % of the coordinates left out are inside their 95 % bands: "
+        "errors of some poses are far larger than those of others, and bands and standard "
+        f"deviations say too little; {look if data['robust'] else f'{look}, or see --robust'}"
+    )
+
+
 def _no_residuals(data: Data) -> str:
     """No degrees of freedom."""
     return (
@@ -327,6 +358,7 @@ def _repeatability_words(data: Data) -> str:
 
 
 WORDING: Wording = {
+    "outside": _outside,
     "no_residuals": _no_residuals,
     "noise_above_sigma": _noise_above_sigma,
     "noise_below_sigma": _noise_below_sigma,

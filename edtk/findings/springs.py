@@ -10,16 +10,15 @@ from edtk.findings.input_errors import find_input_error, twins
 from edtk.findings.match_plan import not_measured, pose_resolution
 from edtk.findings.noise import (
     cause_findings,
+    left_out_findings,
     noise_findings,
     outlier_findings,
 )
 from edtk.findings.prior import prior_findings
 from edtk.findings.units import place_findings, unit_findings
-from edtk.fit.least_squares import Whitened
 from edtk.measure.expected_error import ErrorBudget
 from edtk.measure.pose_table import pose_columns, pose_factors
 from edtk.robots.robot import shown_limits
-from edtk.system.typing import Array
 
 LITTLE = 0.5  # error with compensation over that without, from which a person is told
 FAR_BELOW_ZERO = -3.0  # standard deviations that noise does not explain
@@ -27,7 +26,6 @@ WEAK = 0.5  # standard deviation over the compliance above which it might as wel
 ALIKE = 0.99  # correlation above which two parameters are hardly told apart
 MUCH_WIDER = 5.0  # growth of a standard deviation by which a parameter rests on a pose
 UNKNOWN = 1e3  # growth of a standard deviation beyond which a parameter is as good as unknown
-ROUNDING = 1e-12  # of eigenvalues that are one at most
 
 
 def budget_findings(budget: ErrorBudget | None) -> Iterator[Finding]:
@@ -62,6 +60,17 @@ def pose_findings(fitted: FittedData) -> Iterator[Finding]:
     yield from _limits(fitted)
     if fitted.match is not None:
         yield from not_measured(fitted.match)
+
+
+def _left_out(fitted: FittedData, others: list[Finding]) -> Iterator[Finding]:
+    """Poses that the others predict worse than bands say, where no finding explains it."""
+    left_out = fitted.left_out
+    kinds = {one.kind for one in others}
+    if left_out is None or "noise_above_sigma" in kinds:
+        return
+    named = not kinds.isdisjoint(EXPLAIN)
+    inside = left_out.share_inside
+    yield from left_out_findings(inside, left_out.independent, named, fitted.fit.robust)
 
 
 def _limits(fitted: FittedData) -> Iterator[Finding]:
@@ -156,11 +165,12 @@ def _alike(fitted: FittedData) -> Iterator[Finding]:
 def _alone(fitted: FittedData) -> Iterator[Finding]:
     """Parameters that would be unknown, or hardly known, without one of the poses.
 
-    Few poses leave no other choice, and are what a plan of few poses asks for: it is a note. With
-    ``G = Q'Q`` of a pose's rows the covariance is ``T T'``, and ``T (I - G)^-1 T'`` without the
-    pose. Parameters that rest on the same poses are named together.
+    Few poses leave no other choice, and are what a plan of few poses asks for: it is a note.
+    Parameters that rest on the same poses are named together.
     """
-    growth = _growth_without(fitted)
+    if fitted.left_out is None:
+        return
+    growth = fitted.left_out.growth()
     resting: dict[tuple[int, ...], list[int]] = {}
     for i, of_parameter in enumerate(growth.T):
         poses = tuple(np.flatnonzero(of_parameter >= MUCH_WIDER**2).tolist())
@@ -175,27 +185,6 @@ def _alone(fitted: FittedData) -> Iterator[Finding]:
         yield Finding.of(
             Severity.NOTE, WORDING, "one_pose", rows=tuple(rows.tolist()), parameters=named, **data
         )
-
-
-def _growth_without(fitted: FittedData) -> Array:
-    """Growth (poses, p) of each parameter's variance where one pose is left out; inf if unknown."""
-    data = fitted.data
-    parameters = fitted.study.model.parameters
-    # The least eigenvalue of I - G is at least one minus the trace of G, the pose's leverage: of
-    # most poses that shows that no variance grows by much.
-    share = np.bincount(data.pose, fitted.fit.leverage.sum(axis=1))
-    growth = np.ones((len(share), len(parameters)))
-    suspects = np.flatnonzero(share > 1 - 1 / MUCH_WIDER**2)
-    if fitted.untold or not len(suspects):
-        return growth
-    whitened = Whitened.of(fitted.A, fitted.noise, parameters)
-    T = np.linalg.inv(whitened.R)
-    for pose in suspects:
-        Q = whitened.Q[data.pose == pose].reshape(-1, T.shape[1])
-        left, V = np.linalg.eigh(np.eye(T.shape[1]) - Q.T @ Q)
-        # An eigenvalue that is zero but for rounding stands for an infinite variance.
-        growth[pose] = ((T @ V) ** 2 / np.maximum(left, ROUNDING)).sum(axis=1) / (T**2).sum(axis=1)
-    return growth
 
 
 def _linear_model(fitted: FittedData, rho0_bias: float | None) -> Iterator[Finding]:
@@ -237,6 +226,7 @@ def spring_findings(
         if fitted.prior is not None and not fitted.untold:
             found += prior_findings(fitted.fit, fitted.prior)
         found += structure_findings(fitted, rho0_bias)
+        found += _left_out(fitted, found)
         found += budget_findings(budget)
     found += place_findings(fitted)
     found += pose_findings(fitted)

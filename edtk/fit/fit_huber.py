@@ -99,6 +99,12 @@ def fit_huber(
     return HuberFit(x, scale, _inflation(residuals, p, corner))
 
 
+def huber_weights(z: Array, scale: float) -> Array:
+    """Weights of residuals z, of noise of size `scale`, by which least squares has the same fit."""
+    corner = CORNER * scale
+    return np.asarray(corner / np.maximum(np.abs(z), corner))
+
+
 @dataclass(frozen=True, eq=False)
 class _Data:
     """Columns ``X = Q R`` and what is to be fitted with them.
@@ -202,7 +208,7 @@ def _majorant(data: _Data, x: Array, corner: float) -> Array:
     z = data.R @ x
     total = np.zeros((len(z), len(z)))
     for Q, y in data.blocks():
-        weight = corner / np.maximum(np.abs(y - Q @ z), corner)
+        weight = huber_weights(y - Q @ z, corner / CORNER)
         total += Q.T @ (Q * weight[:, None])
     return total
 

@@ -1,4 +1,4 @@
-"""The linear least-squares fit that everything here starts from, and its covariance."""
+"""The linear least-squares fit, its covariance, and what it is without each group of rows."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,16 @@ import numpy as np
 from criteria.linalg.inverse import guarded_inverse
 from edtk.fit.correlated_noise import AnyNoise, CorrelatedNoise, whiten_columns
 from edtk.system.presented import Presented
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
+
+# Leverage below one that rounding makes of a direction that one group of rows tells alone.
+ALONE = 1e-9
+# Sum of a group's leverages below one, up to which one of them may be as near to it.
+NEARLY = 1e-6
+OUTSIDE = 0.05  # share of coordinates outside 95 % bands
+# With the density phi and the bound z of a normal number, ``2 (z phi(z))^2`` of the variance
+# ``0.05 * 0.95`` of its being outside: the part that grows with the square of a correlation.
+OF_SQUARE = 0.5525
 
 
 class SingularPlanError(ValueError):
@@ -233,3 +242,94 @@ class Whitened:
         values, vectors = np.linalg.eigh(self.correlated.precision())
         root = (vectors / np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2)
         return root @ self.by_reading(), (root @ self.correlated.adjoint(z)[..., None])[..., 0]
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """A least-squares fit without each group of rows in turn, such as the readings of one pose.
+
+    Weighted rows are ``Q R`` with ``Q'Q = I``, and z are the weighted residuals of the fit of all.
+    With ``G_b = Q_b'Q_b`` and ``h_b = Q_b'z_b`` of a group b, the fit without it differs by
+    ``-R^-1 u_b``, ``u_b = (I - G_b)^-1 h_b``, which is exact where the model is linear. Rows of the
+    covariance V in units of their weights make that of its parameters ``R^-1 C_b R^-T`` with
+
+        C_b = (I - G_b)^-1 (S - S_b) (I - G_b)^-1,   S_b = Q_b' V_b Q_b,   S = sum_b S_b,
+
+    as of any weighted least squares (Huber 1967). What a group alone tells is left aside.
+
+    Attributes:
+        u: Shifts (b, p), in the coordinates of Q.
+        C: Covariances (b, p, p), in these coordinates.
+        S: That of the fit of all (p, p).
+        alone: Projectors (b, p, p) on the directions that only the group tells.
+    """
+
+    u: Array
+    C: Array
+    S: Array
+    alone: Array
+
+    @classmethod
+    def of(cls, G: Array, h: Array, S: Array) -> "LeftOut":
+        """Of the groups' sums G (b, p, p), h (b, p) and S (b, p, p)."""
+        p = G.shape[-1]
+        left = np.eye(p) - G
+        alone = np.zeros_like(G)
+        # The least eigenvalue is at least one less the trace of G: most groups need none.
+        suspects = np.flatnonzero(np.einsum("bpp->b", G) > 1 - NEARLY)
+        values, vectors = np.linalg.eigh(left[suspects])
+        own = values < ALONE
+        alone[suspects] = (vectors * own[:, None]) @ np.swapaxes(vectors, 1, 2)
+        inverse = np.linalg.inv(left + alone) - alone
+        whole = S.sum(axis=0)
+        C = inverse @ (whole - S) @ inverse
+        return cls((inverse @ h[..., None])[..., 0], C, whole, alone)
+
+
+def share_inside(errors: Array, half: Array) -> float:
+    """Share of errors that are within their bands of half the width `half`; NaN do not count."""
+    known = np.isfinite(errors)
+    return float((np.abs(errors) <= half)[known].mean()) if known.any() else np.nan
+
+
+def chance_of_outside(share: float, number: float) -> float:
+    """Probability that of so many independent coordinates such a share or more is outside.
+
+    It is the binomial tail ``I_0.05(x, n - x + 1)``, by the incomplete beta function for numbers
+    that are no integers.
+
+    Args:
+        share: Share outside their 95 % bands.
+        number: Number of independent coordinates.
+    """
+    from scipy.special import betainc
+
+    count = share * number
+    if count <= OUTSIDE * number:
+        return 1.0
+    return float(betainc(count, number - count + 1, OUTSIDE))
+
+
+def independent_coordinates(covariance: Array, seen: Mask, scaled: bool) -> float:
+    """As many independent coordinates have shares inside that vary as much.
+
+    Whether a normal number is beyond its bounds is a sum of Hermite polynomials of even order, so
+    that of two numbers with the correlation c the covariance is ``sum_k a_k^2 c^k``, k = 2, 4 ...;
+    here it is bounded by that of order two and ``c^4`` for the rest. The number is that of all
+    coordinates over the mean over them of the sums of these, as a share of their own variance
+    (Rao and Scott 1981). Errors of different poses count as independent.
+
+    Where the size of the errors was fitted to themselves, their mean square is what the bands say:
+    the sum of all polynomials of order two, ``z^2 - 1``, is none, and that order drops out.
+
+    Args:
+        covariance: Of the coordinates of each pose (m, r, r).
+        seen: Which of them (m, r) were measured.
+        scaled: Whether the size of the errors was fitted.
+    """
+    variance = np.einsum("mrr->mr", covariance)
+    root = np.sqrt(np.where(seen & (variance > 0), variance, np.inf))
+    squares = (covariance / root[:, :, None] / root[:, None]) ** 2
+    second = 0.0 if scaled else OF_SQUARE
+    total = float((second * squares + (1 - OF_SQUARE) * squares**2).sum())
+    return float(seen.sum()) ** 2 / total if total > 0 else 0.0

@@ -23,7 +23,7 @@ from edtk.report.draw.residuals import ResidualPanel, drawn_rows, quantiles, res
 from edtk.report.figures import new_figure
 from edtk.report.page import QUALITY, Page, paragraph, picture, section, sentence, table, verdict
 from edtk.report.posterior_report import posterior_report
-from edtk.report.shown import digits
+from edtk.report.shown import digits, left_out_sentence
 from edtk.report.views.calibration import assumed_joints
 from edtk.study.study import Study
 from edtk.system.files import Content
@@ -165,6 +165,7 @@ def calibration_report(found: Calibration) -> str:
         section(
             "Do the residuals fit the noise?",
             paragraph(_noise(found)),
+            *_left_out(found),
             *residual_causes(found),
             *noise_parts(found),
             _residuals(found),
@@ -236,6 +237,14 @@ def _noise(found: Calibration) -> str:
     if fit.known:
         return f"{text}: the residuals are {fit.scale:.3g} times the stated noise.{loss}"
     return f"{text}. The noise was estimated: it is {fit.scale:.3g} times the stated.{loss}"
+
+
+def _left_out(found: Calibration) -> list[str]:
+    """How well poses are predicted by the others."""
+    out = found.fitted.left_out
+    if out is None or not np.isfinite(out.rms):
+        return []
+    return [paragraph(f"{left_out_sentence(out.share_inside)} It is {1e3 * out.rms:.3g} mm (rms).")]
 
 
 def _worst(found: Calibration) -> str:

@@ -24,7 +24,7 @@ from edtk.report.page import (
     verdict,
 )
 from edtk.report.posterior_report import posterior_of_geometry
-from edtk.report.shown import places_of
+from edtk.report.shown import left_out_sentence, places_of
 from edtk.system.files import Content
 from edtk.system.parsing import json_text
 from edtk.system.typing import Array
@@ -152,11 +152,7 @@ def _expected(found: GeometricCalibration) -> str:
 
 def _prediction(found: GeometricCalibration) -> str:
     """What the numbers of the table mean."""
-    share = 100 * found.fit.share_inside
-    text = (
-        "Each pose is predicted by a fit of all others: that error is the one to expect of new "
-        f"poses of the same kind. {share:.0f} % of the coordinates were inside their 95 % bands."
-    )
+    text = left_out_sentence(found.fit.share_inside)
     turns = found.fit.turns
     if turns is not None:
         rms = np.rad2deg(root_mean_square(turns.left_out))

@@ -119,3 +119,20 @@ def _label(plan: str, size: int) -> str:
     """The name of a published plan's group, from its name in the table, see `Case.name`."""
     file = plan.partition(f"_m{size}_")[2]
     return f"published ({file})" if file else "published"
+
+
+def left_out_line(rms_mm: float, inside: float) -> str:
+    """How well poses are predicted that are left out one by one, for a terminal."""
+    return (
+        f"each pose predicted without it: {rms_mm:.4g} mm rms, "
+        f"{100 * inside:.1f} % of the coordinates inside their 95 % bands"
+    )
+
+
+def left_out_sentence(inside: float) -> str:
+    """What the errors of poses mean that are left out one by one, for a report."""
+    return (
+        "Each pose is predicted by a fit of all others: that error is the one to expect of new "
+        f"poses of the same kind. {100 * inside:.0f} % of the coordinates were inside their 95 % "
+        "bands."
+    )

@@ -100,6 +100,8 @@ KEYS = {
     "dof",
     "p_value",
     "outliers",
+    "loo_rms_mm",
+    "share_inside_left_out",
     "rho0",
     "negative",
     "covariance_dof",
@@ -152,7 +154,8 @@ def test_json_and_files(save, tmp_path):
     np.testing.assert_array_equal(read.k, found.fit.k)
     np.testing.assert_allclose(read.covariance, found.fit.covariance, rtol=1e-9)
     written = pd.read_csv(tmp_path / "out/residuals.csv")
-    assert list(written) == ["row", "pose", "coordinate", "residual", "leverage", "standardised"]
+    columns = ["row", "pose", "coordinate", "residual", "leverage", "standardised", "left_out"]
+    assert list(written) == columns
     assert len(written) == 36
     predicted = STUDY.model.regressor(found.data.q, found.data.wrench) @ found.fit.k
     measured = table[D].to_numpy().ravel()

@@ -9,8 +9,8 @@ from edtk.findings.geometry.fit_rows import DayTrend, FitRows, common_scale, day
 from edtk.findings.geometry.moved_frame import MovedFrame, UntoldLoad, moved_frame, untold_load
 from edtk.findings.geometry.sound_rows import marker_findings
 from edtk.findings.match_plan import COARSE_DEG, like_rounding, steps_of
+from edtk.findings.noise import left_out_findings
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, root_mean_square
-from edtk.fit.geometry.judge_fit import chance_of_outside
 from edtk.measure.parameters import GeometricParameter
 from edtk.study.study_geometry import StudyGeometry
 from edtk.system.typing import Array
@@ -27,8 +27,6 @@ ROUGH_DEG = 1.0  # orientations that the fit leaves
 SAME = 1e-6  # [rad or m] a joint that moves less stands still
 MOSTLY = 0.7  # of the squares that are left
 NOISY = 5.0  # times the stated noise
-RARE = 5e-3  # of sound days leave as few coordinates inside their bands as make a finding
-HELD = 0.75  # of the coordinates: below it bands are no bands
 EXPLAINED = ("outliers", "frame_moved", "rough")  # these leave many outside by themselves
 
 
@@ -95,7 +93,9 @@ def geometric_findings(fit: GeometricFit, setting: StudyGeometry) -> list[Findin
         *_noise(fit, setting, bool(causes)),
     ]
     named = any(one.kind in EXPLAINED for one in found)
-    return [*found, *_outside(fit, named)]
+    trusted_less = bool((fit.weights < 1).any())
+    said = left_out_findings(fit.share_inside, lambda: fit.independent, named, trusted_less)
+    return [*found, *said]
 
 
 def _worse(fit: GeometricFit) -> list[Finding]:
@@ -174,20 +174,6 @@ def _outliers(fit: GeometricFit) -> list[Finding]:
     rows = sorted(row for pose in wrong for row in fit.data.rows_of_pose(int(pose)))
     off = float(np.sqrt(np.nanmax((fit.left_out[wrong] ** 2).sum(axis=-1))))
     return [_say(Severity.WARNING, "outliers", rows=tuple(rows), off=off)]
-
-
-def _outside(fit: GeometricFit, named: bool) -> list[Finding]:
-    """Bands that hold too few of the coordinates that were left out, where nothing else says why.
-
-    Args:
-        fit: The fit.
-        named: Whether poses that err by much are named already.
-    """
-    inside = fit.share_inside
-    if chance_of_outside(1 - inside, fit.independent) > RARE or (named and inside > HELD):
-        return []
-    severity = Severity.ALARM if inside < HELD else Severity.WARNING
-    return [_say(severity, "outside", inside=inside, robust=bool((fit.weights < 1).any()))]
 
 
 def _causes(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
@@ -371,16 +357,6 @@ def _open_words(data: Data) -> str:
     )
 
 
-def _outside_words(data: Data) -> str:
-    """Bands that are too narrow."""
-    look = "look at the largest residuals"
-    return (
-        f"{100 * data['inside']:.0f} % of the coordinates left out are inside their 95 % bands: "
-        "errors of some poses are far larger than those of others, and bands and standard "
-        f"deviations say too little; {look if data['robust'] else f'{look}, or see --robust'}"
-    )
-
-
 def _explains(data: Data) -> str:
     """The share that a cause explains."""
     return f"that explains {100 * data['explained']:.0f} % of the residuals"
@@ -494,7 +470,6 @@ WORDING: Wording = {
         f"{rows_in_words(data['rows'])}: up to {MM * data['off']:.3g} mm from where the other "
         "poses predict the markers; a swapped marker, a pose typed wrongly, or see --robust"
     ),
-    "outside": _outside_words,
     "frame_moved": _frame_moved,
     "growth": _growth,
     "drift": lambda data: (

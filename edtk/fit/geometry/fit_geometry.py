@@ -1,24 +1,27 @@
-"""Identify geometry and springs from absolute readings, from differences, or from both."""
+"""Geometry and springs from absolute readings, differences, or both, with a judgement."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from edtk.fit.geometry.fitted_geometry import (
     MM,
+    FittedGeometry,
     GeometricFit,
     Loads,
+    TurnResiduals,
     loading_of,
     root_mean_square,
+    student_quantile,
 )
-from edtk.fit.geometry.judge_fit import judge_fit
 from edtk.fit.geometry.least_squares_fit import PoseRows, least_squares_fit, working
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.geometry.place_robot import place_robot
+from edtk.fit.least_squares import LeftOut, independent_coordinates
 from edtk.fit.restricted_likelihood import fit_model_error, noise_of_repeats
 from edtk.measure.geometric_model import GeometricModel, Torque
 from edtk.measure.noise import PositionNoise
-from edtk.measure.parameters import TURNS, Identifiable, identifiable
+from edtk.measure.parameters import TURNS, GeometricParameter, Identifiable, identifiable
 from edtk.system.typing import Array, Mask
 
 POSES = 60  # random poses that show what any poses could tell
@@ -252,3 +255,126 @@ def _trusted(residual: Array, V: Array, means: MarkerPositions) -> Array:
     z2 = np.einsum("mr,mr->m", residual, np.linalg.solve(V, residual[..., None])[..., 0])
     weights = (NU + means.rows_seen.sum(axis=(1, 2))) / (NU + z2)
     return np.minimum(weights, 1.0)
+
+
+def judge_fit(
+    model: GeometricModel,
+    theta: Array,
+    noise: PositionNoise,
+    weighting: tuple[Array, Array],
+    data: MarkerPositions,
+    loads: Loads | None,
+    beside: tuple[tuple[GeometricParameter, ...], Array, Array, Array | None],
+) -> GeometricFit:
+    """The fit with its covariance, and each pose as it is predicted without it.
+
+    Parameters have the covariance ``R^-1 S R^-T``, ``S = sum_b Q_b' V_b Q_b``, of any weighted
+    least squares whose weights are not the inverse of V (Huber 1967).
+
+    Args:
+        model: The identified parameters.
+        theta: Their values (p,) in SI units.
+        noise: The errors of a pose, and so V.
+        weighting: Covariances (m, 3k, 3k) of the poses with one size of the model's error for all
+            joints, by which the fit weighted them, and weights (m,) of a robust loss.
+        data: The positions.
+        loads: What loads the joints.
+        beside: Open parameters, how they hang on the others, and where the markers were placed
+            and how they were turned there.
+    """
+    common, weights = weighting
+    means = data.means
+    rows = PoseRows.of(model, theta, means, loading_of(model.compliances(theta), means, loads))
+    work = working(common, means)
+    V = noise.of_pose(rows.motion, data.worth, means.is_difference)
+    out = _LeftOutPoses.of(rows, V, work, weights)
+    # Sizes that each joint has of its own may be those of one wrong pose, which they would hide.
+    surprise = _LeftOutPoses.of(rows, common, work, weights).surprise
+    fitted = FittedGeometry(
+        model=model,
+        theta=theta,
+        covariance=out.covariance,
+        open_parameters=beside[0],
+        shares=beside[1],
+        noise=noise,
+        placed=beside[2],
+        placed_turns=beside[3],
+    )
+    spread = np.einsum("mrr->mr", out.covariance_of_errors)
+    half = np.sqrt(np.maximum(spread, 0.0)) * student_quantile(fitted.dof(rows.motion))
+    shape = (len(means), len(data.markers), means.rows)
+    blank = np.where(means.rows_seen, 0.0, np.nan)
+    residual = rows.residual.reshape(shape) / MM + blank
+    left_out = out.errors.reshape(shape) / MM + blank
+    left_out_half = half.reshape(shape) / MM + blank
+    return GeometricFit(
+        fitted=fitted,
+        data=data,
+        structural=model.p,
+        redundant=(),
+        open=(),
+        placed=np.nan,
+        residual=residual[..., :3],
+        left_out=left_out[..., :3],
+        left_out_half=left_out_half[..., :3],
+        turns=TurnResiduals(*(part[..., 3:] for part in (residual, left_out, left_out_half)))
+        if means.turns is not None
+        else None,
+        # A pose that a robust loss trusts less surprises all the same.
+        surprise=surprise / weights,
+        independent=independent_coordinates(
+            out.covariance_of_errors,
+            means.rows_seen.reshape(len(means), -1),
+            noise.model_fit is not None,
+        ),
+        weights=weights,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _LeftOutPoses:
+    """Poses as they are predicted without them.
+
+    Attributes:
+        errors: Measured less predicted coordinates (m, r) [mm].
+        covariance_of_errors: Of those of each pose (m, r, r) [mm^2].
+        surprise: Squared sizes (m,) of the errors over their covariances.
+        covariance: Of the parameters (p, p), in their units.
+    """
+
+    errors: Array
+    covariance_of_errors: Array
+    surprise: Array
+    covariance: Array
+
+    @classmethod
+    def of(cls, rows: PoseRows, V: Array, work: Array, weights: Array) -> "_LeftOutPoses":
+        """Of a fit with covariances V (m, r, r), weighted by others alike and by weights (m,)."""
+        L = np.linalg.cholesky(work / weights[:, None, None])
+        inverse_L = np.linalg.inv(L)
+        X = inverse_L @ rows.design
+        z = (inverse_L @ rows.residual[..., None])[..., 0]
+        own = inverse_L @ (V / weights[:, None, None]) @ np.swapaxes(inverse_L, 1, 2)
+        m, r = z.shape
+        Q, R = np.linalg.qr(X.reshape(m * r, -1))
+        Q = Q.reshape(m, r, -1)
+        transposed = np.swapaxes(Q, 1, 2)
+        h = np.einsum("mrp,mr->mp", Q, z)
+        out = LeftOut.of(transposed @ Q, h, transposed @ own @ Q)
+        # A pose that alone tells something leaves nothing to compare it with.
+        told = np.eye(r) - Q @ out.alone @ transposed
+        without = np.einsum("mrs,ms->mr", told, z) + np.einsum("mrp,mp->mr", Q, out.u)
+        of_without = told @ own @ told + Q @ out.C @ transposed
+        inverse = np.linalg.inv(R) if R.size else np.zeros((0, 0))
+        return cls(
+            errors=np.einsum("mrs,ms->mr", L, without),
+            covariance_of_errors=L @ of_without @ np.swapaxes(L, 1, 2),
+            surprise=_surprise(without, of_without),
+            covariance=inverse @ out.S @ inverse.T,
+        )
+
+
+def _surprise(errors: Array, covariance: Array) -> Array:
+    """``e' C^+ e`` (m,) of errors (m, r) with covariances (m, r, r), some of which are singular."""
+    inverse = np.linalg.pinv(covariance, rcond=1e-9, hermitian=True)
+    return np.asarray(np.einsum("mr,mrs,ms->m", errors, inverse, errors))

@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.least_squares import share_inside
 from edtk.fit.restricted_likelihood import fitted_kinds
 from edtk.measure.geometric_model import GeometricModel, Load, Loading, Seen, Torque
 from edtk.measure.noise import PositionNoise
@@ -389,8 +390,7 @@ class GeometricFit:
         if self.turns is not None:
             pairs.append((self.turns.left_out, self.turns.left_out_half))
         errors, halves = (np.concatenate(part, axis=-1) for part in zip(*pairs, strict=True))
-        seen = np.isfinite(errors)
-        return float((np.abs(errors) <= halves)[seen].mean())
+        return share_inside(errors, halves)
 
 
 def root_mean_square(distances: Array) -> float:

@@ -14,7 +14,7 @@ from edtk.measure.pose_table import TURN_COLUMN, coordinate_columns
 from edtk.report.draw.bars import intervals
 from edtk.report.draw.residuals import ResidualPanel, residuals
 from edtk.report.figures import panels
-from edtk.report.shown import digits
+from edtk.report.shown import digits, left_out_line
 from edtk.report.tables import name_width, notebook_table
 
 SHARE = 0.01  # of the total, from which a joint that is not identified is named
@@ -116,6 +116,9 @@ def _fit(found: Calibration) -> list[str]:
     lines = [f"chi-square {fit.chi2:.5g} with {fit.dof} degrees of freedom{p}"]
     if np.isfinite(fit.scale):
         lines.append(f"sigma from the residuals {1e3 * found.sigma_hat:.4g} mm")
+    out = found.fitted.left_out
+    if out is not None and np.isfinite(out.rms):
+        lines.append(left_out_line(1e3 * out.rms, out.share_inside))
     if found.noise is not None:
         lines.append(_parts_of_noise(found.noise))
     return lines

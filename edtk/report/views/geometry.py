@@ -8,7 +8,7 @@ from edtk.findings.finding import notes
 from edtk.fit.geometry.fitted_geometry import root_mean_square
 from edtk.fit.geometry.geometry_posterior import GeometryPosterior
 from edtk.report.geometry_report import robot_stands
-from edtk.report.shown import places_of
+from edtk.report.shown import left_out_line, places_of
 from edtk.report.tables import name_width
 from edtk.report.views.geometry_plan import expected_rho0
 
@@ -91,8 +91,7 @@ def _quality(found: GeometricCalibration) -> list[str]:
     return [
         f"distance of positions: {MM * fit.placed:.4g} mm rms with base and tools fitted alone, "
         f"{MM * fit.rms:.4g} with all",
-        f"each pose predicted without it: {found.loo_rms_mm:.4g} mm rms, "
-        f"{100 * fit.share_inside:.1f} % of the coordinates inside their 95 % bands",
+        left_out_line(found.loo_rms_mm, fit.share_inside),
         *_turns(found),
         *(
             [expected_rho0(found.rho0_mm, found.tasks), str(found.expected)]

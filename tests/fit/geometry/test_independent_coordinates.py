@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from edtk.fit.geometry.judge_fit import chance_of_outside, independent_coordinates
+from edtk.fit.least_squares import chance_of_outside, independent_coordinates
 
 BOUND = 1.959963985
 
