@@ -528,9 +528,9 @@ class GeometricModel:
                 by_errors[:, marker, :, joint + 1 :] = 0.0
                 by_joints[:, marker, :, joint + 1 :] = 0.0
         return {
-            "joint": by_errors.reshape(m, k, self.row_count, -1),
+            "joint": by_errors.reshape(m, k, self.row_count, 6 * self.chain.n),
             "springs": self.chain.folded(by_joints),
-            "tool": by_tools.reshape(m, k, self.row_count, -1),
+            "tool": by_tools.reshape(m, k, self.row_count, 6 * k),
         }
 
     def _by_base(self, base: Array, levers: Array) -> Array:

@@ -400,6 +400,11 @@ class PositionNoise:
         white = self._white(self.model_white, self.model_turn, motion.shape[1])
         return np.diag(white) + J @ np.swapaxes(J, 1, 2)
 
+    def of_change(self, motion: Array) -> Array:
+        """Covariances (m, r, r) of differences of two readings, with what the model leaves out."""
+        white = self._white(*self.model_change, motion.shape[1])
+        return 2 * self.of_reading(motion) + np.diag(white)
+
     def of_pose(self, motion: Array, counts: Array | Indices, differs: Mask | None = None) -> Array:
         """Covariances (m, r, r) of means over some readings.
 

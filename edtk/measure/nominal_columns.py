@@ -295,7 +295,7 @@ class PlacedColumns:
         moved = self._moves_by_each[:, self.wires.own, MOVED]
         return np.asarray(np.einsum("jdcm,dcm->jm", moved, self.wires.turned(b)))
 
-    def jacobian(self, torque: Array | None, absolute: Array | None = None) -> Array:
+    def jacobian(self, torque: Array | None, differs: Mask | None = None) -> Array:
         """Derivatives of the rows by the parameters (p, k, rows, m), in SI units.
 
         A difference of a loaded and an unloaded reading sees springs alone, by the difference of
@@ -303,19 +303,19 @@ class PlacedColumns:
 
         Args:
             torque: Loads (n, m) of the free joints, or their differences [N m or N]; None for none.
-            absolute: One (m,) for absolute readings, and zero for differences; None for one.
+            differs: Which readings (m,) are differences; None for none.
         """
         model = self.columns.model
         found = np.zeros((model.p, *self._shape))
         for twist, one in zip(self.twists, self.columns.elements, strict=True):
             if one.joint is None:
-                found[one.parameter] = twist if absolute is None else twist * absolute
+                found[one.parameter] = twist if differs is None else twist * ~differs
             elif torque is not None:
                 found[one.parameter] += torque[one.joint] * twist
         return found
 
     def slope(
-        self, B: Array, torque: Array | None, absolute: Array | None = None
+        self, B: Array, torque: Array | None, differs: Mask | None = None
     ) -> tuple[Array, Array]:
         """Derivatives of ``<B, jacobian>`` by the free joints, weights B and loads held fixed.
 
@@ -330,7 +330,7 @@ class PlacedColumns:
         Args:
             B: Weights (p, k, rows, m) of the entries.
             torque: Loads (n, m) of the free joints; None for none.
-            absolute: See `jacobian`.
+            differs: See `jacobian`.
 
         Returns:
             The derivatives (n, m), and the weights (n, m) of the loads: ``<B, jacobian>`` is linear
@@ -346,7 +346,7 @@ class PlacedColumns:
         weights = self._of_points(B)
         for i, (u, one) in enumerate(zip(self.units, self.columns.elements, strict=True)):
             b = weights[one.parameter]
-            factor = absolute
+            factor: Array | Mask | None = None if differs is None else ~differs
             if one.joint is not None:
                 if torque is None:
                     continue

@@ -138,7 +138,7 @@ class StudyGeometry:
         """What loads the joints; None where no spring is asked for."""
         if not self.study.specification.joints.unknown:
             return None
-        return StudyLoads.of(self.study)
+        return replace(StudyLoads.of(self.study), reads_changes=self.reads_changes)
 
     def loads_of(self, task: Task) -> "StudyLoads | None":
         """What loads the joints in a task.
@@ -186,11 +186,14 @@ class StudyLoads:
         by_wrench: The model under a wrench alone.
         links: Weights of the links; None where they are not known.
         payload: The weight that the robot carries where a wrench loads it; None without one.
+        reads_changes: Whether plans are for visits that are read loaded less unloaded, where a
+            wrench loads them.
     """
 
     by_wrench: ElastostaticModel
     links: DeadWeights | None
     payload: DeadWeights | None
+    reads_changes: bool = False
 
     @classmethod
     def of(cls, study: Study) -> "StudyLoads":

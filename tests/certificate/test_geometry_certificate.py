@@ -70,6 +70,21 @@ def test_full_poses_are_verified(criterion: str, tmp_path: Path) -> None:
     assert found.valid, found.summary()
 
 
+@pytest.mark.parametrize("criterion", ["D", "rho0"])
+def test_differences_and_markers_on_links_are_verified(criterion: str, tmp_path: Path) -> None:
+    """A marker on a link, and visits that are read loaded less unloaded where a load is on."""
+    link = {"name": "link", "joint": "q1", "position_mm": [60, 20, 10]}
+    mixed = RICH.replace(
+        measurement={"sigma_mm": 0.1, "reference": "unloaded"},
+        marker=[{"name": "A", "position_mm": [0, 30, 10]}, link],
+    )
+    content = written(mixed, criterion, tmp_path / "c.json")
+    found = edtk.verify(content, mixed)
+    assert found.valid, found.summary()
+    assert content["setting"]["geometry"].pop("changes")
+    assert not edtk.verify(content).valid
+
+
 def test_a_search_over_all_poses_is_repeated(tmp_path: Path) -> None:
     """Another search finds no pose of larger sensitivity, and the stated bound holds."""
     content = written(STUDY, "rho0", tmp_path / "c.json", continuous=True)

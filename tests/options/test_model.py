@@ -177,6 +177,36 @@ def test_errors_behind_a_marker_do_not_move_it() -> None:
     assert "on q3" in model.parameters[6].words
 
 
+def test_a_plan_of_differences_has_a_sheet_and_a_fit(tmp_path: Path) -> None:
+    """Visits under the load are read loaded less unloaded: planned, filled in, fitted, verified."""
+    study = study_of(
+        ALL | {"geometry": ["zeros"]}, measurement={"reference": "unloaded"}, candidates=200
+    )
+    plan = edtk.plan(study, size=12, criterion="D", seed=0, budget=0.5)
+    table = edtk.template(study, plan)
+    assert {"x_mm", "dx_mm"} <= set(table)
+    loaded = table["Fz_N"].to_numpy() != 0
+    assert loaded.any()
+    assert not loaded.all()
+    theta = truth_of(study, 0.5)
+    setting = StudyGeometry.of(study)
+    q = np.deg2rad(table[JOINTS].to_numpy())
+    wrench = np.zeros((len(q), 6))
+    wrench[:, :3] = table[LOADS]
+    row = np.zeros((len(q), 3), dtype=int)
+    empty = MarkerPositions(
+        q, wrench, np.zeros((len(q), 3, 3)), row, setting.markers, differs=loaded
+    )
+    torque = loading_of(setting.model.compliances(theta), empty, setting.loads)
+    x = 1e3 * setting.model.see(theta, q, torque, derivatives=False).points
+    own = x[np.arange(len(q)), [setting.markers.index(name) for name in table["marker"]]]
+    for axis, name in enumerate(("x_mm", "y_mm", "z_mm")):
+        table.loc[~loaded, name] = own[~loaded, axis]
+        table.loc[loaded, f"d{name}"] = own[loaded, axis]
+    found = edtk.identify(study, table)
+    np.testing.assert_allclose(springs_of(found), list(K.values()), rtol=1e-5)
+
+
 def test_differences_ask_for_compliances_and_a_load(tmp_path: Path) -> None:
     """A sheet of displacements is refused where they tell nothing, in one line."""
     study = study_of(ALL | {"compliance": []})

@@ -15,8 +15,10 @@ from edtk.fit.geometry.fit_geometry import stages
 from edtk.fit.geometry.marker_positions import VECTOR
 from edtk.measure.parameters import Identifiable, identifiable
 from edtk.measure.pose_table import (
+    DEFLECTION_COLUMNS,
     LOADED_COLUMNS,
     MARKER_NAME_COLUMN,
+    ROTATION_COLUMNS,
     VISIT_COLUMN,
     pose_columns,
     rounded,
@@ -132,6 +134,9 @@ def position_sheet(study: Study, plan: Plan) -> "pd.DataFrame":
     table[list(LOADED_COLUMNS)] = np.nan
     if setting.full_poses:
         table[_turn_columns(study, setting.markers)] = np.nan
+    if setting.reads_changes:
+        changes = DEFLECTION_COLUMNS + ROTATION_COLUMNS * setting.full_poses
+        table[list(changes)] = np.nan
     return table
 
 

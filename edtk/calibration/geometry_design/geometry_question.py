@@ -304,8 +304,8 @@ def geometry_setting(question: GeometryQuestion) -> dict[str, Any]:
         "test_pose": [_test_pose(task) for task in question.study.tasks] or None,
         "physics": {
             "sensors": [
-                {"kind": question.model.rows, "offset": offset.tolist(), "joint": None}
-                for offset in question.model.offsets
+                {"kind": question.model.rows, "offset": offset.tolist(), "joint": joint}
+                for offset, joint in zip(question.model.offsets, question.model.bodies, strict=True)
             ],
             "load_point": place_to_dict(
                 BodyPoint() if loads is None else loads.by_wrench.load_point
@@ -315,6 +315,7 @@ def geometry_setting(question: GeometryQuestion) -> dict[str, Any]:
         "geometry": {
             "parameters": [_parameter(question, one) for one in question.model.parameters],
             "payload": _weights(None if loads is None else loads.payload),
+            **({"changes": True} if loads is not None and loads.reads_changes else {}),
         },
         **_interest(question),
     }

@@ -12,7 +12,7 @@ from edtk.measure.geometric_model import GeometricModel
 from edtk.measure.noise import PositionNoise
 from edtk.measure.nominal_columns import NominalColumns, PlacedColumns
 from edtk.study.study_geometry import StudyLoads
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
 
 MM = 1e3
 BLOCK = 1024  # poses at once: their arrays fit into a core's cache
@@ -20,11 +20,12 @@ BLOCK = 1024  # poses at once: their arrays fit into a core's cache
 
 @dataclass(frozen=True, eq=False)
 class PositionRows:
-    """How what is seen of all markers moves with the parameters, at the geometry of the drawing.
+    """How what is read of all markers moves with the parameters, at the geometry of the drawing.
 
     A marker has r = 3 rows, its position [mm], or r = 6 with its orientation as a turn in the axes
     of the instrument [mrad]. With the noise of a pose they are whitened: ``L^-1 J`` of its
-    covariance ``L L'``.
+    covariance ``L L'``. Where a study reads visits under a load loaded less unloaded, their rows
+    are those of the springs alone, and they have the noise of two readings.
 
     Args:
         model: Markers and parameters.
@@ -97,46 +98,81 @@ class PositionRows:
     def _block(self, q: Array, wrench: Array) -> Array:
         """The rows of a block of poses."""
         placed = self.columns.at(q)
-        rows = self._rows(placed, self._torque(q, wrench))
+        differs = self._differs(wrench)
+        rows = self._rows(placed, self._torque(q, wrench), differs)
         if self.is_white:
-            return np.asarray(rows / self._sigma[:, None])
-        return self._whitened(rows, placed)
+            return np.asarray(rows / self._sigmas(differs)[..., None])
+        return self._whitened(rows, placed, differs)
 
-    def _rows(self, placed: PlacedColumns, torque: Array | None) -> Array:
+    def _differs(self, wrench: Array) -> Mask | None:
+        """Which visits (m,) are differences of two readings; None for none."""
+        if self.loads is None or not self.loads.reads_changes:
+            return None
+        return np.asarray(wrench.any(axis=1))
+
+    def _sigmas(self, differs: Mask | None) -> Array:
+        """Standard deviations (1 or m, k r) of what is read, where errors are independent."""
+        if differs is None or self.noise is None:
+            return self._sigma[None]
+        changes = np.sqrt(np.diagonal(self.noise.of_change(np.zeros((1, self._width, 1)))[0]))
+        return np.where(differs[:, None], changes, self._sigma)
+
+    def _rows(self, placed: PlacedColumns, torque: Array | None, differs: Mask | None) -> Array:
         """Rows (m, k r, p) in millimetres and milliradians."""
-        J = placed.jacobian(torque)
+        J = placed.jacobian(torque, differs)
         flat = J.reshape(self.model.p, -1, J.shape[-1])
         return np.asarray(np.moveaxis(flat, (0, 1), (2, 1)) * self.scales)
 
-    def _whitened(self, rows: Array, placed: PlacedColumns) -> Array:
+    def _whitened(self, rows: Array, placed: PlacedColumns, differs: Mask | None) -> Array:
         """Rows (m, r, p) in units of correlated noise."""
-        L = np.linalg.cholesky(self._covariance(_motion(placed)))
+        L = np.linalg.cholesky(self._covariance(_motion(placed), differs))
         return np.asarray(np.linalg.solve(L, rows))
 
-    def _covariance(self, motion: Array) -> Array:
+    def _covariance(self, motion: Array, differs: Mask | None) -> Array:
         """Covariances (m, k r, k r) of a visit, for motions (m, k r, n) by the joints."""
         assert self.noise is not None
-        return self.noise.of_reading(motion) + self.noise.of_model(motion)
+        V = self.noise.of_reading(motion) + self.noise.of_model(motion)
+        if differs is not None:
+            V[differs] = self.noise.of_change(motion[differs])
+        return V
 
     def _torque(self, q: Array, wrench: Array) -> Array | None:
-        """Loads (n, m) of the free joints, whose springs have not given way."""
-        return None if self.loads is None else self.loads(q, wrench).T
+        """Loads (n, m) of the free joints, whose springs have not given way, or their change."""
+        if self.loads is None:
+            return None
+        torque = self.loads(q, wrench)
+        differs = self._differs(wrench)
+        if differs is not None:
+            torque = torque - differs[:, None] * self.loads(q, np.zeros_like(wrench))
+        return torque.T
 
     def _slope(self, q: Array, wrench: Array, B: Array) -> Array:
         """The derivatives of a block of poses."""
         placed = self.columns.at(q)
         torque = self._torque(q, wrench)
-        weights = B / self._sigma[:, None]
+        differs = self._differs(wrench)
+        weights = B / self._sigmas(differs)[..., None]
         of_noise = np.zeros(q.shape)
         if not self.is_white:
-            weights, of_noise = self._correlated(placed, self._rows(placed, torque), B)
+            rows = self._rows(placed, torque, differs)
+            weights, of_noise = self._correlated(placed, rows, B, differs)
         by_motion, by_torque = placed.slope(
-            _component_first(weights * self.scales, len(self.model.markers)), torque
+            _component_first(weights * self.scales, len(self.model.markers)),
+            torque,
+            differs,
         )
         found = by_motion.T + of_noise
-        return found if self.loads is None else found + self.loads.slope(q, wrench, by_torque.T)
+        if self.loads is None:
+            return found
+        found = found + self.loads.slope(q, wrench, by_torque.T)
+        if differs is not None:
+            own = by_torque.T * differs[:, None]
+            found = found - self.loads.slope(q, np.zeros_like(wrench), own)
+        return found
 
-    def _correlated(self, placed: PlacedColumns, rows: Array, B: Array) -> tuple[Array, Array]:
+    def _correlated(
+        self, placed: PlacedColumns, rows: Array, B: Array, differs: Mask | None
+    ) -> tuple[Array, Array]:
         """Weights (m, r, p) of the rows in millimetres, and what the noise adds (m, n).
 
         ``d<B, L^-1 A> = <W, dA> - <W A' V^-1, dV>/2`` with ``W = L^-T B``; the covariance changes
@@ -145,14 +181,16 @@ class PositionRows:
         noise = self.noise
         assert noise is not None
         motion = _motion(placed)
-        V = self._covariance(motion)
+        V = self._covariance(motion, differs)
         L = np.linalg.cholesky(V)
         W: Array = np.linalg.solve(np.swapaxes(L, 1, 2), B).astype(float, copy=False)
         Q = W @ np.swapaxes(np.linalg.solve(V, rows), 1, 2)
         variances = np.square(noise.joints)
-        if len(noise.model_joints):
-            variances = variances + np.square(noise.model_joints)
-        C = -0.5 * (Q + np.swapaxes(Q, 1, 2)) @ (motion * variances)
+        of_model = np.square(noise.model_joints) if len(noise.model_joints) else 0.0
+        each = variances + of_model
+        if differs is not None:
+            each = np.where(differs[:, None, None], 2 * variances, each)
+        C = -0.5 * (Q + np.swapaxes(Q, 1, 2)) @ (motion * each)
         return W, placed.motion_slope(_component_first(C, len(self.model.markers))).T
 
 

@@ -59,10 +59,12 @@ class Geometry:
     Attributes:
         parameters: The unknowns.
         payload: Mass [kg] and centre of what the robot carries wherever a wrench loads it.
+        changes: Whether visits under a wrench are read as a loaded position less an unloaded one.
     """
 
     parameters: list[Parameter]
     payload: list[Weight]
+    changes: bool = False
 
     @classmethod
     def from_dict(cls, content: Any, chain: Chain, physics: Physics) -> "Geometry":
@@ -71,7 +73,10 @@ class Geometry:
         Raises:
             ValueError: A part is missing, or is not what it should be.
         """
-        content = table(content, ("parameters", "payload"), WHERE)
+        content = table(content, ("parameters", "payload"), WHERE, ("changes",))
+        changes = content.get("changes", False)
+        if not isinstance(changes, bool):
+            raise ValueError(f"{WHERE}.changes: expected true or false")
         found = []
         sizes = {
             "base": 1,
@@ -96,7 +101,7 @@ class Geometry:
         if any(kind == "distance" for kind, _, _ in physics.sensors):
             raise ValueError("setting.physics.sensors: expected positions or poses")
         weights = read_weights(content["payload"], len(chain.axes), f"{WHERE}.payload")
-        return cls(found, weights)
+        return cls(found, weights, changes)
 
     @property
     def p(self) -> int:
@@ -104,13 +109,24 @@ class Geometry:
         return len(self.parameters)
 
     def rows(self, chain: Chain, physics: Physics, q: Array, wrench: Array) -> Array:
-        """Rows (k, measured, p) [m, rad] of poses q (k, n) under wrenches (k, 6), unit by unit."""
+        """Rows (k, measured, p) [m, rad] of poses q (k, n) under wrenches (k, 6), unit by unit.
+
+        A loaded reading less an unloaded one moves with springs alone, by the change of the loads;
+        both of them err, so that its covariance is twice that of one.
+        """
         torque = self._torque(chain, physics, q, wrench)
+        differs = (wrench != 0).any(axis=1) & self.changes
+        if differs.any():
+            before = self._torque(chain, physics, q, np.zeros_like(wrench))
+            torque = np.where(differs[:, None], torque - before, torque)
         parts = [
             self._of_point(chain, torque, q, place, marker)[:, : MEASURED[kind]]
             for marker, (kind, place, _) in enumerate(physics.sensors)
         ]
-        return np.concatenate(parts, axis=1)
+        rigid = np.array([one.place != "compliance" for one in self.parameters])
+        still = differs[:, None] & rigid
+        size = np.where(differs, np.sqrt(0.5), 1.0)
+        return np.asarray(np.concatenate(parts, axis=1) * (size[:, None] * ~still)[:, None])
 
     def of_tool(self, chain: Chain, physics: Physics, q: Array, wrench: Array) -> Array:
         """Rows (k, 6, p) of the tool frame of a chain, which parameters of markers do not move."""
@@ -127,7 +143,7 @@ class Geometry:
         columns = [
             SOFTNESS * springs[:, :, one.of] * torque[:, one.of, None]
             if one.place == "compliance"
-            else UNIT * _moved(one, chain, frames, point, marker)
+            else UNIT * _moved(one, chain, frames, point, marker, place.joint)
             for one in self.parameters
         ]
         return np.stack(columns, axis=-1)
@@ -141,20 +157,27 @@ class Geometry:
 
 
 def _moved(
-    one: Parameter, chain: Chain, frames: list[Array], point: Array, marker: int | None
+    one: Parameter,
+    chain: Chain,
+    frames: list[Array],
+    point: Array,
+    marker: int | None,
+    joint: int | None,
 ) -> Array:
-    """How a point (k, 3) of a marker moves and turns (k, 6) by one unit of a motion."""
+    """How a point (k, 3) of a marker, on the body of a joint, moves and turns (k, 6) by a unit."""
     still = np.zeros((len(point), 6))
     if one.place == "base":
         frame = np.broadcast_to(np.eye(4), (len(point), 4, 4))
     elif one.place == "joint":
+        if joint is not None and one.of > joint:
+            return still
         before = chain.base[None] if one.of == 0 else frames[one.of - 1]
         frame = np.broadcast_to(before @ chain.origins[one.of], (len(point), 4, 4))
     elif one.of != marker:
         return still
     else:
         # A tool's own turn is about the marker itself.
-        frame = np.array(frames[-1])
+        frame = np.array(frames[-1 if joint is None else joint])
         frame[:, :3, 3] = point
     axis = frame[:, :3, one.axis]
     if one.turns:

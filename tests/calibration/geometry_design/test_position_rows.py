@@ -5,6 +5,7 @@ import pytest
 from loaded_arm import LOAD, STUDY
 
 from edtk.calibration.geometry_design.geometry_space import PositionRows
+from edtk.measure.geometric_model import Load, Loading
 from edtk.measure.noise import PositionNoise
 from edtk.study.study_geometry import StudyGeometry
 
@@ -18,6 +19,11 @@ HEAVY = STUDY.replace(
     parameters={"geometry": "all", "compliance": ["q1", "q2"]},
     payload={"mass_kg": 3.0, "center_mm": [10, 0, 40]},
 )
+# On a link and on the tool, and read loaded less unloaded where a load is on.
+CHANGES = HEAVY.replace(
+    marker=[*MARKERS, {"name": "link", "joint": "q1", "position_mm": [60, 20, 10]}],
+    measurement={"sigma_mm": 0.05, "reference": "unloaded"},
+)
 FULL = HEAVY.replace(measurement={"sigma_mm": 0.05, "rows": "pose", "sigma_deg": 0.01})
 NOISES = {
     "white": PositionNoise(0.05, np.zeros(2)),
@@ -25,6 +31,8 @@ NOISES = {
     "model": PositionNoise(0.05, np.zeros(2), 0.03, np.array([0.2, 0.1])),
     "poses": PositionNoise(0.05, np.zeros(2), 0.03, turn=0.2, model_turn=0.1),
     "poses, joints": PositionNoise(0.05, np.array([0.1, 0.2]), turn=0.2),
+    "changes": PositionNoise(0.05, np.zeros(2), 0.03, model_change=(0.02, 0.0)),
+    "changes, joints": PositionNoise(0.05, np.array([0.1, 0.2]), 0.03, np.array([0.2, 0.1])),
 }
 Q = RNG.uniform(-1, 1, (5, 2))
 WRENCH = np.array(LOAD, dtype=float) * np.array([1, 0, 1, 0, 1])[:, None]
@@ -32,7 +40,8 @@ WRENCH = np.array(LOAD, dtype=float) * np.array([1, 0, 1, 0, 1])[:, None]
 
 def setting_of(name: str) -> StudyGeometry:
     """The arm with heavy links and a payload, whose positions or whose full poses are measured."""
-    return StudyGeometry.of(FULL if name.startswith("poses") else HEAVY)
+    others = {"poses": FULL, "changes": CHANGES}
+    return StudyGeometry.of(others.get(name.partition(",")[0], HEAVY))
 
 
 def rows_with(name: str) -> PositionRows:
@@ -41,13 +50,16 @@ def rows_with(name: str) -> PositionRows:
     return PositionRows(setting.model, setting.loads, NOISES[name])
 
 
-@pytest.mark.parametrize("name", ["white", "poses"])
+@pytest.mark.parametrize("name", ["white", "poses", "changes"])
 def test_rows_are_those_of_the_model(name: str) -> None:
     """They are millimetres a unit; links bend the arm always, a payload where a load does."""
     setting = setting_of(name)
     assert setting.loads is not None
     model = setting.model
-    seen = model.see(np.zeros(model.p), Q, setting.loads(Q, WRENCH))
+    torque = setting.loads(Q, WRENCH)
+    differs = WRENCH.any(axis=1) & setting.reads_changes
+    before = Load(setting.loads(Q[differs], 0 * WRENCH[differs]))
+    seen = model.see(np.zeros(model.p), Q, Loading(Load(torque), differs, before))
     assert seen.jacobian is not None
     expected = 1e3 * (seen.jacobian * model.scales).reshape(5, -1, model.p)
     found = PositionRows(model, setting.loads)(Q, WRENCH)
@@ -63,7 +75,9 @@ def test_rows_are_whitened(name: str) -> None:
     seen = setting.model.see(np.zeros(setting.model.p), Q)
     assert seen.by_joints is not None
     motion = seen.by_joints.reshape(5, -1, 2)
-    V = noise.of_reading(motion) + noise.of_model(motion)
+    worth = np.where(WRENCH.any(axis=1) & setting.reads_changes, 0.5, 1.0)
+    k = len(setting.model.markers)
+    V = noise.of_pose(motion, np.repeat(worth[:, None], k, axis=1), worth < 1)
     expected = np.swapaxes(plain, 1, 2) @ np.linalg.solve(V, plain)
     A = rows_with(name)(Q, WRENCH)
     np.testing.assert_allclose(np.swapaxes(A, 1, 2) @ A, expected, rtol=1e-9, atol=1e-9)

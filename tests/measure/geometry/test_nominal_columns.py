@@ -113,7 +113,7 @@ def test_differences_see_the_difference_of_the_loads_alone(rows: Rows) -> None:
     loading = Loading(Load(torque), differs, Load(before[differs]))
     seen = model.see(np.zeros(model.p), q, loading)
     change = torque - differs[:, None] * before
-    found = NominalColumns(model).at(q).jacobian(change.T, 1.0 - differs)
+    found = NominalColumns(model).at(q).jacobian(change.T, differs)
     np.testing.assert_allclose(np.moveaxis(found, (0, 3), (3, 0)), seen.jacobian, atol=1e-12)
 
 
