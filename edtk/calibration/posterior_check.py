@@ -1,9 +1,9 @@
-"""The Bayesian check: does the sampled posterior have the covariance that the fit states?"""
+"""The Bayesian check: does the posterior have the covariance that the fit states?"""
 
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ from edtk.fit.noise import Noise
 from edtk.fit.posterior import Posterior, SamplingOptions, sample_posterior
 from edtk.fit.prior import fit_with_prior
 from edtk.fit.run_chain import autocorrelation_time
+from edtk.measure.pose_table import coordinate_names
 from edtk.measure.task import Task, Tasks
 from edtk.study.study import Study
 from edtk.study.study_parts import study_prior
@@ -27,13 +28,13 @@ if TYPE_CHECKING:
 
 NO_VARIANCE = 2  # degrees of freedom up to which Student's t has no variance
 AXES = 3
+READING = ("reading", "parameter")  # what is measured, and of what, where a model is not linear
+COLUMNS = (
+    *("parameter", "unit", "reference", "mean", "low_95", "high_95", "std_posterior", "std_fit"),
+    *("ratio", "ratio_error", "tau_steps", "r_hat", "effective_samples"),
+)
+SI = "m, or rad of a rotation"
 MOST_NUMBERS = 30_000_000  # displacements in a file, 240 MB before they are packed
-DIMENSIONS = {
-    "deflection": ["experiment", "row"],
-    "regressor": ["experiment", "row", "compliance"],
-    "sigma": ["experiment", "row"],
-    "task_regressor": ["task_pose", "axis", "compliance"],
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,8 +145,9 @@ class PosteriorCheck(Presented):
             `effective_samples`.
         reference: The meaning of the column `reference`: "assumed truth" or "identified".
         posterior: The samples.
-        A: Regressors (m, rows, p).
-        measured: Deflections (m, rows) [m, rad].
+        A: Regressors (m, rows, p) [m or rad, a unit of each parameter]; where the model is not
+            linear, those at the reference.
+        measured: Deflections, or positions (m, rows) [m, rad]; NaN where nothing was measured.
         sigma: Noise (m, rows) [m, rad], or correlated noise.
         noise: Assumptions about the noise.
         pose: Errors in the test pose; None without one.
@@ -155,6 +157,10 @@ class PosteriorCheck(Presented):
             them is the prior's.
         coordinates: Names (rows,) of what a measurement holds; empty for those of its number of
             rows, as a position or a pose has them.
+        tasks: The task poses, of which a displacement under the load is asked.
+        expected: What the reference lets expect (m, rows) [m, rad]; None for a linear model without
+            a constant, whose `A @ k` it is.
+        remark: What else is to be known of the comparison; empty for nothing.
     """
 
     table: "pd.DataFrame"
@@ -168,12 +174,15 @@ class PosteriorCheck(Presented):
     sigma_estimated: bool = False
     untold: tuple[str, ...] = ()
     coordinates: tuple[str, ...] = ()
+    tasks: Sequence[Task] = ()
+    expected: Array | None = None
+    remark: str = ""
 
     def headline(self) -> str:
-        """Number of compliances and measurements, and the range of the ratios."""
+        """Number of parameters and measurements, and the range of the ratios."""
         ratio = self.table["ratio"]
         return (
-            f"{len(self.table)} compliances from {len(self.A)} measurements, posterior over "
+            f"{len(self.table)} parameters from {len(self.A)} measurements, posterior over "
             f"{self.compared[1]}: {ratio.min():.3f} to {ratio.max():.3f}"
         )
 
@@ -208,10 +217,18 @@ class PosteriorCheck(Presented):
         return 1.0
 
     @property
+    def predicted(self) -> Array:
+        """What the posterior's mean predicts (m, rows) [m, rad], to the first order."""
+        mean = self.posterior.mean
+        if self.expected is None:
+            return np.asarray(self.A @ mean)
+        return np.asarray(self.expected + self.A @ (mean - self.table["reference"].to_numpy()))
+
+    @property
     def rest(self) -> str:
-        """What rests on the prior alone, in words; empty where nothing does."""
+        """What rests on the prior alone, or else is to be known, in words; empty for nothing."""
         if not self.untold:
-            return ""
+            return self.remark
         return (
             f"measurements alone do not tell {', '.join(self.untold)}: what is said there rests on "
             "the prior; standard deviations are compared with a normal approximation of both"
@@ -233,6 +250,9 @@ class PosteriorCheck(Presented):
             "test_pose": None if self.pose is None else self.pose.to_dict(),
             "steps": self.posterior.steps,
             "walkers": self.posterior.samples.shape[1],
+            "method": self.posterior.method,
+            "effective_share": self.posterior.effective_share,
+            "trusted": self.posterior.trusted,
         }
 
 
@@ -274,38 +294,41 @@ def check_posterior(
     posterior = sample_posterior(
         A, measured, sigma, fit, rng, prior=prior, noise=assumed, options=options
     )
-    table = _table(study, identified, posterior)
+    names = study.model.parameters
+    std = np.sqrt(np.diag(identified.covariance))
+    posterior = replace(posterior, parameters=names, units=study.model.units)
+    table = compared_with_fit(posterior, identified.k, std)
     # Without a least-squares fit the posterior's mean is what commands are compensated with.
     used = Estimate(posterior.mean, posterior.covariance) if untold else identified
     pose = pose_error(study.tasks, used, posterior) if study.tasks else None
     return PosteriorCheck(
-        table, "identified", posterior, A, measured, sigma, assumed, pose, untold=untold
+        table,
+        "identified",
+        posterior,
+        A,
+        measured,
+        sigma,
+        assumed,
+        pose,
+        untold=untold,
+        tasks=study.tasks,
     )
 
 
-def _table(study: Study, identified: Estimate, posterior: Posterior) -> "pd.DataFrame":
-    """The rows of `PosteriorCheck.table`."""
-    import pandas as pd
+def compared_with_fit(posterior: Posterior, estimates: Array, std: Array) -> "pd.DataFrame":
+    """The rows of `PosteriorCheck.table`.
 
-    std = np.sqrt(np.diag(identified.covariance))
-    low, high = posterior.interval()
-    return pd.DataFrame(
-        {
-            "parameter": study.model.parameters,
-            "unit": study.model.units,
-            "reference": identified.k,
-            "mean": posterior.mean,
-            "low_95": low,
-            "high_95": high,
-            "std_posterior": posterior.std,
-            "std_fit": std,
-            "ratio": posterior.std / std,
-            "ratio_error": posterior.std_error / std,
-            "tau_steps": posterior.tau,
-            "r_hat": posterior.r_hat,
-            "effective_samples": posterior.effective,
-        }
-    )
+    Args:
+        posterior: With names and units.
+        estimates: Those of the fit (p,).
+        std: Their standard deviations (p,).
+    """
+    own = posterior.to_frame().rename(columns={"std": "std_posterior"})
+    own["reference"] = estimates
+    own["std_fit"] = std
+    own["ratio"] = own["std_posterior"] / std
+    own["ratio_error"] = own["std_error"] / std
+    return own[list(COLUMNS)]
 
 
 @contextmanager
@@ -333,48 +356,65 @@ def require_arviz(path: Path | str) -> None:
         raise UserError(message, where=path) from None
 
 
-def inference_data(check: PosteriorCheck, tasks: Sequence[Task] = ()) -> bytes:
+def inference_data(check: PosteriorCheck) -> bytes:
     """The content of a NetCDF file of posterior and measurements; walkers are ArviZ's chains.
 
-    It is made in memory: where a disk is full, HDF5 ends the whole process.
+    Weighted draws are as they were drawn, their weights in `sample_stats`. The displacements in
+    task poses [m] are left out where they are so many that the file would be too large: the
+    regressors of the poses give them for any draw. The content is made in memory: where a disk is
+    full, HDF5 ends the whole process.
 
     Args:
         check: The posterior.
-        tasks: The task poses, for the posterior of the displacement under the load of each [m].
-            It is left out where they are so many that the file would be too large: the regressors
-            of the poses give it for any draw.
     """
+    posterior = check.posterior
+    tasks = check.tasks
     targets = np.array([task.regressor for task in tasks])
-    drawn = int(np.prod(check.posterior.samples.shape[:2]))
     variables = _variables(check)
-    dimensions = dict(DIMENSIONS)
+    measured, parameter = ("deflection", "compliance") if check.expected is None else READING
+    rows = ["experiment", "row"]
+    dimensions = {
+        measured: rows,
+        "by_fit": rows,
+        "sigma": rows,
+        "regressor": [*rows, parameter],
+        "task_regressor": ["task_pose", "axis", parameter],
+    }
     if len(tasks) == 1:
-        variables["displacement"] = np.swapaxes(check.posterior.samples @ targets[0].T, 0, 1)
+        variables["displacement"] = np.swapaxes(posterior.samples @ targets[0].T, 0, 1)
         dimensions["displacement"] = ["axis"]
-    elif len(tasks) and drawn * len(tasks) * AXES <= MOST_NUMBERS:
-        moved = np.einsum("sdp,tap->dsta", check.posterior.samples, targets)
-        variables["displacement"] = moved
+    elif len(tasks) and posterior.draws * len(tasks) * AXES <= MOST_NUMBERS:
+        variables["displacement"] = np.einsum("sdp,tap->dsta", posterior.samples, targets)
         dimensions["displacement"] = ["task_pose", "axis"]
     constant = {"regressor": check.A, "sigma": std_of(check.sigma)}
+    if check.expected is not None:
+        constant["by_fit"] = check.expected
     if len(tasks) > 1:
         constant["task_regressor"] = targets
+    units = dict(zip(check.table["parameter"], check.table["unit"], strict=True))
+    units |= {"displacement": "m"} | dict.fromkeys((measured, "by_fit", "sigma"), SI)
     with _without_warnings():
         import arviz
         import xarray
 
         data = arviz.from_dict(
             posterior=variables,
-            observed_data={"deflection": check.measured},
+            sample_stats=None if posterior.weights is None else {"weight": posterior.weights.T},
+            observed_data={measured: check.measured},
             constant_data=constant,
-            coords={"axis": ["x", "y", "z"]},
+            coords={
+                "axis": ["x", "y", "z"],
+                "row": list(check.coordinates or coordinate_names(check.A.shape[1])),
+                parameter: check.table["parameter"].tolist(),
+            },
             dims=dimensions,
-            posterior_attrs={"sampler": "emcee", "steps": check.posterior.steps},
+            posterior_attrs={"sampler": posterior.method, "steps": posterior.steps},
         )
-        for name, unit in zip(check.table["parameter"], check.table["unit"], strict=True):
-            data.posterior[name].attrs["units"] = unit
-        if "displacement" in variables:
-            data.posterior["displacement"].attrs["units"] = "m"
         groups = {f"/{name}": data[name] for name in data.groups()}
+        for group in groups.values():
+            del group.attrs["created_at"]  # the same run writes the same bytes
+            for name in units.keys() & group.data_vars.keys():
+                group[name].attrs["units"] = units[name]
         packed = {
             name: {variable: {"zlib": True} for variable in group.data_vars}
             for name, group in groups.items()

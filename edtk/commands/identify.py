@@ -82,10 +82,10 @@ def command(
     A study with [parameters] takes absolute positions x_mm y_mm z_mm without a load, a row a
     marker or, as NAMEx_mm and so on, a row a pose, and tells geometry, base, tools and springs.
 
-    With --bayes its posterior is sampled where it has 12 parameters at most; else it is Laplace's
-    approximation with a check. In other studies priors are those of the [prior] of STUDY, errors
-    Student-t if --robust, sigma unknown if --sigma-unknown. A killed run with --chain goes on where
-    it was when it is started again.
+    With --bayes its posterior is sampled where it has 12 parameters at most, or with --chain; else
+    it is Laplace's approximation with a check. In other studies priors are those of the [prior] of
+    STUDY, errors Student-t if --robust, sigma unknown if --sigma-unknown. A killed run with --chain
+    goes on where it was when it is started again.
     """
     from edtk.calibration.calibrate import InputError, misread_sheet
     from edtk.verbs.identify import identify

@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from enum import Enum
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.system.files import read_bytes, write_files
+from edtk.system.typing import Array
 
 if TYPE_CHECKING:
     import emcee
@@ -93,6 +95,21 @@ class ChainFile:
 
     path: Path
     problem: str
+
+    @classmethod
+    def of(cls, path: Path, numbers: Sequence[Array], words: str) -> "ChainFile":
+        """The file at a path that is of one problem alone.
+
+        Args:
+            path: Where it lies.
+            numbers: Every number that the chain depends on, its start and seed included.
+            words: All else that it depends on.
+        """
+        digest = hashlib.sha256()
+        for part in numbers:
+            digest.update(np.ascontiguousarray(part).tobytes())
+        digest.update(words.encode())
+        return cls(path, digest.hexdigest())
 
     def load(self, accuracy: float, shape: tuple[int, int]) -> StoredChain | None:
         """Read the chain so far; None where the file does not exist.

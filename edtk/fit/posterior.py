@@ -1,11 +1,11 @@
-"""The posterior distribution of the compliances: its density, its samples, what they say."""
+"""Posterior distributions: their densities, their samples, and what these say."""
 
-import hashlib
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from edtk.fit.correlated_noise import RowNoise, numbers_of, whiten, whiten_colum
 from edtk.fit.least_squares import Estimate
 from edtk.fit.noise import Noise
 from edtk.fit.prior import Prior, draw_positive
-from edtk.fit.run_chain import Chain, Demand, no_progress, run_chain, std_error
+from edtk.fit.run_chain import Chain, Demand, Density, no_progress, run_chain, std_error
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
@@ -29,6 +29,10 @@ WALKERS_PER_PARAMETER = 4
 EXACT = 1e-22
 # Degrees of freedom up to which Student's t has no variance.
 NO_VARIANCE = 2
+EMCEE = "emcee"
+LAPLACE = "Laplace"
+DRAWS = 2000  # of a normal approximation, that are weighted
+TRUSTED = 0.5  # share of these draws that have to be effective
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,36 +181,32 @@ class PosteriorDensity:
         extra = self.noise.start(data.squares, data.freedom, rng, walkers)
         return np.concatenate([x, extra], axis=1)
 
-    def file(self, path: Path | None, content: list[Array]) -> ChainFile | None:
-        """The file at a path that is of this problem alone; None without a path.
-
-        Args:
-            path: Where it lies.
-            content: Every number that the chain depends on, but for this density's own.
-        """
-        if path is None:
-            return None
+    @property
+    def content(self) -> tuple[list[Array], str]:
+        """What tells the density from others: numbers, and words."""
         numbers = self.parameters(np.eye(len(self.coordinates.centre) + len(self.noise.names)))
-        parts = [np.ascontiguousarray(part).tobytes() for part in (*content, numbers)]
-        digest = hashlib.sha256(b"".join(parts))
-        digest.update(repr((self.prior, self.noise)).encode())
-        return ChainFile(path, digest.hexdigest())
+        return [numbers], repr((self.prior, self.noise))
 
 
 @dataclass(frozen=True, eq=False)
 class Posterior(Presented):
-    """The sampled posterior of the compliances.
+    """A posterior, as draws: a chain's, or weighted ones of a normal approximation.
 
     Attributes:
-        samples: Kept samples (steps, walkers, p), burn-in removed [rad/(N m)].
-        tau: Integrated autocorrelation times (p,), in steps.
-        steps: Length of the whole chain.
-        r_hat: Split-chain potential scale reductions (p,).
+        samples: Kept samples (steps, walkers, p), burn-in removed, in the parameters' units.
+        tau: Draws (p,) that tell as much as one independent one: of a chain the integrated
+            autocorrelation times, in steps.
+        steps: Length of the whole chain, or number of draws.
+        r_hat: Split-chain potential scale reductions (p,); one of independent draws.
         noise_tau: Integrated autocorrelation times (e,) of the logarithms of what is unknown of the
             noise, in steps.
         noise: Samples of what is unknown of the noise (steps, walkers, e), by `noise_names`.
         noise_names: "sigma_ratio", "nu", both or neither.
-        parameters: Names (p,) of the compliances; empty where nobody gave names.
+        parameters: Names (p,) of the parameters; empty where nobody gave names.
+        units: Their units (p,); empty likewise.
+        weights: Weights (steps, walkers) of the draws, of sum one: the density over that of the
+            normal approximation, so that all that is said is of the density. None where all are
+            equal, as a chain's.
     """
 
     samples: Array
@@ -217,67 +217,142 @@ class Posterior(Presented):
     noise: Array
     noise_names: tuple[str, ...] = ()
     parameters: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    weights: Array | None = None
 
     def headline(self) -> str:
-        """How many compliances, and how long and how good the chain is."""
-        steps, walkers, p = self.samples.shape
-        return (
-            f"{p} compliances, {steps} steps of {walkers} walkers, at least "
-            f"{self.effective.min():.0f} effective samples, R-hat up to {self.r_hat.max():.4f}"
+        """How many parameters, and how far what is said of them can be trusted."""
+        return f"{self.samples.shape[-1]} parameters, {self.quality}"
+
+    @property
+    def method(self) -> str:
+        """How it was computed: "emcee", or "Laplace" with weighted draws."""
+        return EMCEE if self.weights is None else LAPLACE
+
+    @property
+    def draws(self) -> int:
+        """How many draws there are."""
+        return int(np.prod(self.samples.shape[:2]))
+
+    @property
+    def effective_share(self) -> float:
+        """Which part of the draws counts, were they independent; of the worst parameter."""
+        return float(1 / self.tau.max())
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the draws tell of the density; a chain that has not converged is none."""
+        return self.weights is None or self.effective_share >= TRUSTED
+
+    @property
+    def quality(self) -> str:
+        """How it was computed, and the check, in words."""
+        if self.weights is None:
+            return (
+                f"sampled by emcee: {self.steps} steps of {self.samples.shape[1]} walkers, at "
+                f"least {self.effective.min():.0f} effective samples, R-hat up to "
+                f"{self.r_hat.max():.4f}"
+            )
+        text = (
+            f"Laplace's approximation, checked by {self.steps} draws weighted with the nonlinear "
+            f"density: {100 * self.effective_share:.0f} % are effective"
         )
+        if self.trusted:
+            return text
+        return f"{text}, too few to trust it; a chain (--chain) takes longer, and needs none"
 
-    @property
+    @cached_property
     def mean(self) -> Array:
-        """Posterior means (p,) [rad/(N m)]."""
-        return self.samples.mean(axis=(0, 1))
+        """Posterior means (p,)."""
+        return self._average(self.samples)
 
-    @property
+    @cached_property
     def std(self) -> Array:
-        """Posterior standard deviations (p,) [rad/(N m)]."""
-        return self.samples.std(axis=(0, 1))
+        """Posterior standard deviations (p,)."""
+        if self.weights is None:
+            return self.samples.std(axis=(0, 1))
+        return np.sqrt(self._average((self.samples - self.mean) ** 2))
 
     @property
     def covariance(self) -> Array:
         """Posterior covariance (p, p)."""
-        return np.atleast_2d(np.cov(self.samples.reshape(-1, self.samples.shape[-1]).T, ddof=0))
+        flat = self.samples.reshape(-1, self.samples.shape[-1])
+        weights = None if self.weights is None else self.weights.ravel()
+        return np.atleast_2d(np.cov(flat.T, ddof=0, aweights=weights))
 
     @property
     def effective(self) -> Array:
         """Effective number of independent samples (p,)."""
-        return np.prod(self.samples.shape[:2]) / self.tau
+        return self.draws / self.tau
 
     @property
     def std_error(self) -> Array:
-        """Monte-Carlo standard error (p,) of `std` [rad/(N m)]."""
-        return self.std * std_error(self.samples)
+        """Monte-Carlo standard error (p,) of `std`.
+
+        Of independent weighted draws it is ``sqrt(sum w^2 (y^2 - std^2)^2) / (2 std)``, with the
+        deviations y.
+        """
+        if self.weights is None:
+            return self.std * std_error(self.samples)
+        off = (self.samples - self.mean) ** 2 - self.std**2
+        errors = np.einsum("sw,swp->p", self.weights**2, off**2)
+        return np.asarray(np.sqrt(errors) / (2 * self.std))
 
     def interval(self, level: float = 0.95) -> Array:
-        """Ends (2, p) of the central intervals that hold the compliances with that probability."""
-        return np.quantile(self.samples, [(1 - level) / 2, (1 + level) / 2], axis=(0, 1))
+        """Ends (2, p) of the central intervals that hold the parameters with that probability."""
+        ends = [(1 - level) / 2, (1 + level) / 2]
+        if self.weights is None:
+            return np.quantile(self.samples, ends, axis=(0, 1))
+        result = np.empty((2, self.samples.shape[-1]))
+        for i, values in enumerate(self.samples.reshape(self.draws, -1).T):
+            order = np.argsort(values)
+            weights = self.weights.ravel()[order]
+            result[:, i] = np.interp(ends, np.cumsum(weights) - 0.5 * weights, values[order])
+        return result
+
+    def evenly(self) -> "Posterior":
+        """The same with equal weights: each draw as often as it weighs (Kitagawa 1996).
+
+        For pictures, which show a draw as one point; numbers are better by the weights.
+        """
+        if self.weights is None:
+            return self
+        places = (np.arange(self.draws) + 0.5) / self.draws
+        sums = np.cumsum(self.weights)
+        chosen = np.searchsorted(sums / sums[-1], places)
+        samples = self.samples.reshape(self.draws, -1)[chosen].reshape(self.samples.shape)
+        return replace(self, samples=samples, weights=None)
+
+    def _average(self, values: Array) -> Array:
+        """Weighted mean (...) of values (steps, walkers, ...)."""
+        if self.weights is None:
+            return np.asarray(values.mean(axis=(0, 1)))
+        return np.tensordot(self.weights, values, 2)
 
     def to_frame(self) -> "pd.DataFrame":
-        """One row a compliance, SI units.
+        """One row a parameter, in its unit.
 
-        Columns: `parameter`, `mean`, `std`, `low_95`, `high_95`, `std_error`, `tau_steps`, `r_hat`
-        and `effective_samples`.
+        Columns: `parameter`, `unit` where units are known, `mean`, `std`, `low_95`, `high_95`,
+        `std_error`, `tau_steps`, `r_hat` and `effective_samples`.
         """
         import pandas as pd
 
         low, high = self.interval()
         numbered = tuple(str(i + 1) for i in range(self.samples.shape[-1]))
-        return pd.DataFrame(
-            {
-                "parameter": self.parameters or numbered,
-                "mean": self.mean,
-                "std": self.std,
-                "low_95": low,
-                "high_95": high,
-                "std_error": self.std_error,
-                "tau_steps": self.tau,
-                "r_hat": self.r_hat,
-                "effective_samples": self.effective,
-            }
-        )
+        columns: dict[str, Any] = {"parameter": self.parameters or numbered}
+        if self.units:
+            columns["unit"] = self.units
+        columns |= {
+            "mean": self.mean,
+            "std": self.std,
+            "low_95": low,
+            "high_95": high,
+            "std_error": self.std_error,
+            "tau_steps": self.tau,
+            "r_hat": self.r_hat,
+            "effective_samples": self.effective,
+        }
+        return pd.DataFrame(columns)
 
 
 class ImproperPosterior(Enum):
@@ -340,6 +415,104 @@ NORMAL = Noise()
 DEFAULT_OPTIONS = SamplingOptions()
 
 
+class Recognised(Density, Protocol):
+    """A density that tells itself from others, so that a chain of it can be kept."""
+
+    @property
+    def content(self) -> tuple[list[Array], str]:
+        """Numbers, and words, on which it depends."""
+
+
+def sample_chain(
+    density: Recognised,
+    start: Array,
+    seed: int,
+    options: SamplingOptions,
+    data: Sequence[Array] = (),
+) -> Chain:
+    """Sample any density; the chain is kept, and taken up, where the options name a file.
+
+    Args:
+        density: What is sampled.
+        start: Coordinates of the walkers (walkers, d).
+        seed: Of the random numbers.
+        options: How accurately, and where the chain is kept.
+        data: What the density was made of, which a kept chain has to share.
+
+    Raises:
+        UnconvergedError: The limit on the number of steps was reached first.
+        ChainFileError: The file is no chain, or of another problem.
+        OSError: The file cannot be written.
+    """
+    numbers, words = density.content
+    content = [*data, start, np.array([seed]), *numbers]
+    file = None if options.chain is None else ChainFile.of(options.chain, content, words)
+    return run_chain(density, start, seed, options.demand, file=file, progress=options.progress)
+
+
+def posterior_of(
+    chain: Chain,
+    parameters: tuple[str, ...],
+    units: tuple[str, ...] = (),
+    noise_names: tuple[str, ...] = (),
+) -> Posterior:
+    """Samples of the parameters, and of what is unknown of the noise without its logarithm.
+
+    Args:
+        chain: A chain of the parameters, then the logarithms of the noise's unknowns.
+        parameters: Names of the parameters; empty where there are none.
+        units: Their units; empty likewise.
+        noise_names: What is unknown of the noise.
+    """
+    p = chain.samples.shape[-1] - len(noise_names)
+    return Posterior(
+        samples=chain.samples[..., :p],
+        tau=chain.tau[:p],
+        steps=chain.steps,
+        r_hat=chain.r_hat[:p],
+        noise_tau=chain.tau[p:],
+        noise=np.exp(chain.samples[..., p:]),
+        noise_names=noise_names,
+        parameters=parameters,
+        units=units,
+    )
+
+
+def weighted_draws(
+    density: Density,
+    rng: np.random.Generator,
+    parameters: tuple[str, ...],
+    units: tuple[str, ...],
+) -> Posterior:
+    """Draws of the standard normal distribution, with the weights ``density / normal``.
+
+    Were the density's coordinates far from normal, few draws would have most of the weight: their
+    effective number ``1 / sum w^2`` (Kong 1992) is the check.
+
+    Args:
+        density: What is approximated, in coordinates in which it is about standard normal.
+        rng: Source of randomness.
+        parameters: Names (p,) of the parameters.
+        units: Their units (p,).
+    """
+    p = len(parameters)
+    x = rng.standard_normal((DRAWS, p))
+    log_weights = density.log_density(x) + 0.5 * (x**2).sum(axis=1)
+    weights = np.exp(log_weights - log_weights.max())
+    weights = weights / weights.sum()
+    return Posterior(
+        samples=density.parameters(x)[:, None],
+        tau=np.full(p, DRAWS * (weights**2).sum()),
+        steps=DRAWS,
+        r_hat=np.ones(p),
+        noise_tau=np.empty(0),
+        noise=np.empty((DRAWS, 1, 0)),
+        parameters=parameters,
+        units=units,
+        weights=weights[:, None],
+    )
+
+
 def sample_posterior(
     A: Array,
     measured: Array,
@@ -378,25 +551,8 @@ def sample_posterior(
     if not np.isfinite(density.log_density(start)).all():
         raise ImproperPosteriorError(ImproperPosterior.NO_DENSITY)
     seed = int(rng.integers(2**31))
-    content = [A, measured, *numbers_of(sigma), start, np.array([seed])]
-    file = density.file(options.chain, content)
-    chain = run_chain(density, start, seed, options.demand, file=file, progress=options.progress)
-    return _posterior(chain, fit.parameters, noise)
-
-
-def _posterior(chain: Chain, parameters: tuple[str, ...], noise: Noise) -> Posterior:
-    """Samples of the compliances, and of what is unknown of the noise without its logarithm."""
-    p = chain.samples.shape[-1] - len(noise.names)
-    return Posterior(
-        samples=chain.samples[..., :p],
-        tau=chain.tau[:p],
-        steps=chain.steps,
-        r_hat=chain.r_hat[:p],
-        noise_tau=chain.tau[p:],
-        noise=np.exp(chain.samples[..., p:]),
-        noise_names=noise.names,
-        parameters=parameters,
-    )
+    chain = sample_chain(density, start, seed, options, [A, measured, *numbers_of(sigma)])
+    return posterior_of(chain, fit.parameters, noise_names=noise.names)
 
 
 def _require_variances(prior: Prior, noise: Noise, data: MeasuredRows) -> None:

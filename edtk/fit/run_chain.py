@@ -227,6 +227,8 @@ def _begin(
         vectorize=True,
         backend=None if stored is None else stored.backend,
     )
+    # emcee's own wrapper prints a traceback on standard output where a user interrupts it.
+    sampler.log_prob_fn = density.log_density
     if stored is not None:
         return sampler, None
     sampler.random_state = np.random.RandomState(seed).get_state()

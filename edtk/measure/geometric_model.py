@@ -491,9 +491,14 @@ class GeometricModel:
             Motions of the base (w, 6), before the joints (w, N, 6) and of the tools (w, k, 6), and
             compliances (w, n) of the free joints.
         """
-        parts = [(*self._motions(one), self.compliances(one)) for one in theta]
-        base, errors, tools, softness = (np.array(part) for part in zip(*parts, strict=True))
+        base, errors, tools, softness = (np.tensordot(theta, one, 1) for one in self._by_unit)
         return base, errors, tools, softness
+
+    @cached_property
+    def _by_unit(self) -> list[Array]:
+        """The same of one unit of each parameter (p, ...): motions are linear in the parameters."""
+        parts = [(*self._motions(one), self.compliances(one)) for one in np.eye(self.p)]
+        return [np.array(part) for part in zip(*parts, strict=True)]
 
     def _motions(self, theta: Array) -> tuple[Array, Array, Array]:
         """Motions of the base (6,), before the joints (N, 6) and of the tools (k, 6)."""

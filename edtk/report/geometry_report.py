@@ -23,7 +23,7 @@ from edtk.report.page import (
     table,
     verdict,
 )
-from edtk.report.posterior_report import posterior_of_geometry
+from edtk.report.posterior_report import posterior_report
 from edtk.report.shown import left_out_sentence, places_of
 from edtk.system.files import Content
 from edtk.system.parsing import json_text
@@ -123,7 +123,7 @@ def geometry_report(found: GeometricCalibration) -> str:
         section("Residuals of the markers", paragraph(_noise(found)), *_residuals(found)),
         *_parameters(found),
         section("What can be told apart?", *_rank(found)),
-        *([] if found.posterior is None else [posterior_of_geometry(found, found.posterior)]),
+        *([] if found.check is None else [posterior_report(found.check)]),
         geometry_facts(found),
     ]
     return Page(calibration_title(found.study), tuple(parts)).html()

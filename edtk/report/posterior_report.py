@@ -1,12 +1,11 @@
 """The part of a report that shows the sampled posterior, and its pictures as files."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.posterior_check import PoseError, PosteriorCheck
-from edtk.fit.geometry.geometry_posterior import GeometryPosterior
 from edtk.report.draw.posterior import (
     MOST_PANELS,
     LabelledSamples,
@@ -16,8 +15,8 @@ from edtk.report.draw.posterior import (
     trace,
 )
 from edtk.report.figures import new_figure, png
-from edtk.report.page import paragraph, picture, section, table
-from edtk.report.shown import digits, places_of
+from edtk.report.page import paragraph, picture, section, sentence, table
+from edtk.report.shown import with_digits
 from edtk.system.files import Content
 
 if TYPE_CHECKING:
@@ -34,20 +33,30 @@ class PosteriorFigures:
     """The pictures of one posterior.
 
     Attributes:
-        corner: Each compliance, and each pair of them.
-        trace: The chain after burn-in.
+        corner: Each parameter, and each pair of them.
         residuals: Residuals, and where new measurements would fall.
+        trace: The chain after burn-in; None of independent draws.
     """
 
     corner: "Figure"
-    trace: "Figure"
     residuals: "Figure"
+    trace: "Figure | None"
+
+    def captioned(self) -> "Iterator[tuple[str, Figure, str]]":
+        """Name of the file, picture and caption of each that there is."""
+        of = "The sampled posterior: each parameter, and each pair of them."
+        yield NAMES[0], self.corner, of
+        yield NAMES[2], self.residuals, "Posterior-predictive residuals, in units of the noise."
+        if self.trace is not None:
+            looks = "The chain after burn-in: it should look like noise, without drift."
+            yield NAMES[1], self.trace, looks
 
 
 def posterior_figures(check: PosteriorCheck) -> PosteriorFigures:
     """Draw a posterior."""
     shown = LabelledSamples.of(check)
-    return PosteriorFigures(_corner(check, shown), _trace(check, shown), _residuals(check))
+    chain = None if check.posterior.weights is not None else _trace(check, shown)
+    return PosteriorFigures(_corner(check, shown), _residuals(check), chain)
 
 
 def _corner(check: PosteriorCheck, shown: LabelledSamples) -> "Figure":
@@ -57,7 +66,7 @@ def _corner(check: PosteriorCheck, shown: LabelledSamples) -> "Figure":
     figure.set_layout_engine("constrained", hspace=0.02, wspace=0.02)
     corner(shown, figure.subplots(d, d, sharex="col", squeeze=False))
     title = f"Posterior, with contours that hold 39 % and 86 %; lines: {check.reference}"
-    figure.suptitle(title, fontsize=11)
+    figure.suptitle(f"{title}\n{shown.some}" if shown.some else title, fontsize=11)
     return figure
 
 
@@ -91,16 +100,15 @@ def posterior_pictures(check: PosteriorCheck, folder: Path) -> dict[Path, Conten
         check: The posterior.
         folder: Folder of the pictures.
     """
-    figures = posterior_figures(check)
-    drawn = (figures.corner, figures.trace, figures.residuals)
-    return {folder / name: png(figure) for name, figure in zip(NAMES, drawn, strict=True)}
+    pictures = posterior_figures(check).captioned()
+    return {folder / name: png(figure) for name, figure, _ in pictures}
 
 
 def posterior_report(check: PosteriorCheck) -> str:
     """A table, its meaning in the test pose, and the pictures."""
-    parts = [paragraph(_chain(check)), _compliances(check)]
+    parts = [paragraph(sentence(check.posterior.quality)), _parameters(check)]
     if check.rest:
-        parts.append(paragraph(f"{check.rest[:1].upper()}{check.rest[1:]}."))
+        parts.append(paragraph(sentence(check.rest)))
     if check.ratio_to_expect != 1:
         ratio = f"{check.ratio_to_expect:.3f}"
         parts.append(paragraph(f"As sigma was estimated, a ratio of {ratio} is to be expected."))
@@ -109,28 +117,12 @@ def posterior_report(check: PosteriorCheck) -> str:
         parts.append(paragraph(text))
     if check.pose is not None:
         parts.append(paragraph(_test_pose(check.pose)))
-    figures = posterior_figures(check)
-    pictures = (
-        (figures.corner, "The sampled posterior: each compliance, and each pair of them."),
-        (figures.residuals, "Posterior-predictive residuals, in units of the stated noise."),
-        (figures.trace, "The chain after burn-in: it should look like noise, without drift."),
-    )
-    parts += [picture(figure, caption) for figure, caption in pictures]
+    pictures = posterior_figures(check).captioned()
+    parts += [picture(figure, caption) for _, figure, caption in pictures]
     return section("What does the posterior say?", *parts)
 
 
-def _chain(check: PosteriorCheck) -> str:
-    """How far the numbers below can be trusted."""
-    walkers = check.posterior.samples.shape[1]
-    least = check.table["effective_samples"].min()
-    r_hat = check.table["r_hat"].max()
-    return (
-        f"{walkers} walkers made {check.posterior.steps} steps; the chain has converged: at least "
-        f"{least:.0f} effective samples for each compliance, split-chain R-hat at most {r_hat:.4f}."
-    )
-
-
-def _compliances(check: PosteriorCheck) -> str:
+def _parameters(check: PosteriorCheck) -> str:
     """A table with a row for each parameter."""
     column, label = check.compared
     rows = []
@@ -140,11 +132,11 @@ def _compliances(check: PosteriorCheck) -> str:
             [
                 record["parameter"],
                 record["unit"],
-                digits(record["mean"], std),
-                f"{std:.2e}",
-                f"{record[column]:.2e}",
+                with_digits(record["mean"], std),
+                f"{std:.3g}",
+                f"{record[column]:.3g}",
                 f"{record['ratio']:.3f} \u00b1 {record['ratio_error']:.3f}",
-                f"{digits(record['low_95'], std)} .. {digits(record['high_95'], std)}",
+                f"{with_digits(record['low_95'], std)} .. {with_digits(record['high_95'], std)}",
             ]
         )
     return table(
@@ -163,33 +155,4 @@ def _test_pose(pose: PoseError) -> str:
         f"square; {1e3 * pose.rho0_fit:.3g} mm by the fit, Eq. (20)), and with 95 % probability "
         f"below {1e3 * pose.error_95:.3g} mm. Displacement under the task's load{which}, 95 % "
         f"intervals in mm: {axes}."
-    )
-
-
-def posterior_of_geometry(found: GeometricCalibration, posterior: GeometryPosterior) -> str:
-    """How it was computed, and a table."""
-    rows = []
-    for row in posterior.to_frame().to_dict(orient="records"):
-        places = places_of(row["std_posterior"])
-        rows.append(
-            [
-                row["parameter"],
-                f"{row['mean']:+.{places}f}",
-                f"{row['std_posterior']:.{places}f}",
-                f"{row['std_fit']:.{places}f}",
-                f"{row['ratio']:.2f}",
-                f"{row['low_95']:+.{places}f} .. {row['high_95']:+.{places}f}",
-                row["unit"],
-            ]
-        )
-    header = ["parameter", "mean", "std", "std of the fit", "ratio", "95 % interval", "unit"]
-    text = f"{posterior.quality[:1].upper()}{posterior.quality[1:]}."
-    sizes = (
-        "Errors are as large as they were fitted. The fit weights coordinates more equally than "
-        "the noise says, and its standard deviations are those of that."
-    )
-    return section(
-        "What does the posterior say?",
-        paragraph(f"{text} {sizes}"),
-        table(header, rows, full=True),
     )

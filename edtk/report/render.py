@@ -18,7 +18,6 @@ PAGES = {
     "geometric_compensation": "compensation",
     "geometry_evaluation": "geometry_plan",
     "geometry_plan": "geometry_plan",
-    "geometry_posterior": "geometry",
     "identification": "calibration",
     "plan": "plan",
     "plan_bias": "evaluation",

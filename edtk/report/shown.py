@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 UNKNOWN = 3  # where nothing is said of the uncertainty
 MOST = 6
 LEAST_PLACES = 2  # behind the point: three digits
+SMALL = 1e-5  # standard deviation below which numbers are written with powers of ten
 MOST_PLACES = 15  # a double has no more
 
 
@@ -50,6 +51,11 @@ def digits(value: float, std: float, like: float | None = None) -> str:
     if math.isfinite(ratio) and ratio > 0:
         places = max(LEAST_PLACES, math.floor(math.log10(ratio)) + 2)
     return f"{value:.{min(places, MOST_PLACES)}e}"
+
+
+def with_digits(value: float, std: float) -> str:
+    """A value down to the second digit of its standard deviation: 0.012, or 4.0005e-07."""
+    return f"{value:.{places_of(std)}f}" if std >= SMALL else digits(value, std)
 
 
 def _decade(value: float) -> int | None:

@@ -151,7 +151,7 @@ def bayes(
         check = check_plan_posterior(question, measured, noise=noise, **arguments)
     files: dict[Path, Content] = {}
     if sampling.export is not None:
-        files[Path(sampling.export)] = inference_data(check, question.tasks)
+        files[Path(sampling.export)] = inference_data(check)
     if figures is not None:
         files |= posterior_pictures(check, Path(figures))
     write_files(files)

@@ -49,13 +49,6 @@ def identify(
     """
     question = of_study(study)
     sampling = bayes if isinstance(bayes, Sampling) else Sampling()
-    question.require(
-        "identify",
-        sigma_unknown=sigma_unknown,
-        plan=plan,
-        linear=linear,
-        chain=sampling.chain,
-        export=sampling.export,
-    )
+    question.require("identify", sigma_unknown=sigma_unknown, plan=plan, linear=linear)
     how = HowFitted(robust, sigma_unknown, plan, as_is, linear)
     return question.identify(measurements, how, sampling if bayes else None, out)

@@ -153,12 +153,6 @@ class OfCompliances(OfStudy):
             bayes=sampled,
         )
 
-    def _exported(self, found: "Calibration") -> Content:
-        from edtk.calibration.posterior_check import inference_data
-
-        assert found.check is not None
-        return inference_data(found.check, self.study.tasks)
-
     def _report(self, found: "Calibration", folder: Path) -> dict[Path, Content]:
         from edtk.report.calibration_report import calibration_files
 

@@ -302,7 +302,9 @@ class OfStudy(Question):
                 found = found.sampled(**arguments)
         files: dict[Path, Content] = {}
         if sampling is not None and sampling.export is not None:
-            files[Path(sampling.export)] = self._exported(found)
+            from edtk.calibration.posterior_check import inference_data
+
+            files[Path(sampling.export)] = inference_data(found.check)
         if out is not None:
             files |= self._report(found, Path(out))
         write_files(files)
@@ -311,10 +313,6 @@ class OfStudy(Question):
     @abstractmethod
     def _calibrated(self, sheet: Table, how: HowFitted, planned: Plan | None, sampled: bool) -> Any:
         """The calibration."""
-
-    def _exported(self, found: Any) -> Content:
-        """The sampled posterior as a file."""
-        raise NotImplementedError("refused, see REFUSED")
 
     @abstractmethod
     def _report(self, found: Any, folder: Path) -> dict[Path, Content]:

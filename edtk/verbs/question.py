@@ -29,7 +29,6 @@ LEAST_SQUARES = (
     "expected a study without [parameters]; geometry is fitted by least squares, with the size of "
     "its errors estimated"
 )
-NOT_KEPT = "expected a study without [parameters]; the posterior of geometry is not kept"
 
 
 def _none_of(options: Sequence[str], message: str) -> dict[str, str]:
@@ -62,10 +61,7 @@ REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
             "markers": "the markers of a study of geometry are its [[marker]]; leave this out",
             "positions": "a sheet of a study of geometry has positions anyway; leave this out",
         },
-        "identify": {
-            **_none_of(("sigma_unknown", "linear"), LEAST_SQUARES),
-            **_none_of(("chain", "export"), NOT_KEPT),
-        },
+        "identify": _none_of(("sigma_unknown", "linear"), LEAST_SQUARES),
     },
 }
 

@@ -21,7 +21,7 @@ SEVERAL = STUDY.replace(
 SAMPLES = STUDY.compliances * np.random.default_rng(0).uniform(0.9, 1.1, (6, 4, 5))
 
 
-def check():
+def check(tasks=()):
     """A posterior of a few draws."""
     names = STUDY.model.parameters
     nothing = np.zeros(0)
@@ -30,7 +30,7 @@ def check():
     A = STUDY.model.regressor(PLAN.q, PLAN.wrench)
     sigma = np.tile(STUDY.sigma, (len(A), 1))
     return PosteriorCheck(
-        table, "identified", posterior, A, A @ SAMPLES[0, 0], sigma, Noise(), None
+        table, "identified", posterior, A, A @ SAMPLES[0, 0], sigma, Noise(), None, tasks=tasks
     )
 
 
@@ -47,7 +47,7 @@ def read(tmp_path, content):
 
 def test_several_poses_have_a_displacement_each(tmp_path):
     """Each draw has the displacement of each pose; one pose alone has the same without an axis."""
-    data = read(tmp_path, inference_data(check(), SEVERAL.tasks))
+    data = read(tmp_path, inference_data(check(SEVERAL.tasks)))
     moved = data.posterior["displacement"]
     assert moved.dims == ("chain", "draw", "task_pose", "axis")
     assert moved.units == "m"
@@ -55,7 +55,7 @@ def test_several_poses_have_a_displacement_each(tmp_path):
         expected = np.swapaxes(SAMPLES, 0, 1) @ task.regressor.T
         np.testing.assert_allclose(moved[:, :, i], expected, rtol=1e-12)
         np.testing.assert_array_equal(data.constant_data["task_regressor"][i], task.regressor)
-    one = read(tmp_path, inference_data(check(), STUDY.tasks))
+    one = read(tmp_path, inference_data(check(STUDY.tasks)))
     assert one.posterior["displacement"].dims == ("chain", "draw", "axis")
     np.testing.assert_allclose(one.posterior["displacement"], moved[:, :, 0], rtol=1e-12)
     assert "displacement" not in read(tmp_path, inference_data(check())).posterior
@@ -64,6 +64,6 @@ def test_several_poses_have_a_displacement_each(tmp_path):
 def test_very_many_displacements_are_left_out(tmp_path, monkeypatch: pytest.MonkeyPatch):
     """The regressors of the poses are there all the same."""
     monkeypatch.setattr(module, "MOST_NUMBERS", 100)
-    data = read(tmp_path, inference_data(check(), SEVERAL.tasks))
+    data = read(tmp_path, inference_data(check(SEVERAL.tasks)))
     assert "displacement" not in data.posterior
     assert data.constant_data["task_regressor"].shape == (2, 3, 5)

@@ -42,7 +42,7 @@ def test_it_says_what_a_person_wants_to_know(found: GeometricCalibration) -> Non
     assert len(re.findall("<td>mrad</td>", text)) > 10
     assert "Laplace&#x27;s approximation, checked by" in text
     assert "day &lt;1&gt;.csv" in text
-    assert text.count("<figure") == 4
+    assert text.count("<figure") == 6
 
 
 def test_poses_that_no_other_predicts_are_no_promise(found: GeometricCalibration) -> None:
@@ -70,7 +70,7 @@ def test_open_directions_are_in_the_report(tmp_path: Path) -> None:
 def test_in_a_browser(found: GeometricCalibration, tmp_path: Path) -> None:
     """Verdict and pictures are shown at desk and phone width, and nothing is wider than those."""
     seen = in_browser([geometry_report(found)], tmp_path)
-    assert seen == [f"4 4 true true true {width}" for width in WIDTHS]
+    assert seen == [f"6 6 true true true {width}" for width in WIDTHS]
 
 
 def test_files_are_written_again(tmp_path: Path) -> None:

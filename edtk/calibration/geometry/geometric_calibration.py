@@ -11,16 +11,18 @@ import numpy as np
 
 from criteria.linalg.spectrum import is_semidefinite
 from edtk.calibration.calibration import Origin
+from edtk.calibration.posterior_check import PosteriorCheck, compared_with_fit
 from edtk.findings.finding import Finding, Severity, verdict
 from edtk.findings.geometry.counting import Counting
 from edtk.fit.distributions import task_accuracy
 from edtk.fit.geometry.fitted_geometry import FittedGeometry, GeometricFit, root_mean_square
 from edtk.fit.geometry.geometry_posterior import (
     GeometryDensity,
-    GeometryPosterior,
     geometry_posterior,
 )
-from edtk.fit.posterior import SamplingOptions
+from edtk.fit.geometry.least_squares_fit import PoseRows
+from edtk.fit.noise import Noise
+from edtk.fit.posterior import Posterior, SamplingOptions
 from edtk.measure.expected_error import (
     ExpectedError,
     TaskAccuracy,
@@ -29,9 +31,10 @@ from edtk.measure.expected_error import (
 )
 from edtk.measure.noise import BlockVariances, PositionNoise
 from edtk.measure.parameters import COMPONENTS, GeometricParameter
+from edtk.measure.pose_table import coordinate_names
 from edtk.measure.task import ErringColumns, Task, Tasks
 from edtk.robots.robot import Robot
-from edtk.robots.rotations import rotation
+from edtk.robots.rotations import rotation, rotation_vectors
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry, study_marks
 from edtk.system.errors import UserError
@@ -52,6 +55,10 @@ OTHERWISE = {
     "shown": "the study's controller counts joints otherwise than when the result was made",
     "loads": "the study's load point, payload or masses are not those of the result",
 }
+OWN_WEIGHTS = (
+    "errors are as large as they were fitted; the fit weights coordinates more equally than the "
+    "noise says, and its standard deviations are those of that"
+)
 MM = 1e3
 MOST_MB = 100.0  # of a file
 
@@ -317,7 +324,7 @@ class GeometricCalibration(Presented):
         left_out: Visits that were not fitted, as their positions are of no use.
         robust: Whether poses that fit badly count less.
         origin: The file as it was read, and what was asked for.
-        posterior: What is known of the parameters by the nonlinear model; None where nobody asked.
+        check: The posterior by the nonlinear model; None where it was not sampled.
     """
 
     setting: StudyGeometry
@@ -328,7 +335,7 @@ class GeometricCalibration(Presented):
     left_out: tuple[int, ...] = ()
     robust: bool = False
     origin: Origin = field(default_factory=Origin)
-    posterior: GeometryPosterior | None = None
+    check: PosteriorCheck | None = None
 
     @property
     def base(self) -> Array:
@@ -472,7 +479,7 @@ class GeometricCalibration(Presented):
             "diagnostics": [one.to_dict() for one in self.findings],
             "study_warnings": [one.words for one in self.study.warnings],
             "assumed": list(self.assumed),
-            "posterior": None if self.posterior is None else self.posterior.to_dict(),
+            "posterior": None if self.check is None else self.check.to_dict(),
             "geometry": {**geometry_to_dict(fit.fitted, self.counting), "study": self._marks()},
         }
 
@@ -485,18 +492,20 @@ class GeometricCalibration(Presented):
 
         Args:
             rng: Source of randomness.
-            options: How accurately a chain is sampled, where the parameters are few enough.
+            options: How accurately a chain is sampled, and where it is kept: without a file only
+                where parameters are few.
 
         Raises:
             UnconvergedError: The chain does not converge.
+            ChainFileError: The file is no chain, or of another problem.
         """
         density = GeometryDensity.of(self.fit, self.setting.loads, self.robust)
-        fitted = (self.fit.fitted.values, self.fit.fitted.std)
-        found = geometry_posterior(density, fitted, rng, options)
+        check = _check(self.fit.fitted, density, geometry_posterior(density, rng, options))
+        found = check.posterior
         findings = self.findings
         if not found.trusted:
             findings = (*findings, Finding(Severity.WARNING, "posterior", found.quality))
-        return replace(self, posterior=found, findings=findings)
+        return replace(self, check=check, findings=findings)
 
     def _marks(self) -> dict[str, Any]:
         """What tells whether a study that reads the result is the one that it was made for."""
@@ -542,6 +551,38 @@ class GeometricCalibration(Presented):
                     degrees = np.rad2deg(values[pose, marker, axis])
                     columns[f"{name}r{'xyz'[axis]}_deg"] = degrees
         return pd.DataFrame(columns)
+
+
+def _check(
+    fitted: FittedGeometry, density: GeometryDensity, posterior: Posterior
+) -> PosteriorCheck:
+    """A posterior beside the fit, with what was measured [m, rad]."""
+    means = density.means
+    rows = PoseRows.of(fitted.model, fitted.theta, means, density.torque)
+    measured = means.measured
+    if means.turns is not None:
+        turns = np.where(means.rows_seen[..., 3:, None], means.turns, np.eye(3))
+        measured = np.concatenate([measured, rotation_vectors(turns)], axis=-1)
+    measured = np.where(means.rows_seen, measured, np.nan).reshape(rows.residual.shape)
+    there = means.present.ravel()
+    names = [
+        f"{marker} {name}" if count > 1 else marker
+        for marker, count in zip(means.markers, means.present.sum(axis=1), strict=True)
+        for name in coordinate_names(int(count))
+    ]
+    return PosteriorCheck(
+        table=compared_with_fit(posterior, fitted.values, fitted.std),
+        reference="identified",
+        posterior=posterior,
+        A=rows.design[:, there] / MM,
+        measured=measured[:, there],
+        sigma=density.std[:, there] / MM,
+        noise=Noise(nu=np.inf if density.nu is None else density.nu),
+        pose=None,
+        coordinates=tuple(names),
+        expected=(measured - rows.residual / MM)[:, there],
+        remark=OWN_WEIGHTS,
+    )
 
 
 def read_result(given: GeometricCalibration | Mapping[str, Any] | Path | str) -> Mapping[str, Any]:

@@ -26,6 +26,7 @@ MOST_STEPS = 1000  # that are drawn
 MOST_MEASUREMENTS = 200  # that are drawn
 MOST_SAMPLES = 4000  # from which the bands are computed
 MOST_PANELS = 24  # a picture of more would be metres high
+MOST_UNKNOWNS = 8  # of a corner, which has a panel for each pair
 FEW = 24  # measurements that all have a tick
 
 
@@ -40,30 +41,39 @@ def thinned(sizes: Array) -> Indices:
 
 @dataclass(frozen=True, eq=False)
 class LabelledSamples:
-    """Compliances, and the unknowns of the noise.
+    """Parameters, and the unknowns of the noise.
 
     Attributes:
         labels: Names with units (d,).
-        samples: Samples (steps, walkers, d); nu as its logarithm.
+        samples: Samples (steps, walkers, d), of equal weight; nu as its logarithm.
         reference: Values (d,) to compare with; NaN without one.
+        some: Which of them these are, in words; empty where they are all.
     """
 
     labels: list[str]
     samples: Array
     reference: Array
+    some: str = ""
 
     @classmethod
     def of(cls, check: PosteriorCheck) -> "LabelledSamples":
-        """The samples of a posterior, compliances in powers of a thousand of their unit."""
-        posterior = check.posterior
-        power = 3 * np.floor(np.log10(posterior.mean) / 3 + 1e-9)
-        names = short_names(list(check.table["parameter"]))
+        """The samples of a posterior, parameters in powers of a thousand of their unit.
+
+        Of very many parameters those are shown whose posterior is the least like the fit.
+        """
+        posterior = check.posterior.evenly()
+        unlike = np.argsort(-np.abs(np.log(check.table["ratio"].to_numpy())), kind="stable")
+        shown = np.sort(unlike[:MOST_UNKNOWNS])
+        table = check.table.iloc[shown]
+        size = np.maximum(np.abs(posterior.mean), posterior.std)[shown]
+        power = 3 * np.floor(np.log10(size) / 3 + 1e-9)
+        names = short_names(list(table["parameter"]))
         labels = [
-            f"{plain(name)}\n[$10^{{{int(exponent)}}}$ {unit}]"
-            for name, exponent, unit in zip(names, power, check.table["unit"], strict=True)
+            f"{plain(name)}\n[{_scaled(int(exponent), unit)}]"
+            for name, exponent, unit in zip(names, power, table["unit"], strict=True)
         ]
-        reference = check.table["reference"].to_numpy(dtype=float) / 10.0**power
-        columns = [posterior.samples / 10.0**power]
+        reference = table["reference"].to_numpy(dtype=float) / 10.0**power
+        columns = [posterior.samples[..., shown] / 10.0**power]
         known = check.reference == "assumed truth"
         noise_reference = []
         for i, name in enumerate(posterior.noise_names):
@@ -72,7 +82,15 @@ class LabelledSamples:
             noise_reference.append(1.0 if known and name == "sigma_ratio" else np.nan)
             labels.append(NOISE_LABELS[name])
         samples = np.concatenate(columns, axis=-1)
-        return cls(labels, samples, np.array([*reference, *noise_reference]))
+        some = ""
+        if len(shown) < len(check.table):
+            some = f"the {len(shown)} of {len(check.table)} parameters that are least like the fit"
+        return cls(labels, samples, np.array([*reference, *noise_reference]), some)
+
+
+def _scaled(exponent: int, unit: str) -> str:
+    """A power of ten of a unit."""
+    return f"$10^{{{exponent}}}$ {unit}" if exponent else unit
 
 
 def corner(shown: LabelledSamples, axes: np.ndarray) -> None:
@@ -158,7 +176,8 @@ def trace(shown: LabelledSamples, last_step: int, axes: np.ndarray) -> None:
 class PredictiveResiduals:
     """Residuals of the posterior mean over the 95 % band of the posterior predictive, in sigma.
 
-    The band is of new measurements about the posterior mean: scatter of the model plus noise.
+    Residuals are NaN where nothing was measured. The band is of new measurements about the
+    posterior mean: scatter of the model plus noise.
 
     Attributes:
         shown: Measurements (m,) that are drawn, counted from 0.
@@ -177,7 +196,8 @@ class PredictiveResiduals:
     @property
     def inside(self) -> float:
         """Share of the residuals that are inside their bands."""
-        return float(np.mean((self.residual >= self.low) & (self.residual <= self.high)))
+        inside = (self.residual >= self.low) & (self.residual <= self.high)
+        return float(inside[np.isfinite(self.residual)].mean())
 
     @classmethod
     def of(cls, check: PosteriorCheck) -> "PredictiveResiduals":
@@ -188,13 +208,14 @@ class PredictiveResiduals:
         sigma = check.sigma[shown]
         mean = check.posterior.mean
         rng = np.random.default_rng(0)
-        k = check.posterior.samples.reshape(-1, A.shape[2])
+        k = check.posterior.evenly().samples.reshape(-1, A.shape[2])
         chosen = rng.choice(len(k), size=min(MOST_SAMPLES, len(k)), replace=False)
         errors = _errors(check, chosen, A.shape[:2], rng)
         predicted = np.einsum("mrp,np->nmr", whiten_columns(A, sigma), k[chosen] - mean)
         low, high = np.quantile(predicted + errors, [0.025, 0.975], axis=0)
         names = check.coordinates or coordinate_names(A.shape[1])
-        return cls(shown, whiten(check.measured[shown] - A @ mean, sigma), low, high, names)
+        apart = check.measured[shown] - check.predicted[shown]
+        return cls(shown, whiten(apart, sigma), low, high, names)
 
 
 def _errors(

@@ -1,4 +1,4 @@
-"""Calibrations of geometry: what was found, its posterior, and predictions."""
+"""Calibrations of geometry: what was found, and predictions."""
 
 import numpy as np
 
@@ -6,7 +6,6 @@ from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.geometry.prediction import Prediction
 from edtk.findings.finding import notes
 from edtk.fit.geometry.fitted_geometry import root_mean_square
-from edtk.fit.geometry.geometry_posterior import GeometryPosterior
 from edtk.report.geometry_report import robot_stands
 from edtk.report.shown import left_out_line, places_of
 from edtk.report.tables import name_width
@@ -33,8 +32,8 @@ def geometric_calibration_text(found: GeometricCalibration) -> str:
     ]
     lines += notes(found.findings)
     lines += [f"assumed: {line}" for line in found.assumed]
-    if found.posterior is not None:
-        lines += ["posterior", found.posterior.summary()]
+    if found.check is not None:
+        lines += ["posterior", found.check.summary()]
     return "\n".join([*lines, f"verdict: {found.verdict}"])
 
 
@@ -100,25 +99,6 @@ def _quality(found: GeometricCalibration) -> list[str]:
         ),
         left_out + repeats,
     ]
-
-
-def geometry_posterior_text(found: GeometryPosterior) -> str:
-    """How it was computed, and standard deviations beside those of the fit."""
-    width = name_width(found.parameters, 8)
-    lines = [
-        found.quality,
-        f"{'param':{width}}{'std posterior':>14}{'std of the fit':>17}{'ratio':>9}"
-        f"{'95 % interval':>32}",
-    ]
-    table = found.to_frame()
-    for row, std in zip(table.itertuples(), found.std.tolist(), strict=True):
-        places = places_of(std)
-        interval = f"{row.low_95:.{places}f} to {row.high_95:.{places}f} {row.unit}"
-        lines.append(
-            f"{row.parameter:{width}}{row.std_posterior:14.4g}{row.std_fit:17.4g}{row.ratio:9.3f}"
-            f"{interval:>32}"
-        )
-    return "\n".join(lines)
 
 
 def prediction_text(found: Prediction) -> str:

@@ -6,12 +6,12 @@ from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.fit.posterior import Posterior
 from edtk.report.draw.posterior import LabelledSamples, corner
 from edtk.report.figures import panels
-from edtk.report.shown import digits
+from edtk.report.shown import SMALL, places_of, with_digits
 from edtk.report.tables import name_width, notebook_table
 
 
 def posterior_text(found: Posterior) -> str:
-    """The headline, and a row a compliance with its 95 % interval [rad/(N m)]."""
+    """The headline, and a row a parameter with its 95 % interval."""
     table = found.to_frame().to_string(index=False, float_format="{:.4g}".format)
     return f"{found.headline()}\n{table}"
 
@@ -20,19 +20,23 @@ def posterior_check_text(check: PosteriorCheck) -> str:
     """Standard deviations beside those of the fit, intervals, noise, and the test pose."""
     column, label = check.compared
     width = name_width(check.table["parameter"], 8)
+    units = check.table["unit"].unique()
     lines = [
+        check.posterior.quality,
         f"{'param':{width}}{'std posterior':>14}{label:>17}{'ratio':>9}{'+- (MC)':>9}"
-        f"{'95 % interval':>26}{'effective samples':>19}"
+        f"{'95 % interval':>26}{'effective samples':>19}{'  unit' * (len(units) > 1)}",
     ]
-    for row in check.table.itertuples():
-        interval = f"{row.low_95:.4e} to {row.high_95:.4e}"
+    table = check.table
+    for row, std in zip(table.itertuples(), table["std_posterior"].tolist(), strict=True):
+        form = f".{places_of(std)}f" if std >= SMALL else ".4e"
+        interval = f"{row.low_95:{form}} to {row.high_95:{form}}"
         lines.append(
-            f"{row.parameter:{width}}{row.std_posterior:14.5g}{getattr(row, column):17.5g}"
+            f"{row.parameter:{width}}{std:14.5g}{getattr(row, column):17.5g}"
             f"{row.ratio:9.4f}{row.ratio_error:9.4f}"
-            f"{interval:>26}{row.effective_samples:19.0f}"
+            f"{interval:>26}{row.effective_samples:19.0f}{f'  {row.unit}' * (len(units) > 1)}"
         )
-    units = " or ".join(check.table["unit"].unique())
-    lines.append(f"standard deviations and intervals in {units}")
+    if len(units) == 1:
+        lines.append(f"standard deviations and intervals in {units[0]}")
     if check.rest:
         lines.append(check.rest)
     if check.ratio_to_expect != 1:
@@ -46,12 +50,12 @@ def posterior_check_text(check: PosteriorCheck) -> str:
 
 
 def posterior_check_notebook(check: PosteriorCheck) -> str:
-    """A row for each compliance, and the test pose."""
+    """A row for each parameter, and the test pose."""
     column, label = check.compared
     rows = []
     for row in check.table.to_dict(orient="records"):
         std = row["std_posterior"]
-        mean = digits(row["mean"], std)
+        mean = with_digits(row["mean"], std)
         ratio = f"{row['ratio']:.3f} \u00b1 {row['ratio_error']:.3f}"
         cells = [row["parameter"], mean, f"{std:.2e}", f"{row[column]:.2e}", ratio, row["unit"]]
         rows.append(cells)
@@ -61,7 +65,7 @@ def posterior_check_notebook(check: PosteriorCheck) -> str:
 
 
 def posterior_check_plot(check: PosteriorCheck, ax: Any = None) -> Any:
-    """Draw each compliance, and each pair of them; lines are at the reference.
+    """Draw each parameter, and each pair of them; lines are at the reference.
 
     Returns:
         The axes (d, d); those above the diagonal are empty.

@@ -290,9 +290,9 @@ def test_few_joints_pay_no_position_for_an_orientation() -> None:
 def test_the_posterior_counts_orientations(day: Path) -> None:
     """Its density is the nonlinear chi-square of positions and turns, and the check agrees."""
     found = edtk.identify(STUDY, day / "day.csv", bayes=True)
-    assert found.posterior is not None
-    assert found.posterior.trusted
-    assert found.posterior.effective > 0.95 * len(found.posterior.samples)
+    assert found.check is not None
+    assert found.check.posterior.trusted
+    assert found.check.posterior.effective_share > 0.95
     density = GeometryDensity.of(found.fit, None, robust=False)
     x = np.random.default_rng(1).normal(size=(2, 30))
     fit = found.fit
