@@ -253,8 +253,8 @@ class Subsets:
         self.J = MM * (seen.jacobian * fitted.model.scales).reshape(m, -1, fitted.model.p)
         self.r = MM * (means.measured - seen.points).reshape(m, -1)
         motion = seen.by_joints.reshape(m, self.r.shape[1], -1)
-        noise = _weighting_noise(fit, motion, self.r, self.J)
-        V = noise.of_reading(motion) + noise.of_model(motion)
+        noise = _weighting_noise(fit, motion, seen.places, self.r, self.J)
+        V = noise.of_reading(motion, seen.places) + noise.of_model(motion)
         L = np.linalg.cholesky(working(V))
         self.Jw = np.linalg.solve(L, self.J)
         self.rw = np.linalg.solve(L, self.r[..., None])[..., 0]
@@ -282,10 +282,12 @@ class Subsets:
         return np.setdiff1d(every, chosen)
 
 
-def _weighting_noise(fit: GeometricFit, motion: Array, r: Array, J: Array) -> PositionNoise:
+def _weighting_noise(
+    fit: GeometricFit, motion: Array, places: Array, r: Array, J: Array
+) -> PositionNoise:
     """The noise by which a fit weights poses: with one size of the model's error for all joints."""
     rigid = np.zeros(motion.shape[2], dtype=bool)
-    return fit_model_error(fit.fitted.noise, motion, fit.data.counts, r, J, rigid)
+    return fit_model_error(fit.fitted.noise, motion, places, fit.data.counts, r, J, rigid)
 
 
 def rows_of_design(

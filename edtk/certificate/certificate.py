@@ -20,7 +20,7 @@ from edtk.measure.instruments.distance import Distance
 from edtk.measure.instruments.marker import Marker
 from edtk.measure.instruments.pose_marker import PoseMarker
 from edtk.measure.instruments.sensor import Sensor
-from edtk.measure.noise import VisitNoise
+from edtk.measure.noise import Tracker, VisitNoise
 from edtk.measure.task import Task
 from edtk.robots.constraints.excluded import Excluded
 from edtk.robots.frames import BodyPoint
@@ -209,22 +209,26 @@ def noise_to_dict(noise: VisitNoise | None) -> dict[str, Any]:
     """
     if noise is None:
         return {}
-    tracker = noise.tracker
     return {
         "sigma": noise.white.tolist(),
         "noise": {
-            "tracker": None
-            if tracker is None
-            else {
-                "position": tracker.position.tolist(),
-                "along": list(tracker.along),
-                "across": list(tracker.across),
-            },
+            "tracker": tracker_to_dict(noise.tracker),
             "repeatability": noise.repeatability.tolist(),
             "discrepancy": noise.discrepancy.tolist(),
             "within": noise.within,
             "readings": noise.readings,
         },
+    }
+
+
+def tracker_to_dict(tracker: Tracker | None) -> dict[str, Any] | None:
+    """Write a tracker as plain data [m]; None without one."""
+    if tracker is None:
+        return None
+    return {
+        "position": tracker.position.tolist(),
+        "along": list(tracker.along),
+        "across": list(tracker.across),
     }
 
 

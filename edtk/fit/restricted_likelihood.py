@@ -261,16 +261,18 @@ def fitted_kinds(slides: Mask, variances: int, whites: int) -> list[Mask]:
 
 
 def noise_of_repeats(
-    data: MarkerPositions, motion: Array, stated: PositionNoise
+    data: MarkerPositions, motion: Array, places: Array, stated: PositionNoise
 ) -> tuple[PositionNoise, BlockVariances | None]:
     """Tell the noise of a reading from visits of the same pose.
 
     Differences of the visits of a pose hold no model at all: ``v - 1`` orthonormal contrasts of v
-    visits have the covariance R of a reading each.
+    visits have the covariance R of a reading each. A stated tracker keeps the shape of its errors
+    and its share beside white ones; the repeats tell their common size.
 
     Args:
         data: All visits.
         motion: Motions (poses, 3k, n) of the coordinates by the joints [mm/mrad].
+        places: Where the markers are (poses, k, 3), in the frame of the instrument [m].
         stated: The noise that counts where there are too few repeats.
     """
     contrasts, pose = contrasts_of(data)
@@ -286,13 +288,16 @@ def noise_of_repeats(
         *(np.broadcast_to(np.diag(white), shape) for white in whites),
         *(J[:, :, [j]] @ np.swapaxes(J[:, :, [j]], 1, 2) for j in range(n)),
     ]
+    if stated.tracker is not None:
+        kinds[0] = stated.of_instrument(places[pose], J.shape[1]) * np.outer(whites[0], whites[0])
     nothing = np.zeros((*contrasts.shape, 0))
     found = fit_variances([Blocks(ROUNDING**2 * eye, kinds, contrasts, nothing)])
     sizes = np.sqrt(found.variances)
     reading, *turn = np.maximum(sizes[: len(whites)], ROUNDING).tolist()
-    told = PositionNoise(
-        reading,
-        sizes[len(whites) :],
+    read = replace(stated, reading=reading) if stated.tracker is None else stated.scaled(reading)
+    told = replace(
+        read,
+        joints=sizes[len(whites) :],
         repeats=dof,
         turn=turn[0] if turn else None,
     )
@@ -335,6 +340,7 @@ def _coordinates(data: MarkerPositions, visits: Indices) -> Array:
 def fit_model_error(
     noise: PositionNoise,
     motion: Array,
+    places: Array,
     counts: Array | Indices,
     residual: Array,
     design: Array,
@@ -352,6 +358,7 @@ def fit_model_error(
     Args:
         noise: The noise of a reading, which stays.
         motion: Motions (m, 3k, n) [mm/mrad].
+        places: Where the markers are (m, k, 3), in the frame of the instrument [m].
         counts: Readings (m, k) of each marker, or what those of each row (m, k, rows) are worth.
         residual: Residuals (m, 3k) [mm], zero where nothing was seen.
         design: Columns (m, 3k, p) [mm per unit], zero there too.
@@ -361,8 +368,13 @@ def fit_model_error(
             their own; None for none.
     """
     rigid = np.zeros(len(slides))
-    plain = PositionNoise(
-        noise.reading, noise.joints, 0.0, rigid, repeats=noise.repeats, turn=noise.turn
+    plain = replace(
+        noise,
+        model_white=0.0,
+        model_joints=rigid,
+        model_fit=None,
+        model_turn=0.0,
+        model_change=(0.0, 0.0),
     )
     there = of_rows(counts > 0, motion.shape[1])
     differs = np.zeros(len(motion), dtype=bool) if differs is None else differs
@@ -373,7 +385,7 @@ def fit_model_error(
     changes = [np.diag(kind) * (there - absolute)[:, None] for kind in alike]
     changes = changes if differs.any() else []
     masks = joint_kinds(slides)
-    fixed = plain.of_pose(motion, counts)
+    fixed = plain.of_pose(motion, places, counts)
 
     def fitted(masks: list[Mask]) -> BlockVariances:
         of_joints = (J[:, :, mask] @ np.swapaxes(J[:, :, mask], 1, 2) for mask in masks)
@@ -398,14 +410,11 @@ def fit_model_error(
     # Bands are those of absolute readings, of which differences tell nothing.
     of_told = found.covariance[:last, :last]
     told = replace(found, variances=found.variances[:last], covariance=of_told)
-    return PositionNoise(
-        noise.reading,
-        noise.joints,
-        float(sizes[0]),
-        joints,
-        told,
-        noise.repeats,
-        noise.turn,
-        float(sizes[1]) if len(whites) > 1 else 0.0,
-        (change[0], change[1]),
+    return replace(
+        plain,
+        model_white=float(sizes[0]),
+        model_joints=joints,
+        model_fit=told,
+        model_turn=float(sizes[1]) if len(whites) > 1 else 0.0,
+        model_change=(change[0], change[1]),
     )

@@ -229,12 +229,14 @@ class Seen:
             turns in the axes of the instrument. None where they were not asked for.
         by_joints: Derivatives (m, k, rows, n) by the free joints, of the reading that a difference
             ends with; None likewise.
+        places: Where the points are (m, k, 3) in the frame of the instrument, of that reading [m].
     """
 
     points: Array
     turns: Array
     jacobian: Array | None = None
     by_joints: Array | None = None
+    places: Array = field(default_factory=lambda: np.zeros((0, 0, 3)))
 
     def less(self, before: "Seen", differs: Mask) -> "Seen":
         """The same with differences in some poses (m,): less what was seen there before.
@@ -437,7 +439,8 @@ class GeometricModel:
         origin = self.start[:3, 3] + self.start[:3, :3] @ base[:3]
         levers = points @ B.T
         turns = B @ axes @ rotation(tools[:, 3:])
-        seen = Seen(origin + levers, turns)
+        places = origin + levers
+        seen = Seen(places, turns, places=places)
         if derivatives:
             world = self._in_world(placed, errors, tools, points)
             moved = {name: _turned(B, D) for name, D in world.items()}

@@ -13,6 +13,7 @@ from edtk.system.typing import Array, Indices, Mask
 
 SAME = 1e-9  # [rad]: poses nearer than this are one pose, whatever the distance that is asked for
 ROUNDING = 1e-6  # [mm] no instrument reads better
+MM2 = 1e6  # [mm^2/m^2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +71,15 @@ class Tracker:
         s = np.einsum("mi...,mi...->m...", u, Su)
         radial = f_slope * np.einsum("mii...->m...", S) + g_slope * s
         return np.asarray(radial[:, None] * u + (2 * g / r)[:, None] * (Su - s[:, None] * u))
+
+    def scaled(self, ratio: float) -> "Tracker":
+        """The same whose errors are so many times as large."""
+        along, across = ((ratio * a, ratio * b) for a, b in (self.along, self.across))
+        return Tracker(self.position, along, across)
+
+    def seen_from(self, frame: Array) -> "Tracker":
+        """The same in another frame, in which the world is a motion (4, 4) away."""
+        return replace(self, position=frame[:3, :3] @ self.position + frame[:3, 3])
 
     def _beam(self, points: Array) -> tuple[Array, Array]:
         """Ranges r (markers, ...) [m] and directions u (markers, 3, ...) from the tracker."""
@@ -342,8 +352,9 @@ class BlockVariances:
 class PositionNoise:
     """Errors of a pose's positions, in millimetres and milliradians.
 
-    A reading of all markers has the covariance ``R = r^2 I + sum_j s_j^2 J_j J_j'`` with the motion
-    J_j of the markers by joint j: the joints move all of them together. Repeats average it out.
+    A reading of all markers has the covariance ``R = T + r^2 I + sum_j s_j^2 J_j J_j'`` with the
+    errors T of a tracker, marker by marker, and the motion J_j of the markers by joint j: the
+    joints move all of them together. Repeats average it out.
     What the model leaves out, ``D = w^2 I + e^2 sum_j J_j J_j'``, they do not: it is as if each
     joint were wrong by another small angle in each pose, as by gears that are not round.
 
@@ -360,6 +371,9 @@ class PositionNoise:
         model_turn: The same as w, of orientations [mrad].
         model_change: The same as w and `model_turn`, of differences of two readings [mm, mrad]:
             what both readings err by is not in them.
+        tracker: The tracker, in the frame of the places that it is asked about; None where its
+            errors are part of r.
+        tracked: Which instruments (k,) it sees; None for all.
     """
 
     reading: float
@@ -371,6 +385,8 @@ class PositionNoise:
     turn: float | None = None
     model_turn: float = 0.0
     model_change: tuple[float, float] = (0.0, 0.0)
+    tracker: Tracker | None = None
+    tracked: Mask | None = None
 
     @property
     def rows(self) -> int:
@@ -387,12 +403,72 @@ class PositionNoise:
         kinds = self.white_kinds(width)
         return np.asarray(sum(size**2 * kind for size, kind in zip(sizes, kinds, strict=False)))
 
-    def of_reading(self, motion: Array) -> Array:
-        """Covariances R (m, r, r) [mm^2] of one reading, for motions (m, r, n) [mm/mrad]."""
-        J = motion * self.joints
+    @property
+    def is_white(self) -> bool:
+        """Whether the errors of all coordinates are independent, and those of a kind alike."""
+        return self.tracker is None and not (np.any(self.joints) or np.any(self.model_joints))
+
+    def scaled(self, ratio: float) -> "PositionNoise":
+        """The same, with an instrument that errs by so many times as much in positions."""
+        tracker = None if self.tracker is None else self.tracker.scaled(ratio)
+        return replace(self, reading=ratio * self.reading, tracker=tracker)
+
+    def seen_from(self, frame: Array) -> "PositionNoise":
+        """The same in another frame, in which the world is a motion (4, 4) away."""
+        if self.tracker is None:
+            return self
+        return replace(self, tracker=self.tracker.seen_from(frame))
+
+    def with_place_of(self, other: "PositionNoise") -> "PositionNoise":
+        """The same, whose tracker stands where another one does."""
+        if self.tracker is None or other.tracker is None:
+            return self
+        return replace(self, tracker=replace(self.tracker, position=other.tracker.position))
+
+    def sees(self, markers: int) -> Indices:
+        """The instruments, of so many, that the tracker sees."""
+        return np.arange(markers) if self.tracked is None else np.flatnonzero(self.tracked)
+
+    def of_instrument(self, places: Array, width: int) -> Array:
+        """Covariances (m or 1, r, r) [mm^2] of a reading, without what the joints do.
+
+        Args:
+            places: Where the markers are (m, k, 3), in the frame of the tracker [m].
+            width: Rows r of a pose.
+        """
         turn = max(self.turn or 0.0, ROUNDING)
-        white = self._white(max(self.reading, ROUNDING), turn, motion.shape[1])
-        return np.diag(white) + J @ np.swapaxes(J, 1, 2)
+        V = np.diag(self._white(max(self.reading, ROUNDING), turn, width))[None]
+        if self.tracker is None:
+            return V
+        V = np.repeat(V, len(places), axis=0)
+        seen = self.sees(places.shape[1])
+        T = MM2 * self.tracker.covariance(np.moveaxis(places[:, seen], 0, -1))
+        for marker, own in zip(seen, np.moveaxis(T, -1, 1), strict=True):
+            first = width // places.shape[1] * marker
+            rows = slice(first, first + 3)
+            V[:, rows, rows] += own
+        return V
+
+    def squared_reading(self, places: Array) -> Array:
+        """Mean squared distances (m, k) [mm^2] by which an instrument's readings are off."""
+        width = self.rows * places.shape[1]
+        own = np.einsum("mrr->mr", self.of_instrument(places, width))
+        own = own.reshape(len(own), places.shape[1], -1)[..., :3].sum(axis=-1)
+        return np.broadcast_to(own, places.shape[:2])
+
+    def typical(self, places: Array) -> float:
+        """Root mean square error [mm] of a coordinate that is read at places (m, k, 3)."""
+        return float(np.sqrt(self.squared_reading(places).mean() / 3))
+
+    def of_reading(self, motion: Array, places: Array) -> Array:
+        """Covariances R (m, r, r) [mm^2] of one reading.
+
+        Args:
+            motion: Motions (m, r, n) of the coordinates by the joints [mm/mrad].
+            places: Where the markers are (m, k, 3), in the frame of the tracker [m].
+        """
+        J = motion * self.joints
+        return self.of_instrument(places, motion.shape[1]) + J @ np.swapaxes(J, 1, 2)
 
     def of_model(self, motion: Array) -> Array:
         """Covariances D (m, r, r) [mm^2] of what the model leaves out."""
@@ -400,16 +476,23 @@ class PositionNoise:
         white = self._white(self.model_white, self.model_turn, motion.shape[1])
         return np.diag(white) + J @ np.swapaxes(J, 1, 2)
 
-    def of_change(self, motion: Array) -> Array:
+    def of_change(self, motion: Array, places: Array) -> Array:
         """Covariances (m, r, r) of differences of two readings, with what the model leaves out."""
         white = self._white(*self.model_change, motion.shape[1])
-        return 2 * self.of_reading(motion) + np.diag(white)
+        return 2 * self.of_reading(motion, places) + np.diag(white)
 
-    def of_pose(self, motion: Array, counts: Array | Indices, differs: Mask | None = None) -> Array:
+    def of_pose(
+        self,
+        motion: Array,
+        places: Array,
+        counts: Array | Indices,
+        differs: Mask | None = None,
+    ) -> Array:
         """Covariances (m, r, r) of means over some readings.
 
         Args:
             motion: Motions (m, r, n) of the coordinates [mm/mrad].
+            places: Where the markers are (m, k, 3), in the frame of the tracker [m].
             counts: Readings (m, k) of each marker, or what those of each row (m, k, rows) are
                 worth; where there is none, the coordinates count as independent and of size one.
             differs: Which poses (m,) are differences of two readings; None for none.
@@ -420,7 +503,7 @@ class PositionNoise:
         if differs is not None and differs.any():
             white = self._white(*self.model_change, motion.shape[1])
             D[differs] = np.diag(white)
-        V = self.of_reading(motion) / (size[:, :, None] * size[:, None]) + D
+        V = self.of_reading(motion, places) / (size[:, :, None] * size[:, None]) + D
         return only_seen(V, worth > 0)
 
 

@@ -25,6 +25,7 @@ from edtk.report.page import (
 )
 from edtk.report.posterior_report import posterior_report
 from edtk.report.shown import left_out_sentence, places_of
+from edtk.study.schema import describe_noise
 from edtk.system.files import Content
 from edtk.system.parsing import json_text
 from edtk.system.typing import Array
@@ -55,7 +56,6 @@ def _measured(found: GeometricCalibration) -> list[tuple[str, str]]:
     """The file, and what is in it."""
     fit = found.fit
     left_out = len(found.left_out)
-    stated = found.setting.noise
     rows = [
         ("File", found.path.name),
         ("SHA-256", found.origin.sha256),
@@ -64,11 +64,19 @@ def _measured(found: GeometricCalibration) -> list[tuple[str, str]]:
         ("Left out", f"{left_out} visits" if left_out else ""),
         ("Markers", ", ".join(fit.data.markers)),
         ("On the base", ", ".join(found.setting.references)),
-        ("Stated noise", f"{stated.reading:.3g} mm a coordinate"),
+        ("Stated noise", _stated(found)),
         ("Loads", _loads(fit.data.wrench)),
         ("Assumed", "; ".join(found.assumed)),
     ]
     return [(name, text) for name, text in rows if text]
+
+
+def _stated(found: GeometricCalibration) -> str:
+    """The noise of the study, in words."""
+    stated = found.setting.noise
+    if stated.tracker is None:
+        return f"{stated.reading:.3g} mm a coordinate"
+    return describe_noise(found.setting.study.specification)
 
 
 def _evaluated(found: GeometricCalibration) -> list[tuple[str, str]]:
@@ -220,7 +228,9 @@ def _noise(found: GeometricCalibration) -> str:
     reading = float(np.max(noise.joints, initial=0.0))
     common = f", and joints repeat to {reading:.2g} mrad" if reading else ""
     turned = "" if noise.turn is None else f" and by {_degrees(noise.turn)} in orientation"
-    text = f"A reading scatters by {noise.reading:.2g} mm a coordinate{turned}{common}, {repeats}."
+    text = (
+        f"A reading scatters by {found.fit.reading:.2g} mm a coordinate{turned}{common}, {repeats}."
+    )
     if not joints and not noise.model_white and not noise.model_turn:
         return f"{text} The residuals show nothing beyond that."
     also = f" and {_degrees(noise.model_turn)}" if noise.model_turn else ""

@@ -319,9 +319,11 @@ def _check_measured(study: Asked) -> None:
     full = given.measurement.rows == "pose"
     if full and not given.marker:
         raise study.error("marker", "expected one with a name, whose poses are measured")
-    if given.measurement.sigma_mm is None:
+    tracked = given.noise is not None and given.noise.has_tracker
+    if given.measurement.sigma_mm is None and not tracked:
         raise study.error(
-            "measurement.sigma_mm", "expected, the standard deviation of a coordinate [mm]"
+            "measurement.sigma_mm",
+            "expected, the standard deviation of a coordinate [mm], or a tracker in [noise]",
         )
     for i, marker in enumerate(given.marker):
         if is_reference(study, marker):
@@ -356,15 +358,12 @@ def _check_reference(study: Asked, base: bool) -> None:
 def _check_unused(study: Asked) -> None:
     """Keys that a calibration of geometry would not heed are refused, not passed over."""
     given = study.specification
-    noise = given.noise
     unused = {
         "joints.known_rad_per_Nm": bool(given.joints.known_rad_per_Nm),
-        "noise.tracker_position_mm": noise is not None and noise.has_tracker,
         "prior": given.prior != type(given.prior)(),
     }
     instead = {
         "joints.known_rad_per_Nm": "list the joint in parameters.compliance",
-        "noise.tracker_position_mm": "give measurement.sigma_mm",
         "prior": "its estimate rests on the positions alone",
     }
     for key, is_given in unused.items():

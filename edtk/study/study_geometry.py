@@ -120,18 +120,19 @@ class StudyGeometry:
 
     @property
     def noise(self) -> PositionNoise:
-        """The stated noise of a reading [mm, mrad]."""
+        """The stated noise of a reading [mm, mrad]; its tracker stands in the world."""
         turn = None
         if self.full_poses:
             turn = 1e3 * float(np.deg2rad(self.study.specification.measurement.sigma_deg or 0.0))
         study = self.study
-        sigma = study.specification.measurement.sigma_mm
-        assert sigma is not None
+        sigma = study.specification.measurement.sigma_mm or 0.0  # it is part of the tracker's
         table = study.specification.noise
         joints = np.zeros(study.robot.n)
         if table is not None:
             joints = 1e3 * table.repeatability(study.robot.units) * np.ones(study.robot.n)
-        return PositionNoise(sigma, joints, turn=turn)
+        tracker = None if table is None else table.tracker()
+        tracked = None if tracker is None else ~self.model.is_distance
+        return PositionNoise(sigma, joints, turn=turn, tracker=tracker, tracked=tracked)
 
     @property
     def loads(self) -> "StudyLoads | None":

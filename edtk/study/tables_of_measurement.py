@@ -29,8 +29,9 @@ class MeasurementTable(Table):
     )
     sigma_mm: Sigma | None = Field(
         None,
-        description="Standard deviation of a displacement, per coordinate; needed unless [noise] "
-        "has a tracker, whose errors it adds to [mm]",
+        description="Standard deviation of a displacement, or of a position where geometry is "
+        "asked for, per coordinate; needed unless [noise] has a tracker, whose errors it adds to "
+        "[mm]",
     )
     sigma_deg: Sigma | None = Field(
         None, description="Standard deviation of a rotation, per axis; for rows = 'pose' [deg]"
@@ -103,11 +104,14 @@ Coefficients = tuple[Coefficient, Coefficient]
 class NoiseTable(Table):
     """Errors that are not white: of a tracker, of joints that repeat, and of the model itself.
 
-    A displacement is the difference of two readings, in each of which tracker and joints err anew.
+    A displacement is the difference of two readings, in each of which tracker and joints err anew;
+    a position is one reading.
     """
 
     tracker_position_mm: Vector3 | None = Field(
-        None, description="Where the tracker stands, in the world frame [mm]"
+        None,
+        description="Where the tracker stands, in the world frame, which is that of the robot's "
+        "file; a sheet of positions may have any frame, as the fit tells where the robot is [mm]",
     )
     along: Coefficients | None = Field(
         None,

@@ -96,7 +96,7 @@ def calibrate_geometry(
     if reading:
         raise UserError(f"the robot fits if {reading}; expected {EXPECTED}", where=where)
     if not as_is:
-        refuse_copied_visits(every, named.noise.reading / MM, where)
+        refuse_copied_visits(every, _typical_reading(named, every), where)
     setting, every, standing = with_standing(StudyGeometry.of(study, every.markers), every)
     sound = _sound(setting, every, where, as_is)
     planned = [] if plan is None else _beside_plan(setting, every, plan, where, as_is)
@@ -129,6 +129,13 @@ def calibrate_geometry(
         robust,
         Origin.of(path, False, as_is),
     )
+
+
+def _typical_reading(setting: StudyGeometry, data: MarkerPositions) -> float:
+    """The stated size of a reading's error [m], of markers where the drawing has them."""
+    model = setting.model
+    seen = model.see(np.zeros(model.p), data.q, derivatives=False)
+    return setting.noise.typical(seen.places) / MM
 
 
 def _beside_plan(

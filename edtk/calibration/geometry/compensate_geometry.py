@@ -299,8 +299,9 @@ def compensate_geometry(
     noise = fitted.noise
     turns = None
     if plain_turn is not None and left_turn is not None and predicted.turn_std is not None:
-        remaining = _remaining(predicted.turn_std, (noise.turn or 0.0) / MM, left_turn)
+        remaining = _remaining(predicted.turn_std, 3 * ((noise.turn or 0.0) / MM) ** 2, left_turn)
         turns = TurnErrors(plain_turn, left_turn, remaining)
+    reading = noise.squared_reading(predicted.points).mean(axis=1) / MM**2
     verdict = result.get("verdict")
     return GeometricCompensation(
         robot=study.robot,
@@ -309,7 +310,7 @@ def compensate_geometry(
         command=counting.back(command),
         uncompensated=plain,
         left=left,
-        remaining=_remaining(predicted.std, noise.reading / MM, left),
+        remaining=_remaining(predicted.std, reading, left),
         verdict=str(verdict) if isinstance(verdict, str) else None,
         turns=turns,
         rows=rows,
@@ -330,16 +331,16 @@ def _errors(
     return goal.distance(seen), goal.angle(seen)
 
 
-def _remaining(std: Array, reading: float, left: Array) -> Array:
+def _remaining(std: Array, reading: Array | float, left: Array) -> Array:
     """Root mean square error (t,) of a marker, of all errors but a reading's.
 
     Args:
         std: Standard deviations (t, k, 3) of measured coordinates.
-        reading: That of a reading.
+        reading: Mean square (t,) of what readings are off.
         left: What the commands leave (t,), by the identified model.
     """
     squares = (std**2).sum(axis=-1).mean(axis=-1)
-    return np.asarray(np.sqrt(np.maximum(squares - 3 * reading**2, 0.0) + left**2))
+    return np.asarray(np.sqrt(np.maximum(squares - reading, 0.0) + left**2))
 
 
 def _not_reached(robot: Robot, command: Array, desired: Array) -> list[RefusedRow]:

@@ -29,7 +29,7 @@ from edtk.measure.expected_error import (
     compensation_accuracy,
     expected_error,
 )
-from edtk.measure.noise import BlockVariances, PositionNoise
+from edtk.measure.noise import BlockVariances, PositionNoise, Tracker
 from edtk.measure.parameters import COMPONENTS, GeometricParameter
 from edtk.measure.pose_table import coordinate_names
 from edtk.measure.task import ErringColumns, Task, Tasks
@@ -101,6 +101,7 @@ def geometry_to_dict(fitted: FittedGeometry, counting: Counting) -> dict[str, An
                 if noise.turn is None
                 else {"turn_mrad": noise.turn, "model_turn_mrad": noise.model_turn}
             ),
+            **({} if noise.tracker is None else {"tracker": _tracker_to_dict(noise.tracker)}),
         },
     }
 
@@ -142,7 +143,7 @@ def geometry_of_dict(
         _covariance(given, "covariance", p),
         tuple(opened),
         _numbers(given, "shares", (p, len(opened))),
-        _noise(given.get("noise"), n, setting.full_poses),
+        _noise(given.get("noise"), setting),
         _numbers(given, "placed_m", (len(model.markers), 3)),
         # Results of full poses that are older do not have them; commands ask for them.
         _numbers(given, "placed_turns_rad", (len(model.markers), 3))
@@ -178,7 +179,31 @@ def _named(
     return [every[name] for name in names]
 
 
-def _noise(given: object, n: int, full_poses: bool) -> PositionNoise:
+def _tracker_to_dict(tracker: Tracker) -> dict[str, Any]:
+    """A tracker in the frame of the sheet."""
+    return {
+        "position_m": tracker.position.tolist(),
+        "along_m": list(tracker.along),
+        "across_m": list(tracker.across),
+    }
+
+
+def _tracker(given: object) -> Tracker | None:
+    """The tracker of a result; None where it has none.
+
+    Raises:
+        ValueError: A number is missing.
+    """
+    if given is None:
+        return None
+    if not isinstance(given, Mapping):
+        raise ValueError("tracker: expected a table")
+    along, across = (_not_negative(given, key, (2,)).tolist() for key in ("along_m", "across_m"))
+    position = _numbers(given, "position_m", (3,))
+    return Tracker(position, (along[0], along[1]), (across[0], across[1]))
+
+
+def _noise(given: object, setting: StudyGeometry) -> PositionNoise:
     """The noise.
 
     Raises:
@@ -186,6 +211,8 @@ def _noise(given: object, n: int, full_poses: bool) -> PositionNoise:
     """
     if not isinstance(given, Mapping):
         raise ValueError("noise: expected a table")
+    n = setting.study.robot.n
+    full_poses = setting.full_poses
     found = None
     variances = given.get("variances")
     if not isinstance(variances, list) or len(variances) > MOST:
@@ -206,6 +233,8 @@ def _noise(given: object, n: int, full_poses: bool) -> PositionNoise:
         int(_not_negative(given, "repeats", ())),
         float(_not_negative(given, "turn_mrad", ())) if full_poses else None,
         float(_not_negative(given, "model_turn_mrad", ())) if full_poses else 0.0,
+        tracker=_tracker(given.get("tracker")),
+        tracked=~setting.model.is_distance if "tracker" in given else None,
     )
 
 

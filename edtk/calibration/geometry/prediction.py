@@ -355,8 +355,7 @@ def tool_from_rows(
     seen, motion, columns, apart = moved.moves(data.q, data.wrench, loads)
     seen = replace(seen, turns=tips.turns @ turned)
     slopes = moved.slopes(motion)
-    noise = moved.noise
-    own = np.einsum("mrr->mr", noise.of_reading(motion) + noise.of_model(motion))
+    own = moved.own_variances(motion, seen.places)
     rows = moved.model.row_count
     for marker in range(len(data.markers)):
         chosen = np.flatnonzero(placing[:, marker])
@@ -366,7 +365,7 @@ def tool_from_rows(
         placed = _Placing(moved, _axes(tips.turns[:, marker], rows), chosen, data.pose)
         columns[:, coordinates] = placed.less_mean(columns[:, coordinates])
         apart[:, coordinates] = placed.less_mean(apart[:, coordinates])
-        placed.add_noise(motion, coordinates, own, slopes)
+        placed.add_noise(motion, seen.places, coordinates, own, slopes)
     found = moved.banded(seen, ErrorParts(columns, apart, own, slopes))
     if rows > 3 and not np.isfinite(turned).all():
         return replace(found, turn_std=None, turn_half=None)
@@ -399,7 +398,12 @@ class _Placing:
         return columns - self.axes @ local.mean(axis=0)
 
     def add_noise(
-        self, motion: Array, coordinates: slice, own: Array, slopes: Array | None
+        self,
+        motion: Array,
+        places: Array,
+        coordinates: slice,
+        own: Array,
+        slopes: Array | None,
     ) -> None:
         """Add the errors of the poses to variances (v, r) and their slopes (v, r, c), in place."""
         noise = self.fitted.noise
@@ -407,7 +411,8 @@ class _Placing:
         rows = coordinates.stop - coordinates.start
         own_motion = motion[self.chosen]
         block = (slice(None), coordinates, coordinates)
-        readings = self._turned(noise.of_reading(own_motion)[block], np.full(s, 1 / s**2))
+        read = noise.of_reading(own_motion, places[self.chosen])
+        readings = self._turned(read[block], np.full(s, 1 / s**2))
         # A pose that is visited again errs by what the model leaves out as it did.
         again = np.zeros(len(self.pose))
         for pose, count in zip(self.poses, self.counts, strict=True):

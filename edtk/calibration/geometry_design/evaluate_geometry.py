@@ -65,8 +65,10 @@ def poor_left_out(question: GeometryQuestion, plan: Plan) -> tuple[Finding, ...]
         return ()
     # What repeats do not average out is most of such an error.
     noise = replace(question.setting.noise, model_white=table.discrepancy_mm)
-    sigma = float(np.hypot(noise.reading, noise.model_white))
-    rows = PositionRows(model, question.setting.loads)(plan.q, plan.wrench)
+    of_positions = PositionRows(model, question.setting.loads)
+    points = np.moveaxis(of_positions.columns.at(plan.q).points, -1, 0)
+    sigma = float(np.hypot(noise.typical(points), noise.model_white))
+    rows = of_positions(plan.q, plan.wrench)
     rows = rows[:, model.placed_rows] / sigma
     both = _left_out(rows)
     alone = _left_out(rows[..., ~errors])

@@ -8,7 +8,12 @@ import numpy as np
 
 import criteria
 from edtk.calibration.geometry_design.geometry_space import MM, GeometrySpace, PositionRows
-from edtk.certificate.certificate import feasible_to_dict, place_to_dict, weights_to_list
+from edtk.certificate.certificate import (
+    feasible_to_dict,
+    place_to_dict,
+    tracker_to_dict,
+    weights_to_list,
+)
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.fit.geometry.fit_geometry import stages
@@ -322,15 +327,15 @@ def geometry_setting(question: GeometryQuestion) -> dict[str, Any]:
 
 
 def _noise(question: GeometryQuestion) -> dict[str, Any]:
-    """The white part, and the joints' repeatability where there is any."""
+    """The white part, and tracker and joints' repeatability where there is any."""
     noise = question.setting.noise
     of_marker = [noise.reading / 1e3] * 3 + ([] if noise.turn is None else [noise.turn / 1e3] * 3)
     white = {"sigma": of_marker * len(question.model.markers)}
-    if not np.any(noise.joints):
+    if noise.is_white:
         return white
     return white | {
         "noise": {
-            "tracker": None,
+            "tracker": tracker_to_dict(noise.tracker),
             "repeatability": (np.asarray(noise.joints) / 1e3).tolist(),
             "discrepancy": [0.0] * len(white["sigma"]),
             "within": 0.0,

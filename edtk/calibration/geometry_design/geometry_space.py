@@ -9,12 +9,13 @@ from edtk.design.design_space import DesignSpace, Experiments
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem, rows_of_blocks
 from edtk.measure.geometric_model import GeometricModel
-from edtk.measure.noise import PositionNoise
+from edtk.measure.noise import MM2, PositionNoise
 from edtk.measure.nominal_columns import NominalColumns, PlacedColumns
 from edtk.study.study_geometry import StudyLoads
 from edtk.system.typing import Array, Indices, Mask
 
 MM = 1e3
+NOWHERE = np.zeros((1, 1, 3))  # of markers whose errors are the same everywhere
 BLOCK = 1024  # poses at once: their arrays fit into a core's cache
 
 
@@ -50,8 +51,7 @@ class PositionRows:
     @property
     def is_white(self) -> bool:
         """Whether the errors of all coordinates are independent, and of positions alike."""
-        noise = self.noise
-        return noise is None or not (np.any(noise.joints) or np.any(noise.model_joints))
+        return self.noise is None or self.noise.is_white
 
     @cached_property
     def _sigma(self) -> Array:
@@ -114,7 +114,9 @@ class PositionRows:
         """Standard deviations (1 or m, k r) of what is read, where errors are independent."""
         if differs is None or self.noise is None:
             return self._sigma[None]
-        changes = np.sqrt(np.diagonal(self.noise.of_change(np.zeros((1, self._width, 1)))[0]))
+        changes = np.sqrt(
+            np.diagonal(self.noise.of_change(np.zeros((1, self._width, 1)), NOWHERE)[0])
+        )
         return np.where(differs[:, None], changes, self._sigma)
 
     def _rows(self, placed: PlacedColumns, torque: Array | None, differs: Mask | None) -> Array:
@@ -125,15 +127,17 @@ class PositionRows:
 
     def _whitened(self, rows: Array, placed: PlacedColumns, differs: Mask | None) -> Array:
         """Rows (m, r, p) in units of correlated noise."""
-        L = np.linalg.cholesky(self._covariance(_motion(placed), differs))
+        L = np.linalg.cholesky(self._covariance(placed, differs))
         return np.asarray(np.linalg.solve(L, rows))
 
-    def _covariance(self, motion: Array, differs: Mask | None) -> Array:
-        """Covariances (m, k r, k r) of a visit, for motions (m, k r, n) by the joints."""
+    def _covariance(self, placed: PlacedColumns, differs: Mask | None) -> Array:
+        """Covariances (m, k r, k r) of a visit."""
         assert self.noise is not None
-        V = self.noise.of_reading(motion) + self.noise.of_model(motion)
+        motion = _motion(placed)
+        places = np.moveaxis(placed.points, -1, 0)
+        V = self.noise.of_reading(motion, places) + self.noise.of_model(motion)
         if differs is not None:
-            V[differs] = self.noise.of_change(motion[differs])
+            V[differs] = self.noise.of_change(motion[differs], places[differs])
         return V
 
     def _torque(self, q: Array, wrench: Array) -> Array | None:
@@ -151,9 +155,9 @@ class PositionRows:
         placed = self.columns.at(q)
         torque = self._torque(q, wrench)
         differs = self._differs(wrench)
-        weights = B / self._sigmas(differs)[..., None]
-        of_noise = np.zeros(q.shape)
-        if not self.is_white:
+        if self.is_white:
+            weights, of_noise = B / self._sigmas(differs)[..., None], np.zeros(q.shape)
+        else:
             rows = self._rows(placed, torque, differs)
             weights, of_noise = self._correlated(placed, rows, B, differs)
         by_motion, by_torque = placed.slope(
@@ -176,12 +180,13 @@ class PositionRows:
         """Weights (m, r, p) of the rows in millimetres, and what the noise adds (m, n).
 
         ``d<B, L^-1 A> = <W, dA> - <W A' V^-1, dV>/2`` with ``W = L^-T B``; the covariance changes
-        by ``dV = dJ S J' + J S dJ'``, with the variances S of the joints.
+        by ``dV = dT + dJ S J' + J S dJ'``, with the errors T of the tracker, which follow the
+        markers, and the variances S of the joints.
         """
         noise = self.noise
         assert noise is not None
         motion = _motion(placed)
-        V = self._covariance(motion, differs)
+        V = self._covariance(placed, differs)
         L = np.linalg.cholesky(V)
         W: Array = np.linalg.solve(np.swapaxes(L, 1, 2), B).astype(float, copy=False)
         Q = W @ np.swapaxes(np.linalg.solve(V, rows), 1, 2)
@@ -190,8 +195,23 @@ class PositionRows:
         each = variances + of_model
         if differs is not None:
             each = np.where(differs[:, None, None], 2 * variances, each)
-        C = -0.5 * (Q + np.swapaxes(Q, 1, 2)) @ (motion * each)
-        return W, placed.motion_slope(_component_first(C, len(self.model.markers))).T
+        S = -0.5 * (Q + np.swapaxes(Q, 1, 2))
+        C = _component_first(S @ (motion * each), len(self.model.markers))
+        slope = placed.motion_slope(C).T
+        if noise.tracker is None:
+            return W, slope
+        readings = np.ones(len(S)) if differs is None else 1.0 + differs
+        return W, slope + self._tracked(placed, readings[:, None, None] * S / 2)
+
+    def _tracked(self, placed: PlacedColumns, S: Array) -> Array:
+        """Derivatives (m, n) of ``<S, T>`` by the joints, weights S (m, k r, k r) held fixed."""
+        assert self.noise is not None
+        assert self.noise.tracker is not None
+        r = self.model.row_count
+        seen = self.noise.sees(len(self.model.markers))
+        own = np.stack([S[:, r * i : r * i + 3, r * i : r * i + 3] for i in seen])
+        by_points = MM2 * self.noise.tracker.slope(placed.points[seen], np.moveaxis(own, 1, -1))
+        return np.asarray(np.einsum("nkcm,kcm->mn", placed.by_joints[:, seen, :3], by_points))
 
 
 def _motion(placed: PlacedColumns) -> Array:

@@ -36,6 +36,7 @@ class FitRows:
         residual: Residuals (m, 3k).
         design: Columns (m, 3k, p) of its parameters.
         motion: Motions (m, 3k, n) by the joints [mm/mrad].
+        places: Where the markers are (m, k, 3), in the frame of the instrument [m].
         noise: The noise of positions that was fitted.
     """
 
@@ -43,6 +44,7 @@ class FitRows:
     residual: Array
     design: Array
     motion: Array
+    places: Array
     noise: PositionNoise
 
     @classmethod
@@ -58,6 +60,7 @@ class FitRows:
             MM * np.nan_to_num(fit.residual).reshape(len(means), -1),
             MM * of_positions(seen.jacobian * model.scales, means),
             of_positions(seen.by_joints, means),
+            seen.places,
             replace(fit.fitted.noise, turn=None, model_turn=0.0),
         )
 
@@ -97,7 +100,9 @@ class FitRows:
         slides = np.array([joint.kind == "prismatic" for joint in joints])
         both = np.concatenate([self.design, columns], axis=-1)
         counts = self.fit.data.counts
-        return fit_model_error(self.noise, self.motion, counts, self.residual, both, slides)
+        return fit_model_error(
+            self.noise, self.motion, self.places, counts, self.residual, both, slides
+        )
 
     def gains(self, causes: Sequence[Array]) -> list[float]:
         """How much better the fit is with the columns (m, 3k, c) of each cause, to compare them.
@@ -114,7 +119,7 @@ class FitRows:
 
     def whitened(self, noise: PositionNoise | None, *columns: Array) -> list[Array]:
         """Columns (m, 3k, c) in units of a noise; all coordinates alike where there is none."""
-        V = (noise or self.noise).of_pose(self.motion, self.fit.data.counts)
+        V = (noise or self.noise).of_pose(self.motion, self.places, self.fit.data.counts)
         if noise is None:
             size = np.einsum("mrr->", V) / V[..., 0].size
             alike = np.broadcast_to(size * np.eye(V.shape[1]), V.shape)

@@ -298,11 +298,11 @@ def _noise(fit: GeometricFit, setting: StudyGeometry, caused: bool) -> list[Find
     """
     found = []
     noise = fit.fitted.noise
-    stated = setting.noise
-    if noise.repeats and not 1 / NOISY < noise.reading / stated.reading < NOISY:
-        scatter = {"reading_mm": noise.reading, "stated_mm": stated.reading}
-        found.append(_say(Severity.NOTE, "sigma", **scatter))
-    if fit.rms * MM > NOISY * max(stated.reading, noise.reading):
+    reading = fit.reading
+    stated = fit.typical(setting.noise.seen_from(fit.fitted.model.start))
+    if noise.repeats and not 1 / NOISY < reading / stated < NOISY:
+        found.append(_say(Severity.NOTE, "sigma", reading_mm=reading, stated_mm=stated))
+    if fit.rms * MM > NOISY * max(stated, reading):
         data = {
             "rms": fit.rms,
             "joints_mrad": float(np.max(noise.model_joints, initial=0.0)),

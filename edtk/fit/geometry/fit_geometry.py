@@ -65,7 +65,7 @@ def fit_geometry(
     Args:
         model: All parameters that are asked for; its base is where the search begins.
         data: The positions.
-        stated: The noise of a reading.
+        stated: The noise of a reading; its tracker stands in the world of the drawing.
         loads: What loads the joints under a wrench.
         robust: Whether poses that fit badly count less, as with multivariate t errors.
 
@@ -74,6 +74,7 @@ def fit_geometry(
     """
     means = data.means
     placed, start = place_robot(model, means)
+    stated = stated.seen_from(placed.start)
     torque = loading_of(np.zeros(model.robot.n), means, loads)
     absolute = means.absolute
     alone = absolute.measured - placed.see(start, absolute.q, derivatives=False).points
@@ -190,18 +191,19 @@ def _in_turns(
     for turn in range(ROUNDS):
         rows = PoseRows.of(model, theta, means, at_rest(theta))
         if not turn:
-            noise = noise_of_repeats(data, rows.motion, stated)[0]
+            noise = noise_of_repeats(data, rows.motion, rows.places, stated)[0]
         trusted = rows.weighted(weights)
         noise = fit_model_error(
             noise,
             rows.motion,
+            rows.places,
             data.worth,
             trusted.residual,
             trusted.design,
             slides,
             differs=means.is_difference,
         )
-        V = noise.of_pose(rows.motion, data.worth, means.is_difference)
+        V = noise.of_pose(rows.motion, rows.places, data.worth, means.is_difference)
         if robust:
             weights = _trusted(rows.residual, V, means)
         whitening = np.linalg.inv(np.linalg.cholesky(working(V, means)))
@@ -235,6 +237,7 @@ def _as_shown(
     shown = fit_model_error(
         noise,
         rows.motion,
+        rows.places,
         data.worth,
         rows.residual,
         rows.design,
@@ -242,7 +245,7 @@ def _as_shown(
         singly=True,
         differs=differs,
     )
-    return noise.of_pose(rows.motion, data.worth, differs), shown
+    return noise.of_pose(rows.motion, rows.places, data.worth, differs), shown
 
 
 def _slides(model: GeometricModel) -> Mask:
@@ -286,7 +289,7 @@ def judge_fit(
     means = data.means
     rows = PoseRows.of(model, theta, means, loading_of(model.compliances(theta), means, loads))
     work = working(common, means)
-    V = noise.of_pose(rows.motion, data.worth, means.is_difference)
+    V = noise.of_pose(rows.motion, rows.places, data.worth, means.is_difference)
     out = _LeftOutPoses.of(rows, V, work, weights)
     # Sizes that each joint has of its own may be those of one wrong pose, which they would hide.
     surprise = _LeftOutPoses.of(rows, common, work, weights).surprise
@@ -301,7 +304,7 @@ def judge_fit(
         placed_turns=beside[3],
     )
     spread = np.einsum("mrr->mr", out.covariance_of_errors)
-    half = np.sqrt(np.maximum(spread, 0.0)) * student_quantile(fitted.dof(rows.motion))
+    half = np.sqrt(np.maximum(spread, 0.0)) * student_quantile(fitted.dof(rows.motion, rows.places))
     shape = (len(means), len(data.markers), means.rows)
     blank = np.where(means.rows_seen, 0.0, np.nan)
     residual = rows.residual.reshape(shape) / MM + blank

@@ -146,7 +146,7 @@ class FittedGeometry:
             loads: What they load the joints with.
         """
         seen, motion, columns, apart = self.moves(q, wrench, loads)
-        own = np.einsum("mrr->mr", self.noise.of_reading(motion) + self.noise.of_model(motion))
+        own = self.own_variances(motion, seen.places)
         return self.banded(seen, ErrorParts(columns, apart, own, self.slopes(motion)))
 
     def moves(
@@ -207,14 +207,24 @@ class FittedGeometry:
         wide = MM * (columns * every.scales).reshape(*J.shape[:2], -1)
         return np.asarray(wide[..., self.model.p :] - J @ self.shares)
 
-    def dof(self, motion: Array) -> Array:
+    def own_variances(self, motion: Array, places: Array) -> Array:
+        """Variances (m, r) of a reading, and of what the model leaves out [mm^2 or mrad^2].
+
+        Args:
+            motion: Motions (m, r, n) of the coordinates by the joints [mm/mrad].
+            places: Where the markers are (m, k, 3), in the frame of the instrument [m].
+        """
+        of_reading = self.noise.of_reading(motion, places)
+        return np.einsum("mrr->mr", of_reading + self.noise.of_model(motion))
+
+    def dof(self, motion: Array, places: Array) -> Array:
         """Degrees of freedom (m, r) of the bands: those of the fitted variances.
 
         Args:
             motion: Motions (m, r, n) of the coordinates by the joints [mm/mrad].
+            places: Where the markers are (m, k, 3), in the frame of the instrument [m].
         """
-        own = np.einsum("mrr->mr", self.noise.of_reading(motion) + self.noise.of_model(motion))
-        return self._dof(self.slopes(motion), own)
+        return self._dof(self.slopes(motion), self.own_variances(motion, places))
 
     def slopes(self, motion: Array) -> Array | None:
         """Derivatives (m, r, c) of the coordinates' variances by the fitted ones; None without."""
@@ -362,6 +372,16 @@ class GeometricFit:
             turns = TurnResiduals(*(part[own] for part in parts))
         of_poses = {name: getattr(self, name)[own] for name in names}
         return replace(self, data=self.data.absolute, turns=turns, **of_poses)
+
+    @property
+    def reading(self) -> float:
+        """Root mean square error of a coordinate by a reading of these positions [mm]."""
+        return self.typical(self.fitted.noise)
+
+    def typical(self, noise: PositionNoise) -> float:
+        """The same of another noise, whose tracker is in the frame of the instrument."""
+        model = self.fitted.model
+        return noise.typical(model.see(self.fitted.theta, self.data.means.q, None, False).places)
 
     @property
     def rms(self) -> float:

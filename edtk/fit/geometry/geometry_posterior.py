@@ -133,8 +133,8 @@ class GeometryDensity:
         model = fitted.model
         means = fit.data.means
         torque = loading_of(fitted.compliances, means, loads)
-        motion = PoseRows.of(model, fitted.theta, means, torque).motion
-        V = fitted.noise.of_pose(motion, fit.data.worth, means.is_difference)
+        rows = PoseRows.of(model, fitted.theta, means, torque)
+        V = fitted.noise.of_pose(rows.motion, rows.places, fit.data.worth, means.is_difference)
         there = means.rows_seen.reshape(len(means), -1)[:, :, None]
         whitening = np.linalg.inv(np.linalg.cholesky(V)) * there
         weights = np.sqrt(fit.weights)[:, None, None]

@@ -23,10 +23,12 @@ class PoseRows:
     They are zero where nothing was seen.
     """
 
-    def __init__(self, residual: Array, design: Array, motion: Array) -> None:
+    def __init__(self, residual: Array, design: Array, motion: Array, places: Array) -> None:
+        """Keep them, and where the markers are (m, k, 3) in the frame of the instrument [m]."""
         self.residual = residual
         self.design = design
         self.motion = motion
+        self.places = places
 
     @classmethod
     def of(
@@ -43,12 +45,14 @@ class PoseRows:
             MM * measured_less_seen(means, seen).reshape(m, width),
             MM * design.reshape(m, width, -1),
             seen.by_joints.reshape(m, width, -1),
+            seen.places,
         )
 
     def weighted(self, weights: Array) -> "PoseRows":
         """With residuals and columns scaled by the roots of the poses' weights (m,)."""
         root = np.sqrt(weights)[:, None]
-        return PoseRows(self.residual * root, self.design * root[..., None], self.motion)
+        design = self.design * root[..., None]
+        return PoseRows(self.residual * root, design, self.motion, self.places)
 
 
 def measured_less_seen(means: MarkerPositions, seen: Seen) -> Array:

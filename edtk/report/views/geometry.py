@@ -84,7 +84,7 @@ def _quality(found: GeometricCalibration) -> list[str]:
     left_out = f"errors that the model does not explain: as if {parts}, anew in each pose"
     if not parts:
         left_out = "the residuals show no errors that the model does not explain"
-    repeats = f"; repeats of readings scatter by {noise.reading:.3g} mm" if noise.repeats else ""
+    repeats = f"; repeats of readings scatter by {fit.reading:.3g} mm" if noise.repeats else ""
     if noise.repeats and noise.turn is not None:
         repeats += f" and {np.rad2deg(1e-3 * noise.turn):.3g} deg"
     return [

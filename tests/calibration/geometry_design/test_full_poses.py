@@ -108,7 +108,7 @@ def test_fits_err_as_the_plan_promised(question: GeometryQuestion) -> None:
     noise = question.setting.noise
     at = model.see(np.zeros(model.p), q)
     assert at.by_joints is not None
-    V = noise.of_reading(at.by_joints.reshape(len(q), 6, 6))
+    V = noise.of_reading(at.by_joints.reshape(len(q), 6, 6), at.places)
     whitening = np.linalg.inv(np.linalg.cholesky(V))
     rng = np.random.default_rng(3)
     theta = rng.normal(0, 0.1, model.p) * model.scales
@@ -149,9 +149,9 @@ def test_orientations_that_say_nothing_leave_positions(question: GeometryQuestio
     noise = question.setting.noise
     A = PositionRows(model, None, replace(noise, turn=1e9))(q, np.zeros((12, 6)))
     rows = PositionRows(model, None)(q, np.zeros((12, 6)))[:, :3]
-    motion = model.see(np.zeros(model.p), q).by_joints
-    assert motion is not None
-    V = replace(noise, turn=None).of_reading(motion[:, 0, :3])
+    seen = model.see(np.zeros(model.p), q)
+    assert seen.by_joints is not None
+    V = replace(noise, turn=None).of_reading(seen.by_joints[:, 0, :3], seen.places)
     M = np.einsum("mrp,mrs,msq->pq", rows, np.linalg.inv(V), rows)
     np.testing.assert_allclose(np.einsum("mrp,mrq->pq", A, A), M, atol=1e-8 * np.abs(M).max())
 
@@ -299,7 +299,7 @@ def test_the_posterior_counts_orientations(day: Path) -> None:
     expected = []
     for theta in density.parameters(x) * density.model.scales:
         rows = PoseRows.of(density.model, theta, density.means, None)
-        V = fit.fitted.noise.of_pose(rows.motion, fit.data.counts)
+        V = fit.fitted.noise.of_pose(rows.motion, rows.places, fit.data.counts)
         expected.append(
             -0.5 * np.einsum("mr,mrs,ms", rows.residual, np.linalg.inv(V), rows.residual)
         )

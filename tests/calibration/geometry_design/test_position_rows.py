@@ -6,7 +6,7 @@ from loaded_arm import LOAD, STUDY
 
 from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.measure.geometric_model import Load, Loading
-from edtk.measure.noise import PositionNoise
+from edtk.measure.noise import PositionNoise, Tracker
 from edtk.study.study_geometry import StudyGeometry
 
 RNG = np.random.default_rng(4)
@@ -25,6 +25,7 @@ CHANGES = HEAVY.replace(
     measurement={"sigma_mm": 0.05, "reference": "unloaded"},
 )
 FULL = HEAVY.replace(measurement={"sigma_mm": 0.05, "rows": "pose", "sigma_deg": 0.01})
+TRACKER = Tracker(np.array([3.0, 1.0, 0.5]), (1e-5, 2e-5), (2e-5, 8e-5))
 NOISES = {
     "white": PositionNoise(0.05, np.zeros(2)),
     "joints": PositionNoise(0.05, np.array([0.1, 0.2])),
@@ -33,6 +34,9 @@ NOISES = {
     "poses, joints": PositionNoise(0.05, np.array([0.1, 0.2]), turn=0.2),
     "changes": PositionNoise(0.05, np.zeros(2), 0.03, model_change=(0.02, 0.0)),
     "changes, joints": PositionNoise(0.05, np.array([0.1, 0.2]), 0.03, np.array([0.2, 0.1])),
+    "tracker": PositionNoise(0.0, np.array([0.1, 0.2]), tracker=TRACKER),
+    "poses, tracker": PositionNoise(0.05, np.zeros(2), turn=0.2, tracker=TRACKER),
+    "changes, tracker": PositionNoise(0.02, np.array([0.1, 0.2]), 0.03, tracker=TRACKER),
 }
 Q = RNG.uniform(-1, 1, (5, 2))
 WRENCH = np.array(LOAD, dtype=float) * np.array([1, 0, 1, 0, 1])[:, None]
@@ -77,7 +81,7 @@ def test_rows_are_whitened(name: str) -> None:
     motion = seen.by_joints.reshape(5, -1, 2)
     worth = np.where(WRENCH.any(axis=1) & setting.reads_changes, 0.5, 1.0)
     k = len(setting.model.markers)
-    V = noise.of_pose(motion, np.repeat(worth[:, None], k, axis=1), worth < 1)
+    V = noise.of_pose(motion, seen.places, np.repeat(worth[:, None], k, axis=1), worth < 1)
     expected = np.swapaxes(plain, 1, 2) @ np.linalg.solve(V, plain)
     A = rows_with(name)(Q, WRENCH)
     np.testing.assert_allclose(np.swapaxes(A, 1, 2) @ A, expected, rtol=1e-9, atol=1e-9)

@@ -1,0 +1,131 @@
+"""Noise of studies: a tracker, stated or of unknown size, in all that is asked of geometry."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from geometry_sheets import NAMES, OFFSETS, PLACE, STUDY, run
+from loaded_arm import STUDY as LOADED
+from small_arm import ROBOT
+
+import edtk
+from edtk.fit.geometry.fit_geometry import fit_geometry
+from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.measure.geometric_model import GeometricModel
+from edtk.study.study import Study
+from edtk.study.study_geometry import StudyGeometry
+from edtk.system.typing import Array
+
+# Its readings are three times as bad at the far side of the arm as at the near one.
+NEAR = {"tracker_position_mm": [1400, 600, 600], "along": [5, 30], "across": [5, 150]}
+SMALL = Study(
+    robot=ROBOT,
+    measurement={},
+    parameters={"compliance": [], "geometry": ["zeros"], "base": True, "tool": True},
+    marker=[{"name": "A", "position_mm": (1e3 * OFFSETS[0]).tolist()}],
+    noise=NEAR | {"given_as": "sigma"},
+)
+
+
+def true_day(poses: int, seed: int) -> tuple[GeometricModel, Array, MarkerPositions]:
+    """A model in its place, its parameters, and positions that the stated tracker has read."""
+    rng = np.random.default_rng(seed)
+    setting = StudyGeometry.of(SMALL)
+    model = replace(setting.model, start=PLACE)
+    theta = np.random.default_rng(5).normal(0, 0.5, model.p) * model.scales
+    q = np.deg2rad(np.round(rng.uniform(-100, 100, (poses, 6)), 3))
+    seen = model.see(theta, q, derivatives=False)
+    L = np.linalg.cholesky(setting.noise.seen_from(PLACE).of_instrument(seen.places, 3))
+    errors = 1e-3 * (L @ rng.standard_normal((poses, 3, 1))).reshape(poses, 1, 3)
+    row = np.arange(poses)[:, None]
+    return model, theta, MarkerPositions(q, np.zeros((poses, 6)), seen.points + errors, row, ("A",))
+
+
+def sheet_of(data: MarkerPositions, path: Path) -> Path:
+    """The positions as a file."""
+    lines = [",".join([*NAMES, "Ax_mm", "Ay_mm", "Az_mm"])]
+    for q, x in zip(np.rad2deg(data.q), 1e3 * data.measured[:, 0], strict=True):
+        lines.append(",".join([*(f"{a:.3f}" for a in q), *(f"{a:.6f}" for a in x)]))
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return path
+
+
+def test_a_tracker_that_errs_alike_everywhere_is_white(tmp_path: Path) -> None:
+    """With 20 um along and across the beam, at any range, all is as with sigma_mm = 0.02."""
+    alike = NEAR | {"along": [20, 0], "across": [20, 0], "given_as": "sigma"}
+    sheet = sheet_of(true_day(25, 0)[2], tmp_path / "day.csv")
+    plan = sheet.read_text().splitlines()
+    poses = tmp_path / "plan.csv"
+    poses.write_text("\n".join(",".join(line.split(",")[:6]) for line in plan), encoding="utf-8")
+    found = []
+    for keys in ({"noise": alike}, {"measurement": {"sigma_mm": 0.02}, "noise": None}):
+        study = SMALL.replace(**keys)
+        fit = edtk.identify(study, sheet).fit
+        found.append([fit.fitted.values, fit.fitted.covariance, fit.left_out_half])
+        found[-1].append(edtk.evaluate(study, poses).covariance)
+    for tracked, white in zip(*found, strict=True):
+        np.testing.assert_allclose(tracked, white, rtol=1e-6, atol=1e-9)
+
+
+def test_fits_err_as_a_tracker_does() -> None:
+    """Poses left out are off by their covariance: chi-square a coordinate is one, of 12 days."""
+    stated = StudyGeometry.of(SMALL)
+    chi = []
+    for seed in range(12):
+        data = true_day(40, seed)[2]
+        fit = fit_geometry(stated.model, data, stated.noise)
+        chi.append(fit.surprise.mean() / 3)
+    # Sums of 120 squares vary by the root of two over their number.
+    assert np.mean(chi) == pytest.approx(1, abs=3 * np.sqrt(2 / (120 * 12)))
+
+
+def test_bands_follow_the_range(tmp_path: Path) -> None:
+    """A result keeps its tracker in the frame of the sheet: bands are ``J C J' + T`` of a pose."""
+    study = tmp_path / "study.toml"
+    SMALL.to_toml(study)
+    sheet = sheet_of(true_day(40, 1)[2], tmp_path / "day.csv")
+    result = tmp_path / "result.json"
+    code, out, err = run("identify", study, sheet, "--json")
+    assert (code, err) == (0, "")
+    result.write_text(out, encoding="utf-8")
+    tracker = json.loads(out)["geometry"]["noise"]["tracker"]
+    placed = PLACE[:3, :3] @ (np.array(NEAR["tracker_position_mm"]) / 1e3) + PLACE[:3, 3]
+    np.testing.assert_allclose(tracker["position_m"], placed, atol=2e-2)
+    fitted = edtk.identify(SMALL, sheet).fit.fitted
+    q = np.deg2rad(np.random.default_rng(2).uniform(-100, 100, (6, 6)))
+    seen = fitted.model.see(fitted.theta, q)
+    assert seen.jacobian is not None
+    J = 1e3 * seen.jacobian.reshape(18, -1) * fitted.model.scales
+    beam = seen.points[:, 0] - np.array(tracker["position_m"])
+    r = np.linalg.norm(beam, axis=1)
+    u = beam / r[:, None]
+    along, across = (5e-3 + 1e-3 * b * r for b in (30, 150))  # [mm]
+    T = across[:, None] ** 2 * (1 - u**2) + along[:, None] ** 2 * u**2
+    variance = np.einsum("rp,pq,rq->r", J, fitted.covariance, J).reshape(6, 3) + T
+    poses = tmp_path / "poses.csv"
+    np.savetxt(poses, np.rad2deg(q), delimiter=",", header=",".join(NAMES), comments="")
+    predicted = edtk.predict(SMALL, result, poses).predicted
+    np.testing.assert_allclose(1e3 * predicted.std[:, 0], np.sqrt(variance), rtol=1e-5)
+
+
+def test_a_plan_with_a_tracker_has_a_certificate_that_holds(tmp_path: Path) -> None:
+    """Value, bound and efficiency are those of a second implementation, which has the tracker."""
+    tracker = {"tracker_position_mm": [2500, 800, 900], "along": [50, 20], "across": [50, 200]}
+    study = LOADED.replace(noise=tracker, measurement={})
+    path = tmp_path / "certificate.json"
+    plan = edtk.plan(study, size=4, seed=1, certificate=path)
+    checked = edtk.verify(path, study)
+    assert checked.valid
+    near, far = (
+        edtk.evaluate(LOADED.replace(noise=tracker | {"tracker_position_mm": place}), plan.plan)
+        for place in ([2500, 800, 900], [6500, 800, 900])
+    )
+    assert far.rho0 > 1.5 * near.rho0
+
+
+def test_a_study_without_any_noise_of_positions_is_refused() -> None:
+    """Either sigma_mm or a tracker says how well positions are read."""
+    with pytest.raises(edtk.UserError, match=r"sigma_mm: expected.* or a tracker in \[noise\]"):
+        STUDY.replace(measurement={})
