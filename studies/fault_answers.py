@@ -9,8 +9,8 @@ from scene import Scene
 import edtk
 from edtk import Study
 from edtk.calibration.calibrate import InputError
-from edtk.findings.cause_wording import cause_of
 from edtk.findings.causes.family import Cause
+from edtk.findings.causes.faults import cause_of
 
 UNLIKELY = 0.01  # p-value of residuals that counts as seen
 REFUSED = "refused"  # an input error that is none of the causes

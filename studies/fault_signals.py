@@ -15,7 +15,8 @@ from faults import KR270
 from edtk import Study
 from edtk.calibration.planned import planned_measurements
 from edtk.design.plan import Plan
-from edtk.findings.causes.family import families
+from edtk.findings.causes.faults import families
+from edtk.findings.causes.scene import Displacements
 from edtk.fit.least_squares import Whitened
 from edtk.fit.measurements import Measurements
 from edtk.system.typing import Array
@@ -185,7 +186,7 @@ def _smooth(
     """Signals (k, d) of faults of any size, by title."""
     of_joints = (*OF_JOINTS, *AS_BEFORE) if study.robot.name == KR270 else OF_JOINTS
     found: dict[str, list[Array]] = {}
-    for family in families(study.model, data, A, study.compliances):
+    for family in families(Displacements(study.model, data, A, study.compliances)):
         units = seen(family.derivative_at_zero(study.compliances))
         if family.cause in WITH_DIRECTION:
             title, size = WITH_DIRECTION[family.cause]

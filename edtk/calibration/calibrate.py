@@ -10,7 +10,7 @@ from edtk.calibration.calibration import Calibration, Origin
 from edtk.calibration.propagation import calibration_budget
 from edtk.calibration.told_part import ToldPart, measured_known, told_part
 from edtk.design.plan import Plan
-from edtk.findings.cause_wording import cause_of
+from edtk.findings.causes.faults import cause_of
 from edtk.findings.finding import Finding
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.input_errors import find_input_error

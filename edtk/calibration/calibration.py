@@ -12,8 +12,8 @@ import numpy as np
 from edtk.calibration.posterior_check import PosteriorCheck, check_posterior
 from edtk.calibration.propagation import Propagation, calibration_budget, propagation_of
 from edtk.calibration.told_part import ToldPart, interest_estimates
-from edtk.findings.cause_wording import cause_of
 from edtk.findings.causes.family import Cause
+from edtk.findings.causes.faults import cause_of
 from edtk.findings.finding import Finding, verdict
 from edtk.findings.fitted_data import FittedData, residual_table
 from edtk.findings.prior import posterior_findings

@@ -1,64 +1,212 @@
 """The power of a plan to notice a fault, to tell two apart, and which experiment would help."""
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 
+from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.calibration.planned import planned_measurements
+from edtk.calibration.template import visit_order
 from edtk.design.candidate_source import sample_feasible
 from edtk.design.detection import ENOUGH, LEVEL, Detection, Separation
 from edtk.design.plan import Plan
-from edtk.findings.causes.family import Family, families_with_known
+from edtk.findings.causes.family import Family
+from edtk.findings.causes.faults import FAULTS
 from edtk.findings.causes.rarity import FACTORS, WEIGHTS
-from edtk.fit.correlated_noise import RowNoise
+from edtk.findings.causes.scene import Displacements, Positions, Scene, since_first
+from edtk.fit.correlated_noise import CorrelatedNoise, RowNoise, whiten_columns
 from edtk.fit.distributions import chi_square_quantile, log_normal_below, noncentral_chi_square_tail
-from edtk.fit.least_squares import Whitened
 from edtk.fit.measurements import Measurements
+from edtk.measure.parameters import GeometricParameter
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Indices
 
 CANDIDATES = 300  # poses among which one more experiment is looked for
+VISITS = 100  # the same of visits, whose rows are more
 DRAWS = 1000  # simulated residuals of each fault: shares are right within 2 %
 SEED = 0
 MOST_TIMES = 100  # repetitions that anybody would make
 ROUNDING = 1e-6  # of twice a logarithm
 SHOWN = 1e-6  # of what a fault changes in the joint where it changes most: below it is rounding
 HELPS = 0.02  # share by which an experiment has to help to be more than chance
-# Unit of the size of each fault; those of a joint mean the joint in which it is hardest to see.
-FAULTS = {
-    "load_size": "%",
-    "load_direction": "deg",
-    "tool_x": "mm",
-    "tool_y": "mm",
-    "tool_z": "mm",
-    "frame_rotation": "deg",
-    "drift": "mm",
-    "torque_sign": "%",
-    "backlash": "deg",
-    "joint_zero": "deg",
-    "friction": "Nm",
-    "link_length": "mm",
-}
+DEPENDENT = 1e-9  # singular value of scaled columns, beside the largest, that is rounding
+UNITS = {"mm": 1e-3, "deg": np.pi / 180, "%": 1e-2, "Nm": 1.0, "um/m": 1e-6}
 
 
-def with_candidates(study: Study, plan: Plan) -> tuple[int, Measurements]:
-    """Measurements without their values: the plan's, and behind them those of feasible experiments.
+@dataclass(frozen=True)
+class SizedFault:
+    """A fault with its size.
+
+    Attributes:
+        name: Its name.
+        size: Its size, in its unit.
+        unit: That unit.
+    """
+
+    name: str
+    size: float
+    unit: str
+
+    @property
+    def si(self) -> float:
+        """The size in SI units."""
+        return self.size * UNITS[self.unit]
+
+
+def sized_faults(
+    study: Study, given: Mapping[str, str], positions: bool = False
+) -> tuple[SizedFault, ...]:
+    """Read sizes of faults.
 
     Args:
-        study: The study.
-        plan: All experiments.
+        study: The study, whose [simulation] faults are judged by.
+        given: Sizes with units, like "5mm", "2deg" or "3%", by the name of the fault; "load" is
+            short for "load_size".
+        positions: Whether positions are measured in the frame of the instrument. Displacements show
+            no fault without compliances.
 
-    Returns:
-        The number of the plan's rows, and all rows.
+    Raises:
+        UserError: A fault or a unit is not known; what is measured cannot show it; or the study has
+            no [simulation], and the fault needs it.
     """
-    first = planned_measurements(study, plan)
-    x = sample_feasible(study.space, CANDIDATES, study.specification.seed)
-    more = planned_measurements(study, study.space.plan(x, np.ones(len(x), dtype=int)))
-    return len(first), _joined(first, more)
+    named = {"load_size" if name == "load" else name: size for name, size in given.items()}
+    found = tuple(_sized(name, size) for name, size in named.items())
+    for fault in (FAULTS[one.name] for one in found):
+        if fault.in_positions and not positions:
+            message = f"{fault.name} shows in positions, and this study measures displacements"
+            raise ArgumentError(message, argument="detect")
+        judged = fault.by_compliances or not positions
+        if judged and study.specification.simulation is None:
+            message = "expected a table with compliances, by which faults are judged"
+            raise study.error("simulation", message)
+        if judged:
+            _ = study.compliances  # which says what it lacks
+        if fault.by_springs and not study.unknown:
+            message = f"{fault.name} shows in springs, and this study has none that is unknown"
+            raise ArgumentError(message, argument="detect")
+    return found
+
+
+def _sized(name: str, size: str) -> SizedFault:
+    """A fault with the number that is written before its unit."""
+    units = {fault.name: fault.unit for fault in FAULTS.values() if fault.unit}
+    if name not in units:
+        message = f"no fault {name!r}; expected one of {', '.join(units)}"
+        raise ArgumentError(message, argument="detect")
+    number, unit, rest = size.partition(units[name])
+    try:
+        value = float(number)
+    except ValueError:
+        value = np.nan
+    if not unit or rest or not np.isfinite(value):
+        message = f"{name}={size}: expected a number with its unit, {units[name]}"
+        raise ArgumentError(message, argument="detect")
+    if value == 0:
+        raise ArgumentError(f"{name}={size}: expected a size other than 0", argument="detect")
+    return SizedFault(name, value, units[name])
+
+
+@dataclass(frozen=True, eq=False)
+class Promised:
+    """Readings of a plan without their values, and behind them those of feasible experiments.
+
+    Attributes:
+        scene: What faults change.
+        noise: The noise of the readings.
+        q: Their poses (m, n) [rad or m].
+        planned: Number of the plan's readings.
+        each: Readings of an experiment.
+    """
+
+    scene: Scene
+    noise: RowNoise
+    q: Array
+    planned: int
+    each: int
+
+    @classmethod
+    def displacements(cls, study: Study, plan: Plan) -> "Promised":
+        """Displacements under loads.
+
+        Args:
+            study: The study; its [simulation] says how compliant the joints are.
+            plan: All experiments.
+        """
+        first = planned_measurements(study, plan)
+        x = sample_feasible(study.space, CANDIDATES, study.specification.seed)
+        more = planned_measurements(study, study.space.plan(x, np.ones(len(x), dtype=int)))
+        both = _joined(first, more)
+        A = both.regressor(study.model)
+        scene = Displacements(study.model, both, A, study.compliances, study.known)
+        return cls(scene, both.noise, both.q, len(first), len(study.model.instruments))
+
+    @classmethod
+    def visits(cls, question: GeometryQuestion, plan: Plan) -> "Promised":
+        """Positions, in the order of the sheet that `edtk template` writes.
+
+        All is to first order about the drawing.
+
+        Args:
+            question: The question of the study.
+            plan: All visits.
+        """
+        study = question.study
+        order = visit_order(study, plan)
+        x = sample_feasible(question.space, VISITS, study.specification.seed)
+        more = question.space.plan(x, np.ones(len(x), dtype=int))
+        q = np.concatenate([plan.q[order], more.q])
+        wrench = np.concatenate([plan.wrench[order], more.wrench])
+        time = np.append(since_first(len(order)), np.ones(len(x)))
+        scene = visited(question, q, wrench, time)
+        return cls(scene, np.ones(scene.A.shape[:2]), q, len(order), 1)
+
+    @property
+    def further(self) -> Indices:
+        """Readings (c, each) of each further experiment."""
+        return np.arange(self.planned, len(self.q)).reshape(-1, self.each)
+
+    def better(self, best: int) -> Array:
+        """The pose of one of these."""
+        return np.asarray(self.q[self.further[best, 0]])
+
+
+def visited(question: GeometryQuestion, q: Array, wrench: Array, time: Array) -> Positions:
+    """Visits of a study of geometry at the drawing, in units of their noise.
+
+    Args:
+        question: The question of the study.
+        q: Poses (m, n) [rad or m].
+        wrench: Their loads (m, 6) [N, N m].
+        time: When each is made (m,), see `since_first`.
+    """
+    setting, model, study = question.setting, question.model, question.study
+
+    def columns(parameters: tuple[GeometricParameter, ...], wrench: Array) -> Array:
+        rows = PositionRows(replace(model, parameters=parameters), setting.loads, setting.noise)
+        scales = np.array([one.scale for one in parameters])
+        return rows(q, wrench) / scales
+
+    simulation = study.specification.simulation
+    given = {} if simulation is None else simulation.compliance_rad_per_Nm
+    soft = [given.get(name, 0.0) for name in study.specification.joints.unknown]
+    return Positions(
+        model.robot,
+        model.markers,
+        columns,
+        columns(model.parameters, wrench),
+        np.zeros(model.p),
+        q,
+        wrench,
+        time,
+        tuple(study.unknown) if setting.loads is not None else (),
+        np.array(soft),
+        setting.loads,
+    )
 
 
 def _joined(first: Measurements, second: Measurements) -> Measurements:
@@ -79,93 +227,171 @@ def _joined(first: Measurements, second: Measurements) -> Measurements:
 
 @dataclass(frozen=True, eq=False)
 class SizedFamily:
-    """A fault of a size, with what it adds to the measurements.
+    """A fault of a size, with what it adds to readings.
 
     Attributes:
         detection: Its name and size, and how likely it is noticed.
         family: The fault.
         size: Its size in SI units.
-        D: What it adds (m, rows, dims), by a unit of the size in each of its parameters.
     """
 
     detection: Detection
     family: Family
     size: float
-    D: Array
 
 
-def separations(
-    study: Study, plan: Plan, detections: Sequence[Detection]
-) -> tuple[Separation, ...]:
-    """Find how likely each two of some faults would be told apart by the measurements of a plan.
+Pair = tuple[SizedFamily, SizedFamily]
+
+
+def detect(
+    promised: Promised, faults: Sequence[SizedFault]
+) -> tuple[tuple[Detection, ...], tuple[Separation, ...]]:
+    """Find how likely faults would be noticed in the readings of a plan, and told apart.
+
+    A fault of size c adds ``D c`` to the readings. Of that the residuals show the part that the
+    parameters do not take up, ``(I - QQ') D c``; its squared length in units of sigma is the
+    noncentrality of the chi-square statistic that tests for the fault. Of faults of one joint or
+    link that counts in which it is hardest to see.
 
     Args:
-        study: The study; its [simulation] says how compliant the joints are.
-        plan: All experiments.
-        detections: Faults with their sizes; those that are never noticed make no pair.
+        promised: The readings.
+        faults: Faults with their sizes.
 
     Returns:
-        A separation for each two faults.
+        Detections in the order of the faults, and separations of each two that are ever noticed.
     """
-    seen = [detection for detection in detections if not detection.never]
-    if len(seen) < 2:
-        return ()
-    m, both = with_candidates(study, plan)
-    A = both.regressor(study.model)
-    faults = _faults(study, both, A, seen)
-    more = np.arange(m, len(both)).reshape(-1, len(study.model.instruments))
-    planned = np.arange(m)
-
-    def gram(rows: Indices, pair: tuple[SizedFamily, SizedFamily]) -> Array:
-        """What residuals of some rows show of two faults, and of what both have in common."""
-        whitened = Whitened.of(A[rows], both.noise[rows], study.model.parameters)
-        columns = np.concatenate([fault.D[rows] for fault in pair], axis=-1)
-        left = [whitened.residual(column).ravel() for column in np.moveaxis(columns, -1, 0)]
-        return np.array(left) @ np.array(left).T
-
+    known = [_families(promised.scene, fault) for fault in faults]
+    shown = _Shown.of(promised, [family for families in known for family in families])
+    sized = []
     found = []
-    for pair in combinations(faults, 2):
-        own = gram(planned, pair)
-        right = right_share(own, pair)
-        with_one = [right_share(gram(np.append(planned, one), pair), pair) for one in more]
+    for fault, families in zip(faults, known, strict=True):
+        hardest = shown.hardest(fault, families)
+        found.append(shown.detection(fault, hardest))
+        if hardest is not None:
+            sized.append(SizedFamily(found[-1], hardest, fault.si))
+    seen = [one for one in sized if not one.detection.never]
+    return tuple(found), tuple(shown.separation(pair) for pair in combinations(seen, 2))
+
+
+def _families(scene: Scene, fault: SizedFault) -> list[Family]:
+    """The models of a fault whose size has a unit: joints that slide have others."""
+    every = scene.families(FAULTS[fault.name].models)
+    found = [
+        one for one in every if one.cause == fault.name and one.unit.replace(" ", "") == fault.unit
+    ]
+    # Of the drifts the one that all readings share, if they can share any.
+    return found[:1] if found and not found[0].joint else found
+
+
+@dataclass(frozen=True, eq=False)
+class _Shown:
+    """What residuals show of faults, for a plan and with each of some further experiments.
+
+    Attributes:
+        promised: The readings.
+        families: The faults.
+        sizes: Lengths of what a unit of each adds to all readings.
+        planned: ``D'(I - QQ')D`` (dims, dims) of all faults together, for SI sizes of one.
+        with_one: The same with each further experiment (c, dims, dims).
+    """
+
+    promised: Promised
+    families: list[Family]
+    sizes: list[float]
+    planned: Array
+    with_one: Array
+
+    @classmethod
+    def of(cls, promised: Promised, families: list[Family]) -> "_Shown":
+        """Project what faults add on what the parameters do not."""
+        scene, noise = promised.scene, promised.noise
+        A = whiten_columns(scene.A, noise)
+        A = A / np.linalg.norm(A.reshape(-1, A.shape[-1]), axis=0)
+        of_each = [whiten_columns(one.derivative_at_zero(scene.k), noise) for one in families]
+        D = np.concatenate([np.empty((*A.shape[:2], 0)), *of_each], axis=-1)
+        planned = np.arange(promised.planned)
+        more = [_left(A, D, np.append(planned, rows)) for rows in promised.further]
+        sizes = [float(np.linalg.norm(one)) for one in of_each]
+        return cls(promised, families, sizes, _left(A, D, planned), np.array(more))
+
+    def _part(self, family: Family) -> Indices:
+        """Where a fault is among the dimensions of all."""
+        before = self.families[: self.families.index(family)]
+        return sum(other.dims for other in before) + np.arange(family.dims)
+
+    def power(self, gram: Array, family: Family, fault: SizedFault) -> float:
+        """The probability that a fault is noticed."""
+        part = self._part(family)
+        c = np.full(family.dims, fault.si / family.dims**0.5)
+        noncentrality = max(float(c @ gram[np.ix_(part, part)] @ c), 0.0)
+        threshold = float(chi_square_quantile(1 - LEVEL, family.dims))
+        return noncentral_chi_square_tail(threshold, family.dims, noncentrality)
+
+    def hardest(self, fault: SizedFault, families: list[Family]) -> Family | None:
+        """The joint or link in which a fault is hardest to see; None where there is no such fault.
+
+        A link in front of all that bends shows in no displacement, and does no harm in any.
+        """
+        sizes = [self.sizes[self.families.index(family)] for family in families]
+        least = SHOWN * max(sizes, default=0.0)
+        there = [one for one, size in zip(families, sizes, strict=True) if size > least]
+        return min(there, key=lambda one: self.power(self.planned, one, fault), default=None)
+
+    def detection(self, fault: SizedFault, family: Family | None) -> Detection:
+        """The power of the plan, and of the experiment that adds most to it.
+
+        Compliances take up a load of another size in full, in every plan, where none of them is
+        known; and a fault that depends on the sign of a torque is not there where no torque changes
+        its sign.
+        """
+        if family is None:
+            return Detection(fault.name, fault.size, fault.unit, LEVEL, None, LEVEL)
+        power = self.power(self.planned, family, fault)
+        with_one = [self.power(gram, family, fault) for gram in self.with_one]
         best = int(np.argmax(with_one))
-        helps = with_one[best] > right + HELPS
-        found.append(
-            Separation(
-                (pair[0].detection, pair[1].detection),
-                right,
-                both.q[more[best, 0]] if helps else None,
-                max(with_one[best], right),
-                None if both.covariance is not None else times_to_tell(own, pair),
-            )
+        return Detection(
+            fault.name,
+            fault.size,
+            fault.unit,
+            power,
+            self.promised.better(best) if with_one[best] > power else None,
+            max(with_one[best], power),
+            family.joint,
         )
-    return tuple(found)
 
+    def separation(self, pair: Pair) -> Separation:
+        """The chance that of two faults the right one is named."""
+        places = np.concatenate([self._part(one.family) for one in pair])
+        sizes = np.repeat([one.size for one in pair], [one.family.dims for one in pair])
 
-def _faults(
-    study: Study, data: Measurements, A: Array, detections: Sequence[Detection]
-) -> list[SizedFamily]:
-    """The faults with what they add to the measurements; of joints that in which it is hardest."""
-    k = study.compliances
-    known = list(families_with_known(study.model, data, A, k, study.known))
-    found = []
-    for one in detections:
-        family = next(
-            family
-            for family in known
-            if family.joint == one.joint and _is(family, one.fault, one.unit)
+        def of_pair(gram: Array) -> Array:
+            return np.asarray(gram[np.ix_(places, places)] * sizes[:, None] * sizes)
+
+        own = of_pair(self.planned)
+        right = right_share(own, pair)
+        with_one = [right_share(of_pair(gram), pair) for gram in self.with_one]
+        best = int(np.argmax(with_one))
+        shared = isinstance(self.promised.noise, CorrelatedNoise)
+        return Separation(
+            (pair[0].detection, pair[1].detection),
+            right,
+            self.promised.better(best) if with_one[best] > right + HELPS else None,
+            max(with_one[best], right),
+            None if shared else times_to_tell(own, pair),
         )
-        size = one.size * UNITS[one.unit]
-        found.append(SizedFamily(one, family, size, size * family.derivative_at_zero(k)))
-    return found
 
 
-def _is(family: Family, name: str, unit: str) -> bool:
-    """Whether a family is that of a fault whose size has a unit: joints that slide have others."""
-    return family.cause == name and family.unit.replace(" ", "") == unit
+def _left(A: Array, D: Array, rows: Indices) -> Array:
+    """``D'(I - UU')D`` for the column space U of some rows of A."""
+    U, s, _ = np.linalg.svd(A[rows].reshape(-1, A.shape[-1]), full_matrices=False)
+    U = U[:, s > DEPENDENT * s[0]]
+    flat = D[rows].reshape(len(U), D.shape[-1])
+    left = flat - U @ (U.T @ flat)
+    left = left - U @ (U.T @ left)  # once more: a fault may be taken up but for a millionth
+    return np.asarray(left.T @ left)
 
 
-def right_share(gram: Array, faults: tuple[SizedFamily, SizedFamily]) -> float:
+def right_share(gram: Array, faults: Pair) -> float:
     """Share of residuals of either fault, at chance, in which that fault is the likelier one.
 
     Residuals r show a fault of size c as ``D c``; ``s = D'r`` is all that they say of it, with mean
@@ -221,156 +447,9 @@ def _gain(s: Array, gram: Array, fault: SizedFamily) -> Array:
     return np.asarray(most + 2 * np.log(mean) - 2 * np.log(family.tries))
 
 
-def times_to_tell(gram: Array, faults: tuple[SizedFamily, SizedFamily]) -> int | None:
+def times_to_tell(gram: Array, faults: Pair) -> int | None:
     """How often each experiment has to be measured until the right fault is named."""
     for times in range(1, MOST_TIMES + 1):
         if right_share(times * gram, faults) >= ENOUGH:
             return times
     return None
-
-
-UNITS = {"mm": 1e-3, "deg": np.pi / 180, "%": 1e-2, "Nm": 1.0}
-
-
-@dataclass(frozen=True)
-class SizedFault:
-    """A fault with its size.
-
-    Attributes:
-        name: Its name.
-        size: Its size, in its unit.
-        unit: That unit.
-    """
-
-    name: str
-    size: float
-    unit: str
-
-
-def sized_faults(
-    study: Study,
-    given: Mapping[str, str],
-    units: Mapping[str, str] = FAULTS,
-    by_springs: Collection[str] | None = None,
-) -> tuple[SizedFault, ...]:
-    """Read sizes of faults.
-
-    Args:
-        study: The study, whose [simulation] faults are judged by.
-        given: Sizes with units, like "5mm", "2deg" or "3%", by the name of the fault; "load" is
-            short for "load_size".
-        units: Units of the faults that there are.
-        by_springs: Those that are judged by compliances; default to all.
-
-    Raises:
-        UserError: The study has no [simulation]; a fault or a unit is not known.
-    """
-    found = tuple(
-        _sized("load_size" if name == "load" else name, size, units) for name, size in given.items()
-    )
-    judged = any(by_springs is None or fault.name in by_springs for fault in found)
-    if judged and study.specification.simulation is None:
-        message = "expected a table with compliances, by which faults are judged"
-        raise study.error("simulation", message)
-    return found
-
-
-def detect(study: Study, plan: Plan, faults: tuple[SizedFault, ...]) -> tuple[Detection, ...]:
-    """Find how likely faults of a calibration would be noticed in the measurements of a plan.
-
-    A fault of size c adds ``D c`` to the measurements. Of that the residuals show the part that the
-    compliances do not take up, ``(I - QQ') D c``; its squared length in units of sigma is the
-    noncentrality of the chi-square statistic that tests for the fault.
-
-    Args:
-        study: The study; its [simulation] says how compliant the joints are.
-        plan: All experiments.
-        faults: Faults with their sizes.
-
-    Returns:
-        The detections in the order of the faults.
-
-    Raises:
-        SingularPlanError: The plan leaves a compliance open.
-    """
-    if not faults:
-        return ()
-    m, both = with_candidates(study, plan)
-    A = both.regressor(study.model)
-    known = tuple(families_with_known(study.model, both, A, study.compliances, study.known))
-    return tuple(_detection(study, m, both, A, known, fault) for fault in faults)
-
-
-def _detection(
-    study: Study,
-    m: int,
-    both: Measurements,
-    A: Array,
-    known: tuple[Family, ...],
-    fault: SizedFault,
-) -> Detection:
-    """The power of the first m rows, and with each of the experiments behind them."""
-    named = [family for family in known if _is(family, fault.name, fault.unit)]
-    if named and not named[0].joint:
-        named = named[:1]  # of the drifts the one that all readings share
-    if not named:
-        # Compliances take up a load of another size in full, in every plan, where none of them is
-        # known; and a fault that depends on the sign of a torque is not there where no torque
-        # changes its sign.
-        return Detection(fault.name, fault.size, fault.unit, LEVEL, None, LEVEL)
-    size = fault.size * UNITS[fault.unit]
-
-    def power(rows: Indices, family: Family, D: Array) -> float:
-        """Power of some rows against one fault."""
-        return _power(A[rows], D[rows], both.noise[rows], study.model.parameters, family.dims)
-
-    changes = [
-        family.derivative_at_zero(study.compliances) @ np.full(family.dims, size / family.dims**0.5)
-        for family in named
-    ]
-    # A link in front of all that bends shows in no displacement, and does no harm in any.
-    sizes = np.array([np.linalg.norm(change) for change in changes])
-    shown = np.flatnonzero(sizes > SHOWN * sizes.max())
-    named, changes = [named[i] for i in shown], [changes[i] for i in shown]
-    planned = np.arange(m)
-    powers = [power(planned, *pair) for pair in zip(named, changes, strict=True)]
-    hardest = int(np.argmin(powers))
-    more = np.arange(m, len(both)).reshape(-1, len(study.model.instruments))  # an experiment each
-    with_one = [power(np.append(planned, one), named[hardest], changes[hardest]) for one in more]
-    best = int(np.argmax(with_one))
-    helps = with_one[best] > powers[hardest]
-    return Detection(
-        fault.name,
-        fault.size,
-        fault.unit,
-        powers[hardest],
-        both.q[more[best, 0]] if helps else None,
-        max(with_one[best], powers[hardest]),
-        named[hardest].joint,
-    )
-
-
-def _power(A: Array, D: Array, sigma: RowNoise, parameters: tuple[str, ...], dims: int) -> float:
-    """Probability that a change D (m, rows) of the measurements is noticed."""
-    whitened = Whitened.of(A, sigma, parameters)
-    noncentrality = float((whitened.residual(D) ** 2).sum())
-    threshold = float(chi_square_quantile(1 - LEVEL, dims))
-    return noncentral_chi_square_tail(threshold, dims, noncentrality)
-
-
-def _sized(name: str, size: str, units: Mapping[str, str]) -> SizedFault:
-    """A fault with the number that is written before its unit."""
-    if name not in units:
-        message = f"no fault {name!r}; expected one of {', '.join(units)}"
-        raise ArgumentError(message, argument="detect")
-    number, unit, rest = size.partition(units[name])
-    try:
-        value = float(number)
-    except ValueError:
-        value = np.nan
-    if not unit or rest or not np.isfinite(value):
-        message = f"{name}={size}: expected a number with its unit, {units[name]}"
-        raise ArgumentError(message, argument="detect")
-    if value == 0:
-        raise ArgumentError(f"{name}={size}: expected a size other than 0", argument="detect")
-    return SizedFault(name, value, units[name])

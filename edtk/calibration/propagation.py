@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edtk.calibration.told_part import LeastSquaresInverse
-from edtk.findings.causes.family import families_with_known
+from edtk.findings.causes.faults import FAULTS
+from edtk.findings.causes.scene import Displacements
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.match_plan import some_rows
-from edtk.fit.measurements import Measurements, translations
+from edtk.fit.measurements import Measurements
 from edtk.fit.prior import PriorRows
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.expected_error import (
@@ -117,21 +118,25 @@ class Propagation:
         told = _Others.of(inverse, columns, others)
         moved = told.shifts
         known = {one.index: one.compliance for one in uncertainty.joints if not one.rigid}
-        every = families_with_known(model, data, A, k, known, prior is not None)
-        faults = {family.cause: family for family in every}
+        scene = Displacements(model, data, A, k, known, prior is not None)
+
+        def shown(name: str) -> list[Array]:
+            """What readings show of a unit of the sizes of a fault."""
+            return [one.derivative_at_zero(k) for one in scene.families(FAULTS[name].models)]
+
         load = told.below(k[:, None])  # compliances take up a load of another size in full
-        if "load_size" in faults:
-            load = moved(faults["load_size"].derivative_at_zero(k))
+        for columns_of_load in shown("load_size"):
+            load = moved(columns_of_load)
         carried = moved(_by_weights(model, data, k, known, payload))
-        direction = moved(faults["load_direction"].derivative_at_zero(k))
-        tool = [moved(faults[name].derivative_at_zero(k)) for name in TOOL]
+        direction = moved(*shown("load_direction"))
+        tool = [moved(*shown(name)) for name in TOOL]
         given = uncertainty
         of_load = [given.load_size * load, given.load_size * carried]
         roots = {
             "noise": told.below(_root(covariance)),
             "load": np.hstack([*of_load, given.load_direction * direction]),
             "tool": given.tool * np.hstack(tool),
-            "drift": given.drift * moved(translations(model, data)),
+            "drift": given.drift * moved(scene.shift),
             "repeatability": given.repeatability
             * told.below(_readings(inverse, data.lengths, repeats)),
             "rigid_joints": told.rigid(columns),

@@ -62,7 +62,7 @@ MOST_EXPERIMENTS = 10**12  # as in a study: beyond them numbers of repetitions a
     metavar="FAULT=SIZE,...",
     help="How likely faults would be noticed, and told apart, like tool_z=5mm,drift=0.05mm. "
     "Units: mm of tool_x, tool_y, tool_z, drift, link_length; deg of load_direction, backlash, "
-    "frame_rotation, joint_zero; Nm of friction; % of load_size, torque_sign.",
+    "frame_rotation, joint_zero; Nm of friction; % of load_size, torque_sign; um/m of growth.",
 )
 @json_option
 @click.option("--out", type=FilePath, help="Write all experiments (CSV, - to print).")

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from edtk.findings.cause_wording import causes_words, no_cause_words
+from edtk.findings.causes.faults import cause_wording
 from edtk.findings.causes.find_causes import UNEXPLAINED
 from edtk.findings.causes.try_faults import NO_NOISE
 from edtk.findings.causes.wrong_pose import FITS
@@ -354,6 +354,37 @@ def _repeatability_words(data: Data) -> str:
         f"visits say that joints return within {size}, stated {data['stated']:.3g} deg "
         f"(p {shown_probability(data['p'], 1)}): repeatability_deg in the study's [noise] is "
         "wrong, or poses are"
+    )
+
+
+def causes_words(data: Data) -> str:
+    """A fault that explains the residuals, or two of which it is one."""
+    cause = data["cause"]
+    others = data["others"]
+    share = f"{100 * cause.explained:.3g} % of the misfit (p {shown_probability(cause.p, 1)})"
+    if not others:
+        return f"{cause_wording(cause)}: that explains {share}"
+    either = ", or ".join(cause_wording(one) for one in (cause, *others))
+    times = others[0].times
+    which = "these measurements cannot tell which"
+    if times is not None and times > 1:
+        which += f", measuring each experiment {times} times could"
+    return f"{either}: {which}; the first explains {share}"
+
+
+def no_cause_words(data: Data) -> str:
+    """A misfit that no fault explains, and what would tell more."""
+    tells = []
+    if not data["repeated"]:
+        tells.append("each pose measured twice, which tells noise from model")
+    if not data["loads"]:
+        tells.append("a pose under half the load and along another axis, which tells what bends")
+    tells.append(
+        "positions without load in many poses, which tell the geometry (docs/howto/geometry.md)"
+    )
+    return (
+        "no cause in the list explains this: the model. Something bends, slips or is placed "
+        f"otherwise than in the study; more would tell {'; '.join(tells)}"
     )
 
 

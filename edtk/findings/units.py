@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from edtk.findings.causes.family import counted_from
+from edtk.findings.causes.scene import counted_from
 from edtk.findings.finding import Data, Finding, Severity, Wording, row_names
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.match_plan import OTHER_LOAD, like_rounding, steps_of

@@ -96,16 +96,16 @@ class OfCompliances(OfStudy):
         )
 
     def _judged(self, asked: Study, found: "ExactPlan", faults: Any) -> "ExactPlan":
-        from edtk.calibration.detect import detect, separations
+        from edtk.calibration.detect import Promised, detect
         from edtk.calibration.planned import plan_budget, plan_tasks
 
         whole = found.whole
-        detections = detect(asked, whole, faults)
+        judged = detect(Promised.displacements(asked, whole), faults) if faults else ((), ())
         return replace(
             found,
             error_budget=plan_budget(asked, whole),
-            detections=detections,
-            separations=separations(asked, whole, detections),
+            detections=judged[0],
+            separations=judged[1],
             tasks=plan_tasks(asked, whole),
         )
 
@@ -238,9 +238,9 @@ class OfGeometry(OfStudy):
         return GeometryDesigns.of(study)
 
     def _faults(self, given: Mapping[str, str]) -> Any:
-        from edtk.calibration.geometry_design.detect_in_visits import sized_visit_faults
+        from edtk.calibration.detect import sized_faults
 
-        return sized_visit_faults(self.study, given)
+        return sized_faults(self.study, given, positions=True)
 
     def _best_plan(
         self,
@@ -264,22 +264,22 @@ class OfGeometry(OfStudy):
         )
 
     def _judged(self, asked: Study, found: Any, faults: Any) -> Any:
-        from edtk.calibration.geometry_design.detect_in_visits import detect_in_visits
+        from edtk.calibration.detect import Promised, detect
         from edtk.calibration.geometry_design.evaluate_geometry import (
             GeometryDesigns,
             poor_left_out,
         )
 
         whole = found.whole
-        detections, separations = detect_in_visits(found.question, whole, faults)
+        judged = detect(Promised.visits(found.question, whole), faults) if faults else ((), ())
         designs = GeometryDesigns(asked, found.question)
         warnings = found.warnings + poor_left_out(found.question, whole)
         if found.relaxed.criterion.needs_target:
             warnings += designs.around(whole)
         return replace(
             found,
-            detections=detections,
-            separations=separations,
+            detections=judged[0],
+            separations=judged[1],
             warnings=warnings,
             expected=designs.expected(whole),
             tasks=designs.accuracy(whole),

@@ -7,10 +7,11 @@ import pytest
 from readings import PLAN, STUDY
 from scipy.special import chndtr
 
-from edtk.calibration.detect import detect, sized_faults
+from edtk.calibration.detect import Promised, detect, sized_faults
 from edtk.calibration.planned import planned_measurements
 from edtk.design.plan import Plan
-from edtk.findings.causes.family import families
+from edtk.findings.causes.faults import families
+from edtk.findings.causes.scene import Displacements
 from edtk.fit.distributions import chi_square_quantile
 from edtk.fit.least_squares import Whitened
 from edtk.fit.measurements import translations
@@ -23,16 +24,24 @@ K = STUDY.compliances
 
 def found(**given):
     """Detections for the published plan of twelve."""
-    return detect(STUDY, PLAN, sized_faults(STUDY, given))
+    return powers(STUDY, PLAN, given)
+
+
+def powers(study, plan, given):
+    """Detections for a plan."""
+    return detect(Promised.displacements(study, plan), sized_faults(study, given))[0]
+
+
+def scene(study, data):
+    """What faults change."""
+    return Displacements(study.model, data, data.regressor(study.model), K)
 
 
 def test_power_is_the_share_of_simulations_that_show_it():
     """Of 4000 simulated sheets with the drift, the test notices the share that is promised."""
     (promised,) = found(drift="0.04mm")
     data = planned_measurements(STUDY, PLAN)
-    fault = next(
-        f for f in families(STUDY.model, data, data.regressor(STUDY.model), K) if f.cause == "drift"
-    )
+    fault = next(f for f in families(scene(STUDY, data)) if f.cause == "drift")
     A = data.regressor(STUDY.model)
     D = fault.derivative_at_zero(K)
     rng = np.random.default_rng(0)
@@ -115,7 +124,7 @@ def test_a_known_joint_shows_the_size_of_the_load():
     joints = STUDY.specification.joints.model_dump()
     known = {"unknown": joints["unknown"][1:], "known_rad_per_Nm": {"q2": float(K[0])}}
     study = STUDY.replace(joints=joints | known)
-    (promised,) = detect(study, PLAN, sized_faults(study, {"load": "10%"}))
+    (promised,) = powers(study, PLAN, {"load": "10%"})
     data = planned_measurements(study, PLAN)
     whitened = Whitened.of(data.regressor(study.model), data.sigma, study.model.parameters)
     first = data.regressor(STUDY.model)[..., 0] * K[0]
@@ -152,7 +161,7 @@ def test_any_instruments_show_faults(keys):
     """The power is that of the noncentral chi-square of what fits of the readings leave."""
     study = STUDY.replace(**keys)
     plan = Plan(PLAN.q, PLAN.wrench, PLAN.repeats)
-    promised = detect(study, plan, sized_faults(study, {"drift": "0.05mm", "load": "20%"}))
+    promised = powers(study, plan, {"drift": "0.05mm", "load": "20%"})
     data = planned_measurements(study, plan)
     A = data.regressor(study.model)
     whitened = Whitened.of(A, data.noise, study.model.parameters)
@@ -177,8 +186,7 @@ def test_a_turned_frame_turns_what_instruments_show(keys, reference):
     measurement = {"sigma_mm": 0.03, "reference": reference}
     study = STUDY.replace(**keys, robot=content, measurement=measurement)
     data = planned_measurements(study, Plan(PLAN.q, PLAN.wrench, PLAN.repeats))
-    A = data.regressor(study.model)
-    every = families(study.model, data, A, K)
+    every = families(scene(study, data))
     frame = next(one for one in every if one.cause == "frame_rotation")
     D = frame.derivative_at_zero(K)
     frames = study.model.frames(PLAN.q)

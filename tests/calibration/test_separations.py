@@ -5,7 +5,7 @@ import pytest
 from readings import PLAN, STUDY
 from scipy.stats import norm
 
-from edtk.calibration.detect import SizedFamily, detect, right_share, separations, sized_faults
+from edtk.calibration.detect import Promised, SizedFamily, detect, right_share, sized_faults
 from edtk.design.detection import ENOUGH, Detection
 from edtk.findings.causes.family import Family
 
@@ -13,7 +13,7 @@ from edtk.findings.causes.family import Family
 def fault(only_positive=False):
     """A fault of the usual size of one."""
     family = Family("any", "", 1.0, 1, 1.0, lambda c: None, only_positive=only_positive)
-    return SizedFamily(Detection("any", 1.0, "", 1.0, None, 1.0), family, 1.0, np.zeros((1, 1, 1)))
+    return SizedFamily(Detection("any", 1.0, "", 1.0, None, 1.0), family, 1.0)
 
 
 @pytest.mark.parametrize("length", [1.0, 3.0])
@@ -44,8 +44,7 @@ def test_what_cannot_be_told_is_chance():
 def pairs():
     """Two small faults, and one that is never seen, for the published plan of twelve."""
     asked = {"tool_z": "10mm", "load": "10%", "drift": "0.05mm"}
-    detections = detect(STUDY, PLAN, sized_faults(STUDY, asked))
-    return detections, separations(STUDY, PLAN, detections)
+    return detect(Promised.displacements(STUDY, PLAN), sized_faults(STUDY, asked))
 
 
 def test_an_experiment_more_tells_more(pairs):
@@ -65,7 +64,7 @@ def test_an_experiment_more_tells_more(pairs):
     }
 
 
-def test_one_fault_makes_no_pair(pairs):
+def test_one_fault_makes_no_pair():
     """Nothing is told apart where one fault is asked for, or seen."""
-    detections, _ = pairs
-    assert separations(STUDY, PLAN, detections[:2]) == ()
+    asked = {"tool_z": "10mm", "load": "10%"}
+    assert detect(Promised.displacements(STUDY, PLAN), sized_faults(STUDY, asked))[1] == ()

@@ -2,7 +2,7 @@
 
 import pytest
 
-from edtk.findings.cause_wording import cause_of
+from edtk.findings.causes.faults import cause_of
 from edtk.findings.finding import Data, Finding, Severity
 
 

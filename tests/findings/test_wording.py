@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from edtk.findings.cause_wording import causes_words
 from edtk.findings.causes.family import Cause
+from edtk.findings.noise import causes_words
 
 
 @pytest.mark.parametrize(

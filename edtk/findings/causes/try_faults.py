@@ -15,11 +15,11 @@ from edtk.findings.causes.family import (
     Cause,
     Family,
     Tried,
-    assumed_families,
-    families_with_known,
     fit_family,
 )
+from edtk.findings.causes.faults import families
 from edtk.findings.causes.rarity import likely_size, noise_rarity, rarity, reading_rarity
+from edtk.findings.causes.scene import Displacements
 from edtk.findings.causes.wrong_pose import SEEN, shifted
 from edtk.findings.nonlinear_part import whole_rows
 from edtk.fit.correlated_noise import RowNoise, whiten
@@ -117,6 +117,12 @@ class PlainFit:
         m = len(data)
         chi2 = float((z**2).sum())
         return cls(model, data, known, prior, A, noise, both, whitened, k, z[:m], chi2, alone)
+
+    @cached_property
+    def scene(self) -> Displacements:
+        """What faults change."""
+        told = self.prior is not None
+        return Displacements(self.model, self.data, self.A, self.k, self.known, told, self.assumed)
 
     @property
     def coordinates(self) -> int:
@@ -292,33 +298,49 @@ def _moved(plain: PlainFit) -> Array | None:
 
 def _smooth(plain: PlainFit) -> Iterator[Tried]:
     """Faults of any size."""
-    told = plain.prior is not None
-    found = families_with_known(plain.model, plain.data, plain.A, plain.k, plain.known, told)
-    others = assumed_families(plain.model, plain.data, plain.A, plain.assumed)
-    for family in (*found, *others):
-        whole = plain.below(family)
-        fit = fit_family(whole, plain.measured, plain.noise, plain.k)
-        if fit is None:
-            continue
-        c, covariance = likely_size(fit.c, fit.covariance, family.usual)
-        size = float(np.linalg.norm(c)) if family.dims > 1 else float(c[0])
-        along = c / max(float(np.linalg.norm(c)), 1e-300)
-        std = math.sqrt(float(along @ covariance @ along))
-        p = float(chi_square_tail(max(plain.chi2 - fit.chi2, 0.0), family.dims))
-        if family.only_positive:
-            p = p / 2 if size > 0 else 1.0
-        cause = Cause(
-            family.cause,
-            size * family.per_unit,
-            family.unit,
-            std * family.per_unit,
-            p,
-            joint=family.joint,
-            rows=family.rows,
-            grows=family.grows,
-        )
-        cost = rarity(fit.c, fit.covariance, family.usual, family.only_positive)
-        yield Tried(cause, fit.chi2, family.dims, family.tries, cost, whole, c)
+    for family in families(plain.scene):
+        found = try_family(plain.below(family), plain.measured, plain.noise, plain.k, plain.chi2)
+        if found is not None:
+            yield found
+
+
+def try_family(
+    family: Family, measured: Array, noise: RowNoise, k: Array, chi2: float
+) -> Tried | None:
+    """Fit a fault of any size.
+
+    Args:
+        family: The fault.
+        measured: Readings (m, rows) [m, rad].
+        noise: Their noise.
+        k: Parameters (p,) of the fit without a fault.
+        chi2: Its sum of squares.
+
+    Returns:
+        The fault with its likely size; None where the readings cannot tell it from the parameters.
+    """
+    fit = fit_family(family, measured, noise, k)
+    if fit is None:
+        return None
+    c, covariance = likely_size(fit.c, fit.covariance, family.usual)
+    size = float(np.linalg.norm(c)) if family.dims > 1 else float(c[0])
+    along = c / max(float(np.linalg.norm(c)), 1e-300)
+    std = math.sqrt(float(along @ covariance @ along))
+    p = float(chi_square_tail(max(chi2 - fit.chi2, 0.0), family.dims))
+    if family.only_positive:
+        p = p / 2 if size > 0 else 1.0
+    cause = Cause(
+        family.cause,
+        size * family.per_unit,
+        family.unit,
+        std * family.per_unit,
+        p,
+        joint=family.joint,
+        rows=family.rows,
+        grows=family.grows,
+    )
+    cost = rarity(fit.c, fit.covariance, family.usual, family.only_positive)
+    return Tried(cause, fit.chi2, family.dims, family.tries, cost, family, c)
 
 
 def _outliers(plain: PlainFit) -> Iterator[Tried]:

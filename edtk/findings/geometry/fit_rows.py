@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from edtk.findings.causes.family import since_first
+from edtk.findings.causes.scene import since_first
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.restricted_likelihood import Blocks, fit_model_error, fit_variances

@@ -10,15 +10,12 @@ from click.testing import CliRunner
 from loaded_arm import LOAD, STUDY
 
 import edtk
-from edtk.calibration.geometry_design.detect_in_visits import (
-    UNITS,
-    Visits,
-    detect_in_visits,
-    sized_visit_faults,
-)
-from edtk.calibration.geometry_design.geometry_plan import visit_order
+from edtk.calibration.detect import Promised, detect, sized_faults, visited
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+from edtk.calibration.template import visit_order
 from edtk.cli import main
+from edtk.design.detection import Detection, Separation
+from edtk.findings.causes.faults import FAULTS
 from edtk.fit.distributions import chi_square_quantile
 from edtk.system.errors import UserError
 
@@ -30,7 +27,7 @@ RNG = np.random.default_rng(0)
 Q = RNG.uniform(*KNOWN.robot.limits, (12, 2))
 W = np.array(LOAD, dtype=float) * (np.arange(12) > 3)[:, None]
 PLAN = edtk.Plan(Q, W, np.ones(12, dtype=int))
-VISITS = Visits(QUESTION, Q, W, np.linspace(0, 1, 12))
+VISITS = visited(QUESTION, Q, W, np.linspace(0, 1, 12))
 H = 1e-4
 
 
@@ -75,8 +72,8 @@ DIFFERENCES = {
 @pytest.mark.parametrize("name", DIFFERENCES)
 def test_a_fault_is_a_difference_of_the_nonlinear_model(name: str) -> None:
     """One SI unit of its first parameter adds what the model with such a fault shows."""
-    fault = next(VISITS.faults(name, K))
-    found = 0.1 * fault.D[..., 0]  # whitened by 0.1 mm
+    fault = next(FAULTS[name].models(VISITS))
+    found = 0.1 * fault.derivative_at_zero(VISITS.k)[..., 0]  # whitened by 0.1 mm
     expected = (DIFFERENCES[name](H) - DIFFERENCES[name](-H)) / (2 * H)
     # About the drawing, not about the bent arm: the springs give way by half a milliradian.
     assert found == pytest.approx(expected, abs=2e-3 * np.abs(expected).max())
@@ -84,14 +81,22 @@ def test_a_fault_is_a_difference_of_the_nonlinear_model(name: str) -> None:
 
 def test_a_load_that_is_askew() -> None:
     """Its two parameters span the turns of the load about axes that are not its own."""
-    fault = next(VISITS.faults("load_direction", K))
+    fault = next(FAULTS["load_direction"].models(VISITS))
     assert fault.dims == 2
     for axis in np.eye(3):
         h = 1e-4 * axis
         change = (positions(wrench=turned(h)) - positions(wrench=turned(-h))) / 2e-4
-        columns = 0.1 * fault.D.reshape(-1, 2)
+        columns = 0.1 * fault.derivative_at_zero(VISITS.k).reshape(-1, 2)
         left = change.ravel() - columns @ np.linalg.lstsq(columns, change.ravel(), rcond=None)[0]
         assert np.linalg.norm(left) < 1e-2 * max(np.linalg.norm(change), 1e-3)
+
+
+def found_in(
+    question: GeometryQuestion, plan: edtk.Plan, given: dict[str, str]
+) -> tuple[tuple[Detection, ...], tuple[Separation, ...]]:
+    """What a plan shows of faults."""
+    faults = sized_faults(question.study, given, positions=True)
+    return detect(Promised.visits(question, plan), faults)
 
 
 def residual(A: np.ndarray, D: np.ndarray) -> np.ndarray:
@@ -108,8 +113,7 @@ def stacked(plan: edtk.Plan) -> np.ndarray:
 
 def test_the_power_is_the_share_of_noisy_days_that_show_it() -> None:
     """Of 4000 simulated days with a frame that moved, so many exceed the threshold of the test."""
-    faults = sized_visit_faults(KNOWN, {"frame_moved": "0.1mm"})
-    ((found,), _) = detect_in_visits(QUESTION, PLAN, faults)
+    ((found,), _) = found_in(QUESTION, PLAN, {"frame_moved": "0.1mm"})
     A = stacked(PLAN)
     shift = np.tile(np.eye(3), (12, 2, 1)).reshape(12, 6, 3) / 0.1
     shift = shift * (np.linspace(0, 1, 12) > 0.5)[:, None, None]
@@ -129,11 +133,11 @@ def test_what_parameters_take_up_is_never_noticed() -> None:
     """An unknown tool takes up a tool point that is off; a known one shows it."""
     asked = {"tool_x": "1mm"}
     plan = edtk.Plan(Q, W, np.ones(12, dtype=int))
-    ((never,), _) = detect_in_visits(QUESTION, plan, sized_visit_faults(KNOWN, asked))
+    ((never,), _) = found_in(QUESTION, plan, asked)
     assert never.never
     fixed = KNOWN.replace(parameters={**KNOWN.to_dict()["parameters"], "tool": False})
     question = GeometryQuestion.of(fixed)
-    ((seen,), _) = detect_in_visits(question, plan, sized_visit_faults(fixed, asked))
+    ((seen,), _) = found_in(question, plan, asked)
     assert seen.power > 0.99
 
 
@@ -142,7 +146,7 @@ def test_a_larger_fault_and_a_longer_day_are_noticed_sooner() -> None:
     powers = []
     for size, repeats in (("1e-9mm", 1), ("0.2mm", 1), ("0.3mm", 1), ("0.3mm", 2)):
         plan = edtk.Plan(Q, W, np.full(12, repeats))
-        ((one,), _) = detect_in_visits(QUESTION, plan, sized_visit_faults(KNOWN, {"drift": size}))
+        ((one,), _) = found_in(QUESTION, plan, {"drift": size})
         powers.append(one.power)
         assert one.power_with >= one.power
     assert powers[0] == pytest.approx(0.01, abs=1e-6)
@@ -152,7 +156,7 @@ def test_a_larger_fault_and_a_longer_day_are_noticed_sooner() -> None:
 def test_two_faults_are_told_apart() -> None:
     """A frame that moved looks unlike one that was turned, and much like a drift."""
     asked = {"frame_moved": "1mm", "frame_rotation": "1deg", "drift": "1mm"}
-    found, apart = detect_in_visits(QUESTION, PLAN, sized_visit_faults(KNOWN, asked))
+    found, apart = found_in(QUESTION, PLAN, asked)
     shares = {tuple(fault.fault for fault in one.faults): one.right for one in apart}
     assert set(shares) == {
         ("frame_moved", "frame_rotation"),
@@ -167,7 +171,7 @@ def test_two_faults_are_told_apart() -> None:
 @pytest.mark.parametrize(
     ("asked", "reason"),
     [
-        ({"magic": "1mm"}, f"no fault 'magic'; expected one of {', '.join(UNITS)}"),
+        ({"magic": "1mm"}, "no fault 'magic'; expected one of load_size, load_direction, "),
         ({"drift": "1deg"}, "drift=1deg: expected a number with its unit, mm"),
         ({"load": "10%"}, "simulation: expected a table with compliances"),
     ],
@@ -175,16 +179,16 @@ def test_two_faults_are_told_apart() -> None:
 def test_what_cannot_be_asked(asked: dict[str, str], reason: str) -> None:
     """Faults and units that are unknown, and springs that nobody told, in one line."""
     with pytest.raises(UserError, match="expected") as error:
-        sized_visit_faults(STUDY, asked)
+        sized_faults(STUDY, asked, positions=True)
     assert reason in str(error.value)
 
 
 def test_loads_that_show_in_no_spring() -> None:
     """Without unknown springs no fault of a load shows; drift needs none, and no [simulation]."""
     rigid = STUDY.replace(parameters={"geometry": ["zeros"], "base": False}, load=None)
-    assert sized_visit_faults(rigid, {"drift": "1mm"})[0].size == 1.0
+    assert sized_faults(rigid, {"drift": "1mm"}, positions=True)[0].size == 1.0
     with pytest.raises(UserError, match="backlash shows in springs, and this study has none"):
-        sized_visit_faults(rigid, {"backlash": "1deg"})
+        sized_faults(rigid, {"backlash": "1deg"}, positions=True)
 
 
 def test_the_command(tmp_path: Path) -> None:

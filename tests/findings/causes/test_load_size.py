@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from readings import PLAN, STUDY
 
-from edtk.findings.causes.family import families_with_known
+from edtk.findings.causes.faults import families
 from edtk.findings.causes.find_causes import find_causes
+from edtk.findings.causes.scene import Displacements
 from edtk.findings.fitted_data import FittedData
 from edtk.fit.measurements import Measurements, simulate
 from edtk.fit.prior import LogNormal, Prior, PriorRows
@@ -72,9 +73,9 @@ def test_a_vague_prior_names_nothing():
 def test_faults_move_known_joints_too():
     """Predictions of unknown and known joints together are those of all joints at once."""
     data = sheet(4)
-    whole = {f.cause: f for f in families_with_known(MODEL, data, data.regressor(MODEL), K, {})}
+    whole = {f.cause: f for f in families(Displacements(MODEL, data, data.regressor(MODEL), K))}
     A = data.regressor(WITHOUT_Q2)
-    parts = {f.cause: f for f in families_with_known(WITHOUT_Q2, data, A, K[1:], KNOWN)}
+    parts = {f.cause: f for f in families(Displacements(WITHOUT_Q2, data, A, K[1:], KNOWN))}
     for cause in ("load_direction", "tool_x", "frame_rotation"):
         c = np.full(whole[cause].dims, 0.01)
         together = whole[cause].predict(c)[0] @ K

@@ -8,7 +8,8 @@ from readings import STUDY
 
 from edtk.calibration.planned import planned_measurements
 from edtk.design.plan import Plan
-from edtk.findings.causes.family import Cause, Tried, families
+from edtk.findings.causes.family import Cause, Tried
+from edtk.findings.causes.faults import families
 from edtk.findings.causes.find_causes import times_to_tell
 from edtk.findings.causes.try_faults import PlainFit
 
@@ -27,7 +28,7 @@ def plain(repeats):
 
 def tried(fit, cause, size):
     """A fault of a size."""
-    every = families(MODEL, fit.data, fit.A, fit.k)
+    every = families(fit.scene)
     family = next(one for one in every if one.cause == cause)
     return Tried(Cause(cause, 1.0, "", None, 0.0), 0.0, 1, 1, 0.0, family, np.array(size))
 

@@ -1,0 +1,522 @@
+"""What a fault changes: readings of a day, of displacements or of positions, as a model has them.
+
+A fault knows no kind of study. It asks its scene how readings differ where the load, the frame, the
+tool, a joint or a link is another one, and the scene answers for its own kind.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from edtk.findings.causes.family import Family, Predict
+from edtk.findings.nonlinear_part import whole_rows
+from edtk.fit.measurements import Measurements, measured_points, translations
+from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.expected_error import AssumedJoint
+from edtk.measure.parameters import GeometricParameter, all_parameters
+from edtk.robots.joint import Joint
+from edtk.robots.robot import Robot
+from edtk.system.typing import Array
+
+
+def since_first(count: int) -> Array:
+    """How far (count,) a drift has come by each row: nothing in the first, its size in the last.
+
+    It means that wherever something drifts or grows: in sheets of displacements and of positions,
+    and in faults that a plan is to notice.
+    """
+    return np.linspace(0.0, 1.0, count)
+
+
+class Scene(Protocol):
+    """Readings (m, rows) of a day, and what they would be with a fault of any size."""
+
+    @property
+    def robot(self) -> Robot:
+        """The robot by its drawing."""
+
+    @property
+    def A(self) -> Array:
+        """Regressors (m, rows, p) of the readings: of the parameters that are identified."""
+
+    @property
+    def k(self) -> Array:
+        """Values (p,) of these."""
+
+    @property
+    def wrench(self) -> Array:
+        """Loads (m, 6) [N, N m]."""
+
+    @property
+    def time(self) -> Array:
+        """When each reading is made (m,), see `since_first`."""
+
+    @property
+    def absolute(self) -> bool:
+        """Whether readings show where the robot is; displacements show how far it gives way."""
+
+    @property
+    def in_frame(self) -> bool:
+        """Whether that is in the frame of the instrument, and not counted from the rigid robot."""
+
+    @property
+    def shows_load(self) -> bool:
+        """Whether the size of the load shows; unknown compliances may take it up in full."""
+
+    @property
+    def assumed(self) -> tuple[AssumedJoint, ...]:
+        """Joints whose compliance is assumed, and may be another one."""
+
+    @property
+    def sprung(self) -> tuple[int, ...]:
+        """Indices (s,) of the joints whose compliances are known or identified."""
+
+    @property
+    def soft(self) -> Array:
+        """Their compliances (s,) [rad/(N m)]."""
+
+    @property
+    def torque(self) -> Array:
+        """Their loads (m, s) [N m, or N if prismatic]."""
+
+    @property
+    def springs(self) -> Array:
+        """What readings (m, rows, s) show of a unit of their compliances."""
+
+    @property
+    def shift(self) -> Array:
+        """What readings (m, rows, 3) show of a motion along the axes of the world.
+
+        A displacement shows it where all moves between its two readings.
+        """
+
+    def under(self, wrench: Callable[[Array], Array]) -> Predict:
+        """Loads (m, 6) that are others, by the size of a fault."""
+
+    def stretched(self, factor: Callable[[Array], Array]) -> Predict:
+        """Springs that are softer by factors (m, 1, s), by the size of a fault."""
+
+    def turned(self) -> Predict:
+        """The measuring frame, turned about three axes."""
+
+    def tool(self, axis: int) -> Predict:
+        """The tool point, elsewhere along an axis of the tool."""
+
+    def counted(self, joint: int) -> Predict:
+        """A joint that is further than written."""
+
+    def longer(self, lengths: Mapping[str, float]) -> Predict:
+        """Links before some joints that are longer, each by a length a unit."""
+
+    def compliant(self, joint: int) -> Array:
+        """What readings (m, rows) show of a unit of the compliance of a joint."""
+
+    def families(self, of: "Models") -> Iterator[Family]:
+        """The models of a fault in this scene."""
+
+
+Models = Callable[[Scene], Iterator[Family]]
+
+
+def added(scene: Scene, columns: Array) -> Predict:
+    """Readings to which something is added (m, rows, dims) a unit."""
+    return lambda c: (scene.A, columns @ c)
+
+
+def grown(scene: Scene, predict: Predict, shape: Array) -> Predict:
+    """Readings of a fault whose size is another one in each row, by shares (m,)."""
+
+    def scaled(c: Array) -> tuple[Array, Array]:
+        A, b = predict(c)
+        return scene.A + shape[:, None, None] * (A - scene.A), shape[:, None] * b
+
+    return scaled
+
+
+def play(scene: Scene) -> Array:
+    """What readings (m, rows, s) show of a unit of motion of each sprung joint."""
+    torque = scene.torque[:, None]
+    springs = scene.springs
+    return np.divide(springs, torque, out=np.zeros_like(springs), where=torque != 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Displacements:
+    """Displacements under loads, or positions that are counted from the rigid robot.
+
+    Attributes:
+        model: The robot with its calibration tool, and the measured rows.
+        data: The measurements.
+        A: Their regressors (m, rows, p).
+        k: Compliances (p,) [rad/(N m)].
+        known: Compliances of further joints, by their index [rad/(N m)].
+        told: Whether something is known of the size of the unknown compliances.
+        assumed: The joints that are not identified, and how far each may be off.
+    """
+
+    model: ElastostaticModel
+    data: Measurements
+    A: Array
+    k: Array
+    known: Mapping[int, float] | None = None
+    told: bool = False
+    assumed: tuple[AssumedJoint, ...] = ()
+    in_frame = False
+
+    @property
+    def robot(self) -> Robot:
+        """The robot by its drawing."""
+        return self.model.robot
+
+    @property
+    def wrench(self) -> Array:
+        """Loads (m, 6) [N, N m]."""
+        return self.data.wrench
+
+    @property
+    def time(self) -> Array:
+        """When each is made (m,), from the first row to the last."""
+        return since_first(len(self.A))
+
+    @property
+    def absolute(self) -> bool:
+        """Whether positions are measured, counted from the rigid robot."""
+        return self.data.absolute
+
+    @property
+    def shows_load(self) -> bool:
+        """Unknown compliances take up a load of another size in full.
+
+        Only where the compliance of some joint is known, or something is known of the unknown ones,
+        or weights load the joints besides, such a load is seen.
+        """
+        return bool(self.known) or self.told or self.model.weights is not None
+
+    @property
+    def sprung(self) -> tuple[int, ...]:
+        """The joints of the model."""
+        return tuple(int(j) for j in self.model.joints)
+
+    @property
+    def soft(self) -> Array:
+        """Their compliances (p,)."""
+        return self.k
+
+    @property
+    def springs(self) -> Array:
+        """The regressors: all of them are of compliances."""
+        return self.A
+
+    @cached_property
+    def torque(self) -> Array:
+        """Loads (m, p) of the joints of the model [N m, or N if prismatic]."""
+        model, data = self.model, self.data
+        if not model.is_plain:
+            return model.torque_of(model.frames(data.q), data.wrench)[model.joints].T
+        J = np.swapaxes(model.robot.jacobian(data.q)[..., model.joints], 1, 2)
+        return np.asarray((J @ data.wrench[..., None])[..., 0])
+
+    @cached_property
+    def shift(self) -> Array:
+        """Translations of the readings."""
+        return translations(self.model, self.data)
+
+    def under(self, wrench: Callable[[Array], Array]) -> Predict:
+        """The same displacements under other loads."""
+        nothing = np.zeros(self.data.deflection.shape)
+        return lambda c: (replace(self.data, wrench=wrench(c)).regressor(self.model), nothing)
+
+    def stretched(self, factor: Callable[[Array], Array]) -> Predict:
+        """Regressors that are larger by factors."""
+        return lambda c: (self.A * factor(c), np.zeros(self.A.shape[:2]))
+
+    def turned(self) -> Predict:
+        """The frame in which displacements are measured, turned about the world's axes.
+
+        So are rotations; and positions, where they are counted from the rigid robot. Distances do
+        not see it.
+        """
+        data, A = self.data, self.A
+        whole, own = whole_rows(self.model, data, A)
+        m, rows = A.shape[:2]
+        places = np.zeros((m, 1, 3, 1))
+        if data.absolute:
+            places = measured_points(self.model, data)[:, None, :, None]
+
+        def predict(c: Array) -> tuple[Array, Array]:
+            turned = np.moveaxis(turned_by(c, np.moveaxis(whole, 2, -1)), -1, 2)
+            moved = np.moveaxis(turned_by(c, np.moveaxis(places, 2, -1)), -1, 2) - places
+            offset = np.zeros((m, rows))
+            if own is None:
+                offset[:, :3] = moved[:, 0, :, 0]
+                return turned.reshape(A.shape), offset
+            seen = np.flatnonzero(own >= 0)
+            found = A.copy()
+            found[seen, 0] = turned[seen, 0, own[seen]]
+            lengths = seen[data.lengths[seen, 0]]
+            offset[lengths, 0] = moved[lengths, 0, own[lengths], 0]
+            return found, offset
+
+        return predict
+
+    @cached_property
+    def _shown_by_tool(self) -> Array:
+        """By how much readings grow (m, rows, 3) where the tool point moves along its axes.
+
+        Positions that are counted from the rigid robot see that at once.
+        """
+        model, data = self.model, self.data
+        if not data.absolute:
+            return np.zeros((*data.deflection.shape, 3))
+        axes = np.moveaxis(model.frames(data.q).rotation, -1, 0)  # (m, axis of the tool, 3)
+        found = np.einsum("mrc,mac->mra", self.shift, axes)
+        for rows, sensor in data.instruments(model):
+            if sensor.point.joint is not None:
+                found[rows] = 0.0
+        return found
+
+    def tool(self, axis: int) -> Predict:
+        """Other lever arms of the load."""
+        model, shown = self.model, self._shown_by_tool[..., axis]
+
+        def predict(c: Array) -> tuple[Array, Array]:
+            tool = model.robot.tool.copy()
+            tool[:3, 3] += c[0] * tool[:3, axis]
+            other = replace(model, robot=replace(model.robot, tool=tool))
+            return self.data.regressor(other), c[0] * shown
+
+        return predict
+
+    def counted(self, joint: int) -> Predict:
+        """The same in other poses."""
+        return counted_from(self.model, self.data, joint)
+
+    def longer(self, lengths: Mapping[str, float]) -> Predict:
+        """A robot with other links."""
+        model, data = self.model, self.data
+
+        def predict(c: Array) -> tuple[Array, Array]:
+            joints = list(model.robot.joints)
+            for j, joint in enumerate(joints):
+                if joint.name in lengths:
+                    origin = joint.origin.copy()
+                    origin[:3, 3] *= 1 + lengths[joint.name] * c[0] / link_length(joint)
+                    joints[j] = replace(joint, origin=origin)
+            other = replace(model, robot=replace(model.robot, joints=tuple(joints)))
+            moved = data.rigid(other) - data.rigid(model)
+            return data.regressor(other), _shown(data, moved)
+
+        return predict
+
+    def compliant(self, joint: int) -> Array:
+        """The column of Eq. (4) of a joint."""
+        return self.data.regressor(replace(self.model, unknown=(joint,)))[..., 0]
+
+    @cached_property
+    def _whole(self) -> "Displacements":
+        """The same with the known joints among the unknown ones, behind them."""
+        assert self.known
+        every = replace(self.model, unknown=(*self.model.joints, *self.known))
+        k = np.append(self.k, list(self.known.values()))
+        return Displacements(
+            every, self.data, self.data.regressor(every), k, told=True, assumed=self.assumed
+        )
+
+    def families(self, of: Models) -> Iterator[Family]:
+        """The models of a fault, which changes what known joints do, too."""
+        if not self.known:
+            yield from of(self)
+            return
+        values = np.array(list(self.known.values()))
+        for family in of(self._whole):
+            yield _of_unknown(family, self._whole.A, values)
+
+
+def counted_from(model: ElastostaticModel, data: Measurements, j: int) -> Predict:
+    """Poses in which joint j is further than written."""
+
+    def predict(c: Array) -> tuple[Array, Array]:
+        shown = model.robot.shown(data.q).copy()
+        shown[:, j] += c[0]
+        other = replace(data, q=model.robot.of_shown(shown))
+        return other.regressor(model), _shown(data, other.rigid(model) - data.rigid(model))
+
+    return predict
+
+
+def _shown(data: Measurements, moved: Array) -> Array:
+    """What readings (m, rows) show of a motion of the rigid robot (m, c): nothing, or all."""
+    found = np.zeros(data.deflection.shape)
+    if data.absolute:
+        found[:, : moved.shape[1]] = moved
+    return found
+
+
+def _of_unknown(family: Family, whole: Array, values: Array) -> Family:
+    """A fault of all joints as one of the unknown ones, beside what known joints do without it.
+
+    Args:
+        family: The fault, with the known joints behind the unknown ones.
+        whole: Regressors (m, rows, p + n) of all of them without the fault.
+        values: The known compliances (n,) [rad/(N m)].
+    """
+    p = whole.shape[-1] - len(values)
+
+    def predict(c: Array) -> tuple[Array, Array]:
+        A, b = family.predict(c)
+        return A[..., :p], b + (A[..., p:] - whole[..., p:]) @ values
+
+    return replace(family, predict=predict)
+
+
+def turned_by(turn: Array, vectors: Array) -> Array:
+    """Vectors (..., 3) turned by a rotation vector (3,) [rad]."""
+    from scipy.spatial.transform import Rotation
+
+    return vectors @ Rotation.from_rotvec(turn).as_matrix().T
+
+
+def link_length(joint: Joint) -> float:
+    """Length of the link before a joint [m]."""
+    return float(np.linalg.norm(joint.origin[:3, 3]))
+
+
+class ColumnsOf(Protocol):
+    """How readings move with any parameters."""
+
+    def __call__(self, parameters: tuple[GeometricParameter, ...], wrench: Array) -> Array:
+        """Columns (m, rows, p) for a metre, a radian or a rad/(N m), under some loads (m, 6)."""
+
+
+class JointLoads(Protocol):
+    """What loads the joints."""
+
+    def __call__(self, q: Array, wrench: Array) -> Array:
+        """Loads (m, n) of the free joints [N m or N] in poses q (m, n) under wrenches (m, 6)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Positions:
+    """Positions or poses of markers in the frame of the instrument, to first order.
+
+    Every fault of the robot or the frame is a sum of columns of parameters that a calibration might
+    ask for, whatever the instruments are.
+
+    Attributes:
+        drawing: The robot.
+        markers: Names of the markers.
+        columns: How the readings move with parameters.
+        A: Regressors (m, rows, p) of the parameters that are identified.
+        k: Their values (p,).
+        q: Poses (m, n) [rad or m].
+        wrench: Loads (m, 6) [N, N m].
+        time: When each visit is made (m,).
+        sprung: Indices (s,) of the joints whose springs are known or identified.
+        soft: Their compliances (s,) [rad/(N m)].
+        loads: What loads the joints; None without springs.
+    """
+
+    drawing: Robot
+    markers: tuple[str, ...]
+    columns: ColumnsOf
+    A: Array
+    k: Array
+    q: Array
+    wrench: Array
+    time: Array
+    sprung: tuple[int, ...]
+    soft: Array
+    loads: JointLoads | None
+    assumed: tuple[AssumedJoint, ...] = ()
+    in_frame = True
+    absolute = True
+    shows_load = True
+
+    @property
+    def robot(self) -> Robot:
+        """The robot by its drawing."""
+        return self.drawing
+
+    def _of(
+        self, joints: tuple[str, ...] = (), base: bool = False, tool: bool = False
+    ) -> tuple[GeometricParameter, ...]:
+        """Parameters of all motions before some joints, of the base, or of the markers."""
+        return all_parameters(self.robot, self.markers, joints, base=base, tool=tool)
+
+    @cached_property
+    def torque(self) -> Array:
+        """Loads (m, s) of the sprung joints."""
+        if self.loads is None:
+            return np.zeros((len(self.q), 0))
+        return self.loads(self.q, self.wrench)[:, list(self.sprung)]
+
+    @cached_property
+    def springs(self) -> Array:
+        """Columns (m, rows, s) of the sprung joints."""
+        return self._springs(self.wrench)
+
+    def _springs(self, wrench: Array) -> Array:
+        names = [self.robot.joint_names[j] for j in self.sprung]
+        unknown = all_parameters(self.robot, (), (), names, base=False, tool=False)
+        return self.columns(unknown, wrench)
+
+    @cached_property
+    def _frame(self) -> Array:
+        """Columns (m, rows, 6) of a motion of the frame: shifts, then turns."""
+        return self.columns(self._of(base=True), self.wrench)
+
+    @property
+    def shift(self) -> Array:
+        """Those of its shifts."""
+        return self._frame[..., :3]
+
+    def under(self, wrench: Callable[[Array], Array]) -> Predict:
+        """What other loads bend beyond what those of the sheet do."""
+        bent = self.springs @ self.soft
+        return lambda c: (self.A, self._springs(wrench(c)) @ self.soft - bent)
+
+    def stretched(self, factor: Callable[[Array], Array]) -> Predict:
+        """What springs give way beyond what they do."""
+        return lambda c: (self.A, (self.springs * (factor(c) - 1)) @ self.soft)
+
+    def turned(self) -> Predict:
+        """A turn of the frame about the place of the robot."""
+        return added(self, self._frame[..., 3:])
+
+    def tool(self, axis: int) -> Predict:
+        """All markers that move together."""
+        by_markers = self.columns(self._of(tool=True), self.wrench)
+        one_by_one = by_markers.reshape(*self.A.shape[:2], len(self.markers), -1)
+        return added(self, one_by_one.sum(axis=2)[..., [axis]])
+
+    def _before(self, joint: Joint) -> Array:
+        """Columns (m, rows, 6) of shifts and turns of the frame before a joint."""
+        return self.columns(self._of((joint.name,)), self.wrench)
+
+    def counted(self, joint: int) -> Predict:
+        """A motion about, or along, the axis of a joint."""
+        one = self.robot.joints[joint]
+        part = slice(3, 6) if one.kind == "revolute" else slice(0, 3)
+        return added(self, self._before(one)[..., part] @ one.axis[:, None])
+
+    def longer(self, lengths: Mapping[str, float]) -> Predict:
+        """Shifts along the links."""
+        found = np.zeros((*self.A.shape[:2], 1))
+        for joint in self.robot.chain:
+            if joint.name in lengths:
+                along = joint.origin[:3, :3].T @ joint.origin[:3, 3] / link_length(joint)
+                found += lengths[joint.name] * self._before(joint)[..., :3] @ along[:, None]
+        return added(self, found)
+
+    def compliant(self, joint: int) -> Array:
+        """The column of a spring."""
+        names = [self.robot.joint_names[joint]]
+        unknown = all_parameters(self.robot, (), (), names, base=False, tool=False)
+        return self.columns(unknown, self.wrench)[..., 0]
+
+    def families(self, of: Models) -> Iterator[Family]:
+        """The models of a fault."""
+        yield from of(self)
