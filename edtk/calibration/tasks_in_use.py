@@ -12,6 +12,7 @@ from edtk.findings.finding import Finding, Severity, Wording
 from edtk.findings.units import like_radians
 from edtk.measure.compliances import Compliances
 from edtk.measure.pose_table import Table
+from edtk.measure.task import Task
 from edtk.robots.robot import Robot
 from edtk.robots.weights import DeadWeights
 from edtk.study.study import Study
@@ -115,10 +116,10 @@ def load_task(study: Study, path: Table | None = None) -> Plan:
         poses = np.array([task.q for task in study.tasks])
         wrenches = np.array([task.wrench for task in study.tasks])
         return Plan(poses, wrenches, np.ones(len(poses), dtype=int))
-    wrench = study.tasks[0].wrench
-    robot_of_task(study)
+    wrench = task_of_all(study).wrench
     same = all(np.array_equal(task.wrench, wrench) for task in study.tasks)
-    return Plan.from_csv(path, study.robot, study.fixed, wrench if same else None)
+    load = wrench if same else study.kind.task.wrench
+    return Plan.from_csv(path, study.robot, study.fixed, load)
 
 
 def require_task(study: Study) -> None:
@@ -132,36 +133,29 @@ def require_task(study: Study) -> None:
         raise study.error("test_pose", message)
 
 
-def robot_of_task(study: Study) -> Robot:
-    """Find the robot with the tool that all tasks of a study share.
+def task_of_all(study: Study) -> Task:
+    """Find the first task of a study, whose tool and payload all others share.
 
     Args:
         study: Robot and tasks.
 
     Raises:
-        UserError: The study has no task, or tasks with several tools.
+        UserError: The study has no task, or tasks with several tools or payloads.
     """
     require_task(study)
-    robot = study.tasks[0].placed
-    if any(not np.array_equal(task.placed.tool, robot.tool) for task in study.tasks):
+    first = study.tasks[0]
+    if len({_tool(task) for task in study.tasks}) > 1:
         message = "the test poses have different tools; expected one, or no file of other poses"
         raise study.error("test_pose", message)
-    return robot
-
-
-def weights_of_task(study: Study) -> DeadWeights | None:
-    """Find what loads the robot in all tasks of a study besides their wrenches; None for nothing.
-
-    Args:
-        study: The study, which has a task.
-
-    Raises:
-        UserError: The robot carries different payloads in the tasks.
-    """
     if len({pose.payload for pose in study.specification.test_poses}) > 1:
         message = "the test poses have different payloads; expected one, or no file of other poses"
         raise study.error("test_pose", message)
-    return study.tasks[0].dead_weights
+    return first
+
+
+def _tool(task: Task) -> bytes:
+    """What differs where tools do; empty where the markers count."""
+    return b"" if task.tool is None else task.placed.tool.tobytes()
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,13 +164,21 @@ class ToolInUse:
 
     Attributes:
         rows: Indices of the poses.
-        robot: The chain with the tool.
-        weights: What loads the robot besides wrenches; None for nothing.
+        task: One of the tasks that have them.
     """
 
     rows: Indices
-    robot: Robot
-    weights: DeadWeights | None
+    task: Task
+
+    @property
+    def robot(self) -> Robot:
+        """The chain with the tool."""
+        return self.task.placed
+
+    @property
+    def weights(self) -> DeadWeights | None:
+        """What loads the robot besides wrenches; None for nothing."""
+        return self.task.dead_weights
 
 
 def tools_of_task(study: Study, poses: int, own: bool) -> tuple[ToolInUse, ...]:
@@ -192,15 +194,13 @@ def tools_of_task(study: Study, poses: int, own: bool) -> tuple[ToolInUse, ...]:
     """
     given = study.specification.test_poses
     if not own or not given:
-        robot = robot_of_task(study)
-        return (ToolInUse(np.arange(poses), robot, weights_of_task(study)),)
+        return (ToolInUse(np.arange(poses), task_of_all(study)),)
     pairs = zip(study.tasks, given, strict=True)
-    keys = [(task.placed.tool.tobytes(), one.payload) for task, one in pairs]
+    keys = [(_tool(task), one.payload) for task, one in pairs]
     found = []
     for key in dict.fromkeys(keys):
         rows = np.array([i for i, other in enumerate(keys) if other == key])
-        task = study.tasks[int(rows[0])]
-        found.append(ToolInUse(rows, task.placed, task.dead_weights))
+        found.append(ToolInUse(rows, study.tasks[int(rows[0])]))
     return tuple(found)
 
 

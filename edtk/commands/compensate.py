@@ -21,7 +21,8 @@ def command(study: Path, k: Path, task: Path | None, as_json: bool, out: Path | 
     study's own: its test poses, each with its own tool and payload, or its path.
 
     Of a study with [parameters], K.json is its result, and commands correct for geometry and load:
-    markers are brought where the robot of the drawing would have them in the poses of TASK.
+    the tool of the test pose, or without one the markers, are brought where the robot of the
+    drawing would have them in these poses.
 
     Rows without a command, as it would be out of limits, are named and left out, and the exit code
     is then 1; the column row says which rows the others are.

@@ -329,16 +329,21 @@ class OfGeometry(OfStudy):
     def _require_result(self, result: object, task: PlanLike | None) -> None:
         from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 
-        if task is None:
-            message = "expected poses (CSV): geometry is compensated in them"
+        if task is None and not self.study.tasks:
+            message = "expected poses (CSV), as the study has no test pose"
             raise ArgumentError(message, argument="task")
         if not isinstance(result, GeometricCalibration | Mapping | str | Path):
             raise ArgumentError("expected a result of this study", argument="compliances")
 
     def _poses(self, task: PlanLike | None) -> Plan:
-        return Plan.from_csv(
-            as_table(task, "task"), self.study.robot, self.study.fixed, np.zeros(6)
-        )
+        from edtk.calibration.tasks_in_use import load_task
+
+        if task is None:
+            return load_task(self.study)
+        table = as_table(task, "task")
+        if self.study.tasks:
+            return load_task(self.study, table)
+        return Plan.from_csv(table, self.study.robot, self.study.fixed, np.zeros(6))
 
     def _commands(self, result: Any, task: PlanLike | None, poses: Plan) -> "GeometricCompensation":
         from edtk.calibration.geometry.compensate_geometry import compensate_geometry
@@ -346,7 +351,8 @@ class OfGeometry(OfStudy):
 
         content = read_result(result)
         where = name_of(result, "result")
-        return compensate_geometry(self.study, content, where, poses, name_of(task, "task"))
+        of = name_of(self.study.where if task is None else task, "task")
+        return compensate_geometry(self.study, content, where, poses, of, own=task is None)
 
     def predict(
         self, result: Any, poses: PlanLike, tool_rows: int, out: Path | str | None

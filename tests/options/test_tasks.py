@@ -6,13 +6,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from small_arm import ROBOT
 
 import edtk
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+from edtk.design.plan import Plan
+from edtk.fit.geometry.fitted_geometry import resting_torque
 from edtk.measure.task import Task
 from edtk.study.study import Study
+from edtk.study.study_geometry import StudyGeometry
 from edtk.system.typing import Array
 
 MARKERS = [
@@ -180,3 +184,63 @@ def test_a_path_is_its_poses(tmp_path: Path) -> None:
     assert path.target is not None
     assert several.target is not None
     np.testing.assert_array_equal(path.target, several.target)
+
+
+def visited(study: Study, seed: int) -> tuple[pd.DataFrame, Array]:
+    """A day of one arm: its sheet, and the parameters that it has."""
+    setting = StudyGeometry.of(study)
+    model = GeometryQuestion.of(study).structural
+    rng = np.random.default_rng(seed)
+    theta = np.array(
+        [rng.uniform(2, 9) if p.place == "compliance" else rng.normal() for p in model.parameters]
+    )
+    theta = theta * model.scales
+    q = np.deg2rad(np.round(rng.uniform(-95, 95, (24, 6)), 3))
+    wrench = np.tile([[0.0, 0, 0, 0, 0, 0], [0, 0, -150, 0, 0, 0]], (12, 1))
+    torque = resting_torque(model.compliances(theta), q, wrench, setting.loads)
+    x = 1e3 * model.see(theta, q, torque, derivatives=False).points
+    x += rng.normal(0, 0.02, x.shape)
+    table = Plan(q, wrench, np.ones(24, dtype=int)).to_frame(study.robot).drop(columns="repeats")
+    for i, name in enumerate("ABC"):
+        table[[f"{name}{axis}_mm" for axis in "xyz"]] = x[:, i]
+    return table, theta
+
+
+def test_commands_bring_a_tool_where_the_drawing_has_it() -> None:
+    """Tool and payload of the study's own poses: the true arm misses by what is promised."""
+    study = STUDY.replace(test_pose=[POSE | KINDS[name] for name in ("everything", "tool")])
+    sheet, theta = visited(study, 1)
+    found = edtk.identify(study, sheet)
+    told = edtk.compensate(study, found)
+    assert told.turns is not None
+    assert told.left.max() < 1e-9
+    setting = StudyGeometry.of(study)
+    model = GeometryQuestion.of(study).structural
+    moves = [one.place != "tool" for one in model.parameters]
+    for i, task in enumerate(study.tasks):
+        assert task.tool is not None
+        drawn = found.fit.fitted.model.at_tool(task.tool).with_parameters(())
+        goal = drawn.see(np.zeros(0), task.q[None], derivatives=False).points
+        errors = []
+        for q in (task.q[None], told.command[i][None]):
+            k = model.compliances(theta)
+            torque = resting_torque(k, q, task.wrench[None], setting.loads_of(task))
+            arm = model.at_tool(task.tool)
+            at = arm.see(theta[moves], q, torque, derivatives=False).points
+            errors.append(float(np.linalg.norm(at - goal)))
+        assert errors[1] < 0.1 * errors[0]
+        assert errors[1] < 3 * told.remaining[i]
+    # In the pose without a lever that is its rho0, and what the residuals show besides.
+    accuracy = found.accuracy
+    assert accuracy is not None
+    assert told.remaining[1] == pytest.approx(accuracy.error[1], rel=0.2)
+
+
+def test_poses_of_a_file_need_one_tool() -> None:
+    """Test poses of several tools are compensated themselves, and no others."""
+    study = STUDY.replace(test_pose=[POSE | KINDS[name] for name in ("markers", "tool")])
+    found = edtk.identify(study, visited(study, 2)[0])
+    assert len(edtk.compensate(study, found).command) == 2
+    poses = pd.DataFrame([POSE["q_deg"]], columns=[f"q{i}_deg" for i in range(1, 7)])
+    with pytest.raises(edtk.UserError, match="the test poses have different tools"):
+        edtk.compensate(study, found, poses)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.calibration.geometry.geometric_calibration import read_geometry
-from edtk.calibration.tasks_in_use import RefusedRow, require_one
+from edtk.calibration.tasks_in_use import RefusedRow, ToolInUse, require_one, tools_of_task
 from edtk.design.plan import Plan
 from edtk.fit.geometry.fitted_geometry import FittedGeometry, Loads
 from edtk.measure.cells import csv_text
@@ -24,9 +24,11 @@ from edtk.measure.pose_table import (
     pose_columns,
     pose_factors,
 )
+from edtk.measure.task import Task
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import rotation_vectors
 from edtk.study.study import Study
+from edtk.study.study_geometry import StudyGeometry
 from edtk.system.errors import UserError
 from edtk.system.files import write_text
 from edtk.system.presented import Presented
@@ -258,16 +260,78 @@ class GeometricCompensation(Presented):
         write_text(path, csv_text(self.to_frame()))
 
 
+@dataclass(frozen=True, eq=False)
+class _InPoses:
+    """What a fitted robot does in the poses of one tool, or of the markers.
+
+    Attributes:
+        fitted: The identified robot, with that tool or with the markers.
+        loads: What loads its joints.
+        goal: Where the drawing carries tool or markers in the poses.
+        rows: Rows (t,) of the task that these are.
+    """
+
+    fitted: FittedGeometry
+    loads: Loads | None
+    goal: MarkerGoal
+    rows: Indices
+
+    @classmethod
+    def of(
+        cls, setting: StudyGeometry, fitted: FittedGeometry, tool: ToolInUse, every: Array
+    ) -> "_InPoses":
+        """With the tool of some poses, of all (t, n)."""
+        task = tool.task
+        robot = fitted if task.tool is None else fitted.at_tool(task.tool)
+        goal = MarkerGoal.of(robot, every[tool.rows])
+        return cls(robot, setting.loads_of(task), goal, tool.rows)
+
+    def commands(self, every: Array, wrench: Array) -> Array:
+        """Commands (t, n) in these poses, of all (m, n) with their wrenches (m, 6)."""
+        rows = self.rows
+        return self.goal.commands(self.fitted, every[rows], wrench[rows], self.loads)
+
+    def errors(
+        self, every: Array, command: Array, wrench: Array, rows: Indices
+    ) -> tuple[Indices, Array, Array | None]:
+        """Errors before and after in those of some rows that are among these poses.
+
+        Returns:
+            The rows (r,); errors (3, r) of positions [m], without compensation, left by the
+            commands, and to expect; and those of orientations [rad], None without any.
+        """
+        own = np.isin(self.rows, rows)
+        at = self.rows[own]
+        goal = self.goal.of_poses(np.flatnonzero(own))
+        plain, plain_turn = _errors(self.fitted, goal, every[at], wrench[at], self.loads)
+        left, left_turn = _errors(self.fitted, goal, command[at], wrench[at], self.loads)
+        predicted = self.fitted.predict(command[at], wrench[at], self.loads)
+        noise = self.fitted.noise
+        reading = noise.squared_reading(predicted.points).mean(axis=1) / MM**2
+        remaining = _remaining(predicted.std, reading, left)
+        lengths = np.stack([plain, left, remaining])
+        if plain_turn is None or left_turn is None or predicted.turn_std is None:
+            return at, lengths, None
+        turned = _remaining(predicted.turn_std, 3 * ((noise.turn or 0.0) / MM) ** 2, left_turn)
+        return at, lengths, np.stack([plain_turn, left_turn, turned])
+
+
 def compensate_geometry(
-    study: Study, result: Mapping[str, Any], where: Path | str, task: Plan, poses: Path | str
+    study: Study,
+    result: Mapping[str, Any],
+    where: Path | str,
+    task: Plan,
+    poses: Path | str,
+    own: bool = False,
 ) -> GeometricCompensation:
-    """Find commands that carry the markers where the drawing's robot carries them.
+    """Find commands that carry tool or markers where the drawing's robot carries them.
 
     The robot of the drawing stands where it fitted the positions best, with the markers where they
-    fitted best, and moves without a load. A command q of the identified robot brings its markers
-    there, under the load of the pose, see `MarkerGoal`. Three markers fix position and orientation,
-    one the position alone, unless its orientation was measured too. Rows that have no command are
-    left out, and named in the result.
+    fitted best, and moves without a load. A command q of the identified robot brings the tool of
+    the test poses there, or the markers where they name none, under the load of the pose, see
+    `MarkerGoal`. A tool has position and orientation. Three markers fix both, one the position
+    alone, unless its orientation was measured too. Rows that have no command are left out, and
+    named in the result.
 
     Args:
         study: A study with [parameters].
@@ -275,47 +339,54 @@ def compensate_geometry(
         where: The result, for messages.
         task: Poses and wrenches.
         poses: Their file, for messages.
+        own: Whether these are the study's own test poses, each with its own tool and payload.
 
     Raises:
-        UserError: The result is of another study, or no pose can be reached within the joints'
-            limits; names the first row.
+        UserError: The result is of another study, no pose can be reached within the joints'
+            limits, which names the first row; or test poses have several tools that are not own.
     """
     setting, fitted, counting = read_geometry(study, result["geometry"], where)
     if setting.full_poses and fitted.placed_turns is None:
         message = "the result is older than commands for full poses; identify the sheet anew"
         raise UserError(message, where=where, key="geometry.placed_turns_rad")
-    loads = setting.loads
     every = counting.turned(task.q)
-    goal = MarkerGoal.of(fitted, every)
-    command = goal.commands(fitted, every, task.wrench, loads)
+    tools = _of_markers(study, len(every))
+    if study.tasks:
+        tools = tools_of_task(study, len(every), own)
+    parts = [_InPoses.of(setting, fitted, tool, every) for tool in tools]
+    command = np.empty_like(every)
+    for part in parts:
+        command[part.rows] = part.commands(every, task.wrench)
     refused = _not_reached(study.robot, counting.back(command), task.q)
     rows = np.setdiff1d(np.arange(len(every)), [row.row for row in refused])
     require_one(len(rows), refused, poses)
-    goal = goal.of_poses(rows)
-    desired, command, wrench = every[rows], command[rows], task.wrench[rows]
-    plain, plain_turn = _errors(fitted, goal, desired, wrench, loads)
-    left, left_turn = _errors(fitted, goal, command, wrench, loads)
-    predicted = fitted.predict(command, wrench, loads)
-    noise = fitted.noise
+    each = [part.errors(every, command, task.wrench, rows) for part in parts]
+    order = np.argsort(np.concatenate([at for at, _, _ in each]), kind="stable")
+    lengths = np.concatenate([errors for _, errors, _ in each], axis=1)[:, order]
+    turned = [errors for _, _, errors in each if errors is not None]
     turns = None
-    if plain_turn is not None and left_turn is not None and predicted.turn_std is not None:
-        remaining = _remaining(predicted.turn_std, 3 * ((noise.turn or 0.0) / MM) ** 2, left_turn)
-        turns = TurnErrors(plain_turn, left_turn, remaining)
-    reading = noise.squared_reading(predicted.points).mean(axis=1) / MM**2
+    if len(turned) == len(each):
+        turns = TurnErrors(*np.concatenate(turned, axis=1)[:, order])
     verdict = result.get("verdict")
     return GeometricCompensation(
         robot=study.robot,
         desired=task.q[rows],
-        wrench=wrench,
-        command=counting.back(command),
-        uncompensated=plain,
-        left=left,
-        remaining=_remaining(predicted.std, reading, left),
+        wrench=task.wrench[rows],
+        command=counting.back(command[rows]),
+        uncompensated=lengths[0],
+        left=lengths[1],
+        remaining=lengths[2],
         verdict=str(verdict) if isinstance(verdict, str) else None,
         turns=turns,
         rows=rows,
         refused=tuple(refused),
     )
+
+
+def _of_markers(study: Study, poses: int) -> tuple[ToolInUse, ...]:
+    """The markers, in poses of a study without tasks."""
+    markers = Task(q=np.zeros(study.robot.n), tool=None, wrench=np.zeros(6), robot=study.robot)
+    return (ToolInUse(np.arange(poses), markers),)
 
 
 def _errors(

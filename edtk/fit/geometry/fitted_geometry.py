@@ -113,6 +113,31 @@ class FittedGeometry:
         """Compliances (n,) of all free joints [rad/(N m)]; zero where they are not parameters."""
         return self.model.compliances(self.theta)
 
+    def at_tool(self, tool: Array) -> "FittedGeometry":
+        """The same robot with a tool frame in place of the markers, see `GeometricModel.at_tool`.
+
+        Of the errors of a reading those of the joints, and of what the model leaves out, are those
+        of a marker.
+
+        Args:
+            tool: Transform (4, 4) after the last joint [m].
+        """
+        kept, left = (
+            np.array([one.place != "tool" for one in every], dtype=bool)
+            for every in (self.model.parameters, self.open_parameters)
+        )
+        still = np.zeros((1, 3))
+        return FittedGeometry(
+            self.model.at_tool(tool),
+            self.theta[kept],
+            self.covariance[np.ix_(kept, kept)],
+            tuple(one for one in self.open_parameters if one.place != "tool"),
+            self.shares[np.ix_(kept, left)],
+            replace(self.noise, turn=self.noise.turn or 0.0, model_fit=None),
+            placed=still,
+            placed_turns=still,
+        )
+
     def torque(self, q: Array, wrench: Array, loads: Loads | None) -> Array | None:
         """Loads (m, n) of the joints where the springs bring them to rest, to second order."""
         return resting_torque(self.compliances, q, wrench, loads)

@@ -37,7 +37,6 @@ STUDY = Study(
     test_pose={
         "q_deg": [10, 20, -30, 40, 50, 60],
         "load": {"F_N": [0, 0, 0]},
-        "tool": {"position_mm": [0, 0, 100]},
     },
     candidates=300,
 )
