@@ -29,9 +29,10 @@ def compensate(
 
     Returns:
         For a study with [parameters], commands that bring the tool of the test poses, or without
-        one the markers, where the robot of the drawing would have them, unloaded. Otherwise commands, the error without compensation, and
-        the error that remains, with a 95 % band. Rows that have no command, as it would be out of
-        limits or the arm buckles, are in `.refused`; `.rows` says which the others are.
+        one the markers, where the robot of the drawing would have them, unloaded. Otherwise
+        commands, the error without compensation, and the error that remains, with a 95 % band. Rows
+        that have no command, as it would be out of limits or the arm buckles, are in `.refused`;
+        `.rows` says which the others are.
 
     Raises:
         UserError: A file is not valid, or no row has a command.
