@@ -385,9 +385,8 @@ class FittedData:
         """What the [prior] says of the size of compliances; None if it says nothing."""
         if self.prior is None:
             return None
-        found = PriorRows.near(self.prior, self.fit.k)
-        if self.untold:
-            found = found.with_weak(self.prior)
+        prior = self.prior.with_weak if self.untold else self.prior
+        found = PriorRows.near(prior, self.fit.k)
         return found if len(found) else None
 
     @property

@@ -1,17 +1,19 @@
-"""A prior that measurements contradict, and a posterior far from least squares."""
+"""A prior that measurements contradict or rest on, and a posterior far from least squares."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from edtk.findings.finding import Data, Finding, Severity, Wording, shown_probability
 from edtk.findings.fitted_data import FittedData
-from edtk.fit.distributions import chi_square_tail, fisher_tail, normal_quantile, student_below
+from edtk.fit.distributions import chi_square_tail, fisher_tail, student_below
 from edtk.fit.identify import Identification
 from edtk.fit.posterior import Posterior
-from edtk.fit.prior import Flat, Prior
+from edtk.fit.prior import Flat, Marginal, Prior
 from edtk.measure.expected_error import AssumedJoint
+from edtk.measure.parameters import GeometricParameter
 from edtk.study.study import Study
+from edtk.system.typing import Array
 
 # Which of two estimates to believe, by the reason why they differ.
 BELIEVE = {
@@ -22,7 +24,9 @@ BELIEVE = {
 }
 UNLIKELY = 0.01  # probability of so large a step of a known compliance, as of a fault that is named
 CONTRADICTION = 1e-3  # probability of so large a distance between prior and estimate
-QUANTILES = 2001  # of a prior, over which the distribution of an estimate is averaged
+# Standard normal variables of a prior, over which the distribution of an estimate is averaged, with
+# tails beyond any probability that counts.
+NORMAL = np.linspace(-8.0, 8.0, 2001)
 FAR_APART = (
     2.0  # posterior standard deviations between mean and least squares that are worth a line
 )
@@ -30,33 +34,81 @@ WIDER = 2.0  # standard deviation of the fit over the posterior's, where the pri
 
 
 def prior_findings(fit: Identification, prior: Prior) -> Iterator[Finding]:
-    """Priors under which the least-squares estimate is improbable.
+    """Priors under which the least-squares estimate of compliances is improbable.
 
     The estimate is normal about the compliances, with the covariance of the fit, and these are
     distributed as the prior says: the distance to an earlier calibration is Mahalanobis's, under
-    the sum of both covariances. One of p marginals counts if its probability is below a p-th.
+    the sum of both covariances.
     """
-    p = len(fit.k)
-    if prior.earlier is not None:
-        probability = _far_from_earlier(fit, prior)
-        if probability < CONTRADICTION:
-            yield _contradicted(fit.parameters, p=probability, earlier=True)
-    middle = (np.arange(QUANTILES) + 0.5) / QUANTILES
-    z = normal_quantile(middle)
-    named = []
-    least = 1.0
-    for name, marginal, k, std in zip(
-        fit.parameters, prior.marginals, fit.unbounded, fit.std, strict=True
-    ):
-        if isinstance(marginal, Flat):
-            continue
-        below = float(np.mean(student_below((k - marginal.of_normal(z)) / std, fit.covariance_dof)))
-        probability = 2 * min(below, 1 - below)
-        if probability < CONTRADICTION / p:
-            named.append(name)
-            least = min(least, probability)
+    earlier = None if prior.earlier is None else _far_from_earlier(fit, prior)
+    told = (fit.unbounded, fit.std)
+    yield from contradictions(fit.parameters, prior, told, fit.covariance_dof, earlier)
+
+
+def contradictions(
+    parameters: tuple[str, ...],
+    prior: Prior,
+    told: tuple[Array, Array],
+    dof: float,
+    earlier: float | None,
+) -> Iterator[Finding]:
+    """What was known before of parameters of any kind, where all else makes it improbable.
+
+    One of n densities counts if its probability is below an n-th.
+
+    Args:
+        parameters: Names (p,), or words.
+        prior: What was known.
+        told: Estimates and standard deviations (p,) without the density of each, in SI units; NaN
+            where nothing else says anything of a parameter.
+        dof: Degrees of freedom of the noise.
+        earlier: Probability of an earlier calibration that is as far from all else; None without.
+    """
+    if earlier is not None and earlier < CONTRADICTION:
+        yield _contradicted(parameters, p=earlier, earlier=True)
+    rows = zip(parameters, prior.marginals, *told, strict=True)
+    chances = {
+        name: _chance(marginal, k, std, dof)
+        for name, marginal, k, std in rows
+        if not isinstance(marginal, Flat) and np.isfinite(k)
+    }
+    named = [name for name, p in chances.items() if p < CONTRADICTION / len(chances)]
     if named:
-        yield _contradicted(tuple(named), p=least, earlier=False)
+        yield _contradicted(tuple(named), p=min(chances.values()), earlier=False)
+
+
+def _chance(marginal: Marginal, k: float, std: float, dof: float) -> float:
+    """Probability of an estimate k as far out, on either side, under a density of the parameter."""
+    assert not isinstance(marginal, Flat)
+    density = np.exp(-0.5 * NORMAL**2)
+    spread = max(std, np.finfo(float).tiny)
+    above = (marginal.of_normal(NORMAL) - k) / spread
+    # Both tails by themselves: one less a number near one has no digits.
+    tails = [float(density @ student_below(side, dof)) for side in (above, -above)]
+    return 2 * min(tails) / float(density.sum())
+
+
+def rescue_findings(
+    rescued: Sequence[GeometricParameter], beyond: Sequence[GeometricParameter]
+) -> list[Finding]:
+    """Parameters that are told by what was known before, as the poses alone do not tell them.
+
+    Args:
+        rescued: Those that other poses would tell.
+        beyond: Those that no poses would.
+    """
+    kinds = ((Severity.WARNING, rescued, True), (Severity.NOTE, beyond, False))
+    return [
+        Finding.of(
+            severity,
+            WORDING,
+            "rests_on_prior",
+            parameters=tuple(one.name for one in some),
+            other_poses=by_others,
+        )
+        for severity, some, by_others in kinds
+        if some
+    ]
 
 
 def _contradicted(parameters: tuple[str, ...], p: float, earlier: bool) -> Finding:
@@ -103,10 +155,14 @@ def _far_from_earlier(fit: Identification, prior: Prior) -> float:
     covariance = fit.covariance + prior.earlier.covariance
     scale = np.sqrt(np.diag(covariance))
     square = (off / scale) @ np.linalg.solve(covariance / np.outer(scale, scale), off / scale)
-    p = len(off)
-    if np.isinf(fit.covariance_dof):
-        return float(chi_square_tail(square, p))
-    return float(fisher_tail(square / p, p, fit.covariance_dof))
+    return chance_of_square(float(square), len(off), fit.covariance_dof)
+
+
+def chance_of_square(square: float, rank: int, dof: float) -> float:
+    """Probability of as large a squared distance of so many numbers, noise of so many dof."""
+    if np.isinf(dof):
+        return float(chi_square_tail(square, rank))
+    return float(fisher_tail(square / rank, rank, dof))
 
 
 def posterior_findings(fitted: FittedData, prior: Prior, posterior: Posterior) -> Iterator[Finding]:
@@ -151,6 +207,12 @@ def posterior_findings(fitted: FittedData, prior: Prior, posterior: Posterior) -
 def _rests_on_prior(data: Data) -> str:
     """Parameters that the measurements do not tell."""
     names = ", ".join(data["parameters"])
+    if "other_poses" in data:
+        by = "the measurements alone do not tell" if data["other_poses"] else "no poses alone tell"
+        return (
+            f"{by} {names}: values and bands rest on what is known before, in [prior] or "
+            "known_rad_per_Nm"
+        )
     return (
         f"the measurements alone do not tell {names}: least squares have no answer, and k and std "
         "are mean and standard deviation of the posterior, which rests on the [prior]"

@@ -1,13 +1,13 @@
-"""Prior knowledge of the compliances, and estimates from measurements and prior together."""
+"""Prior knowledge of parameters, and estimates from measurements and prior together."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import log
 
 import numpy as np
 
 from edtk.fit.correlated_noise import CorrelatedNoise, NoiseBlocks, RowNoise, whiten, whiten_columns
 from edtk.fit.least_squares import Estimate, Whitened
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices, Mask
 
 # Of two coordinates, a sweep multiplies the memory of the start by their squared correlation: at
 # 0.98 less than 2 % of it remain.
@@ -15,6 +15,7 @@ SWEEPS = 100
 # Draws from an earlier calibration that are not positive are thrown away and drawn again. After so
 # many rounds nearly all of its mass is where no compliance can be, which is worth an error.
 MOST_ROUNDS = 1000
+SAME = 1e-8  # of a column, which others leave of it where they do the same
 NEAR = 4.0  # standard deviations of a logarithm, within which it is linearised about an estimate
 
 
@@ -123,20 +124,55 @@ class LogNormal:
         return np.asarray(self.median * self.factor**z)
 
 
-Marginal = Flat | HalfNormal | LogNormal
+@dataclass(frozen=True)
+class Gaussian:
+    """A parameter is known to a standard deviation: it is normal.
+
+    Attributes:
+        mean: Its mean, in SI units: zero is the drawing of a length or an angle.
+        std: Its standard deviation.
+    """
+
+    mean: float
+    std: float
+
+    def log_density(self, k: Array) -> Array:
+        """Logarithm (...) of the density up to a constant, for k (...)."""
+        return -0.5 * ((k - self.mean) / self.std) ** 2
+
+    def gaussian(self) -> tuple[float, float]:
+        """Mean and precision: its own."""
+        return self.mean, self.std**-2
+
+    def draw(self, rng: np.random.Generator, n: int) -> Array:
+        """Draws (n,), of any sign."""
+        return self.of_normal(rng.standard_normal(n))
+
+    def of_normal(self, z: Array) -> Array:
+        """Values of this density from those of a standard normal variable."""
+        return np.asarray(self.mean + self.std * z)
+
+
+Marginal = Flat | HalfNormal | LogNormal | Gaussian
 
 
 @dataclass(frozen=True, eq=False)
 class Normal:
-    """The result of an earlier calibration: a normal distribution of all compliances.
+    """The result of an earlier calibration: a normal distribution of parameters.
 
     Attributes:
-        mean: Estimates (p,) [rad/(N m)].
-        covariance: Their covariance (p, p).
+        mean: Estimates (r,) in SI units, of compliances [rad/(N m)].
+        covariance: Their covariance (r, r).
+        columns: Combinations C (r, p) of all parameters that the estimates are of, ``C k``; None
+            where these are the parameters themselves.
+        basis: Indices of the parameters that were estimated together; those of which nothing is
+            said any more, as a place that is another one today, have columns of zeros.
     """
 
     mean: Array
     covariance: Array
+    columns: Array | None = None
+    basis: tuple[int, ...] = ()
     _factor: Array = field(init=False, repr=False)
     _whitener: Array = field(init=False, repr=False)
 
@@ -149,21 +185,64 @@ class Normal:
 
     def log_density(self, k: Array) -> Array:
         """Logarithm (...) of the density up to a constant, for k (..., p)."""
-        return -0.5 * (((k - self.mean) @ self._whitener) ** 2).sum(axis=-1)
+        told = k if self.columns is None else k @ self.columns.T
+        return -0.5 * (((told - self.mean) @ self._whitener) ** 2).sum(axis=-1)
+
+    def of(self, chosen: Indices) -> "Normal":
+        """The same of some parameters, where the others are zero, or hang on these."""
+        if self.columns is None:
+            return self
+        return replace(self, columns=self.columns[:, chosen])
+
+    def completed(self, moves: Array, scales: Array) -> "Normal":
+        """The same with the parameters that could not be told from those that were estimated.
+
+        Where a parameter moves all that is measured as a combination c of the estimated ones does,
+        the estimates are of these and c times that parameter.
+
+        Args:
+            moves: How all parameters move what is measured (rows, p), a unit of each.
+            scales: Those units (p,) in SI.
+        """
+        if self.columns is None or not self.basis:
+            return self
+        own = list(self.basis)
+        columns = np.array(self.columns)
+        for j in np.flatnonzero(~columns.any(axis=0)):
+            size = np.linalg.norm(moves[:, j])
+            c = np.linalg.lstsq(moves[:, own], moves[:, j], rcond=None)[0]
+            left = np.linalg.norm(moves[:, j] - moves[:, own] @ c)
+            if j not in own and 0 < left <= SAME * size:
+                columns[:, j] = (columns[:, own] * scales[own]) @ c / scales[j]
+        return replace(self, columns=columns)
+
+    def gaussian(self) -> tuple[Array, Array]:
+        """Precision (p, p) of all parameters, and that times their mean (p,)."""
+        precision: Array = np.asarray(np.linalg.inv(self.covariance), dtype=float)
+        weighted_mean = precision @ self.mean
+        if self.columns is None:
+            return precision, weighted_mean
+        return self.columns.T @ precision @ self.columns, self.columns.T @ weighted_mean
+
+    def rows(self) -> tuple[Array, Array]:
+        """Rows (r, p) and values (r,) with errors of size one that say the same."""
+        whitener = np.linalg.inv(np.linalg.cholesky(self.covariance))
+        rows: Array = whitener if self.columns is None else whitener @ self.columns
+        return rows, whitener @ self.mean
 
     def draw(self, rng: np.random.Generator, n: int) -> Array:
-        """Draws (n, p) [rad/(N m)], of any sign."""
+        """Draws (n, r), of any sign."""
         return self.mean + rng.standard_normal((n, len(self.mean))) @ self._factor.T
 
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """A marginal for each compliance, or an earlier calibration, or both; compliances are positive.
+    """A marginal for each parameter, or an earlier calibration, or both.
 
     Attributes:
-        marginals: One for each of the p compliances.
+        marginals: One for each of the p parameters: compliances, lengths and angles, in SI units.
         earlier: Result of an earlier calibration, a further factor of the density; or None.
-        positive: Whether the density is zero where a compliance is not positive.
+        positive: Whether the density is zero where a parameter is not positive, as compliances are.
     """
 
     marginals: tuple[Marginal, ...]
@@ -177,9 +256,7 @@ class Prior:
 
     def log_density(self, k: Array) -> Array:
         """Logarithm (...) of the density up to a constant, for k (..., p); -inf outside."""
-        inside = np.ones(k.shape[:-1], dtype=bool)
-        if self._bounded:
-            inside = np.asarray((k > 0).all(axis=-1))
+        inside = np.asarray((k[..., self._bounded] > 0).all(axis=-1))
         # Logarithms want positive numbers, also where their result is thrown away.
         safe = np.where(inside[..., None], k, 1.0)
         total = np.zeros(k.shape[:-1])
@@ -200,10 +277,19 @@ class Prior:
         precision = np.diag(pairs[:, 1])
         weighted_mean = pairs[:, 0] * pairs[:, 1]
         if self.earlier is not None:
-            inverse = np.linalg.inv(self.earlier.covariance)
-            precision = precision + inverse
-            weighted_mean = weighted_mean + inverse @ self.earlier.mean
+            of_earlier = self.earlier.gaussian()
+            precision = precision + of_earlier[0]
+            weighted_mean = weighted_mean + of_earlier[1]
         return precision, weighted_mean
+
+    def of(self, chosen: Indices) -> "Prior":
+        """The same of some parameters, where nothing is known of the others by themselves."""
+        marginals = tuple(self.marginals[i] for i in chosen)
+        return replace(
+            self,
+            marginals=marginals,
+            earlier=None if self.earlier is None else self.earlier.of(chosen),
+        )
 
     def draw(self, rng: np.random.Generator, n: int) -> Array:
         """Draws (n, p) [rad/(N m)].
@@ -212,36 +298,48 @@ class Prior:
             ValueError: A marginal is flat and there is no earlier calibration, or both kinds are
                 given; or the earlier calibration is hardly ever positive.
         """
-        if self.earlier is None:
-            return np.stack([marginal.draw(rng, n) for marginal in self.marginals], axis=-1)
-        if any(not isinstance(marginal, Flat) for marginal in self.marginals):
+        both = any(not isinstance(marginal, Flat) for marginal in self.marginals)
+        if self.earlier is not None and both:
             raise ValueError(
                 "an earlier calibration together with other priors cannot be drawn from"
             )
         found = np.empty((0, len(self.marginals)))
         for _ in range(MOST_ROUNDS):
-            k = self.earlier.draw(rng, n)
+            k = (
+                np.stack([marginal.draw(rng, n) for marginal in self.marginals], axis=-1)
+                if self.earlier is None
+                else self.earlier.draw(rng, n)
+            )
             allowed = k[(k > 0).all(axis=-1)] if self.positive else k
             found = np.concatenate([found, allowed])
             if len(found) >= n:
                 return found[:n]
-        raise ValueError(
-            "of the earlier calibration's normal distribution hardly anything is positive"
-        )
+        raise ValueError("of the prior's normal distribution hardly anything is positive")
+
+    @property
+    def with_weak(self) -> "Prior":
+        """The same where measurements alone do not tell all: half-normal densities say sizes."""
+        marginals = [
+            Gaussian(0.0, one.scale) if isinstance(one, HalfNormal) else one
+            for one in self.marginals
+        ]
+        return replace(self, marginals=tuple(marginals))
 
     @property
     def is_flat(self) -> bool:
-        """Whether nothing is known, but that compliances are positive."""
+        """Whether nothing is known, but perhaps that parameters are positive."""
         return self.earlier is None and all(isinstance(m, Flat) for m in self.marginals)
 
     @property
     def proper(self) -> bool:
-        """Whether every compliance has a prior of finite mass and moments."""
+        """Whether every parameter has a prior of finite mass and moments."""
         return self.earlier is not None or not any(isinstance(m, Flat) for m in self.marginals)
 
     @property
-    def _bounded(self) -> bool:
-        return self.positive or any(not isinstance(m, Flat) for m in self.marginals)
+    def _bounded(self) -> Mask:
+        """Which parameters (p,) are positive."""
+        own = [isinstance(one, HalfNormal | LogNormal) for one in self.marginals]
+        return np.array(own, dtype=bool) | self.positive
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,29 +350,43 @@ class PriorRows:
     coordinates say nothing.
 
     Attributes:
-        rows: Regressors (r, p) [1/(rad/(N m))].
+        rows: Regressors (r, p), of compliances [1/(rad/(N m))].
         values: Their right-hand sides (r,).
+        parameters: Of which parameter each of the first rows is; the others are of an earlier
+            calibration, all together.
     """
 
     rows: Array
     values: Array
+    parameters: tuple[int, ...] = ()
+
+    @classmethod
+    def none(cls, p: int) -> "PriorRows":
+        """Nothing is known of p parameters."""
+        return cls(np.zeros((0, p)), np.zeros(0))
 
     @classmethod
     def near(cls, prior: Prior, k: Array) -> "PriorRows":
-        """Linearise a prior about compliances.
+        """Linearise a prior about parameters.
 
         Of a compliance that is known to a factor the logarithm is normal: ``log k`` is
         ``log k0 + (k - k0) / k0`` near k0.
 
         Args:
-            prior: Knowledge of the compliances; flat and half-normal densities are left out, as
+            prior: Knowledge of the parameters; flat and half-normal densities are left out, as
                 these say nothing of a compliance's size but that it is not large.
-            k: The compliances (p,) about which it is linearised [rad/(N m)].
+            k: The parameters (p,) about which it is linearised, in SI units.
         """
         p = len(k)
         rows = []
         values = []
+        told = []
         for i, marginal in enumerate(prior.marginals):
+            if isinstance(marginal, LogNormal | Gaussian):
+                told.append(i)
+            if isinstance(marginal, Gaussian):
+                rows.append(np.eye(p)[i] / marginal.std)
+                values.append(marginal.mean / marginal.std)
             if isinstance(marginal, LogNormal):
                 std = log(marginal.factor)
                 near = k[i] > 0 and abs(log(k[i] / marginal.median)) < NEAR * std
@@ -282,21 +394,20 @@ class PriorRows:
                 rows.append(np.eye(p)[i] / (about * std))
                 values.append((log(marginal.median / about) + 1) / std)
         if prior.earlier is not None:
-            whitener = np.linalg.inv(np.linalg.cholesky(prior.earlier.covariance))
-            rows += list(whitener)
-            values += list(whitener @ prior.earlier.mean)
-        return cls(np.array(rows).reshape(-1, p), np.array(values))
+            earlier = prior.earlier.rows()
+            rows += list(earlier[0])
+            values += list(earlier[1])
+        return cls(np.array(rows).reshape(-1, p), np.array(values), tuple(told))
 
-    def with_weak(self, prior: Prior) -> "PriorRows":
-        """The same with the half-normal densities, where measurements alone do not tell all."""
-        weak = [
-            (i, one.scale) for i, one in enumerate(prior.marginals) if isinstance(one, HalfNormal)
-        ]
-        rows = [np.eye(len(prior.marginals))[i] / scale for i, scale in weak]
-        return PriorRows(
-            np.concatenate([self.rows, np.array(rows).reshape(-1, self.rows.shape[1])]),
-            np.append(self.values, np.zeros(len(rows))),
-        )
+    def scaled(self, scales: Array, weight: float = 1.0) -> "PriorRows":
+        """The same for parameters in other units, ``k = scales u``, and errors of another size."""
+        return replace(self, rows=weight * self.rows * scales, values=weight * self.values)
+
+    def of(self, chosen: Indices) -> "PriorRows":
+        """The same of some parameters; all rows stay."""
+        place = {int(old): new for new, old in enumerate(chosen)}
+        told = tuple(place.get(i, -1) for i in self.parameters)
+        return replace(self, rows=self.rows[:, chosen], parameters=told)
 
     def __len__(self) -> int:
         return len(self.values)

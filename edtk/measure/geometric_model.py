@@ -281,6 +281,8 @@ class GeometricModel:
         anchors: Fixed ends (k, 3) of the distances [m]; those of others do not count.
         places: The marker (k,) whose place on the robot each has: its own, or that of the marker
             where a distance ends.
+        known: Compliances (n,) of the free joints that are known, zero of the others [rad/(N m)];
+            None where none is.
 
     Raises:
         ValueError: Names and offsets do not fit each other.
@@ -296,6 +298,7 @@ class GeometricModel:
     kinds: tuple[Kind, ...] = ()
     anchors: Array | None = None
     places: tuple[int, ...] = ()
+    known: Array | None = None
 
     def __post_init__(self) -> None:
         k = len(self.markers)
@@ -408,7 +411,7 @@ class GeometricModel:
 
     def compliances(self, theta: Array) -> Array:
         """Compliances (n,) of all free joints at parameters theta (p,) [rad/(N m)]."""
-        k = np.zeros(self.robot.n)
+        k = np.zeros(self.robot.n) if self.known is None else self.known.copy()
         k[self.compliant] = theta[[p.place == "compliance" for p in self.parameters]]
         return k
 

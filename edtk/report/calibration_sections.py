@@ -84,10 +84,6 @@ def _evaluated(found: Calibration) -> list[tuple[str, str]]:
     asked = found.asked
     name = f"{asked.path.name}, " if asked.path is not None else ""
     pm = "\N{PLUS-MINUS SIGN}"
-    known = [
-        f"{joint} {one.value:g} {pm} {one.deviation:g} rad/(N m)"
-        for joint, one in study.specification.joints.known.items()
-    ]
     plan = found.fitted.plan
     rows = [
         ("Study", f"{name}SHA-256 begins with {asked.digest}"),
@@ -98,7 +94,7 @@ def _evaluated(found: Calibration) -> list[tuple[str, str]]:
         ("Repetitions", "noise that they share is estimated" if found.fitted.common_noise else ""),
         ("Plan", "none given" if plan is None else f"{plan.experiments} experiments, compared"),
         ("Sheet", "taken as it is, even if columns look misread" if found.origin.as_is else ""),
-        ("Known", ", ".join(known)),
+        ("Known", study.specification.joints.known_in_words(pm)),
         ("Posterior", "sampled" if found.check is not None else "not sampled"),
         ("Program", f"edtk {__version__}"),
     ]

@@ -91,6 +91,8 @@ def _evaluated(found: GeometricCalibration) -> list[tuple[str, str]]:
         ("Robot", study.robot.name),
         ("Robot in the instrument's frame", robot_stands(found.base)),
         ("Joints count", found.counting.words or "as the study says"),
+        ("Known", study.specification.joints.known_in_words("\N{PLUS-MINUS SIGN}")),
+        ("Known before", _told_before(found)),
         (
             "Fit",
             f"nonlinear least squares, variances by restricted likelihood; {loss}".rstrip("; "),
@@ -98,6 +100,14 @@ def _evaluated(found: GeometricCalibration) -> list[tuple[str, str]]:
         ("Program", f"edtk {__version__}"),
     ]
     return [(name, text) for name, text in rows if text]
+
+
+def _told_before(found: GeometricCalibration) -> str:
+    """How much the prior tells; empty without one."""
+    told = found.fit.told_before
+    if told is None:
+        return ""
+    return f"tells as much as {told.count:.3g} of the {found.rank} parameters"
 
 
 def _loads(wrench: Array) -> str:

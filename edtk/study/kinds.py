@@ -10,7 +10,7 @@ import numpy as np
 import criteria
 from edtk.fit.correlated_noise import row_numbers
 from edtk.fit.geometry.marker_positions import read_positions
-from edtk.measure.parameters import all_parameters
+from edtk.measure.parameters import GeometricParameter, all_parameters
 from edtk.measure.pose_table import (
     SHEET_COLUMNS,
     VISIT_COLUMN,
@@ -64,7 +64,10 @@ class Compliances(Kind):
         return robot.body_names
 
     def check(self, study: Asked) -> None:
-        """Check that test poses have a tool, and a load."""
+        """Check what is of geometry, and that test poses have a tool, and a load."""
+        if study.specification.prior.parameters:
+            message = "is for studies with [parameters]; expected prior.joints"
+            raise study.error("prior.parameters", message)
         if study.specification.task is not None and study.specification.task.tool is None:
             raise study.error("task.tool", "this key is required")
         # rho0 has no meaning where errors of compliances do no harm.
@@ -213,6 +216,7 @@ class Geometry(Kind):
         _check_reference(study, asked.base)
         _check_measured(study)
         _check_unused(study)
+        self._check_prior(study)
 
     def is_paired(self, study: Asked) -> bool:
         """Positions are absolute."""
@@ -225,15 +229,7 @@ class Geometry(Kind):
             raise study.error(
                 key, "a study with [parameters] names what is of interest in `parameters`"
             )
-        asked = self.parameters(study)
-        every = all_parameters(
-            study.robot,
-            tuple(name for _, name in on_robot(study)) or ("marker",),
-            asked.geometry,
-            study.specification.joints.unknown,
-            asked.base,
-            asked.tool,
-        )
+        every = self._every(study)
         for name in table.parameters:
             if not any(name in one.groups for one in every):
                 known = ", ".join(dict.fromkeys(one.groups[-1] for one in every))
@@ -242,6 +238,45 @@ class Geometry(Kind):
                     f"no parameter {name!r} is asked for; expected some of {known}, of kinds, "
                     f"joints, or single ones such as {every[-1].name}",
                 )
+
+    def _every(self, study: Asked) -> tuple[GeometricParameter, ...]:
+        """The parameters that the study asks for."""
+        asked = self.parameters(study)
+        return all_parameters(
+            study.robot,
+            tuple(name for _, name in on_robot(study)) or ("marker",),
+            asked.geometry,
+            study.specification.joints.unknown,
+            asked.base,
+            asked.tool,
+            study.specification.measurement.rows == "pose",
+        )
+
+    def _check_prior(self, study: Asked) -> None:
+        """Check that what is known of the geometry is of parameters that the study asks for."""
+        every = self._every(study)
+        for name, known in study.specification.prior.parameters.items():
+            key = f"prior.parameters.{name}"
+            meant = [one for one in every if name in one.groups]
+            if not meant:
+                listed = ", ".join(dict.fromkeys(one.groups[-1] for one in every))
+                raise study.error(
+                    key,
+                    f"no parameter {name!r} is asked for; expected one of {listed}, a kind, a "
+                    f"joint, or a single one such as {every[-1].name}",
+                )
+            if meant[0].place == "compliance":
+                raise study.error(key, f"expected it in prior.joints.{meant[0].of}")
+            if meant[0].place == "base":
+                raise study.error(
+                    key,
+                    "the base's errors are about the place that the sheet itself gives it, of "
+                    "which nothing can be known before; expected other parameters",
+                )
+            for turns, number in ((True, "std_mrad"), (False, "std_mm")):
+                if getattr(known, number) is not None and all(one.turns != turns for one in meant):
+                    other = "std_mm" if turns else "std_mrad"
+                    raise study.error(key, f"means no {number[4:]}; expected {other}")
 
     def check_criterion(self, study: StudyObjects, key: str, name: str) -> None:
         """The parameters of a plan are known only when it is asked for."""
@@ -359,12 +394,12 @@ def _check_unused(study: Asked) -> None:
     """Keys that a calibration of geometry would not heed are refused, not passed over."""
     given = study.specification
     unused = {
-        "joints.known_rad_per_Nm": bool(given.joints.known_rad_per_Nm),
-        "prior": given.prior != type(given.prior)(),
+        "prior.sigma_factor": given.prior.sigma_factor != 1,
+        "prior.nu": given.prior.nu != "normal",
     }
     instead = {
-        "joints.known_rad_per_Nm": "list the joint in parameters.compliance",
-        "prior": "its estimate rests on the positions alone",
+        "prior.sigma_factor": "the size of its errors is fitted anyway",
+        "prior.nu": "--robust gives errors heavy tails",
     }
     for key, is_given in unused.items():
         if is_given:

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.prior import Gaussian
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.geometric_model import GeometricModel
 from edtk.measure.noise import PositionNoise
@@ -91,12 +92,13 @@ class StudyGeometry:
         """The model with all parameters that the study asks for."""
         study = self.study
         asked = study.kind.parameters(study)
+        joints = study.specification.joints
         offsets = {name: np.array(one.position_mm) / 1e3 for one, name in on_robot(study)}
         parameters = all_parameters(
             study.robot,
             self.markers,
             asked.geometry,
-            study.specification.joints.unknown,
+            (*joints.unknown, *self.uncertain),
             asked.base,
             asked.tool,
             self.full_poses,
@@ -105,11 +107,33 @@ class StudyGeometry:
         )
         places = np.array([offsets.get(name, np.zeros(3)) for name in self.markers])
         rows: Literal["position", "pose"] = "pose" if self.full_poses else "position"
-        joints = {name: study.robot.body_names.index(joint) for name, joint in self.bodies.items()}
-        bodies = tuple(joints.get(name) for name in self.markers)
+        places_of = {
+            name: study.robot.body_names.index(joint) for name, joint in self.bodies.items()
+        }
+        exact = {
+            j: k for j, k in study.known.items() if study.robot.joint_names[j] not in self.uncertain
+        }
+        known = np.zeros(study.robot.n)
+        known[list(exact)] = list(exact.values())
         return GeometricModel(
-            study.robot, places, self.markers, parameters, rows=rows, bodies=bodies
+            study.robot,
+            places,
+            self.markers,
+            parameters,
+            rows=rows,
+            bodies=tuple(places_of.get(name) for name in self.markers),
+            known=known if exact else None,
         )
+
+    @property
+    def uncertain(self) -> dict[str, Gaussian]:
+        """Known compliances that may be off, by joint: parameters of which something is known."""
+        known = self.study.specification.joints.known
+        return {
+            name: Gaussian(one.value, one.deviation)
+            for name, one in known.items()
+            if one.deviation > 0
+        }
 
     @property
     def taken_as_drawn(self) -> tuple[GeometricParameter, ...]:
@@ -136,8 +160,9 @@ class StudyGeometry:
 
     @property
     def loads(self) -> "StudyLoads | None":
-        """What loads the joints; None where no spring is asked for."""
-        if not self.study.specification.joints.unknown:
+        """What loads the joints; None where no spring is asked for, or known."""
+        joints = self.study.specification.joints
+        if not joints.unknown and not joints.known:
             return None
         return replace(StudyLoads.of(self.study), reads_changes=self.reads_changes)
 

@@ -361,7 +361,8 @@ def designed_keys(study: Asked) -> dict[str, Any]:
     """
     given = study.specification
     uncertain = {name: one for name, one in given.joints.known.items() if one.deviation > 0}
-    if not uncertain:
+    # Of a study with [parameters] a known compliance is one of them from the start.
+    if not uncertain or given.parameters:
         return {}
     keys = given.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
     joints = keys["joints"]

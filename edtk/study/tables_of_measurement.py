@@ -279,14 +279,15 @@ NUMBERS_OF_KIND = {
     "flat": frozenset[str](),
     "half-normal": frozenset({"scale_rad_per_Nm"}),
     "log-normal": frozenset({"median_rad_per_Nm", "factor"}),
+    "normal": frozenset({"mean_rad_per_Nm", "std_rad_per_Nm"}),
 }
 
 
 class Marginal(Table):
     """Knowledge of one compliance before the measurements."""
 
-    kind: Literal["flat", "half-normal", "log-normal"] = Field(
-        description="Density: flat on all positive compliances, half-normal or log-normal"
+    kind: Literal["flat", "half-normal", "log-normal", "normal"] = Field(
+        description="Density: flat on all positive compliances, half-normal, log-normal or normal"
     )
     scale_rad_per_Nm: Compliance | None = Field(
         None, description="Scale of a half-normal density [rad/(N m)]"
@@ -297,10 +298,16 @@ class Marginal(Table):
     factor: Annotated[Finite, Field(gt=1)] | None = Field(
         None, description="Factor to either side of the median that is one standard deviation [-]"
     )
+    mean_rad_per_Nm: Compliance | None = Field(
+        None, description="Mean of a normal density [rad/(N m)]"
+    )
+    std_rad_per_Nm: Compliance | None = Field(
+        None, description="Its standard deviation [rad/(N m)]"
+    )
 
     @model_validator(mode="after")
     def _its_numbers(self) -> "Marginal":
-        numbers = ("scale_rad_per_Nm", "median_rad_per_Nm", "factor")
+        numbers = [key for key in type(self).model_fields if key != "kind"]
         given = {key for key in numbers if getattr(self, key) is not None}
         wanted = NUMBERS_OF_KIND[self.kind]
         if given != wanted:
@@ -316,7 +323,45 @@ class Marginal(Table):
             return prior.HalfNormal(self.scale_rad_per_Nm)
         if self.median_rad_per_Nm is not None and self.factor is not None:
             return prior.LogNormal(self.median_rad_per_Nm, self.factor)
+        if self.mean_rad_per_Nm is not None and self.std_rad_per_Nm is not None:
+            return prior.Gaussian(self.mean_rad_per_Nm, self.std_rad_per_Nm)
         return prior.Flat()
+
+
+# No length of a drawing is known to a nanometre, and none errs by a kilometre.
+Spread = Annotated[Finite, Field(ge=1e-6, le=1e6)]
+
+
+class ErrorOfDrawing(Table):
+    """How far lengths and angles may be from the drawing: normal, with these numbers.
+
+    Of a tolerance +-t, of which nothing else is known, the standard deviation is t/sqrt(3).
+    """
+
+    std_mm: Spread | None = Field(
+        None, description="Standard deviation of the lengths that are meant [mm]"
+    )
+    std_mrad: Spread | None = Field(
+        None, description="Standard deviation of the angles that are meant [mrad]"
+    )
+    mean_mm: Finite = Field(0.0, description="How much longer than drawn these are [mm]")
+    mean_mrad: Finite = Field(0.0, description="How far they are turned from the drawing [mrad]")
+
+    @model_validator(mode="after")
+    def _some_std(self) -> "ErrorOfDrawing":
+        for std, mean in (("std_mm", "mean_mm"), ("std_mrad", "mean_mrad")):
+            if getattr(self, std) is None and mean in self.model_fields_set:
+                raise PydanticCustomError("drawing", f"{mean} goes with {std}; expected both")
+        if self.std_mm is None and self.std_mrad is None:
+            raise PydanticCustomError("drawing", "expected std_mm, std_mrad or both")
+        return self
+
+    def build(self, turns: bool) -> "MarginalDensity":
+        """The density of an angle [rad], or of a length [m]; flat where nothing is said of it."""
+        from edtk.fit import prior
+
+        std, mean = (self.std_mrad, self.mean_mrad) if turns else (self.std_mm, self.mean_mm)
+        return prior.Flat() if std is None else prior.Gaussian(mean / 1e3, std / 1e3)
 
 
 class Earlier(Table):
@@ -331,22 +376,30 @@ class Earlier(Table):
 
 
 class PriorTable(Table):
-    """Knowledge of the compliances and of the noise before the measurements."""
+    """Knowledge of the parameters and of the noise before the measurements."""
 
     all: Marginal = Field(
         Marginal(kind="flat"), description="Density of every compliance that `joints` leaves out"
     )
     joints: dict[str, Marginal] = Field({}, description="Densities of single compliances, by joint")
+    parameters: dict[str, ErrorOfDrawing] = Field(
+        {},
+        description="How far the geometry of a study with [parameters] may be from the drawing, by "
+        "name (`q2.rz`), joint (`q2`), kind (`zeros`, `lengths`, `tilts`), `geometry` or `tool`; "
+        "the entry that means fewest counts",
+    )
     earlier: Earlier | None = Field(
         None, description="Result of an earlier calibration, multiplied with the densities"
     )
     earlier_file: str | None = Field(
-        None, description="The same as a JSON file of `edtk identify`; instead of `earlier`"
+        None,
+        description="The same as a JSON file of `edtk identify`, of geometry too; instead of "
+        "`earlier`",
     )
     in_design: bool = Field(
         False,
         description="Whether plans are designed, bounded and evaluated with this knowledge of the "
-        "compliances beside the measurements",
+        "parameters beside the measurements",
     )
     sigma_factor: float = Field(
         1.0,

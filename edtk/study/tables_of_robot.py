@@ -120,6 +120,13 @@ class JointsTable(Table):
             for name, one in self.known_rad_per_Nm.items()
         }
 
+    def known_in_words(self, plus_minus: str = "+-") -> str:
+        """The known compliances with their standard deviations, for people; empty without any."""
+        return ", ".join(
+            f"{name} {one.value:g} {plus_minus} {one.deviation:g} rad/(N m)"
+            for name, one in self.known.items()
+        )
+
     def limits(self) -> dict[str, tuple[float, float]]:
         """The limits that take the place of the robot's own, by joint [rad or m]."""
         angles = {name: np.deg2rad(pair).tolist() for name, pair in self.limits_deg.items()}

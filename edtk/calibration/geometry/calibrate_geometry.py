@@ -7,6 +7,7 @@ import numpy as np
 
 from edtk.calibration.calibration import Origin
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.calibration.geometry.told_before import told_before
 from edtk.design.plan import Plan
 from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
 from edtk.findings.geometry.counting import (
@@ -169,7 +170,8 @@ def _fitted(setting: StudyGeometry, sound: Sound, robust: bool) -> tuple[Geometr
     gross = sound.gross
     kept = np.ones(len(sound.data), dtype=bool)
     kept[gross.visits] = False
-    fit = fit_geometry(setting.model, sound.data[kept], setting.noise, setting.loads, robust)
+    how = (setting.noise, setting.loads, robust, told_before(setting))
+    fit = fit_geometry(setting.model, sound.data[kept], *how)
     wrong = np.array([one.visit for one in gross.wrong], dtype=int)
     if not len(wrong):
         return fit, gross
@@ -184,7 +186,7 @@ def _fitted(setting: StudyGeometry, sound: Sound, robust: bool) -> tuple[Geometr
         return fit, gross
     kept[wrong[near]] = True
     still = tuple(one for one, is_near in zip(gross.wrong, near, strict=True) if not is_near)
-    fit = fit_geometry(setting.model, sound.data[kept], setting.noise, setting.loads, robust)
+    fit = fit_geometry(setting.model, sound.data[kept], *how)
     return fit, replace(gross, wrong=still)
 
 

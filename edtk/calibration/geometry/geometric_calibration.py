@@ -23,6 +23,7 @@ from edtk.fit.geometry.geometry_posterior import (
 from edtk.fit.geometry.least_squares_fit import PoseRows
 from edtk.fit.noise import Noise
 from edtk.fit.posterior import Posterior, SamplingOptions
+from edtk.fit.prior import Flat
 from edtk.measure.expected_error import (
     ExpectedError,
     TaskAccuracy,
@@ -509,15 +510,30 @@ class GeometricCalibration(Presented):
             "study_warnings": [one.words for one in self.study.warnings],
             "assumed": list(self.assumed),
             "posterior": None if self.check is None else self.check.to_dict(),
-            "geometry": {**geometry_to_dict(fit.fitted, self.counting), "study": self._marks()},
+            "known": {
+                name: one.value for name, one in self.study.specification.joints.known.items()
+            },
+            "geometry": {
+                **geometry_to_dict(fit.fitted, self.counting),
+                **self._told_before(),
+                "study": self._marks(),
+            },
         }
+
+    def _told_before(self) -> dict[str, list[str]]:
+        """Parameters whose densities the result rests on, which are not to count again."""
+        told = self.fit.told_before
+        if told is None:
+            return {}
+        pairs = zip(self.fit.fitted.model.parameters, told.prior.marginals, strict=True)
+        return {"told_before": [one.name for one, own in pairs if not isinstance(own, Flat)]}
 
     def sampled(
         self,
         rng: np.random.Generator,
         options: SamplingOptions = SamplingOptions(),  # noqa: B008  (frozen)
     ) -> "GeometricCalibration":
-        """The same calibration with the posterior, flat on all parameters before the positions.
+        """The same calibration with the posterior, of the positions and what was known before.
 
         Args:
             rng: Source of randomness.

@@ -53,12 +53,13 @@ class FitRows:
         model = fit.fitted.model
         means = fit.data.means
         seen = model.see(fit.fitted.theta, means.q)
-        assert seen.jacobian is not None
         assert seen.by_joints is not None
+        design = own_columns(fit)
         return cls(
             fit,
             MM * np.nan_to_num(fit.residual).reshape(len(means), -1),
-            MM * of_positions(seen.jacobian * model.scales, means),
+            # Of what was known before, some columns may be dependent.
+            design if fit.told_before is None else _independent(design),
             of_positions(seen.by_joints, means),
             seen.places,
             replace(fit.fitted.noise, turn=None, model_turn=0.0),
@@ -81,12 +82,7 @@ class FitRows:
         jacobian = every.see(theta, means.q).jacobian
         assert jacobian is not None
         columns = MM * of_positions(jacobian * every.scales, means)[..., fitted.model.p :]
-        whole = np.concatenate([self.design, columns], axis=-1).reshape(-1, every.p)
-        length = np.linalg.norm(whole, axis=0)
-        unit = whole / np.where(length > 0, length, 1.0)
-        U, sizes, _ = np.linalg.svd(unit, full_matrices=False)
-        basis = U[:, sizes > DEPENDENT * sizes[0]]
-        design = basis.reshape(*self.design.shape[:2], -1)
+        design = _independent(np.concatenate([self.design, columns], axis=-1))
         without = replace(self, design=design[..., :0])
         return replace(self, design=design, noise=without.noise_beside(design))
 
@@ -126,6 +122,25 @@ class FitRows:
             V = only_seen(alike, self.fit.data.means.seen)
         L = np.linalg.cholesky(V)
         return [np.asarray(np.linalg.solve(L, one)) for one in columns]
+
+
+def own_columns(fit: GeometricFit) -> Array:
+    """Columns (m, 3k, p) of the positions by a fit's parameters in their units [mm]."""
+    model = fit.fitted.model
+    means = fit.data.means
+    jacobian = model.see(fit.fitted.theta, means.q).jacobian
+    assert jacobian is not None
+    return MM * of_positions(jacobian * model.scales, means)
+
+
+def _independent(design: Array) -> Array:
+    """Orthonormal columns (m, 3k, c) that span those of a design (m, 3k, p), of any rank."""
+    whole = design.reshape(-1, design.shape[-1])
+    length = np.linalg.norm(whole, axis=0)
+    unit = whole / np.where(length > 0, length, 1.0)
+    U, sizes, _ = np.linalg.svd(unit, full_matrices=False)
+    basis = U[:, sizes > DEPENDENT * sizes[0]]
+    return np.asarray(basis.reshape(*design.shape[:2], -1))
 
 
 @dataclass(frozen=True, eq=False)

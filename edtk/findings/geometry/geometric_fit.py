@@ -5,14 +5,23 @@ from typing import Any
 import numpy as np
 
 from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
-from edtk.findings.geometry.fit_rows import DayTrend, FitRows, common_scale, day_trend
+from edtk.findings.geometry.fit_rows import DayTrend, FitRows, common_scale, day_trend, own_columns
 from edtk.findings.geometry.moved_frame import MovedFrame, UntoldLoad, moved_frame, untold_load
 from edtk.findings.geometry.sound_rows import marker_findings
 from edtk.findings.match_plan import COARSE_DEG, like_rounding, steps_of
 from edtk.findings.noise import left_out_findings
+from edtk.findings.prior import (
+    chance_of_square,
+    contradictions,
+    known_findings,
+    rescue_findings,
+)
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, root_mean_square
+from edtk.fit.prior import PriorRows
+from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.parameters import GeometricParameter
 from edtk.study.study_geometry import StudyGeometry
+from edtk.study.study_model import KNOWN
 from edtk.system.typing import Array
 
 ALONE = 1e-9  # leverage below one that rounding makes of a direction that one pose tells
@@ -38,13 +47,16 @@ def _say(severity: Severity, kind: str, **data: Any) -> Finding:
 def _few(fit: GeometricFit) -> list[Finding]:
     """Hardly more coordinates than parameters."""
     coordinates = int(fit.data.means.rows_seen.sum())
-    if coordinates >= FEW * fit.structural:
+    count = fit.structural
+    if fit.told_before is not None:
+        count = max(int(np.ceil(count - fit.told_before.count)), 1)
+    if coordinates >= FEW * count:
         return []
     each = int(fit.data.present.sum())
     data = {
         "coordinates": coordinates,
-        "count": fit.structural,
-        "missing": int(np.ceil((FEW * fit.structural - coordinates) / each)),
+        "count": count,
+        "missing": int(np.ceil((FEW * count - coordinates) / each)),
     }
     if fit.loo_rms <= WORSE * fit.placed:
         return [_say(Severity.WARNING, "few_poses", **data)]
@@ -56,10 +68,13 @@ def _alone(fit: GeometricFit) -> list[Finding]:
     """Poses that alone tell something: how far off they are without themselves is not known."""
     if fit.turns is not None:
         return []
-    design = FitRows.of(fit).design
+    design = own_columns(fit)
+    if fit.told_before is not None:
+        before = PriorRows.near(fit.told_before.prior, fit.fitted.theta)
+        design = before.scaled(fit.fitted.model.scales, fit.fitted.noise.reading).below(design)
     Q = np.linalg.qr(design.reshape(-1, design.shape[-1]))[0].reshape(design.shape)
     leverage = np.linalg.eigvalsh(Q @ np.swapaxes(Q, 1, 2))[:, -1]
-    alone = np.flatnonzero(leverage > 1 - ALONE)
+    alone = np.flatnonzero(leverage[: len(fit.data.means)] > 1 - ALONE)
     if not len(alone):
         return []
     rows = tuple(sorted({row for pose in alone for row in fit.data.rows_of_pose(int(pose))}))
@@ -90,6 +105,7 @@ def geometric_findings(fit: GeometricFit, setting: StudyGeometry) -> list[Findin
         *_large(fit),
         *marker_findings(fit, setting),
         *_negative(fit),
+        *_prior(fit, setting),
         *_noise(fit, setting, bool(causes)),
     ]
     named = any(one.kind in EXPLAINED for one in found)
@@ -228,7 +244,7 @@ def _bent(fit: GeometricFit, found: UntoldLoad) -> Finding:
 def _loaded(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     """The sheet has loads that bend the robot between visits, and no spring is asked for."""
     loaded = np.asarray(fit.data.wrench.any(axis=1))
-    if setting.study.specification.joints.unknown or not np.ptp(fit.data.wrench, axis=0).any():
+    if setting.loads is not None or not np.ptp(fit.data.wrench, axis=0).any():
         return []
     data = {"loaded": int(loaded.sum()), "visits": len(loaded)}
     return [_say(Severity.WARNING, "no_springs", **data)]
@@ -262,7 +278,9 @@ def _large(fit: GeometricFit) -> list[Finding]:
 
 def _scaled(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     """All lengths are longer than drawn together, as by a scale of the instrument."""
-    scale = None if setting.taken_as_drawn else common_scale(fit)
+    # What is known of lengths before says how long they are, and not a scale of the instrument.
+    drawn = setting.taken_as_drawn or setting.study.specification.prior.parameters
+    scale = None if drawn or setting.study.specification.prior.earlier_file else common_scale(fit)
     if scale is None:
         return []
     return [_say(Severity.WARNING, "scale", size=scale.size, std=scale.std)]
@@ -286,6 +304,28 @@ def _negative(fit: GeometricFit) -> list[Finding]:
     if not found:
         return []
     return [_say(Severity.WARNING, "negative", joints=tuple(found))]
+
+
+def _prior(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
+    """What the estimate rests on besides the poses, and what these contradict."""
+    told = fit.told_before
+    if told is None:
+        return []
+    parameters = fit.fitted.model.parameters
+    found = rescue_findings(fit.rescued, fit.beyond)
+    known = setting.uncertain
+    own = [one.place == "compliance" and one.of in known for one in parameters]
+    others = np.where(own, np.nan, told.mean)
+    words = tuple(one.words for one in parameters)
+    chance = chance_of_square(told.square, told.rank, told.dof) if told.rank else None
+    found += contradictions(words, told.prior, (others, told.std), told.dof, chance)
+    sizes = zip(parameters, fit.fitted.theta, fit.fitted.std, own, strict=True)
+    left = {
+        one.of: AssumedJoint(one.of, 0, float(value), float(std) * one.scale, KNOWN)
+        for one, value, std, is_known in sizes
+        if is_known
+    }
+    return [*found, *known_findings(setting.study, left)]
 
 
 def _noise(fit: GeometricFit, setting: StudyGeometry, caused: bool) -> list[Finding]:

@@ -1,5 +1,6 @@
 """Geometry and springs from absolute readings, differences, or both, with a judgement."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,23 +10,31 @@ from edtk.fit.geometry.fitted_geometry import (
     FittedGeometry,
     GeometricFit,
     Loads,
+    ToldBefore,
     TurnResiduals,
     loading_of,
     root_mean_square,
     student_quantile,
 )
-from edtk.fit.geometry.least_squares_fit import PoseRows, least_squares_fit, working
+from edtk.fit.geometry.least_squares_fit import (
+    WHITE_SHARE,
+    PoseRows,
+    least_squares_fit,
+    working,
+)
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.geometry.place_robot import place_robot
 from edtk.fit.least_squares import LeftOut, independent_coordinates
+from edtk.fit.prior import Prior, PriorRows
 from edtk.fit.restricted_likelihood import fit_model_error, noise_of_repeats
 from edtk.measure.geometric_model import GeometricModel, Torque
 from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import TURNS, GeometricParameter, Identifiable, identifiable
-from edtk.system.typing import Array, Mask
+from edtk.system.typing import Array, Indices, Mask
 
 POSES = 60  # random poses that show what any poses could tell
 ROUNDS = 8  # of fit and noise, in turn
+STILL = 1e-9  # relative change of the rows of a prior, that is not linear, in another fit
 SETTLED = 1e-3  # relative change of the noise between rounds
 # Errors of coordinates, at least, of which a part is what models leave out [mm]. A parameter whose
 # column moves all coordinates by less, if it is as far from the drawing as it may be, is not told.
@@ -55,12 +64,15 @@ def fit_geometry(
     stated: PositionNoise,
     loads: Loads | None = None,
     robust: bool = False,
+    prior: Prior | None = None,
 ) -> GeometricFit:
     """Fit all that the poses tell, by generalised least squares with fitted variances.
 
     First base and tools are placed with the geometry of the drawing. Then a minimal set of
     parameters is chosen (`identifiable`), and fitted in turns with the sizes of the errors: those
-    of a reading by repeated visits, and what the model leaves out by the residuals.
+    of a reading by repeated visits, and what the model leaves out by the residuals. What is known
+    before of some parameters has rows of its own below those of the poses, and may tell parameters
+    that these leave open.
 
     Args:
         model: All parameters that are asked for; its base is where the search begins.
@@ -68,6 +80,7 @@ def fit_geometry(
         stated: The noise of a reading; its tracker stands in the world of the drawing.
         loads: What loads the joints under a wrench.
         robust: Whether poses that fit badly count less, as with multivariate t errors.
+        prior: What is known of the parameters before; nothing by default.
 
     Raises:
         TooFewPosesError: There are fewer coordinates than parameters.
@@ -75,35 +88,204 @@ def fit_geometry(
     means = data.means
     placed, start = place_robot(model, means)
     stated = stated.seen_from(placed.start)
-    torque = loading_of(np.zeros(model.robot.n), means, loads)
     absolute = means.absolute
     alone = absolute.measured - placed.see(start, absolute.q, derivatives=False).points
-    possible = _possible(placed, start, means, loads)
-    minimal = placed.with_parameters(tuple(placed.parameters[i] for i in possible.kept))
-    _require_enough(means, minimal.p)
-    begin = start[possible.kept]
-    spread = np.array([one.spread for one in minimal.parameters])
-    least = max(ERRORS, stated.reading) / spread
-    told = identifiable(
-        _scaled(minimal, begin, means, torque), minimal.parameters, stages(minimal), least
+    choice = _chosen(placed, start, means, stated, loads, prior or Prior.flat(model.p, False))
+    kept, theta, before = choice.model, choice.start, choice.before
+    torque = loading_of(kept.compliances(theta), means, loads)
+    theta = fit_beside(kept, theta, means, torque, before, choice.size)
+    theta, noise, weights = _in_turns(kept, theta, data, stated, loads, robust, before)
+    common, shown = _as_shown(kept, theta, noise, weights, data, loads, before)
+    beside = (
+        choice.open,
+        choice.told.shares,
+        placed_tools(placed, start),
+        placed_turns(placed, start),
     )
-    kept = minimal.with_parameters(tuple(minimal.parameters[i] for i in told.kept))
-    theta = least_squares_fit(kept, begin[told.kept], means, torque).theta
-    theta, noise, weights = _in_turns(kept, theta, data, stated, loads, robust)
-    common, shown = _as_shown(kept, theta, noise, weights, data, loads)
-    opened = tuple(minimal.parameters[i] for i in told.left)
-    tools = placed_tools(placed, start)
-    turned = placed_turns(placed, start)
-    fit = judge_fit(
-        kept, theta, shown, (common, weights), data, loads, (opened, told.shares, tools, turned)
-    )
+    fit = judge_fit(kept, theta, shown, (common, weights), data, loads, beside, before)
     return replace(
         fit,
-        structural=minimal.p,
-        redundant=possible.words,
-        open=told.words,
+        structural=choice.minimal.p,
+        redundant=choice.possible.words,
+        open=choice.told.words,
+        rescued=choice.rescued,
+        beyond=choice.beyond,
         placed=root_mean_square(alone),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Choice:
+    """The parameters that poses, and what is known before, tell.
+
+    Attributes:
+        minimal: The model with those that any poses could tell.
+        model: With those that these poses tell.
+        possible: How the first are chosen among all.
+        told: How the second are chosen among the first.
+        start: Where the second begin (p,).
+        before: What is known of the second.
+        rescued: Those of the second that these poses alone do not tell, though others would.
+        beyond: Those that no poses alone would tell.
+        size: Size of an error of a coordinate [mm], beside which rows of the prior count.
+    """
+
+    minimal: GeometricModel
+    model: GeometricModel
+    possible: Identifiable
+    told: Identifiable
+    start: Array
+    before: Prior
+    rescued: tuple[GeometricParameter, ...]
+    beyond: tuple[GeometricParameter, ...]
+    size: float
+
+    @property
+    def open(self) -> tuple[GeometricParameter, ...]:
+        """Those that these poses leave open."""
+        return tuple(self.minimal.parameters[i] for i in self.told.left)
+
+
+def fit_beside(
+    model: GeometricModel,
+    theta: Array,
+    means: MarkerPositions,
+    torque: Torque | Callable[[Array], Torque],
+    prior: Prior,
+    weight: float = 1.0,
+    whitening: Array | None = None,
+) -> Array:
+    """Parameters (p,) that fit best beside what is known before, see `least_squares_fit`.
+
+    Args:
+        model: What is fitted.
+        theta: Where to begin (p,).
+        means: The positions, a visit a pose.
+        torque: Loads of the joints.
+        prior: What is known before, linear about the estimate.
+        weight: What its errors of size one are in the units of the residuals.
+        whitening: Matrices that make the errors of a pose independent; None for equal weights.
+    """
+    before = known_before(prior, model, theta, weight)
+    for _ in range(ROUNDS):
+        theta = least_squares_fit(model, theta, means, torque, whitening, before=before).theta
+        last, before = before, known_before(prior, model, theta, weight)
+        if np.allclose(before.rows, last.rows, rtol=STILL, atol=0):
+            break
+    return theta
+
+
+def known_before(
+    prior: Prior, model: GeometricModel, theta: Array, weight: float = 1.0
+) -> PriorRows:
+    """What is known of a model's parameters in their units, with errors of some size."""
+    return PriorRows.near(prior, theta).scaled(model.scales, weight)
+
+
+def _chosen(
+    model: GeometricModel,
+    start: Array,
+    means: MarkerPositions,
+    stated: PositionNoise,
+    loads: Loads | None,
+    prior: Prior,
+) -> _Choice:
+    """Choose the parameters that are told; of compliances, weak knowledge counts where none is.
+
+    Raises:
+        TooFewPosesError: There are fewer coordinates than parameters.
+    """
+    size = max(ERRORS, stated.reading)
+    wide = _wide(model, start, means, loads)
+    if prior.earlier is not None:
+        prior = replace(prior, earlier=prior.earlier.completed(wide, model.scales))
+    start = _at_most_likely(model, start, prior)
+    torque = loading_of(np.zeros(model.robot.n), means, loads)
+    scaled = _scaled(model, start, means, torque)
+    # What poses tell comes first: knowledge besides adds to it.
+    nothing = PriorRows.none(model.p)
+    alone = _identifiable(model, wide, nothing)
+    told = _some(model, scaled, nothing, alone.kept, size)
+    by_poses = alone.kept[told.kept]
+    for known in (prior, prior.with_weak):
+        before = known_before(known, model, start, size)
+        possible = _identifiable(model, wide, before, alone.kept) if len(before) else alone
+        _require_enough(means, possible.rank - len(before))
+        if len(before):
+            told = _some(model, scaled, before, possible.kept, size, by_poses)
+        if not len(told.left) or known.marginals == prior.with_weak.marginals:
+            break
+    kept = possible.kept[told.kept]
+    added = [i for i in kept if i not in by_poses]
+    return _Choice(
+        minimal=_with(model, possible.kept),
+        model=_with(model, kept),
+        possible=possible,
+        told=told,
+        start=start[kept],
+        before=known.of(kept),
+        rescued=tuple(model.parameters[i] for i in added if i in alone.kept),
+        beyond=tuple(model.parameters[i] for i in added if i not in alone.kept),
+        size=size,
+    )
+
+
+def _with(model: GeometricModel, chosen: Indices) -> GeometricModel:
+    """The model with some of its parameters."""
+    return model.with_parameters(tuple(model.parameters[i] for i in chosen))
+
+
+def _some(
+    model: GeometricModel,
+    scaled: Array,
+    before: PriorRows,
+    chosen: Indices,
+    size: float,
+    first: Indices | None = None,
+) -> Identifiable:
+    """The same of some parameters alone, each to be told better than it may be off anyway."""
+    place = {int(old): new for new, old in enumerate(chosen)}
+    begin = None if first is None else np.array([place[int(i)] for i in first], dtype=int)
+    return _identifiable(_with(model, chosen), scaled[:, chosen], before.of(chosen), begin, size)
+
+
+def _identifiable(
+    model: GeometricModel,
+    scaled: Array,
+    before: PriorRows,
+    first: Indices | None = None,
+    size: float | None = None,
+) -> Identifiable:
+    """A minimal set of those that rows (r, p) and what is known before tell.
+
+    Args:
+        model: The parameters.
+        scaled: How they move coordinates [mm].
+        before: What is known before, with errors of the same size as those of coordinates.
+        first: Those that are kept before all others; none by default.
+        size: That size [mm]: a parameter has to be told better than it may be off anyway; None
+            where it only has to be told.
+    """
+    rows = np.concatenate([scaled, before.rows]) if len(before) else scaled
+    order = stages(model)
+    if first is not None:
+        order = [list(first), *([i for i in stage if i not in first] for stage in order)]
+    if size is None:
+        return identifiable(rows, model.parameters, order)
+    spread = np.array([one.spread for one in model.parameters])
+    # What is known before is told, however little that is.
+    own = np.linalg.norm(before.rows, axis=0) / size if len(before) else np.zeros(model.p)
+    least = size * np.minimum(1 / spread, np.where(own > 0, own / 2, np.inf))
+    return identifiable(rows, model.parameters, order, least)
+
+
+def _at_most_likely(model: GeometricModel, start: Array, prior: Prior) -> Array:
+    """Where a search begins (p,): errors of the joints, and springs, where they are expected."""
+    found = start.copy()
+    for i, (one, marginal) in enumerate(zip(model.parameters, prior.marginals, strict=True)):
+        if one.place in ("joint", "compliance"):
+            found[i] += marginal.gaussian()[0]
+    return found
 
 
 def placed_tools(model: GeometricModel, theta: Array) -> Array:
@@ -140,10 +322,13 @@ def _scaled(model: GeometricModel, theta: Array, means: MarkerPositions, torque:
     return MM * (J * model.scales)[means.seen].reshape(-1, model.p)
 
 
-def _possible(
+def _wide(
     model: GeometricModel, theta: Array, means: MarkerPositions, loads: Loads | None
-) -> Identifiable:
-    """What any poses could tell, under the loads of the sheet: random ones besides its own."""
+) -> Array:
+    """The regressor (rows, p) of any poses under the loads of the sheet: random ones, and its own.
+
+    It shows what any poses could tell.
+    """
     rng = np.random.default_rng(0)
     lower, upper = np.clip(model.robot.limits, -np.pi, np.pi)
     q = rng.uniform(lower, upper, (POSES, model.robot.n))
@@ -154,8 +339,7 @@ def _possible(
         measured=np.zeros((len(like), *means.measured.shape[1:])),
     )
     torque = loading_of(np.zeros(model.robot.n), wide, loads)
-    scaled = _scaled(model, theta, wide, torque)
-    return identifiable(scaled, model.parameters, stages(model))
+    return _scaled(model, theta, wide, torque)
 
 
 def _require_enough(means: MarkerPositions, rank: int) -> None:
@@ -177,6 +361,7 @@ def _in_turns(
     stated: PositionNoise,
     loads: Loads | None,
     robust: bool,
+    prior: Prior,
 ) -> tuple[Array, PositionNoise, Array]:
     """Fit parameters and noise in turns; parameters (p,), noise and weights (m,) of the poses."""
     means = data.means
@@ -189,7 +374,9 @@ def _in_turns(
         return loading_of(model.compliances(theta), means, loads)
 
     for turn in range(ROUNDS):
-        rows = PoseRows.of(model, theta, means, at_rest(theta))
+        before = known_before(prior, model, theta)
+        rows = PoseRows.of(model, theta, means, at_rest(theta), before)
+        differs = rows.differs(means)
         if not turn:
             noise = noise_of_repeats(data, rows.motion, rows.places, stated)[0]
         trusted = rows.weighted(weights)
@@ -197,18 +384,20 @@ def _in_turns(
             noise,
             rows.motion,
             rows.places,
-            data.worth,
+            rows.worth(data),
             trusted.residual,
             trusted.design,
             slides,
-            differs=means.is_difference,
+            differs=differs,
         )
-        V = noise.of_pose(rows.motion, rows.places, data.worth, means.is_difference)
+        V = noise.of_pose(rows.motion, rows.places, rows.worth(data), differs)[: len(means)]
         if robust:
-            weights = _trusted(rows.residual, V, means)
+            weights = _trusted(rows.residual[: len(means)], V, means)
         whitening = np.linalg.inv(np.linalg.cholesky(working(V, means)))
         whitening = whitening * np.sqrt(weights)[:, None, None]
-        theta = least_squares_fit(model, theta, means, at_rest, whitening).theta
+        # Rows of the prior count as those of the poses do, whose weights are below those of V.
+        weight = 1 / np.sqrt(1 + WHITE_SHARE)
+        theta = fit_beside(model, theta, means, at_rest, prior, weight, whitening)
         now = np.array([noise.model_white, np.max(noise.model_joints, initial=0.0)])
         if turn and np.abs(now - last).max() <= SETTLED * max(now.max(), noise.reading):
             break
@@ -223,6 +412,7 @@ def _as_shown(
     weights: Array,
     data: MarkerPositions,
     loads: Loads | None,
+    prior: Prior,
 ) -> tuple[Array, PositionNoise]:
     """Covariances (m, r, r) that the fit was weighted by, and the noise that is stated with it.
 
@@ -232,20 +422,21 @@ def _as_shown(
     """
     means = data.means
     torque = loading_of(model.compliances(theta), means, loads)
-    rows = PoseRows.of(model, theta, means, torque).weighted(weights)
-    differs = means.is_difference
+    before = known_before(prior, model, theta)
+    rows = PoseRows.of(model, theta, means, torque, before).weighted(weights)
+    differs = rows.differs(means)
     shown = fit_model_error(
         noise,
         rows.motion,
         rows.places,
-        data.worth,
+        rows.worth(data),
         rows.residual,
         rows.design,
         _slides(model),
         singly=True,
         differs=differs,
     )
-    return noise.of_pose(rows.motion, rows.places, data.worth, differs), shown
+    return noise.of_pose(rows.motion, rows.places, rows.worth(data), differs), shown
 
 
 def _slides(model: GeometricModel) -> Mask:
@@ -268,6 +459,7 @@ def judge_fit(
     data: MarkerPositions,
     loads: Loads | None,
     beside: tuple[tuple[GeometricParameter, ...], Array, Array, Array | None],
+    prior: Prior,
 ) -> GeometricFit:
     """The fit with its covariance, and each pose as it is predicted without it.
 
@@ -284,15 +476,18 @@ def judge_fit(
         loads: What loads the joints.
         beside: Open parameters, how they hang on the others, and where the markers were placed
             and how they were turned there.
+        prior: What is known of the parameters before, whose rows count as those of poses do.
     """
     common, weights = weighting
     means = data.means
-    rows = PoseRows.of(model, theta, means, loading_of(model.compliances(theta), means, loads))
-    work = working(common, means)
-    V = noise.of_pose(rows.motion, rows.places, data.worth, means.is_difference)
-    out = _LeftOutPoses.of(rows, V, work, weights)
+    before = known_before(prior, model, theta)
+    torque = loading_of(model.compliances(theta), means, loads)
+    rows = PoseRows.of(model, theta, means, torque, before)
+    work = rows.working(common, means)
+    V = noise.of_pose(rows.motion, rows.places, rows.worth(data), rows.differs(means))
+    out = _LeftOutPoses.of(rows, V, work, rows.weights(weights))
     # Sizes that each joint has of its own may be those of one wrong pose, which they would hide.
-    surprise = _LeftOutPoses.of(rows, common, work, weights).surprise
+    surprise = _LeftOutPoses.of(rows, common, work, rows.weights(weights)).surprise[: len(means)]
     fitted = FittedGeometry(
         model=model,
         theta=theta,
@@ -303,12 +498,13 @@ def judge_fit(
         placed=beside[2],
         placed_turns=beside[3],
     )
-    spread = np.einsum("mrr->mr", out.covariance_of_errors)
-    half = np.sqrt(np.maximum(spread, 0.0)) * student_quantile(fitted.dof(rows.motion, rows.places))
+    of_errors = out.covariance_of_errors[: len(means)]
+    dof = fitted.dof(rows.motion[: len(means)], rows.places[: len(means)])
+    half = np.sqrt(np.maximum(np.einsum("mrr->mr", of_errors), 0.0)) * student_quantile(dof)
     shape = (len(means), len(data.markers), means.rows)
     blank = np.where(means.rows_seen, 0.0, np.nan)
-    residual = rows.residual.reshape(shape) / MM + blank
-    left_out = out.errors.reshape(shape) / MM + blank
+    residual = rows.residual[: len(means)].reshape(shape) / MM + blank
+    left_out = out.errors[: len(means)].reshape(shape) / MM + blank
     left_out_half = half.reshape(shape) / MM + blank
     return GeometricFit(
         fitted=fitted,
@@ -326,12 +522,45 @@ def judge_fit(
         # A pose that a robust loss trusts less surprises all the same.
         surprise=surprise / weights,
         independent=independent_coordinates(
-            out.covariance_of_errors,
+            of_errors,
             means.rows_seen.reshape(len(means), -1),
             noise.model_fit is not None,
         ),
         weights=weights,
+        told_before=_told_before(out, prior, before, model, theta, float(np.median(dof))),
     )
+
+
+def _told_before(
+    out: "_LeftOutPoses",
+    prior: Prior,
+    before: PriorRows,
+    model: GeometricModel,
+    theta: Array,
+    dof: float,
+) -> ToldBefore | None:
+    """What was known before, beside what all else says of the same; None where nothing was."""
+    if prior.is_flat:
+        return None
+    p = len(theta)
+    mean, std = np.full(p, np.nan), np.full(p, np.nan)
+    first = out.Q.shape[0] * out.Q.shape[1] - out.beside
+    for row, i in enumerate(before.parameters):
+        error, covariance = out.of_rows(np.array([first + row]))
+        size = before.rows[row, i]
+        mean[i] = (before.values[row] - error[0]) / size * model.scales[i]
+        # The row's own error, of size one, is a part of that of the difference.
+        std[i] = np.sqrt(max(covariance[0, 0] - 1, 0.0)) / size * model.scales[i]
+        if not covariance[0, 0]:  # nothing else says anything of it
+            mean[i] = std[i] = np.nan
+    rows = first + np.arange(len(before.parameters), len(before))
+    square, rank = 0.0, 0
+    if len(rows):
+        error, covariance = out.of_rows(rows)
+        rank = int(np.linalg.matrix_rank(covariance, tol=1e-9, hermitian=True))
+        square = float(error @ np.linalg.pinv(covariance, rcond=1e-9, hermitian=True) @ error)
+    own = out.Q.reshape(-1, p)[first : first + len(before)]
+    return ToldBefore(prior, mean, std, square, rank, dof, float((own**2).sum()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -343,12 +572,20 @@ class _LeftOutPoses:
         covariance_of_errors: Of those of each pose (m, r, r) [mm^2].
         surprise: Squared sizes (m,) of the errors over their covariances.
         covariance: Of the parameters (p, p), in their units.
+        Q: Orthonormal columns (m, r, p) of the weighted rows.
+        S: ``sum_b Q_b' V_b Q_b`` (p, p).
+        z: Weighted residuals (m, r).
+        beside: Number of the last rows of all that are no coordinates of poses.
     """
 
     errors: Array
     covariance_of_errors: Array
     surprise: Array
     covariance: Array
+    Q: Array
+    S: Array
+    z: Array
+    beside: int
 
     @classmethod
     def of(cls, rows: PoseRows, V: Array, work: Array, weights: Array) -> "_LeftOutPoses":
@@ -374,7 +611,27 @@ class _LeftOutPoses:
             covariance_of_errors=L @ of_without @ np.swapaxes(L, 1, 2),
             surprise=_surprise(without, of_without),
             covariance=inverse @ out.S @ inverse.T,
+            Q=Q,
+            S=out.S,
+            z=z,
+            beside=rows.beside * r,
         )
+
+    def of_rows(self, chosen: Indices) -> tuple[Array, Array]:
+        """Errors (c,) of rows of the prior without them, in their units, and the covariance (c, c).
+
+        Args:
+            chosen: Their indices among all rows.
+        """
+        own = self.Q.reshape(-1, self.Q.shape[-1])[chosen]
+        P = own @ own.T
+        # Rows of the prior have errors of size one, and weights as `working` has them.
+        V = np.eye(len(chosen)) / (1 + WHITE_SHARE)
+        hidden = np.linalg.pinv(np.eye(len(chosen)) - P, rcond=1e-9, hermitian=True)
+        of_residual = V - P @ V - V @ P + own @ self.S @ own.T
+        size = np.sqrt(1 + WHITE_SHARE)
+        errors = size * hidden @ self.z.reshape(-1)[chosen]
+        return errors, size**2 * hidden @ of_residual @ hidden
 
 
 def _surprise(errors: Array, covariance: Array) -> Array:

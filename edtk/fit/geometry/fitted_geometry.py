@@ -8,6 +8,7 @@ import numpy as np
 
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.least_squares import share_inside
+from edtk.fit.prior import Prior
 from edtk.fit.restricted_likelihood import fitted_kinds
 from edtk.measure.geometric_model import GeometricModel, Load, Loading, Seen, Torque
 from edtk.measure.noise import PositionNoise
@@ -343,6 +344,31 @@ class TurnResiduals:
 
 
 @dataclass(frozen=True, eq=False)
+class ToldBefore:
+    """What was known of the parameters before the poses, beside what all else says of the same.
+
+    Attributes:
+        prior: The knowledge, of the identified parameters.
+        mean: Estimates (p,) without what was known of a parameter by itself, in SI units; NaN where
+            nothing was, or where nothing else says anything.
+        std: Their standard deviations (p,).
+        square: Squared distance of an earlier calibration from what all else says of it, over its
+            covariance.
+        rank: Degrees of freedom of that.
+        dof: Degrees of freedom of the noise.
+        count: As many parameters it tells: the trace of its share in all of them.
+    """
+
+    prior: Prior
+    mean: Array
+    std: Array
+    square: float
+    rank: int
+    dof: float
+    count: float
+
+
+@dataclass(frozen=True, eq=False)
 class GeometricFit:
     """A fit of one sheet, with what tells how good it is.
 
@@ -363,6 +389,9 @@ class GeometricFit:
             bands, see `independent_coordinates`.
         weights: Weights (m,) of the poses: one, or less where a robust loss trusts them less.
         turns: The residuals of orientations; None where these were not measured.
+        told_before: What was known before the poses, beside what these say; None where nothing was.
+        rescued: Identified parameters that these poses alone do not tell, though others would.
+        beyond: Identified parameters that no poses alone would tell from others.
     """
 
     fitted: FittedGeometry
@@ -378,6 +407,9 @@ class GeometricFit:
     independent: float
     weights: Array
     turns: TurnResiduals | None = None
+    told_before: ToldBefore | None = None
+    rescued: tuple[GeometricParameter, ...] = ()
+    beyond: tuple[GeometricParameter, ...] = ()
 
     @property
     def rank(self) -> int:

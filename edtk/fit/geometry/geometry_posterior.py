@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from edtk.fit.geometry.fit_geometry import NU
+from edtk.fit.geometry.fit_geometry import NU, fit_beside, known_before
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, Loads, loading_of
-from edtk.fit.geometry.least_squares_fit import PoseRows, least_squares_fit, measured_less_seen
+from edtk.fit.geometry.least_squares_fit import PoseRows, measured_less_seen
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.posterior import (
     WALKERS_PER_PARAMETER,
@@ -16,6 +16,7 @@ from edtk.fit.posterior import (
     sample_chain,
     weighted_draws,
 )
+from edtk.fit.prior import Prior
 from edtk.measure.geometric_model import GeometricModel, Load, Loading, Seen, Torque
 from edtk.robots.rotations import rotation
 from edtk.system.typing import Array
@@ -95,7 +96,7 @@ def _many_seen(model: GeometricModel, theta: Array, q: Array, torque: Array | No
 
 @dataclass(frozen=True, eq=False)
 class GeometryDensity:
-    """Flat on all parameters, times the likelihood of the sheet by the nonlinear model.
+    """What is known before, times the likelihood of the sheet by the nonlinear model.
 
     Errors of a pose have the covariance that was fitted, with normal errors or, where the fit was
     robust, with multivariate t ones. Coordinates are those of the normal approximation about the
@@ -111,6 +112,7 @@ class GeometryDensity:
             [1/mm, 1/mrad], with the r = 3 coordinates of a marker, or 6 with its orientation.
         std: Standard deviations (m, k r) of what was measured [mm, mrad].
         nu: Degrees of freedom of t errors; None for normal ones.
+        prior: What is known of the parameters before, in SI units; None where nothing is.
     """
 
     model: GeometricModel
@@ -121,6 +123,7 @@ class GeometryDensity:
     whitening: Array
     std: Array
     nu: float | None
+    prior: Prior | None = None
 
     @classmethod
     def of(cls, fit: GeometricFit, loads: Loads | None, robust: bool) -> "GeometryDensity":
@@ -138,14 +141,17 @@ class GeometryDensity:
         there = means.rows_seen.reshape(len(means), -1)[:, :, None]
         whitening = np.linalg.inv(np.linalg.cholesky(V)) * there
         weights = np.sqrt(fit.weights)[:, None, None]
-        theta = least_squares_fit(model, fitted.theta, means, torque, whitening * weights).theta
+        prior = None if fit.told_before is None else fit.told_before.prior
+        known = prior or Prior.flat(model.p, False)
+        theta = fit_beside(model, fitted.theta, means, torque, known, whitening=whitening * weights)
+        before = known_before(known, model, theta)
         rows = PoseRows.of(model, theta, means, torque)
         X = (whitening * weights @ rows.design).reshape(-1, model.p)
-        R = np.linalg.qr(X, mode="r")
+        R = np.linalg.qr(np.concatenate([X, before.rows]), mode="r")
         root = np.linalg.inv(R)
         nu = NU if robust else None
         std = np.sqrt(np.diagonal(V, axis1=1, axis2=2))
-        return cls(model, theta / model.scales, root, means, torque, whitening, std, nu)
+        return cls(model, theta / model.scales, root, means, torque, whitening, std, nu, prior)
 
     @property
     def content(self) -> tuple[list[Array], str]:
@@ -154,6 +160,8 @@ class GeometryDensity:
         numbers = [means.q, means.measured, means.wrench, self.whitening, self.mode, self.root]
         if means.turns is not None:
             numbers.append(means.turns)
+        if self.prior is not None:
+            numbers += self.prior.gaussian()
         words = [one.name for one in self.model.parameters]
         return numbers, repr((words, means.markers, self.nu))
 
@@ -167,10 +175,13 @@ class GeometryDensity:
         step = max(1, BLOCK // (self.means.rows * m * k))
         parts = [self._squares(x[first : first + step]) for first in range(0, len(x), step)]
         squares = np.concatenate(parts)
+        before = np.zeros(len(x))
+        if self.prior is not None:
+            before = self.prior.log_density(self.parameters(x) * self.model.scales)
         if self.nu is None:
-            return np.asarray(-0.5 * squares.sum(axis=1))
+            return np.asarray(before - 0.5 * squares.sum(axis=1))
         d = self.means.rows_seen.sum(axis=(1, 2))
-        return np.asarray(-0.5 * ((self.nu + d) * np.log1p(squares / self.nu)).sum(axis=1))
+        return np.asarray(before - 0.5 * ((self.nu + d) * np.log1p(squares / self.nu)).sum(axis=1))
 
     def _squares(self, x: Array) -> Array:
         """Squared sizes (n, m) of the errors of the poses."""

@@ -1,15 +1,16 @@
 """Nonlinear least squares on what instruments read, and the weights of its coordinates."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.prior import PriorRows
 from edtk.measure.geometric_model import GeometricModel, Seen, Torque
 from edtk.measure.noise import white_kinds
 from edtk.robots.rotations import rotation_vectors
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Mask
 
 MM = 1e3
 WHITE_SHARE = 0.5  # of the size of a pose's errors that weights count as white
@@ -17,42 +18,84 @@ TOLERANCE = 1e-12
 MOST = 200  # evaluations; ten are the rule, and positions that no robot has end nowhere
 
 
+@dataclass(frozen=True, eq=False)
 class PoseRows:
     """Residuals, columns and motions of the poses, in millimetres and milliradians.
 
-    They are zero where nothing was seen.
+    They are zero where nothing was seen. What is known besides the poses has rows below theirs, as
+    of further poses in which no marker was seen: their errors are independent and of size one, and
+    no variance of the noise moves them.
+
+    Attributes:
+        residual: Residuals (m, r).
+        design: Columns (m, r, p) of the parameters in their units.
+        motion: Motions (m, r, n) by the joints.
+        places: Where the markers are (m, k, 3) in the frame of the instrument [m].
+        beside: Number of the last of these blocks that are no poses.
     """
 
-    def __init__(self, residual: Array, design: Array, motion: Array, places: Array) -> None:
-        """Keep them, and where the markers are (m, k, 3) in the frame of the instrument [m]."""
-        self.residual = residual
-        self.design = design
-        self.motion = motion
-        self.places = places
+    residual: Array
+    design: Array
+    motion: Array
+    places: Array
+    beside: int = 0
 
     @classmethod
     def of(
-        cls, model: GeometricModel, theta: Array, means: MarkerPositions, torque: Torque
+        cls,
+        model: GeometricModel,
+        theta: Array,
+        means: MarkerPositions,
+        torque: Torque,
+        before: PriorRows | None = None,
     ) -> "PoseRows":
-        """At parameters theta (p,)."""
+        """At parameters theta (p,), with what is known before of them in their units."""
         seen = model.see(theta, means.q, torque)
         assert seen.jacobian is not None
         assert seen.by_joints is not None
         m, k = means.seen.shape
         width = means.rows * k
         design = np.where(means.rows_seen[..., None], seen.jacobian * model.scales, 0.0)
-        return cls(
+        found = cls(
             MM * measured_less_seen(means, seen).reshape(m, width),
             MM * design.reshape(m, width, -1),
             seen.by_joints.reshape(m, width, -1),
             seen.places,
         )
+        return found if before is None else found._with(before, theta / model.scales)
+
+    def _with(self, before: PriorRows, u: Array) -> "PoseRows":
+        """The same with rows of what is known of parameters u (p,) in their units."""
+        apart = before.values - before.rows @ u
+        known = PriorRows(before.rows, apart)
+        design = known.below(self.design)
+        extra = len(design) - len(self.design)
+        still = np.zeros((extra, *self.motion.shape[1:]))
+        motion = np.concatenate([self.motion, still])
+        places = np.concatenate([self.places, np.repeat(self.places[:1], extra, axis=0)])
+        return PoseRows(known.measured_below(self.residual), design, motion, places, extra)
+
+    def worth(self, data: MarkerPositions) -> Array:
+        """What the readings of each row are worth (m, k, rows); nothing in blocks of no pose."""
+        return np.concatenate([data.worth, np.zeros((self.beside, *data.worth.shape[1:]))])
+
+    def differs(self, means: MarkerPositions) -> Mask:
+        """Which of the blocks (m,) are differences of two readings."""
+        return np.concatenate([means.is_difference, np.zeros(self.beside, dtype=bool)])
+
+    def working(self, V: Array, means: MarkerPositions) -> Array:
+        """The covariances (m, r, r) that weight all blocks, see `working`."""
+        m = len(means)
+        return np.concatenate([working(V[:m], means), (1 + WHITE_SHARE) * V[m:]])
 
     def weighted(self, weights: Array) -> "PoseRows":
         """With residuals and columns scaled by the roots of the poses' weights (m,)."""
-        root = np.sqrt(weights)[:, None]
-        design = self.design * root[..., None]
-        return PoseRows(self.residual * root, design, self.motion, self.places)
+        root = np.sqrt(self.weights(weights))[:, None]
+        return replace(self, residual=self.residual * root, design=self.design * root[..., None])
+
+    def weights(self, weights: Array) -> Array:
+        """Weights (m,) of all blocks, one of those that are no poses."""
+        return np.concatenate([weights, np.ones(self.beside)])
 
 
 def measured_less_seen(means: MarkerPositions, seen: Seen) -> Array:
@@ -115,6 +158,7 @@ def least_squares_fit(
     torque: Torque | Callable[[Array], Torque] = None,
     whitening: Array | None = None,
     most: int = MOST,
+    before: PriorRows | None = None,
 ) -> LeastSquaresFit:
     """Fit a model to measured positions by Levenberg-Marquardt, with the analytic Jacobian.
 
@@ -130,12 +174,15 @@ def least_squares_fit(
         whitening: Matrices (m, 3k, 3k) that make the errors of a pose independent and of size one
             [1/mm]; rows of markers that were not seen are zero. None for equal weights.
         most: Evaluations at most.
+        before: What is known before of the parameters in their units, its errors in the same units
+            as those of the poses.
     """
     if not model.p:
         return LeastSquaresFit(theta, 0.0, True)
     from scipy.optimize import least_squares
 
     scales = model.scales
+    known = PriorRows.none(model.p) if before is None else before
 
     def loading(theta: Array) -> Torque:
         return torque(theta) if callable(torque) else torque
@@ -150,14 +197,15 @@ def least_squares_fit(
 
     def residual(u: Array) -> Array:
         there = model.see(u * scales, means.q, loading(u * scales), derivatives=False)
-        return weighted(-measured_less_seen(means, there))
+        apart = weighted(-measured_less_seen(means, there))
+        return np.concatenate([apart, known.rows @ u - known.values])
 
     def jacobian(u: Array) -> Array:
         J = model.see(u * scales, means.q, loading(u * scales)).jacobian
         assert J is not None
-        return weighted(J * scales)
+        return np.concatenate([weighted(J * scales), known.rows])
 
-    enough = means.seen.size * means.rows >= model.p
+    enough = means.seen.size * means.rows + len(known) >= model.p
     found = least_squares(
         residual,
         theta / scales,

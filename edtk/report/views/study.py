@@ -36,10 +36,6 @@ def study_rows(asked: Study) -> list[tuple[str, str]]:
     specification = asked.specification
     noise = describe_noise(specification)
     joints = specification.joints
-    known = [
-        f"{name} = {one.value:g} +- {one.deviation:g} rad/(N m)"
-        for name, one in joints.known.items()
-    ]
     fixed = [f"{name} = {value:g} deg" for name, value in joints.fixed_deg.items()]
     fixed += [f"{name} = {value:g} mm" for name, value in joints.fixed_mm.items()]
     labels = [label for c in asked.workspace.constraints for label in c.labels(asked.robot)]
@@ -48,7 +44,7 @@ def study_rows(asked: Study) -> list[tuple[str, str]]:
         ("controller", _controller(asked)),
         ("unknown", ", ".join(joints.unknown)),
         ("of interest", ", ".join(asked.interest_names)),
-        ("known", ", ".join(known)),
+        ("known", joints.known_in_words()),
         ("prior", "counts in designs" if specification.prior.in_design else ""),
         ("fixed", ", ".join(fixed)),
         ("experiment", specification.describe_load()),

@@ -1,0 +1,248 @@
+"""Known values and priors of parameters of any kind: laws that hold for geometry and springs."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from geometry_sheets import OFFSETS, PLACE, ROBOT, Array, by_pose
+
+import edtk
+from edtk.calibration.geometry.told_before import told_before
+from edtk.fit.geometry.fit_geometry import fit_geometry
+from edtk.fit.geometry.fitted_geometry import MM, GeometricFit
+from edtk.fit.geometry.geometry_posterior import GeometryDensity
+from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.prior import Gaussian, Prior, fit_with_prior
+from edtk.measure.geometric_model import GeometricModel
+from edtk.study.study import Study
+from edtk.study.study_geometry import StudyGeometry
+from edtk.system.errors import UserError
+
+SIGMA = 0.02  # mm
+LOAD = (100.0, 50.0, -300.0, 0.0, 0.0, 0.0)
+SOFT = {"q2": 3e-6, "q3": 5e-6}
+
+
+def study_of(prior: dict | None = None, **keys: object) -> Study:
+    """A study of the small arm with three markers."""
+    parameters = {"compliance": [], "geometry": "all", "base": True, "tool": True}
+    given = {
+        "robot": ROBOT,
+        "measurement": {"sigma_mm": SIGMA},
+        "parameters": parameters,
+        "marker": [
+            {"name": name, "position_mm": (1e3 * place).tolist()}
+            for name, place in zip("ABC", OFFSETS, strict=True)
+        ],
+    }
+    return Study(**given | ({} if prior is None else {"prior": prior}) | keys)
+
+
+def springs_of(prior: dict | None = None, **keys: object) -> Study:
+    """The smallest one: springs alone, of a robot whose geometry is that of the drawing."""
+    joints = {"unknown": list(SOFT)}
+    parameters = {"geometry": [], "base": False, "tool": False}
+    load = {"F_N": list(LOAD[:3])}
+    return study_of(prior, **{"joints": joints, "parameters": parameters, "load": load} | keys)
+
+
+def day(
+    study: Study, poses: int, seed: int, theta: dict[str, float], spread: float = 0.0
+) -> tuple[MarkerPositions, GeometricModel, Array]:
+    """Positions of an erring robot, half of the visits loaded; the true model and parameters."""
+    rng = np.random.default_rng(seed)
+    setting = StudyGeometry.of(study)
+    placed = study.kind.parameters(study).base
+    model = replace(setting.model, start=PLACE if placed else np.eye(4))
+    true = rng.normal(0, spread, model.p) * model.scales
+    for i, one in enumerate(model.parameters):
+        true[i] = theta.get(one.name, true[i])
+    q = rng.uniform(-1.7, 1.7, (poses, 6))
+    wrench = np.zeros((poses, 6))
+    if setting.loads is not None:
+        wrench[::2] = LOAD
+    torque = None if setting.loads is None else setting.loads(q, wrench)
+    x = model.see(true, q, torque, derivatives=False).points
+    x = x + rng.normal(0, SIGMA / MM, x.shape)
+    row = np.arange(poses)[:, None] * np.ones(3, dtype=int)
+    return MarkerPositions(q, wrench, x, row, setting.markers), model, true
+
+
+def fitted(study: Study, data: MarkerPositions) -> GeometricFit:
+    """The fit of a day."""
+    setting = StudyGeometry.of(study)
+    return fit_geometry(
+        setting.model, data, setting.noise, setting.loads, prior=told_before(setting)
+    )
+
+
+def exact_posterior(fit: GeometricFit, data: MarkerPositions, study: Study) -> tuple[Array, Array]:
+    """Mean and covariance of the Gaussian posterior of the model that is linear about a fit.
+
+    By information matrices, in the units of the parameters.
+    """
+    setting = StudyGeometry.of(study)
+    model = fit.fitted.model
+    torque = fit.fitted.torque(data.q, data.wrench, setting.loads)
+    seen = model.see(fit.fitted.theta, data.q, torque)
+    J = MM * (seen.jacobian * model.scales).reshape(-1, model.p)
+    z = MM * (data.measured - seen.points).ravel() + J @ fit.fitted.values
+    P, h = fit.told_before.prior.gaussian()
+    P, h = P * np.outer(model.scales, model.scales), h * model.scales
+    covariance = np.linalg.inv(J.T @ J / SIGMA**2 + P)
+    return covariance @ (J.T @ z / SIGMA**2 + h), covariance
+
+
+def test_a_fit_is_the_gaussian_posterior() -> None:
+    """Where errors are white and of the stated size, mean and covariance are Bayes's."""
+    prior = {"parameters": {"zeros": {"std_mrad": 0.3}, "tilts": {"std_mrad": 0.5, "mean_mrad": 1}}}
+    study = study_of(prior)
+    data, _, _ = day(study, 16, 3, {}, spread=0.4)
+    fit = fitted(study, data)
+    assert fit.fitted.noise.model_fit is None  # else the size of the errors is another one
+    mean, covariance = exact_posterior(fit, data, study)
+    std = np.sqrt(np.diag(covariance))
+    np.testing.assert_allclose(fit.fitted.values / std, mean / std, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(fit.fitted.std, std, rtol=1e-7)
+
+
+def test_springs_alone_are_the_fit_of_displacements() -> None:
+    """A prior of springs counts in a study with [parameters] as in one of displacements."""
+    mean = {"q2": 2.5e-6, "q3": 6e-6}
+    given = {
+        name: {"kind": "normal", "mean_rad_per_Nm": k, "std_rad_per_Nm": 2e-8}
+        for name, k in mean.items()
+    }
+    study = springs_of({"joints": given})
+    data, model, _ = day(study, 8, 0, {f"k_{name}": k for name, k in SOFT.items()})
+    fit = fitted(study, data)
+    assert fit.fitted.noise.model_fit is None
+    setting = StudyGeometry.of(study)
+    torque = fit.fitted.torque(data.q, data.wrench, setting.loads)
+    rows = model.see(fit.fitted.theta, data.q, torque)
+    A = rows.jacobian.reshape(len(data), -1, 2)
+    off = (data.measured - rows.points).reshape(len(data), -1) + A @ fit.fitted.theta
+    own = Prior(tuple(Gaussian(k, 2e-8) for k in mean.values()))
+    springs = fit_with_prior(A, off, SIGMA / MM, ("k2", "k3"), own)
+    # Loads turn with the springs, which columns at a fixed load leave out.
+    np.testing.assert_allclose(fit.fitted.theta, springs.k, rtol=1e-6)
+    covariance = fit.fitted.covariance * np.outer(model.scales, model.scales)
+    np.testing.assert_allclose(covariance, springs.covariance, rtol=1e-9)
+
+
+def test_a_known_compliance_is_a_parameter_with_a_prior() -> None:
+    """A value with a standard deviation counts as an unknown one of which as much is known."""
+    true = {f"k_{name}": k for name, k in SOFT.items()}
+    known = {"unknown": ["q2"], "known_rad_per_Nm": {"q3": {"value": 4.9e-6, "std": 1e-7}}}
+    normal = {"kind": "normal", "mean_rad_per_Nm": 4.9e-6, "std_rad_per_Nm": 1e-7}
+    as_known = springs_of(joints=known)
+    as_unknown = springs_of({"joints": {"q3": normal}})
+    data, _, _ = day(as_unknown, 8, 1, true)
+    one, other = fitted(as_known, data), fitted(as_unknown, data)
+    np.testing.assert_allclose(one.fitted.theta, other.fitted.theta, rtol=1e-12)
+    np.testing.assert_allclose(one.fitted.covariance, other.fitted.covariance, rtol=1e-12)
+
+
+def test_a_compliance_that_is_known_exactly_bends_the_robot() -> None:
+    """It is no parameter, and the residuals do not show its bend."""
+    exact = {"unknown": ["q2"], "known_rad_per_Nm": {"q3": {"value": SOFT["q3"], "std": 0}}}
+    study = springs_of(joints=exact)
+    data, _, _ = day(springs_of(), 8, 2, {f"k_{name}": k for name, k in SOFT.items()})
+    fit = fitted(study, data)
+    assert [one.name for one in fit.fitted.model.parameters] == ["k_q2"]
+    assert fit.fitted.compliances.tolist()[2] == SOFT["q3"]
+    assert abs(fit.fitted.theta[0] - SOFT["q2"]) < 4 * fit.fitted.std[0] * 1e-6
+    stiff = fitted(springs_of(joints={"unknown": ["q2"]}), data)
+    assert fit.rms < 0.6 * stiff.rms
+
+
+def test_a_prior_tells_what_the_sheet_leaves_open(tmp_path: Path) -> None:
+    """A joint that stands still tells no zero of its own: a prior does, and this is said."""
+    free, told = study_of(), study_of({"parameters": {"q6": {"std_mm": 0.2, "std_mrad": 0.3}}})
+    data, model, true = day(free, 25, 5, {}, spread=0.3)
+    q = data.q.copy()
+    q[:, 4:] = 0.4
+    x = model.see(true, q, derivatives=False).points
+    x = x + np.random.default_rng(1).normal(0, SIGMA / MM, x.shape)
+    sheet = by_pose(tmp_path / "day.csv", np.rad2deg(q), MM * x)
+    without = edtk.identify(free, sheet)
+    assert without.fit.open
+    found = edtk.identify(told, sheet)
+    said = {one.words for one in found.findings if one.kind == "rests_on_prior"}
+    assert any("the measurements alone do not tell" in one for one in said)
+    assert any("no poses alone tell" in one for one in said)
+    assert found.fit.rank > without.fit.rank
+    # What only the prior tells has its width.
+    stds = [found.parameters[f"q6.{c}"]["std"] for c in ("x", "y", "z", "rx", "ry", "rz")]
+    assert max(stds) == pytest.approx(0.3, rel=0.02)
+
+
+def result_of(study: Study, data: MarkerPositions, path: Path) -> Path:
+    """The result of a day, as a file."""
+    sheet = by_pose(path.with_suffix(".csv"), np.rad2deg(data.q), MM * data.measured)
+    path.write_text(json.dumps(edtk.identify(study, sheet).to_dict()))
+    return path
+
+
+def test_an_earlier_result_is_a_prior_of_the_robot_alone(tmp_path: Path) -> None:
+    """Two days, with other places of base and markers, tell what one fit of both would."""
+    first = study_of()
+    one, model, true = day(first, 25, 7, {}, spread=0.2)
+    result = result_of(first, one, tmp_path / "first.json")
+    again = {p.name: true[i] for i, p in enumerate(model.parameters) if p.place == "joint"}
+    two, other, _ = day(first, 12, 8, again, spread=0.2)
+    fit = fitted(study_of({"earlier_file": str(result)}), two)
+    assert fit.fitted.noise.model_fit is None
+    assert fit.told_before.square < 40
+    assert fit.told_before.rank == sum(one.place == "joint" for one in fit.fitted.model.parameters)
+    # One fit of both days: joints are shared, base and markers are of each day.
+    own = np.array([p.place == "joint" for p in model.parameters])
+    rows = []
+    for data, theirs in ((one, model), (two, other)):
+        J = theirs.see(np.zeros(model.p), data.q).jacobian * model.scales * MM
+        rows.append(J.reshape(-1, model.p) / SIGMA)
+    places = [np.where(own, 0.0, part) for part in rows]
+    both = [np.hstack([rows[0], 0 * places[0]]), np.hstack([rows[1] * own, places[1]])]
+    q = np.random.default_rng(3).uniform(-1.7, 1.7, (10, 6))
+    J = (other.see(np.zeros(model.p), q).jacobian * model.scales * MM).reshape(-1, model.p)
+    J = np.hstack([J * own, np.where(own, 0.0, J)])
+    R = np.linalg.pinv(np.vstack(both), rcond=1e-9)
+    known = np.linalg.norm(J @ R, axis=1)
+    K = fit.fitted.columns(q, np.zeros((10, 6))).reshape(-1, fit.rank)
+    std = np.sqrt(np.einsum("rp,pq,rq->r", K, fit.fitted.covariance, K))
+    np.testing.assert_allclose(std, known, rtol=0.02)  # linear about the drawing, or not
+
+
+@pytest.mark.parametrize(
+    ("prior", "words"),
+    [
+        ({"parameters": {"q9": {"std_mm": 1}}}, "no parameter 'q9' is asked for"),
+        ({"parameters": {"base": {"std_mm": 1}}}, "the sheet itself gives it"),
+        ({"parameters": {"q2.rz": {"std_mm": 1}}}, "means no mm; expected std_mrad"),
+        ({"parameters": {"q2": {}}}, "expected std_mm, std_mrad or both"),
+        ({"parameters": {"q2": {"std_mm": 1, "mean_mrad": 1}}}, "mean_mrad goes with std_mrad"),
+    ],
+)
+def test_a_prior_of_nothing_is_one_line(prior: dict, words: str) -> None:
+    """What is said of no parameter of the study is refused, with the key."""
+    with pytest.raises(UserError, match=words) as caught:
+        study_of(prior)
+    assert "prior.parameters" in str(caught.value)
+
+
+def test_the_posterior_has_the_prior_too(tmp_path: Path) -> None:
+    """Its normal approximation is the fit's; a compliance known to a factor is never negative."""
+    density = {"kind": "log-normal", "median_rad_per_Nm": 3.1e-6, "factor": 1.02}
+    study = springs_of({"joints": {"q2": density}})
+    data, _, _ = day(study, 8, 4, {f"k_{name}": k for name, k in SOFT.items()})
+    fit = fitted(study, data)
+    setting = StudyGeometry.of(study)
+    posterior = GeometryDensity.of(fit, setting.loads, robust=False)
+    np.testing.assert_allclose(posterior.mode, fit.fitted.values, rtol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(posterior.root, axis=1), fit.fitted.std, rtol=1e-6)
+    draws = np.random.default_rng(0).standard_normal((2000, 2))
+    log_weight = posterior.log_density(draws) + 0.5 * (draws**2).sum(axis=1)
+    weight = np.exp(log_weight - log_weight.max())
+    assert weight.sum() ** 2 / (weight**2).sum() > 0.99 * len(draws)
