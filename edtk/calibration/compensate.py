@@ -36,6 +36,7 @@ from edtk.measure.pose_table import (
     REMAINING_ROTATION_COLUMN,
     ROW_COLUMN,
     UNCOMPENSATED_COLUMN,
+    UNCOMPENSATED_ROTATION_COLUMN,
     WRENCH_COLUMNS,
     pose_columns,
     pose_factors,
@@ -61,30 +62,39 @@ SETTLED = 1e-8  # [rad or m]: an arm that settles farther from the desired joint
 class Compensation(Presented):
     """Commands for some task poses, with the errors before and after.
 
+    Errors are of the loaded tool point, or where geometry was identified root mean squares of the
+    markers, which the robot of the drawing would carry to their goals.
+
     Attributes:
         robot: The chain with the task's tool; of several tools with the first one's.
         desired: Joint variables (t, n) under load [rad or m].
         wrench: Task wrenches (t, 6) [N, N m].
         command: Joint variables (t, n) to command [rad or m].
-        uncompensated: Distance (t,) of the loaded tool point from the desired one, were `desired`
-            commanded, with what joints that count as rigid are assumed to bend [m].
-        remaining: Root mean square (t,) of the error that is left in all: by wrong compliances, Eq.
-            (17), whatever made them wrong, by joints that are not identified, and by the linear
-            model where that is known [m]; None if it is not known.
+        uncompensated: Error (t,), were `desired` commanded, with what joints that count as rigid
+            are assumed to bend [m].
+        remaining: Root mean square (t,) of the error that is left in all: by wrong parameters, Eq.
+            (17), whatever made them wrong, by joints that are not identified, by the linear model
+            where that is known, and by what a model of geometry leaves out [m]; None if it is not
+            known.
         band: Its 2.5 % and 97.5 % quantiles (t, 2) [m]; None if they are not known.
+        rows: Rows (t,) of the task that these are, counted from 0.
         linear: Length (t,) of the mean error by which identifying with the linear model is off
             [m]; None if it is not known, and then not part of the others.
         rho0_bias: The same in the test pose [m]; None if it is not known.
         rigid_joints: Joints that count as rigid although the load turns them.
-        verdict: "good", "usable" or "bad", as the identification rated the compliances; None if it
-            is not known.
-        rotation: Root mean square (t,) of the rotation that wrong compliances leave [rad]; None
-            unless the test pose has a lever at which rotations count, or if it is not known.
-        rows: Rows (t,) of the task that these are, counted from 0.
+        verdict: "good", "usable" or "bad", as the identification rated the result; None if it is
+            not known.
+        rotation: Root mean square (t,) of the rotation that is left [rad]; None unless rotations
+            count in the task or were measured, or if it is not known.
         refused: Rows of the task that have no answer.
         by_noise: What the noise of the measurements alone makes of it (t,) [m]; None likewise.
         by_joints: The joints that are not identified, and what each makes of it (t,) [m].
         findings: What looks like another unit in the task or the compliances.
+        left: Error (t,) of the markers that the commands leave by the identified model, as an arm
+            of few joints does [m]; None of the tool point.
+        rotation_before: Root mean square (t,) of the markers' rotation, were `desired` commanded
+            [rad]; None where it was not measured.
+        rotation_left: The same with the commands, by the identified model [rad].
     """
 
     robot: Robot
@@ -104,6 +114,9 @@ class Compensation(Presented):
     by_noise: Array | None = None
     by_joints: tuple[tuple[AssumedJoint, Array], ...] = ()
     findings: tuple[Finding, ...] = ()
+    left: Array | None = None
+    rotation_before: Array | None = None
+    rotation_left: Array | None = None
 
     @classmethod
     def joined(
@@ -173,7 +186,11 @@ class Compensation(Presented):
             after = f"{1e3 * self.remaining.max():.3g} mm"
         left_out = f" ({len(self.refused)} left out)" if self.refused else ""
         poses = f"{len(self.command)} task pose{'s' * (len(self.command) != 1)}{left_out}"
-        return f"{poses}, largest error {before} before, {after} after"
+        text = f"{poses}, largest error {before} before, {after} after"
+        if self.rotation is None or self.rotation_before is None:
+            return text
+        turned = np.rad2deg([self.rotation_before.max(), self.rotation.max()])
+        return f"{text}; of rotations {turned[0]:.3g} deg before, {turned[1]:.3g} deg after"
 
     def to_frame(self) -> "pd.DataFrame":
         """Commands, wrenches and errors: degrees, millimetres, newtons and newton metres.
@@ -186,11 +203,14 @@ class Compensation(Presented):
         table = pd.DataFrame(degrees, columns=list(pose_columns(self.robot)))
         table[list(WRENCH_COLUMNS)] = self.wrench
         table[UNCOMPENSATED_COLUMN] = 1e3 * self.uncompensated
-        if self.remaining is not None and self.band is not None:
+        if self.remaining is not None:
             table[REMAINING_COLUMN] = 1e3 * self.remaining
+        if self.band is not None:
             table[list(BAND_COLUMNS)] = 1e3 * self.band
         if self.by_noise is not None:
             table[list(PART_COLUMNS)] = 1e3 * np.stack([self.by_noise, self.by_assumed], axis=1)
+        if self.rotation_before is not None:
+            table[UNCOMPENSATED_ROTATION_COLUMN] = np.rad2deg(self.rotation_before)
         if self.rotation is not None:
             table[REMAINING_ROTATION_COLUMN] = np.rad2deg(self.rotation)
         if self.refused:
@@ -201,37 +221,63 @@ class Compensation(Presented):
         """Write the table to a file, whole or not at all, or to standard output (`-`)."""
         write_text(path, csv_text(self.to_frame()))
 
-    def to_dict(self) -> list[dict[str, Any]]:
-        """One object per task pose, in SI units, but `q_deg` in degrees and millimetres.
+    def to_dict(self) -> list[dict[str, Any]] | dict[str, Any]:
+        """SI units; an error that is not known is null. Rows are those of the task, from 1.
 
-        `row` is the pose's row in the task, from 1; rows that are left out are not here. An error
-        that is not known is null.
+        Errors of the tool point are one object per task pose, in which `q_deg` is in degrees and
+        millimetres, and rows that are left out are not. Errors of the markers are a list a
+        quantity.
         """
-        degrees = self.robot.shown(self.command) / pose_factors(self.robot)
-        unknown = [None] * len(self.command)
-        remaining = unknown if self.remaining is None else self.remaining.tolist()
-        band = unknown if self.band is None else self.band.tolist()
-        linear = unknown if self.linear is None else self.linear.tolist()
-        by_noise = unknown if self.by_noise is None else self.by_noise.tolist()
-        by_assumed = unknown if self.by_noise is None else self.by_assumed.tolist()
-        rotation = [] if self.rotation is None else self.rotation.tolist()
-        return [
-            {
-                "row": int(self.rows[i]) + 1,
-                "q": self.command[i].tolist(),
-                "q_deg": degrees[i].tolist(),
-                "desired_q": self.desired[i].tolist(),
-                "wrench": self.wrench[i].tolist(),
-                "uncompensated": float(self.uncompensated[i]),
-                "remaining_rms": remaining[i],
-                "remaining_band": band[i],
-                "linear_model": linear[i],
-                "remaining_by_noise": by_noise[i],
-                "remaining_by_assumed_joints": by_assumed[i],
-                **({"remaining_rotation_rms": rotation[i]} if rotation else {}),
-            }
-            for i in range(len(self.command))
-        ]
+        if self.left is None:
+            return self._by_pose()
+        turns = {
+            "uncompensated": self.rotation_before,
+            "left": self.rotation_left,
+            "remaining": self.rotation,
+        }
+        return {
+            "joints": list(self.robot.joint_names),
+            "desired": self.robot.shown(self.desired).tolist(),
+            "command": self.robot.shown(self.command).tolist(),
+            "wrench": self.wrench.tolist(),
+            "uncompensated": self.uncompensated.tolist(),
+            "left": self.left.tolist(),
+            "remaining": _listed(self.remaining, len(self.command)),
+            "verdict": self.verdict,
+            "rows": (self.rows + 1).tolist(),
+            "left_out": [row.to_dict() for row in self.refused],
+            **(
+                {}
+                if self.rotation is None
+                else {"turns": {name: _listed(one, 0) for name, one in turns.items()}}
+            ),
+        }
+
+    def _by_pose(self) -> list[dict[str, Any]]:
+        """The errors of the tool point, one object per task pose."""
+        t = len(self.command)
+        assumed = None if self.by_noise is None else self.by_assumed
+        columns: dict[str, list[Any]] = {
+            "row": (self.rows + 1).tolist(),
+            "q": self.command.tolist(),
+            "q_deg": (self.robot.shown(self.command) / pose_factors(self.robot)).tolist(),
+            "desired_q": self.desired.tolist(),
+            "wrench": self.wrench.tolist(),
+            "uncompensated": self.uncompensated.tolist(),
+            "remaining_rms": _listed(self.remaining, t),
+            "remaining_band": _listed(self.band, t),
+            "linear_model": _listed(self.linear, t),
+            "remaining_by_noise": _listed(self.by_noise, t),
+            "remaining_by_assumed_joints": _listed(assumed, t),
+        }
+        if self.rotation is not None:
+            columns["remaining_rotation_rms"] = self.rotation.tolist()
+        return [dict(zip(columns, one, strict=True)) for one in zip(*columns.values(), strict=True)]
+
+
+def _listed(values: Array | None, count: int) -> list[Any]:
+    """Numbers for JSON; as many nulls where they are not known."""
+    return [None] * count if values is None else list(values.tolist())
 
 
 def compensate(

@@ -27,7 +27,6 @@ def command(study: Path, k: Path, task: Path | None, as_json: bool, out: Path | 
     Rows without a command, as it would be out of limits, are named and left out, and the exit code
     is then 1; the column row says which rows the others are.
     """
-    from edtk.calibration.compensate import Compensation
     from edtk.calibration.tasks_in_use import refused_lines
     from edtk.verbs.compensate import compensate
 
@@ -38,8 +37,7 @@ def command(study: Path, k: Path, task: Path | None, as_json: bool, out: Path | 
             "its error band is not to be trusted",
             k,
         )
-    if isinstance(found, Compensation):
-        warn_about(task or study, found.findings)
+    warn_about(task or study, found.findings)
     show(found, as_json, out)
     if found.refused:
         # A line each: one of them all would be longer than a line may be, and be cut.

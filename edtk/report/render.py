@@ -15,7 +15,6 @@ PAGES = {
     "exact_plan": "plan",
     "found_controller": "robot",
     "geometric_calibration": "geometry",
-    "geometric_compensation": "compensation",
     "geometry_evaluation": "geometry_plan",
     "geometry_plan": "geometry_plan",
     "identification": "calibration",

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from edtk.calibration.compensate import Compensation
-from edtk.calibration.geometry.compensate_geometry import GeometricCompensation
 from edtk.verbs.inputs import PlanLike, StudyLike
 from edtk.verbs.of_kinds import of_study
 from edtk.verbs.of_studies import CompliancesLike
@@ -15,7 +14,7 @@ def compensate(
     task: PlanLike | None = None,
     *,
     out: Path | str | None = None,
-) -> Compensation | GeometricCompensation:
+) -> Compensation:
     """Compute joint angles to command, at which the loaded robot is where the task wants it.
 
     Args:

@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
     from edtk.calibration.calibration import Calibration
     from edtk.calibration.compensate import Compensation
-    from edtk.calibration.geometry.compensate_geometry import GeometricCompensation
     from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
     from edtk.calibration.geometry.prediction import Prediction
     from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
@@ -345,7 +344,7 @@ class OfGeometry(OfStudy):
             return load_task(self.study, table)
         return Plan.from_csv(table, self.study.robot, self.study.fixed, np.zeros(6))
 
-    def _commands(self, result: Any, task: PlanLike | None, poses: Plan) -> "GeometricCompensation":
+    def _commands(self, result: Any, task: PlanLike | None, poses: Plan) -> "Compensation":
         from edtk.calibration.geometry.compensate_geometry import compensate_geometry
         from edtk.calibration.geometry.geometric_calibration import read_result
 

@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 
     from edtk.calibration.calibration import Calibration
     from edtk.calibration.compensate import Compensation
-    from edtk.calibration.geometry.compensate_geometry import GeometricCompensation
     from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
     from edtk.calibration.geometry.prediction import Prediction
     from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
@@ -320,7 +319,7 @@ class OfStudy(Question):
 
     def compensate(
         self, result: CompliancesLike, task: PlanLike | None, out: Path | str | None
-    ) -> "Compensation | GeometricCompensation":
+    ) -> "Compensation":
         """Commands that make up for what was found; see `edtk.compensate`."""
         self._require_result(result, task)
         require_output(out, *self.study.reads, *files_of(result, task))

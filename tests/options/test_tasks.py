@@ -212,7 +212,7 @@ def test_commands_bring_a_tool_where_the_drawing_has_it() -> None:
     sheet, theta = visited(study, 1)
     found = edtk.identify(study, sheet)
     told = edtk.compensate(study, found)
-    assert told.turns is not None
+    assert told.rotation is not None
     assert told.left.max() < 1e-9
     setting = StudyGeometry.of(study)
     model = GeometryQuestion.of(study).structural

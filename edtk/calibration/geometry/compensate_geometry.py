@@ -1,41 +1,26 @@
 """Commands that bring the markers where the robot of the drawing would have them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from edtk.calibration.compensate import Compensation
 from edtk.calibration.geometry.geometric_calibration import read_geometry
 from edtk.calibration.tasks_in_use import RefusedRow, ToolInUse, require_one, tools_of_task
 from edtk.design.plan import Plan
 from edtk.fit.geometry.fitted_geometry import FittedGeometry, Loads
-from edtk.measure.cells import csv_text
 from edtk.measure.geometric_model import Seen
 from edtk.measure.parameters import TURNS, GeometricParameter
-from edtk.measure.pose_table import (
-    REMAINING_COLUMN,
-    REMAINING_ROTATION_COLUMN,
-    ROW_COLUMN,
-    UNCOMPENSATED_COLUMN,
-    UNCOMPENSATED_ROTATION_COLUMN,
-    WRENCH_COLUMNS,
-    pose_columns,
-    pose_factors,
-)
 from edtk.measure.task import Task
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import rotation_vectors
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry
 from edtk.system.errors import UserError
-from edtk.system.files import write_text
-from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices, Mask
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 STEPS = 30  # of Newton's method; four are the rule
 SETTLED = 1e-9  # [m, rad] a step that moves no marker by more ends the search
@@ -152,115 +137,6 @@ def _pseudo_inverse(A: Array, size: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class TurnErrors:
-    """Errors of the orientations of markers.
-
-    Attributes:
-        uncompensated: Root mean square angle (t,) without compensation [rad].
-        left: The same after compensation, by the identified model [rad].
-        remaining: The same to expect after compensation [rad].
-    """
-
-    uncompensated: Array
-    left: Array
-    remaining: Array
-
-    def to_dict(self) -> dict[str, Any]:
-        """SI units."""
-        return {
-            "uncompensated": self.uncompensated.tolist(),
-            "left": self.left.tolist(),
-            "remaining": self.remaining.tolist(),
-        }
-
-
-@dataclass(frozen=True, eq=False)
-class GeometricCompensation(Presented):
-    """Commands for some poses of the drawing's robot, with the errors before and after.
-
-    Attributes:
-        robot: The drawing.
-        desired: Joint variables (t, n) of the poses, as the study counts them [rad or m].
-        wrench: Forces and torques (t, 6) in them [N, N m].
-        command: Joint variables (t, n) to command [rad or m].
-        uncompensated: Root mean square distance (t,) of the markers, were `desired` commanded [m].
-        left: The same after compensation, by the identified model [m].
-        remaining: Root mean square distance (t,) to expect after compensation [m]: what is left,
-            and what the calibration does not know.
-        verdict: The verdict of the calibration; None where the result does not say.
-        turns: The same errors of the markers' orientations; None where these were not measured.
-        rows: Rows (t,) of the task that these are, counted from 0.
-        refused: Rows of the task that have no answer.
-    """
-
-    robot: Robot
-    desired: Array
-    wrench: Array
-    command: Array
-    uncompensated: Array
-    left: Array
-    remaining: Array
-    rows: Indices
-    verdict: str | None = None
-    turns: "TurnErrors | None" = None
-    refused: tuple[RefusedRow, ...] = ()
-
-    def headline(self) -> str:
-        """How far off markers are before and after."""
-        before = MM * float(self.uncompensated.max())
-        after = MM * float(self.remaining.max())
-        left_out = f" ({len(self.refused)} rows left out)" if self.refused else ""
-        commands = f"{len(self.desired)} commands{left_out}"
-        text = f"{commands}, {before:.3g} mm off without, {after:.3g} with them"
-        if self.turns is None:
-            return text
-        before, after = (
-            float(np.rad2deg(one.max())) for one in (self.turns.uncompensated, self.turns.remaining)
-        )
-        return f"{text}; orientations {before:.3g} deg off without, {after:.3g} with them"
-
-    def to_dict(self) -> dict[str, Any]:
-        """SI units."""
-        return {
-            "joints": list(self.robot.joint_names),
-            "desired": self.robot.shown(self.desired).tolist(),
-            "command": self.robot.shown(self.command).tolist(),
-            "wrench": self.wrench.tolist(),
-            "uncompensated": self.uncompensated.tolist(),
-            "left": self.left.tolist(),
-            "remaining": self.remaining.tolist(),
-            "verdict": self.verdict,
-            "rows": (self.rows + 1).tolist(),
-            "left_out": [row.to_dict() for row in self.refused],
-            **({} if self.turns is None else {"turns": self.turns.to_dict()}),
-        }
-
-    def to_frame(self) -> "pd.DataFrame":
-        """A row for each command: joints in degrees and millimetres, wrench, errors [mm, deg].
-
-        Where rows of the task are left out, the first column is the row there.
-        """
-        import pandas as pd
-
-        shown = self.robot.shown(self.command) / pose_factors(self.robot)
-        table = pd.DataFrame(shown, columns=list(pose_columns(self.robot)))
-        for i, column in enumerate(WRENCH_COLUMNS):
-            table[column] = self.wrench[:, i]
-        table[UNCOMPENSATED_COLUMN] = MM * self.uncompensated
-        table[REMAINING_COLUMN] = MM * self.remaining
-        if self.turns is not None:
-            table[UNCOMPENSATED_ROTATION_COLUMN] = np.rad2deg(self.turns.uncompensated)
-            table[REMAINING_ROTATION_COLUMN] = np.rad2deg(self.turns.remaining)
-        if self.refused:
-            table.insert(0, ROW_COLUMN, self.rows + 1)
-        return table
-
-    def to_csv(self, path: Path | str) -> None:
-        """Write `to_frame` to a file, whole or not at all."""
-        write_text(path, csv_text(self.to_frame()))
-
-
-@dataclass(frozen=True, eq=False)
 class _InPoses:
     """What a fitted robot does in the poses of one tool, or of the markers.
 
@@ -323,7 +199,7 @@ def compensate_geometry(
     task: Plan,
     poses: Path | str,
     own: bool = False,
-) -> GeometricCompensation:
+) -> Compensation:
     """Find commands that carry tool or markers where the drawing's robot carries them.
 
     The robot of the drawing stands where it fitted the positions best, with the markers where they
@@ -364,22 +240,25 @@ def compensate_geometry(
     order = np.argsort(np.concatenate([at for at, _, _ in each]), kind="stable")
     lengths = np.concatenate([errors for _, errors, _ in each], axis=1)[:, order]
     turned = [errors for _, _, errors in each if errors is not None]
-    turns = None
+    turns: Sequence[Array | None] = (None, None, None)
     if len(turned) == len(each):
-        turns = TurnErrors(*np.concatenate(turned, axis=1)[:, order])
+        turns = [*np.concatenate(turned, axis=1)[:, order]]
     verdict = result.get("verdict")
-    return GeometricCompensation(
+    return Compensation(
         robot=study.robot,
         desired=task.q[rows],
         wrench=task.wrench[rows],
         command=counting.back(command[rows]),
         uncompensated=lengths[0],
-        left=lengths[1],
         remaining=lengths[2],
+        band=None,
         verdict=str(verdict) if isinstance(verdict, str) else None,
-        turns=turns,
+        rotation=turns[2],
         rows=rows,
         refused=tuple(refused),
+        left=lengths[1],
+        rotation_before=turns[0],
+        rotation_left=turns[1],
     )
 
 

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 
 from edtk.calibration.compensate import Compensation
-from edtk.calibration.geometry.compensate_geometry import GeometricCompensation
 from edtk.calibration.tasks_in_use import refused_in_words
 from edtk.measure.expected_error import JointPart
 from edtk.measure.pose_table import ROW_COLUMN, pose_columns, pose_factors
@@ -26,18 +25,15 @@ def compensation_text(found: Compensation) -> str:
     shown = found.robot.shown(found.command) / pose_factors(found.robot)
     numbers = [[f"{x:.5f}" for x in row] for row in shown]
     columns, *commands = number_columns(pose_columns(found.robot), numbers, 12)
-    band = "" if found.remaining is None else "   remaining rms (95 % band) [mm]"
-    if found.rotation is not None:
-        band += "   rotation rms [deg]"
-    lines = [f"{'pose':>4}  {columns}   error [mm]{band}"]
-    for i, command in enumerate(commands):
+    errors = _errors(found)
+    header = "".join(f"   {name}" for name, _ in errors)
+    of = "" if found.left is None else " of the markers"
+    lines = [f"{'pose':>4}  {columns}   error{of} [mm]{header}"]
+    for i, command in enumerate(commands[:MOST_LINES]):
         line = f"{found.rows[i] + 1:4}  {command}{1e3 * found.uncompensated[i]:13.4f}"
-        if found.remaining is not None and found.band is not None:
-            low, high = 1e3 * found.band[i]
-            line += f"   {1e3 * found.remaining[i]:.4g} ({low:.4g} .. {high:.4g})"
-        if found.rotation is not None:
-            line += f"   {np.rad2deg(found.rotation[i]):.4g}"
-        lines.append(line)
+        lines.append(line + "".join(f"   {texts[i]}" for _, texts in errors))
+    if len(commands) > MOST_LINES:
+        lines.append(f"... and {len(commands) - MOST_LINES} more, in --json or --out")
     if found.remaining is None:
         lines.append(
             "the compliances come without a covariance: what errors of theirs leave is not known"
@@ -52,6 +48,27 @@ def compensation_text(found: Compensation) -> str:
     lines += [found.rigid] if found.by_noise is None and found.rigid else _parts(found)
     refused = refused_in_words(found.refused)
     return "\n".join([*lines, refused] if refused else lines)
+
+
+def _errors(found: Compensation) -> list[tuple[str, list[str]]]:
+    """Headers and texts (t,) of the errors that are known, beside those before."""
+    columns = []
+    if found.remaining is not None:
+        texts = [f"{1e3 * x:.4g}" for x in found.remaining]
+        header = "remaining rms [mm]"
+        if found.band is not None:
+            header = "remaining rms (95 % band) [mm]"
+            ends = [f" ({low:.4g} .. {high:.4g})" for low, high in 1e3 * found.band]
+            texts = [x + band for x, band in zip(texts, ends, strict=True)]
+        columns.append((header, texts))
+    turned = {
+        "rotation before [deg]": found.rotation_before,
+        "rotation rms [deg]": found.rotation,
+    }
+    for name, angles in turned.items():
+        if angles is not None:
+            columns.append((name, [f"{x:.4g}" for x in np.rad2deg(angles)]))
+    return columns
 
 
 def _parts(found: Compensation) -> list[str]:
@@ -88,7 +105,8 @@ def compensation_plot(found: Compensation, ax: Any = None) -> Any:
         _lines(found, pose, ax)
     ax.set_yscale("log")
     ax.set_xlabel("task pose")
-    ax.set_ylabel("error of the tool point [mm]")
+    of = "tool point" if found.left is None else "markers"
+    ax.set_ylabel(f"error of the {of} [mm]")
     ax.set_title(plain(found.headline()), fontsize=10)
     ax.grid(axis="y", alpha=0.3)
     ax.set_axisbelow(True)
@@ -100,10 +118,11 @@ def _bars(found: Compensation, pose: Array, ax: Any) -> None:
     """Two bars for each of a few poses."""
     before = 1e3 * found.uncompensated
     ax.bar(pose - SHIFT, before, 2 * SHIFT, color=ORANGE, label="before")
-    if found.remaining is not None and found.band is not None:
+    if found.remaining is not None:
         after = 1e3 * found.remaining
-        ends = 1e3 * found.band.T
         ax.bar(pose + SHIFT, after, 2 * SHIFT, color=BLUE, label="after, root mean square")
+    if found.remaining is not None and found.band is not None:
+        ends = 1e3 * found.band.T
         # The root mean square may lie outside a narrow band by rounding.
         reach = np.maximum(np.abs(ends - after), 0.0)
         middle = pose + SHIFT
@@ -114,32 +133,9 @@ def _bars(found: Compensation, pose: Array, ax: Any) -> None:
 def _lines(found: Compensation, pose: Array, ax: Any) -> None:
     """Lines over many poses, which are those of a path."""
     ax.plot(pose, 1e3 * found.uncompensated, color=ORANGE, label="before")
-    if found.remaining is not None and found.band is not None:
+    if found.band is not None:
         low, high = 1e3 * found.band.T
         ax.fill_between(pose, low, high, color=BLUE, alpha=0.18, linewidth=0, label="95 % band")
+    if found.remaining is not None:
         ax.plot(pose, 1e3 * found.remaining, color=BLUE, label="after, root mean square")
     ax.set_xlim(pose[0], pose[-1])
-
-
-def geometric_compensation_text(found: GeometricCompensation) -> str:
-    """A line for each command, with the errors before and after."""
-    shown = found.robot.shown(found.command) / pose_factors(found.robot)
-    lines = [f"commands {', '.join(found.robot.joint_names)} [deg, mm], and errors of the markers"]
-    for row, values in enumerate(shown[:MOST_LINES]):
-        joints = " ".join(f"{value:9.4f}" for value in values)
-        before = MM * found.uncompensated[row]
-        after = MM * found.remaining[row]
-        line = (
-            f"{found.rows[row] + 1:4d} {joints}   {before:.3g} mm, with this command {after:.3g} mm"
-        )
-        if found.turns is not None:
-            turned = np.rad2deg(found.turns.uncompensated[row])
-            then = np.rad2deg(found.turns.remaining[row])
-            line += f"; {turned:.3g} deg, then {then:.3g} deg"
-        lines.append(line)
-    more = len(shown) - MOST_LINES
-    if more > 0:
-        lines.append(f"... and {more} more, in --json or --out")
-    if found.refused:
-        lines.append(refused_in_words(found.refused))
-    return "\n".join(lines)

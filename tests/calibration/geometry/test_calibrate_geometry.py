@@ -328,7 +328,9 @@ def test_commands_bring_the_markers_where_the_drawing_has_them(study: Path, tmp_
     header = out.read_text().splitlines()[0].split(",")
     assert header[:6] == NAMES
     assert header[-2:] == ["uncompensated_mm", "remaining_rms_mm"]
-    assert "with this command" in told.summary()
+    assert "error of the markers [mm]   remaining rms [mm]" in told.summary()
+    assert told.plot().get_ylabel() == "error of the markers [mm]"
+    assert "<table" in told._repr_html_()
     with pytest.raises(edtk.UserError, match="expected poses"):
         edtk.compensate(study, found)
 

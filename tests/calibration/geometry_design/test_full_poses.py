@@ -219,9 +219,9 @@ def test_commands_bring_the_tool_to_its_pose(day: Path) -> None:
     words = ("compensate", day / "study.toml", day / "k.json", tasks, "--out", day / "out.csv")
     assert run(*words)[0] == 0
     told = edtk.compensate(day / "study.toml", day / "k.json", tasks)
-    assert told.turns is not None
+    assert told.rotation_left is not None
     assert told.left.max() < 1e-9
-    assert told.turns.left.max() < 1e-9
+    assert told.rotation_left.max() < 1e-9
     fitted, _ = geometry_of_dict(
         json.loads((day / "k.json").read_text())["geometry"], StudyGeometry.of(STUDY)
     )
@@ -233,10 +233,10 @@ def test_commands_bring_the_tool_to_its_pose(day: Path) -> None:
     angles = goal.angle(before), goal.angle(after)
     assert (angles[1] < 0.3 * angles[0]).all()
     assert (goal.distance(after) < 4 * told.remaining).all()
-    assert (angles[1] < 4 * told.turns.remaining).all()
+    assert (angles[1] < 4 * told.rotation).all()
     header = (day / "out.csv").read_text().splitlines()[0].split(",")
     assert header[-2:] == ["uncompensated_rotation_deg", "remaining_rotation_rms_deg"]
-    assert "deg, then" in told.summary()
+    assert "rotation before [deg]   rotation rms [deg]" in told.summary()
 
 
 def test_a_stretched_arm_reaches_no_pose_near(day: Path) -> None:
