@@ -22,13 +22,13 @@ if TYPE_CHECKING:
         GeometricCalibration as GeometricCalibration,
     )
     from edtk.calibration.geometry.geometry_problem import geometry_problem as geometry_problem
-    from edtk.calibration.geometry.prediction import Prediction as Prediction
     from edtk.calibration.geometry_design.evaluate_geometry import (
         GeometryEvaluation as GeometryEvaluation,
     )
     from edtk.calibration.geometry_design.geometry_plan import GeometryPlan as GeometryPlan
     from edtk.calibration.planned import PlanBias as PlanBias
     from edtk.calibration.posterior_check import PosteriorCheck as PosteriorCheck
+    from edtk.calibration.prediction import Prediction as Prediction
     from edtk.certificate.verify_certificate import Verification as Verification
     from edtk.design.bound import Bound as Bound
     from edtk.design.exact.apportion import apportion as apportion
@@ -100,7 +100,7 @@ _HOME = {
     "Evaluation": "edtk.study.evaluate",
     "Calibration": "edtk.calibration.calibration",
     "GeometricCalibration": "edtk.calibration.geometry.geometric_calibration",
-    "Prediction": "edtk.calibration.geometry.prediction",
+    "Prediction": "edtk.calibration.prediction",
     "GeometryPlan": "edtk.calibration.geometry_design.geometry_plan",
     "GeometryEvaluation": "edtk.calibration.geometry_design.evaluate_geometry",
     "PosteriorCheck": "edtk.calibration.posterior_check",

@@ -137,7 +137,7 @@ def share_all_inside(found: GeometricCalibration, read: edtk.Prediction) -> floa
     data = read.data
     placing = data.seen & (data.row < 1)
     old = fitted.predict(data.q)
-    place = old.turns[0, 0].T @ (read.predicted.points - old.points)[0, 0]
+    place = old.turns[0, 0].T @ (read.values[0, :3] - old.points[0, 0])
     root = np.linalg.cholesky(fitted.covariance)
     rng = np.random.default_rng(0)
     white = np.hypot(noise.reading, noise.model_white) / MM
@@ -150,7 +150,7 @@ def share_all_inside(found: GeometricCalibration, read: edtk.Prediction) -> floa
         x = seen.points + seen.turns @ place + white * rng.standard_normal(seen.points.shape)
         day = replace(data, measured=np.where(data.seen[..., None], x, np.nan))
         predicted = tool_from_rows(fitted, day, placing, None)
-        held += bool(predicted.inside(x)[read.tests].all())
+        held += bool(predicted.inside(x)[data.row >= 0][read.tests].all())
     return held / DAYS
 
 

@@ -34,7 +34,17 @@ from edtk.system.typing import Array
 
 # Numbers by joint, and other ones, that rest on the estimate: with wrong columns they mean nothing.
 BY_JOINT = ("k", "std", "k_unbounded")
-OTHERS = ("correlation", "covariance_dof", "rho0", "rho0_bias", "budget_mm", "expected_error")
+OTHERS = (
+    "correlation",
+    "covariance_dof",
+    "loo_rms_mm",
+    "share_inside_left_out",
+    "rho0",
+    "rho0_bias",
+    "budget_mm",
+    "expected_error",
+    "prediction",
+)
 
 
 class InputError(UserError):

@@ -10,7 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.calibration.posterior_check import PosteriorCheck, check_posterior
-from edtk.calibration.propagation import Propagation, calibration_budget, propagation_of
+from edtk.calibration.propagation import (
+    FittedSprings,
+    Propagation,
+    calibration_budget,
+    propagation_of,
+)
 from edtk.calibration.told_part import ToldPart, interest_estimates
 from edtk.findings.causes.family import Cause
 from edtk.findings.causes.faults import cause_of
@@ -109,6 +114,7 @@ def calibration_to_dict(found: "Calibration") -> dict[str, Any]:
         "k_bias": None if found.bias is None else _known(found.by_joint(found.bias)),
         "posterior": None if found.check is None else found.check.to_dict(),
         **_of_interest(found),
+        "prediction": found.springs.to_dict(study.robot),
     }
 
 
@@ -357,6 +363,12 @@ class Calibration(Presented):
     def propagation(self) -> Propagation:
         """How all that is uncertain moves the compliances that commands rest on."""
         return propagation_of(self.fitted)
+
+    @property
+    def springs(self) -> FittedSprings:
+        """What predictions need."""
+        rigid = () if self.part is None else self.part.rigid
+        return FittedSprings.of(self.fitted, self.propagation, rigid)
 
     @property
     def rho0_bias(self) -> float | None:

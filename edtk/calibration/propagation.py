@@ -1,7 +1,8 @@
 """How what is uncertain in a calibration moves its compliances, and the budget of errors."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from edtk.findings.causes.faults import FAULTS
 from edtk.findings.causes.scene import Displacements
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.match_plan import some_rows
+from edtk.findings.moving_joints import ReadingNoise
 from edtk.fit.measurements import Measurements
 from edtk.fit.prior import PriorRows
 from edtk.measure.elastostatic_model import ElastostaticModel
@@ -21,6 +23,7 @@ from edtk.measure.expected_error import (
     with_rigid,
 )
 from edtk.measure.task import Tasks
+from edtk.robots.robot import Robot
 from edtk.robots.weights import DeadWeights
 from edtk.study.study import Study
 from edtk.study.study_model import assumed_joints, payload_beside_load
@@ -133,7 +136,7 @@ class Propagation:
         given = uncertainty
         of_load = [given.load_size * load, given.load_size * carried]
         roots = {
-            "noise": told.below(_root(covariance)),
+            "noise": told.below(root_of(covariance)),
             "load": np.hstack([*of_load, given.load_direction * direction]),
             "tool": given.tool * np.hstack(tool),
             "drift": given.drift * moved(scene.shift),
@@ -173,7 +176,7 @@ class Propagation:
     def errors(self) -> tuple[AssumedError, ...]:
         """The joints that are not identified, and what they do to the estimates."""
         E = self.roots["known_joints"]
-        shifts = self._of_joints.T.copy()
+        shifts = self.of_joints.T.copy()
         for i, one in enumerate(self.assumed):
             if not one.rigid and one.std > 0:
                 own = len(self.unknown) + i
@@ -190,7 +193,7 @@ class Propagation:
         # One target of all: that of a neighbourhood is a triangle, without rows of poses.
         A0 = tasks.with_unknown(self.joints).target
         parts = {name: float(np.linalg.norm(A0 @ E)) for name, E in self.roots.items()}
-        of_joints = np.linalg.norm(A0 @ self._of_joints, axis=0)
+        of_joints = np.linalg.norm(A0 @ self.of_joints, axis=0)
         p = len(self.unknown)
         before = with_rigid(np.linalg.norm(A0 @ self.k), A0[:, p:], self.assumed)
         return ErrorBudget(
@@ -202,7 +205,7 @@ class Propagation:
         )
 
     @property
-    def _of_joints(self) -> Array:
+    def of_joints(self) -> Array:
         """Errors (p + a, a) by each joint that is not identified."""
         found = np.zeros((len(self.joints), len(self.assumed)))
         rigid = np.array([one.rigid for one in self.assumed], dtype=bool)
@@ -221,7 +224,7 @@ class Propagation:
         return np.array([self.budget(Tasks([task]), float(error)).total for task, error in each])
 
 
-def _root(covariance: Array) -> Array:
+def root_of(covariance: Array) -> Array:
     """A root E (p, p) with ``E E'`` the covariance, scaled first: units differ by powers of ten."""
     std = np.sqrt(np.diag(covariance))
     scale = np.where(std > 0, std, 1.0)
@@ -372,6 +375,66 @@ def propagation_of(fitted: FittedData) -> Propagation:
         fitted.told_before if fitted.untold else None,
         payload_beside_load(fitted.study),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class FittedSprings:
+    """What a prediction of displacements needs: compliances, and how well they are known.
+
+    Attributes:
+        joints: Indices (a,) of the joints that are not taken as rigid for certain.
+        k: Their compliances (a,), without the bound at zero [rad/(N m)].
+        root: Root E (a, c) of their covariance ``E E'`` by the noise of the calibration and by
+            joints that were not identified [rad/(N m)].
+        dof: Degrees of freedom of the covariance.
+        open: Errors (a, o) by what the calibration left open, which are a part of the root.
+        noise: By how much a further reading scatters.
+    """
+
+    joints: tuple[int, ...]
+    k: Array
+    root: Array
+    dof: float
+    open: Array
+    noise: ReadingNoise
+
+    @classmethod
+    def of(cls, fitted: FittedData, propagation: Propagation, rigid: Sequence[str]) -> Self:
+        """Those of a calibration.
+
+        Args:
+            fitted: The measurements and their fit.
+            propagation: How what is uncertain moves the estimates.
+            rigid: Names of joints that count as rigid as the measurements leave them open.
+        """
+        roots = [propagation.roots[name] for name in ("noise", "rigid_joints", "known_joints")]
+        left = [one.name in rigid for one in propagation.assumed]
+        k = propagation.k.copy()
+        k[: len(fitted.fit.k)] = fitted.fit.unbounded
+        return cls(
+            propagation.joints,
+            k,
+            np.hstack(roots),
+            fitted.fit.covariance_dof,
+            propagation.of_joints[:, left],
+            ReadingNoise.of(fitted),
+        )
+
+    def to_dict(self, robot: Robot) -> dict[str, Any]:
+        """Plain numbers in SI units, but `repeatability_deg` and `discrepancy_mm`."""
+        noise = self.noise
+        joints, model = (None, None) if noise.joints is None else noise.joints
+        return {
+            "robot": robot.digest,
+            "joints": [robot.joint_names[j] for j in self.joints],
+            "k": self.k.tolist(),
+            "covariance": (self.root @ self.root.T).tolist(),
+            "dof": self.dof if np.isfinite(self.dof) else None,
+            "open": self.open.T.tolist(),
+            "noise_ratio": noise.ratio,
+            "repeatability_deg": joints,
+            "discrepancy_mm": None if model is None else 1e3 * model,
+        }
 
 
 def uncertainty_of(study: Study, k: Array | None = None) -> Uncertainty:

@@ -1,4 +1,4 @@
-"""`edtk predict`: where markers will be in other poses."""
+"""`edtk predict`: what instruments will read in other poses."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import click
 from edtk.commands.shared import FilePath, json_option, show, warn_about
 
 
-@click.command("predict", short_help="Predict positions of markers in other poses.")
+@click.command("predict", short_help="Predict readings in other poses, with bands.")
 @click.argument("study", type=FilePath)
 @click.argument("result", type=FilePath)
 @click.argument("poses", type=FilePath)
@@ -18,15 +18,17 @@ from edtk.commands.shared import FilePath, json_option, show, warn_about
     help="So many rows at the beginning of POSES place the markers on the tool anew.",
 )
 @json_option
-@click.option("--out", type=FilePath, help="Write positions and bands (CSV); - is standard output.")
+@click.option("--out", type=FilePath, help="Write readings and bands (CSV); - is standard output.")
 def command(
     study: Path, result: Path, poses: Path, tool_rows: int, as_json: bool, out: Path | None
 ) -> None:
-    """Predict positions of markers in POSES (CSV), with 95 % bands.
+    """Predict what instruments read in POSES (CSV), with 95 % bands.
 
-    STUDY (TOML) has a table [parameters], and RESULT is what edtk identify --json printed for it,
-    or its k.json. POSES has a pose a row, or a row a marker, as a sheet of positions; where it
-    holds measured ones (x_mm y_mm z_mm), errors are printed and the share inside the bands.
+    RESULT is what edtk identify --json printed for STUDY (TOML), or its k.json. Where STUDY has a
+    table [parameters], positions of markers are predicted: POSES has a pose a row, or a row a
+    marker, as a sheet of positions. Otherwise displacements under the loads of POSES are, a plan or
+    a sheet. Where POSES holds readings (x_mm y_mm z_mm, or dx_mm dy_mm dz_mm), these are tests:
+    errors are printed, and the share inside the bands.
     """
     from edtk.verbs.inputs import as_study
     from edtk.verbs.predict import predict

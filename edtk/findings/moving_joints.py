@@ -1,6 +1,6 @@
 """The fit where joints move between visits, or repetitions share a part of their noise."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,15 +43,65 @@ def stated_noise(study: Study, data: Measurements, repeats: Indices | None = Non
     if noise is None:
         return data
     times = np.ones(len(data), dtype=int) if repeats is None else repeats
-    own = CorrelatedNoise.of_any(data.noise, data.sigma.shape)
-    if noise.tracker is not None and not data.stated:
-        own = tracker_noise(study.model, data, noise.tracker, noise.readings)
-    tracker = own.over(times)
+    tracker = _tracker(study, data).over(times)
     joints = np.sqrt(noise.readings) * noise.repeatability
     motion = joint_motion(study.model, data) * joints / np.sqrt(times)[:, None, None]
     covariance = visit_covariance(data, tracker, motion, _discrepancy(study, noise, data, times))
     visit = data.visits.astype(float)
     return replace(data, covariance=covariance, sigma=covariance.std, tracker=tracker, visit=visit)
+
+
+def _tracker(study: Study, data: Measurements) -> CorrelatedNoise:
+    """The stated noise of the instruments themselves, or that of the sheet."""
+    noise = study.noise
+    if noise is None or noise.tracker is None or data.stated:
+        return CorrelatedNoise.of_any(data.noise, data.sigma.shape)
+    return tracker_noise(study.model, data, noise.tracker, noise.readings)
+
+
+@dataclass(frozen=True)
+class ReadingNoise:
+    """By how much a further reading scatters, as a fit has it.
+
+    Attributes:
+        ratio: Its noise over the stated one.
+        joints: How well joints return [deg, mm], and the error of the model [m], where both were
+            estimated; None where the study states what visits share.
+    """
+
+    ratio: float = 1.0
+    joints: tuple[float, float] | None = None
+
+    @classmethod
+    def of(cls, fitted: "FittedData") -> "ReadingNoise":
+        """That of a fit."""
+        if not fitted.common_noise:
+            return cls(1.0 if fitted.fit.known else fitted.fit.scale)
+        found = fitted.noise_estimate
+        if found is not None and fitted.estimated is not None:
+            return cls(found.tracker, (found.joints, found.discrepancy))
+        test = fitted.lack_of_fit
+        return cls(1.0 if test is None else float(np.hypot(test.pure_error, test.common)))
+
+    def variance(self, study: Study, data: Measurements) -> Array:
+        """Variances (m, rows) of single readings, each by itself [m^2, rad^2].
+
+        Args:
+            study: Its [noise].
+            data: Poses, instruments, and the white noise or that of the sheet.
+        """
+        stated = study.noise
+        own = _tracker(study, data).std
+        moves = np.zeros(study.robot.n)
+        model = 0.0
+        if self.joints is not None:
+            moves = joint_unit(study) * self.joints[0] / self.ratio
+            model = self.joints[1] / self.ratio
+        elif stated is not None:
+            moves = np.sqrt(stated.readings) * stated.repeatability
+            model = float(stated.discrepancy.max())
+        moved = ((joint_motion(study.model, data) * moves) ** 2).sum(axis=-1)
+        return self.ratio**2 * (own**2 + moved + np.where(data.lengths, model, 0.0) ** 2)
 
 
 def _discrepancy(study: Study, noise: VisitNoise, data: Measurements, times: Indices) -> Array:

@@ -30,6 +30,8 @@ from edtk.measure.instruments.marker import Marker
 from edtk.measure.instruments.pose_marker import COORDINATES, PoseMarker
 from edtk.measure.instruments.sensor import Sensor
 from edtk.measure.pose_table import (
+    FINISHED_BY,
+    MARKER_NAME_COLUMN,
     SHEET_COLUMNS,
     UNLOADED_COLUMNS,
     VISIT_COLUMN,
@@ -277,13 +279,79 @@ class Measurements(Presented):
         """
         table = PoseTable.read(path, "measurement file").with_known(robot, SHEET_COLUMNS)
         table = finished_rows(table)
+        empty = cls._of_rows(table, robot, fixed, wrench, sigma, model, nominal)
+        return empty._with_changes(table, robot, model)
+
+    @classmethod
+    def expected(
+        cls,
+        table: PoseTable,
+        robot: Robot,
+        fixed: dict[int, float],
+        wrench: Array | None,
+        sigma: Array,
+        model: ElastostaticModel,
+        nominal: bool = False,
+    ) -> tuple["Measurements", Indices]:
+        """What instruments will read in the poses of a file, some of which may be measured.
+
+        A file of nothing but poses has all instruments of the model in each of them.
+
+        Args:
+            table: The file, which has a row at least, with columns as in `from_csv`.
+            robot: Names the columns.
+            fixed: Values [rad or m] of joints, by index, that the file may leave out.
+            wrench: Default wrench (6,); None where the file must say which forces are applied.
+            sigma: Noise (rows,) of each measured row [m, rad].
+            model: Says what is measured.
+            nominal: Whether displacements are counted from the rigid robot of the model.
+
+        Returns:
+            The readings, NaN where a cell is to be filled in; and the row of the file (m,) that
+            each is of, counted from 0.
+
+        Raises:
+            PoseFileError: Names the file and the row or column.
+        """
+        table = table.with_known(robot, SHEET_COLUMNS)
+        columns = tuple(column for column in FINISHED_BY if column in table)
+        filled = table.filled(columns) if columns else np.zeros(len(table), dtype=bool)
+        rows = np.arange(len(table))
+        index = None
+        several = len(model.sensors)
+        if several > 1 and not filled.any() and MARKER_NAME_COLUMN not in table:
+            index = np.tile(np.arange(several), len(table))
+            rows = np.repeat(rows, several)
+            table = table.of_some(rows)
+            filled = filled[rows]
+        empty = cls._of_rows(table, robot, fixed, wrench, sigma, model, nominal, index)
+        deflection = np.full_like(empty.deflection, np.nan)
+        if filled.any():
+            some = empty[np.flatnonzero(filled)]
+            deflection[filled] = some._with_changes(table.of_some(filled), robot, model).deflection
+        return replace(empty, deflection=deflection), rows
+
+    @classmethod
+    def _of_rows(
+        cls,
+        table: PoseTable,
+        robot: Robot,
+        fixed: dict[int, float],
+        wrench: Array | None,
+        sigma: Array,
+        model: ElastostaticModel | None,
+        nominal: bool,
+        index: Indices | None = None,
+    ) -> "Measurements":
+        """The rows of a table with displacements of zero; `index` says their instruments."""
         q = table.poses(robot, fixed)
         sensors = () if model is None else model.sensors
-        index = sheet_sensors(table, sensors) if sensors else None
+        if sensors and index is None:
+            index = sheet_sensors(table, sensors)
         sigma = stated_sigma(sigma, sensors, index)
         turn = sheet_turns(sensors, index)
         noise, covariance = sheet_noise(table, sigma, turn)
-        empty = cls(
+        return cls(
             q=q,
             wrench=_wrenches(table, wrench, model is not None and model.weights is not None),
             deflection=np.zeros_like(noise),
@@ -296,11 +364,18 @@ class Measurements(Presented):
             turn=turn,
             absolute=nominal,
         )
-        if not sensors and not nominal and all(column in table for column in UNLOADED_COLUMNS):
-            empty = replace(empty, unloaded=table.vectors(UNLOADED_COLUMNS) / 1e3)
-        rigid = empty.rigid(model) if model is not None and nominal else None
-        change = sheet_change(table, robot.reach, noise.shape[1], rigid, turn)
-        return replace(empty, deflection=change)
+
+    def _with_changes(
+        self, table: PoseTable, robot: Robot, model: ElastostaticModel | None
+    ) -> "Measurements":
+        """The same with the displacements of a table."""
+        unloaded = None
+        positions = all(column in table for column in UNLOADED_COLUMNS)
+        if self.sensor is None and not self.absolute and positions:
+            unloaded = table.vectors(UNLOADED_COLUMNS) / 1e3
+        rigid = self.rigid(model) if model is not None and self.absolute else None
+        change = sheet_change(table, robot.reach, self.sigma.shape[1], rigid, self.turn)
+        return replace(self, deflection=change, unloaded=unloaded)
 
 
 def _wrenches(table: PoseTable, default: Array | None, weighs: bool) -> Array:

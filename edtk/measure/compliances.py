@@ -172,13 +172,22 @@ def load_compliances(
     Raises:
         UserError: One line: the file, the key and what was expected.
     """
+    return Compliances.from_dict(compliances_file(path), names, needed, path)
+
+
+def compliances_file(path: Path | str) -> Mapping[str, Any]:
+    """The content of a file of compliances.
+
+    Raises:
+        UserError: It is no JSON object.
+    """
     path = Path(path)
     content = parse_json(read_text(path), path)
     if not isinstance(content, dict):
         raise UserError(
             f'expected {{"k": {{joint: value, ...}}}}, not {type(content).__name__}', where=path
         )
-    return Compliances.from_dict(content, names, needed, path)
+    return content
 
 
 def _check_joints(

@@ -13,7 +13,7 @@ from edtk.robots.joint import Joint
 from edtk.robots.robot import Robot
 from edtk.system.errors import UserError, note
 from edtk.system.files import read_text
-from edtk.system.typing import Array, Mask
+from edtk.system.typing import Array, Indices, Mask
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -274,18 +274,19 @@ class PoseTable:
         """
         return replace(self, only=rows)
 
-    def of_some(self, rows: Mask) -> "PoseTable":
-        """The rows (k,) of the table that are chosen."""
+    def of_some(self, rows: Mask | Indices) -> "PoseTable":
+        """The rows (k,) of the table that are chosen, or those of some numbers in their order."""
         if isinstance(self.cells, dict):
             return replace(self, cells={name: cells[rows] for name, cells in self.cells.items()})
-        return replace(self, cells=self.cells[rows].reset_index(drop=True))
+        chosen = np.arange(len(self))[rows]
+        return replace(self, cells=self.cells.iloc[chosen].reset_index(drop=True))
 
     def without(self, columns: Sequence[str]) -> "PoseTable":
-        """The same table without some of its columns."""
+        """The same table without some columns, as far as it has them."""
         if isinstance(self.cells, dict):
             kept = {name: cells for name, cells in self.cells.items() if name not in columns}
             return replace(self, cells=kept)
-        return replace(self, cells=self.cells.drop(columns=list(columns)))
+        return replace(self, cells=self.cells.drop(columns=list(columns), errors="ignore"))
 
     def filled(self, columns: tuple[str, ...]) -> Mask:
         """Which rows (k,) have a cell that is not empty in one of the columns."""

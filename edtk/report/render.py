@@ -23,7 +23,7 @@ PAGES = {
     "pose_error": "calibration",
     "posterior": "posterior",
     "posterior_check": "posterior",
-    "prediction": "geometry",
+    "prediction": "calibration",
     "presented": "presented",
     "problem": "problem",
     "problem_plan": "problem",

@@ -1,5 +1,6 @@
 """Serial chains of revolute and prismatic joints: forward kinematics and Jacobian, batch first."""
 
+import hashlib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -101,6 +102,15 @@ class Robot(Presented):
             matrix[row, self.joint_names.index(tied.master)] = tied.factor
             offset[row] = tied.offset
         return Ties(matrix, offset, free)
+
+    @cached_property
+    def digest(self) -> str:
+        """A name of the drawing: hex digits that differ where a length or an axis does."""
+        numbers = [self.base, self.tool, *(joint.origin for joint in self.chain)]
+        text = " ".join(f"{x:.9f}" for T in numbers for x in np.ravel(T) + 0.0)
+        axes = (f"{joint.name} {joint.kind} {joint.axis.tolist()}" for joint in self.chain)
+        text += " ".join(axes)
+        return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:12]
 
     @property
     def joint_names(self) -> tuple[str, ...]:

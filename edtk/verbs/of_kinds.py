@@ -9,23 +9,20 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 import criteria
-from edtk.design.plan import REPEATS, Plan
-from edtk.measure.compliances import Compliances, load_compliances
+from edtk.design.plan import Plan
+from edtk.measure.compliances import Compliances, compliances_file, load_compliances
 from edtk.measure.pose_table import Table
 from edtk.study import kinds
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
-from edtk.system.files import Content, write_files
+from edtk.system.files import Content
 from edtk.verbs.inputs import (
     PlanLike,
     StudyLike,
     as_study,
     as_table,
     content_of,
-    files_of,
     name_of,
-    plan_of,
-    require_output,
 )
 from edtk.verbs.of_studies import HowFitted, OfStudy
 from edtk.verbs.question import PlanCall, RelaxCall
@@ -36,9 +33,9 @@ if TYPE_CHECKING:
     from edtk.calibration.calibration import Calibration
     from edtk.calibration.compensate import Compensation
     from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-    from edtk.calibration.geometry.prediction import Prediction
     from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
     from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+    from edtk.calibration.prediction import Prediction
     from edtk.design.design_space import DesignSpace
     from edtk.design.exact.exact_plan import ExactPlan
     from edtk.design.relaxation.relaxed_plan import RelaxedPlan
@@ -197,16 +194,20 @@ class OfCompliances(OfStudy):
             raise ArgumentError(message, argument="compliances")
         return Compliances.from_dict(content, names, needed, "compliances")
 
-    def predict(
-        self, result: object, poses: PlanLike, tool_rows: int, out: Path | str | None
-    ) -> "Prediction":
-        """Nothing: displacements tell no positions.
+    def _predicted(self, result: Any, poses: Table, tool_rows: int) -> "Prediction":
+        from edtk.calibration.calibration import Calibration
+        from edtk.calibration.prediction import predict_displacements, springs_of_result
 
-        Raises:
-            UserError: Always.
-        """
-        message = "predictions need a study of geometry; expected a table [parameters]"
-        raise self.study.error("parameters", message)
+        self._require_result(result, None)
+        where = name_of(result, "result")
+        content: Any = result if isinstance(result, Calibration) else content_of(result)
+        if isinstance(result, str | Path):
+            content = compliances_file(result)
+        if content is None:
+            message = f"expected a result of this study, not {type(result).__name__}"
+            raise ArgumentError(message, argument="result")
+        springs, certain = springs_of_result(self.study, content, where)
+        return predict_displacements(self.study, springs, poses, certain)
 
 
 class OfGeometry(OfStudy):
@@ -353,27 +354,13 @@ class OfGeometry(OfStudy):
         of = name_of(self.study.where if task is None else task, "task")
         return compensate_geometry(self.study, content, where, poses, of, own=task is None)
 
-    def predict(
-        self, result: Any, poses: PlanLike, tool_rows: int, out: Path | str | None
-    ) -> "Prediction":
-        """Positions of markers with bands; see `edtk.predict`."""
+    def _predicted(self, result: Any, poses: Table, tool_rows: int) -> "Prediction":
         from edtk.calibration.geometry.geometric_calibration import read_result
         from edtk.calibration.geometry.prediction import predict_positions
-        from edtk.measure.cells import csv_text
 
-        study = self.study
-        require_output(out, *study.reads, *files_of(result, poses))
-        plan = plan_of(study, poses, "poses")
-        if plan is None:
-            table = as_table(poses, "poses")
-        else:
-            table = plan.to_frame(study.robot).drop(columns=REPEATS)
-        where = name_of(result, "result")
         geometry = read_result(result)["geometry"]
-        found = predict_positions(study, geometry, where, table, tool_rows)
-        if out is not None:
-            write_files({Path(out): csv_text(found.to_frame())})
-        return found
+        where = name_of(result, "result")
+        return predict_positions(self.study, geometry, where, poses, tool_rows)
 
 
 # Which kind of study asks which question.

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Union
 
 import criteria
-from edtk.design.plan import Plan
+from edtk.design.plan import REPEATS, Plan
 from edtk.measure.compliances import Compliances
 from edtk.measure.pose_table import Table, path_of
 from edtk.study.study import Study
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from edtk.calibration.calibration import Calibration
     from edtk.calibration.compensate import Compensation
     from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-    from edtk.calibration.geometry.prediction import Prediction
     from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
+    from edtk.calibration.prediction import Prediction
     from edtk.design.design_space import DesignSpace
     from edtk.design.exact.exact_plan import ExactPlan
     from edtk.design.relaxation.relaxed_plan import RelaxedPlan
@@ -345,8 +345,24 @@ class OfStudy(Question):
     def _commands(self, result: Any, task: PlanLike | None, poses: Plan) -> Any:
         """The commands in poses."""
 
-    @abstractmethod
     def predict(
-        self, result: object, poses: PlanLike, tool_rows: int, out: Path | str | None
+        self, result: Any, poses: PlanLike, tool_rows: int, out: Path | str | None
     ) -> "Prediction":
-        """Where markers will be in other poses; see `edtk.predict`."""
+        """What instruments will read in other poses; see `edtk.predict`."""
+        from edtk.measure.cells import csv_text
+
+        study = self.study
+        require_output(out, *study.reads, *files_of(result, poses))
+        plan = plan_of(study, poses, "poses")
+        if plan is None:
+            table = as_table(poses, "poses")
+        else:
+            table = plan.to_frame(study.robot).drop(columns=REPEATS)
+        found = self._predicted(result, table, tool_rows)
+        if out is not None:
+            write_files({Path(out): csv_text(found.to_frame())})
+        return found
+
+    @abstractmethod
+    def _predicted(self, result: Any, poses: Table, tool_rows: int) -> "Prediction":
+        """The readings with their bands."""

@@ -1,38 +1,42 @@
-"""`edtk.predict`: where markers will be in other poses, with 95 % bands."""
+"""`edtk.predict`: what instruments will read in other poses, with 95 % bands."""
 
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from edtk.calibration.calibration import Calibration
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-from edtk.calibration.geometry.prediction import Prediction
+from edtk.calibration.prediction import Prediction
 from edtk.verbs.inputs import PlanLike, StudyLike
 from edtk.verbs.of_kinds import of_study
 
 
 def predict(
     study: StudyLike,
-    result: "GeometricCalibration | Mapping[str, Any] | Path | str",
+    result: Calibration | GeometricCalibration | Mapping[str, Any] | Path | str,
     poses: PlanLike,
     *,
     tool_rows: int = 0,
     out: Path | str | None = None,
 ) -> Prediction:
-    """Predict positions of markers in poses, with bands; where they were measured, compare.
+    """Predict readings in other poses, with bands; where they were measured, compare.
 
     Args:
-        study: A study with [parameters], or the path of its file.
+        study: The study of the calibration, or the path of its file. Of one with [parameters]
+            positions of markers are predicted, of another one displacements under load.
         result: A calibration of it, its `to_dict`, or the path of its JSON file.
-        poses: A plan, or the poses (CSV, or a data frame), with positions as in a sheet where they
-            were measured.
-        tool_rows: So many rows at the beginning tell where each marker sits on the tool, where
-            that is not where it sat before; they are no tests.
+        poses: A plan, or the poses (CSV, or a data frame) with their loads, and with readings as in
+            a sheet where they were measured: these are tests.
+        tool_rows: Of positions, so many rows at the beginning tell where each marker sits on the
+            tool, where that is not where it sat before; they are no tests.
         out: File to write the predictions to (CSV); "-" is standard output.
 
     Returns:
-        Positions with bands, errors where positions were measured, and the share inside the bands.
+        Readings with bands, errors where they were measured, and the share inside the bands.
 
     Raises:
         UserError: A file is not valid, or of another study; one line says why.
     """
-    return of_study(study).predict(result, poses, tool_rows, out)
+    question = of_study(study)
+    question.require("predict", tool_rows=tool_rows or None)
+    return question.predict(result, poses, tool_rows, out)

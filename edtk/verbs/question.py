@@ -49,6 +49,10 @@ REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
     },
     "compliances": {
         "plan": _none_of(OF_PROBLEMS, "not for plans of a study"),
+        "predict": {
+            "tool_rows": "where a marker sits on the tool is no part of a displacement but in "
+            "marker_x_mm marker_y_mm marker_z_mm; leave this out",
+        },
     },
     "geometry": {
         "plan": {

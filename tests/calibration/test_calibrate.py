@@ -115,6 +115,7 @@ KEYS = {
     "causes",
     "expected_error",
     "posterior",
+    "prediction",
     "verdict",
     "doubts",
     "noise",

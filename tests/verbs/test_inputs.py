@@ -98,7 +98,7 @@ def test_half_a_day_of_positions_is_fitted_and_kept(tmp_path):
     predicted = edtk.predict(
         GEOMETRY, found, Plan(np.deg2rad(q[20:]), np.zeros((5, 6)), np.ones(5, int))
     )
-    apart = predicted.predicted.points - x[20:] / 1e3
+    apart = predicted.values - x[20:].reshape(-1, 3) / 1e3
     assert np.abs(apart).max() < 3e-4
 
 

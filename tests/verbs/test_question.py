@@ -9,7 +9,7 @@ from small_arm import ROBOT
 
 import edtk
 from edtk.study.study import Study
-from edtk.system.errors import ArgumentError, UserError
+from edtk.system.errors import ArgumentError
 from edtk.verbs.bayes import Sampling
 from edtk.verbs.question import REFUSED, Question
 
@@ -52,9 +52,3 @@ def test_refused_options_exist_and_say_why(kind, verb, option, reason):
         assert option in inspect.signature(call).parameters
     with pytest.raises(ArgumentError, match=f"^{option}: {re.escape(reason)}"):
         call(ASKED[kind], **given)
-
-
-def test_displacements_predict_no_positions():
-    """Predictions are refused at the key that would make the study one of geometry."""
-    with pytest.raises(UserError, match="predictions need a study of geometry"):
-        edtk.predict(ASKED["compliances"], {}, "no.csv")

@@ -1,6 +1,5 @@
 """Identified geometry and springs, with everything that a person wants to know."""
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -34,7 +33,6 @@ from edtk.measure.noise import BlockVariances, PositionNoise, Tracker
 from edtk.measure.parameters import COMPONENTS, GeometricParameter
 from edtk.measure.pose_table import coordinate_names
 from edtk.measure.task import ErringColumns, Task, Tasks
-from edtk.robots.robot import Robot
 from edtk.robots.rotations import rotation, rotation_vectors
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry, study_marks
@@ -72,7 +70,7 @@ def geometry_to_dict(fitted: FittedGeometry, counting: Counting) -> dict[str, An
     noise = fitted.noise
     found = noise.model_fit
     return {
-        "robot": _digest(fitted.model.robot),
+        "robot": fitted.model.robot.digest,
         "markers": list(fitted.model.markers),
         "base": fitted.model.start.tolist(),
         "offsets_m": np.asarray(fitted.model.offsets).tolist(),
@@ -120,7 +118,7 @@ def geometry_of_dict(
         ValueError: It is none of this study; the message says what is wrong.
     """
     model = setting.model
-    if given.get("robot") != _digest(model.robot):
+    if given.get("robot") != model.robot.digest:
         raise ValueError("robot: the result is of another robot or tool than the study's")
     every = {one.name: one for one in model.parameters}
     kept = _named(given, "names", every)
@@ -129,38 +127,30 @@ def geometry_of_dict(
         raise ValueError("names: expected each once, in names or in open")
     n = model.robot.n
     p = len(kept)
-    values = _numbers(given, "values", (p,))
+    values = numbers_of(given, "values", (p,))
     fitted_model = model.with_parameters(tuple(kept))
     fitted_model = replace(
         fitted_model,
         start=_pose(given, "base"),
-        offsets=_numbers(given, "offsets_m", (len(model.markers), 3)),
+        offsets=numbers_of(given, "offsets_m", (len(model.markers), 3)),
     )
     if given.get("markers") != list(model.markers):
         raise ValueError(f"markers: expected {', '.join(model.markers)}, those of the study")
     fitted = FittedGeometry(
         fitted_model,
         values * fitted_model.scales,
-        _covariance(given, "covariance", p),
+        covariance_of(given, "covariance", p),
         tuple(opened),
-        _numbers(given, "shares", (p, len(opened))),
+        numbers_of(given, "shares", (p, len(opened))),
         _noise(given.get("noise"), setting),
-        _numbers(given, "placed_m", (len(model.markers), 3)),
+        numbers_of(given, "placed_m", (len(model.markers), 3)),
         # Results of full poses that are older do not have them; commands ask for them.
-        _numbers(given, "placed_turns_rad", (len(model.markers), 3))
+        numbers_of(given, "placed_turns_rad", (len(model.markers), 3))
         if "placed_turns_rad" in given and setting.full_poses
         else None,
     )
     words = given.get("counting_words", "")
-    return fitted, Counting(_numbers(given, "counting", (n, n)), str(words))
-
-
-def _digest(robot: Robot) -> str:
-    """A name of the drawing: hex digits that differ where a length or an axis does."""
-    numbers = [robot.base, robot.tool, *(joint.origin for joint in robot.chain)]
-    text = " ".join(f"{x:.9f}" for T in numbers for x in np.ravel(T) + 0.0)
-    text += " ".join(f"{joint.name} {joint.kind} {joint.axis.tolist()}" for joint in robot.chain)
-    return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:12]
+    return fitted, Counting(numbers_of(given, "counting", (n, n)), str(words))
 
 
 def _named(
@@ -199,8 +189,8 @@ def _tracker(given: object) -> Tracker | None:
         return None
     if not isinstance(given, Mapping):
         raise ValueError("tracker: expected a table")
-    along, across = (_not_negative(given, key, (2,)).tolist() for key in ("along_m", "across_m"))
-    position = _numbers(given, "position_m", (3,))
+    along, across = (not_negative_of(given, key, (2,)).tolist() for key in ("along_m", "across_m"))
+    position = numbers_of(given, "position_m", (3,))
     return Tracker(position, (along[0], along[1]), (across[0], across[1]))
 
 
@@ -221,25 +211,25 @@ def _noise(given: object, setting: StudyGeometry) -> PositionNoise:
     if variances:
         c = len(variances)
         found = BlockVariances(
-            _not_negative(given, "variances", (c,)),
-            _covariance(given, "variances_covariance", c),
+            not_negative_of(given, "variances", (c,)),
+            covariance_of(given, "variances_covariance", c),
             float("nan"),
         )
     return PositionNoise(
-        float(_not_negative(given, "reading_mm", ())),
-        _not_negative(given, "joints_mrad", (n,)),
-        float(_not_negative(given, "model_white_mm", ())),
-        _not_negative(given, "model_joints_mrad", (n,)),
+        float(not_negative_of(given, "reading_mm", ())),
+        not_negative_of(given, "joints_mrad", (n,)),
+        float(not_negative_of(given, "model_white_mm", ())),
+        not_negative_of(given, "model_joints_mrad", (n,)),
         found,
-        int(_not_negative(given, "repeats", ())),
-        float(_not_negative(given, "turn_mrad", ())) if full_poses else None,
-        float(_not_negative(given, "model_turn_mrad", ())) if full_poses else 0.0,
+        int(not_negative_of(given, "repeats", ())),
+        float(not_negative_of(given, "turn_mrad", ())) if full_poses else None,
+        float(not_negative_of(given, "model_turn_mrad", ())) if full_poses else 0.0,
         tracker=_tracker(given.get("tracker")),
         tracked=~setting.model.is_distance if "tracker" in given else None,
     )
 
 
-def _numbers(given: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> Array:
+def numbers_of(given: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> Array:
     """Finite numbers of a shape.
 
     Raises:
@@ -258,25 +248,25 @@ def _numbers(given: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> Arra
     return values
 
 
-def _not_negative(given: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> Array:
+def not_negative_of(given: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> Array:
     """Numbers of a shape, none below zero.
 
     Raises:
         ValueError: The key has others.
     """
-    values = _numbers(given, key, shape)
+    values = numbers_of(given, key, shape)
     if (values < 0).any():
         raise ValueError(f"{key}: expected numbers that are not negative")
     return values
 
 
-def _covariance(given: Mapping[str, Any], key: str, order: int) -> Array:
+def covariance_of(given: Mapping[str, Any], key: str, order: int) -> Array:
     """A covariance (order, order).
 
     Raises:
         ValueError: The key has other numbers.
     """
-    values = _numbers(given, key, (order, order))
+    values = numbers_of(given, key, (order, order))
     size = np.sqrt(np.abs(np.diag(values)))
     is_symmetric = (np.abs(values - values.T) <= ROUNDING * np.outer(size, size)).all()
     if not is_symmetric or not is_semidefinite(values):
@@ -290,7 +280,7 @@ def _pose(given: Mapping[str, Any], key: str) -> Array:
     Raises:
         ValueError: The key has other numbers.
     """
-    values = _numbers(given, key, (4, 4))
+    values = numbers_of(given, key, (4, 4))
     R = values[:3, :3]
     bottom = np.array([0.0, 0.0, 0.0, 1.0])
     is_rotation = np.allclose(R @ R.T, np.eye(3), atol=RIGID) and np.linalg.det(R) > 0

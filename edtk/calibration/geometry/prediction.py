@@ -1,259 +1,27 @@
 """Positions of markers in other poses, by an identified geometry, and how they compare."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from edtk.calibration.geometry.geometric_calibration import read_geometry
-from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
+from edtk.calibration.prediction import Prediction, beyond_limits
 from edtk.findings.geometry.turn_reading import EXPECTED, turn_reading
 from edtk.findings.units import like_radians
 from edtk.fit.geometry.fitted_geometry import ErrorParts, FittedGeometry, Loads, Predicted
-from edtk.fit.geometry.marker_positions import MarkerPositions, read_positions
+from edtk.fit.geometry.marker_positions import VECTOR, MarkerPositions, read_positions
 from edtk.measure.parameters import COMPONENTS
 from edtk.measure.pose_table import LOADED_COLUMNS, Table, path_of
-from edtk.robots.robot import Robot
 from edtk.robots.rotations import rotation, rotation_vectors
 from edtk.study.study import Study
 from edtk.study.study_model import marker_names
 from edtk.system.errors import ArgumentError, UserError
-from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices, Mask
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 MM = 1e3
-FAR = 5.0  # half bands: an error beyond them is no matter of chance
-MOST = 0.5  # of the positions: if as many are far off, what they have in common is wrong
-OPEN = 1e-4  # [m]: what a calibration left open may move a marker by, before it is said
-ROUNDING = 1e-4  # [rad or m]: a limit may be exceeded by what a controller's display leaves out
-
-
-def prediction_findings(found: "Prediction") -> tuple[Finding, ...]:
-    """What is said of open directions, poses beyond limits, and positions that are far off.
-
-    Args:
-        found: Positions, and measured ones where there are any.
-    """
-    said = []
-    if found.open_rows:
-        said.append(Finding.of(Severity.WARNING, WORDING, "open_rows", rows=found.open_rows))
-    if found.beyond:
-        said.append(
-            Finding.of(Severity.WARNING, WORDING, "beyond_limits", rows=tuple(found.beyond))
-        )
-    if found.radians and not found.tests.any():
-        said.append(Finding.of(Severity.WARNING, WORDING, "angle_unit"))
-    return (*said, *_far_off(found))
-
-
-def _far_off(found: "Prediction") -> list[Finding]:
-    """Errors that bands and chance do not explain, and what they may come from."""
-    if not found.tests.any():
-        return []
-    half = np.linalg.norm(found.predicted.half[found.tests], axis=-1)
-    is_far = found.errors > FAR * half
-    if not is_far.any():
-        return []
-    if is_far.mean() > MOST:
-        return [
-            Finding.of(
-                Severity.WARNING, WORDING, "all_far_off", median=float(np.median(found.errors))
-            )
-        ]
-    rows = tuple(sorted({int(row) for row in found.data.row[found.tests][is_far]}))
-    return [
-        Finding.of(
-            Severity.WARNING,
-            WORDING,
-            "far_off",
-            rows=rows,
-            largest=float(found.errors[is_far].max()),
-        )
-    ]
-
-
-def _open_rows(data: Data) -> str:
-    """Poses for which a calibration says too little."""
-    moves = "moves" if len(data["rows"]) == 1 else "move"
-    return (
-        f"{rows_in_words(data['rows'])} {moves} along directions that the calibration left open; "
-        "their bands assume errors of up to 10 mm or mrad"
-    )
-
-
-WORDING: Wording = {
-    "open_rows": _open_rows,
-    "angle_unit": lambda _: (
-        "all joint angles are within 6.3 degrees of zero: are they in radians? expected degrees"
-    ),
-    "beyond_limits": lambda data: f"{rows_in_words(data['rows'])}: beyond the joints' limits",
-    "all_far_off": lambda data: (
-        f"measured positions are {MM * data['median']:.3g} mm off (median), far outside their "
-        "bands: is the instrument where it was on the day of the calibration, are angles in "
-        "degrees and positions in millimetres?"
-    ),
-    "far_off": lambda data: (
-        f"{rows_in_words(data['rows'])}: up to {MM * data['largest']:.3g} mm off, far outside the "
-        "bands: a swapped or moved marker, or a pose typed wrongly?"
-    ),
-}
-
-
-@dataclass(frozen=True, eq=False)
-class Prediction(Presented):
-    """Predicted positions with 95 % bands, and measured ones where there are any.
-
-    Attributes:
-        data: The poses, with what was measured there.
-        predicted: Positions and bands.
-        tests: Which positions (v, k) are measured and no part of any fit.
-        asked: Which positions (v, k) the file asks for.
-        beyond: Rows, counted from 0, of poses beyond the joints' limits.
-        radians: Whether the joint angles look like radians.
-    """
-
-    data: MarkerPositions
-    predicted: Predicted
-    tests: Mask
-    asked: Mask
-    beyond: tuple[int, ...] = ()
-    radians: bool = False
-
-    def headline(self) -> str:
-        """How many positions, and how far they are off."""
-        text = f"{int(self.asked.sum())} positions in {len(self.data)} rows"
-        if not self.tests.any():
-            half = MM * float(np.median(self.predicted.half[self.asked]))
-            return f"{text}, 95 % bands of +-{half:.3g} mm"
-        return (
-            f"{text}, errors {self.mean_mm:.3g} mm mean, {self.rms_mm:.3g} rms, "
-            f"{self.max_mm:.3g} max; {100 * self.share_inside:.0f} % inside"
-        )
-
-    @property
-    def errors(self) -> Array:
-        """Distances (t,) of measured from predicted positions [m]."""
-        apart = self.data.measured - self.predicted.points
-        return np.asarray(np.linalg.norm(apart[self.tests], axis=-1))
-
-    @property
-    def mean_mm(self) -> float:
-        """Mean distance [mm]; NaN without measured positions."""
-        return MM * float(self.errors.mean()) if self.tests.any() else float("nan")
-
-    @property
-    def rms_mm(self) -> float:
-        """Root mean square distance [mm]; NaN likewise."""
-        errors = self.errors
-        return MM * float(np.sqrt((errors**2).mean())) if len(errors) else float("nan")
-
-    @property
-    def max_mm(self) -> float:
-        """Largest distance [mm]; NaN likewise."""
-        return MM * float(self.errors.max()) if self.tests.any() else float("nan")
-
-    @property
-    def share_inside(self) -> float:
-        """Share of measured coordinates inside their 95 % bands; NaN likewise."""
-        if not self.tests.any():
-            return float("nan")
-        return float(self.predicted.inside(self.data.measured)[self.tests].mean())
-
-    @property
-    def turn_errors(self) -> Array | None:
-        """Angles (t,) between measured and predicted orientations [rad]; None without any."""
-        turns = self.data.turns
-        if turns is None or not self.tests.any():
-            return None
-        apart = turns @ np.swapaxes(self.predicted.turns, -1, -2)
-        # Of small angles the cosine has half the digits: the sine is that of the skew part.
-        skew = 0.5 * (apart - np.swapaxes(apart, -1, -2))[self.tests]
-        sine = np.sqrt((skew**2).sum(axis=(-1, -2)) / 2)
-        cosine = (np.trace(apart[self.tests], axis1=-2, axis2=-1) - 1) / 2
-        return np.asarray(np.arctan2(sine, cosine))
-
-    @property
-    def turn_rms_deg(self) -> float | None:
-        """Their root mean square [deg]."""
-        errors = self.turn_errors
-        if errors is None or not np.isfinite(errors).any():
-            return None
-        return float(np.rad2deg(np.sqrt(np.nanmean(errors**2))))
-
-    @property
-    def open_rows(self) -> tuple[int, ...]:
-        """Rows, counted from 0, that move along directions which the calibration left open."""
-        far = self.predicted.open > OPEN
-        return tuple(sorted({int(row) for row in self.data.row[far & self.asked] if row >= 0}))
-
-    @property
-    def findings(self) -> tuple[Finding, ...]:
-        """What makes these predictions, or the comparison, hard to believe."""
-        return prediction_findings(self)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Positions by row and marker, and the comparison; null without measured positions."""
-        measured = bool(self.tests.any())
-        return {
-            "positions": self._positions(),
-            "errors": {
-                "count": int(self.tests.sum()),
-                "mean_mm": self.mean_mm if measured else None,
-                "rms_mm": self.rms_mm if measured else None,
-                "max_mm": self.max_mm if measured else None,
-            },
-            "mean_mm": self.mean_mm if measured else None,
-            "rms_mm": self.rms_mm if measured else None,
-            "max_mm": self.max_mm if measured else None,
-            "share_inside": self.share_inside if measured else None,
-            **({} if self.predicted.turn_half is None else {"turn_rms_deg": self.turn_rms_deg}),
-            "open_rows": [row + 1 for row in self.open_rows],
-            "doubts": [one.words for one in self.findings],
-        }
-
-    def _positions(self) -> list[dict[str, Any]]:
-        """A table for each position."""
-        found = []
-        vectors = self._vectors()
-        for visit, marker in zip(*np.nonzero(self.asked), strict=True):
-            entry: dict[str, Any] = {
-                "row": int(self.data.row[visit, marker]) + 1,
-                "marker": self.data.markers[marker],
-            }
-            for axis, name in enumerate("xyz"):
-                entry[f"{name}_mm"] = MM * float(self.predicted.points[visit, marker, axis])
-            for axis, name in enumerate("xyz"):
-                entry[f"band_{name}_mm"] = MM * float(self.predicted.half[visit, marker, axis])
-            if vectors is not None and self.predicted.turn_half is not None:
-                half = np.rad2deg(self.predicted.turn_half[visit, marker])
-                for axis, name in enumerate("xyz"):
-                    entry[f"r{name}_deg"] = float(vectors[visit, marker, axis])
-                    entry[f"band_r{name}_deg"] = float(half[axis])
-            if self.data.seen[visit, marker]:
-                apart = self.data.measured[visit, marker] - self.predicted.points[visit, marker]
-                entry["error_mm"] = MM * float(np.linalg.norm(apart))
-                inside = np.abs(apart) <= self.predicted.half[visit, marker]
-                entry["inside"] = bool(inside.all())
-                entry["test"] = bool(self.tests[visit, marker])
-            found.append(entry)
-        return found
-
-    def _vectors(self) -> Array | None:
-        """Predicted orientations as rotation vectors (v, k, 3) [deg]; None where none is asked."""
-        if self.predicted.turn_half is None:
-            return None
-        return np.asarray(np.rad2deg(rotation_vectors(self.predicted.turns)))
-
-    def to_frame(self) -> "pd.DataFrame":
-        """A row for each position, as in `to_dict`."""
-        import pandas as pd
-
-        return pd.DataFrame(self._positions())
 
 
 def predict_positions(
@@ -291,13 +59,12 @@ def predict_positions(
             f"displacements; predictions are of positions: expected {', '.join(LOADED_COLUMNS)}",
             where=path_of(poses),
         )
-    beyond = _beyond(study.robot, data)
+    beyond = beyond_limits(study.robot, data.q, data.row)
     radians = like_radians(study, data.q)
     data = counting.of(setting.split(data.without_lost())[0])
     reading = turn_reading(poses, study.robot, data)
     if reading:
         raise UserError(f"the robot fits if {reading}; expected {EXPECTED}", where=path_of(poses))
-    wanted: Mask = np.greater_equal(data.row, 0)
     tests = data.seen.copy()
     if tool_rows:
         last = int(data.row.max()) + 1
@@ -314,14 +81,46 @@ def predict_positions(
         tests &= ~placing
     else:
         predicted = fitted.predict(data.q, data.wrench, setting.loads)
-    return Prediction(data, predicted, tests, wanted, beyond, radians)
+    return _prediction(data, predicted, tests, beyond, radians)
 
 
-def _beyond(robot: Robot, data: MarkerPositions) -> tuple[int, ...]:
-    """Rows, counted from 0, of poses beyond the limits of the joints."""
-    lower, upper = robot.hard_limits
-    over = np.maximum(lower - data.q, data.q - upper).max(axis=1) > ROUNDING
-    return tuple(sorted({int(row) for row in data.row[over].ravel() if row >= 0}))
+def _prediction(
+    data: MarkerPositions,
+    predicted: Predicted,
+    tests: Mask,
+    beyond: tuple[int, ...],
+    radians: bool,
+) -> Prediction:
+    """The positions that the file asks for, one after another."""
+    visit, marker = np.nonzero(data.row >= 0)
+    chosen = (visit, marker)
+    values = [predicted.points[chosen]]
+    half = [predicted.half[chosen]]
+    apart = [data.measured[chosen] - predicted.points[chosen]]
+    columns: tuple[str, ...] = LOADED_COLUMNS
+    if predicted.turn_half is not None:
+        columns = (*LOADED_COLUMNS, *VECTOR)
+        turns = predicted.turns[chosen]
+        values.append(rotation_vectors(turns))
+        half.append(predicted.turn_half[chosen])
+        given = np.full_like(turns, np.nan) if data.turns is None else data.turns[chosen]
+        seen: Mask = np.all(np.isfinite(given), axis=(-1, -2))
+        turned = np.where(seen[:, None, None], given, turns) @ np.swapaxes(turns, -1, -2)
+        apart.append(np.where(seen[:, None], rotation_vectors(turned), np.nan))
+    return Prediction(
+        data=data,
+        what="positions",
+        row=data.row[chosen],
+        markers=tuple(data.markers[i] for i in marker),
+        columns=columns,
+        values=np.concatenate(values, axis=-1),
+        half=np.concatenate(half, axis=-1),
+        apart=np.concatenate(apart, axis=-1),
+        tests=tests[chosen],
+        open=predicted.open[chosen],
+        beyond=beyond,
+        radians=radians,
+    )
 
 
 def tool_from_rows(

@@ -1,4 +1,4 @@
-"""Calibrations of compliances."""
+"""Calibrations of compliances, and predictions by any calibration."""
 
 from typing import Any
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.posterior_check import PoseError
+from edtk.calibration.prediction import Prediction
 from edtk.findings.finding import notes, row_names, shown_probability
 from edtk.fit.estimate_noise import NoiseEstimate
 from edtk.fit.identify import Identification
@@ -17,6 +18,8 @@ from edtk.report.figures import panels
 from edtk.report.shown import digits, left_out_line
 from edtk.report.tables import name_width, notebook_table
 
+MOST_LINES = 60  # of readings that are predicted
+ERRORS = ("error_mm", "error_deg")
 SHARE = 0.01  # of the total, from which a joint that is not identified is named
 # What the parts leave out where displacements are counted from the rigid robot.
 NOT_IN_IT = "errors of the robot's geometry, and of its place in the measuring frame"
@@ -231,3 +234,37 @@ def pose_error_text(error: PoseError) -> str:
         f"error after compensation below {1e3 * error.error_95:.6f} mm with probability 95 %\n"
         f"displacement under the task's load{which}, 95 % intervals [mm]: {axes}"
     )
+
+
+def prediction_text(found: Prediction) -> str:
+    """A line for each reading, and the comparison."""
+    width = max([len(name) for name in found.markers] + [6])
+    lengths = np.flatnonzero(found.lengths)
+    shown = lengths if found.what == "positions" else np.arange(len(found.columns))
+    names = ", ".join(found.columns[j].rpartition("_")[0].replace("_", " ") for j in shown)
+    units = "/".join(dict.fromkeys(found.columns[j].rpartition("_")[2] for j in shown))
+    named = f"{'marker':{width}}  " if found.markers else ""
+    lines = [f"  row  {named}{names} and half the 95 % band [{units}]"]
+    for i, one in enumerate(found.readings()[:MOST_LINES]):
+        values = "".join(
+            f"{one[column]:12.3f} +-{one[f'band_{column}']:.3f}"
+            for column in (found.columns[j] for j in shown)
+            if column in one
+        )
+        error = next((f"  error {one[key]:.3f}" for key in ERRORS if key in one), "")
+        note = "" if one.get("test", True) else " (places the tool)"
+        marker = f"{found.markers[i]:{width}}" if found.markers else ""
+        lines.append(f"{one['row']:5d}  {marker}{values}{error}{note}")
+    more = len(found.row) - MOST_LINES
+    if more > 0:
+        lines.append(f"  ... and {more} more, in --json or --out")
+    if len(found.errors):
+        lines.append(
+            f"{int(found.tests.sum())} measured {found.what}: errors {found.mean_mm:.4g} mm mean, "
+            f"{found.rms_mm:.4g} mm rms, {found.max_mm:.4g} mm largest; "
+            f"{100 * found.share_inside:.1f} % of the coordinates inside their 95 % bands"
+        )
+    if found.turn_rms_deg is not None:
+        what = "orientations" if found.what == "positions" else "rotations"
+        lines.append(f"{what}: {found.turn_rms_deg:.3g} deg rms off")
+    return "\n".join(lines)

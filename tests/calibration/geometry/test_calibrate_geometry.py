@@ -452,7 +452,7 @@ def test_a_study_that_was_changed_since_is_refused(
     poses.write_text(f"{','.join(NAMES)}\n10,20,30,-40,50,60\n")
     result = tmp_path / "result.json"
     result.write_text(json.dumps(loaded))
-    assert len(edtk.predict(SPRUNG, loaded, poses).predicted.points) == 1
+    assert len(edtk.predict(SPRUNG, loaded, poses).data) == 1
     with pytest.raises(edtk.UserError, match=said):
         edtk.predict(SPRUNG.replace(**keys), loaded, poses)
     with pytest.raises(edtk.UserError, match=said):

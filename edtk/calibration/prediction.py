@@ -1,0 +1,490 @@
+"""Readings in other poses by an identified model, with 95 % bands, and how they compare."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from edtk.calibration.calibration import Calibration
+from edtk.calibration.geometry.geometric_calibration import (
+    covariance_of,
+    not_negative_of,
+    numbers_of,
+)
+from edtk.calibration.propagation import FittedSprings, root_of
+from edtk.design.plan import REPEATS
+from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
+from edtk.findings.moving_joints import ReadingNoise
+from edtk.findings.units import like_radians
+from edtk.fit.distributions import student_quantile
+from edtk.fit.equilibrium import linearise
+from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.least_squares import share_inside
+from edtk.fit.measurements import Measurements
+from edtk.measure.compliances import Compliances
+from edtk.measure.equilibrium import NoEquilibriumError
+from edtk.measure.pose_table import TURN_COLUMN, PoseTable, Table, coordinate_columns, path_of
+from edtk.robots.loads.fixed_load import FixedLoad
+from edtk.robots.robot import Robot
+from edtk.study.study import Study
+from edtk.study.study_model import assumed_joints, study_sigma
+from edtk.system.errors import UserError
+from edtk.system.presented import Presented
+from edtk.system.typing import Array, Indices, Mask
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MM = 1e3
+FAR = 5.0  # half bands: an error beyond them is no matter of chance
+MOST = 0.5  # of the readings: if as many are far off, what they have in common is wrong
+OPEN = 1e-4  # [m]: what a calibration left open may move a marker by, before it is said
+ROUNDING = 1e-4  # [rad or m]: a limit may be exceeded by what a controller's display leaves out
+LEAST_DOF = 0.5  # of a covariance in a file
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction(Presented):
+    """Predicted positions or displacements with 95 % bands, and measured ones where there are any.
+
+    There are t readings of c coordinates, such as a position of a marker, in metres and radians.
+
+    Attributes:
+        data: The poses, with what was measured there.
+        what: "positions" or "displacements".
+        row: Row of the file (t,) that holds each reading, counted from 0.
+        markers: Name (t,) of what is read; empty where nothing has a name.
+        columns: Name (c,) of each coordinate in files, with its unit, such as "x_mm" or "rx_deg".
+        values: What is predicted (t, c); NaN where a reading has no such coordinate.
+        half: Half the width (t, c) of the 95 % bands.
+        apart: Measured less predicted (t, c); NaN where nothing was measured.
+        tests: Which readings (t,) are measured and no part of any fit.
+        open: How far (t,) what the calibration left open may move each, at one standard deviation
+            [m].
+        beyond: Rows, counted from 0, of poses beyond the joints' limits.
+        radians: Whether the joint angles look like radians.
+        certain: Whether the result does not say how well its parameters are known.
+    """
+
+    data: MarkerPositions | Measurements
+    what: str
+    row: Indices
+    markers: tuple[str, ...]
+    columns: tuple[str, ...]
+    values: Array
+    half: Array
+    apart: Array
+    tests: Mask
+    open: Array
+    beyond: tuple[int, ...] = ()
+    radians: bool = False
+    certain: bool = False
+
+    def headline(self) -> str:
+        """How many readings, and how far they are off."""
+        text = f"{len(self.row)} {self.what} in {len(self.data)} rows"
+        if not self.tests.any():
+            lengths = self.half[:, self.lengths]
+            half = MM * float(np.median(lengths[np.isfinite(lengths)]))
+            return f"{text}, 95 % bands of +-{half:.3g} mm"
+        return (
+            f"{text}, errors {self.mean_mm:.3g} mm mean, {self.rms_mm:.3g} rms, "
+            f"{self.max_mm:.3g} max; {100 * self.share_inside:.0f} % inside"
+        )
+
+    @property
+    def lengths(self) -> Mask:
+        """Which coordinates (c,) are lengths; the others are angles."""
+        return np.array([column.endswith("_mm") for column in self.columns])
+
+    @property
+    def units(self) -> Array:
+        """Factors (c,) from metres and radians to those of the columns."""
+        return np.where(self.lengths, MM, np.rad2deg(1.0))
+
+    def sizes(self, values: Array, chosen: Mask) -> Array:
+        """Lengths (t,) of vectors of the chosen coordinates (c,); NaN without any number."""
+        parts = values[:, chosen]
+        known = np.isfinite(parts).any(axis=1)
+        return np.where(known, np.sqrt(np.nansum(parts**2, axis=1)), np.nan)
+
+    @property
+    def errors(self) -> Array:
+        """Distances (e,) of measured from predicted positions, or displacements [m]."""
+        errors = self.sizes(self.apart, self.lengths)[self.tests]
+        return np.asarray(errors[np.isfinite(errors)])
+
+    @property
+    def mean_mm(self) -> float:
+        """Mean distance [mm]; NaN without measured readings."""
+        return MM * float(self.errors.mean()) if len(self.errors) else float("nan")
+
+    @property
+    def rms_mm(self) -> float:
+        """Root mean square distance [mm]; NaN likewise."""
+        errors = self.errors
+        return MM * float(np.sqrt((errors**2).mean())) if len(errors) else float("nan")
+
+    @property
+    def max_mm(self) -> float:
+        """Largest distance [mm]; NaN likewise."""
+        return MM * float(self.errors.max()) if len(self.errors) else float("nan")
+
+    @property
+    def share_inside(self) -> float:
+        """Share of measured coordinates inside their 95 % bands; NaN likewise.
+
+        Where positions are measured with orientations, it is that of the positions.
+        """
+        positions = self.what == "positions"
+        chosen = self.lengths if positions else np.ones(len(self.columns), dtype=bool)
+        tests = np.ix_(self.tests, chosen)
+        return share_inside(self.apart[tests], self.half[tests])
+
+    @property
+    def turn_errors(self) -> Array | None:
+        """Angles (e,) between measured and predicted orientations [rad]; None without any."""
+        if self.lengths.all() or not self.tests.any():
+            return None
+        return self.sizes(self.apart, ~self.lengths)[self.tests]
+
+    @property
+    def turn_rms_deg(self) -> float | None:
+        """Their root mean square [deg]."""
+        errors = self.turn_errors
+        if errors is None or not np.isfinite(errors).any():
+            return None
+        return float(np.rad2deg(np.sqrt(np.nanmean(errors**2))))
+
+    @property
+    def open_rows(self) -> tuple[int, ...]:
+        """Rows, counted from 0, that move along directions which the calibration left open."""
+        return tuple(sorted({int(row) for row in self.row[self.open > OPEN]}))
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What makes these predictions, or the comparison, hard to believe."""
+        return prediction_findings(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Readings by row and marker, and the comparison; null without measured ones."""
+        measured = len(self.errors) > 0
+        sizes = {
+            "mean_mm": self.mean_mm if measured else None,
+            "rms_mm": self.rms_mm if measured else None,
+            "max_mm": self.max_mm if measured else None,
+        }
+        return {
+            self.what: self.readings(),
+            "errors": {"count": int(self.tests.sum()), **sizes},
+            **sizes,
+            "share_inside": self.share_inside if self.tests.any() else None,
+            **({} if self.lengths.all() else {"turn_rms_deg": self.turn_rms_deg}),
+            "open_rows": [row + 1 for row in self.open_rows],
+            "doubts": [one.words for one in self.findings],
+        }
+
+    def readings(self) -> list[dict[str, Any]]:
+        """A table for each reading."""
+        values = (self.values * self.units).tolist()
+        half = (self.half * self.units).tolist()
+        return [self._reading(i, values[i], half[i]) for i in range(len(self.row))]
+
+    def _reading(self, i: int, values: list[float], half: list[float]) -> dict[str, Any]:
+        """The table of one reading; an angle follows all lengths."""
+        entry: dict[str, Any] = {"row": int(self.row[i]) + 1}
+        if self.markers:
+            entry["marker"] = self.markers[i]
+        own = [j for j in range(len(self.columns)) if np.isfinite(values[j])]
+        lengths = [j for j in own if self.lengths[j]]
+        entry |= {self.columns[j]: values[j] for j in lengths}
+        entry |= {f"band_{self.columns[j]}": half[j] for j in lengths}
+        for j in own:
+            if not self.lengths[j]:
+                entry[self.columns[j]] = values[j]
+                entry[f"band_{self.columns[j]}"] = half[j]
+        if np.isfinite(self.apart[i]).any():
+            chosen = self.lengths if lengths else ~self.lengths
+            name, unit = ("error_mm", MM) if lengths else ("error_deg", np.rad2deg(1.0))
+            entry[name] = unit * float(self.sizes(self.apart[[i]], chosen)[0])
+            inside = np.abs(self.apart[i, chosen]) <= self.half[i, chosen]
+            entry["inside"] = bool(inside[np.isfinite(self.apart[i, chosen])].all())
+            entry["test"] = bool(self.tests[i])
+        return entry
+
+    def to_frame(self) -> "pd.DataFrame":
+        """A row for each reading, as in `to_dict`."""
+        import pandas as pd
+
+        return pd.DataFrame(self.readings())
+
+
+def beyond_limits(robot: Robot, q: Array, row: Indices) -> tuple[int, ...]:
+    """Rows, counted from 0, of poses beyond the limits of the joints.
+
+    Args:
+        robot: The robot.
+        q: Poses (v, n) [rad or m].
+        row: Rows (v, ...) that each pose is in; -1 for none.
+    """
+    lower, upper = robot.hard_limits
+    over = np.maximum(lower - q, q - upper).max(axis=1) > ROUNDING
+    return tuple(sorted({int(one) for one in row[over].ravel() if one >= 0}))
+
+
+def springs_of_result(
+    study: Study, result: Calibration | Mapping[str, Any], where: Path | str
+) -> tuple[FittedSprings, bool]:
+    """Compliances of a result, with all that predictions need.
+
+    Args:
+        study: The study of the calibration.
+        result: The calibration, or what its file holds: `prediction`, or compliances by joint.
+        where: The result, for messages.
+
+    Returns:
+        The compliances, and whether their uncertainty is not known.
+
+    Raises:
+        UserError: The result is not valid, or of another robot.
+    """
+    if isinstance(result, Calibration):
+        return result.springs, False
+    given = result.get("prediction")
+    if given is None:
+        return _by_joint(study, result, where)
+    if not isinstance(given, Mapping):
+        raise UserError("expected a table", where=where, key="prediction")
+    if given.get("robot") != study.robot.digest:
+        message = "the result is of another robot or tool than the study's"
+        raise UserError(message, where=where, key="prediction.robot")
+    try:
+        return _springs_of_dict(study.robot, given), False
+    except ValueError as error:
+        raise UserError(str(error), where=where, key="prediction") from error
+
+
+def _springs_of_dict(robot: Robot, given: Mapping[str, Any]) -> FittedSprings:
+    """Those of the table `prediction`.
+
+    Raises:
+        ValueError: A number is missing, or none.
+    """
+    names = given.get("joints")
+    every = robot.joint_names
+    if not isinstance(names, list) or len(set(map(str, names))) < len(names):
+        raise ValueError("joints: expected a list of names, each once")
+    unknown = [name for name in names if name not in every]
+    if unknown:
+        raise ValueError(f"joints: the robot has no joint {unknown[0]!r}")
+    a = len(names)
+    covariance = covariance_of(given, "covariance", a)
+    opened = given.get("open")
+    if not isinstance(opened, list) or len(opened) > a:
+        raise ValueError("open: expected a list of errors")
+    dof = np.inf if given.get("dof") is None else float(not_negative_of(given, "dof", ()))
+    joints = None
+    if given.get("repeatability_deg") is not None:
+        model = float(not_negative_of(given, "discrepancy_mm", ())) / MM
+        joints = float(not_negative_of(given, "repeatability_deg", ())), model
+    return FittedSprings(
+        joints=tuple(every.index(name) for name in names),
+        k=numbers_of(given, "k", (a,)),
+        root=root_of(covariance),
+        dof=max(dof, LEAST_DOF),
+        open=numbers_of(given, "open", (len(opened), a)).T,
+        noise=ReadingNoise(float(not_negative_of(given, "noise_ratio", ())), joints),
+    )
+
+
+def _by_joint(
+    study: Study, result: Mapping[str, Any], where: Path | str
+) -> tuple[FittedSprings, bool]:
+    """Compliances of a file that says no more, such as one written by hand.
+
+    Raises:
+        UserError: It is not valid, or lacks a joint.
+    """
+    if "geometry" in result:
+        raise UserError("a result of a study with [parameters]; this one has none", where=where)
+    names = study.robot.joint_names
+    needed = study.specification.joints.unknown
+    found = Compliances.from_dict(result, names, needed, where)
+    known = found.covariance is not None
+    own = found.covariance if known else np.zeros((len(found.k), len(found.k)))
+    given = dict(zip(found.joints, found.k, strict=True))
+    others = assumed_joints(study, np.array([given[name] for name in needed]))
+    # The task's own uncertainties, of load and tool, are those of the day that is predicted.
+    every = replace(found, covariance=own, measured=None, every=None).including(others)
+    assert every.covariance is not None
+    a = len(every.k)
+    joints = tuple(names.index(name) for name in every.joints)
+    root = root_of(every.covariance)
+    springs = FittedSprings(
+        joints, every.unbounded, root, found.covariance_dof, np.zeros((a, 0)), ReadingNoise()
+    )
+    return springs, not known
+
+
+def predict_displacements(
+    study: Study, springs: FittedSprings, poses: Table, certain: bool = False
+) -> Prediction:
+    """Predict what instruments read under load in the poses of a file, at the loaded equilibrium.
+
+    The covariance of a reading is ``A C A' + V``, of the compliances with the derivatives A of the
+    equilibrium, and of a reading: its instrument, joints that do not come back, and what the model
+    leaves out.
+
+    Args:
+        study: The study of the calibration.
+        springs: Its compliances.
+        poses: The file, or a data frame that holds what it would.
+        certain: Whether nothing is known of their uncertainty.
+
+    Raises:
+        UserError: The file cannot be read, or a load buckles the robot.
+    """
+    table = PoseTable.read(poses, "file of poses").without([REPEATS])
+    load = study.space.load
+    wrench = load.always if isinstance(load, FixedLoad) else None
+    sigma = study_sigma(study)
+    data, row = Measurements.expected(
+        table, study.robot, study.fixed, wrench, sigma, study.model, study.is_absolute
+    )
+    model = replace(study.model, unknown=springs.joints)
+    k = np.zeros(study.robot.n)
+    k[list(springs.joints)] = springs.k
+    try:
+        linear = linearise(model, data, k)
+    except NoEquilibriumError as error:
+        first = np.unique(data.pose, return_index=True)[1][error.pose]
+        message = "the load buckles the arm; expected a load that it can carry"
+        raise UserError(message, where=path_of(poses), key=f"row {row[first] + 1}") from error
+    predicted = linear.constant + linear.A @ springs.k
+    spread = ((linear.A @ springs.root) ** 2).sum(axis=-1)
+    std = np.sqrt(spread + springs.noise.variance(study, data))
+    half = student_quantile(0.975, springs.dof) * std
+    moved = np.where(data.lengths[..., None], linear.A @ springs.open, 0.0)
+    columns, of_columns = _columns(data)
+    names = [sensor.name for sensor in study.model.sensors]
+    return Prediction(
+        data=data,
+        what="displacements",
+        row=row,
+        markers=() if data.sensor is None else tuple(names[i] for i in data.sensor),
+        columns=columns,
+        values=of_columns(predicted),
+        half=of_columns(half),
+        apart=of_columns(data.deflection - predicted),
+        tests=np.all(np.isfinite(data.deflection), axis=1),
+        open=np.sqrt((moved**2).sum(axis=(1, 2))),
+        beyond=beyond_limits(study.robot, data.q, row),
+        radians=like_radians(study, data.q),
+        certain=certain,
+    )
+
+
+def _columns(data: Measurements) -> tuple[tuple[str, ...], Callable[[Array], Array]]:
+    """Names of the coordinates of all readings, and what puts values (t, rows) into them.
+
+    A single rotation is a coordinate of its own, beside that of single lengths.
+    """
+    columns = coordinate_columns(data.deflection.shape[1])
+    if data.turn is None:
+        return columns, lambda values: values
+    is_turn = np.stack([~data.turn, data.turn], axis=1)
+    return (*columns, TURN_COLUMN), lambda values: np.where(is_turn, values, np.nan)
+
+
+def prediction_findings(found: "Prediction") -> tuple[Finding, ...]:
+    """What is said of open directions, poses beyond limits, and positions that are far off.
+
+    Args:
+        found: Positions, and measured ones where there are any.
+    """
+    said = []
+    if found.open_rows:
+        data = {"rows": found.open_rows, "what": found.what}
+        said.append(Finding.of(Severity.WARNING, WORDING, "open_rows", **data))
+    if found.beyond:
+        said.append(
+            Finding.of(Severity.WARNING, WORDING, "beyond_limits", rows=tuple(found.beyond))
+        )
+    if found.radians and not found.tests.any():
+        said.append(Finding.of(Severity.WARNING, WORDING, "angle_unit"))
+    if found.certain:
+        said.append(Finding.of(Severity.WARNING, WORDING, "certain"))
+    return (*said, *_far_off(found))
+
+
+def _far_off(found: "Prediction") -> list[Finding]:
+    """Errors that bands and chance do not explain, and what they may come from."""
+    errors = found.sizes(found.apart, found.lengths)
+    chosen = found.tests & np.isfinite(errors)
+    is_far = chosen & (errors > FAR * found.sizes(found.half, found.lengths))
+    if not is_far.any():
+        return []
+    what = {"what": found.what}
+    if is_far.sum() > MOST * chosen.sum():
+        median = float(np.median(errors[chosen]))
+        return [Finding.of(Severity.WARNING, WORDING, "all_far_off", median=median, **what)]
+    rows = tuple(sorted({int(row) for row in found.row[is_far]}))
+    largest = float(errors[is_far].max())
+    return [Finding.of(Severity.WARNING, WORDING, "far_off", rows=rows, largest=largest, **what)]
+
+
+def _open_rows(data: Data) -> str:
+    """Poses for which a calibration says too little."""
+    moves = "moves" if len(data["rows"]) == 1 else "move"
+    assumed = "errors of up to 10 mm or mrad"
+    if data["what"] == "displacements":
+        assumed = "the compliances that such joints are likely to have"
+    return (
+        f"{rows_in_words(data['rows'])} {moves} along directions that the calibration left open; "
+        f"their bands assume {assumed}"
+    )
+
+
+def _all_far_off(data: Data) -> str:
+    """Readings that are all wrong in the same way."""
+    off = (
+        f"measured {data['what']} are {MM * data['median']:.3g} mm off (median), far outside their "
+        "bands: "
+    )
+    if data["what"] == "displacements":
+        return (
+            f"{off}is the load that of the file, and the tool that of the study, are angles in "
+            "degrees and displacements in millimetres, and their signs right?"
+        )
+    return (
+        f"{off}is the instrument where it was on the day of the calibration, are angles in "
+        "degrees and positions in millimetres?"
+    )
+
+
+def _far_off_words(data: Data) -> str:
+    """Single readings that are wrong."""
+    what = (
+        "a marker that was hit" if data["what"] == "displacements" else "a swapped or moved marker"
+    )
+    return (
+        f"{rows_in_words(data['rows'])}: up to {MM * data['largest']:.3g} mm off, far outside the "
+        f"bands: {what}, or a pose typed wrongly?"
+    )
+
+
+WORDING: Wording = {
+    "open_rows": _open_rows,
+    "angle_unit": lambda _: (
+        "all joint angles are within 6.3 degrees of zero: are they in radians? expected degrees"
+    ),
+    "beyond_limits": lambda data: f"{rows_in_words(data['rows'])}: beyond the joints' limits",
+    "certain": lambda _: (
+        "the result does not say how well its compliances are known: bands are those of a reading "
+        "alone"
+    ),
+    "all_far_off": _all_far_off,
+    "far_off": _far_off_words,
+}
