@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     from edtk.verbs.controller import controller as controller
     from edtk.verbs.evaluate import evaluate as evaluate
     from edtk.verbs.identify import identify as identify
-    from edtk.verbs.load_study import load_study as load_study
+    from edtk.verbs.inputs import load_study as load_study
     from edtk.verbs.new import new as new
     from edtk.verbs.plan import plan as plan
     from edtk.verbs.predict import predict as predict
@@ -74,7 +74,7 @@ _HOME = {
     # verbs, in the order of a day's work
     "new": "edtk.verbs.new",
     "controller": "edtk.verbs.controller",
-    "load_study": "edtk.verbs.load_study",
+    "load_study": "edtk.verbs.inputs",
     "robot": "edtk.verbs.robot",
     "plan": "edtk.verbs.plan",
     "relax": "edtk.verbs.relax",

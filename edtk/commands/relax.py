@@ -67,7 +67,7 @@ def command(
     Ctrl-C ends a long run with the best certified plan so far.
     """
     from edtk.design.relaxation.relax_poses import PlanInterrupted
-    from edtk.verbs.load_study import load_study
+    from edtk.verbs.inputs import load_study
     from edtk.verbs.relax import relax
 
     question = load_study(study)

@@ -29,7 +29,7 @@ def command(
     columns of their own.
     """
     from edtk.measure.cells import csv_text
-    from edtk.verbs.load_study import load_study
+    from edtk.verbs.inputs import load_study
     from edtk.verbs.template import template
 
     question = load_study(study)

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeGuard
 import criteria
 from edtk.design.plan import Plan
 from edtk.measure.pose_table import Table, path_of
-from edtk.study.study import Study, load_study
+from edtk.study.study import Study
+from edtk.study.study import load_study as read_study
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.files import (
     STANDARD_OUTPUT,
@@ -38,6 +39,22 @@ StudyLike = Study | Path | str
 PlanLike = Plan | HasPlan | Table
 
 
+def load_study(path: Path | str, exclude: Path | str | None = None) -> Study:
+    """Read and validate a study file.
+
+    Args:
+        path: The file (TOML).
+        exclude: A plan (CSV) of poses to stay away from, besides those that the study excludes.
+
+    Returns:
+        The study, with its robot, its design space and its test pose.
+
+    Raises:
+        UserError: One line that names the file, the key and what was expected.
+    """
+    return read_study(path, exclude)
+
+
 def as_study(study: StudyLike) -> Study:
     """The study itself, or the study of a file.
 
@@ -49,7 +66,7 @@ def as_study(study: StudyLike) -> Study:
         message = f"expected a study, or the path of one, not {type(given).__name__}; arrays of "
         hint = "regressors (n, rows, p) make an edtk.Problem, data frames edtk.Problem.from_frame"
         raise UserError(message + hint)
-    return study if isinstance(study, Study) else load_study(study)
+    return study if isinstance(study, Study) else read_study(study)
 
 
 def as_plan(study: Study, plan: PlanLike, argument: str = "plan", made: bool = False) -> Plan:

@@ -13,7 +13,7 @@ from edtk.cli import main
 from edtk.study.evaluate import evaluate
 from edtk.study.study import Study
 from edtk.system.errors import UserError
-from edtk.verbs.load_study import load_study
+from edtk.verbs.inputs import load_study
 
 FILE = "studies/kr270_milling.toml"
 GOOD = """

@@ -32,6 +32,7 @@ REFUSALS = [
 ]
 SHEET = {"measurements": "no.csv"}
 NEEDED = {"plan": {"size": 4}, "template": {"plan": "no.csv"}, "identify": SHEET}
+NEEDED["predict"] = {"result": {}, "poses": "no.csv"}
 
 
 @pytest.mark.parametrize("kind", ASKED)
