@@ -15,6 +15,7 @@ from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.instruments.sensor import Sensor
 from edtk.measure.pose_table import (
     DEFLECTION_COLUMNS,
+    DISTANCE_COLUMN,
     LOADED_COLUMNS,
     MARKER_COLUMNS,
     MARKER_NAME_COLUMN,
@@ -75,7 +76,13 @@ def require_empty(path: Path) -> None:
 
 
 # A sheet has at least one of these; a plan has none.
-OF_A_SHEET = {*DEFLECTION_COLUMNS, *LOADED_COLUMNS, *UNLOADED_COLUMNS, *ROTATION_COLUMNS}
+OF_A_SHEET = {
+    *DEFLECTION_COLUMNS,
+    *LOADED_COLUMNS,
+    *UNLOADED_COLUMNS,
+    *ROTATION_COLUMNS,
+    DISTANCE_COLUMN,
+}
 # The number of a visit is written beforehand, and markers where the study names them.
 BEFOREHAND = {VISIT_COLUMN, MARKER_NAME_COLUMN, *MARKER_COLUMNS}
 
@@ -100,7 +107,7 @@ def is_filled(path: Path) -> bool | None:
         if not set(columns) & OF_A_SHEET:
             return None
         written = BEFOREHAND if MARKER_NAME_COLUMN in columns else {VISIT_COLUMN}
-        to_fill_in = set(SHEET_COLUMNS) - written
+        to_fill_in = {*SHEET_COLUMNS, DISTANCE_COLUMN} - written
         places = [i for i, name in enumerate(columns) if name in to_fill_in]
         lines = (line for line in file if not line.startswith("#"))
         try:

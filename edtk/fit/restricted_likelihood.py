@@ -283,13 +283,15 @@ def noise_of_repeats(
     n = motion.shape[2]
     shape = (len(J), J.shape[1], J.shape[1])
     eye = np.broadcast_to(np.eye(J.shape[1]), shape)
-    whites = [kind * data.present.reshape(-1) for kind in stated.white_kinds(J.shape[1])]
+    there = data.present.reshape(-1)
+    alike = stated.squared_ratios(J.shape[1])
+    whites = [kind * there * alike for kind in stated.white_kinds(J.shape[1])]
     kinds = [
         *(np.broadcast_to(np.diag(white), shape) for white in whites),
         *(J[:, :, [j]] @ np.swapaxes(J[:, :, [j]], 1, 2) for j in range(n)),
     ]
     if stated.tracker is not None:
-        kinds[0] = stated.of_instrument(places[pose], J.shape[1]) * np.outer(whites[0], whites[0])
+        kinds[0] = stated.of_instrument(places[pose], J.shape[1]) * np.outer(*[whites[0] > 0] * 2)
     nothing = np.zeros((*contrasts.shape, 0))
     found = fit_variances([Blocks(ROUNDING**2 * eye, kinds, contrasts, nothing)])
     sizes = np.sqrt(found.variances)

@@ -374,6 +374,8 @@ class PositionNoise:
         tracker: The tracker, in the frame of the places that it is asked about; None where its
             errors are part of r.
         tracked: Which instruments (k,) it sees; None for all.
+        ratios: Errors (k,) of the instruments' lengths, as shares of r: those of distances; None
+            where all are one.
     """
 
     reading: float
@@ -387,6 +389,7 @@ class PositionNoise:
     model_change: tuple[float, float] = (0.0, 0.0)
     tracker: Tracker | None = None
     tracked: Mask | None = None
+    ratios: Array | None = None
 
     @property
     def rows(self) -> int:
@@ -405,8 +408,20 @@ class PositionNoise:
 
     @property
     def is_white(self) -> bool:
-        """Whether the errors of all coordinates are independent, and those of a kind alike."""
+        """Whether the errors of all coordinates are independent, and alike in all poses."""
         return self.tracker is None and not (np.any(self.joints) or np.any(self.model_joints))
+
+    def of_markers(self, chosen: Indices) -> "PositionNoise":
+        """The same of some of the instruments."""
+        tracked = None if self.tracked is None else self.tracked[chosen]
+        ratios = None if self.ratios is None else self.ratios[chosen]
+        return replace(self, tracked=tracked, ratios=ratios)
+
+    def squared_ratios(self, width: int) -> Array:
+        """Variances (r,) of the rows over those that are said of them, by their instruments."""
+        if self.ratios is None:
+            return np.ones(width)
+        return np.repeat(self.ratios**2, width // len(self.ratios))
 
     def scaled(self, ratio: float) -> "PositionNoise":
         """The same, with an instrument that errs by so many times as much in positions."""
@@ -437,7 +452,8 @@ class PositionNoise:
             width: Rows r of a pose.
         """
         turn = max(self.turn or 0.0, ROUNDING)
-        V = np.diag(self._white(max(self.reading, ROUNDING), turn, width))[None]
+        white = self._white(max(self.reading, ROUNDING), turn, width)
+        V = np.diag(white * self.squared_ratios(width))[None]
         if self.tracker is None:
             return V
         V = np.repeat(V, len(places), axis=0)

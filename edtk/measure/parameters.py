@@ -1,6 +1,6 @@
 """Parameters of geometry and springs: words, units, scales, and which are told apart."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -152,7 +152,7 @@ def all_parameters(
     compliance: Sequence[str] = (),
     base: bool = True,
     tool: bool = True,
-    pose: bool = False,
+    pose: bool | Collection[str] = False,
     likely: Mapping[str, float] | None = None,
     bodies: Mapping[str, str] | None = None,
 ) -> tuple[GeometricParameter, ...]:
@@ -166,7 +166,8 @@ def all_parameters(
         compliance: Names of free joints with unknown springs.
         base: Whether the place of the robot is unknown.
         tool: Whether the places of the markers on the tool are.
-        pose: Whether rotations are measured, so that the tool has three angles too.
+        pose: Whether rotations are measured, so that the tool has three angles too; or names of
+            the markers of which they are.
         likely: Compliances that joints are likely to have, by name [rad/(N m)]; none by default.
         bodies: Names of the joints whose bodies markers are on, by marker; the others are on the
             tool.
@@ -179,13 +180,13 @@ def all_parameters(
     """
     slides = {joint.name: joint.kind == "prismatic" for joint in robot.joints}
     of_joints = _chosen(_of_joints(robot), geometry)
-    components = COMPONENTS if pose else SHIFTS
+    turned = (markers if pose else ()) if isinstance(pose, bool) else pose
     on = bodies or {}
     of_base = [GeometricParameter("base", "", c) for c in COMPONENTS if base]
     of_tools = [
         GeometricParameter("tool", n, c, body=on.get(n, ""))
         for n in markers
-        for c in components
+        for c in (COMPONENTS if n in turned else SHIFTS)
         if tool
     ]
     springs = [

@@ -28,6 +28,8 @@ ROTATION_COLUMNS = ("drx_deg", "dry_deg", "drz_deg")
 CHANGE_COLUMN = "change_mm"
 BEFORE_COLUMN = "before_mm"
 AFTER_COLUMN = "after_mm"
+# The distance itself, in studies of geometry.
+DISTANCE_COLUMN = "distance_mm"
 # The change of a single rotation.
 TURN_COLUMN = "rotation_change_deg"
 # Standard deviation of each coordinate of a displacement.
@@ -101,6 +103,7 @@ SHEET_COLUMNS = tuple(column for group in MEASURED_TOGETHER for column in group)
 # Headers that no joint may have.
 RESERVED = (
     *SHEET_COLUMNS,
+    DISTANCE_COLUMN,
     ROW_COLUMN,
     UNCOMPENSATED_COLUMN,
     REMAINING_COLUMN,

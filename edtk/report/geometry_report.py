@@ -6,7 +6,7 @@ import numpy as np
 
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.findings.finding import rows_in_words
-from edtk.fit.geometry.fitted_geometry import MM, root_mean_square
+from edtk.fit.geometry.fitted_geometry import MM, lengths, root_mean_square
 from edtk.measure.cells import csv_text
 from edtk.measure.parameters import GeometricParameter
 from edtk.report.calibration_report import NAMES, calibration_title
@@ -186,10 +186,10 @@ def _prediction(found: GeometricCalibration) -> str:
 def _quality(found: GeometricCalibration) -> str:
     """Distances of measured from predicted positions."""
     fit = found.fit
-    distance = MM * np.linalg.norm(fit.left_out, axis=-1)
+    distance = MM * lengths(fit.left_out)
     rows = [
         ["base, markers alone", f"{MM * fit.placed:.3g}", "", ""],
-        ["all parameters", *_distances(MM * np.linalg.norm(fit.residual, axis=-1))],
+        ["all parameters", *_distances(MM * lengths(fit.residual))],
         ["each pose by the others", *_distances(distance)],
     ]
     return table(["fitted", "rms [mm]", "mean [mm]", "largest [mm]"], rows)
@@ -211,13 +211,13 @@ def _left_out(found: GeometricCalibration) -> str:
 def _worst(found: GeometricCalibration) -> str:
     """A table of the poses that the others predict least."""
     fit = found.fit
-    distance = MM * np.linalg.norm(fit.left_out, axis=-1)
+    distance = MM * lengths(fit.left_out)
     largest = np.nanmax(np.where(np.isfinite(distance), distance, -1.0), axis=1)
     rows = []
     for pose in np.argsort(-largest, kind="stable")[:SHOWN]:
         i = int(np.nanargmax(np.where(np.isfinite(distance[pose]), distance[pose], -1.0)))
-        apart = [f"{x:+.3f}" for x in MM * fit.left_out[pose, i]]
-        coordinates = fit.data.rows * int(fit.data.means.seen[pose].sum())
+        apart = [f"{x:+.3f}" if np.isfinite(x) else "" for x in MM * fit.left_out[pose, i]]
+        coordinates = int(fit.data.means.rows_seen[pose].sum())
         surprise = f"{fit.surprise[pose] / max(coordinates, 1):.2f}"
         named = rows_in_words(fit.data.rows_of_pose(int(pose))).partition(" ")[2]
         rows.append(

@@ -29,6 +29,7 @@ from edtk.study.schema import Specification
 from edtk.study.study_model import (
     BASE,
     absolute_task_weights,
+    distance_names,
     is_reference,
     marker_names,
     on_robot,
@@ -301,9 +302,19 @@ class Geometry(Kind):
         self, study: Asked, path: Table, table: PoseTable, made: bool
     ) -> tuple[Array, Array]:
         """Visits in which any marker was, or is to be, measured."""
-        names = marker_names(study)
-        turned = names if study.specification.measurement.rows == "pose" else ()
-        data = read_positions(path, study.robot, study.fixed, names, measured=False, turned=turned)
+        usual = study.specification.measurement.rows
+        turned = [name for one, name in on_robot(study) if (one.rows or usual) == "pose"]
+        distances = distance_names(study)
+        names = (*marker_names(study), *distances)
+        data = read_positions(
+            path,
+            study.robot,
+            study.fixed,
+            names,
+            measured=False,
+            turned=turned,
+            distances=distances,
+        )
         if not made:
             return data.q, data.wrench
         seen = data.seen.any(axis=1)
@@ -347,10 +358,8 @@ def _check_units(study: Asked, key: str, factors: dict[str, float]) -> None:
 
 
 def _check_measured(study: Asked) -> None:
-    """Positions of markers on the tool, and reference points on the base, and nothing else."""
+    """Markers and distances on the robot, and reference points on the base."""
     given = study.specification
-    if given.distance:
-        raise study.error("distance", "a study of geometry knows no distances; expected markers")
     full = given.measurement.rows == "pose"
     if full and not given.marker:
         raise study.error("marker", "expected one with a name, whose poses are measured")
@@ -361,14 +370,21 @@ def _check_measured(study: Asked) -> None:
             "expected, the standard deviation of a coordinate [mm], or a tracker in [noise]",
         )
     for i, marker in enumerate(given.marker):
-        if is_reference(study, marker):
-            if marker.rows == "pose":
-                message = "points on the base have positions alone; expected 'position'"
-                raise study.error(f"marker.{i}.rows", message)
-        elif marker.rows not in (None, given.measurement.rows):
-            message = "expected that of measurement.rows for all markers on the tool"
+        if is_reference(study, marker) and marker.rows == "pose":
+            message = "points on the base have positions alone; expected 'position'"
             raise study.error(f"marker.{i}.rows", message)
-    if given.marker and all(is_reference(study, marker) for marker in given.marker):
+    on_base = [
+        name
+        for one, name in zip(given.marker, marker_names(study), strict=True)
+        if is_reference(study, one)
+    ]
+    for i, distance in enumerate(given.distance):
+        if distance.marker in on_base or distance.joint == BASE:
+            raise study.error(
+                f"distance.{i}",
+                "no robot moves a point on the base; expected one on the robot",
+            )
+    if given.marker and len(on_base) == len(given.marker) and not given.distance:
         raise study.error("marker", "expected one on the robot besides those on the base")
 
 

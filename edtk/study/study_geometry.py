@@ -1,15 +1,15 @@
 """What a study of geometry says of its robot: model, noise and loads."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.prior import Gaussian
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.geometric_model import GeometricModel, Kind
 from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import GeometricParameter, all_parameters
 from edtk.measure.task import ErringColumns, Task
@@ -18,12 +18,14 @@ from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.robots.weights import DeadWeights
 from edtk.study.study import Study
 from edtk.study.study_model import (
+    distance_names,
     is_reference,
     likely_compliances,
     marker_names,
     on_robot,
     own_weights,
 )
+from edtk.study.tables_of_measurement import DistanceTable, MarkerTable
 from edtk.system.typing import Array
 
 STEP = 0.1  # [rad or m]: the mark's pose has its joints at 1, 2, 3, ... steps
@@ -35,8 +37,8 @@ class StudyGeometry:
 
     Attributes:
         study: The question.
-        markers: Names of the markers on the robot, those on the tool first: those of the study, or
-            where it names none, those of the sheet.
+        markers: Names of the instruments: markers on the tool, those on links, then distances. All
+            are those of the study, or where it names none, those of the sheet.
         references: Names of those on the base.
     """
 
@@ -52,9 +54,10 @@ class StudyGeometry:
         pairs = list(zip(given, names, strict=True))
         moved = [(one, name) for one, name in pairs if not is_reference(study, one)]
         moved.sort(key=lambda pair: pair[0].joint is not None)
+        named = (*(name for _, name in moved), *distance_names(study))
         return cls(
             study,
-            tuple(name for _, name in moved) or sheet_markers or ("marker",),
+            named or sheet_markers or ("marker",),
             tuple(name for one, name in pairs if is_reference(study, one)),
         )
 
@@ -68,18 +71,54 @@ class StudyGeometry:
 
     @property
     def full_poses(self) -> bool:
-        """Whether orientations are measured with the positions."""
-        return self.study.specification.measurement.rows == "pose"
+        """Whether orientations of any marker are measured with the positions."""
+        return bool(self.turned)
+
+    @property
+    def turned(self) -> tuple[str, ...]:
+        """Markers whose orientations are measured with the positions."""
+        return tuple(name for name in self.markers if self.kinds.get(name) == "pose")
+
+    @cached_property
+    def distances(self) -> dict[str, DistanceTable]:
+        """The distances, by name."""
+        return dict(zip(distance_names(self.study), self.study.specification.distance, strict=True))
+
+    @cached_property
+    def kinds(self) -> dict[str, Kind]:
+        """What is read of each instrument on the robot, by name; of a sheet's own the usual."""
+        usual = self.study.specification.measurement.rows
+        found: dict[str, Kind] = dict.fromkeys(self.markers, usual)
+        found |= {name: one.rows or usual for one, name in on_robot(self.study)}
+        return found | dict.fromkeys(self.distances, "distance")
+
+    def kinds_of(self, names: Sequence[str]) -> tuple[Kind, ...]:
+        """What is read of some instruments, points on the base among them; empty for positions."""
+        found: tuple[Kind, ...] = tuple(self.kinds.get(name, "position") for name in names)
+        return () if set(found) <= {"position"} else found
+
+    @cached_property
+    def _points(self) -> dict[str, MarkerTable | DistanceTable]:
+        """What says where each instrument is: of a distance that ends at a marker, the marker."""
+        markers = {name: one for one, name in on_robot(self.study)}
+        ends = {
+            name: one if one.marker is None else markers[one.marker]
+            for name, one in self.distances.items()
+        }
+        return {**markers, **ends}
 
     @cached_property
     def bodies(self) -> dict[str, str]:
         """Names of joints on whose bodies markers are, by marker; the others are on the tool."""
-        return {name: one.joint for one, name in on_robot(self.study) if one.joint is not None}
+        every = self._points.items()
+        return {name: one.joint for name, one in every if one.joint is not None}
 
     @property
-    def on_tool(self) -> int:
-        """How many of the markers are on the tool; they come first."""
-        return sum(name not in self.bodies for name in self.markers)
+    def on_tool(self) -> tuple[str, ...]:
+        """The markers on the tool, which come first."""
+        return tuple(
+            name for name in self.markers if name not in self.bodies and name not in self.distances
+        )
 
     @property
     def reads_changes(self) -> bool:
@@ -91,25 +130,23 @@ class StudyGeometry:
     def model(self) -> GeometricModel:
         """The model with all parameters that the study asks for."""
         study = self.study
+        names = self.markers
         asked = study.kind.parameters(study)
         joints = study.specification.joints
-        offsets = {name: np.array(one.position_mm) / 1e3 for one, name in on_robot(study)}
         parameters = all_parameters(
             study.robot,
-            self.markers,
+            self._placed,
             asked.geometry,
             (*joints.unknown, *self.uncertain),
             asked.base,
             asked.tool,
-            self.full_poses,
+            self.turned,
             {name: one.compliance for name, one in likely_compliances(study).items()},
             self.bodies,
         )
-        places = np.array([offsets.get(name, np.zeros(3)) for name in self.markers])
-        rows: Literal["position", "pose"] = "pose" if self.full_poses else "position"
-        places_of = {
-            name: study.robot.body_names.index(joint) for name, joint in self.bodies.items()
-        }
+        offsets = {name: np.array(one.position_mm) for name, one in self._points.items()}
+        anchors = {name: np.array(one.anchor_mm) for name, one in self.distances.items()}
+        bodies = {name: study.robot.body_names.index(joint) for name, joint in self.bodies.items()}
         exact = {
             j: k for j, k in study.known.items() if study.robot.joint_names[j] not in self.uncertain
         }
@@ -117,12 +154,32 @@ class StudyGeometry:
         known[list(exact)] = list(exact.values())
         return GeometricModel(
             study.robot,
-            places,
-            self.markers,
+            np.array([offsets.get(name, np.zeros(3)) for name in names]) / 1e3,
+            names,
             parameters,
-            rows=rows,
-            bodies=tuple(places_of.get(name) for name in self.markers),
+            rows="pose" if self.full_poses else "position",
+            bodies=tuple(bodies.get(name) for name in names),
+            kinds=tuple(self.kinds[name] for name in names),
+            anchors=np.array([anchors.get(name, np.zeros(3)) for name in names]) / 1e3,
+            places=tuple(
+                names.index(self._ends_at(name)) if self._ends_at(name) in names else i
+                for i, name in enumerate(names)
+            ),
             known=known if exact else None,
+        )
+
+    def _ends_at(self, name: str) -> str:
+        """The instrument whose place on the robot another one has: its own, as a rule."""
+        marker = self.distances[name].marker if name in self.distances else None
+        return name if marker is None else marker
+
+    @property
+    def _placed(self) -> tuple[str, ...]:
+        """The instruments that have places of their own."""
+        return tuple(
+            name
+            for name in self.markers
+            if self._ends_at(name) == name or self._ends_at(name) not in self.markers
         )
 
     @property
@@ -139,7 +196,7 @@ class StudyGeometry:
     def taken_as_drawn(self) -> tuple[GeometricParameter, ...]:
         """Errors of the drawing that the study does not ask for, and that a robot may have."""
         asked = {one.name for one in self.model.parameters}
-        every = all_parameters(self.study.robot, self.markers, pose=self.full_poses)
+        every = all_parameters(self.study.robot, self._placed, pose=self.turned)
         return tuple(one for one in every if one.name not in asked)
 
     @property
@@ -156,7 +213,15 @@ class StudyGeometry:
             joints = 1e3 * table.repeatability(study.robot.units) * np.ones(study.robot.n)
         tracker = None if table is None else table.tracker()
         tracked = None if tracker is None else ~self.model.is_distance
-        return PositionNoise(sigma, joints, turn=turn, tracker=tracker, tracked=tracked)
+        own = [self.distances[name] for name in self.markers if name in self.distances]
+        ratios = None
+        if any(one.sigma_mm is not None for one in own):
+            sizes = {name: one.sigma_mm or sigma for name, one in self.distances.items()}
+            sigma = sigma or min(sizes.values())
+            ratios = np.array([sizes.get(name, sigma) for name in self.markers]) / sigma
+        return PositionNoise(
+            sigma, joints, turn=turn, tracker=tracker, tracked=tracked, ratios=ratios
+        )
 
     @property
     def loads(self) -> "StudyLoads | None":

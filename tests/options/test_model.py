@@ -1,5 +1,6 @@
 """One model for all readings: on any body, absolute or differences, in one sheet and one fit."""
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.fit.equilibrium import fit_equilibrium
 from edtk.fit.geometry.fitted_geometry import loading_of
 from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.robots.rotations import rotation, rotation_vectors
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry
 from edtk.system.errors import UserError
@@ -33,6 +35,17 @@ MARKERS = [
     {"name": "C", "position_mm": [0, -60, 100]},
 ]
 ON_LINK = {"name": "elbow", "joint": "q3", "position_mm": [40, 30, 200]}
+
+
+# A pose, a position, a marker on a link, and two wires: one ends at a marker, one on a link.
+MIXED = {
+    "markers": [MARKERS[0] | {"rows": "pose"}, MARKERS[1], ON_LINK],
+    "measurement": {"sigma_deg": 0.01},
+    "distance": [
+        {"name": "wire", "anchor_mm": [1500, 200, -100], "marker": "B", "sigma_mm": 0.1},
+        {"name": "other", "anchor_mm": [-300, 900, 50], "joint": "q4", "position_mm": [20, 0, 60]},
+    ],
+}
 
 
 def study_of(parameters: dict, markers: Sequence[dict] = MARKERS, **keys: object) -> Study:
@@ -69,10 +82,18 @@ def readings(
     row = np.arange(visits * shape[1]).reshape(shape)
     empty = MarkerPositions(q, wrench, np.zeros((*shape, 3)), row, model.markers, differs=differs)
     torque = loading_of(model.compliances(theta), empty, setting.loads)
-    x = model.see(theta, q, torque, derivatives=False).points
-    size = sigma_mm * 1e-3 * np.where(differs, np.sqrt(2), 1.0)
-    x = x + size[:, None, None] * rng.normal(size=x.shape)
-    return MarkerPositions(q, wrench, x, row, model.markers, differs=differs)
+    seen = model.see(theta, q, torque, derivatives=False)
+    size = sigma_mm * 1e-3 * np.where(differs, np.sqrt(2), 1.0)[:, None, None]
+    ratios = setting.noise.ratios
+    size = size if ratios is None else size * ratios[:, None]
+    x = seen.points + size * rng.normal(size=seen.points.shape)
+    x = np.where(model.present[:, :3], x, np.nan)
+    turns = None
+    if setting.full_poses:
+        turned = rng.normal(0, np.deg2rad(0.01) * (sigma_mm > 0), seen.points.shape)
+        turns = rotation(turned * np.where(differs, np.sqrt(2), 1.0)[:, None, None]) @ seen.turns
+    kinds = model.kinds if setting.distances else ()
+    return MarkerPositions(q, wrench, x, row, model.markers, turns, differs, kinds)
 
 
 def sheet(data: MarkerPositions, beside: bool = False) -> pd.DataFrame:
@@ -85,7 +106,14 @@ def sheet(data: MarkerPositions, beside: bool = False) -> pd.DataFrame:
         line |= dict(zip(LOADS, data.wrench[visit, :3], strict=True))
         line |= {"marker": data.markers[marker], "visit": visit + 1}
         absolute = ["x_mm", "y_mm", "z_mm"]
-        if not data.is_difference[visit]:
+        rows = data.present[marker].sum()
+        if rows == 6:
+            names = [f"{'d' * int(data.is_difference[visit])}r{axis}_deg" for axis in "xyz"]
+            vector = np.rad2deg(rotation_vectors(data.turns[visit, marker]))
+            line |= dict(zip(names, vector, strict=True))
+        if rows == 1:
+            line |= {"change_mm" if data.is_difference[visit] else "distance_mm": x[0]}
+        elif not data.is_difference[visit]:
             line |= dict(zip(absolute, x, strict=True))
         elif beside:
             line |= dict(zip(["x0_mm", "y0_mm", "z0_mm"], offset, strict=True))
@@ -163,6 +191,47 @@ def test_one_afternoon_is_one_fit(markers: list[dict]) -> None:
     np.testing.assert_allclose(found.fit.fitted.predict(q).points, expected, rtol=0, atol=1e-8)
 
 
+def test_mixed_rows_are_one_fit(tmp_path: Path) -> None:
+    """Poses, positions and distances, on tool and links, some of them differences: the truth.
+
+    A distance does not depend on where the robot stands. What was fitted predicts every kind.
+    """
+    study = study_of(ALL, **MIXED)
+    theta = truth_of(study, 0.5)
+    loaded = np.arange(44) % 2 == 1
+    table = sheet(readings(study, theta, 44, np.arange(44) % 4 == 1, loaded))
+    day, tests = table[table["visit"] <= 36], table[table["visit"] > 36]
+    found = edtk.identify(study, day)
+    assert found.fit.rms < 1e-9
+    np.testing.assert_allclose(springs_of(found), list(K.values()), rtol=1e-6)
+    path = tmp_path / "k.json"
+    path.write_text(json.dumps(found.to_dict()))
+    tests = tests[tests[["dx_mm", "change_mm"]].isna().all(axis=1)].reset_index(drop=True)
+    predicted = edtk.predict(study, path, tests)
+    assert predicted.max_mm < 1e-5
+    frame = predicted.to_frame()
+    assert frame.loc[frame["marker"] == "wire", "x_mm"].isna().all()
+    expected = tests.loc[tests["marker"] == "wire", "distance_mm"]
+    of_wire = frame.loc[frame["marker"] == "wire", "distance_mm"]
+    np.testing.assert_allclose(of_wire, expected, rtol=1e-9)
+
+
+def test_mixed_rows_have_plans_and_certificates(tmp_path: Path) -> None:
+    """A relaxation is verified by the second implementation, and a plan has a sheet to fill in."""
+    parameters = ALL | {"geometry": ["zeros", "lengths"]}
+    study = study_of(parameters, candidates=150, **MIXED)
+    edtk.relax(study, "D", certificate=tmp_path / "c.json")
+    content = json.loads((tmp_path / "c.json").read_text())
+    verified = edtk.verify(content, study)
+    assert verified.valid, verified.summary()
+    content["setting"]["physics"]["sensors"][3]["anchor"][0] += 0.1
+    assert not edtk.verify(content).valid
+    plan = edtk.plan(study, size=14, criterion="D", seed=0, budget=0.5)
+    table = edtk.template(study, plan)
+    assert {"x_mm", "rx_deg", "distance_mm"} <= set(table)
+    assert list(table["marker"][:5]) == ["A", "B", "elbow", "wire", "other"]
+
+
 def test_errors_behind_a_marker_do_not_move_it() -> None:
     """A marker before the wrist says nothing of the wrist, and its place is told beside others."""
     study = study_of({"compliance": [], "geometry": "all", "base": True, "tool": True}, [ON_LINK])
@@ -220,7 +289,7 @@ def test_differences_ask_for_compliances_and_a_load(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="a displacement without a load"):
         edtk.identify(study_of(ALL), changes.assign(Fx_N=0.0, Fy_N=0.0, Fz_N=0.0))
     both = changes.assign(x_mm=1.0, y_mm=2.0, z_mm=3.0)
-    with pytest.raises(UserError, match="row 1: a position and a change"):
+    with pytest.raises(UserError, match="row 1: a reading and a change"):
         edtk.identify(study_of(ALL), both)
     with pytest.raises(UserError, match=r"measurement\.reference.*compliances alone"):
         study_of(ALL | {"compliance": []}, measurement={"reference": "unloaded"})

@@ -88,12 +88,22 @@ def calibrate_geometry(
     """
     where = path_of(path)
     named = StudyGeometry.of(study)
-    asked = (*named.markers, *named.references) if study.specification.marker else ()
-    turned = named.markers if named.full_poses else ()
+    given = study.specification
+    asked = (*named.markers, *named.references) if given.marker or given.distance else ()
     load = alone_load(study)
-    every = read_positions(path, study.robot, study.fixed, asked, turned=turned, load=load)
+    every = read_positions(
+        path,
+        study.robot,
+        study.fixed,
+        asked,
+        turned=named.turned,
+        load=load,
+        distances=tuple(named.distances),
+    )
     every = _from_instrument(StudyGeometry.of(study, every.markers), every, where)
-    reading = "" if as_is else turn_reading(path, study.robot, every)
+    on_tool = np.arange(len(StudyGeometry.of(study, every.markers).on_tool))
+    on_tool_seen = every.absolute.of_markers(on_tool)
+    reading = "" if as_is else turn_reading(path, study.robot, on_tool_seen)
     if reading:
         raise UserError(f"the robot fits if {reading}; expected {EXPECTED}", where=where)
     if not as_is:
@@ -207,7 +217,7 @@ def _sound(setting: StudyGeometry, every: MarkerPositions, path: Path, as_is: bo
     counting = as_said(setting.study.robot)
     asked = setting.study.specification.parameters
     gross = GrossErrors()
-    on_tool = [i for i, name in enumerate(data.markers) if name not in setting.bodies]
+    on_tool = [i for i, name in enumerate(data.markers) if name in setting.on_tool]
     rigid = data.absolute.of_markers(on_tool)
     if asked is not None and asked.base and asked.tool and rigid.seen.any():
         robot = setting.study.robot
@@ -226,14 +236,18 @@ def _on_robot(
 
     What an instrument's frame, a reach and points on the base say is said of absolute positions.
     """
-    moved, base = setting.split(seen.absolute)
+    every, base = setting.split(seen.absolute)
     changes = setting.split(seen[seen.is_difference])[0]
+    wires = np.array([name in setting.distances for name in every.markers])
+    moved = every.of_markers(np.flatnonzero(~wires))
     if moved.seen.any():
         references = reference_points(base, moved)
         moved = _taken_back(moved, references.frames)
         moved, beyond = without_beyond_reach(moved, setting.study.robot.reach)
         moved, copied = without_copied_markers(moved)
         findings += [*references.findings, *beyond, *copied]
+    if wires.any():
+        moved = moved.with_markers(every.of_markers(np.flatnonzero(wires)))
     changes = changes.of_markers([changes.markers.index(name) for name in moved.markers])
     both = moved.with_visits(changes) if len(changes) else moved
     return both[np.flatnonzero(both.seen.any(axis=1))]

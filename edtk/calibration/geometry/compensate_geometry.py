@@ -41,10 +41,12 @@ class MarkerGoal:
     Attributes:
         points: Positions (t, k, 3) [m].
         turns: Orientations (t, k, 3, 3); None where positions alone are asked for.
+        turned: Of which markers (k,) these are measured; None for all.
     """
 
     points: Array
     turns: Array | None
+    turned: Mask | None = None
 
     @classmethod
     def of(cls, fitted: FittedGeometry, q: Array) -> "MarkerGoal":
@@ -53,13 +55,17 @@ class MarkerGoal:
         if fitted.placed_turns is None:
             return cls(drawing.see(np.zeros(0), q, derivatives=False).points, None)
         own = tuple(GeometricParameter("tool", name, c) for name in drawing.markers for c in TURNS)
-        turned = drawing.with_parameters(own)
-        seen = turned.see(fitted.placed_turns.reshape(-1), q, derivatives=False)
-        return cls(seen.points, seen.turns)
+        turned = np.array([kind == "pose" for kind in drawing.kinds])
+        seen = drawing.with_parameters(own).see(
+            fitted.placed_turns.reshape(-1), q, derivatives=False
+        )
+        return cls(seen.points, seen.turns, turned)
 
     def of_poses(self, rows: Indices) -> "MarkerGoal":
         """The same of some of the poses."""
-        return MarkerGoal(self.points[rows], None if self.turns is None else self.turns[rows])
+        return replace(
+            self, points=self.points[rows], turns=None if self.turns is None else self.turns[rows]
+        )
 
     def commands(
         self, fitted: FittedGeometry, start: Array, wrench: Array, loads: Loads | None
@@ -97,12 +103,15 @@ class MarkerGoal:
         """Root mean square angle (t,) of the markers from their goals [rad]; None without any."""
         if self.turns is None:
             return None
-        return np.asarray(np.sqrt((self._to_turn(seen) ** 2).sum(axis=-1).mean(axis=-1)))
+        squares = (self._to_turn(seen) ** 2).sum(axis=-1)
+        counted = slice(None) if self.turned is None else self.turned
+        return np.asarray(np.sqrt(squares[:, counted].mean(axis=-1)))
 
     def _to_turn(self, seen: Seen) -> Array:
         """Turns (t, k, 3) that lead to the goals, in the axes of the instrument [rad]."""
         assert self.turns is not None
-        return rotation_vectors(self.turns @ np.swapaxes(seen.turns, -1, -2))
+        found = rotation_vectors(self.turns @ np.swapaxes(seen.turns, -1, -2))
+        return found if self.turned is None else np.where(self.turned[:, None], found, 0.0)
 
     def _step(self, seen: Seen, by_joints: Array) -> Array:
         """One step (t, n) of the joints."""
@@ -222,7 +231,12 @@ def compensate_geometry(
             limits, which names the first row; or test poses have several tools that are not own.
     """
     setting, fitted, counting = read_geometry(study, result["geometry"], where)
-    if setting.full_poses and fitted.placed_turns is None:
+    on_tool = np.flatnonzero(fitted.model.on_tool)
+    if not len(on_tool):
+        message = "no marker is on the tool, and so nothing says where commands shall carry it"
+        raise UserError(message, where=where)
+    fitted = fitted.of_markers(on_tool)
+    if fitted.model.row_count == 6 and fitted.placed_turns is None:
         message = "the result is older than commands for full poses; identify the sheet anew"
         raise UserError(message, where=where, key="geometry.placed_turns_rad")
     every = counting.turned(task.q)

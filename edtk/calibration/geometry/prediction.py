@@ -1,6 +1,6 @@
 """Positions of markers in other poses, by an identified geometry, and how they compare."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,15 @@ from edtk.findings.units import like_radians
 from edtk.fit.geometry.fitted_geometry import ErrorParts, FittedGeometry, Loads, Predicted
 from edtk.fit.geometry.marker_positions import VECTOR, MarkerPositions, read_positions
 from edtk.measure.parameters import COMPONENTS
-from edtk.measure.pose_table import LOADED_COLUMNS, Table, path_of
+from edtk.measure.pose_table import (
+    CHANGE_COLUMN,
+    DEFLECTION_COLUMNS,
+    DISTANCE_COLUMN,
+    LOADED_COLUMNS,
+    ROTATION_COLUMNS,
+    Table,
+    path_of,
+)
 from edtk.robots.rotations import rotation, rotation_vectors
 from edtk.study.study import Study
 from edtk.study.study_model import marker_names
@@ -52,7 +60,8 @@ def predict_positions(
         asked,
         measured=False,
         others=marker_names(study),
-        turned=setting.markers if setting.full_poses else (),
+        turned=setting.turned,
+        distances=tuple(setting.distances),
     )
     if data.differs is not None:
         raise UserError(
@@ -91,36 +100,65 @@ def _prediction(
     beyond: tuple[int, ...],
     radians: bool,
 ) -> Prediction:
-    """The positions that the file asks for, one after another."""
+    """What the file asks for, one reading after another."""
     visit, marker = np.nonzero(data.row >= 0)
     chosen = (visit, marker)
-    values = [predicted.points[chosen]]
-    half = [predicted.half[chosen]]
-    apart = [data.measured[chosen] - predicted.points[chosen]]
-    columns: tuple[str, ...] = LOADED_COLUMNS
+    turns = predicted.turns[chosen]
+    turned = np.zeros((len(visit), 3))
+    turned_half = np.zeros((len(visit), 3))
     if predicted.turn_half is not None:
-        columns = (*LOADED_COLUMNS, *VECTOR)
-        turns = predicted.turns[chosen]
-        values.append(rotation_vectors(turns))
-        half.append(predicted.turn_half[chosen])
         given = np.full_like(turns, np.nan) if data.turns is None else data.turns[chosen]
         seen: Mask = np.all(np.isfinite(given), axis=(-1, -2))
         turned = np.where(seen[:, None, None], given, turns) @ np.swapaxes(turns, -1, -2)
-        apart.append(np.where(seen[:, None], rotation_vectors(turned), np.nan))
+        turned = np.where(seen[:, None], rotation_vectors(turned), np.nan)
+        turned_half = predicted.turn_half[chosen]
+    every = (
+        np.hstack([predicted.points[chosen], rotation_vectors(turns)]),
+        np.hstack([predicted.half[chosen], turned_half]),
+        np.hstack([data.measured[chosen] - predicted.points[chosen], turned]),
+    )
+    columns, of_columns = _columns(data.present[marker].sum(axis=1), data.is_difference[visit])
+    values, half, apart = (of_columns(one) for one in every)
     return Prediction(
         data=data,
         what="positions",
         row=data.row[chosen],
         markers=tuple(data.markers[i] for i in marker),
         columns=columns,
-        values=np.concatenate(values, axis=-1),
-        half=np.concatenate(half, axis=-1),
-        apart=np.concatenate(apart, axis=-1),
+        values=values,
+        half=half,
+        apart=apart,
         tests=tests[chosen],
         open=predicted.open[chosen],
         beyond=beyond,
         radians=radians,
     )
+
+
+def _columns(rows: Indices, differs: Mask) -> tuple[tuple[str, ...], Callable[[Array], Array]]:
+    """Names of the coordinates of all readings, and what puts their rows (t, 6) into these.
+
+    Args:
+        rows: How many rows each reading (t,) has: one of a distance, three, or six of a pose.
+        differs: Which readings (t,) are differences of two.
+    """
+    lengths, turns, alone = slice(0, 3), slice(3, 6), slice(0, 1)
+    groups: tuple[tuple[tuple[str, ...], Mask, slice], ...] = (
+        (LOADED_COLUMNS, (rows > 1) & ~differs, lengths),
+        (DEFLECTION_COLUMNS, (rows > 1) & differs, lengths),
+        ((DISTANCE_COLUMN,), (rows == 1) & ~differs, alone),
+        ((CHANGE_COLUMN,), (rows == 1) & differs, alone),
+        (VECTOR, (rows == 6) & ~differs, turns),
+        (ROTATION_COLUMNS, (rows == 6) & differs, turns),
+    )
+    used = [group for group in groups if group[1].any()]
+
+    def of_columns(values: Array) -> Array:
+        """Values of all columns; NaN where a reading has no such coordinate."""
+        parts = [np.where(own[:, None], values[:, part], np.nan) for _, own, part in used]
+        return np.hstack(parts) if parts else np.zeros((len(values), 0))
+
+    return tuple(name for names, _, _ in used for name in names), of_columns
 
 
 def tool_from_rows(

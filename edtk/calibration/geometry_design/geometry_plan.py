@@ -15,7 +15,9 @@ from edtk.fit.geometry.fit_geometry import stages
 from edtk.fit.geometry.marker_positions import VECTOR
 from edtk.measure.parameters import Identifiable, identifiable
 from edtk.measure.pose_table import (
+    CHANGE_COLUMN,
     DEFLECTION_COLUMNS,
+    DISTANCE_COLUMN,
     LOADED_COLUMNS,
     MARKER_NAME_COLUMN,
     ROTATION_COLUMNS,
@@ -132,10 +134,13 @@ def position_sheet(study: Study, plan: Plan) -> "pd.DataFrame":
     table[VISIT_COLUMN] = np.arange(len(table)) // len(names) + 1
     table[MARKER_NAME_COLUMN] = list(names) * len(order)
     table[list(LOADED_COLUMNS)] = np.nan
+    if setting.distances:
+        table[DISTANCE_COLUMN] = np.nan
     if setting.full_poses:
-        table[_turn_columns(study, setting.markers)] = np.nan
+        table[_turn_columns(study, setting.turned)] = np.nan
     if setting.reads_changes:
         changes = DEFLECTION_COLUMNS + ROTATION_COLUMNS * setting.full_poses
+        changes += (CHANGE_COLUMN,) * bool(setting.distances)
         table[list(changes)] = np.nan
     return table
 

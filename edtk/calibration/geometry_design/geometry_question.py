@@ -295,6 +295,7 @@ def geometry_setting(question: GeometryQuestion) -> dict[str, Any]:
     """
     feasible = feasible_to_dict(question.study, question.space)
     loads = question.setting.loads
+    model = question.model
     return {
         "robot": feasible["robot"],
         "unknown": [],
@@ -308,10 +309,7 @@ def geometry_setting(question: GeometryQuestion) -> dict[str, Any]:
         **({"margin": feasible["margin"]} if any(feasible["margin"]) else {}),
         "test_pose": [_test_pose(task) for task in question.study.tasks] or None,
         "physics": {
-            "sensors": [
-                {"kind": question.model.rows, "offset": offset.tolist(), "joint": joint}
-                for offset, joint in zip(question.model.offsets, question.model.bodies, strict=True)
-            ],
+            "sensors": _sensors(question.model),
             "load_point": place_to_dict(
                 BodyPoint() if loads is None else loads.by_wrench.load_point
             ),
@@ -321,16 +319,30 @@ def geometry_setting(question: GeometryQuestion) -> dict[str, Any]:
             "parameters": [_parameter(question, one) for one in question.model.parameters],
             "payload": _weights(None if loads is None else loads.payload),
             **({"changes": True} if loads is not None and loads.reads_changes else {}),
+            **({"places": list(model.places)} if model.is_distance.any() else {}),
         },
         **_interest(question),
     }
+
+
+def _sensors(model: GeometricModel) -> list[dict[str, Any]]:
+    """The instruments: what each reads, and of which point."""
+    assert model.anchors is not None
+    every = zip(model.kinds, model.offsets, model.bodies, model.anchors, strict=True)
+    return [
+        {"kind": kind, "offset": offset.tolist(), "joint": joint}
+        | ({"anchor": anchor.tolist()} if kind == "distance" else {})
+        for kind, offset, joint, anchor in every
+    ]
 
 
 def _noise(question: GeometryQuestion) -> dict[str, Any]:
     """The white part, and tracker and joints' repeatability where there is any."""
     noise = question.setting.noise
     of_marker = [noise.reading / 1e3] * 3 + ([] if noise.turn is None else [noise.turn / 1e3] * 3)
-    white = {"sigma": of_marker * len(question.model.markers)}
+    present = question.model.present
+    sizes = np.tile(of_marker, len(present)) * np.sqrt(noise.squared_ratios(present.size))
+    white = {"sigma": sizes[present.reshape(-1)].tolist()}
     if noise.is_white:
         return white
     return white | {

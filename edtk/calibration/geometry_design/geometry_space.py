@@ -1,6 +1,6 @@
 """Where experiments of a study of geometry may lie, and what markers tell there."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -59,10 +59,9 @@ class PositionRows:
         noise = self.noise
         if noise is None:
             return np.ones(self._width)
-        of_marker = [np.hypot(noise.reading, noise.model_white)] * 3
-        if noise.turn is not None:
-            of_marker += [np.hypot(noise.turn, noise.model_turn)] * 3
-        return np.tile(of_marker, len(self.model.markers))
+        still = np.zeros((1, self._width, len(noise.joints)))
+        V = replace(noise, tracker=None).of_reading(still, NOWHERE) + noise.of_model(still)
+        return np.sqrt(np.diagonal(V[0]))
 
     @property
     def _width(self) -> int:

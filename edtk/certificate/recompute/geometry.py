@@ -60,11 +60,13 @@ class Geometry:
         parameters: The unknowns.
         payload: Mass [kg] and centre of what the robot carries wherever a wrench loads it.
         changes: Whether visits under a wrench are read as a loaded position less an unloaded one.
+        places: The instrument (k,) whose place on the robot each has: its own, as a rule.
     """
 
     parameters: list[Parameter]
     payload: list[Weight]
     changes: bool = False
+    places: tuple[int, ...] = ()
 
     @classmethod
     def from_dict(cls, content: Any, chain: Chain, physics: Physics) -> "Geometry":
@@ -73,7 +75,7 @@ class Geometry:
         Raises:
             ValueError: A part is missing, or is not what it should be.
         """
-        content = table(content, ("parameters", "payload"), WHERE, ("changes",))
+        content = table(content, ("parameters", "payload"), WHERE, ("changes", "places"))
         changes = content.get("changes", False)
         if not isinstance(changes, bool):
             raise ValueError(f"{WHERE}.changes: expected true or false")
@@ -98,10 +100,13 @@ class Geometry:
             found.append(Parameter(name, kind, of, component))
         if not found:
             raise ValueError(f"{WHERE}.parameters: expected at least one")
-        if any(kind == "distance" for kind, _, _ in physics.sensors):
-            raise ValueError("setting.physics.sensors: expected positions or poses")
+        k = len(physics.sensors)
+        given = rows(content.get("places", list(range(k))), k, f"{WHERE}.places")
+        places = tuple(whole(one, 0, k - 1, f"{WHERE}.places") for one in given)
+        if len(places) != k:
+            raise ValueError(f"{WHERE}.places: expected one an instrument")
         weights = read_weights(content["payload"], len(chain.axes), f"{WHERE}.payload")
-        return cls(found, weights, changes)
+        return cls(found, weights, changes, places)
 
     @property
     def p(self) -> int:
@@ -119,10 +124,12 @@ class Geometry:
         if differs.any():
             before = self._torque(chain, physics, q, np.zeros_like(wrench))
             torque = np.where(differs[:, None], torque - before, torque)
-        parts = [
-            self._of_point(chain, torque, q, place, marker)[:, : MEASURED[kind]]
-            for marker, (kind, place, _) in enumerate(physics.sensors)
-        ]
+        parts = []
+        for marker, (kind, place, anchor) in enumerate(physics.sensors):
+            own = self._of_point(chain, torque, q, place, self.places[marker])
+            if kind == "distance":
+                own = self._along(chain, q, place, anchor, own)
+            parts.append(own[:, : MEASURED[kind]])
         rigid = np.array([one.place != "compliance" for one in self.parameters])
         still = differs[:, None] & rigid
         size = np.where(differs, np.sqrt(0.5), 1.0)
@@ -132,6 +139,13 @@ class Geometry:
         """Rows (k, 6, p) of the tool frame of a chain, which parameters of markers do not move."""
         torque = self._torque(chain, physics, q, wrench)
         return self._of_point(chain, torque, q, Place(np.zeros(3), None), None)
+
+    def _along(self, chain: Chain, q: Array, place: Place, anchor: Array, moved: Array) -> Array:
+        """Rows (k, 1, p) of a distance from an anchor, which stands with the robot's base."""
+        wire = chain.point(q, place.offset, place.joint) - anchor
+        direction = wire / np.linalg.norm(wire, axis=1)[:, None]
+        apart = np.array([one.place != "base" for one in self.parameters])
+        return np.asarray(np.einsum("kr,krp->kp", direction, moved[:, :3])[:, None] * apart)
 
     def _of_point(
         self, chain: Chain, torque: Array, q: Array, place: Place, marker: int | None

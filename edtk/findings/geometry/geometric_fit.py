@@ -86,10 +86,10 @@ def geometric_findings(fit: GeometricFit, setting: StudyGeometry) -> list[Findin
 
     What is said of positions, or of the course of a day, is said of absolute readings.
     """
-    absolute = fit.absolute
+    absolute = fit.of_positions
     causes = []
     placed = []
-    if len(absolute.data):
+    if absolute.data.seen.any():
         causes = _causes(absolute, setting)
         placed = [*_rough(absolute), *_turned(absolute), *_alone(absolute), *_rounded(absolute)]
         placed += _scaled(absolute, setting)

@@ -145,7 +145,7 @@ def with_standing(
     Returns:
         Both, and a finding where there is such a marker: a note where the study names none.
     """
-    k = setting.on_tool
+    k = len(setting.on_tool)
     absolute = data.absolute
     lost = (np.abs(np.nan_to_num(absolute.measured)) == 0).all(axis=-1, keepdims=True)
     x = np.where(lost, np.nan, absolute.measured)[:, :k]
@@ -229,6 +229,7 @@ def refuse_copied_visits(data: MarkerPositions, sigma: float, path: Path) -> Non
         UserError: More visits agree than chance explains.
     """
     x = np.nan_to_num(data.measured.reshape(len(data), -1), nan=-1.0)
+    lengths = data.rows_seen[..., :3]
     seen = data.seen.any(axis=1)
     _, first, number = np.unique(
         np.column_stack([data.pose, x]), axis=0, return_index=True, return_inverse=True
@@ -237,8 +238,8 @@ def refuse_copied_visits(data: MarkerPositions, sigma: float, path: Path) -> Non
     copies = np.flatnonzero(seen & (earlier != np.arange(len(data))))
     if not len(copies):
         return
-    step = resolution(1e3 * data.measured[data.seen]) / 1e3
-    agree = min(step / (2 * np.sqrt(np.pi) * sigma), 1.0) ** (3 * data.seen.sum(axis=1).min())
+    step = resolution(1e3 * data.measured[lengths]) / 1e3
+    agree = min(step / (2 * np.sqrt(np.pi) * sigma), 1.0) ** lengths.sum(axis=(1, 2)).min()
     expected = float(_pairs(data.pose) * agree)
     if float(poisson_tail(len(copies) - 1, expected)) > CHANCE:
         return
@@ -305,7 +306,7 @@ def marker_findings(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     names = [
         name
         for name in fit.data.markers
-        if stated.get(name, np.zeros(3)).any() and name not in setting.bodies
+        if stated.get(name, np.zeros(3)).any() and name in setting.on_tool
     ]
     if not names:
         return []

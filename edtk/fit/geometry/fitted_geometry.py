@@ -13,7 +13,7 @@ from edtk.fit.restricted_likelihood import fitted_kinds
 from edtk.measure.geometric_model import GeometricModel, Load, Loading, Seen, Torque
 from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import GeometricParameter
-from edtk.system.typing import Array, Mask
+from edtk.system.typing import Array, Indices, Mask
 
 MM = 1e3
 STEP = 1e-4  # [rad or m] of differences
@@ -98,6 +98,29 @@ class FittedGeometry:
     noise: PositionNoise
     placed: Array
     placed_turns: Array | None = None
+
+    def of_markers(self, chosen: Indices) -> "FittedGeometry":
+        """The same, of some of the instruments."""
+        model = self.model.of_markers(chosen)
+        own = [self.model.parameters.index(one) for one in model.parameters]
+        names = model.markers
+        kept = [
+            i
+            for i, one in enumerate(self.open_parameters)
+            if one.place != "tool" or one.of in names
+        ]
+        turns = self.placed_turns if model.row_count == 6 else None
+        return replace(
+            self,
+            model=model,
+            theta=self.theta[own],
+            covariance=self.covariance[np.ix_(own, own)],
+            open_parameters=tuple(self.open_parameters[i] for i in kept),
+            shares=self.shares[np.ix_(own, kept)],
+            noise=self.noise.of_markers(chosen),
+            placed=self.placed[chosen],
+            placed_turns=None if turns is None else turns[chosen],
+        )
 
     @cached_property
     def std(self) -> Array:
@@ -206,7 +229,8 @@ class FittedGeometry:
         spread = np.array([one.spread for one in self.open_parameters])
         left = parts.open**2 @ spread**2
         # Rounding may leave less than nothing of a variance that is none.
-        var = np.maximum(known + parts.own + left, 0.0)
+        there = self.model.present.reshape(-1)
+        var = np.maximum(known + parts.own + left, 0.0) * there
         rows = self.model.row_count
         shape = (m, k, rows)
         half = (np.sqrt(var) * student_quantile(self._dof(parts.slopes, parts.own))).reshape(shape)
@@ -417,6 +441,27 @@ class GeometricFit:
         return self.fitted.model.p
 
     @cached_property
+    def of_positions(self) -> "GeometricFit":
+        """The same fit, seen from the positions that were read absolutely."""
+        absolute = self.absolute
+        own = np.flatnonzero(~self.fitted.model.is_distance)
+        if len(own) == len(self.data.markers):
+            return absolute
+        turns = absolute.turns
+        if turns is not None:
+            parts = (turns.residual, turns.left_out, turns.left_out_half)
+            turns = TurnResiduals(*(part[:, own] for part in parts))
+        return replace(
+            absolute,
+            fitted=self.fitted.of_markers(own),
+            data=absolute.data.of_markers(own),
+            residual=absolute.residual[:, own],
+            left_out=absolute.left_out[:, own],
+            left_out_half=absolute.left_out_half[:, own],
+            turns=turns,
+        )
+
+    @cached_property
     def absolute(self) -> "GeometricFit":
         """The same fit, seen from the poses that were read absolutely."""
         own = ~self.data.means.is_difference
@@ -470,13 +515,16 @@ class GeometricFit:
         return share_inside(errors, halves)
 
 
-def root_mean_square(distances: Array) -> float:
-    """Root mean square length of vectors (m, k, 3) [m], of which some are NaN.
-
-    Of a distance the first coordinate is told alone.
-    """
+def lengths(distances: Array) -> Array:
+    """Lengths (m, k) of vectors (m, k, 3), and of what distances are off; NaN where nothing was."""
     known = np.isfinite(distances[..., 0])
-    squares = np.nan_to_num(distances**2).sum(axis=-1)
+    return np.where(known, np.sqrt(np.nan_to_num(distances**2).sum(axis=-1)), np.nan)
+
+
+def root_mean_square(distances: Array) -> float:
+    """Root mean square length of vectors (m, k, 3) [m], of which some are NaN."""
+    squares = lengths(distances) ** 2
+    known = np.isfinite(squares)
     return float(np.sqrt(squares[known].mean())) if known.any() else float("nan")
 
 

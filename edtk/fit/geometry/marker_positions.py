@@ -10,7 +10,11 @@ import numpy as np
 
 from edtk.measure.geometric_model import ROWS_OF, Kind
 from edtk.measure.pose_table import (
+    AFTER_COLUMN,
+    BEFORE_COLUMN,
+    CHANGE_COLUMN,
     DEFLECTION_COLUMNS,
+    DISTANCE_COLUMN,
     LOADED_COLUMNS,
     MARKER_NAME_COLUMN,
     ROTATION_COLUMNS,
@@ -114,6 +118,21 @@ class MarkerPositions(Presented):
             differs=differs if differs.any() else None,
         )
 
+    def with_markers(self, others: "MarkerPositions") -> "MarkerPositions":
+        """The same visits with other instruments too, after these."""
+        turns = None
+        if self.turns is not None and others.turns is not None:
+            turns = np.concatenate([self.turns, others.turns], axis=1)
+        usual: Kind = "position" if self.turns is None else "pose"
+        return replace(
+            self,
+            measured=np.concatenate([self.measured, others.measured], axis=1),
+            row=np.concatenate([self.row, others.row], axis=1),
+            markers=(*self.markers, *others.markers),
+            turns=turns,
+            kinds=(*(self.kinds or (usual,) * len(self.markers)), *others.kinds),
+        )
+
     @cached_property
     def is_difference(self) -> Mask:
         """Which visits (v,) are differences of two readings."""
@@ -211,8 +230,9 @@ class MarkerPositions(Presented):
     def _mean_turns(self, turns: Array) -> Array:
         """The rotations (poses, k, 3, 3) nearest to the sums of those of the visits."""
         total = np.zeros((self.poses, len(self.markers), 3, 3))
-        np.add.at(total, self.pose, np.where(self.seen[..., None, None], turns, 0.0))
-        unseen = (self.counts == 0)[..., None, None]
+        turned = self.rows_seen[..., 3]
+        np.add.at(total, self.pose, np.where(turned[..., None, None], turns, 0.0))
+        unseen = ((self.counts == 0) | ~self.present[:, 3])[..., None, None]
         U, _, Vt = np.linalg.svd(np.where(unseen, np.eye(3), total))
         sign = np.ones((*unseen.shape[:2], 3))
         sign[..., 2] = np.linalg.det(U @ Vt)
@@ -392,6 +412,8 @@ def _matrices(table: PoseTable, values: Array, rows: Indices) -> Array:
     return np.asarray(Rotation.from_quat(np.roll(values, -1, axis=1)).as_matrix())
 
 
+# Columns of a distance: its change, and what it was before and after that.
+DISTANCES = ((CHANGE_COLUMN,), (BEFORE_COLUMN,), (AFTER_COLUMN,))
 X_COORDINATE = re.compile(r"(\S*?[^\s_])_?x_mm")
 NO_LOAD = np.zeros(6)
 
@@ -405,8 +427,9 @@ def read_positions(
     others: Sequence[str] = (),
     turned: Sequence[str] = (),
     load: Array | None = None,
+    distances: Sequence[str] = (),
 ) -> MarkerPositions:
-    """Read a sheet of positions.
+    """Read a sheet of positions, and of distances.
 
     A row is a marker, `x_mm y_mm z_mm` with its name in the column `marker` (which one marker alone
     does not need); or a row is a pose, with columns `NAMEx_mm NAMEy_mm NAMEz_mm` (or `NAME_x_mm`)
@@ -417,7 +440,8 @@ def read_positions(
 
     A row with `dx_mm dy_mm dz_mm`, or with the unloaded position `x0_mm y0_mm z0_mm` beside the
     loaded one, is the difference of two readings, in the axes of the instrument. Others are
-    absolute; one sheet may have both.
+    absolute; one sheet may have both. A row of a distance has `distance_mm`, or where it is a
+    difference `change_mm`, or `before_mm after_mm`.
 
     Args:
         path: The CSV file, or a data frame that holds what it would.
@@ -428,6 +452,7 @@ def read_positions(
         others: Names of markers that the sheet may have besides, and that are passed over.
         turned: Names of the markers whose orientations are measured, too.
         load: The load (6,) of differences in a sheet that has no columns of loads; None for none.
+        distances: Names of those of the markers that are distances.
 
     Raises:
         PoseFileError: The file cannot be read; names the row or column.
@@ -435,11 +460,18 @@ def read_positions(
     table = PoseTable.read(path, "sheet")
     found = _names_in(table, robot)
     markers = markers or found
-    wide = {name: _wide(table, name) for name in markers}
-    own = tuple(column for forms in wide.values() for column in forms)
+    kinds = tuple(_kind(name, turned, distances) for name in markers)
+    pairs = list(zip(markers, kinds, strict=True))
+    own = tuple(column for name, kind in pairs for column in _wide(table, name, kind))
     if measured and not own and found and MARKER_NAME_COLUMN not in table:
         _require_same(table, found, markers)
-    plain = (*LOADED_COLUMNS, MARKER_NAME_COLUMN, *UNLOADED_COLUMNS, *DEFLECTION_COLUMNS)
+    plain: tuple[str, ...] = (
+        *LOADED_COLUMNS,
+        MARKER_NAME_COLUMN,
+        *UNLOADED_COLUMNS,
+        *DEFLECTION_COLUMNS,
+    )
+    plain += (DISTANCE_COLUMN, *(c for form in DISTANCES for c in form)) if distances else ()
     changes = tuple(
         column for name in turned for column in _change_of(table, name, ROTATION_COLUMNS)
     )
@@ -448,22 +480,33 @@ def read_positions(
     turns = (*changes, *(column for columns in of_turns.values() for column in columns))
     of_turns = {name: of_turns.get(name, VECTOR) for name in turned}
     known = (*own, *plain, VISIT_COLUMN, POSE_COLUMN, *turns)
-    beside = tuple(column for name in others for column in _wide(table, name))
+    beside = tuple(column for name in others for column in _wide(table, name, "position"))
     table = table.without([column for column in beside if column not in known])
     table = without_strange(table, robot, known).with_known(robot, known)
     q = table.poses(robot, fixed)
     wrench = table.wrenches(NO_LOAD)
     if own:
-        positions = _by_pose(table, q, wrench, markers)
+        positions = _by_pose(table, q, wrench, pairs)
     elif not measured and not any(column in table for column in plain):
         nothing = np.full((len(q), len(markers), 3), np.nan)
         row = np.repeat(np.arange(len(q))[:, None], len(markers), axis=1)
-        return MarkerPositions(q, wrench, nothing, row, tuple(markers))
+        return MarkerPositions(q, wrench, nothing, row, tuple(markers), kinds=_stated(kinds))
     else:
-        positions = _by_marker(table, q, wrench, (tuple(markers), tuple(others)), measured)
+        positions = _by_marker(table, q, wrench, (pairs, tuple(others)), measured)
+    positions = replace(positions, kinds=_stated(kinds))
     if positions.differs is not None:
         positions = _loaded(table, positions, load)
     return with_turns(table, positions, of_turns) if turned else positions
+
+
+def _kind(name: str, turned: Sequence[str], distances: Sequence[str]) -> Kind:
+    """What is read of an instrument."""
+    return "pose" if name in turned else "distance" if name in distances else "position"
+
+
+def _stated(kinds: tuple[Kind, ...]) -> tuple[Kind, ...]:
+    """The kinds of instruments; none where all are the same, and show by themselves what it is."""
+    return () if len(set(kinds)) == 1 and "distance" not in kinds else kinds
 
 
 def _loaded(table: PoseTable, data: MarkerPositions, load: Array | None) -> MarkerPositions:
@@ -498,39 +541,46 @@ def _names_in(table: PoseTable, robot: Robot) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names)) or (MARKER_NAME_COLUMN,)
 
 
-def _forms(before: str) -> tuple[tuple[str, ...], ...]:
-    """Columns of a marker, with its name before them: positions, unloaded ones, and changes."""
-    own = (LOADED_COLUMNS, UNLOADED_COLUMNS, DEFLECTION_COLUMNS)
+def _forms(table: PoseTable, before: str, kind: Kind) -> tuple[tuple[str, ...], ...]:
+    """Columns of an instrument, with its name before them: readings, unloaded ones, and changes."""
+    own: tuple[tuple[str, ...], ...] = (LOADED_COLUMNS, UNLOADED_COLUMNS, DEFLECTION_COLUMNS)
+    if kind == "distance":
+        changes, first, after = DISTANCES
+        whole = after if f"{before}{after[0]}" in table else (DISTANCE_COLUMN,)
+        own = (whole, first, changes)
     return tuple(tuple(f"{before}{column}" for column in columns) for columns in own)
 
 
-def _before(table: PoseTable, name: str) -> str | None:
+def _before(table: PoseTable, name: str, kind: Kind) -> str | None:
     """What stands before the columns of one marker in a sheet with a pose a row; None without."""
     for before in (name, f"{name}_"):
-        if any(column in table for columns in _forms(before) for column in columns):
+        if any(column in table for columns in _forms(table, before, kind) for column in columns):
             return before
     return None
 
 
-def _wide(table: PoseTable, name: str) -> tuple[str, ...]:
+def _wide(table: PoseTable, name: str, kind: Kind) -> tuple[str, ...]:
     """The columns of one marker in a sheet with a pose a row; none where it has no such columns."""
-    before = _before(table, name)
+    before = _before(table, name, kind)
     if before is None:
         return ()
-    has = (any(column in table for column in columns) for columns in _forms(before))
-    return tuple(
-        c for columns, there in zip(_forms(before), has, strict=True) if there for c in columns
-    )
+    forms = _forms(table, before, kind)
+    has = (any(column in table for column in columns) for columns in forms)
+    return tuple(c for columns, there in zip(forms, has, strict=True) if there for c in columns)
 
 
-def _by_pose(table: PoseTable, q: Array, wrench: Array, markers: Sequence[str]) -> MarkerPositions:
+def _by_pose(
+    table: PoseTable, q: Array, wrench: Array, instruments: Sequence[tuple[str, Kind]]
+) -> MarkerPositions:
     """A sheet with a pose a row; one with a position and a change is of two visits."""
+    markers = [name for name, _ in instruments]
     found = np.full((len(q), len(markers), 3), np.nan)
     row = np.full((len(q), len(markers)), -1)
     differs = np.zeros(row.shape, dtype=bool)
-    for i, before in enumerate(_before(table, name) for name in markers):
+    for i, (name, kind) in enumerate(instruments):
+        before = _before(table, name, kind)
         if before is not None:
-            found[:, i], differs[:, i] = _readings(table, _forms(before))
+            found[:, i], differs[:, i] = _readings(table, _forms(table, before, kind))
             row[:, i] = np.arange(len(q))
     if not differs.any():
         return MarkerPositions(q, wrench, found, row, tuple(markers))
@@ -556,17 +606,26 @@ def _by_marker(
     table: PoseTable,
     q: Array,
     wrench: Array,
-    names: tuple[tuple[str, ...], tuple[str, ...]],
+    names: tuple[Sequence[tuple[str, Kind]], tuple[str, ...]],
     measured: bool,
 ) -> MarkerPositions:
     """A sheet with a marker a row; rows of others than the first names are passed over."""
-    markers, others = names
+    instruments, others = names
+    markers = tuple(name for name, _ in instruments)
     index = _markers(table, markers, others)
     x = np.full((len(q), 3), np.nan)
     differs = np.zeros(len(q), dtype=bool)
-    forms = _forms("")
-    if measured or any(column in table for columns in forms for column in columns):
-        x, differs = _readings(table, forms)
+    is_distance = np.array([kind == "distance" for _, kind in instruments])
+    every: tuple[tuple[Kind, Mask], ...] = (
+        ("position", (index < 0) | ~is_distance[index]),
+        ("distance", (index >= 0) & is_distance[index]),
+    )
+    for kind, own in every:
+        forms = _forms(table, "", kind)
+        stated = any(column in table for columns in forms for column in columns)
+        if own.any() and (measured or stated):
+            read, are_changes = _readings(table, forms)
+            x[own], differs[own] = read[own], are_changes[own]
     rows = np.flatnonzero(index >= 0)
     q, wrench, x, index, differs = q[rows], wrench[rows], x[rows], index[rows], differs[rows]
     visit = _visits(table, np.column_stack([q, wrench, differs]), index, rows)
@@ -582,6 +641,8 @@ def _by_marker(
 
 def _readings(table: PoseTable, forms: tuple[tuple[str, ...], ...]) -> tuple[Array, Mask]:
     """What a marker's columns say: positions or changes (m, 3) [m], and which are changes (m,).
+
+    A distance is the first of the three, and the others are NaN.
 
     Args:
         table: The sheet.
@@ -603,7 +664,7 @@ def _readings(table: PoseTable, forms: tuple[tuple[str, ...], ...]) -> tuple[Arr
     both = np.flatnonzero(is_placed & is_change)
     if len(both):
         raise table.error(
-            f"a position and a change; expected {', '.join(placed)}, or {', '.join(changed)}",
+            f"a reading and a change; expected {', '.join(placed)}, or {', '.join(changed)}",
             f"row {both[0] + 1}",
         )
     differs = is_change | (is_placed & np.isfinite(before[:, 0]))
@@ -611,14 +672,16 @@ def _readings(table: PoseTable, forms: tuple[tuple[str, ...], ...]) -> tuple[Arr
 
 
 def _points(table: PoseTable, columns: tuple[str, ...]) -> Array:
-    """Points (m, 3) [m]; NaN in rows where all three cells are empty, as of a lost beam.
+    """Points (m, 3) [m], or distances before two NaN; NaN where all cells are empty.
 
     Raises:
         PoseFileError: A cell is no number, or one of three is empty.
     """
     filled = table.filled(columns)
     points = table.of_rows(filled).vectors(columns) / 1e3
-    return np.where(filled[:, None], points, np.nan)
+    found = np.full((len(points), 3), np.nan)
+    found[filled, : len(columns)] = points[filled]
+    return found
 
 
 def _require_same(table: PoseTable, found: Sequence[str], markers: Sequence[str]) -> None:

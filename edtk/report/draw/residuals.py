@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from edtk.fit.geometry.fitted_geometry import MM, GeometricFit
+from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, lengths
 from edtk.fit.identify import Identification
 from edtk.measure.pose_table import coordinate_names
 from edtk.report.draw.posterior import thinned
@@ -169,9 +169,10 @@ def marker_residuals(fit: GeometricFit, marker: int, ax: "Axes") -> None:
         ax: Where to draw.
     """
     residual = MM * fit.residual[:, marker]
+    residual = residual[:, np.isfinite(residual).any(axis=0)]
     seen = np.flatnonzero(np.isfinite(residual).all(axis=1))
     shown = seen[thinned(np.abs(residual[seen]).max(axis=1))]
-    for axis in range(3):
+    for axis in range(residual.shape[1]):
         ax.plot(
             shown + 1,
             residual[shown, axis],
@@ -192,7 +193,7 @@ def marker_residuals(fit: GeometricFit, marker: int, ax: "Axes") -> None:
 
 def left_out_errors(fit: GeometricFit, ax: "Axes") -> None:
     """Draw the distance of each marker from where the other poses predict it [mm]."""
-    distance = MM * np.linalg.norm(fit.left_out, axis=-1)
+    distance = MM * lengths(fit.left_out)
     for i, name in enumerate(fit.data.markers):
         seen = np.flatnonzero(np.isfinite(distance[:, i]))
         shown = seen[thinned(distance[seen, i])]
