@@ -101,6 +101,7 @@ def geometry_to_dict(fitted: FittedGeometry, counting: Counting) -> dict[str, An
                 else {"turn_mrad": noise.turn, "model_turn_mrad": noise.model_turn}
             ),
             **({} if noise.tracker is None else {"tracker": _tracker_to_dict(noise.tracker)}),
+            **({"model_change": list(noise.model_change)} if any(noise.model_change) else {}),
         },
     }
 
@@ -226,7 +227,17 @@ def _noise(given: object, setting: StudyGeometry) -> PositionNoise:
         float(not_negative_of(given, "model_turn_mrad", ())) if full_poses else 0.0,
         tracker=_tracker(given.get("tracker")),
         tracked=~setting.model.is_distance if "tracker" in given else None,
+        ratios=setting.noise.ratios,
+        model_change=_changes(given),
     )
+
+
+def _changes(given: Mapping[str, Any]) -> tuple[float, float]:
+    """What the model leaves out of differences [mm, mrad]."""
+    if "model_change" not in given:
+        return (0.0, 0.0)
+    position, turn = not_negative_of(given, "model_change", (2,)).tolist()
+    return (position, turn)
 
 
 def numbers_of(given: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> Array:

@@ -63,15 +63,11 @@ def predict_positions(
         turned=setting.turned,
         distances=tuple(setting.distances),
     )
-    if data.differs is not None:
-        raise UserError(
-            f"displacements; predictions are of positions: expected {', '.join(LOADED_COLUMNS)}",
-            where=path_of(poses),
-        )
     beyond = beyond_limits(study.robot, data.q, data.row)
     radians = like_radians(study, data.q)
     data = counting.of(setting.split(data.without_lost())[0])
-    reading = turn_reading(poses, study.robot, data)
+    on_tool = data.absolute.of_markers(np.arange(len(setting.on_tool)))
+    reading = turn_reading(poses, study.robot, on_tool)
     if reading:
         raise UserError(f"the robot fits if {reading}; expected {EXPECTED}", where=path_of(poses))
     tests = data.seen.copy()
@@ -81,15 +77,17 @@ def predict_positions(
             message = f"{path_of(poses)} has {last} rows"
             raise ArgumentError(message, argument="tool_rows", given=tool_rows)
         placing = np.logical_and(data.seen, data.row < tool_rows)
+        # Neither a distance nor a change under a load says where a marker is.
+        placing &= ~fitted.model.is_distance & ~data.is_difference[:, None]
         if not placing.any():
             raise UserError(
                 "no marker was measured in the rows that place the tool",
                 where=path_of(poses),
             )
         predicted = tool_from_rows(fitted, data, placing, setting.loads)
-        tests &= ~placing
+        tests &= ~placing & ~data.is_difference[:, None]
     else:
-        predicted = fitted.predict(data.q, data.wrench, setting.loads)
+        predicted = fitted.predict(data.q, data.wrench, setting.loads, data.is_difference)
     return _prediction(data, predicted, tests, beyond, radians)
 
 

@@ -181,7 +181,11 @@ class FittedGeometry:
         )
 
     def predict(
-        self, q: Array, wrench: Array | None = None, loads: Loads | None = None
+        self,
+        q: Array,
+        wrench: Array | None = None,
+        loads: Loads | None = None,
+        differs: Mask | None = None,
     ) -> Predicted:
         """Positions of all markers in some poses, with 95 % bands.
 
@@ -193,13 +197,24 @@ class FittedGeometry:
             q: Joint variables (m, n) [rad or m].
             wrench: Forces and torques (m, 6); None for none.
             loads: What they load the joints with.
+            differs: Which readings (m,) are their changes under the wrench; None for none.
         """
-        seen, motion, columns, apart = self.moves(q, wrench, loads)
+        seen, motion, columns, apart = self.moves(q, wrench, loads, differs)
         own = self.own_variances(motion, seen.places)
-        return self.banded(seen, ErrorParts(columns, apart, own, self.slopes(motion)))
+        slopes = self.slopes(motion)
+        if differs is not None and differs.any():
+            changes = self.noise.of_change(motion[differs], seen.places[differs])
+            own[differs] = np.einsum("mrr->mr", changes)
+            if slopes is not None:
+                slopes[differs] = 0.0
+        return self.banded(seen, ErrorParts(columns, apart, own, slopes))
 
     def moves(
-        self, q: Array, wrench: Array | None = None, loads: Loads | None = None
+        self,
+        q: Array,
+        wrench: Array | None = None,
+        loads: Loads | None = None,
+        differs: Mask | None = None,
     ) -> tuple[Seen, Array, Array, Array]:
         """What moves the coordinates of some poses.
 
@@ -207,13 +222,16 @@ class FittedGeometry:
             q: Joint variables (m, n) [rad or m].
             wrench: Forces and torques (m, 6); None for none.
             loads: What they load the joints with.
+            differs: Which readings (m,) are their changes under the wrench; None for none.
 
         Returns:
             What is seen there, the motions (m, r, n) of the coordinates by the joints, their
             columns (m, r, p), and those of open parameters (m, r, o), see `ErrorParts`.
         """
         wrench = np.zeros((len(q), 6)) if wrench is None else wrench
-        torque = self.torque(q, wrench, loads)
+        torque: Torque = self.torque(q, wrench, loads)
+        if differs is not None and differs.any():
+            torque = loading_in(self.compliances, q, wrench, loads, differs)
         seen = self.model.see(self.theta, q, torque)
         assert seen.jacobian is not None
         assert seen.by_joints is not None
@@ -246,7 +264,7 @@ class FittedGeometry:
             turn_half=half[..., 3:] if rows > 3 else None,
         )
 
-    def _left(self, q: Array, torque: Array | None, J: Array) -> Array:
+    def _left(self, q: Array, torque: Torque, J: Array) -> Array:
         """Columns (m, r, o) of the open parameters, less what the others take of them [mm]."""
         if not self.open_parameters:
             return np.zeros((*J.shape[:2], 0))
@@ -335,14 +353,28 @@ def resting_load(compliances: Array, q: Array, wrench: Array, loads: Loads | Non
 
 
 def loading_of(compliances: Array, data: MarkerPositions, loads: Loads | None) -> Torque:
-    """What loads the joints at rest in each visit, see `resting_load`, and what did before."""
-    after = resting_load(compliances, data.q, data.wrench, loads)
-    own = data.is_difference
-    if after is None or not own.any():
+    """What loads the joints at rest in each visit, and what did before, see `loading_in`."""
+    return loading_in(compliances, data.q, data.wrench, loads, data.is_difference)
+
+
+def loading_in(
+    compliances: Array, q: Array, wrench: Array, loads: Loads | None, differs: Mask
+) -> Torque:
+    """What loads the joints at rest in each visit, see `resting_load`, and what did before.
+
+    Args:
+        compliances: Of the free joints (n,) [rad/(N m)].
+        q: Joint variables (m, n) [rad or m].
+        wrench: Forces and torques (m, 6).
+        loads: What they load the joints with.
+        differs: Which readings (m,) are differences of a loaded and an unloaded one.
+    """
+    after = resting_load(compliances, q, wrench, loads)
+    if after is None or not differs.any():
         return after
-    before = resting_load(compliances, data.q[own], np.zeros((own.sum(), 6)), loads)
+    before = resting_load(compliances, q[differs], np.zeros((differs.sum(), 6)), loads)
     assert before is not None
-    return Loading(after, own, before)
+    return Loading(after, differs, before)
 
 
 def student_quantile(dof: Array) -> Array:
