@@ -197,7 +197,8 @@ class _InPoses:
         lengths = np.stack([plain, left, remaining])
         if plain_turn is None or left_turn is None or predicted.turn_std is None:
             return at, lengths, None
-        turned = _remaining(predicted.turn_std, 3 * ((noise.turn or 0.0) / MM) ** 2, left_turn)
+        std = predicted.turn_std if goal.turned is None else predicted.turn_std[:, goal.turned]
+        turned = _remaining(std, 3 * ((noise.turn or 0.0) / MM) ** 2, left_turn)
         return at, lengths, np.stack([plain_turn, left_turn, turned])
 
 
@@ -231,11 +232,6 @@ def compensate_geometry(
             limits, which names the first row; or test poses have several tools that are not own.
     """
     setting, fitted, counting = read_geometry(study, result["geometry"], where)
-    on_tool = np.flatnonzero(fitted.model.on_tool)
-    if not len(on_tool):
-        message = "no marker is on the tool, and so nothing says where commands shall carry it"
-        raise UserError(message, where=where)
-    fitted = fitted.of_markers(on_tool)
     if fitted.model.row_count == 6 and fitted.placed_turns is None:
         message = "the result is older than commands for full poses; identify the sheet anew"
         raise UserError(message, where=where, key="geometry.placed_turns_rad")
@@ -243,6 +239,11 @@ def compensate_geometry(
     tools = _of_markers(study, len(every))
     if study.tasks:
         tools = tools_of_task(study, len(every), own)
+    on_tool = np.flatnonzero(fitted.model.on_tool)
+    if not len(on_tool) and any(tool.task.tool is None for tool in tools):
+        message = "no marker is on the tool, and no task says where another tool is; expected one"
+        raise UserError(message, where=where)
+    fitted = fitted.of_markers(on_tool)
     parts = [_InPoses.of(setting, fitted, tool, every) for tool in tools]
     command = np.empty_like(every)
     for part in parts:

@@ -157,7 +157,9 @@ class FittedGeometry:
             self.covariance[np.ix_(kept, kept)],
             tuple(one for one in self.open_parameters if one.place != "tool"),
             self.shares[np.ix_(kept, left)],
-            replace(self.noise, turn=self.noise.turn or 0.0, model_fit=None),
+            replace(
+                self.noise, turn=self.noise.turn or 0.0, model_fit=None, tracked=None, ratios=None
+            ),
             placed=still,
             placed_turns=still,
         )
