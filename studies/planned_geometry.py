@@ -20,7 +20,7 @@ from tqdm import tqdm
 
 import edtk
 from edtk.fit.geometry.fitted_geometry import resting_torque
-from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.measured_model import MeasuredModel
 from edtk.report.tables import markdown_table
 from edtk.study.study_geometry import StudyGeometry
 from edtk.system.files import write_text
@@ -58,7 +58,7 @@ STUDY = edtk.Study(
 JOINTS = [f"q{i}_deg" for i in range(1, 7)]
 
 
-def truth(rng: np.random.Generator) -> tuple[GeometricModel, Array]:
+def truth(rng: np.random.Generator) -> tuple[MeasuredModel, Array]:
     """A robot with errors in all that is unknown, and their values (p,) in SI units."""
     model = StudyGeometry.of(STUDY).model
     sizes = np.array([SPRINGS if one.place == "compliance" else ERRORS for one in model.parameters])
@@ -67,14 +67,14 @@ def truth(rng: np.random.Generator) -> tuple[GeometricModel, Array]:
     return model, np.where(springs, np.abs(theta), theta)
 
 
-def positions(model: GeometricModel, theta: Array, q: Array, wrench: Array) -> Array:
+def positions(model: MeasuredModel, theta: Array, q: Array, wrench: Array) -> Array:
     """Where the markers are (m, k, 3) [mm], loads at rest."""
     loads = StudyGeometry.of(STUDY).loads
     torque = resting_torque(model.compliances(theta), q, wrench, loads)
     return 1e3 * model.see(theta, q, torque, derivatives=False).points
 
 
-def fill(sheet: Path, rng: np.random.Generator, found: tuple[GeometricModel, Array]) -> None:
+def fill(sheet: Path, rng: np.random.Generator, found: tuple[MeasuredModel, Array]) -> None:
     """Write simulated positions into an empty sheet."""
     import pandas as pd
 

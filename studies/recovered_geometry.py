@@ -20,7 +20,7 @@ from tqdm import tqdm
 
 from edtk.fit.geometry.fit_geometry import fit_geometry
 from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.measure.geometric_model import GeometricModel, Seen
+from edtk.measure.measured_model import MeasuredModel, Seen
 from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import all_parameters
 from edtk.report.tables import markdown_table
@@ -99,7 +99,7 @@ def simulate(robot: Robot, markers: int, rows: Rows, runs: int) -> tuple[int, fl
     rng = np.random.default_rng(SEED)
     names = tuple("ABC"[:markers])
     every = all_parameters(robot, names, pose=rows == "pose")
-    asked = GeometricModel(robot, np.zeros((markers, 3)), names, every, rows=rows)
+    asked = MeasuredModel(robot, np.zeros((markers, 3)), names, every, rows=rows)
     q = rng.uniform(*robot.limits, (POSES, robot.n))
     there = rng.uniform(*robot.limits, (4, robot.n))
     place = transform(rng.uniform(-2, 2, 3), rng.uniform(-1, 1, 3))

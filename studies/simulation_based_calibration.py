@@ -28,7 +28,7 @@ from edtk.fit.noise import Noise
 from edtk.fit.posterior import Posterior, SamplingOptions, sample_posterior
 from edtk.fit.prior import Flat, HalfNormal, LogNormal, Normal, Prior
 from edtk.fit.run_chain import Demand
-from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.measured_model import MeasuredModel
 from edtk.study.study_geometry import StudyGeometry
 from edtk.system.typing import Array
 from edtk.system.workers import open_workers
@@ -286,21 +286,21 @@ def ranked_names(case: int) -> tuple[str, ...]:
     return (*own, *(f"{axis} in pose {i + 1}" for i in range(PLACES) for axis in "xyz"))
 
 
-def _truth(model: GeometricModel, rng: np.random.Generator) -> Array:
+def _truth(model: MeasuredModel, rng: np.random.Generator) -> Array:
     """Parameters (p,) in SI units."""
     soft = rng.uniform(*SOFT, model.p)
     springs = np.array([one.place == "compliance" for one in model.parameters])
     return np.where(springs, soft, rng.normal(0, OFF, model.p)) * model.scales
 
 
-def _poses(model: GeometricModel, rng: np.random.Generator, count: int) -> Array:
+def _poses(model: MeasuredModel, rng: np.random.Generator, count: int) -> Array:
     """Poses (m, n) anywhere within the limits [rad]."""
     lower, upper = model.robot.limits
     return np.asarray(rng.uniform(lower, upper, (count, model.robot.n)))
 
 
 def _sheet(
-    of: GeometryCase, rng: np.random.Generator, model: GeometricModel, theta: Array | None
+    of: GeometryCase, rng: np.random.Generator, model: MeasuredModel, theta: Array | None
 ) -> MarkerPositions:
     """Positions in random poses, half of them loaded; without errors where nothing errs."""
     q = _poses(model, rng, of.poses)
@@ -333,7 +333,7 @@ def _independent(posterior: Posterior, rng: np.random.Generator) -> Array:
     return np.asarray(flat[rng.permutation(len(flat))[:MOST_DRAWS]])
 
 
-def _ranked(of: GeometryCase, model: GeometricModel, draws: Array, q: Array) -> Array:
+def _ranked(of: GeometryCase, model: MeasuredModel, draws: Array, q: Array) -> Array:
     """Values (s, d) of parameters that were asked for by name, and of a marker's coordinates."""
     named = isinstance(of.geometry, list)
     own = [named and one.place in ("joint", "compliance") for one in model.parameters]

@@ -21,7 +21,7 @@ from edtk.findings.causes.scene import Displacements, Positions, Scene, since_fi
 from edtk.fit.correlated_noise import CorrelatedNoise, RowNoise, whiten_columns
 from edtk.fit.distributions import chi_square_quantile, log_normal_below, noncentral_chi_square_tail
 from edtk.fit.measurements import Measurements
-from edtk.measure.parameters import GeometricParameter
+from edtk.measure.parameters import Parameter
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Indices
@@ -186,7 +186,7 @@ def visited(question: GeometryQuestion, q: Array, wrench: Array, time: Array) ->
     """
     setting, model, study = question.setting, question.model, question.study
 
-    def columns(parameters: tuple[GeometricParameter, ...], wrench: Array) -> Array:
+    def columns(parameters: tuple[Parameter, ...], wrench: Array) -> Array:
         rows = PositionRows(replace(model, parameters=parameters), setting.loads, setting.noise)
         scales = np.array([one.scale for one in parameters])
         return rows(q, wrench) / scales

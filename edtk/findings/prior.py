@@ -11,7 +11,7 @@ from edtk.fit.identify import Identification
 from edtk.fit.posterior import Posterior
 from edtk.fit.prior import Flat, Marginal, Prior
 from edtk.measure.expected_error import AssumedJoint
-from edtk.measure.parameters import GeometricParameter
+from edtk.measure.parameters import Parameter
 from edtk.study.study import Study
 from edtk.system.typing import Array
 
@@ -88,9 +88,7 @@ def _chance(marginal: Marginal, k: float, std: float, dof: float) -> float:
     return 2 * min(tails) / float(density.sum())
 
 
-def rescue_findings(
-    rescued: Sequence[GeometricParameter], beyond: Sequence[GeometricParameter]
-) -> list[Finding]:
+def rescue_findings(rescued: Sequence[Parameter], beyond: Sequence[Parameter]) -> list[Finding]:
     """Parameters that are told by what was known before, as the poses alone do not tell them.
 
     Args:

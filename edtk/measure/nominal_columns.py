@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from edtk.measure.geometric_model import NEAREST, GeometricModel
+from edtk.measure.measured_model import NEAREST, MeasuredModel
 from edtk.measure.parameters import COMPONENTS
 from edtk.robots.frames import BodyPoint, Frames, columns_slope, combine
 from edtk.system.typing import Array, Indices, Mask
@@ -76,13 +76,13 @@ class NominalColumns:
     about it through a point o, ``u x (x - o)``; that of a spring is multiplied by its load tau.
     Where orientations are measured, a marker has three more rows: u of a turn, zero of a shift. All
     arrays are component first, so that every operation runs over contiguous poses; it takes a tenth
-    of the time of `GeometricModel.see`, which knows errors of any size.
+    of the time of `MeasuredModel.see`, which knows errors of any size.
 
     Args:
         model: Markers and parameters; its start is the identity.
     """
 
-    model: GeometricModel
+    model: MeasuredModel
 
     @cached_property
     def elements(self) -> tuple[Element, ...]:

@@ -46,7 +46,7 @@ Place = Literal["base", "joint", "tool", "compliance"]
 
 
 @dataclass(frozen=True)
-class GeometricParameter:
+class Parameter:
     """One parameter.
 
     Attributes:
@@ -155,7 +155,7 @@ def all_parameters(
     pose: bool | Collection[str] = False,
     likely: Mapping[str, float] | None = None,
     bodies: Mapping[str, str] | None = None,
-) -> tuple[GeometricParameter, ...]:
+) -> tuple[Parameter, ...]:
     """List the parameters that a calibration asks for, whether they can be told apart or not.
 
     Args:
@@ -182,34 +182,32 @@ def all_parameters(
     of_joints = _chosen(_of_joints(robot), geometry)
     turned = (markers if pose else ()) if isinstance(pose, bool) else pose
     on = bodies or {}
-    of_base = [GeometricParameter("base", "", c) for c in COMPONENTS if base]
+    of_base = [Parameter("base", "", c) for c in COMPONENTS if base]
     of_tools = [
-        GeometricParameter("tool", n, c, body=on.get(n, ""))
+        Parameter("tool", n, c, body=on.get(n, ""))
         for n in markers
         for c in (COMPONENTS if n in turned else SHIFTS)
         if tool
     ]
     springs = [
-        GeometricParameter("compliance", n, slides=slides[n], likely=(likely or {}).get(n))
+        Parameter("compliance", n, slides=slides[n], likely=(likely or {}).get(n))
         for n in compliance
     ]
     return (*of_base, *of_tools, *of_joints, *springs)
 
 
-def _of_joints(robot: Robot) -> list[GeometricParameter]:
+def _of_joints(robot: Robot) -> list[Parameter]:
     """Six before each joint of the chain, that along its axis marked."""
     found = []
     for joint in robot.chain:
         turns = joint.kind == "revolute"
         for i, component in enumerate(COMPONENTS):
             own = abs(joint.axis[i % 3]) > ALONG and (i >= len(SHIFTS)) == turns
-            found.append(GeometricParameter("joint", joint.name, component, along=bool(own)))
+            found.append(Parameter("joint", joint.name, component, along=bool(own)))
     return found
 
 
-def _chosen(
-    every: list[GeometricParameter], geometry: Literal["all"] | Sequence[str]
-) -> list[GeometricParameter]:
+def _chosen(every: list[Parameter], geometry: Literal["all"] | Sequence[str]) -> list[Parameter]:
     """Those of the list.
 
     Raises:
@@ -257,7 +255,7 @@ class Identifiable:
 
 def identifiable(
     scaled: Array,
-    parameters: Sequence[GeometricParameter],
+    parameters: Sequence[Parameter],
     stages: Sequence[Sequence[int]] = (),
     least: float | Array = 0.0,
 ) -> Identifiable:
@@ -324,7 +322,7 @@ def _shares(unit: Array, length: Array, kept: Indices, left: Indices) -> Array:
 
 
 def _words(
-    parameters: Sequence[GeometricParameter],
+    parameters: Sequence[Parameter],
     kept: Indices,
     left: int,
     shares: Array,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.measured_model import MeasuredModel
 from edtk.robots.robot import Robot
 from edtk.robots.weights import DeadWeights
 from edtk.robots.workspace import neighbourhood
@@ -135,7 +135,7 @@ class ErringColumns:
             nothing loads them.
     """
 
-    model: GeometricModel
+    model: MeasuredModel
     theta: Array
     tool: Array | None
     torque: Callable[[Array], Array | None]

@@ -8,7 +8,7 @@ from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.findings.finding import rows_in_words
 from edtk.fit.geometry.fitted_geometry import MM, lengths, root_mean_square
 from edtk.measure.cells import csv_text
-from edtk.measure.parameters import GeometricParameter
+from edtk.measure.parameters import Parameter
 from edtk.report.calibration_report import NAMES, calibration_title
 from edtk.report.draw.residuals import left_out_errors, marker_residuals
 from edtk.report.figures import new_figure
@@ -283,7 +283,7 @@ def _parameters(found: GeometricCalibration) -> list[str]:
     return sections
 
 
-def _table(found: GeometricCalibration, parameters: list[GeometricParameter]) -> str:
+def _table(found: GeometricCalibration, parameters: list[Parameter]) -> str:
     """Values and standard deviations, in their units."""
     rows = []
     for one in parameters:

@@ -10,7 +10,7 @@ import numpy as np
 import criteria
 from edtk.fit.correlated_noise import row_numbers
 from edtk.fit.geometry.marker_positions import read_positions
-from edtk.measure.parameters import GeometricParameter, all_parameters
+from edtk.measure.parameters import Parameter, all_parameters
 from edtk.measure.pose_table import (
     SHEET_COLUMNS,
     VISIT_COLUMN,
@@ -240,7 +240,7 @@ class Geometry(Kind):
                     f"joints, or single ones such as {every[-1].name}",
                 )
 
-    def _every(self, study: Asked) -> tuple[GeometricParameter, ...]:
+    def _every(self, study: Asked) -> tuple[Parameter, ...]:
         """The parameters that the study asks for."""
         asked = self.parameters(study)
         return all_parameters(

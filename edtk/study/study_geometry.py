@@ -9,9 +9,9 @@ import numpy as np
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.prior import Gaussian
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.geometric_model import GeometricModel, Kind
+from edtk.measure.measured_model import Kind, MeasuredModel
 from edtk.measure.noise import PositionNoise
-from edtk.measure.parameters import GeometricParameter, all_parameters
+from edtk.measure.parameters import Parameter, all_parameters
 from edtk.measure.task import ErringColumns, Task
 from edtk.robots.frames import Frames
 from edtk.robots.loads.fixed_load import FixedLoad
@@ -127,7 +127,7 @@ class StudyGeometry:
         return measurement.reference == "unloaded" and "reference" in measurement.model_fields_set
 
     @property
-    def model(self) -> GeometricModel:
+    def model(self) -> MeasuredModel:
         """The model with all parameters that the study asks for."""
         study = self.study
         names = self.markers
@@ -152,7 +152,7 @@ class StudyGeometry:
         }
         known = np.zeros(study.robot.n)
         known[list(exact)] = list(exact.values())
-        return GeometricModel(
+        return MeasuredModel(
             study.robot,
             np.array([offsets.get(name, np.zeros(3)) for name in names]) / 1e3,
             names,
@@ -193,7 +193,7 @@ class StudyGeometry:
         }
 
     @property
-    def taken_as_drawn(self) -> tuple[GeometricParameter, ...]:
+    def taken_as_drawn(self) -> tuple[Parameter, ...]:
         """Errors of the drawing that the study does not ask for, and that a robot may have."""
         asked = {one.name for one in self.model.parameters}
         every = all_parameters(self.study.robot, self._placed, pose=self.turned)
@@ -244,7 +244,7 @@ class StudyGeometry:
         at_tool = ElastostaticModel(task.placed, self.loads.by_wrench.unknown)
         return StudyLoads(at_tool, task.dead_weights, None)
 
-    def columns(self, task: Task, model: GeometricModel) -> ErringColumns:
+    def columns(self, task: Task, model: MeasuredModel) -> ErringColumns:
         """How what counts in a task moves with a model's parameters, about the drawing."""
         loads = self.loads_of(task)
 

@@ -13,7 +13,7 @@ from small_arm import ROBOT
 import edtk
 from edtk.fit.geometry.fit_geometry import fit_geometry
 from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.measured_model import MeasuredModel
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry
 from edtk.system.typing import Array
@@ -29,7 +29,7 @@ SMALL = Study(
 )
 
 
-def true_day(poses: int, seed: int) -> tuple[GeometricModel, Array, MarkerPositions]:
+def true_day(poses: int, seed: int) -> tuple[MeasuredModel, Array, MarkerPositions]:
     """A model in its place, its parameters, and positions that the stated tracker has read."""
     rng = np.random.default_rng(seed)
     setting = StudyGeometry.of(SMALL)

@@ -15,7 +15,7 @@ from edtk.fit.geometry.fitted_geometry import MM, GeometricFit
 from edtk.fit.geometry.geometry_posterior import GeometryDensity
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.prior import Gaussian, Prior, fit_with_prior
-from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.measured_model import MeasuredModel
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry
 from edtk.system.errors import UserError
@@ -50,7 +50,7 @@ def springs_of(prior: dict | None = None, **keys: object) -> Study:
 
 def day(
     study: Study, poses: int, seed: int, theta: dict[str, float], spread: float = 0.0
-) -> tuple[MarkerPositions, GeometricModel, Array]:
+) -> tuple[MarkerPositions, MeasuredModel, Array]:
     """Positions of an erring robot, half of the visits loaded; the true model and parameters."""
     rng = np.random.default_rng(seed)
     setting = StudyGeometry.of(study)

@@ -12,8 +12,8 @@ from edtk.calibration.geometry.geometric_calibration import read_geometry
 from edtk.calibration.tasks_in_use import RefusedRow, ToolInUse, require_one, tools_of_task
 from edtk.design.plan import Plan
 from edtk.fit.geometry.fitted_geometry import FittedGeometry, Loads
-from edtk.measure.geometric_model import Seen
-from edtk.measure.parameters import TURNS, GeometricParameter
+from edtk.measure.measured_model import Seen
+from edtk.measure.parameters import TURNS, Parameter
 from edtk.measure.task import Task
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import rotation_vectors
@@ -54,7 +54,7 @@ class MarkerGoal:
         drawing = replace(fitted.model, offsets=fitted.placed, parameters=())
         if fitted.placed_turns is None:
             return cls(drawing.see(np.zeros(0), q, derivatives=False).points, None)
-        own = tuple(GeometricParameter("tool", name, c) for name in drawing.markers for c in TURNS)
+        own = tuple(Parameter("tool", name, c) for name in drawing.markers for c in TURNS)
         turned = np.array([kind == "pose" for kind in drawing.kinds])
         seen = drawing.with_parameters(own).see(
             fitted.placed_turns.reshape(-1), q, derivatives=False

@@ -30,7 +30,7 @@ from edtk.measure.expected_error import (
     expected_error,
 )
 from edtk.measure.noise import BlockVariances, PositionNoise, Tracker
-from edtk.measure.parameters import COMPONENTS, GeometricParameter
+from edtk.measure.parameters import COMPONENTS, Parameter
 from edtk.measure.pose_table import coordinate_names
 from edtk.measure.task import ErringColumns, Task, Tasks
 from edtk.robots.rotations import rotation, rotation_vectors
@@ -154,9 +154,7 @@ def geometry_of_dict(
     return fitted, Counting(numbers_of(given, "counting", (n, n)), str(words))
 
 
-def _named(
-    given: Mapping[str, Any], key: str, every: Mapping[str, GeometricParameter]
-) -> list[GeometricParameter]:
+def _named(given: Mapping[str, Any], key: str, every: Mapping[str, Parameter]) -> list[Parameter]:
     """Parameters by their names.
 
     Raises:

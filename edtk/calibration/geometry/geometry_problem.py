@@ -9,7 +9,7 @@ import criteria
 from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.design.problem import Problem, rows_of_blocks
 from edtk.fit.geometry.fit_geometry import stages
-from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import identifiable
 from edtk.study.study import Study
@@ -37,7 +37,7 @@ class GeometryProblem(Presented):
     problem: Problem
     q: Array
     wrench: Array
-    model: GeometricModel
+    model: MeasuredModel
     noise: PositionNoise
     loads: StudyLoads | None
 
@@ -124,8 +124,8 @@ def geometry_problem(
 
 
 def _minimal(
-    model: GeometricModel, q: Array, wrench: Array, loads: StudyLoads | None
-) -> GeometricModel:
+    model: MeasuredModel, q: Array, wrench: Array, loads: StudyLoads | None
+) -> MeasuredModel:
     """The model with the parameters that any poses could tell under these loads."""
     rng = np.random.default_rng(0)
     lower, upper = np.clip(model.robot.limits, -np.pi, np.pi)

@@ -9,8 +9,8 @@ import numpy as np
 from edtk.calibration.geometry.geometric_calibration import MOST_MB, read_geometry
 from edtk.fit.geometry.fitted_geometry import FittedGeometry
 from edtk.fit.prior import Flat, Marginal, Normal, Prior
-from edtk.measure.geometric_model import GeometricModel
-from edtk.measure.parameters import GeometricParameter
+from edtk.measure.measured_model import MeasuredModel
+from edtk.measure.parameters import Parameter
 from edtk.study.study_geometry import StudyGeometry
 from edtk.study.study_parts import study_prior
 from edtk.system.errors import UserError
@@ -73,7 +73,7 @@ def design_prior(setting: StudyGeometry) -> Prior:
     return Prior(tuple(marginals), positive=False)
 
 
-def _of_compliances(setting: StudyGeometry, model: GeometricModel) -> Prior:
+def _of_compliances(setting: StudyGeometry, model: MeasuredModel) -> Prior:
     """Densities, and an earlier calibration of the compliances alone."""
     marginals = tuple(_density(setting, one) for one in model.parameters)
     own = study_prior(setting.study).earlier if setting.study.specification.joints.unknown else None
@@ -85,7 +85,7 @@ def _of_compliances(setting: StudyGeometry, model: GeometricModel) -> Prior:
     return Prior(marginals, Normal(own.mean, own.covariance, columns, basis), positive=False)
 
 
-def _density(setting: StudyGeometry, one: GeometricParameter) -> Marginal:
+def _density(setting: StudyGeometry, one: Parameter) -> Marginal:
     """What the study says of one parameter; of several entries that which means fewest counts."""
     table = setting.study.specification.prior
     if one.place == "compliance":
@@ -121,7 +121,7 @@ def _earlier_result(setting: StudyGeometry) -> tuple[FittedGeometry, frozenset[s
     return fitted, frozenset(map(str, counted if isinstance(counted, list) else []))
 
 
-def _normal(setting: StudyGeometry, model: GeometricModel, fitted: FittedGeometry) -> Normal:
+def _normal(setting: StudyGeometry, model: MeasuredModel, fitted: FittedGeometry) -> Normal:
     """The estimates of joints and springs, with base and markers left open.
 
     Raises:

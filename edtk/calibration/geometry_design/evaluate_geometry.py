@@ -21,7 +21,7 @@ from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.findings.finding import Finding, Severity, Wording
 from edtk.fit.distributions import task_accuracy
 from edtk.measure.expected_error import WITHIN, ExpectedError, TaskAccuracy, expected_error
-from edtk.measure.parameters import GeometricParameter, Identifiable
+from edtk.measure.parameters import Identifiable, Parameter
 from edtk.robots.workspace import neighbourhood
 from edtk.study.evaluate import criteria_frame, criterion_values, observability
 from edtk.study.plan_study import no_progress, study_errors
@@ -138,7 +138,7 @@ class GeometryEvaluation(Presented):
     criteria: dict[str, float]
     observability_unscaled: dict[str, float]
     covariance: Array
-    parameters: tuple[GeometricParameter, ...]
+    parameters: tuple[Parameter, ...]
     open: tuple[str, ...]
     rho0: float | None
     skipped: dict[str, str]

@@ -17,8 +17,8 @@ from edtk.certificate.certificate import (
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.fit.geometry.fit_geometry import stages
-from edtk.measure.geometric_model import GeometricModel
-from edtk.measure.parameters import COMPONENTS, GeometricParameter, Identifiable, identifiable
+from edtk.measure.measured_model import MeasuredModel
+from edtk.measure.parameters import COMPONENTS, Identifiable, Parameter, identifiable
 from edtk.measure.task import Task, Tasks
 from edtk.robots.frames import BodyPoint
 from edtk.robots.loads.fixed_load import FixedLoad
@@ -83,7 +83,7 @@ class GeometryQuestion:
     setting: StudyGeometry
     wrenches: Array
     space: GeometrySpace
-    structural: GeometricModel
+    structural: MeasuredModel
     shares: Identifiable
     untold: tuple[str, ...]
 
@@ -113,7 +113,7 @@ class GeometryQuestion:
         )
 
     @property
-    def model(self) -> GeometricModel:
+    def model(self) -> MeasuredModel:
         """Markers, and the parameters of a plan."""
         return self.space.geometry
 
@@ -241,18 +241,18 @@ class GeometryQuestion:
         return np.eye(self.model.p)[:, chosen], tuple(self.space.parameters[i] for i in chosen)
 
 
-def _space(base: DesignSpace, model: GeometricModel, setting: StudyGeometry) -> GeometrySpace:
+def _space(base: DesignSpace, model: MeasuredModel, setting: StudyGeometry) -> GeometrySpace:
     """The space of a model, where the poses of another one may lie."""
     own = {one.name: getattr(base, one.name) for one in fields(base)}
     return GeometrySpace(**own, geometry=model, errors=setting.noise, loads=setting.loads)
 
 
-def _with(model: GeometricModel, told: Identifiable) -> GeometricModel:
+def _with(model: MeasuredModel, told: Identifiable) -> MeasuredModel:
     """The model with the parameters that are kept."""
     return model.with_parameters(tuple(model.parameters[i] for i in told.kept))
 
 
-def _springs(model: GeometricModel, told: Identifiable) -> tuple[str, ...]:
+def _springs(model: MeasuredModel, told: Identifiable) -> tuple[str, ...]:
     """Sentences on the springs that no pose tells; much of the geometry is redundant anyway."""
     return tuple(
         words
@@ -261,13 +261,13 @@ def _springs(model: GeometricModel, told: Identifiable) -> tuple[str, ...]:
     )
 
 
-def _told(setting: StudyGeometry, model: GeometricModel, q: Array, wrench: Array) -> Identifiable:
+def _told(setting: StudyGeometry, model: MeasuredModel, q: Array, wrench: Array) -> Identifiable:
     """What poses tell apart."""
     rows = PositionRows(model, setting.loads)(q, wrench).reshape(-1, model.p)
     return identifiable(rows, model.parameters, stages(model))
 
 
-def _anywhere(model: GeometricModel, wrenches: Array) -> tuple[Array, Array]:
+def _anywhere(model: MeasuredModel, wrenches: Array) -> tuple[Array, Array]:
     """Poses within the joint limits, each under every load."""
     lower, upper = np.clip(model.robot.limits, -np.pi, np.pi)
     q = np.random.default_rng(0).uniform(lower, upper, (POSES, model.robot.n))
@@ -325,7 +325,7 @@ def geometry_setting(question: GeometryQuestion) -> dict[str, Any]:
     }
 
 
-def _sensors(model: GeometricModel) -> list[dict[str, Any]]:
+def _sensors(model: MeasuredModel) -> list[dict[str, Any]]:
     """The instruments: what each reads, and of which point."""
     assert model.anchors is not None
     every = zip(model.kinds, model.offsets, model.bodies, model.anchors, strict=True)
@@ -383,7 +383,7 @@ def _weights(weights: DeadWeights | None) -> list[dict[str, Any]]:
     return [] if weights is None else weights_to_list(weights)
 
 
-def _parameter(question: GeometryQuestion, one: GeometricParameter) -> dict[str, Any]:
+def _parameter(question: GeometryQuestion, one: Parameter) -> dict[str, Any]:
     """A parameter: its name, what it moves, of which joint or marker, and its component."""
     robot = question.study.robot
     names = {

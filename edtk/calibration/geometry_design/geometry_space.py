@@ -8,7 +8,7 @@ import numpy as np
 from edtk.design.design_space import DesignSpace, Experiments
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem, rows_of_blocks
-from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.noise import MM2, PositionNoise
 from edtk.measure.nominal_columns import NominalColumns, PlacedColumns
 from edtk.study.study_geometry import StudyLoads
@@ -34,7 +34,7 @@ class PositionRows:
         noise: The errors of a pose; None for rows in millimetres and milliradians.
     """
 
-    model: GeometricModel
+    model: MeasuredModel
     loads: StudyLoads | None
     noise: PositionNoise | None = None
 
@@ -240,7 +240,7 @@ class GeometrySpace(DesignSpace):
         loads: What loads the joints; None without springs.
     """
 
-    geometry: GeometricModel
+    geometry: MeasuredModel
     errors: PositionNoise
     loads: StudyLoads | None
 

@@ -14,7 +14,7 @@ from edtk.design.plan import Plan
 from edtk.design.relaxation.relax import require_relaxable
 from edtk.design.relaxation.relax_poses import DEFAULT_MB, RelaxOptions, relax_poses
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
-from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.measured_model import MeasuredModel
 from edtk.study.plan_study import (
     DEFAULTS,
     RunOptions,
@@ -201,7 +201,7 @@ def _too_few(question: GeometryQuestion, search: DaySearch, error: NoPlanError) 
     return ArgumentError(message, argument="size", given=new + count)
 
 
-def _all_parameters(model: GeometricModel, least: int | None) -> str:
+def _all_parameters(model: MeasuredModel, least: int | None) -> str:
     """How many visits tell all parameters apart."""
     count = len(model.markers)
     least = least or -(-model.p // (model.row_count * count))

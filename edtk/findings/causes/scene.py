@@ -16,7 +16,7 @@ from edtk.findings.nonlinear_part import whole_rows
 from edtk.fit.measurements import Measurements, measured_points, translations
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.expected_error import AssumedJoint
-from edtk.measure.parameters import GeometricParameter, all_parameters
+from edtk.measure.parameters import Parameter, all_parameters
 from edtk.robots.joint import Joint
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array
@@ -387,7 +387,7 @@ def link_length(joint: Joint) -> float:
 class ColumnsOf(Protocol):
     """How readings move with any parameters."""
 
-    def __call__(self, parameters: tuple[GeometricParameter, ...], wrench: Array) -> Array:
+    def __call__(self, parameters: tuple[Parameter, ...], wrench: Array) -> Array:
         """Columns (m, rows, p) for a metre, a radian or a rad/(N m), under some loads (m, 6)."""
 
 
@@ -442,7 +442,7 @@ class Positions:
 
     def _of(
         self, joints: tuple[str, ...] = (), base: bool = False, tool: bool = False
-    ) -> tuple[GeometricParameter, ...]:
+    ) -> tuple[Parameter, ...]:
         """Parameters of all motions before some joints, of the base, or of the markers."""
         return all_parameters(self.robot, self.markers, joints, base=base, tool=tool)
 

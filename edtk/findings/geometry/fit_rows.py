@@ -11,7 +11,7 @@ from edtk.fit.geometry.fitted_geometry import MM, GeometricFit
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.restricted_likelihood import Blocks, fit_model_error, fit_variances
 from edtk.measure.noise import PositionNoise, only_seen
-from edtk.measure.parameters import GeometricParameter, all_parameters
+from edtk.measure.parameters import Parameter, all_parameters
 from edtk.system.typing import Array
 
 DEPENDENT = 1e-8  # singular value of columns of unit length, beside the largest, that is rounding
@@ -65,7 +65,7 @@ class FitRows:
             replace(fit.fitted.noise, turn=None, model_turn=0.0),
         )
 
-    def beside(self, others: Sequence[GeometricParameter]) -> "FitRows":
+    def beside(self, others: Sequence[Parameter]) -> "FitRows":
         """The same, as if other parameters were fitted too: noise and columns are beside theirs.
 
         Columns are orthonormal then, and as many as the parameters that the poses tell apart.
@@ -212,7 +212,7 @@ class DayTrend:
     columns: Array
 
 
-def day_trend(fit: GeometricFit, others: Sequence[GeometricParameter] = ()) -> DayTrend | None:
+def day_trend(fit: GeometricFit, others: Sequence[Parameter] = ()) -> DayTrend | None:
     """Try a drift of the frame and a growth of all links, and test the best.
 
     At the time t, from 0 at the first pose to 1 at the last, both have the size ``t`` or, as where

@@ -19,7 +19,7 @@ from edtk.findings.prior import (
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, root_mean_square
 from edtk.fit.prior import PriorRows
 from edtk.measure.expected_error import AssumedJoint
-from edtk.measure.parameters import GeometricParameter
+from edtk.measure.parameters import Parameter
 from edtk.study.study_geometry import StudyGeometry
 from edtk.study.study_model import KNOWN
 from edtk.system.typing import Array
@@ -286,7 +286,7 @@ def _scaled(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     return [_say(Severity.WARNING, "scale", size=scale.size, std=scale.std)]
 
 
-def _shown(parameter: GeometricParameter, value: float) -> str:
+def _shown(parameter: Parameter, value: float) -> str:
     """A large error: angles in degrees."""
     if parameter.turns:
         return f"{np.rad2deg(value * parameter.scale):.3g} deg"

@@ -8,7 +8,7 @@ import numpy as np
 from edtk.findings.geometry.fit_rows import FitRows, explained_by, frame_columns, log_chance
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit
 from edtk.measure.noise import PositionNoise
-from edtk.measure.parameters import GeometricParameter
+from edtk.measure.parameters import Parameter
 from edtk.system.typing import Array, Indices, Mask
 
 FEWEST_IN_FRAME = 2  # poses before, after and between
@@ -54,7 +54,7 @@ class MovedFrame:
         return moved * ((pose >= self.first) & (pose < self.end))[:, None, None]
 
 
-def moved_frame(fit: GeometricFit, others: Sequence[GeometricParameter] = ()) -> MovedFrame | None:
+def moved_frame(fit: GeometricFit, others: Sequence[Parameter] = ()) -> MovedFrame | None:
     """Try a rigid motion of the frame between any two poses, and test the best.
 
     The motion has six parameters, whose columns B count from pose s to pose t. With residuals z of
@@ -204,7 +204,7 @@ class _Day:
     moved: Array
 
     @classmethod
-    def of(cls, fit: GeometricFit, others: Sequence[GeometricParameter] = ()) -> "_Day":
+    def of(cls, fit: GeometricFit, others: Sequence[Parameter] = ()) -> "_Day":
         """Of a fit, beside parameters that are none of it."""
         return cls(FitRows.of(fit).beside(others), frame_columns(fit))
 

@@ -27,9 +27,9 @@ from edtk.fit.geometry.place_robot import place_robot
 from edtk.fit.least_squares import LeftOut, independent_coordinates
 from edtk.fit.prior import Prior, PriorRows
 from edtk.fit.restricted_likelihood import fit_model_error, noise_of_repeats
-from edtk.measure.geometric_model import GeometricModel, Torque
+from edtk.measure.measured_model import MeasuredModel, Torque
 from edtk.measure.noise import PositionNoise
-from edtk.measure.parameters import TURNS, GeometricParameter, Identifiable, identifiable
+from edtk.measure.parameters import TURNS, Identifiable, Parameter, identifiable
 from edtk.system.typing import Array, Indices, Mask
 
 POSES = 60  # random poses that show what any poses could tell
@@ -59,7 +59,7 @@ class TooFewPosesError(ValueError):
 
 
 def fit_geometry(
-    model: GeometricModel,
+    model: MeasuredModel,
     data: MarkerPositions,
     stated: PositionNoise,
     loads: Loads | None = None,
@@ -130,24 +130,24 @@ class _Choice:
         size: Size of an error of a coordinate [mm], beside which rows of the prior count.
     """
 
-    minimal: GeometricModel
-    model: GeometricModel
+    minimal: MeasuredModel
+    model: MeasuredModel
     possible: Identifiable
     told: Identifiable
     start: Array
     before: Prior
-    rescued: tuple[GeometricParameter, ...]
-    beyond: tuple[GeometricParameter, ...]
+    rescued: tuple[Parameter, ...]
+    beyond: tuple[Parameter, ...]
     size: float
 
     @property
-    def open(self) -> tuple[GeometricParameter, ...]:
+    def open(self) -> tuple[Parameter, ...]:
         """Those that these poses leave open."""
         return tuple(self.minimal.parameters[i] for i in self.told.left)
 
 
 def fit_beside(
-    model: GeometricModel,
+    model: MeasuredModel,
     theta: Array,
     means: MarkerPositions,
     torque: Torque | Callable[[Array], Torque],
@@ -176,14 +176,14 @@ def fit_beside(
 
 
 def known_before(
-    prior: Prior, model: GeometricModel, theta: Array, weight: float = 1.0
+    prior: Prior, model: MeasuredModel, theta: Array, weight: float = 1.0
 ) -> PriorRows:
     """What is known of a model's parameters in their units, with errors of some size."""
     return PriorRows.near(prior, theta).scaled(model.scales, weight)
 
 
 def _chosen(
-    model: GeometricModel,
+    model: MeasuredModel,
     start: Array,
     means: MarkerPositions,
     stated: PositionNoise,
@@ -230,13 +230,13 @@ def _chosen(
     )
 
 
-def _with(model: GeometricModel, chosen: Indices) -> GeometricModel:
+def _with(model: MeasuredModel, chosen: Indices) -> MeasuredModel:
     """The model with some of its parameters."""
     return model.with_parameters(tuple(model.parameters[i] for i in chosen))
 
 
 def _some(
-    model: GeometricModel,
+    model: MeasuredModel,
     scaled: Array,
     before: PriorRows,
     chosen: Indices,
@@ -250,7 +250,7 @@ def _some(
 
 
 def _identifiable(
-    model: GeometricModel,
+    model: MeasuredModel,
     scaled: Array,
     before: PriorRows,
     first: Indices | None = None,
@@ -279,7 +279,7 @@ def _identifiable(
     return identifiable(rows, model.parameters, order, least)
 
 
-def _at_most_likely(model: GeometricModel, start: Array, prior: Prior) -> Array:
+def _at_most_likely(model: MeasuredModel, start: Array, prior: Prior) -> Array:
     """Where a search begins (p,): errors of the joints, and springs, where they are expected."""
     found = start.copy()
     for i, (one, marginal) in enumerate(zip(model.parameters, prior.marginals, strict=True)):
@@ -288,7 +288,7 @@ def _at_most_likely(model: GeometricModel, start: Array, prior: Prior) -> Array:
     return found
 
 
-def placed_tools(model: GeometricModel, theta: Array) -> Array:
+def placed_tools(model: MeasuredModel, theta: Array) -> Array:
     """Markers (k, 3) in the tool frame, with the shifts among parameters theta (p,) [m]."""
     places = np.array(model.offsets, dtype=float)
     for one, value in zip(model.parameters, theta, strict=True):
@@ -297,7 +297,7 @@ def placed_tools(model: GeometricModel, theta: Array) -> Array:
     return places
 
 
-def placed_turns(model: GeometricModel, theta: Array) -> Array | None:
+def placed_turns(model: MeasuredModel, theta: Array) -> Array | None:
     """Orientations (k, 3) of the markers there, as rotation vectors [rad]; None without any."""
     if model.row_count == 3:
         return None
@@ -308,23 +308,21 @@ def placed_turns(model: GeometricModel, theta: Array) -> Array | None:
     return turns
 
 
-def stages(model: GeometricModel) -> list[list[int]]:
+def stages(model: MeasuredModel) -> list[list[int]]:
     """What is kept first: base and tools, then the zeros of the joints, springs, and the rest."""
     order = {"base": 0, "tool": 0, "compliance": 2}
     ranks = [1 if one.along else order.get(one.place, 3) for one in model.parameters]
     return [[i for i, rank in enumerate(ranks) if rank == stage] for stage in range(4)]
 
 
-def _scaled(model: GeometricModel, theta: Array, means: MarkerPositions, torque: Torque) -> Array:
+def _scaled(model: MeasuredModel, theta: Array, means: MarkerPositions, torque: Torque) -> Array:
     """The regressor (rows, p) of what was seen, in millimetres for a unit of each parameter."""
     J = model.see(theta, means.q, torque).jacobian
     assert J is not None
     return MM * (J * model.scales)[means.seen].reshape(-1, model.p)
 
 
-def _wide(
-    model: GeometricModel, theta: Array, means: MarkerPositions, loads: Loads | None
-) -> Array:
+def _wide(model: MeasuredModel, theta: Array, means: MarkerPositions, loads: Loads | None) -> Array:
     """The regressor (rows, p) of any poses under the loads of the sheet: random ones, and its own.
 
     It shows what any poses could tell.
@@ -355,7 +353,7 @@ def _require_enough(means: MarkerPositions, rank: int) -> None:
 
 
 def _in_turns(
-    model: GeometricModel,
+    model: MeasuredModel,
     theta: Array,
     data: MarkerPositions,
     stated: PositionNoise,
@@ -406,7 +404,7 @@ def _in_turns(
 
 
 def _as_shown(
-    model: GeometricModel,
+    model: MeasuredModel,
     theta: Array,
     noise: PositionNoise,
     weights: Array,
@@ -439,7 +437,7 @@ def _as_shown(
     return noise.of_pose(rows.motion, rows.places, rows.worth(data), differs), shown
 
 
-def _slides(model: GeometricModel) -> Mask:
+def _slides(model: MeasuredModel) -> Mask:
     """Which joints (n,) are prismatic."""
     return np.array([joint.kind == "prismatic" for joint in model.robot.joints])
 
@@ -452,13 +450,13 @@ def _trusted(residual: Array, V: Array, means: MarkerPositions) -> Array:
 
 
 def judge_fit(
-    model: GeometricModel,
+    model: MeasuredModel,
     theta: Array,
     noise: PositionNoise,
     weighting: tuple[Array, Array],
     data: MarkerPositions,
     loads: Loads | None,
-    beside: tuple[tuple[GeometricParameter, ...], Array, Array, Array | None],
+    beside: tuple[tuple[Parameter, ...], Array, Array, Array | None],
     prior: Prior,
 ) -> GeometricFit:
     """The fit with its covariance, and each pose as it is predicted without it.
@@ -535,7 +533,7 @@ def _told_before(
     out: "_LeftOutPoses",
     prior: Prior,
     before: PriorRows,
-    model: GeometricModel,
+    model: MeasuredModel,
     theta: Array,
     dof: float,
 ) -> ToldBefore | None:

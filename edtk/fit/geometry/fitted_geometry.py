@@ -10,9 +10,9 @@ from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.least_squares import share_inside
 from edtk.fit.prior import Prior
 from edtk.fit.restricted_likelihood import fitted_kinds
-from edtk.measure.geometric_model import GeometricModel, Load, Loading, Seen, Torque
+from edtk.measure.measured_model import Load, Loading, MeasuredModel, Seen, Torque
 from edtk.measure.noise import PositionNoise
-from edtk.measure.parameters import GeometricParameter
+from edtk.measure.parameters import Parameter
 from edtk.system.typing import Array, Indices, Mask
 
 MM = 1e3
@@ -90,10 +90,10 @@ class FittedGeometry:
             positions alone are measured.
     """
 
-    model: GeometricModel
+    model: MeasuredModel
     theta: Array
     covariance: Array
-    open_parameters: tuple[GeometricParameter, ...]
+    open_parameters: tuple[Parameter, ...]
     shares: Array
     noise: PositionNoise
     placed: Array
@@ -138,7 +138,7 @@ class FittedGeometry:
         return self.model.compliances(self.theta)
 
     def at_tool(self, tool: Array) -> "FittedGeometry":
-        """The same robot with a tool frame in place of the markers, see `GeometricModel.at_tool`.
+        """The same robot with a tool frame in place of the markers, see `MeasuredModel.at_tool`.
 
         Of the errors of a reading those of the joints, and of what the model leaves out, are those
         of a marker.
@@ -466,8 +466,8 @@ class GeometricFit:
     weights: Array
     turns: TurnResiduals | None = None
     told_before: ToldBefore | None = None
-    rescued: tuple[GeometricParameter, ...] = ()
-    beyond: tuple[GeometricParameter, ...] = ()
+    rescued: tuple[Parameter, ...] = ()
+    beyond: tuple[Parameter, ...] = ()
 
     @property
     def rank(self) -> int:

@@ -17,7 +17,7 @@ from edtk.fit.posterior import (
     weighted_draws,
 )
 from edtk.fit.prior import Prior
-from edtk.measure.geometric_model import GeometricModel, Load, Loading, Seen, Torque
+from edtk.measure.measured_model import Load, Loading, MeasuredModel, Seen, Torque
 from edtk.robots.rotations import rotation
 from edtk.system.typing import Array
 
@@ -25,8 +25,8 @@ BLOCK = 3_000_000  # coordinates that are computed at once
 MOST_SAMPLED = 12  # parameters, up to which a chain converges in minutes
 
 
-def many_seen(model: GeometricModel, theta: Array, q: Array, torque: Torque = None) -> Seen:
-    """What `GeometricModel.see` predicts, for each of many sets of parameters.
+def many_seen(model: MeasuredModel, theta: Array, q: Array, torque: Torque = None) -> Seen:
+    """What `MeasuredModel.see` predicts, for each of many sets of parameters.
 
     Args:
         model: The model.
@@ -53,7 +53,7 @@ def many_seen(model: GeometricModel, theta: Array, q: Array, torque: Torque = No
     return after
 
 
-def _many_seen(model: GeometricModel, theta: Array, q: Array, torque: Array | None) -> Seen:
+def _many_seen(model: MeasuredModel, theta: Array, q: Array, torque: Array | None) -> Seen:
     """The same, all readings by themselves."""
     base, errors, tools, softness = model.motions_of_many(theta)
     robot = model.robot
@@ -115,7 +115,7 @@ class GeometryDensity:
         prior: What is known of the parameters before, in SI units; None where nothing is.
     """
 
-    model: GeometricModel
+    model: MeasuredModel
     mode: Array
     root: Array
     means: MarkerPositions

@@ -7,7 +7,7 @@ import numpy as np
 
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.prior import PriorRows
-from edtk.measure.geometric_model import GeometricModel, Seen, Torque
+from edtk.measure.measured_model import MeasuredModel, Seen, Torque
 from edtk.measure.noise import white_kinds
 from edtk.robots.rotations import rotation_vectors
 from edtk.system.typing import Array, Mask
@@ -43,7 +43,7 @@ class PoseRows:
     @classmethod
     def of(
         cls,
-        model: GeometricModel,
+        model: MeasuredModel,
         theta: Array,
         means: MarkerPositions,
         torque: Torque,
@@ -152,7 +152,7 @@ class LeastSquaresFit:
 
 
 def least_squares_fit(
-    model: GeometricModel,
+    model: MeasuredModel,
     theta: Array,
     means: MarkerPositions,
     torque: Torque | Callable[[Array], Torque] = None,

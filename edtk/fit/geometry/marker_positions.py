@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from edtk.measure.geometric_model import ROWS_OF, Kind
+from edtk.measure.measured_model import ROWS_OF, Kind
 from edtk.measure.pose_table import (
     AFTER_COLUMN,
     BEFORE_COLUMN,

@@ -13,8 +13,8 @@ from edtk.fit.geometry.least_squares_fit import (
     measured_less_seen,
 )
 from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.measure.geometric_model import GeometricModel
-from edtk.measure.parameters import COMPONENTS, GeometricParameter
+from edtk.measure.measured_model import MeasuredModel
+from edtk.measure.parameters import COMPONENTS, Parameter
 from edtk.robots.rotations import rotation, rotation_vectors
 from edtk.system.typing import Array, Indices, Mask
 
@@ -192,14 +192,14 @@ def _center(frames: Array, measured: Array, seen: Mask, B: Array, tools: Array) 
 QUARTER = np.pi / 2
 
 
-def first_place(model: GeometricModel, means: MarkerPositions) -> LinearStart:
+def first_place(model: MeasuredModel, means: MarkerPositions) -> LinearStart:
     """The linear solution for the place of robot and markers, see `linear_start`."""
     return linear_start(
         model.carried(means.q), means.measured, means.seen, np.asarray(model.offsets)
     )
 
 
-def place_robot(model: GeometricModel, means: MarkerPositions) -> tuple[GeometricModel, Array]:
+def place_robot(model: MeasuredModel, means: MarkerPositions) -> tuple[MeasuredModel, Array]:
     """Find the base and the tools with which the drawing fits best.
 
     Starts are the linear solution, and where that does not lead near the positions, 24 orientations
@@ -222,7 +222,7 @@ def place_robot(model: GeometricModel, means: MarkerPositions) -> tuple[Geometri
     places = {one.place for one in of_read.parameters}
     placing = tuple(one for one in of_read.parameters if one.place in ("base", "tool"))
     only = of_read.with_parameters(placing)
-    found: list[tuple[float, GeometricModel, Array]] = []
+    found: list[tuple[float, MeasuredModel, Array]] = []
     good = 0.5 * GOOD**2 * _spread(means)
     tool_turns = any(one.place == "tool" and one.turns for one in placing)
     for start, tools in _starts(only, means, "base" in places, "tool" in places):
@@ -246,7 +246,7 @@ def place_robot(model: GeometricModel, means: MarkerPositions) -> tuple[Geometri
     return whole, np.array(values)
 
 
-def _tool_turns(model: GeometricModel, means: MarkerPositions) -> Array:
+def _tool_turns(model: MeasuredModel, means: MarkerPositions) -> Array:
     """Turns (k, 3) of the tools by which measured orientations are predicted from this base."""
     assert means.turns is not None
     tips = model.see(np.zeros(model.p), means.q, derivatives=False).turns
@@ -261,7 +261,7 @@ def _tool_turns(model: GeometricModel, means: MarkerPositions) -> Array:
 
 
 def _fitted(
-    model: GeometricModel, theta: Array, means: MarkerPositions, most: int
+    model: MeasuredModel, theta: Array, means: MarkerPositions, most: int
 ) -> LeastSquaresFit:
     """A fit that stays where it began along directions in which no marker moves.
 
@@ -286,20 +286,20 @@ def _fitted(
 
 
 def _descended(
-    found: list[tuple[float, GeometricModel, Array]], means: MarkerPositions
-) -> tuple[GeometricModel, Array]:
+    found: list[tuple[float, MeasuredModel, Array]], means: MarkerPositions
+) -> tuple[MeasuredModel, Array]:
     """The best of the most promising places, at its end."""
     if len(found) == 1:
         return found[0][1:]
     promising = sorted(found, key=lambda one: one[0])[:PROMISING]
-    ends: list[tuple[float, GeometricModel, Array]] = []
+    ends: list[tuple[float, MeasuredModel, Array]] = []
     for _, model, theta in promising:
         fit = _fitted(model, theta, means, MOST)
         ends.append((fit.cost, model, fit.theta))
     return min(ends, key=lambda one: one[0])[1:]
 
 
-def _moved(model: GeometricModel, at: Mapping[GeometricParameter, float]) -> Array:
+def _moved(model: MeasuredModel, at: Mapping[Parameter, float]) -> Array:
     """The start of the base (4, 4), with its fitted motion."""
     motion = np.array([value for one, value in at.items() if one.place == "base"])
     start = model.start.copy()
@@ -316,7 +316,7 @@ def _spread(means: MarkerPositions) -> float:
 
 
 def _starts(
-    model: GeometricModel, means: MarkerPositions, base: bool, tool: bool
+    model: MeasuredModel, means: MarkerPositions, base: bool, tool: bool
 ) -> list[tuple[Array, Array]]:
     """Places to descend from: the base (4, 4) and the shifts of the markers (k, 3)."""
     nothing = np.zeros_like(model.offsets)

@@ -20,7 +20,7 @@ from edtk.fit.geometry.fitted_geometry import FittedGeometry
 from edtk.fit.geometry.geometry_posterior import GeometryDensity
 from edtk.fit.geometry.least_squares_fit import PoseRows, least_squares_fit
 from edtk.fit.geometry.marker_positions import MarkerPositions, read_positions
-from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import identifiable
 from edtk.robots.rotations import transform
 from edtk.study.study import Study
@@ -86,7 +86,7 @@ def test_rows_are_differences_of_the_predicted_pose(question: GeometryQuestion) 
 
 
 def simulated(
-    model: GeometricModel, q: Array, theta: Array, rng: np.random.Generator
+    model: MeasuredModel, q: Array, theta: Array, rng: np.random.Generator
 ) -> MarkerPositions:
     """One measurement of some poses, with the noise that the study states."""
     noise = StudyGeometry.of(STUDY).noise
@@ -174,7 +174,7 @@ def day(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def erring() -> tuple[GeometricModel, Array]:
+def erring() -> tuple[MeasuredModel, Array]:
     """A robot that stands elsewhere, with errors, and a marker turned about on its tool."""
     model = StudyGeometry.of(STUDY).model
     theta = np.random.default_rng(5).normal(0, 0.7, model.p) * model.scales

@@ -5,7 +5,7 @@ import pytest
 from loaded_arm import LOAD, STUDY
 
 from edtk.calibration.geometry_design.geometry_space import PositionRows
-from edtk.measure.geometric_model import Load, Loading
+from edtk.measure.measured_model import Load, Loading
 from edtk.measure.noise import PositionNoise, Tracker
 from edtk.study.study_geometry import StudyGeometry
 

@@ -11,7 +11,7 @@ from edtk.fit.geometry.fit_geometry import TooFewPosesError, fit_geometry
 from edtk.fit.geometry.fitted_geometry import GeometricFit
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.geometry.place_robot import linear_start
-from edtk.measure.geometric_model import GeometricModel
+from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import all_parameters
 from edtk.robots.joint import Joint
@@ -42,22 +42,22 @@ SEVEN = arm(
 )
 
 
-def model_of(robot: Robot, markers: int = 3, **chosen: object) -> GeometricModel:
+def model_of(robot: Robot, markers: int = 3, **chosen: object) -> MeasuredModel:
     """All parameters of a robot with markers whose places are not known."""
     names = tuple("ABC"[:markers])
     parameters = all_parameters(robot, names, **chosen)
-    return GeometricModel(robot, np.zeros((markers, 3)), names, parameters)
+    return MeasuredModel(robot, np.zeros((markers, 3)), names, parameters)
 
 
 def simulate(
-    model: GeometricModel,
+    model: MeasuredModel,
     poses: int,
     sigma_mm: float = 0.03,
     size: float = 0.5,
     joints_mrad: float = 0.0,
     repeats: int = 1,
     seed: int = 0,
-) -> tuple[MarkerPositions, GeometricModel, Array]:
+) -> tuple[MarkerPositions, MeasuredModel, Array]:
     """Positions of an erring robot somewhere in a room; the true model and its parameters."""
     rng = np.random.default_rng(seed)
     q = np.repeat(rng.uniform(*model.robot.limits, (poses, model.robot.n)), repeats, axis=0)
@@ -76,7 +76,7 @@ def white(robot: Robot, sigma_mm: float) -> PositionNoise:
     return PositionNoise(sigma_mm, np.zeros(robot.n))
 
 
-def fitted(model: GeometricModel, poses: int, **options: object) -> tuple[GeometricFit, tuple]:
+def fitted(model: MeasuredModel, poses: int, **options: object) -> tuple[GeometricFit, tuple]:
     """A fit of simulated positions, and the truth."""
     data, true, theta = simulate(model, poses, **options)
     stated = white(model.robot, options.get("sigma_mm", 0.03))
@@ -310,13 +310,13 @@ def test_bands_hold_where_a_load_that_nobody_told_bends_two_joints() -> None:
 
 def pose_day(
     robot: Robot, poses: int, seed: int = 0, repeats: int = 1
-) -> tuple[GeometricFit, GeometricModel, Array]:
+) -> tuple[GeometricFit, MeasuredModel, Array]:
     """A fit of measured poses, 0.03 mm and 0.1 mrad of noise, and the truth."""
     from scipy.spatial.transform import Rotation
 
     rng = np.random.default_rng(seed)
     parameters = all_parameters(robot, ("A",), pose=True)
-    model = GeometricModel(robot, np.zeros((1, 3)), ("A",), parameters, rows="pose")
+    model = MeasuredModel(robot, np.zeros((1, 3)), ("A",), parameters, rows="pose")
     true = replace(model, offsets=OFFSETS[:1], start=PLACE)
     theta = rng.normal(0, 0.5, model.p) * model.scales
     tool = [one.place == "tool" and one.turns for one in model.parameters]

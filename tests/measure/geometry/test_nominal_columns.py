@@ -8,7 +8,7 @@ import pytest
 from chains import mixed_chain, tied_chain
 from numpy.typing import NDArray
 
-from edtk.measure.geometric_model import GeometricModel, Load, Loading
+from edtk.measure.measured_model import Load, Loading, MeasuredModel
 from edtk.measure.nominal_columns import NominalColumns
 from edtk.measure.parameters import all_parameters
 from edtk.robots.robot import Robot
@@ -22,7 +22,7 @@ CHAINS = {"mixed": mixed_chain(6), "tied": tied_chain()}
 Rows = Literal["position", "pose", "mixed"]
 
 
-def model_of(robot: Robot, rows: Rows) -> GeometricModel:
+def model_of(robot: Robot, rows: Rows) -> MeasuredModel:
     """All parameters of a chain with springs in every free joint, and two markers on its tool.
 
     The mixed one has them on the tool and on a link, one with its orientation, and two wires.
@@ -31,8 +31,8 @@ def model_of(robot: Robot, rows: Rows) -> GeometricModel:
     parameters = all_parameters(robot, names, "all", robot.joint_names, pose=rows != "position")
     offsets = RNG.normal(size=(2, 3))
     if rows != "mixed":
-        return GeometricModel(robot, offsets, names, parameters, rows=rows)
-    return GeometricModel(
+        return MeasuredModel(robot, offsets, names, parameters, rows=rows)
+    return MeasuredModel(
         robot,
         np.concatenate([offsets, offsets[[1]], RNG.normal(size=(1, 3))]),
         (*names, "wire", "other"),
@@ -44,8 +44,8 @@ def model_of(robot: Robot, rows: Rows) -> GeometricModel:
     )
 
 
-def jacobian(model: GeometricModel, q: Array, torque: Array | None) -> Array:
-    """Columns by the class under test, as `GeometricModel.see` has them (m, k, 3, p)."""
+def jacobian(model: MeasuredModel, q: Array, torque: Array | None) -> Array:
+    """Columns by the class under test, as `MeasuredModel.see` has them (m, k, 3, p)."""
     found = NominalColumns(model).at(q).jacobian(None if torque is None else torque.T)
     return np.moveaxis(found, (0, 3), (3, 0))
 

@@ -8,8 +8,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from edtk.measure.geometric_model import GeometricModel
-from edtk.measure.parameters import GeometricParameter, Identifiable, all_parameters, identifiable
+from edtk.measure.measured_model import MeasuredModel
+from edtk.measure.parameters import Identifiable, Parameter, all_parameters, identifiable
 from edtk.robots.joint import Joint, TiedJoint
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import transform
@@ -48,15 +48,13 @@ TIED = replace(
 )
 
 
-def model_of(
-    robot: Robot, markers: int, rows: str = "position", **chosen: object
-) -> GeometricModel:
+def model_of(robot: Robot, markers: int, rows: str = "position", **chosen: object) -> MeasuredModel:
     """A model with all parameters, or those chosen, and markers off all axes."""
     names = tuple("ABC"[:markers])
     offsets = np.random.default_rng(1).normal(0, 0.1, (markers, 3))
     parameters = all_parameters(robot, names, pose=rows == "pose", **chosen)
     start = transform((2, -1, 0.5), (0.4, 0.5, -0.6))
-    return GeometricModel(robot, offsets, names, parameters, start, rows)
+    return MeasuredModel(robot, offsets, names, parameters, start, rows)
 
 
 def poses(robot: Robot, number: int, seed: int = 0) -> Array:
@@ -64,7 +62,7 @@ def poses(robot: Robot, number: int, seed: int = 0) -> Array:
     return np.random.default_rng(seed).uniform(*robot.limits, (number, robot.n))
 
 
-def told_apart(model: GeometricModel, q: Array, **options: object) -> Identifiable:
+def told_apart(model: MeasuredModel, q: Array, **options: object) -> Identifiable:
     """What the poses tell apart, near the drawing."""
     columns = model.see(np.zeros(model.p), q).jacobian.reshape(-1, model.p)
     return identifiable(columns * model.scales, model.parameters, **options)
@@ -152,7 +150,7 @@ def test_redundant_directions_have_words() -> None:
 
 def test_a_joint_is_not_called_a_joint_twice() -> None:
     """Names of URDF files often begin with the word."""
-    parameter = GeometricParameter("joint", "joint_a2", "ry", along=True)
+    parameter = Parameter("joint", "joint_a2", "ry", along=True)
     assert parameter.words == "the zero of joint_a2"
     assert replace(parameter, along=False).words == "the tilt about y before joint_a2"
 

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from edtk.measure.parameters import COMPONENTS, GeometricParameter
+from edtk.measure.parameters import COMPONENTS, Parameter
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import left_jacobian, rotation, vector_product
 from edtk.system.typing import Array, Indices, Mask
@@ -258,7 +258,7 @@ class Seen:
 
 
 @dataclass(frozen=True, eq=False)
-class GeometricModel:
+class MeasuredModel:
     """What instruments read of a robot: ``x = B prod_j (O_j exp(e_j) exp(xi_j q_j)) tool_i``.
 
     Joint j is turned by its spring besides: ``q_j + k_j tau_j``, under the loads tau of the poses.
@@ -291,7 +291,7 @@ class GeometricModel:
     robot: Robot
     offsets: Array
     markers: tuple[str, ...]
-    parameters: tuple[GeometricParameter, ...]
+    parameters: tuple[Parameter, ...]
     start: Array = field(default_factory=lambda: np.eye(4))
     rows: Literal["position", "pose"] = "position"
     bodies: tuple[int | None, ...] = ()
@@ -361,11 +361,11 @@ class GeometricModel:
         names = [one.of for one in self.parameters if one.place == "compliance"]
         return np.array([self.robot.joint_names.index(name) for name in names], dtype=int)
 
-    def with_parameters(self, parameters: tuple[GeometricParameter, ...]) -> "GeometricModel":
+    def with_parameters(self, parameters: tuple[Parameter, ...]) -> "MeasuredModel":
         """The same model with other unknowns."""
         return replace(self, parameters=parameters)
 
-    def of_markers(self, chosen: Indices) -> "GeometricModel":
+    def of_markers(self, chosen: Indices) -> "MeasuredModel":
         """Some of the instruments, in their order, and the parameters that are theirs."""
         assert self.anchors is not None
         order = chosen.tolist()
@@ -396,7 +396,7 @@ class GeometricModel:
             frames[:, marker, :3, :3], frames[:, marker, :3, 3] = placed.body(joint)
         return frames
 
-    def at_tool(self, tool: Array) -> "GeometricModel":
+    def at_tool(self, tool: Array) -> "MeasuredModel":
         """The model of a tool frame, in position and orientation, in place of the markers.
 
         It rides on the last joint, as drawn: parameters of markers are none of it.
@@ -405,7 +405,7 @@ class GeometricModel:
             tool: Transform (4, 4) after the last joint [m].
         """
         own = tuple(one for one in self.parameters if one.place != "tool")
-        return GeometricModel(
+        return MeasuredModel(
             self.robot.with_tool(tool), np.zeros((1, 3)), ("tool",), own, self.start, "pose"
         )
 
@@ -568,7 +568,7 @@ class GeometricModel:
                 columns[..., i] = by_springs[..., joint_names.index(one.of)]
         return columns
 
-    def _place_of(self, parameter: GeometricParameter) -> int:
+    def _place_of(self, parameter: Parameter) -> int:
         """Where a component of a motion is among those of all bases, joints or tools."""
         c = COMPONENTS.index(parameter.component)
         if parameter.place == "base":
