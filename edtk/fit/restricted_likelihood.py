@@ -257,6 +257,8 @@ def single_joints(slides: Mask) -> list[Mask]:
 def fitted_kinds(slides: Mask, variances: int, whites: int) -> list[Mask]:
     """The masks (n,) that so many variances are of: those of coordinates come first."""
     kinds = joint_kinds(slides)
+    if variances == whites:
+        return []
     return kinds if variances == whites + len(kinds) else single_joints(slides)
 
 
@@ -301,6 +303,7 @@ def noise_of_repeats(
         read,
         joints=sizes[len(whites) :],
         repeats=dof,
+        unknown=False,
         turn=turn[0] if turn else None,
     )
     return told, found
@@ -355,7 +358,9 @@ def fit_model_error(
     It is nothing unless the residuals speak for it: variances that cannot be negative are too large
     on average where there is nothing to be found, and so would be all covariances. Likewise joints
     have sizes of their own only where these gain more than as many free numbers would by chance
-    (Akaike 1974): a load that nobody told, for one, turns some joints and not others.
+    (Akaike 1974): a load that nobody told, for one, turns some joints and not others. Where the
+    size of the instrument's errors is unknown, it is fitted with them, and stands for all that is
+    white.
 
     Args:
         noise: The noise of a reading, which stays.
@@ -378,45 +383,82 @@ def fit_model_error(
         model_turn=0.0,
         model_change=(0.0, 0.0),
     )
-    there = of_rows(counts > 0, motion.shape[1])
     differs = np.zeros(len(motion), dtype=bool) if differs is None else differs
-    absolute = there * ~differs[:, None]
-    J = motion * absolute[:, :, None]
-    alike = noise.white_kinds(J.shape[1])
-    whites = [np.diag(kind) * absolute[:, None] for kind in alike]
-    changes = [np.diag(kind) * (there - absolute)[:, None] for kind in alike]
-    changes = changes if differs.any() else []
+    kinds = _model_kinds(plain, places, of_rows(counts, motion.shape[1]), differs)
+    J = motion * kinds.absolute[:, :, None]
     masks = joint_kinds(slides)
-    fixed = plain.of_pose(motion, places, counts)
+    exact = plain.sized((0.0, 0.0)) if plain.unknown else plain
+    fixed = exact.of_pose(motion, places, counts)
 
     def fitted(masks: list[Mask]) -> BlockVariances:
         of_joints = (J[:, :, mask] @ np.swapaxes(J[:, :, mask], 1, 2) for mask in masks)
-        kinds = [*whites, *of_joints, *changes]
-        return fit_variances([Blocks(fixed, kinds, residual, design)])
+        every = [*kinds.whites, *of_joints, *kinds.changes]
+        return fit_variances([Blocks(fixed, every, residual, design)])
 
     found = fitted(masks)
-    nothing = fit_variances([Blocks(fixed, (), residual, design)])
+    least = kinds.whites if plain.unknown else ()
+    nothing = fit_variances([Blocks(fixed, least, residual, design)])
     if 2 * (found.log_likelihood - nothing.log_likelihood) < SPEAKS:
-        return plain
+        if not plain.unknown:
+            return plain
+        found, masks = nothing, []
     single = single_joints(slides)
-    if singly and len(single) > len(masks):
+    if singly and len(single) > len(masks) > 0:
         each = fitted(single)
         if each.log_likelihood - found.log_likelihood > len(single) - len(masks):
             found, masks = each, single
+    return _with_model_error(plain, found, masks, len(kinds.whites))
+
+
+@dataclass(frozen=True, eq=False)
+class _ModelKinds:
+    """What white errors may add to the poses.
+
+    Attributes:
+        absolute: Which rows (m, r) absolute readings have.
+        whites: Of these (m, r, r), or of an instrument of unknown size.
+        changes: Of differences (m, r, r); none without any.
+    """
+
+    absolute: Array
+    whites: list[Array]
+    changes: list[Array]
+
+
+def _model_kinds(noise: PositionNoise, places: Array, worth: Array, differs: Mask) -> _ModelKinds:
+    """The kinds of white errors of readings that are worth so much (m, r)."""
+    there = (worth > 0).astype(float)
+    absolute = there * ~differs[:, None]
+    alike = noise.white_kinds(worth.shape[1])
+    if noise.unknown:
+        root = there / np.sqrt(np.where(worth > 0, worth, 1.0))
+        V = noise.of_instrument(places, worth.shape[1]) * root[:, :, None] * root[:, None]
+        return _ModelKinds(absolute, [V * np.outer(kind, kind) for kind in alike], [])
+    whites = [np.diag(kind) * absolute[:, None] for kind in alike]
+    changes = [np.diag(kind) * (there - absolute)[:, None] for kind in alike]
+    return _ModelKinds(absolute, whites, changes if differs.any() else [])
+
+
+def _with_model_error(
+    plain: PositionNoise, found: BlockVariances, masks: list[Mask], whites: int
+) -> PositionNoise:
+    """The noise with fitted variances: of white errors, of joints that masks tell, of changes."""
     sizes = np.sqrt(found.variances)
-    joints = rigid.copy()
-    last = len(whites) + len(masks)
-    for mask, size in zip(masks, sizes[len(whites) : last], strict=True):
+    joints = np.zeros_like(plain.model_joints)
+    last = whites + len(masks)
+    for mask, size in zip(masks, sizes[whites:last], strict=True):
         joints[mask] = size
     change = [*sizes[last:].tolist(), 0.0, 0.0]
     # Bands are those of absolute readings, of which differences tell nothing.
     of_told = found.covariance[:last, :last]
     told = replace(found, variances=found.variances[:last], covariance=of_told)
+    if plain.unknown:
+        return replace(plain.sized(sizes.tolist()), model_joints=joints, model_fit=told)
     return replace(
         plain,
         model_white=float(sizes[0]),
         model_joints=joints,
         model_fit=told,
-        model_turn=float(sizes[1]) if len(whites) > 1 else 0.0,
+        model_turn=float(sizes[1]) if whites > 1 else 0.0,
         model_change=(change[0], change[1]),
     )

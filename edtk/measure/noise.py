@@ -1,5 +1,6 @@
 """Noise of a visit: tracker, joints that come back, and what the model leaves out."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
@@ -376,6 +377,8 @@ class PositionNoise:
         tracked: Which instruments (k,) it sees; None for all.
         ratios: Errors (k,) of the instruments' lengths, as shares of r: those of distances; None
             where all are one.
+        unknown: Whether residuals tell how large the instrument's errors are, of which T, r and
+            `turn` say the shape: then w is part of them, as nothing tells both apart.
     """
 
     reading: float
@@ -390,6 +393,7 @@ class PositionNoise:
     tracker: Tracker | None = None
     tracked: Mask | None = None
     ratios: Array | None = None
+    unknown: bool = False
 
     @property
     def rows(self) -> int:
@@ -427,6 +431,11 @@ class PositionNoise:
         """The same, with an instrument that errs by so many times as much in positions."""
         tracker = None if self.tracker is None else self.tracker.scaled(ratio)
         return replace(self, reading=ratio * self.reading, tracker=tracker)
+
+    def sized(self, sizes: Sequence[float]) -> "PositionNoise":
+        """The same with an instrument so many times as bad in positions, and in orientations."""
+        turn = None if self.turn is None else sizes[1] * self.turn
+        return replace(self.scaled(sizes[0]), turn=turn)
 
     def seen_from(self, frame: Array) -> "PositionNoise":
         """The same in another frame, in which the world is a motion (4, 4) away."""
@@ -466,7 +475,10 @@ class PositionNoise:
         return V
 
     def squared_reading(self, places: Array) -> Array:
-        """Mean squared distances (m, k) [mm^2] by which an instrument's readings are off."""
+        """Mean squared distances (m, k) [mm^2] by which an instrument's readings are off.
+
+        Where its size is unknown, what the model leaves out of each coordinate is part of it.
+        """
         width = self.rows * places.shape[1]
         own = np.einsum("mrr->mr", self.of_instrument(places, width))
         own = own.reshape(len(own), places.shape[1], -1)[..., :3].sum(axis=-1)
@@ -475,6 +487,18 @@ class PositionNoise:
     def typical(self, places: Array) -> float:
         """Root mean square error [mm] of a coordinate that is read at places (m, k, 3)."""
         return float(np.sqrt(self.squared_reading(places).mean() / 3))
+
+    def by_whites(self, places: Array, width: int) -> list[Array]:
+        """Covariances (m or 1, r, r) by the fitted variances of white errors.
+
+        Those of an instrument of unknown size are proportional to its variance.
+        """
+        kinds = self.white_kinds(width)
+        if not self.unknown or self.model_fit is None:
+            return [np.diag(kind)[None] for kind in kinds]
+        V = self.of_instrument(places, width)
+        whites = zip(kinds, self.model_fit.variances, strict=False)
+        return [V * np.outer(kind, kind) / (v if v > 0 else 1.0) for kind, v in whites]
 
     def of_reading(self, motion: Array, places: Array) -> Array:
         """Covariances R (m, r, r) [mm^2] of one reading.

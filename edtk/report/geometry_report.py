@@ -232,6 +232,8 @@ def _noise(found: GeometricCalibration) -> str:
     """What the errors of a pose are made of."""
     noise = found.fit.fitted.noise
     repeats = "as the study states"
+    if noise.unknown:
+        repeats = "as the residuals tell, with what the model leaves out of it"
     if noise.repeats:
         repeats = f"by {noise.repeats} differences of repeated readings"
     joints = float(np.max(noise.model_joints, initial=0.0))

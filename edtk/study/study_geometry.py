@@ -26,7 +26,7 @@ from edtk.study.study_model import (
     own_weights,
 )
 from edtk.study.tables_of_measurement import DistanceTable, MarkerTable
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Mask
 
 STEP = 0.1  # [rad or m]: the mark's pose has its joints at 1, 2, 3, ... steps
 
@@ -212,16 +212,22 @@ class StudyGeometry:
         if table is not None:
             joints = 1e3 * table.repeatability(study.robot.units) * np.ones(study.robot.n)
         tracker = None if table is None else table.tracker()
-        tracked = None if tracker is None else ~self.model.is_distance
         own = [self.distances[name] for name in self.markers if name in self.distances]
         ratios = None
         if any(one.sigma_mm is not None for one in own):
             sizes = {name: one.sigma_mm or sigma for name, one in self.distances.items()}
-            sigma = sigma or min(sizes.values())
-            ratios = np.array([sizes.get(name, sigma) for name in self.markers]) / sigma
+            unit = sigma or min(sizes.values())
+            ratios = np.array([sizes.get(name, sigma) for name in self.markers]) / unit
+            sigma = unit
         return PositionNoise(
-            sigma, joints, turn=turn, tracker=tracker, tracked=tracked, ratios=ratios
+            sigma, joints, turn=turn, tracker=tracker, tracked=self.tracked, ratios=ratios
         )
+
+    @property
+    def tracked(self) -> Mask | None:
+        """Which instruments (k,) a tracker sees; None for all: it reads no distance."""
+        distances = self.model.is_distance
+        return ~distances if distances.any() else None
 
     @property
     def loads(self) -> "StudyLoads | None":

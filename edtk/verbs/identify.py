@@ -30,7 +30,8 @@ def identify(
         measurements: The filled-in sheet (CSV, or a data frame); `edtk.template` makes an empty
             one. Rows that are not filled in yet are left out, with a note.
         robust: Whether Huber's loss takes the place of squares, so that outliers count less.
-        sigma_unknown: Whether the size of the noise is estimated from the residuals.
+        sigma_unknown: Whether the size of the noise is estimated from the residuals; of positions,
+            where repeated poses do not tell it.
         plan: The plan that was measured, or its CSV file, to compare the poses with.
         as_is: Whether the sheet is taken as it is, where columns look misread or rows copied: the
             result then comes with an alarm, instead of none.

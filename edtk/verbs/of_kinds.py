@@ -319,7 +319,9 @@ class OfGeometry(OfStudy):
     ) -> "GeometricCalibration":
         from edtk.calibration.geometry.calibrate_geometry import calibrate_geometry
 
-        return calibrate_geometry(self.study, sheet, how.robust, how.as_is, planned)
+        return calibrate_geometry(
+            self.study, sheet, how.robust, how.as_is, planned, how.sigma_unknown
+        )
 
     def _report(self, found: "GeometricCalibration", folder: Path) -> dict[Path, Content]:
         from edtk.report.geometry_report import geometry_files

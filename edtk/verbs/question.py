@@ -65,7 +65,7 @@ REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
             "markers": "the markers of a study of geometry are its [[marker]]; leave this out",
             "positions": "a sheet of a study of geometry has positions anyway; leave this out",
         },
-        "identify": _none_of(("sigma_unknown", "linear"), LEAST_SQUARES),
+        "identify": _none_of(("linear",), LEAST_SQUARES),
     },
 }
 

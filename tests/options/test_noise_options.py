@@ -11,7 +11,10 @@ from loaded_arm import STUDY as LOADED
 from small_arm import ROBOT
 
 import edtk
+from edtk.calibration.geometry.geometric_calibration import geometry_of_dict
 from edtk.fit.geometry.fit_geometry import fit_geometry
+from edtk.fit.geometry.fitted_geometry import student_quantile
+from edtk.fit.geometry.least_squares_fit import PoseRows
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.measure.measured_model import MeasuredModel
 from edtk.study.study import Study
@@ -106,8 +109,10 @@ def test_bands_follow_the_range(tmp_path: Path) -> None:
     variance = np.einsum("rp,pq,rq->r", J, fitted.covariance, J).reshape(6, 3) + T
     poses = tmp_path / "poses.csv"
     np.savetxt(poses, np.rad2deg(q), delimiter=",", header=",".join(NAMES), comments="")
-    predicted = edtk.predict(SMALL, result, poses).predicted
-    np.testing.assert_allclose(1e3 * predicted.std[:, 0], np.sqrt(variance), rtol=1e-5)
+    predicted = edtk.predict(SMALL, result, poses)
+    assert fitted.noise.model_fit is None
+    half = student_quantile(np.array(np.inf)) * np.sqrt(variance)
+    np.testing.assert_allclose(1e3 * predicted.half, half, rtol=1e-5)
 
 
 def test_a_plan_with_a_tracker_has_a_certificate_that_holds(tmp_path: Path) -> None:
@@ -129,3 +134,49 @@ def test_a_study_without_any_noise_of_positions_is_refused() -> None:
     """Either sigma_mm or a tracker says how well positions are read."""
     with pytest.raises(edtk.UserError, match=r"sigma_mm: expected.* or a tracker in \[noise\]"):
         STUDY.replace(measurement={})
+
+
+def test_noise_of_unknown_size_does_not_depend_on_what_is_stated(tmp_path: Path) -> None:
+    """White noise comes out as squares over degrees of freedom, with bands of Student's t."""
+    sheet = sheet_of(true_day(30, 3)[2], tmp_path / "day.csv")
+    found = []
+    for sigma in (0.01, 0.5):
+        study = SMALL.replace(noise=None, measurement={"sigma_mm": sigma})
+        fit = edtk.identify(study, sheet, sigma_unknown=True).fit
+        rows = PoseRows.of(fit.fitted.model, fit.fitted.theta, fit.data.means, None)
+        dof = rows.residual.size - fit.rank
+        noise = fit.fitted.noise
+        assert noise.reading**2 == pytest.approx((rows.residual**2).sum() / dof, rel=1e-6)
+        np.testing.assert_allclose(fit.fitted.dof(rows.motion, rows.places), dof, rtol=1e-6)
+        found.append([fit.fitted.values, fit.fitted.std, fit.left_out_half])
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-8)
+
+
+def test_a_tracker_of_unknown_size_keeps_its_shape(tmp_path: Path) -> None:
+    """A data sheet that is four times too good is found out; the result keeps what was found."""
+    good = {key: (np.array(NEAR[key]) / 4).tolist() for key in ("along", "across")}
+    study = SMALL.replace(noise=NEAR | good | {"given_as": "sigma"})
+    ratios = []
+    for seed in range(4):
+        sheet = sheet_of(true_day(40, seed)[2], tmp_path / "day.csv")
+        found = edtk.identify(study, sheet, sigma_unknown=True)
+        tracker = found.fit.fitted.noise.tracker
+        assert tracker is not None
+        assert tracker.across[1] / tracker.across[0] == pytest.approx(30)
+        ratios.append((tracker.across[1] / 150e-6) ** 2)
+    # A mean of squares over 4 * 107 degrees of freedom.
+    assert np.mean(ratios) == pytest.approx(1, abs=3 * np.sqrt(2 / 428))
+    again, _ = geometry_of_dict(found.to_dict()["geometry"], StudyGeometry.of(study))
+    poses = np.zeros((1, 6))
+    np.testing.assert_allclose(again.predict(poses).half, found.fit.fitted.predict(poses).half)
+
+
+def test_few_coordinates_do_not_tell_the_noise(tmp_path: Path) -> None:
+    """Two coordinates more than parameters leave a variance of two degrees of freedom."""
+    study = tmp_path / "study.toml"
+    SMALL.to_toml(study)
+    sheet = sheet_of(true_day(5, 1)[2], tmp_path / "few.csv")
+    code, _, err = run("identify", study, sheet, "--sigma-unknown")
+    assert code == 2
+    assert "2 coordinates more than the 13 parameters do not tell the size of the noise" in err

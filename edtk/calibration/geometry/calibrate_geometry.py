@@ -32,7 +32,7 @@ from edtk.findings.geometry.sound_rows import (
 from edtk.findings.geometry.turn_reading import EXPECTED, turn_reading
 from edtk.findings.match_plan import match_plan, not_measured, other_pose
 from edtk.findings.units import force_findings
-from edtk.fit.geometry.fit_geometry import TooFewPosesError, fit_geometry
+from edtk.fit.geometry.fit_geometry import NoiseNotToldError, TooFewPosesError, fit_geometry
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, root_mean_squares
 from edtk.fit.geometry.marker_positions import MarkerPositions, read_positions
 from edtk.measure.pose_table import LOADED_COLUMNS, Table, path_of
@@ -70,6 +70,7 @@ def calibrate_geometry(
     robust: bool = False,
     as_is: bool = False,
     plan: Plan | None = None,
+    sigma_unknown: bool = False,
 ) -> GeometricCalibration:
     """Identify geometry, base, tools and springs of a study from a sheet of positions.
 
@@ -81,6 +82,8 @@ def calibrate_geometry(
             fitted all the same.
         plan: The plan that was to be carried out. Poses that are not in it are an error; planned
             visits that were not made, and other loads, are among the findings.
+        sigma_unknown: Whether the residuals tell how large the errors of readings are, where
+            repeats do not.
 
     Raises:
         UserError: The file cannot be read, is in other units, has poses that are not in the plan,
@@ -113,8 +116,8 @@ def calibrate_geometry(
     planned = [] if plan is None else _beside_plan(setting, every, plan, where, as_is)
     setting = replace(setting, markers=sound.data.markers)
     try:
-        fit, gross = _fitted(setting, sound, robust)
-    except TooFewPosesError as error:
+        fit, gross = _fitted(setting, sound, robust, sigma_unknown)
+    except (TooFewPosesError, NoiseNotToldError) as error:
         raise UserError(str(error), where=where) from error
     findings = [
         *standing,
@@ -170,7 +173,9 @@ def _beside_plan(
     return [*found, *force_findings(expected, made.wrench, True, rows), *not_measured(match)]
 
 
-def _fitted(setting: StudyGeometry, sound: Sound, robust: bool) -> tuple[GeometricFit, GrossErrors]:
+def _fitted(
+    setting: StudyGeometry, sound: Sound, robust: bool, sigma_unknown: bool
+) -> tuple[GeometricFit, GrossErrors]:
     """The fit without visits that are far off, and those that are so indeed.
 
     They were far from where the drawing has them. Where the fitted geometry, which may differ much
@@ -178,9 +183,10 @@ def _fitted(setting: StudyGeometry, sound: Sound, robust: bool) -> tuple[Geometr
     better, since they are those of a plan that tell what no other visit does.
     """
     gross = sound.gross
+    stated = replace(setting.noise, unknown=sigma_unknown)
     kept = np.ones(len(sound.data), dtype=bool)
     kept[gross.visits] = False
-    how = (setting.noise, setting.loads, robust, told_before(setting))
+    how = (stated, setting.loads, robust, told_before(setting))
     fit = fit_geometry(setting.model, sound.data[kept], *how)
     wrong = np.array([one.visit for one in gross.wrong], dtype=int)
     if not len(wrong):

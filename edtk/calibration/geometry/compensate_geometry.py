@@ -192,13 +192,14 @@ class _InPoses:
         left, left_turn = _errors(self.fitted, goal, command[at], wrench[at], self.loads)
         predicted = self.fitted.predict(command[at], wrench[at], self.loads)
         noise = self.fitted.noise
-        reading = noise.squared_reading(predicted.points).mean(axis=1) / MM**2
+        known = 0.0 if noise.unknown else 1.0  # else readings and model are not told apart
+        reading = known * noise.squared_reading(predicted.points).mean(axis=1) / MM**2
         remaining = _remaining(predicted.std, reading, left)
         lengths = np.stack([plain, left, remaining])
         if plain_turn is None or left_turn is None or predicted.turn_std is None:
             return at, lengths, None
         std = predicted.turn_std if goal.turned is None else predicted.turn_std[:, goal.turned]
-        turned = _remaining(std, 3 * ((noise.turn or 0.0) / MM) ** 2, left_turn)
+        turned = _remaining(std, known * 3 * ((noise.turn or 0.0) / MM) ** 2, left_turn)
         return at, lengths, np.stack([plain_turn, left_turn, turned])
 
 

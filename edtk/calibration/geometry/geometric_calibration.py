@@ -100,6 +100,7 @@ def geometry_to_dict(fitted: FittedGeometry, counting: Counting) -> dict[str, An
                 if noise.turn is None
                 else {"turn_mrad": noise.turn, "model_turn_mrad": noise.model_turn}
             ),
+            **({"sigma_unknown": True} if noise.unknown else {}),
             **({} if noise.tracker is None else {"tracker": _tracker_to_dict(noise.tracker)}),
             **({"model_change": list(noise.model_change)} if any(noise.model_change) else {}),
         },
@@ -224,7 +225,8 @@ def _noise(given: object, setting: StudyGeometry) -> PositionNoise:
         float(not_negative_of(given, "turn_mrad", ())) if full_poses else None,
         float(not_negative_of(given, "model_turn_mrad", ())) if full_poses else 0.0,
         tracker=_tracker(given.get("tracker")),
-        tracked=~setting.model.is_distance if "tracker" in given else None,
+        unknown=given.get("sigma_unknown") is True,
+        tracked=setting.tracked,
         ratios=setting.noise.ratios,
         model_change=_changes(given),
     )

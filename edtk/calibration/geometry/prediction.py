@@ -189,7 +189,7 @@ def tool_from_rows(
     moved, turned = _moved(fitted, data, placing, tips)
     seen, motion, columns, apart = moved.moves(data.q, data.wrench, loads)
     seen = replace(seen, turns=tips.turns @ turned)
-    slopes = moved.slopes(motion)
+    slopes = moved.slopes(motion, seen.places)
     own = moved.own_variances(motion, seen.places)
     rows = moved.model.row_count
     for marker in range(len(data.markers)):
@@ -258,12 +258,15 @@ class _Placing:
         own[:, coordinates] += readings + models + again[:, None] * left
         if slopes is None:
             return
-        whites = noise.white_kinds(motion.shape[1])
-        kinds = [np.broadcast_to(np.diag(one[coordinates]), (s, rows, rows)) for one in whites]
+        whites = noise.by_whites(places[self.chosen], motion.shape[1])
+        kinds = [np.broadcast_to(one[block], (s, rows, rows)) for one in whites]
         for mask in self.fitted.joint_masks(motion.shape[1]):
             J = own_motion[:, coordinates][..., mask]
             kinds.append(J @ np.swapaxes(J, 1, 2))
         for i, kind in enumerate(kinds):
+            if noise.unknown and i < len(whites):  # readings, which err anew
+                slopes[:, coordinates, i] += self._turned(kind, np.full(s, 1 / s**2))
+                continue
             there = self._turned(kind[self.first], weights)
             slopes[:, coordinates, i] += again[:, None] * slopes[:, coordinates, i] + there
 

@@ -340,6 +340,8 @@ def _noise(fit: GeometricFit, setting: StudyGeometry, caused: bool) -> list[Find
     noise = fit.fitted.noise
     reading = fit.reading
     stated = fit.typical(setting.noise.seen_from(fit.fitted.model.start))
+    if noise.unknown:
+        stated = reading
     if noise.repeats and not 1 / NOISY < reading / stated < NOISY:
         found.append(_say(Severity.NOTE, "sigma", reading_mm=reading, stated_mm=stated))
     if fit.rms * MM > NOISY * max(stated, reading):

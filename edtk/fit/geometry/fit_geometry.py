@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edtk.fit.geometry.fitted_geometry import (
+    LEAST_DOF,
     MM,
     FittedGeometry,
     GeometricFit,
@@ -58,6 +59,16 @@ class TooFewPosesError(ValueError):
         self.missing = missing
 
 
+class NoiseNotToldError(ValueError):
+    """Residuals have too few degrees of freedom to tell a size of the noise."""
+
+    def __init__(self, dof: int, rank: int) -> None:
+        super().__init__(
+            f"{dof} coordinates more than the {rank} parameters do not tell the size of the noise; "
+            f"expected at least {LEAST_DOF:.0f}: measure more poses, or state the noise"
+        )
+
+
 def fit_geometry(
     model: MeasuredModel,
     data: MarkerPositions,
@@ -84,6 +95,7 @@ def fit_geometry(
 
     Raises:
         TooFewPosesError: There are fewer coordinates than parameters.
+        NoiseNotToldError: There are hardly more, and the noise is unknown.
     """
     means = data.means
     placed, start = place_robot(model, means)
@@ -92,6 +104,8 @@ def fit_geometry(
     alone = absolute.measured - placed.see(start, absolute.q, derivatives=False).points
     choice = _chosen(placed, start, means, stated, loads, prior or Prior.flat(model.p, False))
     kept, theta, before = choice.model, choice.start, choice.before
+    if stated.unknown:
+        _require_noise_told(means, kept.p)
     torque = loading_of(kept.compliances(theta), means, loads)
     theta = fit_beside(kept, theta, means, torque, before, choice.size)
     theta, noise, weights = _in_turns(kept, theta, data, stated, loads, robust, before)
@@ -352,6 +366,17 @@ def _require_enough(means: MarkerPositions, rank: int) -> None:
         raise TooFewPosesError(coordinates, rank, missing)
 
 
+def _require_noise_told(means: MarkerPositions, rank: int) -> None:
+    """Check that residuals can tell how large the errors are.
+
+    Raises:
+        NoiseNotToldError: They cannot.
+    """
+    dof = int(means.rows_seen.sum()) - rank
+    if dof < LEAST_DOF:
+        raise NoiseNotToldError(dof, rank)
+
+
 def _in_turns(
     model: MeasuredModel,
     theta: Array,
@@ -365,7 +390,7 @@ def _in_turns(
     means = data.means
     noise = stated
     weights = np.ones(len(means))
-    last = np.zeros(2)
+    last = np.zeros(3)
     slides = _slides(model)
 
     def at_rest(theta: Array) -> Torque:
@@ -396,8 +421,9 @@ def _in_turns(
         # Rows of the prior count as those of the poses do, whose weights are below those of V.
         weight = 1 / np.sqrt(1 + WHITE_SHARE)
         theta = fit_beside(model, theta, means, at_rest, prior, weight, whitening)
-        now = np.array([noise.model_white, np.max(noise.model_joints, initial=0.0)])
-        if turn and np.abs(now - last).max() <= SETTLED * max(now.max(), noise.reading):
+        reading = noise.typical(rows.places) if noise.unknown else noise.reading
+        now = np.array([noise.model_white, np.max(noise.model_joints, initial=0.0), reading])
+        if turn and np.abs(now - last).max() <= SETTLED * now.max():
             break
         last = now
     return theta, noise, weights

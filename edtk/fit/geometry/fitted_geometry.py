@@ -203,12 +203,12 @@ class FittedGeometry:
         """
         seen, motion, columns, apart = self.moves(q, wrench, loads, differs)
         own = self.own_variances(motion, seen.places)
-        slopes = self.slopes(motion)
+        slopes = self.slopes(motion, seen.places)
         if differs is not None and differs.any():
             changes = self.noise.of_change(motion[differs], seen.places[differs])
             own[differs] = np.einsum("mrr->mr", changes)
             if slopes is not None:
-                slopes[differs] = 0.0
+                slopes[differs] *= 2.0 if self.noise.unknown else 0.0
         return self.banded(seen, ErrorParts(columns, apart, own, slopes))
 
     def moves(
@@ -294,16 +294,16 @@ class FittedGeometry:
             motion: Motions (m, r, n) of the coordinates by the joints [mm/mrad].
             places: Where the markers are (m, k, 3), in the frame of the instrument [m].
         """
-        return self._dof(self.slopes(motion), self.own_variances(motion, places))
+        return self._dof(self.slopes(motion, places), self.own_variances(motion, places))
 
-    def slopes(self, motion: Array) -> Array | None:
+    def slopes(self, motion: Array, places: Array) -> Array | None:
         """Derivatives (m, r, c) of the coordinates' variances by the fitted ones; None without."""
         if self.noise.model_fit is None:
             return None
         shape = motion.shape[:2]
-        whites = self.noise.white_kinds(shape[1])
+        whites = self.noise.by_whites(places, shape[1])
         parts = [
-            *(np.broadcast_to(white, shape) for white in whites),
+            *(np.broadcast_to(np.einsum("mrr->mr", white), shape) for white in whites),
             *((motion[..., mask] ** 2).sum(axis=-1) for mask in self.joint_masks(shape[1])),
         ]
         return np.stack(parts, axis=-1)

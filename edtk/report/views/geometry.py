@@ -82,6 +82,10 @@ def _quality(found: GeometricCalibration) -> list[str]:
     left_out = f"errors that the model does not explain: as if {parts}, anew in each pose"
     if not parts:
         left_out = "the residuals show no errors that the model does not explain"
+    if noise.unknown:
+        size = f"the residuals tell the noise: a coordinate is off by {fit.reading:.3g} mm"
+        beside = f"; besides as if {parts}, anew in each pose" if parts else ""
+        left_out = f"{size}, with what the model leaves out of it{beside}"
     repeats = f"; repeats of readings scatter by {fit.reading:.3g} mm" if noise.repeats else ""
     if noise.repeats and noise.turn is not None:
         repeats += f" and {np.rad2deg(1e-3 * noise.turn):.3g} deg"
