@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from edtk.findings.causes.family import Family, Predict
+from edtk.findings.causes.family import Added, Family, Predict
 from edtk.findings.nonlinear_part import whole_rows
 from edtk.fit.measurements import Measurements, measured_points, translations
 from edtk.measure.elastostatic_model import ElastostaticModel
@@ -123,7 +123,7 @@ Models = Callable[[Scene], Iterator[Family]]
 
 def added(scene: Scene, columns: Array) -> Predict:
     """Readings to which something is added (m, rows, dims) a unit."""
-    return lambda c: (scene.A, columns @ c)
+    return Added(scene.A, columns)
 
 
 def grown(scene: Scene, predict: Predict, shape: Array) -> Predict:
@@ -306,8 +306,7 @@ class Displacements:
                     origin[:3, 3] *= 1 + lengths[joint.name] * c[0] / link_length(joint)
                     joints[j] = replace(joint, origin=origin)
             other = replace(model, robot=replace(model.robot, joints=tuple(joints)))
-            moved = data.rigid(other) - data.rigid(model)
-            return data.regressor(other), _shown(data, moved)
+            return data.regressor(other), _shown(model, data, other, data)
 
         return predict
 
@@ -342,16 +341,19 @@ def counted_from(model: ElastostaticModel, data: Measurements, j: int) -> Predic
         shown = model.robot.shown(data.q).copy()
         shown[:, j] += c[0]
         other = replace(data, q=model.robot.of_shown(shown))
-        return other.regressor(model), _shown(data, other.rigid(model) - data.rigid(model))
+        return other.regressor(model), _shown(model, data, model, other)
 
     return predict
 
 
-def _shown(data: Measurements, moved: Array) -> Array:
-    """What readings (m, rows) show of a motion of the rigid robot (m, c): nothing, or all."""
+def _shown(
+    model: ElastostaticModel, data: Measurements, other: ElastostaticModel, moved: Measurements
+) -> Array:
+    """What readings (m, rows) show of another rigid robot, or of other poses: nothing, or all."""
     found = np.zeros(data.deflection.shape)
     if data.absolute:
-        found[:, : moved.shape[1]] = moved
+        change = moved.rigid(other) - data.rigid(model)
+        found[:, : change.shape[1]] = change
     return found
 
 

@@ -299,18 +299,21 @@ def _moved(plain: PlainFit) -> Array | None:
 def _smooth(plain: PlainFit) -> Iterator[Tried]:
     """Faults of any size."""
     for family in families(plain.scene):
-        found = try_family(plain.below(family), plain.measured, plain.noise, plain.k, plain.chi2)
+        found = try_family(
+            plain.below(family), plain.whitened, plain.measured, plain.noise, plain.k, plain.chi2
+        )
         if found is not None:
             yield found
 
 
 def try_family(
-    family: Family, measured: Array, noise: RowNoise, k: Array, chi2: float
+    family: Family, whitened: Whitened, measured: Array, noise: RowNoise, k: Array, chi2: float
 ) -> Tried | None:
     """Fit a fault of any size.
 
     Args:
         family: The fault.
+        whitened: The regressors without a fault, factored.
         measured: Readings (m, rows) [m, rad].
         noise: Their noise.
         k: Parameters (p,) of the fit without a fault.
@@ -319,7 +322,7 @@ def try_family(
     Returns:
         The fault with its likely size; None where the readings cannot tell it from the parameters.
     """
-    fit = fit_family(family, measured, noise, k)
+    fit = fit_family(family, whitened, measured, noise, k)
     if fit is None:
         return None
     c, covariance = likely_size(fit.c, fit.covariance, family.usual)
