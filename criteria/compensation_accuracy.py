@@ -47,6 +47,8 @@ class CompensationAccuracy(ConvexCriterion):
         if self.target.ndim != 2 or not np.isfinite(self.target).all() or not self.target.any():
             raise ValueError("rho0: the target A0 must be a finite, non-zero matrix (rows, p)")
         self.target.flags.writeable = False
+        # ``trace(A0 cov A0') = <A0'A0, cov>``: a hundredth of the work where p and r are forty.
+        self._square = self.target.T @ self.target
 
     @property
     def arguments(self) -> dict[str, Any]:
@@ -91,7 +93,7 @@ class CompensationAccuracy(ConvexCriterion):
         return curvature_of_variances(self.target @ R).power(self.degree)
 
     def _cost(self, M: Array, cov: Array) -> Array:
-        return np.sqrt(np.einsum("ri,...ij,rj->...", self.target, cov, self.target))
+        return np.sqrt(np.einsum("ij,...ij->...", self._square, cov))
 
     def _gradient(self, M: Array, cov: Array) -> Array:
         B = self.target @ cov

@@ -19,6 +19,7 @@ from edtk.design.relaxation.relax_poses import RelaxOptions, relaxed_in_time
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.system.time_limit import out_of_time, time_left, time_limit
 from edtk.system.typing import Array
+from edtk.system.workers import one_thread
 
 AS_GOOD = 1e-4  # relative difference of costs of plans below which the cheaper day is better
 MOST_LOADS = 5  # none not counted: of more, too many sets would have to be searched one by one
@@ -46,6 +47,11 @@ class LoadTrial:
     def bound(self) -> Bound:
         """No plan of these loads costs less."""
         return self.relaxed.best_bound.scaled(self.total)
+
+    @property
+    def promise(self) -> float:
+        """The cost of the best weights, which the best plan comes near."""
+        return self.relaxed.cost * self.total**-self.relaxed.criterion.degree
 
     @property
     def plan(self) -> Plan:
@@ -128,13 +134,19 @@ class DaySearch:
         """Search each set of loads, and take the best plan.
 
         Where there are several sets, each has a first plan and a first bound before any of them is
-        searched in earnest: the bound of a day rests on all of them. Those of the best first plans
-        come first, since what they find shows of others that they cannot be better.
+        searched in earnest: the bound of a day rests on all of them. Those that promise most come
+        first, since what they find shows of others that they cannot be better.
 
         Raises:
             RankDeficientError: No experiments tell what the criterion needs.
             NoPlanError: So few do not.
         """
+        # The rounding of a product may depend on the number of threads, and so would the plan.
+        with one_thread():
+            return self._run()
+
+    def _run(self) -> DayPlan:
+        """The same in one thread."""
         since = monotonic()
         sets = dict(self.budget.sets())
         trials: dict[Loads, LoadTrial] = {}
@@ -147,7 +159,7 @@ class DaySearch:
                 except RankDeficientError as error:
                     # Without a load, springs are open; with it, they may be told.
                     refused = error
-            sets = {loads: sets[loads] for loads in sorted(trials, key=lambda i: _cost(trials[i]))}
+            sets = {loads: sets[loads] for loads in sorted(trials, key=lambda i: trials[i].promise)}
         ended = self._search_all(sets, trials)
         found = [one for one in trials.values() if one.found and np.isfinite(one.found.cost)]
         if not found and not trials:

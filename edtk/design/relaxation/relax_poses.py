@@ -228,6 +228,7 @@ class BestPlan:
         proved: LargestSensitivities,
         searched: LargestSensitivities | None = None,
         design: ActiveSet | None = None,
+        multipliers: Array | None = None,
     ) -> RelaxedPlan:
         """Make the plan of an active set, with the bounds that its multipliers prove.
 
@@ -237,8 +238,9 @@ class BestPlan:
             proved: The largest sensitivities of these candidates.
             searched: The largest sensitivities that a search has found.
             design: A design on fewer poses.
+            multipliers: What the sensitivities are to, if not to those of the active set.
         """
-        Z = active.relaxation.multipliers
+        Z = active.relaxation.multipliers if multipliers is None else multipliers
         design = design or active
         support = design.support
         M = support.problem.information(design.weights)
@@ -263,6 +265,25 @@ class BestPlan:
             seconds=self._seconds,
         )
         return self.plan
+
+    def improve(
+        self, active: ActiveSet, earlier: RelaxedPlan, searched: LargestSensitivities
+    ) -> RelaxedPlan:
+        """The plan of an active set with the multipliers of an earlier one, where they prove more.
+
+        Args:
+            active: The active set, whose own multipliers have made the plan so far.
+            earlier: The plan before it.
+            searched: The largest sensitivities to its multipliers that are known by now.
+        """
+        own = self.plan
+        assert own is not None
+        proved = earlier.proved_sensitivities
+        Z = earlier.multipliers
+        other = self.certify(active, own.candidates, proved, searched, multipliers=Z)
+        if other.best_bound.cost < own.best_bound.cost:
+            self.plan = own
+        return own if self.plan is own else other
 
     def _bounds(
         self,
@@ -430,6 +451,7 @@ class _Run:
             return
         fresh = self._fresh(0)
         is_new = True
+        earlier: RelaxedPlan | None = None
         for turn in range(1, ROUNDS + 1):
             Z = active.relaxation.multipliers
             accuracy = min(ASCENT_ACCURACY * away, LEAST_ACCURACY)
@@ -460,6 +482,12 @@ class _Run:
                 is_new = True
             else:
                 is_new = False
+            if earlier is not None and earlier.searched_sensitivities is not None:
+                # The last multipliers may prove less than others did, with the poses found since.
+                known = self._largest(active.poses + found, earlier.multipliers)
+                known = known.or_larger(earlier.searched_sensitivities)
+                plan = self.best.improve(active, earlier, known)
+            earlier = plan
             if self.options.stop(plan):
                 return
             gap = max(0.5 * self.options.gap, ACTIVE_GAP * away)
