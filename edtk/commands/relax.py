@@ -10,6 +10,7 @@ from edtk.commands.shared import (
     Range,
     certificate_option,
     criterion_option,
+    dask_option,
     end_interrupted,
     json_option,
     progress_line,
@@ -17,6 +18,7 @@ from edtk.commands.shared import (
     show,
     warn,
     warn_about,
+    workers_option,
 )
 
 MOST_EXPERIMENTS = 10**6  # as in a study
@@ -47,6 +49,8 @@ MOST_CANDIDATES = 10**9  # as in a study: no machine would end with more
     show_default=True,
     help="Limit on memory [MB].",
 )
+@workers_option
+@dask_option
 @json_option
 @click.option("--out", type=FilePath, help="Write poses and weights (CSV, - to print).")
 @certificate_option
@@ -58,6 +62,8 @@ def command(
     size: int | None,
     seed: int | None,
     memory: float,
+    workers: int | None,
+    dask: str | None,
     as_json: bool,
     out: Path | None,
     certificate: Path | None,
@@ -85,6 +91,8 @@ def command(
                 size=size,
                 seed=seed,
                 memory_mb=memory,
+                workers=workers,
+                dask=dask,
                 out=out,
                 certificate=certificate,
                 progress=progress,

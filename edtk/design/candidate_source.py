@@ -126,6 +126,21 @@ class CandidateSource:
             for chunk in chunks:
                 yield Candidates(chunk.x, self.space.problem_of(chunk.told))
 
+    def stretch(self, first: int, number: int) -> Iterator[Candidates]:
+        """The feasible poses of some full chunks of samples, one after another in this thread.
+
+        Those of all stretches together are the sequence of `chunks`; empty ones are left out.
+
+        Args:
+            first: Index of the first chunk.
+            number: Number of chunks.
+        """
+        cubes = self._cubes(CHUNK, first)
+        for _ in range(number):
+            chunk = self._evaluate(next(cubes))
+            if len(chunk.x):
+                yield Candidates(chunk.x, self.space.problem_of(chunk.told))
+
     def _told_chunks(self, n: int) -> Generator["_Chunk", None, None]:
         """What the first n candidates tell, in chunks."""
         require_some(n)
@@ -163,19 +178,23 @@ class CandidateSource:
         seed = self.seed
         return (int(seed),) if isinstance(seed, int | np.integer) else tuple(map(int, seed))
 
-    def _cubes(self, size: int) -> Iterator[Array]:
-        """Points of the unit cube (size, drawn), without end.
+    def _cubes(self, size: int, first: int = 0) -> Iterator[Array]:
+        """Points of the unit cube (size, drawn), without end, from a chunk on.
 
         The sequence of points does not depend on the size of the chunks.
         """
-        rng = np.random.default_rng(self.seed)
+        bits = np.random.PCG64(self.seed)
+        rng = np.random.Generator(bits)
         dimension = len(self.space.drawn)
         if self.sampling == "random":
+            bits.advance(first * size * dimension)  # a point takes a number for each variable
             while True:
                 yield rng.random((size, dimension))
         from scipy.stats import qmc  # takes half a second, which random points need not pay
 
         sobol = qmc.Sobol(dimension, rng=rng)
+        if first:
+            sobol.fast_forward(first * size)
         while True:
             yield sobol.random(size)
 

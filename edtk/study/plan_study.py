@@ -38,7 +38,7 @@ from edtk.study.study import Study
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.time_limit import time_limit
 from edtk.system.typing import Array
-from edtk.system.workers import Workers, WorkersLostError
+from edtk.system.workers import THIS_PROCESS, Workers, WorkersLostError
 
 TOLERANCE = 1e-5  # relative gap, beyond which a bound would not change how a plan is judged
 CANDIDATES = 0  # the stream of random numbers that candidates come from
@@ -76,7 +76,6 @@ def study_errors(study: "Study") -> Iterator[None]:
 
 
 Progress = Callable[[str, float], object]
-THIS_PROCESS = Workers()
 
 
 def no_progress(label: str, number: float) -> None:
@@ -91,6 +90,7 @@ class RunOptions:
         seed: Takes the place of the study's seed; None for the study's own.
         workers: The processes that do the work; answers do not depend on them. Defaults to this
             one.
+        threads: Threads that draw candidates; None for one a core.
         progress: Called with a label of what is done, and a number: a relaxation reports its
             relative gap, the search for a plan its best cost so far, and a whole run the share of
             its steps that are done.
@@ -98,6 +98,7 @@ class RunOptions:
 
     seed: int | None = None
     workers: Workers = THIS_PROCESS
+    threads: int | None = None
     progress: Progress = no_progress
 
 
@@ -133,7 +134,10 @@ def known_beside(study: Study, kept: Plan | None) -> Array | None:
 
 
 def source_of(
-    study: Study, seed: int | None = None, space: DesignSpace | None = None
+    study: Study,
+    seed: int | None = None,
+    space: DesignSpace | None = None,
+    threads: int | None = None,
 ) -> CandidateSource:
     """Where the candidates of a study come from.
 
@@ -141,11 +145,13 @@ def source_of(
         study: The study.
         seed: Seed; defaults to the study's.
         space: Design space; defaults to the study's.
+        threads: Number of threads that draw them; defaults to one a core.
     """
     return CandidateSource(
         space or study.space,
         (study.specification.seed if seed is None else seed, CANDIDATES),
         study.specification.sampling,
+        threads,
     )
 
 
@@ -171,7 +177,7 @@ def relax_study(
             first of the study's sizes.
         tolerance: Relative gap at which that search ends.
         memory_mb: Limit on memory [MB].
-        options: Seed and progress; the work is done by threads of this process.
+        options: Seed, progress, and what does the work: the result does not depend on that.
 
     Raises:
         UserError: One line that says what cannot be done, and where.
@@ -184,11 +190,16 @@ def relax_study(
     with study_errors(study):
         space = planning_space(study, size or study.specification.sizes[0])
         return relax_poses(
-            source_of(study, options.seed, space),
+            source_of(study, options.seed, space, options.threads),
             study.specification.candidates if candidates is None else candidates,
             study.criterion(criterion),
             continuous,
-            RelaxOptions(tolerance=tolerance, memory_mb=memory_mb, progress=options.progress),
+            RelaxOptions(
+                tolerance=tolerance,
+                memory_mb=memory_mb,
+                workers=options.workers,
+                progress=options.progress,
+            ),
         )
 
 

@@ -99,6 +99,9 @@ class Workers:
             raise
 
 
+THIS_PROCESS = Workers()
+
+
 def _numbered(index: int, piece: Callable[[], T]) -> tuple[int, T]:
     """The answer of a piece, with its index."""
     import scipy.linalg  # noqa: F401, only libraries that are loaded can be limited

@@ -2,6 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Union
@@ -13,6 +14,7 @@ from edtk.measure.pose_table import Table, path_of
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError, UserError, whole_number
 from edtk.system.files import Content, is_standard_output, write_files
+from edtk.system.workers import THIS_PROCESS, Workers
 from edtk.verbs.inputs import (
     CriterionLike,
     PlanLike,
@@ -214,15 +216,22 @@ class OfStudy(Question):
         def write(found: "RelaxedPlan") -> None:
             files.write(found.to_frame, lambda: self._proof_of_weights(asked, found))
 
-        options = RunOptions(seed=call.seed, progress=call.progress)
+        options = RunOptions(seed=call.seed, threads=call.workers, progress=call.progress)
         try:
-            with errors_in(self.study.where):
-                found = self._best_weights(asked, criterion, call, options)
+            with self._sweepers(call) as pool, errors_in(self.study.where):
+                found = self._best_weights(asked, criterion, call, replace(options, workers=pool))
         except PlanInterrupted as interrupt:
             write(interrupt.best)
             raise
         write(found)
         return found
+
+    @staticmethod
+    def _sweepers(call: RelaxCall) -> AbstractContextManager[Workers]:
+        """The workers that were asked for; this process by default."""
+        if call.workers is None and call.dask is None:
+            return nullcontext(THIS_PROCESS)
+        return workers_for(call.workers, call.dask)
 
     def _proof_of_weights(self, asked: Study, found: "RelaxedPlan") -> str:
         """The certificate of a relaxation."""

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 FIXED = float("inf")  # variance of effects of blocks of which nothing is known
 OF_PROBLEMS = ("starts", "most", "costs", "blocks", "block_variance")
-OF_STUDIES = ("distinct", "exclude", "budget", "workers", "dask", "certificate", "detect")
+OF_WORKERS = ("workers", "dask")
+OF_STUDIES = ("distinct", "exclude", "budget", *OF_WORKERS, "certificate", "detect")
 LEAST_SQUARES = (
     "expected a study without [parameters]; geometry is fitted by least squares, with the size of "
     "its errors estimated"
@@ -39,13 +40,16 @@ def _none_of(options: Sequence[str], message: str) -> dict[str, str]:
 REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
     "problem": {
         "plan": _none_of(OF_STUDIES, "not for plans of a problem of arrays"),
-        "relax": _none_of(("candidates", "seed"), "not for the relaxation of a problem of arrays"),
+        "relax": _none_of(
+            ("candidates", "seed", *OF_WORKERS),
+            "not for the relaxation of a problem of arrays",
+        ),
     },
     "region": {
         "plan": _none_of(
             (*OF_PROBLEMS[1:], "cost_budget", *OF_STUDIES), "not for plans of a region"
         ),
-        "relax": _none_of(("seed",), "not for the relaxation of a region"),
+        "relax": _none_of(("seed", *OF_WORKERS), "not for the relaxation of a region"),
     },
     "compliances": {
         "plan": _none_of(OF_PROBLEMS, "not for plans of a study"),
@@ -105,6 +109,8 @@ class RelaxCall:
     size: int | None
     seed: int | None
     memory_mb: float
+    workers: int | None
+    dask: str | None
     out: Path | str | None
     certificate: Path | str | None
     progress: Callable[[str, float], object]

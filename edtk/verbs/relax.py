@@ -28,6 +28,8 @@ def relax(
     size: int | None = None,
     seed: int | None = None,
     memory_mb: float = MEMORY_MB,
+    workers: int | None = None,
+    dask: str | None = None,
     out: Path | str | None = None,
     certificate: Path | str | None = None,
     progress: Progress = ...,
@@ -67,6 +69,8 @@ def relax(
     size: int | None = None,
     seed: int | None = None,
     memory_mb: float = MEMORY_MB,
+    workers: int | None = None,
+    dask: str | None = None,
     out: Path | str | None = None,
     certificate: Path | str | None = None,
     progress: Progress = lambda stage, gap: None,
@@ -85,6 +89,9 @@ def relax(
             first of the study's sizes, and for a problem to one.
         seed: Seed of the candidates; defaults to the study's.
         memory_mb: Limit on memory [MB].
+        workers: Number of processes that go over the candidates which memory does not hold;
+            defaults to threads of this process, one a core. The result is the same.
+        dask: Address of a Dask scheduler whose workers do that, like tcp://host:8786.
         out: File to write poses and weights to (CSV); "-" is standard output.
         certificate: File to write what proves the numbers to (JSON), for `edtk.verify`; likewise.
         progress: Called with the stage and its relative gap.
@@ -112,6 +119,8 @@ def relax(
         size=size,
         seed=seed,
         memory_mb=memory_mb,
+        workers=workers,
+        dask=dask,
         out=out,
         certificate=certificate,
         progress=progress,

@@ -53,7 +53,7 @@ def relax_geometry(
         candidates: Number of candidate visits; defaults to the study's.
         continuous: Whether to search over all feasible poses, beyond the candidates.
         memory_mb: Limit on memory [MB].
-        options: Seed and progress.
+        options: Seed, progress, and what does the work: the result does not depend on that.
 
     Raises:
         UserError: One line that says what cannot be done, and where.
@@ -61,13 +61,18 @@ def relax_geometry(
     """
     with study_errors(study):
         question = GeometryQuestion.of(study)
-        source: CandidateSource = source_of(study, options.seed, question.space)
+        source: CandidateSource = source_of(study, options.seed, question.space, options.threads)
         return relax_poses(
             source,
             study.specification.candidates if candidates is None else candidates,
             question.criterion(criterion),
             continuous,
-            RelaxOptions(tolerance=TOLERANCE, memory_mb=memory_mb, progress=options.progress),
+            RelaxOptions(
+                tolerance=TOLERANCE,
+                memory_mb=memory_mb,
+                workers=options.workers,
+                progress=options.progress,
+            ),
         )
 
 

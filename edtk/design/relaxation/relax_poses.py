@@ -28,6 +28,7 @@ from edtk.design.relaxation.search_continuum import (
 from edtk.design.relaxation.settle import settle
 from edtk.system.time_limit import out_of_time, time_left, time_limit
 from edtk.system.typing import Array
+from edtk.system.workers import THIS_PROCESS, Workers
 
 BASE_MB = 350.0  # the interpreter with all libraries that a relaxation loads
 DEFAULT_MB = 1000.0
@@ -109,6 +110,8 @@ class RelaxOptions:
         tolerance: Relative gap at which the search over the continuum ends. Half of it may be spent
             on merging support points.
         memory_mb: Limit on memory [MB].
+        workers: The processes that go over candidates beyond memory; of one, this process's
+            threads.
         progress: Called with the name of the stage and its relative gap.
         stop: Asked after each search over all poses whether its bound is enough.
     """
@@ -116,6 +119,7 @@ class RelaxOptions:
     gap: float = 1e-6
     tolerance: float = 1e-5
     memory_mb: float = DEFAULT_MB
+    workers: Workers = THIS_PROCESS
     progress: Callable[[str, float], object] = ignore_progress
     stop: Callable[[RelaxedPlan], bool] = never
 
@@ -533,4 +537,5 @@ class _Run:
 
     def _sweep(self, multipliers: Array) -> tuple[LargestSensitivities, Candidates]:
         """The largest sensitivities of all candidates, and the candidates that should join."""
-        return sweep_candidates(self.source, self.n, self.criterion, multipliers, KEPT)
+        workers = self.options.workers
+        return sweep_candidates(self.source, self.n, self.criterion, multipliers, KEPT, workers)

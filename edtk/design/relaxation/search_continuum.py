@@ -1,6 +1,7 @@
 """The search over all poses for the largest sensitivities: where a design should measure next."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,14 @@ from edtk.design.interior_point.descend import descend
 from edtk.design.interior_point.objective import Local, Neighbourhood, Objective
 from edtk.design.relaxation.proof import is_normalised, normalised
 from edtk.system.typing import Array, Indices
+from edtk.system.workers import THIS_PROCESS, Workers
 
 ASCENT_STEPS = 200
 BARRIER = 0.1  # larger than for plans: one experiment is worth more than each of many
+# Chunks of samples that a worker looks at before it answers, which takes about a second, and how
+# many such stretches a worker is given before what they found is joined.
+STRETCH = 128
+AHEAD = 8
 FULL = 4  # times the number to keep: a choice among so many costs less than holding them
 SCREEN = 20_000  # fresh feasible poses among which starts are chosen
 STARTS = 96  # ascents in all, shared out among the multipliers
@@ -174,7 +180,12 @@ class LargestSensitivities:
 
 
 def sweep_candidates(
-    source: CandidateSource, n: int, criterion: Criterion, multipliers: Array, keep: int
+    source: CandidateSource,
+    n: int,
+    criterion: Criterion,
+    multipliers: Array,
+    keep: int,
+    workers: Workers = THIS_PROCESS,
 ) -> tuple[LargestSensitivities, Candidates]:
     """Generate candidates anew, chunk by chunk, and keep those of largest sensitivity.
 
@@ -184,30 +195,100 @@ def sweep_candidates(
         criterion: What the multipliers belong to.
         multipliers: Multipliers (r, p, p).
         keep: Number of candidates to keep for each multiplier.
+        workers: The processes that do it; of one, the threads of this process.
 
     Returns:
         The largest sensitivities of all n candidates, and the candidates that are kept.
     """
-    largest: LargestSensitivities | None = None
-    kept: Candidates | None = None
-    # What a candidate must exceed to be among those to keep, by multiplier.
-    least = np.full(len(multipliers), -np.inf)
-    for part in source.chunks(n):
-        sensitivities = normalised(part.problem, criterion).sensitivities(multipliers)
-        of_part = LargestSensitivities.of(sensitivities, part.x)
-        largest = of_part if largest is None else largest.or_larger(of_part)
-        promising = np.flatnonzero((sensitivities > least[:, None]).any(axis=0))
-        if not promising.size:
-            continue
-        kept = part[promising] if kept is None else kept + part[promising]
-        if len(kept.x) > FULL * keep * len(multipliers):
-            sensitivities = normalised(kept.problem, criterion).sensitivities(multipliers)
-            chosen, least = most_sensitive(sensitivities, keep)
-            kept = kept[chosen]
+    sweep = Sweep(source, criterion, multipliers, keep)
+    parts = source.chunks(n) if workers.size == 1 else sweep.of_workers(n, workers)
+    _, kept = sweep.most_sensitive(parts)
     assert kept is not None
-    assert largest is not None
-    sensitivities = normalised(kept.problem, criterion).sensitivities(multipliers)
-    return largest, kept[most_sensitive(sensitivities, keep)[0]]
+    # The most sensitive of all are among those that are kept.
+    return LargestSensitivities.over(kept, criterion, multipliers), kept
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """A pass over candidates that are too many to be held, see `sweep_candidates`."""
+
+    source: CandidateSource
+    criterion: Criterion
+    multipliers: Array
+    keep: int
+
+    def most_sensitive(self, parts: Iterable[Candidates]) -> tuple[int, Candidates | None]:
+        """The number of candidates, and those of largest sensitivity; None without any."""
+        count = 0
+        kept: Candidates | None = None
+        # What a candidate must exceed to be among those to keep, by multiplier.
+        least = np.full(len(self.multipliers), -np.inf)
+        for part in parts:
+            count += len(part.x)
+            promising = np.flatnonzero((self._of(part) > least[:, None]).any(axis=0))
+            if not promising.size:
+                continue
+            kept = part[promising] if kept is None else kept + part[promising]
+            if len(kept.x) > FULL * self.keep * len(self.multipliers):
+                chosen, least = most_sensitive(self._of(kept), self.keep)
+                kept = kept[chosen]
+        return count, None if kept is None else kept[most_sensitive(self._of(kept), self.keep)[0]]
+
+    def _of(self, candidates: Candidates) -> Array:
+        """Sensitivities (r, k) of candidates."""
+        return normalised(candidates.problem, self.criterion).sensitivities(self.multipliers)
+
+    def of_workers(self, n: int, workers: Workers) -> Iterator[Candidates]:
+        """The most sensitive of each stretch of the first n candidates, in their order.
+
+        How many a stretch has is known only afterwards: the last one is cut to what is missing.
+        """
+        left = n
+        first = done = found = 0
+        while left > 0:
+            # Nothing is known of the first stretches; what others hold is much alike.
+            wanted = workers.size if not found else -(-left * done // found)
+            number = min(max(1, wanted), AHEAD * workers.size)
+            pieces = [Stretch(self, first + STRETCH * i, left) for i in range(number)]
+            answers = sorted(workers.run(pieces), key=lambda one: one[0])
+            for piece, (_, (count, kept)) in zip(pieces, answers, strict=True):
+                if count > left:
+                    count, kept = replace(piece, most=left)()
+                left -= count
+                done += 1
+                found += count
+                if kept is not None:
+                    yield kept
+                if left <= 0:
+                    break
+            first += STRETCH * number
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A stretch of a pass, whose answer depends on its attributes alone, wherever it is found.
+
+    Attributes:
+        sweep: The pass.
+        first: Index of its first chunk.
+        most: Number of candidates, of which there are no more than its chunks hold.
+    """
+
+    sweep: Sweep
+    first: int
+    most: int
+
+    def __call__(self) -> tuple[int, Candidates | None]:
+        """The number of its candidates, and the most sensitive ones."""
+        return self.sweep.most_sensitive(self._parts())
+
+    def _parts(self) -> Iterator[Candidates]:
+        left = self.most
+        for part in self.sweep.source.stretch(self.first, STRETCH):
+            yield part if len(part.x) <= left else part[np.arange(left)]
+            left -= len(part.x)
+            if left <= 0:
+                return
 
 
 def most_sensitive(sensitivities: Array, size: int) -> tuple[Indices, Array]:

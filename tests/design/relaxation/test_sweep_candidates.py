@@ -8,6 +8,7 @@ from criteria import create
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.relaxation.proof import normalised
 from edtk.design.relaxation.search_continuum import most_sensitive, sweep_candidates
+from edtk.system.workers import Workers
 
 
 @pytest.mark.parametrize("name", ["D", "O2"])
@@ -40,3 +41,24 @@ def test_most_sensitive():
     chosen, least = most_sensitive(sensitivities, 10)
     assert chosen.tolist() == [0, 1, 2, 3]
     assert least.tolist() == [1.0, 0.0]
+
+
+@pytest.mark.parametrize("sampling", ["random", "sobol"])
+def test_stretches_are_the_same_candidates(sampling, monkeypatch):
+    """What workers bring back of their stretches is, bit by bit, what one pass keeps of all."""
+    monkeypatch.setattr("edtk.design.candidate_source.CHUNK", 256)
+    monkeypatch.setattr("edtk.design.relaxation.search_continuum.STRETCH", 3)
+    monkeypatch.setattr(Workers, "_run_in_parallel", in_turn)
+    criterion = create("D")
+    source = CandidateSource(KR270, 3, sampling, workers=1)
+    Z = np.stack([-criterion.gradient(normalised(source.take(500).problem, criterion).mean)])
+    one = sweep_candidates(source, 3001, criterion, Z, 20)
+    two = sweep_candidates(source, 3001, criterion, Z, 20, Workers(2))
+    np.testing.assert_array_equal(one[1].x, two[1].x)
+    np.testing.assert_array_equal(one[0].values, two[0].values)
+    np.testing.assert_array_equal(one[0].x, two[0].x)
+
+
+def in_turn(workers, pieces):
+    """Answers in another order than that of the pieces."""
+    return reversed([(i, piece()) for i, piece in enumerate(pieces)])
