@@ -293,6 +293,7 @@ def _day_search(
         costs=costs,
         distinct=distinct,
         seed=limits.seed,
+        relax=RelaxOptions(workers=options.workers),
         of_size=lambda relaxed, m, places: search_plan(relaxed, m, places, kept, limits),
         progress=options.progress,
     )

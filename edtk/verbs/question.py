@@ -61,8 +61,6 @@ REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
     "geometry": {
         "plan": {
             **_none_of(OF_PROBLEMS, "not for plans of a study"),
-            "dask": "is for plans of compliances alone; those of a study with [parameters] are "
-            "searched in this process",
         },
         "relax": {"size": "has no effect without a prior in the design; expected none"},
         "template": {

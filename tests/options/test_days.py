@@ -1,19 +1,25 @@
 """Days: what visits and load changes cost, for springs as for geometry."""
 
+from collections.abc import Callable, Sequence
 from itertools import combinations_with_replacement
 from pathlib import Path
 
+import cloudpickle
 import numpy as np
 import pytest
 from arm import ROBOT, arm
 from click.testing import CliRunner
+from loaded_arm import STUDY
 
 import edtk
+from edtk.calibration.geometry_design.plan_geometry import plan_geometry
 from edtk.cli import main
+from edtk.design.exact import visit_search
 from edtk.design.exact.day import DayCosts, DayPlan
 from edtk.design.plan import Plan
-from edtk.study.plan_study import day_costs, plan_study
+from edtk.study.plan_study import RunOptions, day_costs, plan_study
 from edtk.study.study import Study
+from edtk.system.workers import Workers
 
 FORCES = [[0, 0, -100], [80, 0, 0], [60, 0, -60]]
 COSTS = {"visit": 1, "loaded_visit": 2, "load_change": 4, "budget": 20}
@@ -141,3 +147,33 @@ def test_sheets_and_runs_of_days(tmp_path: Path) -> None:
     costs = day_costs(study)
     assert costs is not None
     assert costs.spent(best.plan) <= 20
+
+
+def answers_of_others(workers: Workers, pieces: Sequence[Callable[[], object]]) -> object:
+    """What other processes answer to copies of the pieces, the last one first."""
+    copies = [cloudpickle.loads(cloudpickle.dumps(piece)) for piece in pieces]
+    return reversed([(i, piece()) for i, piece in enumerate(copies)])
+
+
+def test_plans_of_geometry_do_not_depend_on_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Plans that are improved side by side come out as together."""
+    one = plan_geometry(STUDY, 8)
+    monkeypatch.setattr(visit_search, "LONG", 0.0)
+    monkeypatch.setattr(Workers, "_run_in_parallel", answers_of_others)
+    two = plan_geometry(STUDY, 8, options=RunOptions(workers=Workers(2)))
+    assert two.plan.to_dict() == one.plan.to_dict()
+    assert two.lower_bound == one.lower_bound
+
+
+@pytest.mark.parametrize("study", [STUDY, arm()], ids=["geometry", "springs"])
+def test_relaxations_do_not_depend_on_workers(
+    study: Study, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Candidates beyond memory are gone over by others, with the same weights at the end."""
+    monkeypatch.setattr("edtk.design.relaxation.relax_poses.capacity", lambda *_: 150)
+    monkeypatch.setattr(Workers, "_run_in_parallel", answers_of_others)
+    one, two = (edtk.relax(study, "D", candidates=2000, workers=number) for number in (1, 2))
+    assert two.candidates == 2000
+    expected, found = one.to_dict(), two.to_dict()
+    del expected["seconds"], found["seconds"]
+    assert found == expected

@@ -150,8 +150,9 @@ def _search(
         costs=costs,
         distinct=distinct,
         seed=study.specification.seed if options.seed is None else options.seed,
-        relax=RelaxOptions(tolerance=OF_PLANS),
+        relax=RelaxOptions(tolerance=OF_PLANS, workers=options.workers),
         searches=SEARCHES,
+        workers=options.workers,
         progress=options.progress,
     )
 

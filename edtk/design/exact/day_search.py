@@ -19,7 +19,7 @@ from edtk.design.relaxation.relax_poses import RelaxOptions, relaxed_in_time
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.system.time_limit import out_of_time, time_left, time_limit
 from edtk.system.typing import Array
-from edtk.system.workers import one_thread
+from edtk.system.workers import THIS_PROCESS, Workers, one_thread
 
 AS_GOOD = 1e-4  # relative difference of costs of plans below which the cheaper day is better
 MOST_LOADS = 5  # none not counted: of more, too many sets would have to be searched one by one
@@ -102,6 +102,7 @@ class DaySearch:
         searches: Over all poses for a bound, at most.
         of_size: Searches the best plan of so many experiments from a relaxation; None for that of
             `VisitSearch`, which many parameters need.
+        workers: The processes that improve plans side by side, where `of_size` has none of its own.
         progress: Called with a label and the best cost.
     """
 
@@ -118,6 +119,7 @@ class DaySearch:
     relax: RelaxOptions = field(default_factory=RelaxOptions)
     searches: float = np.inf
     of_size: OfSize | None = None
+    workers: Workers = THIS_PROCESS
     progress: Callable[[str, float], object]
 
     @property
@@ -229,6 +231,7 @@ class DaySearch:
             self.criterion,
             self.seed,
             self.progress,
+            workers=self.workers,
         )
         of_size = self.of_size or (lambda _, m, distinct: search.of_size(m, distinct))
         with time_limit(0.0 if interrupted else np.inf):

@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -19,8 +21,9 @@ from edtk.design.problem import Problem, RankDeficientError
 from edtk.design.relaxation.proof import normalised
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.system.errors import UserError
-from edtk.system.time_limit import out_of_time, time_limit
+from edtk.system.time_limit import out_of_time, time_left, time_limit
 from edtk.system.typing import Array, Indices
+from edtk.system.workers import THIS_PROCESS, Workers
 
 STARTS = 8
 FEW = 12  # parameters, up to which a start within funds takes milliseconds and not seconds
@@ -34,6 +37,9 @@ SHARPEST = (1000.0, 4000.0)
 GAIN = 1e-4  # relative improvement for which another round is made
 SAME = 1e-6  # relative difference of costs up to which two plans are one
 WEIGHTY = 0.5  # part of the starts that are drawn by the weights of the relaxation
+# Time [s] of a relaxation whose search is long enough for other processes of this machine, each of
+# which takes a second to load what it needs.
+LONG = 2.0
 SEED = 2  # the stream of random numbers that starts come from
 
 
@@ -53,6 +59,7 @@ class VisitSearch:
         seed: Seed.
         progress: Called with a label and the best cost.
         starts: Number of starts.
+        workers: The processes that improve plans side by side; the plan does not depend on them.
     """
 
     space: DesignSpace
@@ -61,6 +68,7 @@ class VisitSearch:
     seed: int
     progress: Callable[[str, float], object]
     starts: int = STARTS
+    workers: Workers = THIS_PROCESS
 
     def of_size(self, m: int, distinct: int | None = None) -> FoundPlan:
         """The best plan of m visits, whatever each costs.
@@ -77,7 +85,7 @@ class VisitSearch:
         if out_of_time():
             starts = starts[:1]
         even = np.tile(apportion(np.ones(k), m).astype(float), (len(starts), 1))
-        places, repeats, costs = self._exchanged(pool, starts, even)
+        places, repeats, costs = self._each("_exchanged", starts, even, pool=pool)
         elite = np.argsort(costs, kind="stable")[:ELITE]
         self.progress(_counted(len(starts)), float(costs[elite[0]]))
         return self._finished(pool.x[places[elite]], repeats[elite], pool, len(starts))
@@ -193,7 +201,7 @@ class VisitSearch:
                 if out_of_time():
                     ended = "budget"
                     break
-                x, reached = refine(self.space, self.criterion, x, repeats, STEPS, SHARPNESS)
+                x, reached = self._each("_refined", x, repeats)
                 gained = bool((reached < costs * (1 - GAIN)).any())
                 costs = reached
                 self.progress("refine", float(costs.min()))
@@ -201,7 +209,7 @@ class VisitSearch:
                     break
                 both = Candidates(x.reshape(-1, x.shape[-1]), self._problem(x)) + pool
                 places = np.arange(x.shape[0] * x.shape[1]).reshape(x.shape[:2])
-                places, repeats, _ = self._exchanged(both, places, repeats)
+                places, repeats, _ = self._each("_exchanged", places, repeats, pool=both)
                 x = both.x[places]
         except KeyboardInterrupt:
             ended = "interrupted"
@@ -215,8 +223,26 @@ class VisitSearch:
         """The visits of plans (b, k, v)."""
         return self.space.problem(x.reshape(-1, x.shape[-1]))
 
+    def _each(self, method: str, *plans: Any, **options: Any) -> tuple[Array, ...]:
+        """What a method of this search makes of plans (b, ...), side by side on several workers."""
+        is_long = self.workers.remote or sum(self.relaxed.seconds.values()) >= LONG
+        if self.workers.size == 1 or not is_long:
+            return _improved(self, np.inf, method, *plans, **options)
+        # What is seen here goes to no other process.
+        alone = replace(self, progress=_unseen, workers=THIS_PROCESS)
+        pieces = [
+            partial(_improved, alone, time_left(), method, *(one[[i]] for one in plans), **options)
+            for i in range(len(plans[0]))
+        ]
+        answers = sorted(self.workers.run(pieces), key=lambda done: done[0])
+        return tuple(map(np.concatenate, zip(*(answer for _, answer in answers), strict=True)))
+
+    def _refined(self, x: Array, repeats: Array) -> tuple[Array, Array]:
+        """Plans (b, k, v) after a descent, and their costs (b,)."""
+        return refine(self.space, self.criterion, x, repeats, STEPS, SHARPNESS)
+
     def _exchanged(
-        self, pool: Candidates, places: Indices, repeats: Array
+        self, places: Indices, repeats: Array, pool: Candidates
     ) -> tuple[Indices, Array, Array]:
         """Places (b, k) after exchanges, how often each is visited (b, k), and costs (b,).
 
@@ -241,6 +267,18 @@ class VisitSearch:
         x, repeats = x[order], repeats[order]
         cost = float(self.criterion.cost(self.space.problem(x).information(repeats)))
         return FoundPlan(x, repeats.astype(int), cost, starts, found, optima, ended)
+
+
+def _improved(
+    search: VisitSearch, seconds: float, method: str, *plans: Any, **options: Any
+) -> tuple[Array, ...]:
+    """What a method of a search makes of plans, as a piece of work for any process."""
+    with time_limit(seconds):
+        return tuple(getattr(search, method)(*plans, **options))
+
+
+def _unseen(label: str, cost: float) -> None:
+    """Report to nobody."""
 
 
 def _counted(starts: int) -> str:

@@ -205,7 +205,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         (["--detect", "tool_x=1mm,tool_x=2mm"], "tool_x is there twice"),
         (["--detect", "tool_x=0mm"], "tool_x=0mm: expected a size other than 0"),
         (["--detect", ""], "expected pairs like tool_z=5mm"),
-        (["--dask", "tcp://h:1"], "is for plans of compliances alone"),
+        (["--dask", "tcp://h:1"], "no Dask scheduler answers at tcp://h:1"),
     ):
         refused = CliRunner().invoke(main, ["plan", "study.toml", "--size", "5", *option])
         assert refused.exit_code == 2
