@@ -1,6 +1,7 @@
 """Identified compliances, with everything that a person wants to know about them."""
 
 import hashlib
+from abc import abstractmethod
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cached_property
@@ -29,7 +30,7 @@ from edtk.fit.least_squares import Estimate
 from edtk.fit.measurements import Measurements
 from edtk.fit.noise import Noise
 from edtk.fit.outliers import LackOfFit
-from edtk.fit.posterior import SamplingOptions
+from edtk.fit.posterior import Posterior, SamplingOptions
 from edtk.measure.expected_error import ErrorBudget, ExpectedError, TaskAccuracy, expected_error
 from edtk.measure.pose_table import Table
 from edtk.study.evaluate import accuracy_of_tasks
@@ -78,11 +79,53 @@ class Origin:
         return cls(digest, changed, linear, as_is)
 
 
+class Judged(Presented):
+    """What every calibration says of itself, whatever its parameters are.
+
+    Attributes:
+        findings: Everything that looks wrong, the worst first.
+        check: The posterior; None where it was not sampled.
+    """
+
+    findings: tuple[Finding, ...]
+    check: PosteriorCheck | None
+
+    @property
+    @abstractmethod
+    def study(self) -> Study:
+        """The question."""
+
+    @property
+    def verdict(self) -> str:
+        """Whether to use the result: "good", "usable" or "bad".
+
+        It is never better than the worst finding, and not good where the study says what is hard
+        to believe.
+        """
+        return verdict([*self.study.warnings, *self.findings])
+
+    @property
+    def posterior(self) -> Posterior | None:
+        """The sampled posterior of the parameters; None where it was not sampled."""
+        return None if self.check is None else self.check.posterior
+
+    def judgement(self) -> dict[str, Any]:
+        """Verdict, findings, posterior and what was known before, for JSON."""
+        known = self.study.specification.joints.known
+        return {
+            "verdict": self.verdict,
+            "doubts": [one.words for one in self.findings],
+            "study_warnings": [one.words for one in self.study.warnings],
+            "diagnostics": [one.to_dict() for one in self.findings],
+            "known": {name: one.value for name, one in known.items()},
+            "posterior": None if self.check is None else self.check.to_dict(),
+        }
+
+
 def calibration_to_dict(found: "Calibration") -> dict[str, Any]:
     """Plain numbers, SI, for JSON; a number that is not known is null."""
     fit = found.fit
-    study = found.study
-    joints = study.specification.joints
+    joints = found.study.specification.joints
     return {
         "k": _known(found.k),
         "std": _known(found.std),
@@ -104,17 +147,12 @@ def calibration_to_dict(found: "Calibration") -> dict[str, Any]:
         "causes": [cause.to_dict() for cause in found.causes],
         "expected_error": None if found.expected is None else found.expected.to_dict(),
         **({} if found.tasks is None else {"tasks": found.tasks.to_dict()}),
-        "verdict": found.verdict,
-        "doubts": [one.words for one in found.findings],
-        "study_warnings": [one.words for one in study.warnings],
-        "diagnostics": [one.to_dict() for one in found.findings],
+        **found.judgement(),
         "negative": [joints.unknown[i] for i in np.flatnonzero(fit.negative)],
-        "known": {name: one.value for name, one in joints.known.items()},
         "k_unbounded": _known(found.by_joint(fit.unbounded)),
         "k_bias": None if found.bias is None else _known(found.by_joint(found.bias)),
-        "posterior": None if found.check is None else found.check.to_dict(),
         **_of_interest(found),
-        "prediction": found.springs.to_dict(study.robot),
+        "prediction": found.springs.to_dict(found.study.robot),
     }
 
 
@@ -169,50 +207,6 @@ def _known(values: dict[str, float]) -> dict[str, float | None]:
     return {name: None if np.isnan(value) else value for name, value in values.items()}
 
 
-def with_posterior(
-    found: "Calibration", rng: np.random.Generator, options: SamplingOptions
-) -> "Calibration":
-    """Sample the posterior of a calibration, see `Calibration.sampled`.
-
-    Args:
-        found: The calibration without it.
-        rng: Source of randomness.
-        options: How accurately, and where the chain is kept.
-    """
-    fitted = found.fitted
-    fit = found.fit
-    noise = _noise(found)
-    check = check_posterior(
-        found.study,
-        fitted.A,
-        fitted.measured,
-        fitted.noise,
-        Estimate(fit.k, fit.covariance),
-        rng,
-        noise=noise,
-        options=options,
-    )
-    prior = study_prior(found.study)
-    estimated = prior.is_flat and noise.normal and not fit.known and not fit.robust
-    budget = found.budget
-    named = found.findings
-    if fitted.untold:
-        names = found.study.model.parameters
-        posterior = Estimate(check.posterior.mean, check.posterior.covariance, names)
-        fitted = fitted.described_by(posterior)
-        budget = calibration_budget(fitted, None)
-        named = spring_findings(fitted, None, budget)
-    added = posterior_findings(fitted, prior, check.posterior)
-    rest = (one for one in named if one.kind != "prior_contradicted")
-    return replace(
-        found,
-        fitted=fitted,
-        budget=budget,
-        findings=tuple(sorted([*added, *rest], key=lambda one: -one.severity)),
-        check=replace(check, sigma_estimated=estimated),
-    )
-
-
 def _noise(found: "Calibration") -> Noise:
     """The noise that a posterior assumes beside a fit."""
     noise = found.study.specification.prior.noise()
@@ -224,7 +218,7 @@ def _noise(found: "Calibration") -> Noise:
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration(Presented):
+class Calibration(Judged):
     """Identified compliances, and whether to trust them.
 
     Attributes:
@@ -328,15 +322,6 @@ class Calibration(Presented):
         joints = self.study.specification.joints.unknown
         names = zip(joints, self.study.model.parameters, strict=True)
         return tuple(words.get(joint, name) for joint, name in names)
-
-    @property
-    def verdict(self) -> str:
-        """Whether to use the result: "good", "usable" or "bad".
-
-        It is never better than the worst finding, and not good where the study says what is hard
-        to believe.
-        """
-        return verdict([*self.study.warnings, *self.findings])
 
     @property
     def expected(self) -> ExpectedError | None:
@@ -460,7 +445,38 @@ class Calibration(Presented):
             ImproperPosteriorError: Too few measurements for the unknowns.
             ChainFileError: The file is no chain, or of another problem.
         """
-        return with_posterior(self, rng, options)
+        fitted = self.fitted
+        fit = self.fit
+        noise = _noise(self)
+        check = check_posterior(
+            self.study,
+            fitted.A,
+            fitted.measured,
+            fitted.noise,
+            Estimate(fit.k, fit.covariance),
+            rng,
+            noise=noise,
+            options=options,
+        )
+        prior = study_prior(self.study)
+        estimated = prior.is_flat and noise.normal and not fit.known and not fit.robust
+        budget = self.budget
+        named = self.findings
+        if fitted.untold:
+            names = self.study.model.parameters
+            posterior = Estimate(check.posterior.mean, check.posterior.covariance, names)
+            fitted = fitted.described_by(posterior)
+            budget = calibration_budget(fitted, None)
+            named = spring_findings(fitted, None, budget)
+        added = posterior_findings(fitted, prior, check.posterior)
+        rest = (one for one in named if one.kind != "prior_contradicted")
+        return replace(
+            self,
+            fitted=fitted,
+            budget=budget,
+            findings=tuple(sorted([*added, *rest], key=lambda one: -one.severity)),
+            check=replace(check, sigma_estimated=estimated),
+        )
 
     def by_joint(self, values: np.ndarray) -> dict[str, float]:
         """Values (p,) by the names of the unknown joints; NaN for one that is not told."""

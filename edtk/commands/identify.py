@@ -124,13 +124,11 @@ def command(
 
 def _harmful(found: "Calibration | GeometricCalibration", robust: bool) -> Iterator[str]:
     """What is worse than a note, each with the options that help."""
-    from edtk.calibration.calibration import Calibration
     from edtk.findings.finding import Severity
 
-    is_of_springs = isinstance(found, Calibration)
     for one in found.findings:
         if one.severity > Severity.NOTE:
-            yield f"{one.words}{_hint(one, robust) if is_of_springs else ''}"
+            yield f"{one.words}{_hint(one, robust)}"
 
 
 @contextmanager

@@ -233,7 +233,7 @@ def test_posterior_of_measurements(save):
         assert found.check.posterior.noise_names == (() if known else ("sigma_ratio",))
         assert found.check.pose.rho0_fit == pytest.approx(plain.fit.accuracy(STUDY.target)[0])
         content = found.to_dict()["posterior"]
-        assert {"parameters", "noise", "test_pose", "steps", "walkers"} == set(content)
+        assert {"parameters", "noise", "test_pose", "steps", "walkers"} < set(content)
         assert json.loads(json.dumps(content)) == content
         assert "posterior" in found.summary()
 

@@ -1,5 +1,6 @@
 """Ranks of simulated truths, on a few runs."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +55,28 @@ def test_every_case_can_be_run(check):
     """A run of each case has a rank for every parameter, those of the noise included."""
     for i, case in enumerate(check.CASES):
         assert run(check, i, 1).ranks.shape == (1, 5 + len(case.noise.names))
+
+
+def test_every_case_of_geometry_can_be_run(check):
+    """A run has a rank for each parameter that was asked for by name, and for each coordinate."""
+    for case in range(len(check.GEOMETRY_CASES)):
+        found = check.geometry_ranks(case, [1])
+        assert found.ranks.shape == (1, len(check.ranked_names(case)))
+    assert check.ranked_names(0)[:4] == ("q2.ry", "q3.ry", "k_q2", "k_q3")
+
+
+def test_errors_that_a_density_does_not_know_are_found(check, monkeypatch):
+    """Where a density believes in a third of the errors, its intervals do not cover."""
+    right = check.geometry_posterior
+
+    def surer(density, *given):
+        return right(
+            replace(density, root=density.root / 3, whitening=3 * density.whitening), *given
+        )
+
+    assert check.geometry_ranks(1, range(4)).covered.mean() > 0.8
+    monkeypatch.setattr(check, "geometry_posterior", surer)
+    assert check.geometry_ranks(1, range(4)).covered.mean() < 0.7
 
 
 def test_uniformity(check):

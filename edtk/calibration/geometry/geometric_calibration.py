@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from criteria.linalg.spectrum import is_semidefinite
-from edtk.calibration.calibration import Origin
+from edtk.calibration.calibration import Judged, Origin
 from edtk.calibration.posterior_check import PosteriorCheck, compared_with_fit
-from edtk.findings.finding import Finding, Severity, verdict
+from edtk.findings.finding import Finding, Severity
 from edtk.findings.geometry.counting import Counting
 from edtk.fit.distributions import task_accuracy
 from edtk.fit.geometry.fitted_geometry import FittedGeometry, GeometricFit, root_mean_square
@@ -39,7 +39,6 @@ from edtk.study.study_geometry import StudyGeometry, study_marks
 from edtk.system.errors import UserError
 from edtk.system.files import read_text
 from edtk.system.parsing import parse_json
-from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
 if TYPE_CHECKING:
@@ -343,7 +342,7 @@ def _require_same(given: object, setting: StudyGeometry, where: Path | str) -> N
 
 
 @dataclass(frozen=True, eq=False)
-class GeometricCalibration(Presented):
+class GeometricCalibration(Judged):
     """Geometry, base, tools and springs that a sheet of positions tells, and whether to trust them.
 
     Attributes:
@@ -459,11 +458,6 @@ class GeometricCalibration(Presented):
             lines.append("the loads are as stated: 1 % of a load is 1 % of every compliance")
         return tuple(lines)
 
-    @property
-    def verdict(self) -> str:
-        """Whether to use the result: "good", "usable" or "bad", as the worst finding says."""
-        return verdict([*self.study.warnings, *self.findings])
-
     @cached_property
     def parameters(self) -> dict[str, dict[str, Any]]:
         """Value and standard deviation of each identified parameter, by name, in its unit."""
@@ -505,15 +499,8 @@ class GeometricCalibration(Presented):
                 for name in names
             },
             "std": std,
-            "verdict": self.verdict,
-            "doubts": [one.words for one in self.findings],
-            "diagnostics": [one.to_dict() for one in self.findings],
-            "study_warnings": [one.words for one in self.study.warnings],
+            **self.judgement(),
             "assumed": list(self.assumed),
-            "posterior": None if self.check is None else self.check.to_dict(),
-            "known": {
-                name: one.value for name, one in self.study.specification.joints.known.items()
-            },
             "geometry": {
                 **geometry_to_dict(fit.fitted, self.counting),
                 **self._told_before(),

@@ -163,7 +163,21 @@ class GeometryDensity:
         if self.prior is not None:
             numbers += self.prior.gaussian()
         words = [one.name for one in self.model.parameters]
-        return numbers, repr((words, means.markers, self.nu))
+        return numbers, repr((words, means.markers, self.nu, self.prior))
+
+    def start(self, rng: np.random.Generator, walkers: int) -> Array:
+        """Where walkers start (walkers, p): normal draws, nearer the mode where a prior has none.
+
+        Args:
+            rng: Source of randomness.
+            walkers: How many.
+        """
+        x = rng.standard_normal((walkers, self.model.p))
+        out = ~np.isfinite(self.log_density(x))
+        while out.any() and x[out].any():
+            x[out] /= 2  # down to the mode itself
+            out = ~np.isfinite(self.log_density(x))
+        return x
 
     def parameters(self, x: Array) -> Array:
         """Parameters (..., p) in their units."""
@@ -217,5 +231,5 @@ def geometry_posterior(
     if p > MOST_SAMPLED and options.chain is None:
         return weighted_draws(density, rng, names, units)
     walkers = max(options.walkers, WALKERS_PER_PARAMETER * p)
-    start = rng.standard_normal((walkers, p))
+    start = density.start(rng, walkers)
     return posterior_of(sample_chain(density, start, seed, options), names, units)

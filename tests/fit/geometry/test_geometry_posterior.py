@@ -14,6 +14,7 @@ from edtk.fit.geometry.geometry_posterior import (
     many_seen,
 )
 from edtk.fit.posterior import EMCEE, LAPLACE, SamplingOptions
+from edtk.fit.prior import Flat, LogNormal, Prior
 from edtk.fit.run_chain import Demand
 
 OPTIONS = SamplingOptions(Demand(0.1, length=10.0))
@@ -63,6 +64,28 @@ def assert_normal(std: np.ndarray, density: GeometryDensity, error: np.ndarray) 
     """Standard deviations are those of the normal approximation, within the draws' errors."""
     normal = np.linalg.norm(density.root, axis=1)
     assert (np.abs(std - normal) < 4 * error).all()
+
+
+def test_walkers_start_where_there_is_a_density(density: GeometryDensity) -> None:
+    """A prior of positive numbers has none below zero; and its factor tells a density apart."""
+    flat = (Flat(),) * (density.model.p - 1)
+    scale = density.model.scales[0]
+    mode = density.mode.copy()
+    mode[0] = np.linalg.norm(density.root[0])  # one standard deviation above zero
+    known, other = (
+        replace(
+            density,
+            mode=mode,
+            prior=Prior((LogNormal(scale * mode[0], factor), *flat), None, False),
+        )
+        for factor in (1.5, 2.0)
+    )
+    start = known.start(np.random.default_rng(0), 100)
+    assert np.isfinite(known.log_density(start)).all()
+    assert (start.std(axis=0)[1:] > 0.3).all()
+    assert known.content[1] != other.content[1]
+    free = density.start(np.random.default_rng(0), 4)
+    np.testing.assert_array_equal(free, np.random.default_rng(0).standard_normal(free.shape))
 
 
 @pytest.mark.slow
