@@ -58,8 +58,10 @@ def certificate(
     Returns:
         Plain data for JSON.
     """
+    relaxed = found.relaxed if isinstance(found, ExactPlan) else found
+    if setting is None:
+        setting = setting_to_dict(study, relaxed.space)
     if isinstance(found, ExactPlan):
-        relaxed = found.relaxed
         answer = {
             "kind": "plan",
             "claims": _plan_claims(found),
@@ -69,7 +71,6 @@ def certificate(
         if day is not None:
             answer["day"] = day
     else:
-        relaxed = found
         answer = {
             "kind": "relaxation",
             "claims": _relaxation_claims(found),
@@ -83,8 +84,8 @@ def certificate(
         "criterion": relaxed.criterion.name,
         **answer,
         "proof": _proof(relaxed) if day is None else _proofs(proofs),
-        "setting": setting_to_dict(study, relaxed.space) if setting is None else setting,
-        **_sharing(study, found),
+        "setting": setting,
+        **_sharing(setting, found),
     }
 
 
@@ -113,9 +114,9 @@ def require_certifiable(study: Study, name: str | None, path: Path | str | None)
         )
 
 
-def _sharing(study: Study, found: RelaxedPlan | ExactPlan) -> dict[str, int]:
+def _sharing(setting: Mapping[str, Any], found: RelaxedPlan | ExactPlan) -> dict[str, int]:
     """How many experiments share the study's prior, which weights do not tell."""
-    if study.designed.prior_information is None or isinstance(found, ExactPlan):
+    if "prior" not in setting or isinstance(found, ExactPlan):
         return {}
     return {"sharing": found.space.sharing}
 

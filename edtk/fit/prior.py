@@ -366,6 +366,19 @@ class PriorRows:
         return cls(np.zeros((0, p)), np.zeros(0))
 
     @classmethod
+    def of_gaussian(cls, prior: Prior) -> "PriorRows":
+        """Rows that say the same as `Prior.gaussian`, which knows no estimate."""
+        pairs = np.array([marginal.gaussian() for marginal in prior.marginals])
+        told = np.flatnonzero(pairs[:, 1] > 0)
+        root = np.sqrt(pairs[told, 1])
+        rows = np.eye(len(pairs))[told] * root[:, None]
+        values = pairs[told, 0] * root
+        if prior.earlier is not None:
+            own = prior.earlier.rows()
+            rows, values = np.concatenate([rows, own[0]]), np.append(values, own[1])
+        return cls(rows, values, tuple(told.tolist()))
+
+    @classmethod
     def near(cls, prior: Prior, k: Array) -> "PriorRows":
         """Linearise a prior about parameters.
 
@@ -452,9 +465,8 @@ def fit_with_prior(
 ) -> Estimate:
     """Fit compliances to measurements, with a Gaussian near the prior as further rows.
 
-    With ``P = V w V'`` the precision of that Gaussian and h that times its mean, the rows
-    ``sqrt(w) V' k = V' h / sqrt(w)`` have noise of size one. So the covariance is
-    ``(A' A / sigma^2 + P)^-1``, found from rows, by QR.
+    With the precision P of that Gaussian, rows F of noise of size one say the same, ``F'F = P``. So
+    the covariance is ``(A' A / sigma^2 + P)^-1``, found from rows, by QR.
 
     Args:
         A: Regressors (m, rows, p) [m/(rad/(N m))].
@@ -469,18 +481,11 @@ def fit_with_prior(
     Raises:
         SingularPlanError: Prior and measurements together say nothing of a parameter.
     """
-    P, h = prior.gaussian()
-    known = np.diag(P) > 0
-    unit = np.where(known, 1 / np.sqrt(np.where(known, np.diag(P), 1.0)), 1.0)
-    w, V = np.linalg.eigh(P * np.outer(unit, unit))
-    # A flat prior's eigenvalue is zero exactly, as P then has a row of zeros.
-    root = np.sqrt(np.where(w > 0, w, 0.0))
-    rows = root[:, None] * V.T / unit
-    values = np.divide(V.T @ (unit * h), root, out=np.zeros_like(root), where=root > 0)
+    known = PriorRows.of_gaussian(prior)
     p = A.shape[-1]
     seen = _in_sigma(A, measured, sigma)
-    X = np.concatenate([seen[0].reshape(-1, p), rows])
-    y = np.concatenate([seen[1].ravel(), values])
+    X = np.concatenate([seen[0].reshape(-1, p), known.rows])
+    y = np.concatenate([seen[1].ravel(), known.values])
     whitened = Whitened.of(X[:, None], 1.0, parameters)
     return Estimate(whitened.solve(y[:, None]), whitened.covariance, parameters)
 

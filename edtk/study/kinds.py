@@ -274,10 +274,14 @@ class Geometry(Kind):
                     "the base's errors are about the place that the sheet itself gives it, of "
                     "which nothing can be known before; expected other parameters",
                 )
-            for turns, number in ((True, "std_mrad"), (False, "std_mm")):
-                if getattr(known, number) is not None and all(one.turns != turns for one in meant):
-                    other = "std_mm" if turns else "std_mrad"
-                    raise study.error(key, f"means no {number[4:]}; expected {other}")
+            turns = {one.turns for one in meant}
+            numbers = {"std_mrad": (True, known.std_mrad), "std_mm": (False, known.std_mm)}
+            given = {key: turn for key, (turn, std) in numbers.items() if std is not None}
+            idle = [key for key, turn in given.items() if turn not in turns]
+            # Of a group, lengths and angles are given together.
+            if idle and (len(meant) == 1 or len(idle) == len(given)):
+                other = "std_mm" if idle == ["std_mrad"] else "std_mrad"
+                raise study.error(key, f"means no {idle[0][4:]}; expected {other}")
 
     def check_criterion(self, study: StudyObjects, key: str, name: str) -> None:
         """The parameters of a plan are known only when it is asked for."""

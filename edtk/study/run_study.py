@@ -232,16 +232,12 @@ def _base(designs: Designs, name: str) -> str:
 
 def _shares(designs: Designs) -> tuple[int | None, ...]:
     """Sizes that have relaxations of their own: with a prior in the design all, else none has."""
-    return (
-        designs.study.specification.sizes
-        if designs.design.prior_information is not None
-        else (None,)
-    )
+    return designs.study.specification.sizes if designs.has_prior else (None,)
 
 
 def _key(designs: Designs, name: str, size: int) -> str:
     """Key of the relaxation under a criterion that plans of this size are compared with."""
-    return relaxation_key(name, size if designs.design.prior_information is not None else None)
+    return relaxation_key(name, size if designs.has_prior else None)
 
 
 def _relaxation_name(key: str) -> str:

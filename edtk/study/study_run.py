@@ -126,6 +126,11 @@ class Designs:
         """Information matrix (p, p) of a plan, and of a prior that counts."""
         return self.design.information(plan)
 
+    @property
+    def has_prior(self) -> bool:
+        """Whether the study's prior counts beside the experiments."""
+        return self.design.prior_information is not None
+
     def relax_options(self) -> RelaxOptions:
         """How accurate relaxations over all poses are."""
         return RelaxOptions(tolerance=TOLERANCE)

@@ -300,6 +300,7 @@ class OfGeometry(OfStudy):
             criterion,
             candidates=call.candidates,
             continuous=call.continuous,
+            size=call.size,
             memory_mb=call.memory_mb,
             options=options,
         )

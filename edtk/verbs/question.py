@@ -62,7 +62,6 @@ REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
         "plan": {
             **_none_of(OF_PROBLEMS, "not for plans of a study"),
         },
-        "relax": {"size": "has no effect without a prior in the design; expected none"},
         "template": {
             "markers": "the markers of a study of geometry are its [[marker]]; leave this out",
             "positions": "a sheet of a study of geometry has positions anyway; leave this out",

@@ -6,10 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from arm import ROBOT as PLANAR_ROBOT
 from geometry_sheets import OFFSETS, PLACE, ROBOT, Array, by_pose
 
 import edtk
 from edtk.calibration.geometry.told_before import told_before
+from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.fit.geometry.fit_geometry import fit_geometry
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit
 from edtk.fit.geometry.geometry_posterior import GeometryDensity
@@ -246,3 +249,82 @@ def test_the_posterior_has_the_prior_too(tmp_path: Path) -> None:
     log_weight = posterior.log_density(draws) + 0.5 * (draws**2).sum(axis=1)
     weight = np.exp(log_weight - log_weight.max())
     assert weight.sum() ** 2 / (weight**2).sum() > 0.99 * len(draws)
+
+
+POSE = {"q_deg": [10, -60], "tool": {"position_mm": [500, 0, 0]}, "load": {"F_N": [0, 0, -50]}}
+DESIGNED = {"geometry": {"std_mm": 0.3, "std_mrad": 0.3}}
+PLANAR = {
+    "robot": PLANAR_ROBOT,
+    "tool": {"position_mm": [500, 0, 0]},
+    "load": {"F_N": [0, 0, -100]},
+    "marker": [
+        {"name": "A", "position_mm": [0, 30, 10]},
+        {"name": "B", "position_mm": [-60, 0, 50]},
+    ],
+    "measurement": {"sigma_mm": 0.1},
+    "parameters": {"geometry": ["zeros"], "compliance": ["q1"], "base": True, "tool": False},
+    "joints": {"unknown": ["q1"], "known_rad_per_Nm": {"q2": {"value": 2e-6, "std": 5e-7}}},
+    "test_pose": POSE,
+    "candidates": 30,
+}
+
+
+def planar(**prior: object) -> Study:
+    """An arm of two joints, of whose geometry something is known."""
+    return Study(**PLANAR, prior={"parameters": DESIGNED, **prior})
+
+
+def test_information_of_the_prior_counts_beside_that_of_a_plan() -> None:
+    """Of all parameters with a prior each counts as one more row of its own."""
+    study, plain = planar(in_design=True), planar()
+    question = GeometryQuestion.of(study)
+    names = question.space.parameters
+    std = [0.3 if name[0] == "q" else 0.5 if name == "k_q2" else np.inf for name in names]
+    np.testing.assert_allclose(question.prior, np.diag(np.array(std) ** -2.0), atol=1e-9)
+    # Without it known compliances alone count, and fewer parameters can be told apart.
+    assert GeometryQuestion.of(plain).model.p < question.model.p
+    rng = np.random.default_rng(0)
+    q = rng.uniform(-1, 1, (6, 2))
+    wrench = np.zeros((6, 6))
+    wrench[::2, 2] = -100.0
+    plan = edtk.Plan(q, wrench, np.ones(6, dtype=int))
+    found = edtk.evaluate(study, plan)
+    rows = PositionRows(question.model, question.setting.loads, question.setting.noise)(q, wrench)
+    A = rows.reshape(-1, question.model.p)
+    covariance = np.linalg.inv(A.T @ A + np.diag(np.array(std) ** -2.0))
+    np.testing.assert_allclose(found.std, np.sqrt(np.diag(covariance)), rtol=1e-6)
+    assert found.criteria["A"] == pytest.approx(np.trace(covariance), rel=1e-6)
+    rho0 = np.sqrt(np.einsum("rp,pq,rq->", question.target, covariance, question.target))
+    assert found.rho0 == pytest.approx(rho0, rel=1e-6)
+    assert found.to_dict()["with_prior"]
+
+
+@pytest.mark.parametrize("criterion", ["A", "rho0"])
+def test_certificates_with_a_prior_are_verified(criterion: str, tmp_path: Path) -> None:
+    """The second implementation finds value and bound, of weights and of plans."""
+    study = planar(in_design=True)
+    edtk.relax(study, criterion, size=6, certificate=tmp_path / "relaxed.json")
+    edtk.plan(study, 6, criterion, certificate=tmp_path / "plan.json")
+    for name in ("relaxed", "plan"):
+        content = json.loads((tmp_path / f"{name}.json").read_text())
+        assert edtk.verify(content, study).valid
+        content["setting"]["prior"][0][-1] += 1.0
+        assert not edtk.verify(content).valid
+
+
+def test_a_prior_counts_the_less_the_more_visits_share_it() -> None:
+    """Weights are those of plans of a size, which needs a prior in the design."""
+    study = planar(in_design=True)
+    few, many = (edtk.relax(study, "D", size=size).value for size in (4, 400))
+    assert few > many
+    bare = Study(**PLANAR | {"joints": {"unknown": ["q1"]}})
+    with pytest.raises(UserError, match="no effect without a prior"):
+        edtk.relax(bare, "D", size=4)
+
+
+def test_a_plan_with_a_prior_within_a_budget_is_verified(tmp_path: Path) -> None:
+    """Each set of loads has its share of what is known."""
+    study = planar(in_design=True).replace(costs={"visit": 1, "load_change": 2, "budget": 9})
+    found = edtk.plan(study, criterion="A", certificate=tmp_path / "c.json")
+    assert found.bound <= found.cost
+    assert edtk.verify(tmp_path / "c.json", study).valid

@@ -70,8 +70,8 @@ def poor_left_out(question: GeometryQuestion, plan: Plan) -> tuple[Finding, ...]
     sigma = float(np.hypot(noise.typical(points), noise.model_white))
     rows = of_positions(plan.q, plan.wrench)
     rows = rows[:, model.placed_rows] / sigma
-    both = _left_out(rows)
-    alone = _left_out(rows[..., ~errors])
+    both = _left_out(rows, question.known)
+    alone = _left_out(rows[..., ~errors], question.known[:, ~errors])
     moved = _not_taken(rows[..., errors], rows[..., ~errors])
     if both <= alone:
         return ()
@@ -94,10 +94,16 @@ WORDING: Wording = {
 }
 
 
-def _left_out(rows: Array) -> float:
-    """Mean square of a whitened coordinate (m, r) that is predicted without its visit."""
+def _left_out(rows: Array, known: Array) -> float:
+    """Mean square of a whitened coordinate (m, r) that is predicted without its visit.
+
+    Args:
+        rows: How coordinates move with the parameters (m, r, p).
+        known: Rows (c, p) of what is known besides.
+    """
     m, r, p = rows.shape
-    Q = np.linalg.qr(rows.reshape(m * r, p))[0].reshape(m, r, -1)
+    Q = np.linalg.qr(np.concatenate([rows.reshape(m * r, p), known]))[0]
+    Q = Q[: m * r].reshape(m, r, -1)
     hidden = np.eye(r) - Q @ np.swapaxes(Q, 1, 2)
     inverse = np.linalg.pinv(hidden, rcond=HIDDEN, hermitian=True)
     return float(np.einsum("mrr->", inverse)) / (m * r)
@@ -194,6 +200,7 @@ class GeometryEvaluation(Presented):
             **({} if self.tasks is None else {"tasks": self.tasks.to_dict()}),
             "loads": self.poses.wrenches.tolist(),
             "poses": self.poses.to_list(),
+            **({"with_prior": True} if self.question.prior is not None else {}),
             "skipped": self.skipped,
             "warnings": [one.words for one in self.warnings],
         }
@@ -220,16 +227,21 @@ class GeometryDesigns(Designs):
         return cls(study, GeometryQuestion.of(study))
 
     def space(self, size: int | None = None) -> GeometrySpace:
-        """Where visits may lie; nothing is known besides."""
-        return self.question.space
+        """Where plans of so many visits are searched, with what is known besides."""
+        return self.question.space_for(size or self.study.specification.sizes[0])
 
     def criterion(self, name: str | None = None) -> criteria.Criterion:
         """A criterion of the parameters in their own units."""
         return self.question.criterion(name)
 
     def information(self, plan: Plan) -> Array:
-        """Information matrix (p, p) of a plan."""
-        return self.question.space.information(plan)
+        """Information matrix (p, p) of a plan, and of what is known besides."""
+        return self.question.information(plan)
+
+    @property
+    def has_prior(self) -> bool:
+        """Whether something that is known besides counts."""
+        return self.question.prior is not None
 
     def relax_options(self) -> RelaxOptions:
         """How accurate relaxations over all poses are: the same on every machine."""
@@ -251,10 +263,10 @@ class GeometryDesigns(Designs):
             NoPlanError: So few visits tell too little.
         """
         since = monotonic()
-        space = self.question.space
+        space = self.space(case.size)
         criterion = relaxed.criterion
         places = case.size if case.distinct is None else case.distinct
-        if criterion.needs_all:
+        if criterion.needs_all and not self.has_prior:
             require_enough(space, case.size, places, criterion)
         seed = self.study.specification.seed
         search = VisitSearch(
@@ -262,7 +274,7 @@ class GeometryDesigns(Designs):
         )
         found = search.of_size(case.size, case.distinct)
         best = ExactPlan.of(relaxed, found)
-        cost = float(criterion.cost(space.information(best.plan)))
+        cost = float(criterion.cost(self.information(best.plan)))
         if not np.isfinite(cost):
             raise NoPlanError(f"so few visits cannot tell what {criterion.label} needs")
         return replace(best, cost=cost, seconds=monotonic() - since)
@@ -345,7 +357,7 @@ def evaluate_geometry(study: Study, plan: Plan) -> GeometryEvaluation:
     values: dict[str, float] = {}
     skipped = _without_value(question)
     if is_whole:
-        M = question.space.information(plan)
+        M = question.information(plan)
         has_target = question.target is not None
         values, skipped = criterion_values(study, lambda _: M, question.criterion, has_target)
     return GeometryEvaluation(

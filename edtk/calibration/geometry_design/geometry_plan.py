@@ -11,9 +11,10 @@ from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.calibration.template import visit_order
 from edtk.design.exact.day import DayPlan, PosesByLoad
 from edtk.design.plan import Plan
-from edtk.fit.geometry.fit_geometry import stages
+from edtk.fit.geometry.fit_geometry import told_apart
 from edtk.fit.geometry.marker_positions import VECTOR
-from edtk.measure.parameters import Identifiable, identifiable
+from edtk.fit.prior import PriorRows
+from edtk.measure.parameters import Identifiable
 from edtk.measure.pose_table import (
     CHANGE_COLUMN,
     DEFLECTION_COLUMNS,
@@ -47,10 +48,11 @@ class ToldByPlan:
 
     @cached_property
     def told(self) -> Identifiable:
-        """Which parameters of the question it tells apart."""
+        """Which parameters of the question it tells apart, with what is known besides."""
         question = self.question
         rows = question.rows(self.plan.q, self.plan.wrench).reshape(-1, question.model.p)
-        return identifiable(rows, question.model.parameters, stages(question.model))
+        known = PriorRows(question.known, np.zeros(len(question.known)))
+        return told_apart(question.model, rows, known)
 
     @cached_property
     def covariance(self) -> Array:
@@ -61,7 +63,8 @@ class ToldByPlan:
         A = rows(self.plan.q, self.plan.wrench)
         weighted = np.sqrt(self.plan.repeats)[:, None, None] * A[..., kept]
         # From the rows: their squares would lose half of the digits.
-        R = np.linalg.qr(weighted.reshape(-1, len(kept)), mode="r")
+        every = np.concatenate([weighted.reshape(-1, len(kept)), question.known[:, kept]])
+        R = np.linalg.qr(every, mode="r")
         inverse = np.linalg.solve(R, np.eye(len(R)))
         return np.asarray(inverse @ inverse.T)
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 import criteria
+from edtk.calibration.geometry.told_before import design_prior
 from edtk.calibration.geometry_design.geometry_space import MM, GeometrySpace, PositionRows
 from edtk.certificate.certificate import (
     feasible_to_dict,
@@ -16,9 +17,11 @@ from edtk.certificate.certificate import (
 )
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
-from edtk.fit.geometry.fit_geometry import stages
+from edtk.design.plan import Plan
+from edtk.fit.geometry.fit_geometry import told_apart
+from edtk.fit.prior import PriorRows
 from edtk.measure.measured_model import MeasuredModel
-from edtk.measure.parameters import COMPONENTS, Identifiable, Parameter, identifiable
+from edtk.measure.parameters import COMPONENTS, Identifiable, Parameter
 from edtk.measure.task import Task, Tasks
 from edtk.robots.frames import BodyPoint
 from edtk.robots.loads.fixed_load import FixedLoad
@@ -75,6 +78,9 @@ class GeometryQuestion:
             study can tell apart under these loads.
         structural: Parameters that any poses could tell, feasible or not.
         shares: How those that feasible poses leave open hang on the others, see `Identifiable`.
+        before: What is known besides of all parameters that the study asks for, in their units, as
+            far as it counts in designs.
+        known: Rows (r, p) of what that says of the parameters of a plan, with errors of size one.
         untold: A sentence for each of these, and for each spring that the study asks for and no
             pose tells.
     """
@@ -85,6 +91,8 @@ class GeometryQuestion:
     space: GeometrySpace
     structural: MeasuredModel
     shares: Identifiable
+    before: PriorRows
+    known: Array
     untold: tuple[str, ...]
 
     @classmethod
@@ -97,11 +105,13 @@ class GeometryQuestion:
         setting = StudyGeometry.of(study)
         wrenches = wrenches_of(study)
         anywhere = _anywhere(setting.model, wrenches)
-        told = _told(setting, setting.model, *anywhere)
+        before = _before(setting, *anywhere)
+        told = _told(setting, setting.model, *anywhere, before)
         structural = _with(setting.model, told)
         load = FixedLoad(wrenches[0]) if len(wrenches) == 1 else ListedLoad(wrenches)
         space = _space(study.space_under(load), structural, setting)
-        shares = _told(setting, structural, *_feasible(space, study, wrenches))
+        of_structural = before.of(told.kept)
+        shares = _told(setting, structural, *_feasible(space, study, wrenches), of_structural)
         return cls(
             study,
             setting,
@@ -109,6 +119,8 @@ class GeometryQuestion:
             replace(space, geometry=_with(structural, shares)),
             structural,
             shares,
+            before,
+            of_structural.of(shares.kept).rows,
             (*_springs(setting.model, told), *shares.words),
         )
 
@@ -116,6 +128,22 @@ class GeometryQuestion:
     def model(self) -> MeasuredModel:
         """Markers, and the parameters of a plan."""
         return self.space.geometry
+
+    @property
+    def prior(self) -> Array | None:
+        """Information (p, p) that counts beside every plan; None where nothing is known."""
+        return self.known.T @ self.known if len(self.known) else None
+
+    def information(self, plan: Plan) -> Array:
+        """Information matrix (p, p) of a plan, and of what is known besides."""
+        M = self.space.information(plan)
+        return M if self.prior is None else M + self.prior
+
+    def space_for(self, size: int) -> GeometrySpace:
+        """The space of plans of so many visits, which share what is known besides."""
+        if self.prior is None:
+            return self.space
+        return replace(self.space, prior=self.prior / size, sharing=size)
 
     def rows(self, q: Array, wrench: Array) -> Array:
         """How markers move with the parameters (m, k r, p) [mm, mrad] in poses under wrenches."""
@@ -170,9 +198,8 @@ class GeometryQuestion:
 
         Where markers sit is unknown, they tell neither the zero of the last joint nor its length.
         """
-        told = _told(
-            self.setting, self.setting.model, *_anywhere(self.setting.model, self.wrenches)
-        )
+        model = self.setting.model
+        told = _told(self.setting, model, *_anywhere(model, self.wrenches), self.before)
         moved = np.zeros(len(told.left), dtype=bool)
         for task in self.study.tasks:
             rows = self.setting.columns(task, self.setting.model)(task.q, bool(task.lever))
@@ -261,10 +288,22 @@ def _springs(model: MeasuredModel, told: Identifiable) -> tuple[str, ...]:
     )
 
 
-def _told(setting: StudyGeometry, model: MeasuredModel, q: Array, wrench: Array) -> Identifiable:
-    """What poses tell apart."""
+def _told(
+    setting: StudyGeometry, model: MeasuredModel, q: Array, wrench: Array, before: PriorRows
+) -> Identifiable:
+    """What poses tell apart, and what is known besides adds to that."""
     rows = PositionRows(model, setting.loads)(q, wrench).reshape(-1, model.p)
-    return identifiable(rows, model.parameters, stages(model))
+    return told_apart(model, rows, before)
+
+
+def _before(setting: StudyGeometry, q: Array, wrench: Array) -> PriorRows:
+    """What is known besides, in units of the parameters, with what poses cannot tell from it."""
+    model = setting.model
+    prior = design_prior(setting)
+    if prior.earlier is not None:
+        rows = PositionRows(model, setting.loads)(q, wrench).reshape(-1, model.p)
+        prior = replace(prior, earlier=prior.earlier.completed(rows, model.scales))
+    return PriorRows.of_gaussian(prior).scaled(model.scales)
 
 
 def _anywhere(model: MeasuredModel, wrenches: Array) -> tuple[Array, Array]:
@@ -322,6 +361,7 @@ def geometry_setting(question: GeometryQuestion) -> dict[str, Any]:
             **({"places": list(model.places)} if model.is_distance.any() else {}),
         },
         **_interest(question),
+        **({} if question.prior is None else {"prior": question.known.tolist()}),
     }
 
 

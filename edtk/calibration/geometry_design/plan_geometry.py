@@ -1,7 +1,5 @@
 """The plan and the relaxation that a study of geometry asks for."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
@@ -42,6 +40,7 @@ def relax_geometry(
     *,
     candidates: int | None = None,
     continuous: bool = False,
+    size: int | None = None,
     memory_mb: float = DEFAULT_MB,
     options: RunOptions = DEFAULTS,
 ) -> RelaxedPlan:
@@ -52,6 +51,8 @@ def relax_geometry(
         criterion: Name of a criterion; defaults to the one that the study is about.
         candidates: Number of candidate visits; defaults to the study's.
         continuous: Whether to search over all feasible poses, beyond the candidates.
+        size: Number of visits that share what is known besides, where that counts in designs;
+            defaults to the first of the study's sizes.
         memory_mb: Limit on memory [MB].
         options: Seed, progress, and what does the work: the result does not depend on that.
 
@@ -61,7 +62,11 @@ def relax_geometry(
     """
     with study_errors(study):
         question = GeometryQuestion.of(study)
-        source: CandidateSource = source_of(study, options.seed, question.space, options.threads)
+        if size is not None and question.prior is None:
+            message = "has no effect without a prior in the design; expected none"
+            raise ArgumentError(message, argument="size", given=size)
+        space = question.space_for(size or study.specification.sizes[0])
+        source: CandidateSource = source_of(study, options.seed, space, options.threads)
         return relax_poses(
             source,
             study.specification.candidates if candidates is None else candidates,
@@ -138,7 +143,7 @@ def _search(
     if new is not None and new > MOST_VISITS:
         message = f"plans of more than {MOST_VISITS} new visits are not searched for"
         raise ArgumentError(message, argument="size", given=size)
-    known = None if kept is None else replace(question.space, prior=None).information(kept)
+    known = question.prior if kept is None else question.information(kept)
     return DaySearch(
         source=source_of(study, options.seed, question.space),
         candidates=study.specification.candidates,
@@ -181,7 +186,7 @@ def _require_enough(question: GeometryQuestion, search: DaySearch) -> None:
     model = question.model
     rows = most * model.row_count * len(model.markers)
     places = most if search.distinct is None or search.new is None else search.distinct
-    if search.kept is not None or not search.criterion.needs_all:
+    if search.known is not None or not search.criterion.needs_all:
         return
     # Twice as many rows as parameters are enough, wherever markers are not in one place.
     if places < most or rows < 2 * model.p:
@@ -221,13 +226,14 @@ def _all_parameters(model: MeasuredModel, least: int | None) -> str:
 
 def _judged(question: GeometryQuestion, found: DayPlan) -> GeometryPlan:
     """The plan with its cost by rows, and with its error in the test poses."""
-    M = replace(question.space, prior=None).information(found.whole)
+    M = question.information(found.whole)
     rho0 = None
     if question.target is not None:
         rho0 = float(question.criterion("rho0").value(M))
     given = {name: getattr(found, name) for name in found.__dataclass_fields__}
     given |= {
         "cost": float(found.relaxed.criterion.cost(M)),
+        "with_prior": question.prior is not None,
         "warnings": question.study.warnings,
     }
     return GeometryPlan(**given, question=question, rho0=rho0)

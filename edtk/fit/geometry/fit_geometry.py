@@ -40,6 +40,8 @@ SETTLED = 1e-3  # relative change of the noise between rounds
 # Errors of coordinates, at least, of which a part is what models leave out [mm]. A parameter whose
 # column moves all coordinates by less, if it is as far from the drawing as it may be, is not told.
 ERRORS = 0.1
+# Of a direction of the prior, that its own rows leave: all else tells it a thousand times worse.
+UNTOLD = 1e-6
 NU = 5.0  # degrees of freedom of a robust loss
 
 
@@ -218,12 +220,12 @@ def _chosen(
     scaled = _scaled(model, start, means, torque)
     # What poses tell comes first: knowledge besides adds to it.
     nothing = PriorRows.none(model.p)
-    alone = _identifiable(model, wide, nothing)
+    alone = identifiable_beside(model, wide, nothing)
     told = _some(model, scaled, nothing, alone.kept, size)
     by_poses = alone.kept[told.kept]
     for known in (prior, prior.with_weak):
         before = known_before(known, model, start, size)
-        possible = _identifiable(model, wide, before, alone.kept) if len(before) else alone
+        possible = identifiable_beside(model, wide, before, alone.kept) if len(before) else alone
         _require_enough(means, possible.rank - len(before))
         if len(before):
             told = _some(model, scaled, before, possible.kept, size, by_poses)
@@ -260,10 +262,12 @@ def _some(
     """The same of some parameters alone, each to be told better than it may be off anyway."""
     place = {int(old): new for new, old in enumerate(chosen)}
     begin = None if first is None else np.array([place[int(i)] for i in first], dtype=int)
-    return _identifiable(_with(model, chosen), scaled[:, chosen], before.of(chosen), begin, size)
+    return identifiable_beside(
+        _with(model, chosen), scaled[:, chosen], before.of(chosen), begin, size
+    )
 
 
-def _identifiable(
+def identifiable_beside(
     model: MeasuredModel,
     scaled: Array,
     before: PriorRows,
@@ -291,6 +295,20 @@ def _identifiable(
     own = np.linalg.norm(before.rows, axis=0) / size if len(before) else np.zeros(model.p)
     least = size * np.minimum(1 / spread, np.where(own > 0, own / 2, np.inf))
     return identifiable(rows, model.parameters, order, least)
+
+
+def told_apart(model: MeasuredModel, scaled: Array, before: PriorRows) -> Identifiable:
+    """What rows (r, p) tell apart, and after it what is known before adds.
+
+    Args:
+        model: The parameters.
+        scaled: How they move coordinates [mm].
+        before: What is known before of the parameters in their units, with errors of size one.
+    """
+    alone = identifiable_beside(model, scaled, PriorRows.none(model.p))
+    if not len(before):
+        return alone
+    return identifiable_beside(model, scaled, before.scaled(np.ones(model.p), ERRORS), alone.kept)
 
 
 def _at_most_likely(model: MeasuredModel, start: Array, prior: Prior) -> Array:
@@ -570,19 +588,16 @@ def _told_before(
     mean, std = np.full(p, np.nan), np.full(p, np.nan)
     first = out.Q.shape[0] * out.Q.shape[1] - out.beside
     for row, i in enumerate(before.parameters):
-        error, covariance = out.of_rows(np.array([first + row]))
+        error, covariance, rank = out.of_rows(np.array([first + row]))
+        if not rank:  # nothing else says anything of it
+            continue
         size = before.rows[row, i]
         mean[i] = (before.values[row] - error[0]) / size * model.scales[i]
         # The row's own error, of size one, is a part of that of the difference.
         std[i] = np.sqrt(max(covariance[0, 0] - 1, 0.0)) / size * model.scales[i]
-        if not covariance[0, 0]:  # nothing else says anything of it
-            mean[i] = std[i] = np.nan
     rows = first + np.arange(len(before.parameters), len(before))
-    square, rank = 0.0, 0
-    if len(rows):
-        error, covariance = out.of_rows(rows)
-        rank = int(np.linalg.matrix_rank(covariance, tol=1e-9, hermitian=True))
-        square = float(error @ np.linalg.pinv(covariance, rcond=1e-9, hermitian=True) @ error)
+    error, covariance, rank = out.of_rows(rows)
+    square = float(error @ np.linalg.pinv(covariance, rcond=1e-9, hermitian=True) @ error)
     own = out.Q.reshape(-1, p)[first : first + len(before)]
     return ToldBefore(prior, mean, std, square, rank, dof, float((own**2).sum()))
 
@@ -641,21 +656,26 @@ class _LeftOutPoses:
             beside=rows.beside * r,
         )
 
-    def of_rows(self, chosen: Indices) -> tuple[Array, Array]:
-        """Errors (c,) of rows of the prior without them, in their units, and the covariance (c, c).
+    def of_rows(self, chosen: Indices) -> tuple[Array, Array, int]:
+        """Rows of the prior without them: in the directions that all else tells, too.
 
         Args:
             chosen: Their indices among all rows.
+
+        Returns:
+            Errors (c,) in units of the prior's own, their covariance (c, c), and its rank.
         """
         own = self.Q.reshape(-1, self.Q.shape[-1])[chosen]
         P = own @ own.T
         # Rows of the prior have errors of size one, and weights as `working` has them.
         V = np.eye(len(chosen)) / (1 + WHITE_SHARE)
-        hidden = np.linalg.pinv(np.eye(len(chosen)) - P, rcond=1e-9, hermitian=True)
+        left, U = np.linalg.eigh(np.eye(len(chosen)) - P)
+        told = left > UNTOLD
+        hidden = (U[:, told] / left[told]) @ U[:, told].T
         of_residual = V - P @ V - V @ P + own @ self.S @ own.T
         size = np.sqrt(1 + WHITE_SHARE)
         errors = size * hidden @ self.z.reshape(-1)[chosen]
-        return errors, size**2 * hidden @ of_residual @ hidden
+        return errors, size**2 * hidden @ of_residual @ hidden, int(told.sum())
 
 
 def _surprise(errors: Array, covariance: Array) -> Array:

@@ -26,6 +26,8 @@ def geometry_plan_text(found: GeometryPlan) -> str:
     unit = f" {criterion.shown[1]}".rstrip()
     poses = found.poses
     kept = "" if found.kept is None else f", {found.kept.experiments} of them there already"
+    if found.with_prior:
+        kept += ", beside what is known before"
     lines = [
         f"{criterion.name}, {criterion.title}; {found.whole.experiments} visits "
         f"of {len(poses.q)} poses{kept}",
@@ -136,7 +138,8 @@ def geometry_evaluation_text(found: GeometryEvaluation) -> str:
     """What is told, a line for each criterion, and one for each standard deviation."""
     question = found.question
     lines = [
-        f"{found.experiments} visits of {len(found.poses.q)} poses",
+        f"{found.experiments} visits of {len(found.poses.q)} poses"
+        + (", beside what is known before" if question.prior is not None else ""),
         *visits_by_load(found.poses),
         f"{found.rank} parameters can be told apart"
         + (f" of {question.model.p} that better poses would tell" if found.open else ""),
