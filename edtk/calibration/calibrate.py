@@ -17,7 +17,7 @@ from edtk.findings.input_errors import find_input_error
 from edtk.findings.moving_joints import stated_noise
 from edtk.findings.nonlinear_part import linear_model_bias
 from edtk.findings.prior import known_findings
-from edtk.findings.springs import spring_findings
+from edtk.findings.springs import spring_findings, still_joints, untold_finding
 from edtk.fit.correlated_noise import NotPositiveDefiniteError
 from edtk.fit.fit_huber import SigmaTooSmallError
 from edtk.fit.identify import NothingLeftError
@@ -129,6 +129,11 @@ def calibrate(
     found = Calibration(fitted, (), path, _bias(fitted), origin=origin, part=part)
     budget = calibration_budget(fitted, found.rho0_bias)
     named = spring_findings(fitted, found.rho0_bias, budget)
+    if part is not None and study.interest is None:
+        told = (len(fitted.fit.k), len(study.unknown))
+        still = still_joints(study.robot, data.q)
+        named = (untold_finding(told, part.words, still, "; or a [prior], with --bayes"), *named)
+        named = tuple(sorted(named, key=lambda one: -one.severity))
     if study.designed is not study:
         left = {one.name: one for one in found.propagation.assumed}
         more = (*named, *known_findings(study, left))
@@ -186,19 +191,19 @@ def _fitted(
 ) -> tuple[FittedData, ToldPart | None]:
     """The fit, of what is told where that is a part of the compliances.
 
-    With a posterior to come, a prior tells the rest. Otherwise, where the study says what is of
-    interest, the rest may stay open.
+    With a posterior to come, a prior tells the rest. Otherwise the rest stays open: that is said,
+    unless the study says what is of interest.
     """
     study = measured_known(study, data, robust, linear)
     try:
         return FittedData.of(study, data, plan, robust, known, linear), None
     except SingularPlanError as error:
-        if not bayes and study.interest is None:
-            raise
         untold = error.parameters
-    if bayes:
-        prior = study_prior(study)
-        options = (plan, robust, known, linear)
-        return FittedData.with_prior(study, data, prior, untold, *options), None
-    part = told_part(study, data)
+        if bayes:
+            prior = study_prior(study)
+            options = (plan, robust, known, linear)
+            return FittedData.with_prior(study, data, prior, untold, *options), None
+        part = told_part(study, data)
+        if part is None:
+            raise
     return FittedData.of(part.study, data, plan, robust, known, linear), part

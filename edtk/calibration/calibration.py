@@ -195,11 +195,17 @@ def _rho0(found: "Calibration") -> dict[str, Any] | None:
 
 
 def _of_interest(found: "Calibration") -> dict[str, Any]:
-    """What is of interest, and what is not told; nothing where all compliances matter."""
+    """What the measurements tell, and what is of interest where the study says so."""
+    part = found.part
+    told = {
+        "rank": len(found.fit.k),
+        "open": [] if part is None else list(part.words),
+        "not_told": [] if part is None else list(part.open),
+    }
     if found.asked.interest is None:
-        return {}
-    told = {name: {"value": k, "std": std} for name, (k, std) in found.interest.items()}
-    return {"interest": told, "not_told": [] if found.part is None else list(found.part.open)}
+        return told
+    values = {name: {"value": k, "std": std} for name, (k, std) in found.interest.items()}
+    return {"interest": values, **told}
 
 
 def _known(values: dict[str, float]) -> dict[str, float | None]:

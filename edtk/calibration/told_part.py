@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 import criteria
-from criteria.linalg.estimable import combination, null_space
+from criteria.linalg.estimable import SMALL, combination
 from edtk.findings.nonlinear_part import known_part
 from edtk.fit.correlated_noise import whiten_columns
 from edtk.fit.equilibrium import LinearisedData, linearise
@@ -17,9 +17,11 @@ from edtk.fit.measurements import Measurements
 from edtk.fit.prior import PriorRows
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.equilibrium import NoEquilibriumError
+from edtk.measure.parameters import identifiable
 from edtk.measure.task import all_compliances
 from edtk.study.evaluate import OpenInterestError
 from edtk.study.study import Study
+from edtk.study.study_model import springs_of
 from edtk.system.typing import Array
 
 LEAST_COMPLIANCE = 1e-15  # of a joint that is softer than rigid [rad/(N m)]
@@ -39,12 +41,14 @@ class ToldPart:
         rigid: Joints that count as rigid instead.
         stands_for: What the estimates of other open joints are of, in words, by joint:
             "k2 + 0.5 k3".
+        words: A sentence for each of the joints that count as rigid.
     """
 
     asked: Study
     study: Study
     rigid: tuple[str, ...]
     stands_for: Mapping[str, str]
+    words: tuple[str, ...]
 
     @property
     def open(self) -> tuple[str, ...]:
@@ -53,41 +57,47 @@ class ToldPart:
         return tuple(name for name in unknown if name in (*self.rigid, *self.stands_for))
 
 
-def told_part(study: Study, data: Measurements) -> ToldPart:
+def told_part(study: Study, data: Measurements) -> ToldPart | None:
     """Leave out what measurements leave open, where that is not of interest.
 
-    Each open direction N_j has a joint of its own with the factor one, so that ``k - k_j N_j`` has
-    none of it and makes the same displacements ``A k``, as ``A N_j = 0``.
+    A minimal set of compliances makes all displacements that measurements see, see `identifiable`:
+    with the shares S of the others in it, ``A k = A_kept (k_kept + S k_left)``.
 
     Args:
-        study: The study; says what is of interest.
+        study: The study, which may say what is of interest.
         data: The measurements, which do not tell all compliances.
+
+    Returns:
+        The part; None where there are fewer coordinates than compliances, or none are told.
 
     Raises:
         OpenInterestError: They do not tell what is of interest.
     """
     names = study.model.parameters
     rows = whiten_columns(data.regressor(study.model), data.noise).reshape(-1, len(names))
-    M = rows.T @ rows
-    missing = criteria.create("A", interest=study.interest).missing(M, names)
-    if missing:
-        raise OpenInterestError(tuple(missing))
-    scaled, d = null_space(M)
-    N = scaled / d[:, None]
-    # In echelon form each direction has one entry of one that the others have not.
-    single = np.isclose(np.abs(scaled).sum(axis=1), 1.0)
-    own = [int(np.flatnonzero(single & np.isclose(column, 1.0))[0]) for column in scaled.T]
-    N = N / N[own, range(len(own))]
+    if study.interest is not None:
+        missing = criteria.create("A", interest=study.interest).missing(rows.T @ rows, names)
+        if missing:
+            raise OpenInterestError(tuple(missing))
+    elif len(rows) < len(names):
+        return None
     joints = study.specification.joints.unknown
+    found = identifiable(rows, springs_of(study))
+    if not len(found.kept) or not len(found.left):
+        return None
+    length = np.linalg.norm(rows, axis=0)
+    # Shares of columns of unit length can be compared: rounding leaves none of size.
+    size = np.abs(found.shares) * length[found.kept, None]
+    shares = np.where(size > SMALL * length[found.left], found.shares, 0.0)
     stands_for = {}
-    for i in np.flatnonzero(N.any(axis=1)):
-        if i not in own:
+    for own, kept in zip(shares, found.kept.tolist(), strict=True):
+        if own.any():
             factors = np.zeros(len(names))
-            factors[i] = 1.0
-            factors[own] = -N[i]
-            stands_for[joints[i]] = combination(factors, names)
-    rigid = tuple(joints[i] for i in own)
-    return ToldPart(study, _without(study, rigid), rigid, stands_for)
+            factors[kept] = 1.0
+            factors[found.left] = own
+            stands_for[joints[kept]] = combination(factors, names)
+    rigid = tuple(joints[i] for i in found.left)
+    return ToldPart(study, _without(study, rigid), rigid, stands_for, found.words)
 
 
 def _without(study: Study, rigid: tuple[str, ...]) -> Study:

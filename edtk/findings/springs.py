@@ -1,6 +1,6 @@
 """Everything that looks wrong in measurements."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -18,13 +18,17 @@ from edtk.findings.prior import prior_findings
 from edtk.findings.units import place_findings, unit_findings
 from edtk.measure.expected_error import ErrorBudget
 from edtk.measure.pose_table import pose_columns, pose_factors
-from edtk.robots.robot import shown_limits
+from edtk.robots.robot import Robot, shown_limits
+from edtk.system.typing import Array
 
 LITTLE = 0.5  # error with compensation over that without, from which a person is told
 FAR_BELOW_ZERO = -3.0  # standard deviations that noise does not explain
 WEAK = 0.5  # standard deviation over the compliance above which it might as well be zero
 ALIKE = 0.99  # correlation above which two parameters are hardly told apart
 MUCH_WIDER = 5.0  # growth of a standard deviation by which a parameter rests on a pose
+SAME = 1e-6  # [rad or m] a joint that moves less stands still
+MOST_NAMED = 2  # open directions that are named in full
+MOST_LETTERS = 120  # of their names together
 UNKNOWN = 1e3  # growth of a standard deviation beyond which a parameter is as good as unknown
 
 
@@ -198,6 +202,45 @@ def _linear_model(fitted: FittedData, rho0_bias: float | None) -> Iterator[Findi
         yield Finding.of(Severity.WARNING, WORDING, "linear_model", rho0_bias=rho0_bias, **place)
 
 
+def still_joints(robot: Robot, q: Array) -> tuple[str, ...]:
+    """The joints that stand still in all poses (m, n); none where all do."""
+    still = np.ptp(q, axis=0) <= SAME
+    names = [name for name, is_still in zip(robot.joint_names, still, strict=True) if is_still]
+    return () if len(names) == robot.n else tuple(names)
+
+
+def untold_finding(
+    told: tuple[int, int], sentences: Sequence[str], still: tuple[str, ...], else_: str = ""
+) -> Finding:
+    """Parameters that a sheet leaves open.
+
+    Args:
+        told: How many parameters it tells, and of how many.
+        sentences: What cannot be told from what.
+        still: Joints that stand still in all poses.
+        else_: What else would tell them, in words.
+    """
+    data = {"told": told[0], "count": told[1], "open": tuple(sentences)}
+    return Finding.of(Severity.WARNING, WORDING, "open", still=still, else_=else_, **data)
+
+
+def _open(data: Data) -> str:
+    """What the poses tell, and the first directions that they leave open."""
+    named = data["open"][:MOST_NAMED]
+    if len("; ".join(named)) > MOST_LETTERS:
+        named = named[:1]
+    more = len(data["open"]) - len(named)
+    rest = f"; and {more} more" if more else ""
+    names = data["still"]
+    stand = f"{', '.join(names)} stand{'s' * (len(names) == 1)} still in all poses"
+    still = f", as {stand}" if names else ""
+    return (
+        f"{data['told']} of {data['count']} parameters can be told{still}: {'; '.join(named)}"
+        f"{rest}. Poses that move these apart would tell{data['else_']}, and predictions elsewhere "
+        "have wide bands"
+    )
+
+
 EXPLAIN = ("cause", "no_cause", "outliers")
 
 
@@ -334,6 +377,7 @@ def _beyond_limits(data: Data) -> str:
 
 
 WORDING: Wording = {
+    "open": _open,
     "all_negative": _all_negative,
     "far_below_zero": _far_below_zero,
     "near_zero": _near_zero,

@@ -26,18 +26,27 @@ class SingularPlanError(ValueError):
         parameters: Names of the parameters that the plan cannot tell apart or does not excite.
         directions: Combinations of several parameters, like "k2 - 0.5 k3", about which the plan
             says nothing; single parameters are not repeated here.
+        words: Sentences that say the same, what cannot be told from what; there may be none.
     """
 
-    def __init__(self, parameters: tuple[str, ...], directions: tuple[str, ...] = ()) -> None:
-        super().__init__(parameters, directions)
+    def __init__(
+        self,
+        parameters: tuple[str, ...],
+        directions: tuple[str, ...] = (),
+        words: tuple[str, ...] = (),
+    ) -> None:
+        super().__init__(parameters, directions, words)
         self.parameters = parameters
         self.directions = directions
+        self.words = words
 
     def __str__(self) -> str:
         text = (
             f"the plan cannot identify all parameters: {', '.join(self.parameters)} "
             "cannot be told from its measurements"
         )
+        if self.words:
+            return f"{text}: {'; '.join(self.words)}"
         if self.directions:
             combined = " and ".join(f"({direction})" for direction in self.directions)
             text += f"; nothing is known along {combined}"

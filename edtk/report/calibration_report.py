@@ -205,21 +205,19 @@ def _compliances(found: Calibration) -> str:
 
 def _interest(found: Calibration) -> list[str]:
     """What is of interest, where the study says so, and what is left open."""
-    if not found.interest:
-        return []
     rows = [
         [name, digits(value, std), f"{std:.1e}"] for name, (value, std) in found.interest.items()
     ]
     unit = f"[{found.asked.model.unit}]"
-    parts = [table(["of interest", f"estimate {unit}", f"std {unit}"], rows)]
+    parts = [table(["of interest", f"estimate {unit}", f"std {unit}"], rows)] if rows else []
     if found.part is not None:
         rigid = ", ".join(found.part.rigid)
-        parts.append(
-            paragraph(
-                f"The measurements do not tell {', '.join(found.part.open)} by themselves, and so "
-                f"{rigid} counts as rigid here. What is of interest does not depend on that."
-            )
+        text = (
+            f"The measurements do not tell {', '.join(found.part.open)} by themselves, and so "
+            f"{rigid} counts as rigid here: {'; '.join(found.part.words)}."
         )
+        more = " What is of interest does not depend on that."
+        parts.append(paragraph(f"{text}{more if rows else ''}"))
     return parts
 
 

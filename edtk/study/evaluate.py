@@ -14,9 +14,10 @@ from edtk.findings.finding import Finding
 from edtk.fit.distributions import task_accuracy
 from edtk.fit.least_squares import SingularPlanError, covariance
 from edtk.measure.expected_error import ExpectedError, TaskAccuracy, expected_error, with_rigid
+from edtk.measure.parameters import identifiable
 from edtk.study.plausibility import plan_plausibility
 from edtk.study.study import Study
-from edtk.study.study_model import assumed_joints
+from edtk.study.study_model import assumed_joints, springs_of
 from edtk.system.errors import UserError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
@@ -24,6 +25,7 @@ from edtk.system.typing import Array
 if TYPE_CHECKING:
     import pandas as pd
 
+MOST_NAMED = 2  # parameters that an error tells apart in words
 OBSERVABILITY = ("O1", "O2", "O3", "O4", "O5")  # indices that others also print without sigma
 
 
@@ -256,7 +258,12 @@ def evaluate(study: Study, plan: Plan) -> Evaluation:
     """
     design = study.designed
     M = design.information(plan)
-    every = plan_covariance(design, M)
+    try:
+        every = plan_covariance(design, M)
+    except OpenInterestError:
+        raise
+    except SingularPlanError as error:
+        raise _in_words(design, plan, error) from None
     own = slice(len(study.unknown))
     cov = every[own, own]
     has_target = study.target is not None
@@ -284,6 +291,13 @@ def evaluate(study: Study, plan: Plan) -> Evaluation:
         labels=_labels(study, values),
         interest={} if study.interest is None else _interest(design, M),
     )
+
+
+def _in_words(study: Study, plan: Plan, error: SingularPlanError) -> SingularPlanError:
+    """The same error, with what cannot be told from what in the poses of a plan."""
+    rows = study.model.regressor(plan.q, plan.wrench).reshape(-1, study.model.p)
+    words = identifiable(rows, springs_of(study)).words
+    return SingularPlanError(error.parameters, error.directions, words[:MOST_NAMED])
 
 
 def _labels(study: Study, names: Iterable[str]) -> dict[str, str]:

@@ -20,6 +20,7 @@ from edtk.measure.instruments.one_row import OneRow
 from edtk.measure.instruments.pose_marker import PoseMarker
 from edtk.measure.instruments.sensor import Sensor
 from edtk.measure.noise import VisitNoise
+from edtk.measure.parameters import Parameter
 from edtk.measure.pose_table import pose_factors
 from edtk.robots.frames import BodyPoint
 from edtk.robots.weights import DeadWeights
@@ -61,6 +62,14 @@ def assumed_joints(study: Asked, k: Array | None = None) -> tuple[AssumedJoint, 
             size, source = likely[joint.name].compliance, likely[joint.name].source
             found.append(AssumedJoint(joint.name, index, 0.0, size, source))
     return tuple(found)
+
+
+def springs_of(study: Asked) -> tuple[Parameter, ...]:
+    """The unknown compliances of a study as parameters, for their words."""
+    joints = [study.robot.joints[j] for j in study.unknown]
+    return tuple(
+        Parameter("compliance", one.name, slides=one.kind == "prismatic") for one in joints
+    )
 
 
 def likely_compliances(study: Asked, k: Array | None = None) -> dict[str, Likely]:

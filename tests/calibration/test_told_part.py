@@ -91,12 +91,15 @@ def test_combinations_that_hang_together(tmp_path):
 
 
 def test_what_is_of_interest_must_be_told(tmp_path):
-    """Otherwise one line names it; and without a table all compliances are of interest."""
+    """Otherwise one line names it; and without a table what is open is a warning."""
     path = measured(Study(**OPEN), tmp_path / "sheet.csv", poses())
     with pytest.raises(UserError, match="identify k1, which is of interest"):
         calibrate(Study(**OPEN, interest={"joints": ["q1"]}), path)
-    with pytest.raises(UserError, match="cannot identify all parameters: k1"):
-        calibrate(Study(**OPEN), path)
+    found = calibrate(Study(**OPEN), path, linear=True)
+    (said,) = [one for one in found.findings if one.kind == "open"]
+    assert "the compliance of joint q1 moves no marker in these poses" in said.words
+    content = found.to_dict()
+    assert (content["rank"], content["not_told"]) == (5, ["q1"])
 
 
 def test_what_is_of_interest_is_told_beside_the_rest(tmp_path):

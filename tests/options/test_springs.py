@@ -1,6 +1,7 @@
 """Poses left out, predictions and untold joints where displacements tell springs."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +25,8 @@ from edtk.fit.measurements import Measurements, simulate
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 
+# Which of two equal columns is kept rounding decides.
+TWO_OF_A_KIND = "the compliance of joint q[46] cannot be told from the compliance of joint q[46]"
 MOVED = ["dx_mm", "dy_mm", "dz_mm"]
 K = np.array([3e-7, 4e-7, 2.8e-6, 2.8e-6, 2.1e-6])
 TRACKER = {"tracker_position_mm": [4000, -3500, 1200], "along": [10, 0.5], "across": [15, 6]}
@@ -203,3 +206,51 @@ def test_each_instrument_is_predicted_in_each_pose():
         study.model, np.deg2rad(q), study.space.load.always, np.append(0.0, K)
     )
     np.testing.assert_allclose(seen.values.reshape(2, 6), moved, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("unknown", "still", "words", "named"),
+    [
+        (
+            ["q2", "q3", "q4", "q5", "q6"],
+            {"q5_deg": 0.0},
+            TWO_OF_A_KIND,
+            r"k[46] \+ k[46]",
+        ),
+        (["q1", "q2", "q3"], {}, "joint q1 moves no marker in these poses", None),
+    ],
+    ids=["parallel axes", "vertical load"],
+)
+def test_words_name_the_joints_that_poses_do_not_tell(unknown, still, words, named):
+    """The rest is what it is with that joint left out; nothing is compensated with it."""
+    study = Study(**REQUIRED | {"test_pose": TEST_POSE, "joints": {"unknown": unknown}})
+    sheet = bent(study, 5, 10).assign(**still)
+    q = np.deg2rad(sheet[[f"q{i}_deg" for i in range(1, 7)]].to_numpy())
+    k = np.append(0.0, K)[[int(name[1:]) - 1 for name in unknown]]
+    sheet[MOVED] = 1e3 * study.model.regressor(q, study.space.load.always) @ k
+    seen = edtk.identify(study, sheet, linear=True)
+    (said,) = [one for one in seen.findings if one.kind == "open"]
+    assert re.search(words, said.words)
+    (rigid,) = seen.part.rigid
+    content = json.loads(json.dumps(seen.to_dict(), allow_nan=False))
+    assert content["rank"] == len(unknown) - 1
+    assert re.search(words, content["open"][0])
+    assert re.search(named or "k2", " ".join(seen.parameters))
+    assert rigid in content["not_told"]
+    rest = study.replace(joints={"unknown": [name for name in unknown if name != rigid]})
+    fit = edtk.identify(rest, sheet, linear=True).fit
+    np.testing.assert_allclose(seen.fit.unbounded, fit.unbounded)
+    with pytest.raises(UserError, match=rigid):
+        edtk.compensate(study, seen)
+    elsewhere = edtk.predict(study, seen, bent(study, 6).drop(columns=MOVED))
+    assert (len(elsewhere.open_rows) >= 4) == bool(named)
+
+
+def test_evaluate_says_what_a_plan_does_not_tell_apart():
+    """The line names what cannot be told from what, as a calibration of such poses does."""
+    study = Study(**REQUIRED)
+    q = study.space.draw(np.random.default_rng(0).random((8, 6)))[:, :6]
+    q[:, 4] = 0.0
+    plan = Plan(q, np.tile(study.space.load.always, (8, 1)), np.ones(8, int))
+    with pytest.raises(UserError, match=f"identify all parameters: k4, k6 .*: {TWO_OF_A_KIND}"):
+        edtk.evaluate(study, plan)

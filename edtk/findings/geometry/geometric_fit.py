@@ -16,6 +16,7 @@ from edtk.findings.prior import (
     known_findings,
     rescue_findings,
 )
+from edtk.findings.springs import still_joints, untold_finding
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, root_mean_square
 from edtk.fit.prior import PriorRows
 from edtk.measure.expected_error import AssumedJoint
@@ -28,12 +29,9 @@ ALONE = 1e-9  # leverage below one that rounding makes of a direction that one p
 WORSE = 10.0  # times as far off as by the drawing: nothing shows that so few poses tell anything
 FEW = 2.5  # coordinates a parameter, below which poses are few
 UNLIKELY = 1e-6  # probability, over all poses, below which a pose is named
-MOST_NAMED = 2  # open directions that are named in full
-MOST_LETTERS = 120  # of their names together
 LARGE = 60.0  # mm or mrad: no robot is built as wrongly
 ROUGH = 0.02  # of the spread of positions that the fit leaves: the drawing is of another robot
 ROUGH_DEG = 1.0  # orientations that the fit leaves
-SAME = 1e-6  # [rad or m] a joint that moves less stands still
 MOSTLY = 0.7  # of the squares that are left
 NOISY = 5.0  # times the stated noise
 EXPLAINED = ("outliers", "frame_moved", "rough")  # these leave many outside by themselves
@@ -166,16 +164,8 @@ def _open(fit: GeometricFit) -> list[Finding]:
     """Directions that the poses leave open."""
     if not fit.open:
         return []
-    data = {"told": fit.rank, "count": fit.structural, "open": tuple(fit.open)}
-    return [_say(Severity.WARNING, "open", still=_still(fit), **data)]
-
-
-def _still(fit: GeometricFit) -> tuple[str, ...]:
-    """The joints that stand still in all poses; none where all do."""
-    robot = fit.fitted.model.robot
-    still = np.ptp(fit.data.q, axis=0) <= SAME
-    names = [name for name, is_still in zip(robot.joint_names, still, strict=True) if is_still]
-    return () if len(names) == robot.n else tuple(names)
+    still = still_joints(fit.fitted.model.robot, fit.data.q)
+    return [untold_finding((fit.rank, fit.structural), fit.open, still)]
 
 
 def _outliers(fit: GeometricFit) -> list[Finding]:
@@ -383,22 +373,6 @@ def _few_poses(data: Data) -> str:
     )
 
 
-def _open_words(data: Data) -> str:
-    """What the poses tell, and the first directions that they leave open."""
-    named = data["open"][:MOST_NAMED]
-    if len("; ".join(named)) > MOST_LETTERS:
-        named = named[:1]
-    more = len(data["open"]) - len(named)
-    rest = f"; and {more} more" if more else ""
-    names = data["still"]
-    stand = f"{', '.join(names)} stand{'s' * (len(names) == 1)} still in all poses"
-    still = f", as {stand}" if names else ""
-    return (
-        f"{data['told']} of {data['count']} parameters can be told{still}: {'; '.join(named)}"
-        f"{rest}. Poses that move these apart would tell, and predictions elsewhere have wide bands"
-    )
-
-
 def _explains(data: Data) -> str:
     """The share that a cause explains."""
     return f"that explains {100 * data['explained']:.0f} % of the residuals"
@@ -507,7 +481,6 @@ WORDING: Wording = {
         f"the fit leaves {data['rms_deg']:.3g} deg of the orientations: are they rotation vectors "
         "(axis times angle) in degrees, or quaternions, in the frame of the positions?"
     ),
-    "open": _open_words,
     "outliers": lambda data: (
         f"{rows_in_words(data['rows'])}: up to {MM * data['off']:.3g} mm from where the other "
         "poses predict the markers; a swapped marker, a pose typed wrongly, or see --robust"
