@@ -49,8 +49,9 @@ class PoseError(Presented):
         rho0_error: Its Monte-Carlo standard error.
         rho0_fit: ``sqrt(trace(A0 cov A0'))``, Eq. (20), with the covariance of the fit.
         error_95: Length that ``|A0 (k - k_hat)|`` does not exceed with a probability of 95 %.
-        displacement: Mean of the displacement of the tool point under the task's load (3,).
-        displacement_95: Ends of its 95 % intervals, by coordinate (2, 3).
+        displacement: Mean of the displacement of the tool point under the task's load (3,); None
+            where not compliances alone were identified.
+        displacement_95: Ends of its 95 % intervals, by coordinate (2, 3); None likewise.
         place: Where rho0 is the error, in words.
         displaced: Which of several test poses the displacement is of, counted from 1: the one with
             the largest error; None for a single one.
@@ -60,8 +61,8 @@ class PoseError(Presented):
     rho0_error: float
     rho0_fit: float
     error_95: float
-    displacement: Array
-    displacement_95: Array
+    displacement: Array | None
+    displacement_95: Array | None
     place: str = "in the test pose"
     displaced: int | None = None
 
@@ -74,36 +75,46 @@ class PoseError(Presented):
         return {
             name: value.tolist() if isinstance(value, np.ndarray) else value
             for name, value in vars(self).items()
-            if name != "displaced" or value is not None
+            if value is not None
         }
 
 
-def pose_error(tasks: Tasks, fit: Estimate, posterior: Posterior) -> PoseError:
+def pose_error(
+    tasks: Tasks, fit: Estimate, posterior: Posterior, displaced: bool = True
+) -> PoseError:
     """Find errors and displacements in the test poses.
 
     Args:
         tasks: The test poses. Their target says what counts as the error, the regressor of the
             worst of them how the tool point is displaced.
         fit: The estimate with which commands are compensated.
-        posterior: The compliances that the robot may have.
+        posterior: The parameters that the robot may have, by draws of equal weight.
+        displaced: Whether these are compliances alone, which displace the tool point.
     """
     target = tasks.target
     squares = (((posterior.samples - fit.k) @ target.T) ** 2).sum(axis=-1)
     rho0 = float(np.sqrt(squares.mean()))
     effective = squares.size / autocorrelation_time(squares[..., None])[0]
-    dk = (posterior.samples - fit.k).reshape(-1, len(fit.k))
-    second_moment = dk.T @ dk / len(dk)
-    worst = int(np.argmax([np.sum((A @ second_moment) * A) for A in tasks.targets]))
-    moved = posterior.samples @ tasks[worst].regressor.T
-    return PoseError(
+    found = PoseError(
         rho0=rho0,
         # The error of a mean of squares; of its root it is half that, relative to the root.
         rho0_error=float(squares.std() / np.sqrt(effective) / (2 * rho0)),
         rho0_fit=float(np.sqrt(np.trace(target @ fit.covariance @ target.T))),
         error_95=float(np.sqrt(np.quantile(squares, 0.95))),
+        displacement=None,
+        displacement_95=None,
+        place=tasks.place,
+    )
+    if not displaced:
+        return found
+    dk = (posterior.samples - fit.k).reshape(-1, len(fit.k))
+    second_moment = dk.T @ dk / len(dk)
+    worst = int(np.argmax([np.sum((A @ second_moment) * A) for A in tasks.targets]))
+    moved = posterior.samples @ tasks[worst].regressor.T
+    return replace(
+        found,
         displacement=moved.mean(axis=(0, 1)),
         displacement_95=np.quantile(moved, [0.025, 0.975], axis=(0, 1)),
-        place=tasks.place,
         displaced=worst + 1 if len(tasks) > 1 else None,
     )
 

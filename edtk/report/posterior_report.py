@@ -16,7 +16,7 @@ from edtk.report.draw.posterior import (
 )
 from edtk.report.figures import new_figure, png
 from edtk.report.page import paragraph, picture, section, sentence, table
-from edtk.report.shown import with_digits
+from edtk.report.shown import displacement_in_words, with_digits
 from edtk.system.files import Content
 
 if TYPE_CHECKING:
@@ -146,13 +146,13 @@ def _parameters(check: PosteriorCheck) -> str:
 
 def _test_pose(pose: PoseError) -> str:
     """Error and displacement in the test pose [mm]."""
-    low, high = 1e3 * pose.displacement_95
-    axes = ", ".join(f"{n} {a:.4f} to {b:.4f}" for n, a, b in zip("xyz", low, high, strict=True))
     place = f"{pose.place[:1].upper()}{pose.place[1:]}"
-    which = "" if pose.displaced is None else f" in pose {pose.displaced}"
-    return (
+    text = (
         f"{place} the error after compensation is {1e3 * pose.rho0:.3g} mm (root mean "
         f"square; {1e3 * pose.rho0_fit:.3g} mm by the fit, Eq. (20)), and with 95 % probability "
-        f"below {1e3 * pose.error_95:.3g} mm. Displacement under the task's load{which}, 95 % "
-        f"intervals in mm: {axes}."
+        f"below {1e3 * pose.error_95:.3g} mm."
     )
+    if pose.displacement_95 is None:
+        return text
+    axes, which = displacement_in_words(pose.displacement_95, pose.displaced)
+    return f"{text} Displacement under the task's load{which}, 95 % intervals in mm: {axes}."

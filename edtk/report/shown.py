@@ -7,6 +7,7 @@ import numpy as np
 
 import criteria
 from edtk.study.study_run import StudyRun
+from edtk.system.typing import Array
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -56,6 +57,13 @@ def digits(value: float, std: float, like: float | None = None) -> str:
 def with_digits(value: float, std: float) -> str:
     """A value down to the second digit of its standard deviation: 0.012, or 4.0005e-07."""
     return f"{value:.{places_of(std)}f}" if std >= SMALL else digits(value, std)
+
+
+def displacement_in_words(ends: Array, pose: int | None) -> tuple[str, str]:
+    """Ends (2, 3) of a displacement by axis [mm], and which pose it is of, where there are some."""
+    low, high = 1e3 * ends
+    axes = ", ".join(f"{n} {a:.4f} to {b:.4f}" for n, a, b in zip("xyz", low, high, strict=True))
+    return axes, "" if pose is None else f" in pose {pose}"
 
 
 def _decade(value: float) -> int | None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from geometry_sheets import STUDY as GEOMETRY
-from geometry_sheets import by_pose, run, truth
+from geometry_sheets import TEST_POSE, by_pose, run, truth
 from readings import PLAN, readings_of
 from readings import STUDY as SPRINGS
 
@@ -121,3 +121,19 @@ def test_the_report_shows_the_posterior(question: tuple[Path, Path], tmp_path: P
     for name in told.check.table["parameter"]:
         assert f"<td>{name}</td>" in part
     assert part.count('<svg role="img"') == 2
+
+
+def test_the_error_in_the_task_by_the_posterior(tmp_path: Path) -> None:
+    """It is the posterior's scatter about the estimate; the fit's own is that of its covariance."""
+    study = GEOMETRY.replace(test_pose=TEST_POSE)
+    found = edtk.identify(study, by_pose(tmp_path / "day.csv", *truth(12)), bayes=ROUGH)
+    pose = found.check.pose
+    assert 1e3 * pose.rho0_fit == pytest.approx(found.rho0_mm)
+    posterior = found.posterior
+    T = found.tasks.target
+    off = T @ (posterior.mean - found.fit.fitted.values)
+    expected = np.sqrt(np.trace(T @ posterior.covariance @ T.T) + off @ off)
+    assert abs(pose.rho0 - expected) < 4 * pose.rho0_error < 0.1 * expected
+    assert pose.displacement is None
+    assert "displacement" not in found.to_dict()["posterior"]["test_pose"]
+    assert "error after compensation below" in found.summary()

@@ -10,7 +10,7 @@ import numpy as np
 
 from criteria.linalg.spectrum import is_semidefinite
 from edtk.calibration.calibration import Judged, Origin
-from edtk.calibration.posterior_check import PosteriorCheck, compared_with_fit
+from edtk.calibration.posterior_check import PosteriorCheck, compared_with_fit, pose_error
 from edtk.findings.finding import Finding, Severity
 from edtk.findings.geometry.counting import Counting
 from edtk.fit.distributions import task_accuracy
@@ -20,6 +20,7 @@ from edtk.fit.geometry.geometry_posterior import (
     geometry_posterior,
 )
 from edtk.fit.geometry.least_squares_fit import PoseRows
+from edtk.fit.least_squares import Estimate
 from edtk.fit.noise import Noise
 from edtk.fit.posterior import Posterior, SamplingOptions
 from edtk.fit.prior import Flat
@@ -535,6 +536,12 @@ class GeometricCalibration(Judged):
         density = GeometryDensity.of(self.fit, self.setting.loads, self.robust)
         check = _check(self.fit.fitted, density, geometry_posterior(density, rng, options))
         found = check.posterior
+        if self.tasks:
+            fitted = self.fit.fitted
+            used = Estimate(fitted.values, fitted.covariance)
+            check = replace(
+                check, pose=pose_error(self.tasks, used, found.evenly(), displaced=False)
+            )
         findings = self.findings
         if not found.trusted:
             findings = (*findings, Finding(Severity.WARNING, "posterior", found.quality))

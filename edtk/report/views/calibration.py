@@ -15,7 +15,7 @@ from edtk.measure.pose_table import TURN_COLUMN, coordinate_columns
 from edtk.report.draw.bars import intervals
 from edtk.report.draw.residuals import ResidualPanel, residuals
 from edtk.report.figures import panels
-from edtk.report.shown import digits, left_out_line
+from edtk.report.shown import digits, displacement_in_words, left_out_line
 from edtk.report.tables import name_width, notebook_table
 
 MOST_LINES = 60  # of readings that are predicted
@@ -224,16 +224,16 @@ def identification_text(fit: Identification) -> str:
 
 def pose_error_text(error: PoseError) -> str:
     """Error after compensation, and displacement under the task's load [mm]."""
-    low, high = 1e3 * error.displacement_95
-    axes = ", ".join(f"{n} {a:.4f} to {b:.4f}" for n, a, b in zip("xyz", low, high, strict=True))
     place = error.place.removeprefix("in the ").removeprefix("in ")
-    which = "" if error.displaced is None else f" in pose {error.displaced}"
-    return (
+    text = (
         f"{place}: rho0 {1e3 * error.rho0:.6f} +- {1e3 * error.rho0_error:.6f} mm, "
         f"by the fit, Eq. (20), {1e3 * error.rho0_fit:.6f} mm\n"
-        f"error after compensation below {1e3 * error.error_95:.6f} mm with probability 95 %\n"
-        f"displacement under the task's load{which}, 95 % intervals [mm]: {axes}"
+        f"error after compensation below {1e3 * error.error_95:.6f} mm with probability 95 %"
     )
+    if error.displacement_95 is None:
+        return text
+    axes, which = displacement_in_words(error.displacement_95, error.displaced)
+    return f"{text}\ndisplacement under the task's load{which}, 95 % intervals [mm]: {axes}"
 
 
 def prediction_text(found: Prediction) -> str:
