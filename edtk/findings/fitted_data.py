@@ -14,6 +14,7 @@ from edtk.findings.moving_joints import (
     joint_unit,
     own_of_visits,
     repetitions_agree,
+    sizes_beside,
     with_common_noise,
 )
 from edtk.findings.nonlinear_part import bends_much, known_part
@@ -343,10 +344,11 @@ class FittedData:
             return None
         data, linear = self.others
         own = own_of_visits(self.study, data)
+        stated = sizes_beside(self.study)
         seen = visit_residuals(
             self.study.model, data, linear.A, linear.measured, joint_unit(self.study), own
         )
-        return None if seen is None else estimate_noise(seen)
+        return None if seen is None else estimate_noise(seen, stated)
 
     @property
     def noise(self) -> RowNoise:

@@ -7,7 +7,7 @@ import numpy as np
 
 from edtk.fit.correlated_noise import CorrelatedNoise, NotPositiveDefiniteError, RowNoise, whiten
 from edtk.fit.equilibrium import LinearisedData, fit_common_noise
-from edtk.fit.estimate_noise import NoiseEstimate
+from edtk.fit.estimate_noise import NoiseEstimate, StatedSizes
 from edtk.fit.identify import Identification, identify
 from edtk.fit.least_squares import SingularPlanError, Whitened
 from edtk.fit.measurements import Measurements, joint_motion
@@ -134,7 +134,7 @@ def repetitions_agree(fitted: "FittedData") -> LackOfFit | None:
         return None
     data = fitted.data
     found = fitted.noise_estimate
-    if found is not None and data.tracker is None:
+    if found is not None and (data.tracker is None or asked_of_sheets(fitted.study)):
         others, seen = fitted.others
         return visits_lack_of_fit(fitted.study, others, seen, found)
     p = len(fitted.fit.k)
@@ -276,6 +276,28 @@ def joint_unit(study: Study) -> Array:
     return np.asarray(np.sqrt(readings) * unit)
 
 
+def sizes_beside(study: Study) -> StatedSizes:
+    """What the study says of joints and discrepancy, where it asks the sheet for some of them.
+
+    A study that asks for none is compared with estimates of all.
+    """
+    asked = asked_of_sheets(study)
+    if not asked:
+        return StatedSizes()
+    noise = study.noise
+    return StatedSizes(
+        joints=stated_repeatability(study) or 0.0,
+        discrepancy=0.0 if noise is None else float(noise.discrepancy.max()),
+        estimated=(True, "joints" in asked, "discrepancy" in asked),
+    )
+
+
+def asked_of_sheets(study: Study) -> tuple[str, ...]:
+    """Which errors the study wants to be estimated from sheets."""
+    table = study.specification.noise
+    return () if table is None else table.estimated
+
+
 def own_of_visits(study: Study, data: Measurements) -> RowNoise:
     """The noise of each measurement by itself, against which motions of the joints are seen.
 
@@ -283,7 +305,7 @@ def own_of_visits(study: Study, data: Measurements) -> RowNoise:
     stated one is then taken as such.
     """
     own = data.own_noise
-    if data.alone or study.noise is None or not study.noise.shares:
+    if data.alone or study.noise is None or not study.noise.shares or asked_of_sheets(study):
         return own
     if data.visits.max() > data.pose.max():
         return own
@@ -305,7 +327,8 @@ def with_common_noise(fitted: "FittedData") -> "FittedData":
     Outliers are told by the noise, and the noise by rows that are none: each is found anew with the
     other one until they agree.
     """
-    if fitted.data.tracker is not None or fitted.fit.robust:
+    asked = asked_of_sheets(fitted.study)
+    if fitted.fit.robust or (fitted.data.tracker is not None and not asked):
         return fitted  # the study says what visits share
     known = fitted
     for _ in range(ROUNDS):
@@ -322,6 +345,8 @@ def _with_noise_of(fitted: "FittedData") -> "FittedData":
     found = fitted.noise_estimate
     test = fitted.lack_of_fit
     shared = (test is not None and test.seen) or (found is not None and found.moves)
+    if asked_of_sheets(fitted.study):
+        shared = found is not None
     if not shared or fitted.structural_causes:
         return fitted
     seen = LinearisedData(fitted.A, fitted.measured)

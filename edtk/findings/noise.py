@@ -10,9 +10,9 @@ from edtk.findings.causes.try_faults import NO_NOISE
 from edtk.findings.causes.wrong_pose import FITS
 from edtk.findings.finding import Data, Finding, Severity, Wording, row_names, shown_probability
 from edtk.findings.fitted_data import FittedData
-from edtk.findings.moving_joints import stated_repeatability
+from edtk.findings.moving_joints import asked_of_sheets, stated_repeatability
 from edtk.fit.distributions import chi_square_tail
-from edtk.fit.estimate_noise import NoiseEstimate
+from edtk.fit.estimate_noise import NoiseEstimate, told_apart
 from edtk.fit.identify import INTERPOLATED, Identification, identify
 from edtk.fit.least_squares import OUTSIDE, SingularPlanError, chance_of_outside
 from edtk.fit.outliers import UNLIKELY, LackOfFit
@@ -54,6 +54,8 @@ def cause_findings(fitted: FittedData) -> Iterator[Finding]:
             "is_noise": is_noise,
         }
         severity = Severity.WARNING if is_noise else Severity.ALARM
+        if is_noise and "discrepancy" in asked_of_sheets(fitted.study):
+            severity = Severity.NOTE
         yield Finding.of(severity, WORDING, "lack_of_fit", **data)
 
 
@@ -82,14 +84,18 @@ def _is_noise(fitted: FittedData, test: LackOfFit) -> bool:
 def _moving_joints(fitted: FittedData) -> Iterator[Finding]:
     """Markers of a visit that move together, more or less than the study's [noise] states."""
     found = fitted.noise_estimate
+    asked = asked_of_sheets(fitted.study)
+    untold = _untold(found, asked)
+    if untold:
+        yield Finding.of(Severity.WARNING, WORDING, "noise_untold", errors=untold)
     if found is None:
         return
     stated = stated_repeatability(fitted.study)
-    if stated is not None:
+    if stated is not None and "joints" not in asked:
         yield from _repeatability(found, stated)
     elif found.moves and (found.revisited or not fitted.structural_causes):
         yield Finding.of(
-            Severity.WARNING,
+            Severity.NOTE if "joints" in asked else Severity.WARNING,
             WORDING,
             "moving_joints",
             F=found.F,
@@ -99,6 +105,23 @@ def _moving_joints(fitted: FittedData) -> Iterator[Finding]:
             used=fitted.common_noise,
             revisited=found.revisited,
         )
+
+
+def _untold(found: NoiseEstimate | None, asked: tuple[str, ...]) -> tuple[str, ...]:
+    """Errors that the study wants to be estimated, and that the sheet does not tell."""
+    if found is None:
+        return asked
+    told = dict(zip(("tracker", "joints", "discrepancy"), told_apart(found.strata), strict=True))
+    return tuple(one for one in asked if not told[one])
+
+
+def _noise_untold(data: Data) -> str:
+    """A sheet that does not tell what it was asked for."""
+    return (
+        f"the sheet does not tell noise.estimated ({', '.join(data['errors'])}), and stated sizes "
+        "count: several markers in a visit tell how well joints come back, and repeated visits "
+        "besides tell the discrepancy"
+    )
 
 
 def _repeatability(found: NoiseEstimate, stated: float) -> Iterator[Finding]:
@@ -393,6 +416,7 @@ WORDING: Wording = {
     "no_residuals": _no_residuals,
     "noise_above_sigma": _noise_above_sigma,
     "noise_below_sigma": _noise_below_sigma,
+    "noise_untold": _noise_untold,
     "noise_estimated_large": _noise_estimated_large,
     "noise_estimated_small": _noise_estimated_small,
     "outliers": _outliers,

@@ -174,15 +174,16 @@ def _orthonormal(X: Array, apart: Array) -> Array:
     return np.linalg.qr(found - apart @ (apart.T @ found))[0]
 
 
-def visit_variances(seen: Visited, told: Mask) -> tuple[Array, Array]:
+def visit_variances(seen: Visited, told: Mask, stated: Array) -> tuple[Array, Array]:
     """Fit ``V = v_0 I + v_1 C C' + v_2 E E'`` to whitened residuals by restricted likelihood.
 
     Args:
         seen: The residuals.
-        told: Mask (3,) of the variances that can be told; the others are zero.
+        told: Mask (3,) of the variances that are fitted.
+        stated: Variances (3,) of the others.
 
     Returns:
-        Variances (3,), and their covariance (3, 3); NaN where a variance is zero.
+        Variances (3,), and their covariance (3, 3); NaN where a variance is zero, or stated.
 
     Raises:
         numpy.linalg.LinAlgError: The residuals do not tell the variances apart.
@@ -190,12 +191,12 @@ def visit_variances(seen: Visited, told: Mask) -> tuple[Array, Array]:
     poses = list(seen.poses())
     sizes = np.array([len(pose.residual) for pose in poses])
     alike = (np.flatnonzero(sizes == size) for size in np.unique(sizes))
-    blocks = [
-        _blocks([poses[i] for i in some]) for same in alike for some in _in_parts(same, sizes)
-    ]
+    known = np.where(told, 0.0, stated)
+    parts = (some for same in alike for some in _in_parts(same, sizes))
+    blocks = [_blocks([poses[i] for i in some], known) for some in parts]
     found = fit_variances(blocks, told, SETTLED)
     unknown = found.variances <= 0
-    return found.variances, np.where(unknown | unknown[:, None], np.nan, found.covariance)
+    return known + found.variances, np.where(unknown | unknown[:, None], np.nan, found.covariance)
 
 
 def _in_parts(poses: Indices, sizes: Array) -> list[Indices]:
@@ -204,15 +205,16 @@ def _in_parts(poses: Indices, sizes: Array) -> list[Indices]:
     return np.split(poses, range(most, len(poses), most))
 
 
-def _blocks(poses: list[PoseErrors]) -> Blocks:
-    """Poses of one size, with what tracker, visits and model add to them."""
+def _blocks(poses: list[PoseErrors], known: Array) -> Blocks:
+    """Poses of one size, with what tracker, visits and model add to them, of known variances."""
     apart = [pose.apart @ pose.apart.T for pose in poses]
     shared = [pose.shared @ pose.shared.T for pose in poses]
     residual = np.stack([pose.residual for pose in poses])
     eye = np.broadcast_to(np.eye(residual.shape[1]), (len(poses), *apart[0].shape))
-    nothing = np.zeros_like(eye)
+    kinds = (eye, np.stack(apart), np.stack(shared))
+    fixed = np.einsum("k,kbrs->brs", known, np.stack(kinds))
     design = np.stack([pose.Q for pose in poses])
-    return Blocks(nothing, (eye, np.stack(apart), np.stack(shared)), residual, design)
+    return Blocks(fixed, kinds, residual, design)
 
 
 def visit_residuals(
@@ -359,7 +361,22 @@ class NoiseEstimate:
         )
 
 
-def estimate_noise(seen: Visited) -> NoiseEstimate | None:
+@dataclass(frozen=True)
+class StatedSizes:
+    """What a study says of errors beside the tracker's, and what of it the sheet shall tell.
+
+    Attributes:
+        joints: Standard deviation of the joints, in the unit of the estimate.
+        discrepancy: That of the model [m].
+        estimated: Whether tracker, joints and discrepancy (3,) are estimated, where they are told.
+    """
+
+    joints: float = 0.0
+    discrepancy: float = 0.0
+    estimated: tuple[bool, bool, bool] = (True, True, True)
+
+
+def estimate_noise(seen: Visited, stated: StatedSizes = StatedSizes()) -> NoiseEstimate | None:
     """Split the residuals by what moves together, test whether joints move, estimate the variances.
 
     Where joints do not move and the model fits, mean squares of strata are independent chi-squares
@@ -367,6 +384,7 @@ def estimate_noise(seen: Visited) -> NoiseEstimate | None:
 
     Args:
         seen: Residuals of the least-squares fit with the tracker's noise.
+        stated: Sizes that count where they are not estimated.
 
     Returns:
         The estimate; None where nothing but joints can have made the residuals, so that the
@@ -378,9 +396,11 @@ def estimate_noise(seen: Visited) -> NoiseEstimate | None:
     moved = strata.visits if strata.visits.dof > 0 else strata.poses
     if rest is None or moved.dof < 1 or rest.mean_square < ROUNDING**2:
         return None
-    told = _told(strata)
+    free = told_apart(strata) & stated.estimated
+    known = np.square([0.0, stated.joints, stated.discrepancy])
+    told = free | (known > 0)
     try:
-        v, covariance = visit_variances(seen, told)
+        v, covariance = visit_variances(seen, free, known)
     except np.linalg.LinAlgError:
         return None
     if not np.isfinite(v).all():
@@ -416,7 +436,7 @@ def yardstick(strata: ErrorStrata) -> Stratum | None:
     return both if both.dof > 0 else None
 
 
-def _told(strata: ErrorStrata) -> Mask:
+def told_apart(strata: ErrorStrata) -> Mask:
     """Which of tracker, joints and discrepancy (3,) can be told apart.
 
     The discrepancy needs a second yardstick beside that of the joints: visits that differ, or

@@ -141,6 +141,13 @@ class NoiseTable(Table):
         "joints [deg]",
     )
 
+    estimated: tuple[Literal["joints", "discrepancy"], ...] = Field(
+        (),
+        description="What a sheet of displacements tells itself, where its visits and markers do: "
+        "`joints` for how well they come back, `discrepancy`; stated sizes then count in plans "
+        "alone. Sheets of positions tell both anyway",
+    )
+
     @field_validator("repeatability_deg", mode="before")
     @classmethod
     def _each_joint(cls, given: object) -> tuple[float, ...]:

@@ -11,6 +11,7 @@ from loaded_arm import STUDY as LOADED
 from small_arm import ROBOT
 
 import edtk
+from edtk.calibration.calibrate import calibrate
 from edtk.calibration.geometry.geometric_calibration import geometry_of_dict
 from edtk.fit.geometry.fit_geometry import fit_geometry
 from edtk.fit.geometry.fitted_geometry import student_quantile
@@ -20,6 +21,8 @@ from edtk.measure.measured_model import MeasuredModel
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry
 from edtk.system.typing import Array
+from tests.support.readings import STUDY as SPRINGS
+from tests.support.visits import sheet, visited
 
 # Its readings are three times as bad at the far side of the arm as at the near one.
 NEAR = {"tracker_position_mm": [1400, 600, 600], "along": [5, 30], "across": [5, 150]}
@@ -180,3 +183,59 @@ def test_few_coordinates_do_not_tell_the_noise(tmp_path: Path) -> None:
     code, _, err = run("identify", study, sheet, "--sigma-unknown")
     assert code == 2
     assert "2 coordinates more than the 13 parameters do not tell the size of the noise" in err
+
+
+JOINTS = 2e-5  # [rad]
+MODEL = 3e-5  # [m]
+
+
+@pytest.fixture
+def springs(tmp_path: Path) -> Path:
+    """Displacements of three markers in three visits of eight poses, with joints that err."""
+    path = tmp_path / "springs.csv"
+    sheet(path, visited(poses=8, visits=3), joints=JOINTS, discrepancy=MODEL, seed=1)
+    return path
+
+
+def test_a_sheet_tells_what_a_study_asks_of_it(springs: Path) -> None:
+    """Joints and discrepancy come out as they are, whatever is stated for plans."""
+    both = {"estimated": ["joints", "discrepancy"]}
+    guess = {"repeatability_deg": 0.01, "discrepancy_mm": 0.5}
+    plain, asked, guessed = (
+        calibrate(SPRINGS.replace(noise=noise), springs) for noise in (None, both, both | guess)
+    )
+    for found in (asked, guessed):
+        assert found.verdict == "good"
+        assert found.fitted.common_noise
+        assert found.noise is not None
+        truth = np.array([np.rad2deg(JOINTS), MODEL])
+        size = np.array([found.noise.joints, found.noise.discrepancy])
+        assert (np.abs(size - truth) < 2.5 * found.noise.std[1:]).all()
+    # Where the sheet shows it anyway, the numbers are those; but nothing surprises.
+    np.testing.assert_allclose(asked.fit.std, plain.fit.std, rtol=1e-12)
+    assert plain.verdict == "usable"
+    np.testing.assert_allclose(guessed.fit.std, asked.fit.std, rtol=0.05)
+
+
+def test_what_is_not_asked_of_a_sheet_is_as_stated(springs: Path) -> None:
+    """The discrepancy is estimated beside joints of the stated size, however wrong that is."""
+    noise = {"repeatability_deg": 0.002, "estimated": ["discrepancy"]}
+    found = calibrate(SPRINGS.replace(noise=noise), springs).noise
+    assert found is not None
+    assert found.joints == pytest.approx(0.002)
+    assert np.isnan(found.std[1])
+    assert found.std[2] > 0
+
+
+def test_a_sheet_of_single_readings_tells_no_joints(tmp_path: Path) -> None:
+    """One marker, visited once: the stated size counts, and a finding says so."""
+    path = tmp_path / "single.csv"
+    sheet(path, visited(poses=8, visits=1, markers=1), joints=JOINTS, seed=1)
+    stated = {"repeatability_deg": float(np.rad2deg(JOINTS))}
+    asked, plain = (
+        calibrate(SPRINGS.replace(noise=stated | more), path)
+        for more in ({"estimated": ["joints"]}, {})
+    )
+    assert "noise_untold" in [one.kind for one in asked.findings]
+    assert "noise_untold" not in [one.kind for one in plain.findings]
+    np.testing.assert_array_equal(asked.fit.std, plain.fit.std)
