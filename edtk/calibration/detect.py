@@ -1,14 +1,14 @@
 """The power of a plan to notice a fault, to tell two apart, and which experiment would help."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 
+from edtk.calibration.geometry_design.geometry_plan import visited
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
-from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.calibration.planned import planned_measurements
 from edtk.calibration.template import visit_order
 from edtk.design.candidate_source import sample_feasible
@@ -17,11 +17,10 @@ from edtk.design.plan import Plan
 from edtk.findings.causes.family import Family
 from edtk.findings.causes.faults import FAULTS
 from edtk.findings.causes.rarity import FACTORS, WEIGHTS
-from edtk.findings.causes.scene import Displacements, Positions, Scene, since_first
+from edtk.findings.causes.scene import Displacements, Scene, since_first
 from edtk.fit.correlated_noise import CorrelatedNoise, RowNoise, whiten_columns
 from edtk.fit.distributions import chi_square_quantile, log_normal_below, noncentral_chi_square_tail
 from edtk.fit.measurements import Measurements
-from edtk.measure.parameters import Parameter
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Indices
@@ -173,40 +172,6 @@ class Promised:
     def better(self, best: int) -> Array:
         """The pose of one of these."""
         return np.asarray(self.q[self.further[best, 0]])
-
-
-def visited(question: GeometryQuestion, q: Array, wrench: Array, time: Array) -> Positions:
-    """Visits of a study of geometry at the drawing, in units of their noise.
-
-    Args:
-        question: The question of the study.
-        q: Poses (m, n) [rad or m].
-        wrench: Their loads (m, 6) [N, N m].
-        time: When each is made (m,), see `since_first`.
-    """
-    setting, model, study = question.setting, question.model, question.study
-
-    def columns(parameters: tuple[Parameter, ...], wrench: Array) -> Array:
-        rows = PositionRows(replace(model, parameters=parameters), setting.loads, setting.noise)
-        scales = np.array([one.scale for one in parameters])
-        return rows(q, wrench) / scales
-
-    simulation = study.specification.simulation
-    given = {} if simulation is None else simulation.compliance_rad_per_Nm
-    soft = [given.get(name, 0.0) for name in study.specification.joints.unknown]
-    return Positions(
-        model.robot,
-        model.markers,
-        columns,
-        columns(model.parameters, wrench),
-        np.zeros(model.p),
-        q,
-        wrench,
-        time,
-        tuple(study.unknown) if setting.loads is not None else (),
-        np.array(soft),
-        setting.loads,
-    )
 
 
 def _joined(first: Measurements, second: Measurements) -> Measurements:

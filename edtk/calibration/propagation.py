@@ -8,7 +8,7 @@ import numpy as np
 
 from edtk.calibration.told_part import LeastSquaresInverse
 from edtk.findings.causes.faults import FAULTS
-from edtk.findings.causes.scene import Displacements
+from edtk.findings.causes.scene import Displacements, Scene
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.match_plan import some_rows
 from edtk.findings.moving_joints import ReadingNoise
@@ -22,14 +22,19 @@ from edtk.measure.expected_error import (
     JointPart,
     with_rigid,
 )
-from edtk.measure.task import Tasks
+from edtk.measure.measured_model import MeasuredModel
+from edtk.measure.parameters import Parameter
+from edtk.measure.task import Columns, Task, Tasks
 from edtk.robots.robot import Robot
 from edtk.robots.weights import DeadWeights
 from edtk.study.study import Study
+from edtk.study.study_geometry import StudyGeometry
 from edtk.study.study_model import assumed_joints, payload_beside_load
 from edtk.system.typing import Array, Indices, Mask
 
 TOOL = ("tool_x", "tool_y", "tool_z")
+DIRECTION = ("load_direction",)
+ROUNDING = 1e-9  # of an error, which a parameter takes up in full
 MOST_ROWS = 5000  # measurements over which the circumstances are propagated
 
 
@@ -72,6 +77,7 @@ class Propagation:
         told: With which standard deviations (a,) the measurements would tell the joints that are
             not identified, by their noise, if these were unknown, one at a time [rad/(N m)].
         absolute: Whether displacements are counted from the rigid robot.
+        visits: What else there is of visits of geometry; None for displacements.
     """
 
     unknown: tuple[int, ...]
@@ -80,6 +86,7 @@ class Propagation:
     roots: dict[str, Array]
     told: tuple[float, ...] = ()
     absolute: bool = False
+    visits: "OfVisits | None" = None
 
     @classmethod
     def of(
@@ -117,32 +124,23 @@ class Propagation:
         A = data.regressor(model)
         inverse = LeastSquaresInverse.of(model, data, A, prior)
         others = uncertainty.joints
-        columns = [data.regressor(replace(model, unknown=(one.index,)))[..., 0] for one in others]
-        told = _Others.of(inverse, columns, others)
-        moved = told.shifts
         known = {one.index: one.compliance for one in uncertainty.joints if not one.rigid}
         scene = Displacements(model, data, A, k, known, prior is not None)
-
-        def shown(name: str) -> list[Array]:
-            """What readings show of a unit of the sizes of a fault."""
-            return [one.derivative_at_zero(k) for one in scene.families(FAULTS[name].models)]
-
+        told = Others.of(inverse, [scene.compliant(one.index) for one in others], others)
         load = told.below(k[:, None])  # compliances take up a load of another size in full
-        for columns_of_load in shown("load_size"):
-            load = moved(columns_of_load)
-        carried = moved(_by_weights(model, data, k, known, payload))
-        direction = moved(*shown("load_direction"))
-        tool = [moved(*shown(name)) for name in TOOL]
+        for columns_of_load in shown_by(scene, "load_size"):
+            load = told.shifts(columns_of_load)
+        carried = told.shifts(_by_weights(model, data, k, known, payload))
         given = uncertainty
         of_load = [given.load_size * load, given.load_size * carried]
         roots = {
             "noise": told.below(root_of(covariance)),
-            "load": np.hstack([*of_load, given.load_direction * direction]),
-            "tool": given.tool * np.hstack(tool),
-            "drift": given.drift * moved(scene.shift),
+            "load": np.hstack([*of_load, given.load_direction * shifts_by(told, scene, DIRECTION)]),
+            "tool": given.tool * shifts_by(told, scene, TOOL),
+            "drift": given.drift * told.shifts(scene.shift),
             "repeatability": given.repeatability
             * told.below(_readings(inverse, data.lengths, repeats)),
-            "rigid_joints": told.rigid(columns),
+            "rigid_joints": told.rigid,
             "known_joints": told.known,
         }
         return cls(
@@ -150,9 +148,14 @@ class Propagation:
             assumed=told.joints,
             k=np.append(k, [one.compliance for one in others]),
             roots=roots,
-            told=tuple(map(inverse.told, columns)),
+            told=tuple(map(inverse.told, told.columns)),
             absolute=data.absolute,
         )
+
+    @property
+    def p(self) -> int:
+        """Number of parameters that are estimated."""
+        return len(self.unknown) if self.visits is None else self.visits.model.p
 
     @property
     def joints(self) -> tuple[int, ...]:
@@ -191,14 +194,17 @@ class Propagation:
             model_error: Error that the linear model leaves [m].
         """
         # One target of all: that of a neighbourhood is a triangle, without rows of poses.
-        A0 = tasks.with_unknown(self.joints).target
+        whose = tasks.with_unknown(self.joints) if self.visits is None else self.visits.of(tasks)
+        A0 = whose.target
         parts = {name: float(np.linalg.norm(A0 @ E)) for name, E in self.roots.items()}
+        for name, size in ({} if self.visits is None else self.visits.there(tasks)).items():
+            parts[name] = float(np.hypot(parts.get(name, 0.0), size))
+        parts["model"] = float(np.hypot(parts.get("model", 0.0), model_error))
         of_joints = np.linalg.norm(A0 @ self.of_joints, axis=0)
-        p = len(self.unknown)
-        before = with_rigid(np.linalg.norm(A0 @ self.k), A0[:, p:], self.assumed)
+        own = slice(self.p, self.p + len(self.assumed))
+        before = with_rigid(np.linalg.norm(A0 @ self.k), A0[:, own], self.assumed)
         return ErrorBudget(
             **parts,
-            model=model_error,
             uncompensated=float(before),
             absolute=self.absolute,
             joints=tuple(map(JointPart, self.assumed, of_joints.tolist(), self.told)),
@@ -207,7 +213,7 @@ class Propagation:
     @property
     def of_joints(self) -> Array:
         """Errors (p + a, a) by each joint that is not identified."""
-        found = np.zeros((len(self.joints), len(self.assumed)))
+        found = np.zeros((len(self.k), len(self.assumed)))
         rigid = np.array([one.rigid for one in self.assumed], dtype=bool)
         found[:, rigid] = self.roots["rigid_joints"]
         found[:, ~rigid] = self.roots["known_joints"]
@@ -224,6 +230,48 @@ class Propagation:
         return np.array([self.budget(Tasks([task]), float(error)).total for task, error in each])
 
 
+@dataclass(frozen=True, eq=False)
+class OfVisits:
+    """What errors of a calibration by visits do in tasks, about the drawing.
+
+    Attributes:
+        setting: Markers, noise and loads of the study.
+        model: The parameters (p,) that are estimated.
+        beside: Parameters that are taken as they are: joints (a,) that are not identified, and
+            where markers are that count as known.
+        discrepancy: What the model leaves out of a coordinate, at one standard deviation [m].
+    """
+
+    setting: StudyGeometry
+    model: MeasuredModel
+    beside: tuple[Parameter, ...]
+    discrepancy: float
+
+    @property
+    def _every(self) -> MeasuredModel:
+        """All parameters of which something may be in error."""
+        return self.model.with_parameters((*self.model.parameters, *self.beside))
+
+    def of(self, tasks: Tasks) -> Tasks:
+        """Tasks in which errors of these do harm, in SI units."""
+        return tasks.with_columns(self._columns)
+
+    def _columns(self, task: Task) -> Columns:
+        model = self._every
+        own = self.setting.columns(task, model, self.setting.every_load_of(task))
+        return lambda q, turned: own(q, turned) / model.scales
+
+    def there(self, tasks: Tasks) -> dict[str, float]:
+        """Errors in the tasks themselves, by no parameter: of the model, and of the joints [m]."""
+
+        def motion(task: Task) -> Columns:
+            return self.setting.columns(task, self.model).by_joints
+
+        s = np.asarray(self.setting.noise.joints) / 1e3
+        moved = float(np.linalg.norm(tasks.with_columns(motion).target * s)) if s.any() else 0.0
+        return {"model": float(np.sqrt(3) * self.discrepancy), "repeatability": moved}
+
+
 def root_of(covariance: Array) -> Array:
     """A root E (p, p) with ``E E'`` the covariance, scaled first: units differ by powers of ten."""
     std = np.sqrt(np.diag(covariance))
@@ -233,7 +281,7 @@ def root_of(covariance: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class _Others:
+class Others:
     """The joints that are not identified, and what measurements tell of the known ones.
 
     With the columns B of the known joints, whitened and freed of those that are identified (rows
@@ -245,6 +293,7 @@ class _Others:
     Attributes:
         inverse: The inverse of the joints that are identified.
         joints: The joints (a,), with the standard deviations that are left.
+        columns: Their columns (m, rows) of the measurements.
         bend: Errors (p + a, a) by a unit of each: ``(A+ B; -1)``.
         N: Their whitened columns (a, coordinates) without what the estimates take up.
         R: Root (a, a) of P, with rows of zeros for joints that count as rigid.
@@ -252,6 +301,7 @@ class _Others:
 
     inverse: LeastSquaresInverse
     joints: tuple[AssumedJoint, ...]
+    columns: list[Array]
     bend: Array
     N: Array
     R: Array
@@ -259,7 +309,7 @@ class _Others:
     @classmethod
     def of(
         cls, inverse: LeastSquaresInverse, columns: list[Array], joints: tuple[AssumedJoint, ...]
-    ) -> "_Others":
+    ) -> "Others":
         """The joints with their columns (m, rows) of the measurements."""
         p = inverse.whitened.R.shape[-1]
         bend = np.zeros((p + len(joints), len(joints)))
@@ -274,7 +324,7 @@ class _Others:
             one if one.rigid else replace(one, std=float(np.linalg.norm(row)))
             for one, row in zip(joints, R, strict=True)
         ]
-        return cls(inverse, tuple(left), bend, N, R)
+        return cls(inverse, tuple(left), columns, bend, N, R)
 
     def below(self, E: Array) -> Array:
         """Errors (p + a, c) of the estimates (p, c) alone."""
@@ -289,13 +339,14 @@ class _Others:
         y = np.array([self.inverse.in_sigma(one).ravel() for one in each])
         return np.asarray(own - self.bend @ (self.R @ self.R.T @ (self.N @ y.T)))
 
-    def rigid(self, columns: list[Array]) -> Array:
+    @property
+    def rigid(self) -> Array:
         """Errors (p + a, r) by joints that count as rigid, and bend by a standard deviation."""
         p = len(self.bend) - len(self.joints)
         found = np.zeros((len(self.bend), sum(one.rigid for one in self.joints)))
         rigid = (i for i, one in enumerate(self.joints) if one.rigid)
         for place, i in enumerate(rigid):
-            found[:, place] = self.joints[i].std * self.shifts(columns[i][..., None])[:, 0]
+            found[:, place] = self.joints[i].std * self.shifts(self.columns[i][..., None])[:, 0]
             found[p + i, place] -= self.joints[i].std
         return found
 
@@ -304,6 +355,17 @@ class _Others:
         """Errors (p + a, b) by what is not told of the known joints."""
         known = [not one.rigid for one in self.joints]
         return np.asarray(self.bend @ self.R[:, known])
+
+
+def shown_by(scene: Scene, name: str) -> list[Array]:
+    """What readings (m, rows, c) show of a unit of the sizes of a fault, by its models."""
+    return [one.derivative_at_zero(scene.k) for one in scene.families(FAULTS[name].models)]
+
+
+def shifts_by(told: Others, scene: Scene, names: tuple[str, ...]) -> Array:
+    """Shifts (p + a, c) of all that is estimated by some faults of size one."""
+    every = [told.shifts(one) for name in names for one in shown_by(scene, name)]
+    return np.hstack([told.below(np.zeros((scene.A.shape[-1], 0))), *every])
 
 
 def _by_weights(

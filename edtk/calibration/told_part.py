@@ -9,7 +9,7 @@ import numpy as np
 import criteria
 from criteria.linalg.estimable import SMALL, combination
 from edtk.findings.nonlinear_part import known_part
-from edtk.fit.correlated_noise import whiten_columns
+from edtk.fit.correlated_noise import RowNoise, whiten_columns
 from edtk.fit.equilibrium import LinearisedData, linearise
 from edtk.fit.identify import Identification, identify
 from edtk.fit.least_squares import SingularPlanError, Whitened
@@ -208,11 +208,18 @@ class LeastSquaresInverse:
         Raises:
             SingularPlanError: Measurements and prior leave a parameter open.
         """
-        noise = data.noise
+        return cls.of_rows(A, data.noise, model.parameters, prior)
+
+    @classmethod
+    def of_rows(
+        cls, A: Array, noise: RowNoise, names: tuple[str, ...], prior: PriorRows | None = None
+    ) -> "LeastSquaresInverse":
+        """The same of rows A (m, rows, p) with their noise, and of parameters (p,) by name."""
+        count = len(A)
         if prior is not None:
             noise = prior.noise_below(noise, A.shape[1])
             A = prior.below(A)
-        return cls(Whitened.of(A, noise, model.parameters), prior, len(data))
+        return cls(Whitened.of(A, noise, names), prior, count)
 
     def solve(self, change: Array) -> Array:
         """Changes (..., p) of the estimates by changes (..., m, rows) of measurements."""

@@ -405,8 +405,17 @@ class MeasuredModel:
             tool: Transform (4, 4) after the last joint [m].
         """
         own = tuple(one for one in self.parameters if one.place != "tool")
-        return MeasuredModel(
-            self.robot.with_tool(tool), np.zeros((1, 3)), ("tool",), own, self.start, "pose"
+        return replace(
+            self,
+            robot=self.robot.with_tool(tool),
+            offsets=np.zeros((1, 3)),
+            markers=("tool",),
+            parameters=own,
+            rows="pose",
+            bodies=(),
+            kinds=(),
+            anchors=None,
+            places=(),
         )
 
     def compliances(self, theta: Array) -> Array:

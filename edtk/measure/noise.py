@@ -395,6 +395,19 @@ class PositionNoise:
     ratios: Array | None = None
     unknown: bool = False
 
+    def of_mean(self, readings: float) -> "PositionNoise":
+        """The errors of a mean of readings, which lessens all but what the model leaves out."""
+        share = 1 / np.sqrt(readings)
+        tracker = self.tracker
+        if tracker is not None:
+            (a, b), (c, d) = tracker.along, tracker.across
+            tracker = replace(tracker, along=(share * a, share * b), across=(share * c, share * d))
+        turn = None if self.turn is None else share * self.turn
+        joints = share * np.asarray(self.joints)
+        return replace(
+            self, reading=share * self.reading, joints=joints, turn=turn, tracker=tracker
+        )
+
     @property
     def rows(self) -> int:
         """Measured coordinates of a marker."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.measured_model import MeasuredModel
+from edtk.measure.measured_model import MeasuredModel, Seen
 from edtk.robots.robot import Robot
 from edtk.robots.weights import DeadWeights
 from edtk.robots.workspace import neighbourhood
@@ -142,33 +142,45 @@ class ErringColumns:
 
     def __call__(self, q: Array, turned: bool) -> Array:
         """Rows (..., 3k or 3, p) [m, rad] for a unit of each parameter; with turns three more."""
+        own = [one.place != "tool" for one in self.model.parameters]
+        scales = self.model.scales
+
+        def moved(seen: Seen) -> Array:
+            assert seen.jacobian is not None
+            if seen.jacobian.shape[-1] == self.model.p:
+                return seen.jacobian * scales
+            rows = np.zeros((*seen.jacobian.shape[:-1], self.model.p))
+            rows[..., own] = seen.jacobian * scales[own]
+            return rows
+
+        return self._rows(q, turned, moved)
+
+    def by_joints(self, q: Array, turned: bool) -> Array:
+        """The same for motions (..., r, n) of the free joints, by 1 rad or 1 m."""
+
+        def moved(seen: Seen) -> Array:
+            assert seen.by_joints is not None
+            return seen.by_joints
+
+        return self._rows(q, turned, moved)
+
+    def _rows(self, q: Array, turned: bool, moved: Callable[[Seen], Array]) -> Array:
+        """Rows (..., r, c) of what counts, from those (m, k, rows, c) of markers or of a tool."""
         flat = q.reshape(-1, q.shape[-1])
         torque = self.torque(flat)
-        if self.tool is not None:
-            rows = self._of_tool(self.tool, flat, torque)[:, : 6 if turned else 3]
-        else:
-            rows = self._of_markers(flat, torque)
-            if turned:
-                tool = self._of_tool(self.model.robot.tool, flat, torque)
-                rows = np.concatenate([rows, tool[:, 3:]], axis=1)
-        return np.asarray(rows.reshape(*q.shape[:-1], *rows.shape[1:]))
-
-    def _of_markers(self, q: Array, torque: Array | None) -> Array:
-        """Rows (m, 3k, p) of the root of the mean square of all markers on the tool."""
-        J = self.model.see(self.theta, q, torque).jacobian
-        assert J is not None
-        counted = self.model.on_tool
-        rows = J[:, counted, :3].reshape(len(q), -1, self.model.p)
-        return np.asarray(rows * self.model.scales / np.sqrt(counted.sum()))
-
-    def _of_tool(self, tool: Array, q: Array, torque: Array | None) -> Array:
-        """Rows (m, 6, p) of a tool frame; those of parameters of markers are zero."""
-        moves = np.array([one.place != "tool" for one in self.model.parameters], dtype=bool)
-        J = self.model.at_tool(tool).see(self.theta[moves], q, torque).jacobian
-        assert J is not None
-        rows = np.zeros((len(q), 6, self.model.p))
-        rows[..., moves] = J[:, 0] * self.model.scales[moves]
-        return rows
+        parts = []
+        if self.tool is None:
+            counted = self.model.on_tool
+            rows = moved(self.model.see(self.theta, flat, torque))[:, counted, :3]
+            parts.append(rows.reshape(len(flat), -1, rows.shape[-1]) / np.sqrt(counted.sum()))
+        if self.tool is not None or turned:
+            tool = self.model.robot.tool if self.tool is None else self.tool
+            own = np.array([one.place != "tool" for one in self.model.parameters], dtype=bool)
+            of_tool = moved(self.model.at_tool(tool).see(self.theta[own], flat, torque))[:, 0]
+            first = 3 if self.tool is None else 0
+            parts.append(of_tool[:, first : 6 if turned else 3])
+        found = np.concatenate(parts, axis=1)
+        return np.asarray(found.reshape(*q.shape[:-1], *found.shape[1:]))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

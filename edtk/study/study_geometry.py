@@ -233,26 +233,41 @@ class StudyGeometry:
     def loads(self) -> "StudyLoads | None":
         """What loads the joints; None where no spring is asked for, or known."""
         joints = self.study.specification.joints
-        if not joints.unknown and not joints.known:
-            return None
+        return self.every_load if joints.unknown or joints.known else None
+
+    @property
+    def every_load(self) -> "StudyLoads":
+        """The same whether or not springs are asked for: joints bend all the same."""
         return replace(StudyLoads.of(self.study), reads_changes=self.reads_changes)
 
     def loads_of(self, task: Task) -> "StudyLoads | None":
-        """What loads the joints in a task.
+        """What loads the joints in a task; None where no spring is asked for."""
+        return None if self.loads is None else self.every_load_of(task)
+
+    def every_load_of(self, task: Task) -> "StudyLoads":
+        """The same whether or not springs are asked for.
 
         A task without a tool and a payload is a visit: loaded where those of a sheet are, and with
         the study's own payload. Any other is loaded at its tool point, and carries what it says.
         """
-        if self.loads is None or (task.tool is None and not task.carries):
-            return self.loads
+        loads = self.every_load
         if task.tool is None:
-            return replace(self.loads, links=task.dead_weights, payload=None)
-        at_tool = ElastostaticModel(task.placed, self.loads.by_wrench.unknown)
+            own = replace(loads, links=task.dead_weights, payload=None)
+            return own if task.carries else loads
+        at_tool = ElastostaticModel(task.placed, loads.by_wrench.unknown)
         return StudyLoads(at_tool, task.dead_weights, None)
 
-    def columns(self, task: Task, model: MeasuredModel) -> ErringColumns:
-        """How what counts in a task moves with a model's parameters, about the drawing."""
-        loads = self.loads_of(task)
+    def columns(
+        self, task: Task, model: MeasuredModel, loads: "StudyLoads | None" = None
+    ) -> ErringColumns:
+        """How what counts in a task moves with a model's parameters, about the drawing.
+
+        Args:
+            task: The task.
+            model: Markers and parameters.
+            loads: What loads the joints; by default what does where springs are asked for.
+        """
+        loads = self.loads_of(task) if loads is None else loads
 
         def torque(q: Array) -> Array | None:
             return None if loads is None else loads(q, np.tile(task.wrench, (len(q), 1)))

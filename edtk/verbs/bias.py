@@ -2,6 +2,13 @@
 
 from edtk.calibration.planned import PlanBias, plan_bias
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, errors_in, name_of
+from edtk.verbs.of_kinds import OfGeometry, of_study
+
+NOT_LINEAR = (
+    "geometry and springs are fitted where the loads bring the robot to rest, and by no linear "
+    "model that could be biased; what joints do that count as rigid is in the error budget of a "
+    "plan; expected a study without [parameters]"
+)
 
 
 def bias(study: StudyLike, plan: PlanLike) -> PlanBias:
@@ -18,9 +25,12 @@ def bias(study: StudyLike, plan: PlanLike) -> PlanBias:
         The bias of each compliance, in SI units, in standard deviations and in per cent.
 
     Raises:
-        UserError: A file is not valid, the plan leaves parameters open, or a pose buckles.
+        UserError: A file is not valid, the plan leaves parameters open, or a pose buckles; or the
+            study has [parameters], which no linear model is fitted to.
     """
     question = as_study(study)
+    if isinstance(of_study(question), OfGeometry):
+        raise question.error("parameters", NOT_LINEAR)
     where = name_of(plan, "plan")
     with errors_in(where):
         return plan_bias(question, as_plan(question, plan), where)

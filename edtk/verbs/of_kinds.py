@@ -282,7 +282,8 @@ class OfGeometry(OfStudy):
             separations=judged[1],
             warnings=warnings,
             expected=designs.expected(whole),
-            tasks=designs.accuracy(whole),
+            tasks=designs.totals(whole),
+            error_budget=designs.error_budget(whole),
         )
 
     def _proof(self, asked: Study, found: Any) -> str:

@@ -11,9 +11,13 @@ import pytest
 from small_arm import ROBOT
 
 import edtk
+from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+from edtk.calibration.geometry_design.geometry_space import PositionRows
+from edtk.calibration.planned import plan_budget
 from edtk.design.plan import Plan
 from edtk.fit.geometry.fitted_geometry import resting_torque
+from edtk.measure.parameters import Parameter
 from edtk.measure.task import Task
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry
@@ -244,3 +248,90 @@ def test_poses_of_a_file_need_one_tool() -> None:
     poses = pd.DataFrame([POSE["q_deg"]], columns=[f"q{i}_deg" for i in range(1, 7)])
     with pytest.raises(edtk.UserError, match="the test poses have different tools"):
         edtk.compensate(study, found, poses)
+
+
+SOFT = {"compliance_rad_per_Nm": {"q2": 3e-6, "q3": 4e-6, "q4": 5e-6}}
+
+
+def visits(repeats: int) -> Plan:
+    """Eight loaded visits, each so often."""
+    q = np.random.default_rng(0).uniform(-1.5, 1.5, (8, 6))
+    wrench = np.tile([0.0, 0, -200, 0, 0, 0], (8, 1))
+    return Plan(q, wrench, np.full(8, repeats))
+
+
+def test_springs_alone_have_one_budget() -> None:
+    """Noise, load, and joints that count as rigid do the same in a study and in its twin."""
+    robot = STUDY.to_dict()["robot"]
+    nominal = {"sigma_mm": 0.05, "reference": "nominal"}
+    springs = SPRINGS.replace(simulation=SOFT, robot=robot, measurement=nominal)
+    question = GeometryQuestion.of(TWIN.replace(simulation=SOFT, robot=robot))
+    plan = visits(2)
+    expected = plan_budget(springs, plan)
+    found = GeometryDesigns(question.study, question).error_budget(plan)
+    assert expected is not None
+    assert found is not None
+    for name in ("noise", "model", "load", "rigid_joints", "known_joints", "uncompensated"):
+        assert getattr(found, name) == pytest.approx(getattr(expected, name), rel=1e-8, abs=1e-15)
+    assert found.rigid_joints > 0 < found.load
+    joints = [(one.joint.name, one.error, one.told) for one in found.joints]
+    assert joints == [
+        (one.joint.name, pytest.approx(one.error, rel=1e-8), pytest.approx(one.told, rel=1e-8))
+        for one in expected.joints
+    ]
+
+
+def test_what_the_model_leaves_out_does_not_average_out() -> None:
+    """Its part is that of all visits' errors together, of which those of a pose are shared."""
+    d, sigma, r = 0.03, 0.02, 3
+    noise = {"discrepancy_mm": d}
+    study = STUDY.replace(noise=noise, simulation=SOFT, test_pose=POSE | KINDS["tool"])
+    question = GeometryQuestion.of(study)
+    rng = np.random.default_rng(1)
+    wrench = np.tile([[0.0, 0, 0, 0, 0, 0], [0, 0, -150, 0, 0, 0]], (10, 1))
+    plan = Plan(rng.uniform(-1.6, 1.6, (20, 6)), wrench, np.full(20, r))
+    rows = question.rows(plan.q, plan.wrench)
+    A = np.repeat(rows, r, axis=0).reshape(-1, question.model.p)
+    shared = np.kron(np.eye(20), np.kron(np.ones((r, r)), np.eye(9)))
+    A0 = question.tasks.target
+    squares = []
+    for size in (0.0, d):
+        V = sigma**2 * np.eye(len(A)) + size**2 * shared
+        squares.append(np.trace(A0 @ np.linalg.inv(A.T @ np.linalg.solve(V, A)) @ A0.T))
+    found = GeometryDesigns(study, question).error_budget(plan)
+    assert found is not None
+    assert found.noise == pytest.approx(np.sqrt(squares[0]), rel=1e-6)
+    model = np.sqrt(squares[1] - squares[0] + 3e-6 * d**2)
+    assert found.model == pytest.approx(model, rel=1e-6)
+    assert found.tool == 0.0  # an unknown place of a marker is found where it is
+
+
+def test_known_markers_that_are_elsewhere_mislead() -> None:
+    """Where markers count as known, the part of the tool is the bias of least squares."""
+    parameters = {"compliance": ["q2", "q3"], "geometry": "all", "tool": False}
+    given = {"tool_mm": 2.0, "load_percent": 0, "load_direction_deg": 0}
+    keys = {"parameters": parameters, "uncertainty": given, "simulation": SOFT}
+    wrench = np.tile([[0.0, 0, 0, 0, 0, 0], [0, 0, -150, 0, 0, 0]], (10, 1))
+    q = np.random.default_rng(2).uniform(-1.6, 1.6, (20, 6))
+    plan = Plan(q, wrench, np.ones(20, dtype=int))
+    for name in ("tool", "markers"):
+        question = GeometryQuestion.of(STUDY.replace(**keys, test_pose=POSE | KINDS[name]))
+        found = GeometryDesigns(question.study, question).error_budget(plan)
+        assert found is not None
+        every = question.setting.model.with_parameters(
+            tuple(Parameter("tool", m, axis) for m in "ABC" for axis in "xyz")
+        )
+        A = question.rows(plan.q, plan.wrench).reshape(-1, question.model.p)
+        moved = PositionRows(every, question.setting.loads)(plan.q, plan.wrench)
+        by_axis = moved.reshape(len(A), 3, 3).sum(axis=1)  # all markers together
+        shifts = np.linalg.lstsq(A, 2.0 * by_axis, rcond=None)[0]
+        there = question.setting.columns(question.tasks[0], every)(question.tasks[0].q, False)
+        own = 2.0 * there.reshape(-1, 3, 3).sum(axis=1) if name == "markers" else 0.0
+        error = question.tasks[0].target @ shifts - own
+        assert found.tool == pytest.approx(np.linalg.norm(error), rel=1e-6)
+
+
+def test_a_bias_of_the_linear_model_is_of_springs_alone() -> None:
+    """Geometry is fitted by no linear model, which is why there is no answer."""
+    with pytest.raises(edtk.UserError, match="by no linear model that could be biased"):
+        edtk.bias(TWIN.replace(simulation=SOFT), visits(1))

@@ -8,25 +8,48 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 import criteria
-from edtk.calibration.geometry_design.geometry_plan import ToldByPlan
+from edtk.calibration.geometry_design.geometry_plan import ToldByPlan, visited
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import MM, GeometrySpace, PositionRows
 from edtk.calibration.geometry_design.plan_geometry import OF_PLANS, SEARCHES, plan_geometry
+from edtk.calibration.propagation import (
+    DIRECTION,
+    ROUNDING,
+    TOOL,
+    OfVisits,
+    Others,
+    Propagation,
+    Uncertainty,
+    root_of,
+    shifts_by,
+    uncertainty_of,
+)
+from edtk.calibration.told_part import LeastSquaresInverse
 from edtk.design.exact.day import PosesByLoad
 from edtk.design.exact.exact_plan import ExactPlan, NoPlanError, require_enough
 from edtk.design.exact.visit_search import STARTS, VisitSearch
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relax_poses import RelaxOptions
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.findings.causes.scene import Positions
 from edtk.findings.finding import Finding, Severity, Wording
 from edtk.fit.distributions import task_accuracy
-from edtk.measure.expected_error import WITHIN, ExpectedError, TaskAccuracy, expected_error
-from edtk.measure.parameters import Identifiable, Parameter
+from edtk.fit.prior import PriorRows
+from edtk.measure.expected_error import (
+    WITHIN,
+    ErrorBudget,
+    ExpectedError,
+    TaskAccuracy,
+    expected_error,
+)
+from edtk.measure.measured_model import MeasuredModel
+from edtk.measure.parameters import AXES, Identifiable, Parameter, all_parameters
 from edtk.robots.workspace import neighbourhood
 from edtk.study.evaluate import criteria_frame, criterion_values, observability
 from edtk.study.plan_study import no_progress, study_errors
 from edtk.study.plausibility import poor_around
 from edtk.study.study import Study
+from edtk.study.study_geometry import StudyLoads
 from edtk.study.study_run import Case, Designs
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
@@ -206,6 +229,142 @@ class GeometryEvaluation(Presented):
         }
 
 
+def visit_propagation(question: GeometryQuestion, plan: Plan) -> Propagation | None:
+    """Propagate the circumstances of a calibration by visits to what it estimates.
+
+    All is to the first order about the drawing, with the compliances of [simulation]. Parameters
+    of geometry are in metres and radians here.
+
+    Args:
+        question: The question of the study.
+        plan: All visits.
+
+    Returns:
+        The shifts; None where springs are unknown and there is no [simulation], or if the plan
+        leaves a parameter open.
+    """
+    study, setting, model = question.study, question.setting, question.model
+    by_plan = ToldByPlan(question, plan)
+    if len(by_plan.told.left) or (study.unknown and study.specification.simulation is None):
+        return None
+    visits = np.repeat(np.arange(len(plan.q)), plan.repeats)
+    scene = _Visits(question, plan.q[visits], plan.wrench[visits])
+    A = scene.under(setting.every_load)
+    names = tuple(one.name for one in model.parameters)
+    known = question.known / model.scales
+    prior = PriorRows(known, np.zeros(len(known))) if len(known) else None
+    inverse = LeastSquaresInverse.of_rows(A.A, np.ones(A.A.shape[:2]), names, prior)
+    given = uncertainty_of(study)
+    estimated = {one.of for one in model.parameters if one.place == "compliance"}
+    others = tuple(one for one in given.joints if one.name not in estimated)
+    told = Others.of(inverse, [A.compliant(one.index) for one in others], others)
+    table = study.specification.noise
+    discrepancy = 0.0 if table is None else table.discrepancy_mm / 1e3
+    loaded = np.any(scene.wrench, axis=1).astype(float)[:, None, None]
+    covariance = by_plan.covariance * np.outer(model.scales, model.scales)
+    places = _places(model)
+    markers = tuple(one for one in places if one not in model.parameters)
+    roots = {
+        "noise": told.below(root_of(covariance)),
+        "model": told.below(_by_model(question, plan, discrepancy)),
+        "load": scene.by_load(told, given),
+        "tool": given.tool * shifts_by(told, A, TOOL),
+        "drift": given.drift * told.shifts(A.shift * loaded),
+        "repeatability": told.below(np.zeros((model.p, 1))),
+        "rigid_joints": told.rigid,
+        "known_joints": told.known,
+    }
+    roots = {name: np.pad(E, ((0, len(markers)), (0, 0))) for name, E in roots.items()}
+    # Markers that are elsewhere are so in the tasks, too; an unknown place is found where it is.
+    rows = [*model.parameters, *others, *markers]
+    for one in places:
+        roots["tool"][rows.index(one), AXES.index(one.component)] -= given.tool
+    is_found = np.abs(roots["tool"]) <= ROUNDING * given.tool
+    roots["tool"] = np.where(is_found, 0.0, roots["tool"])
+    joints = [one.name for one in others]
+    springs = all_parameters(study.robot, (), (), joints, base=False, tool=False)
+    taken = [*scene.values, *(one.compliance for one in others), *(0.0 for _ in markers)]
+    return Propagation(
+        unknown=(),
+        assumed=told.joints,
+        k=np.array(taken),
+        roots=roots,
+        told=tuple(map(inverse.told, told.columns)),
+        visits=OfVisits(setting, model, (*springs, *markers), discrepancy),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Visits:
+    """The visits of a plan, each by itself.
+
+    Attributes:
+        question: The question of the study.
+        q: Poses (m, n) [rad or m].
+        wrench: Their loads (m, 6) [N, N m].
+    """
+
+    question: GeometryQuestion
+    q: Array
+    wrench: Array
+
+    def under(self, loads: StudyLoads) -> Positions:
+        """What they show, where these load the joints."""
+        return visited(self.question, self.q, self.wrench, np.zeros(len(self.q)), loads)
+
+    def by_load(self, told: "Others", given: Uncertainty) -> Array:
+        """Errors (p + a, c) by a load of another size or direction, and by another payload."""
+        loads = self.question.setting.every_load
+        scene = self.under(loads)
+        if not scene.sprung or not self.wrench.any():
+            return np.zeros((len(told.bend), 1))
+        sizes = [shifts_by(told, scene, ("load_size",))]
+        if loads.payload is not None:
+            both = self.under(replace(loads, links=None))
+            alone = self.under(replace(loads, links=None, payload=None))
+            sizes.append(told.shifts(((both.springs - alone.springs) @ scene.soft)[..., None]))
+        direction = given.load_direction * shifts_by(told, scene, DIRECTION)
+        return np.hstack([given.load_size * np.hstack(sizes), direction])
+
+    @property
+    def values(self) -> list[float]:
+        """What is assumed of the parameters (p,): springs of [simulation], and the drawing."""
+        names = self.question.study.specification.joints.unknown
+        scene = self.under(self.question.setting.every_load)
+        soft = dict(zip(names, scene.soft.tolist(), strict=True))
+        parameters = self.question.model.parameters
+        return [soft.get(one.of, 0.0) if one.place == "compliance" else 0.0 for one in parameters]
+
+
+def _places(model: MeasuredModel) -> tuple[Parameter, ...]:
+    """Where the markers are, along the axes of what carries them."""
+    names = [name for name, far in zip(model.markers, model.is_distance, strict=True) if not far]
+    return tuple(Parameter("tool", name, axis) for name in names for axis in AXES)
+
+
+def _by_model(question: GeometryQuestion, plan: Plan, discrepancy: float) -> Array:
+    """A root (p, p) of what the model's errors add to the covariance that the noise makes.
+
+    Each pose errs by itself, however often it is visited.
+    """
+    model, noise = question.model, question.setting.noise
+    if not discrepancy:
+        return np.zeros((model.p, 1))
+    inverses = []
+    for size in (0.0, 1e3 * discrepancy):
+        M = question.known.T @ question.known
+        for repeats in np.unique(plan.repeats):
+            of_size = plan.repeats == repeats
+            errors = replace(noise.of_mean(float(repeats)), model_white=size)
+            A = PositionRows(model, question.setting.loads, errors)(
+                plan.q[of_size], plan.wrench[of_size]
+            )
+            M += np.einsum("mri,mrj->ij", A, A)
+        inverses.append(np.linalg.inv(M))
+    added = (inverses[1] - inverses[0]) * np.outer(model.scales, model.scales)
+    return root_of((added + added.T) / 2)
+
+
 @dataclass(frozen=True, eq=False)
 class GeometryDesigns(Designs):
     """The designs of a study of geometry: visits of poses, without and with a load.
@@ -304,6 +463,23 @@ class GeometryDesigns(Designs):
             return None
         is_path = self.study.specification.task is not None
         return task_accuracy(tasks, cov, is_path=is_path)
+
+    def error_budget(self, plan: Plan) -> ErrorBudget | None:
+        """The error in the test poses by all that is uncertain; None where nothing tells it."""
+        found = self.propagation(plan)
+        return None if found is None else found.budget(self.question.tasks)
+
+    def totals(self, plan: Plan) -> TaskAccuracy | None:
+        """The errors in each of several test poses, with the total of each."""
+        each, found = self.accuracy(plan), self.propagation(plan)
+        if each is None or found is None:
+            return each
+        tasks = self.question.tasks
+        return replace(each, total=found.totals(tasks, np.zeros(len(tasks))))
+
+    def propagation(self, plan: Plan) -> Propagation | None:
+        """What is uncertain in a calibration by a plan; None without test poses, too."""
+        return visit_propagation(self.question, plan) if self.question.tasks else None
 
     def warnings(self, plan: Plan) -> tuple[Finding, ...]:
         """Whether a plan is poor around the test poses, or no better than base and tool alone."""

@@ -1,6 +1,6 @@
 """A plan of visits for a study of geometry, by load, with what it tells, and its sheet."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -11,10 +11,11 @@ from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.calibration.template import visit_order
 from edtk.design.exact.day import DayPlan, PosesByLoad
 from edtk.design.plan import Plan
+from edtk.findings.causes.scene import Positions
 from edtk.fit.geometry.fit_geometry import told_apart
 from edtk.fit.geometry.marker_positions import VECTOR
 from edtk.fit.prior import PriorRows
-from edtk.measure.parameters import Identifiable
+from edtk.measure.parameters import Identifiable, Parameter
 from edtk.measure.pose_table import (
     CHANGE_COLUMN,
     DEFLECTION_COLUMNS,
@@ -27,7 +28,7 @@ from edtk.measure.pose_table import (
     rounded,
 )
 from edtk.study.study import Study
-from edtk.study.study_geometry import StudyGeometry
+from edtk.study.study_geometry import StudyGeometry, StudyLoads
 from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:
@@ -67,6 +68,48 @@ class ToldByPlan:
         R = np.linalg.qr(every, mode="r")
         inverse = np.linalg.solve(R, np.eye(len(R)))
         return np.asarray(inverse @ inverse.T)
+
+
+def visited(
+    question: GeometryQuestion,
+    q: Array,
+    wrench: Array,
+    time: Array,
+    loads: StudyLoads | None = None,
+) -> Positions:
+    """Visits of a study of geometry at the drawing, in units of their noise.
+
+    Args:
+        question: The question of the study.
+        q: Poses (m, n) [rad or m].
+        wrench: Their loads (m, 6) [N, N m].
+        time: When each is made (m,), see `since_first`.
+        loads: What loads the joints; by default what does where springs are asked for.
+    """
+    setting, model, study = question.setting, question.model, question.study
+    bending = setting.loads if loads is None else loads
+
+    def columns(parameters: tuple[Parameter, ...], wrench: Array) -> Array:
+        rows = PositionRows(replace(model, parameters=parameters), bending, setting.noise)
+        scales = np.array([one.scale for one in parameters])
+        return rows(q, wrench) / scales
+
+    simulation = study.specification.simulation
+    given = {} if simulation is None else simulation.compliance_rad_per_Nm
+    soft = [given.get(name, 0.0) for name in study.specification.joints.unknown]
+    return Positions(
+        model.robot,
+        model.markers,
+        columns,
+        columns(model.parameters, wrench),
+        np.zeros(model.p),
+        q,
+        wrench,
+        time,
+        tuple(study.unknown) if setting.loads is not None else (),
+        np.array(soft),
+        bending,
+    )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -54,12 +54,12 @@ class FitRows:
         means = fit.data.means
         seen = model.see(fit.fitted.theta, means.q)
         assert seen.by_joints is not None
+        design = own_columns(fit)
         return cls(
             fit,
             MM * np.nan_to_num(fit.residual).reshape(len(means), -1),
-            # Absolute positions alone need not tell all that springs, turns, wires and earlier
-            # knowledge do: dependent columns would take some of the residuals at random.
-            _independent(own_columns(fit)),
+            # Of what was known before, some columns may be dependent.
+            design if fit.told_before is None else _independent(design),
             of_positions(seen.by_joints, means),
             seen.places,
             replace(fit.fitted.noise, turn=None, model_turn=0.0),

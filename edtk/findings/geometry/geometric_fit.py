@@ -56,7 +56,7 @@ def _few(fit: GeometricFit) -> list[Finding]:
         "count": count,
         "missing": int(np.ceil((FEW * count - coordinates) / each)),
     }
-    if not fit.loo_rms > WORSE * fit.placed:  # nothing is placed by differences alone
+    if fit.loo_rms <= WORSE * fit.placed:
         return [_say(Severity.WARNING, "few_poses", **data)]
     # Neither residuals nor poses left out speak for such a fit, and an error of one pose is all in.
     return [_say(Severity.ALARM, "few_poses", **data, loo_rms=fit.loo_rms, placed=fit.placed)]

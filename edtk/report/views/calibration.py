@@ -34,10 +34,17 @@ ADVICE = {
     "drift": "measure unloaded and loaded readings shortly after each other",
     "repeatability": "repeat the measurements",
 }
+# What differs where visits tell geometry: nothing is linear, and joints miss the tasks themselves.
+ADVICE_OF_VISITS = ADVICE | {
+    "model": "ask for more parameters, as the model leaves that much out of a coordinate",
+    "repeatability": "none by a calibration: the joints come back no better",
+}
 
 
-def error_budget(found: ErrorBudget) -> str:
-    """The expected error in the task, with its parts."""
+def error_budget(found: ErrorBudget, of_visits: bool = False) -> str:
+    """The expected error in the task, with its parts; by displacements, or by visits."""
+    advice = ADVICE_OF_VISITS if of_visits else ADVICE
+    by = "by the load and " if of_visits else ""
     parts = ", ".join(
         f"{name.replace('_', ' ')} {1e3 * part:.2g}" for name, part in found.parts.items()
     )
@@ -45,9 +52,9 @@ def error_budget(found: ErrorBudget) -> str:
     joints = "".join(f"  {line}\n" for line in assumed_joints(found))
     return (
         f"total expected error {1e3 * found.total:.2g} mm (root mean square), "
-        f"{1e3 * found.uncompensated:.2g} mm without compensation\n"
+        f"{1e3 * found.uncompensated:.2g} mm {by}without compensation\n"
         f"  of it [mm]: {parts}\n{joints}{without}"
-        f"  to improve first: {ADVICE[found.largest]}"
+        f"  to improve first: {advice[found.largest]}"
     )
 
 

@@ -8,6 +8,7 @@ from edtk.design.exact.day import PosesByLoad
 from edtk.measure.pose_table import in_file_units, pose_columns
 from edtk.measure.task import Tasks
 from edtk.report.tables import name_width, number_columns
+from edtk.report.views.calibration import error_budget
 from edtk.report.views.plan import (
     among,
     costs_of_day,
@@ -70,6 +71,7 @@ def _rho0(found: GeometryPlan) -> list[str]:
     return [
         expected_rho0(1e3 * found.rho0, found.question.study.tasks),
         *([] if found.expected is None else [str(found.expected)]),
+        *([] if found.error_budget is None else [error_budget(found.error_budget, True)]),
         *as_drawn(found.question),
     ]
 

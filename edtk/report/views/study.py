@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
 from edtk.calibration.planned import plan_budget
 from edtk.measure.expected_error import ErrorBudget
 from edtk.measure.task import Task
@@ -154,12 +155,17 @@ def expected_of_run(run: StudyRun) -> list[str]:
     if run.expected is None:
         return []
     budget = budget_of_run(run)
-    return [*([] if budget is None else [error_budget(budget)]), str(run.expected)]
+    of_visits = isinstance(run.designs, GeometryDesigns)
+    return [*([] if budget is None else [error_budget(budget, of_visits)]), str(run.expected)]
 
 
 def budget_of_run(run: StudyRun) -> ErrorBudget | None:
     """The error budget of that plan; None where it is not known, see `plan_budget`."""
-    return None if run.best is None else plan_budget(run.study, run.best)
+    if run.best is None:
+        return None
+    if isinstance(run.designs, GeometryDesigns):
+        return run.designs.error_budget(run.best)
+    return plan_budget(run.study, run.best)
 
 
 def study_run_rows(run: StudyRun) -> tuple[list[str], list[list[str]]]:
