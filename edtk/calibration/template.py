@@ -314,8 +314,11 @@ def visit_order(study: Study, plan: Plan) -> Indices:
     loads = np.unique(plan.wrench, axis=0)
     loads = loads[np.argsort(loads.any(axis=1), kind="stable")]
     costs = day_costs(study)
-    # Where experiments are pairs, the day begins without a load.
-    parts = len(loads) if costs is None else costs.changes_of(len(loads)) + 1 - costs.paired
+    parts = len(loads)
+    if costs is not None:
+        # Where experiments are pairs, the day begins without a load.
+        before = costs.paired and bool(loads.any(axis=1).all())
+        parts = costs.changes_of(loads) + 1 - before
     rounds: list[list[Indices]] = []
     for i, load in enumerate(loads):
         own = np.flatnonzero((plan.wrench == load).all(axis=1))

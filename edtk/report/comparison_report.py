@@ -15,6 +15,7 @@ from edtk.report.comparison_sections import (
     Efficiencies,
     all_values,
     around_the_task,
+    budget_of_costs,
     by_size,
     efficiencies,
     fewer_poses,
@@ -130,7 +131,8 @@ class _Chapters:
             f"Robot {_plain(run.study.robot.name)}; unknown compliances {unknown}{_interest(run)}"
             f"{_prior(run)}; "
             f"{specification.describe_load()}; "
-            f"{_measured(run)}{_noise(run)}{margin_in_words(run.study)}.\n"
+            f"{_measured(run)}{_noise(run)}{margin_in_words(run.study)}"
+            f"{''.join(f'; {words}' for words in budget_of_costs(run.study))}.\n"
         )
 
     def visits(self) -> list[str]:

@@ -298,7 +298,7 @@ def setting_of_geometry(designs: GeometryDesigns) -> str:
         _loads(designs),
         f"measured: {kind}s of {markers} marker{'' if markers == 1 else 's'}",
         f"{describe_noise(specification)}{margin_in_words(study)}",
-        *_budget(designs),
+        *budget_of_costs(study),
     ]
     untold = "".join(f"\n- Not told by feasible poses: {words}.\n" for words in question.untold)
     return f"{'; '.join(parts)}.\n{untold}"
@@ -329,14 +329,16 @@ def _unknown(study: Study) -> str:
 
 def _loads(designs: GeometryDesigns) -> str:
     """What visits may be loaded with."""
+    if designs.question.chooses_forces:
+        return f"visits with {designs.study.specification.describe_load()}"
     if len(designs.question.wrenches) == 1:
         return "visits without a load"
     return f"visits without a load, or with {designs.study.specification.describe_load()}"
 
 
-def _budget(designs: GeometryDesigns) -> list[str]:
+def budget_of_costs(study: Study) -> list[str]:
     """What the budget of a day limits."""
-    costs = designs.study.specification.costs
+    costs = study.specification.costs
     if costs is None or costs.budget is None:
         return []
     limit = f"{costs.budget:g} {costs.unit}".rstrip()
@@ -441,7 +443,7 @@ def visits_by_load(run: StudyRun, designs: GeometryDesigns) -> str:
         visits = poses.visits.sum(axis=0)
         row = [case.name, len(poses.q), *(visits.tolist()[: len(wrenches)])]
         if costs is not None:
-            changes = costs.changes_of(int(np.count_nonzero(visits)))
+            changes = costs.changes_of(poses.wrenches[visits > 0])
             row += [changes, f"{costs.total(poses.wrenches, visits):g}"]
         rows.append(row)
     return f"## Visits by load\n\n{markdown_table(header, rows)}"

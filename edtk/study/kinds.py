@@ -220,8 +220,9 @@ class Geometry(Kind):
         self._check_prior(study)
 
     def is_paired(self, study: Asked) -> bool:
-        """Positions are absolute."""
-        return False
+        """Positions are absolute, unless the study asks for changes under a load."""
+        measurement = study.specification.measurement
+        return measurement.reference == "unloaded" and "reference" in measurement.model_fields_set
 
     def check_interest(self, study: StudyObjects, table: InterestTable) -> None:
         """Check names of parameters, of which geometry has more than compliances."""

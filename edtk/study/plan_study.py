@@ -307,9 +307,6 @@ def wrenches_of(study: Study, costs: DayCosts | None) -> Array | None:
     Returns:
         The loads; None where every experiment chooses its own and nothing depends on how many
         there are: without a budget, or where forces of any direction cost no load changes.
-
-    Raises:
-        UserError: There are too many to choose from: a force of any direction.
     """
     if costs is None or costs.budget is None:
         return None
@@ -320,12 +317,6 @@ def wrenches_of(study: Study, costs: DayCosts | None) -> Array | None:
         return load.wrenches
     if isinstance(load, BoundedLoad) and costs.paired:
         return load.largest[None]
-    if costs.change or not costs.paired:
-        raise study.error(
-            "load.F_max_N",
-            "poses that choose their forces freely have as many loads as there are poses, and no "
-            "set of loads whose changes a budget could count; list forces in list_F_N",
-        )
     return None
 
 
@@ -354,10 +345,23 @@ def day_costs(study: Study, budget: float | None = None) -> DayCosts | None:
 def require_few_loads(study: Study, costs: DayCosts | None, wrenches: Array | None) -> None:
     """Check that the sets of loads within a budget can all be searched.
 
+    Args:
+        study: The study.
+        costs: What visits cost; None where nobody said.
+        wrenches: The loads (s, 6); None where each experiment chooses its own.
+
     Raises:
-        UserError: They are too many.
+        UserError: They are too many, or there are as many as experiments.
     """
-    if costs is None or costs.budget is None or wrenches is None:
+    if costs is None or costs.budget is None:
+        return
+    if wrenches is None:
+        if costs.change or (costs.visit != costs.loaded_visit and not costs.paired):
+            raise study.error(
+                "load.F_max_N",
+                "poses that choose their forces freely have as many loads as there are poses, and "
+                "no set of loads whose changes a budget could count; list forces in list_F_N",
+            )
         return
     if int(wrenches.any(axis=1).sum()) > MOST_LOADS:
         message = f"plans within a budget choose among {MOST_LOADS} loads at most; list fewer"

@@ -123,8 +123,7 @@ class StudyGeometry:
     @property
     def reads_changes(self) -> bool:
         """Whether visits under a load are read as a loaded position less an unloaded one."""
-        measurement = self.study.specification.measurement
-        return measurement.reference == "unloaded" and "reference" in measurement.model_fields_set
+        return self.study.kind.is_paired(self.study)
 
     @property
     def model(self) -> MeasuredModel:
@@ -324,6 +323,10 @@ class StudyLoads:
         if self.payload is not None:
             torque = torque + frames.folded(self.payload.torque(frames)) * loaded
         return np.ascontiguousarray(torque.T)
+
+    def of_wrench(self, q: Array, wrench: Array) -> Array:
+        """Loads (m, n) of the free joints [N m or N] by wrenches (m, 6) alone."""
+        return np.ascontiguousarray(self.by_wrench.torque_of(self._frames(q), wrench).T)
 
     def slope(self, q: Array, wrench: Array, s: Array) -> Array:
         """Derivatives (m, n) of ``sum_j s_j tau_j`` by the free joints, weights s (m, n) fixed."""

@@ -12,6 +12,7 @@ from click.testing import CliRunner
 from loaded_arm import STUDY
 
 import edtk
+from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.plan_geometry import plan_geometry
 from edtk.cli import main
 from edtk.design.exact import visit_search
@@ -147,6 +148,7 @@ def test_sheets_and_runs_of_days(tmp_path: Path) -> None:
     costs = day_costs(study)
     assert costs is not None
     assert costs.spent(best.plan) <= 20
+    assert "optimised plans cost 20 at most" in (tmp_path / "report.md").read_text()
 
 
 def answers_of_others(workers: Workers, pieces: Sequence[Callable[[], object]]) -> object:
@@ -177,3 +179,55 @@ def test_relaxations_do_not_depend_on_workers(
     expected, found = one.to_dict(), two.to_dict()
     del expected["seconds"], found["seconds"]
     assert found == expected
+
+
+def test_forces_of_visits() -> None:
+    """Of forces along a direction, nothing and the largest are enough; any force is no worse."""
+    sizes = {"F_max_N": 100, "direction": [0, 0, -2]}
+    given = plan_geometry(STUDY, 6, "D")
+    along = plan_geometry(STUDY.replace(load=sizes), 6, "D")
+    assert along.cost == pytest.approx(given.cost, rel=1e-12)
+    anyhow = plan_geometry(STUDY.replace(load={"F_max_N": 100}), 6, "D")
+    assert anyhow.cost <= given.cost * (1 + 1e-6)
+    assert anyhow.efficiency <= 1 + 1e-6
+    sizes = np.linalg.norm(anyhow.plan.wrench[:, :3], axis=1)
+    assert sizes.max() == pytest.approx(100, rel=1e-6)
+
+
+def test_slopes_by_the_force_of_a_visit() -> None:
+    """They are differences of the rows, for every variable of a visit."""
+    study = STUDY.replace(load={"F_max_N": 100}, noise={"repeatability_deg": 0.01})
+    space = GeometryQuestion.of(study).space
+    x = space.draw(np.random.default_rng(1).random((3, 5)))
+    G = np.diag(np.arange(1.0, space.p + 1))
+    B = 2 * space.at(x).regressor @ G
+    slope = space.at(x).slope(B)
+    for j in range(x.shape[1]):
+        step = 1e-6 * np.eye(x.shape[1])[j]
+        ends = [
+            np.einsum("krp,pq,krq->k", A, G, A)
+            for A in (space.rows(x + step), space.rows(x - step))
+        ]
+        assert slope[:, j] == pytest.approx(
+            (ends[0] - ends[1]) / 2e-6, rel=1e-5, abs=1e-6 * abs(slope).max()
+        )
+
+
+def test_certificates_of_forces_of_visits(tmp_path: Path) -> None:
+    """Draws of forces are made again, and the bound over them is found again."""
+    study = STUDY.replace(load={"F_max_N": 100})
+    edtk.plan(study, 6, "D", certificate=tmp_path / "c.json")
+    assert edtk.verify(tmp_path / "c.json", study).valid
+
+
+def test_changes_of_positions_are_pairs(tmp_path: Path) -> None:
+    """Visits of geometry that are read loaded less unloaded cost both, and others one."""
+    changes = {"sigma_mm": 0.1, "reference": "unloaded"}
+    prices = {"visit": 1, "loaded_visit": 2, "load_change": 3, "budget": 21}
+    study = STUDY.replace(measurement=changes, costs=prices)
+    found = edtk.plan(study, criterion="D", certificate=tmp_path / "c.json")
+    loaded = int(found.plan.repeats[found.plan.wrench.any(axis=1)].sum())
+    assert loaded > 0
+    assert found.spent == 3 * loaded + (found.plan.experiments - loaded) + 3
+    assert found.spent <= 21
+    assert edtk.verify(tmp_path / "c.json", study).valid

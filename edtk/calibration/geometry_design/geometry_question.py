@@ -24,8 +24,11 @@ from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import COMPONENTS, Identifiable, Parameter
 from edtk.measure.task import Task, Tasks
 from edtk.robots.frames import BodyPoint
+from edtk.robots.loads.bounded_load import BoundedLoad
 from edtk.robots.loads.fixed_load import FixedLoad
+from edtk.robots.loads.free_load import FreeLoad
 from edtk.robots.loads.listed_load import ListedLoad
+from edtk.robots.loads.load import Load
 from edtk.robots.weights import DeadWeights
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry
@@ -40,30 +43,27 @@ UNTOLD = 1e-6  # [mm] an error in a task that a unit of what no pose tells may m
 NONE = np.zeros(6)
 
 
-def wrenches_of(study: Study) -> Array:
-    """The wrenches (s, 6) among which a visit chooses: none first, then those of the study.
+def load_of(study: Study) -> Load:
+    """What a visit may be loaded with: nothing, one of a list whose first is nothing, or any force.
 
-    Without springs a load tells nothing, and none is alone.
-
-    Raises:
-        UserError: The study leaves the load free: a day of measurements changes few loads.
+    Without springs a load tells nothing, and none is alone. Rows A of a visit are affine in its
+    load, so that ``<Z, A'A>`` is convex in it: it is largest at an end. Of forces along a direction
+    the best weights need none but nothing and the largest one, and their bound holds for all.
     """
     given = study.specification
     if not given.joints.unknown or (given.load is None and given.payload is None):
-        return NONE[None]
+        return FixedLoad(NONE)
     load = given.build_load()
     if isinstance(load, FixedLoad):
         own = load.always[None]
     elif isinstance(load, ListedLoad):
         own = load.wrenches
+    elif isinstance(load, BoundedLoad):
+        own = load.largest[None]
     else:
-        raise study.error(
-            "load",
-            "plans of geometry visit poses without a load or with a given one; expected F_N or "
-            "list_F_N",
-        )
+        return load
     own = np.unique(own[own.any(axis=1)], axis=0)
-    return np.concatenate([NONE[None], own])
+    return ListedLoad(np.concatenate([NONE[None], own])) if len(own) else FixedLoad(NONE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,8 @@ class GeometryQuestion:
     Attributes:
         study: The study.
         setting: Its markers, noise and loads.
-        wrenches: What visits may be loaded with (s, 6); the first is no load [N, N m].
+        wrenches: What visits may be loaded with (s, 6); the first is no load, and the only one
+            listed where each visit has a force of its own [N, N m].
         space: The design space. Its parameters are a minimal set: those that feasible poses of the
             study can tell apart under these loads.
         structural: Parameters that any poses could tell, feasible or not.
@@ -100,18 +101,19 @@ class GeometryQuestion:
         """The question of a study with [parameters].
 
         Raises:
-            UserError: Its loads are none that a plan can choose among, or no pose is feasible.
+            UserError: No pose is feasible.
         """
         setting = StudyGeometry.of(study)
-        wrenches = wrenches_of(study)
-        anywhere = _anywhere(setting.model, wrenches)
+        load = load_of(study)
+        wrenches = load.wrenches if isinstance(load, ListedLoad) else NONE[None]
+        telling = _telling(load, wrenches)
+        anywhere = _anywhere(setting.model, telling)
         before = _before(setting, *anywhere)
         told = _told(setting, setting.model, *anywhere, before)
         structural = _with(setting.model, told)
-        load = FixedLoad(wrenches[0]) if len(wrenches) == 1 else ListedLoad(wrenches)
         space = _space(study.space_under(load), structural, setting)
         of_structural = before.of(told.kept)
-        shares = _told(setting, structural, *_feasible(space, study, wrenches), of_structural)
+        shares = _told(setting, structural, *_feasible(space, study, telling), of_structural)
         return cls(
             study,
             setting,
@@ -123,6 +125,11 @@ class GeometryQuestion:
             of_structural.of(shares.kept).rows,
             (*_springs(setting.model, told), *shares.words),
         )
+
+    @property
+    def chooses_forces(self) -> bool:
+        """Whether each visit has a force of its own."""
+        return isinstance(self.space.load, FreeLoad)
 
     @property
     def model(self) -> MeasuredModel:
@@ -306,6 +313,13 @@ def _before(setting: StudyGeometry, q: Array, wrench: Array) -> PriorRows:
     return PriorRows.of_gaussian(prior).scaled(model.scales)
 
 
+def _telling(load: Load, wrenches: Array) -> Array:
+    """Wrenches that tell all that the loads of visits do: of any force, one along each axis."""
+    if not isinstance(load, FreeLoad):
+        return wrenches
+    return np.concatenate([wrenches, load.largest * np.eye(3, 6)])
+
+
 def _anywhere(model: MeasuredModel, wrenches: Array) -> tuple[Array, Array]:
     """Poses within the joint limits, each under every load."""
     lower, upper = np.clip(model.robot.limits, -np.pi, np.pi)
@@ -340,7 +354,7 @@ def geometry_setting(question: GeometryQuestion) -> dict[str, Any]:
         "unknown": [],
         "rows": question.model.rows,
         **_noise(question),
-        "load": _load(question.wrenches),
+        "load": _load(question),
         "workspace": feasible["workspace"],
         "excluded": feasible["excluded"],
         "free": feasible["free"],
@@ -396,8 +410,11 @@ def _noise(question: GeometryQuestion) -> dict[str, Any]:
     }
 
 
-def _load(wrenches: Array) -> dict[str, Any]:
-    """No load, or the wrenches among which a visit chooses."""
+def _load(question: GeometryQuestion) -> dict[str, Any]:
+    """No load, the wrenches among which a visit chooses, or the largest force."""
+    wrenches = question.wrenches
+    if isinstance(question.space.load, FreeLoad):
+        return {"F_max_N": question.space.load.largest}
     if len(wrenches) == 1:
         return {"F_N": [0.0, 0.0, 0.0], "T_Nm": [0.0, 0.0, 0.0]}
     return {"wrenches": wrenches.tolist()}

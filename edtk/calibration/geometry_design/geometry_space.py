@@ -81,17 +81,20 @@ class PositionRows:
             found[part] = self._block(q[part], wrench[part])
         return found
 
-    def slopes(self, q: Array, wrench: Array, B: Array) -> Array:
-        """Derivatives (m, n) of ``<B, rows>`` by the joints, weights B (m, k r, p) held fixed.
+    def slopes(self, q: Array, wrench: Array, B: Array, changes: Array) -> Array:
+        """Derivatives (m, n + d) of ``<B, rows>``, weights B (m, k r, p) held fixed.
+
+        They are by the joints, and by d variables of the load, which change the wrench by
+        ``changes`` (m, 6, d) and the loads of the joints in proportion.
 
         Where errors are correlated, ``rows = L^-1 A`` with ``V = L L'``, and B must be such that
         ``B rows'`` is symmetric, as it is for ``B = rows G`` with symmetric G, from differentials
         of information: then it does not matter how L turns, see `Experiments.slope`.
         """
-        found = np.empty(q.shape)
+        found = np.empty((len(q), q.shape[1] + changes.shape[-1]))
         for first in range(0, len(q), BLOCK):
             part = slice(first, first + BLOCK)
-            found[part] = self._slope(q[part], wrench[part], B[part])
+            found[part] = self._slope(q[part], wrench[part], B[part], changes[part])
         return found
 
     def _block(self, q: Array, wrench: Array) -> Array:
@@ -149,7 +152,7 @@ class PositionRows:
             torque = torque - differs[:, None] * self.loads(q, np.zeros_like(wrench))
         return torque.T
 
-    def _slope(self, q: Array, wrench: Array, B: Array) -> Array:
+    def _slope(self, q: Array, wrench: Array, B: Array, changes: Array) -> Array:
         """The derivatives of a block of poses."""
         placed = self.columns.at(q)
         torque = self._torque(q, wrench)
@@ -166,12 +169,16 @@ class PositionRows:
         )
         found = by_motion.T + of_noise
         if self.loads is None:
-            return found
+            return np.concatenate([found, np.zeros((len(q), changes.shape[-1]))], axis=1)
+        by_load = [
+            (by_torque.T * self.loads.of_wrench(q, change)).sum(axis=1)
+            for change in np.moveaxis(changes, -1, 0)
+        ]
         found = found + self.loads.slope(q, wrench, by_torque.T)
         if differs is not None:
             own = by_torque.T * differs[:, None]
             found = found - self.loads.slope(q, np.zeros_like(wrench), own)
-        return found
+        return np.column_stack([found, *by_load])
 
     def _correlated(
         self, placed: PlacedColumns, rows: Array, B: Array, differs: Mask | None
@@ -229,10 +236,11 @@ def _component_first(A: Array, markers: int) -> Array:
 class GeometrySpace(DesignSpace):
     """A design space whose experiments are visits of a pose, each under one of the study's loads.
 
-    Design variables are the joints, then the index of the load where there are several; the first
-    load is none. What a visit tells are the positions of all markers, and their orientations where
-    the study measures full poses: the rows, r for each marker, of `PositionRows`. Candidates are
-    kept as rows: parameters of geometry are nearly dependent, and squares would lose their digits.
+    Design variables are the joints, then the index of the load where there are several, of which
+    the first is none, or the force of the visit where any is allowed. What a visit tells are the
+    positions of all markers, and their orientations where the study measures full poses: the rows,
+    r for each marker, of `PositionRows`. Candidates are kept as rows: parameters of geometry are
+    nearly dependent, and squares would lose their digits.
 
     Args:
         geometry: Markers and parameters, in the parameters' own units.
@@ -292,9 +300,8 @@ class GeometrySpace(DesignSpace):
     def slopes(self, x: Array, B: Array) -> Array:
         """Derivatives (m, v) of ``<B, rows>`` by all design variables, weights B held fixed."""
         q, wrench = self._visits(x)
-        found = np.zeros(x.shape)
-        found[:, : q.shape[1]] = self._rows.slopes(q, wrench, B * self.shares(x)[:, None, None])
-        return found
+        changes = self.load.derivative(x[:, q.shape[1] :])
+        return self._rows.slopes(q, wrench, B * self.shares(x)[:, None, None], changes)
 
     def _visits(self, x: Array) -> tuple[Array, Array]:
         """Poses (m, n) and wrenches (m, 6) of experiments."""

@@ -138,7 +138,8 @@ def _search(
     """
     study = question.study
     costs = day_costs(study, cost_budget)
-    require_few_loads(study, costs, question.wrenches)
+    wrenches = None if question.chooses_forces else question.wrenches
+    require_few_loads(study, costs, wrenches)
     new = new_experiments(size, distinct, kept, costs, "visits")
     if new is not None and new > MOST_VISITS:
         message = f"plans of more than {MOST_VISITS} new visits are not searched for"
@@ -147,7 +148,7 @@ def _search(
     return DaySearch(
         source=source_of(study, options.seed, question.space),
         candidates=study.specification.candidates,
-        wrenches=question.wrenches,
+        wrenches=wrenches,
         criterion=require_relaxable(question.criterion(criterion)),
         known=known,
         kept=kept,

@@ -22,7 +22,8 @@ class Day:
     """Costs of visits and of load changes, and the budget.
 
     A plan with s loads, none counted as one, needs s - 1 load changes; of several loads the study
-    may ask for more. Where experiments are pairs, each visits its pose without its load, too.
+    may ask for more. Where experiments are pairs, each under a load visits its pose without it,
+    too.
 
     Attributes:
         visit: Cost of a visit without a load.
@@ -69,14 +70,12 @@ class Day:
 
     def price(self, wrench: Array) -> Array:
         """Costs (k,) of an experiment under each of some wrenches (k, 6)."""
-        if self.paired:
-            return np.full(len(wrench), self.visit + self.loaded_visit)
-        return np.where(np.any(wrench != 0, axis=1), self.loaded_visit, self.visit)
+        loaded = self.loaded_visit + (self.visit if self.paired else 0.0)
+        return np.where(np.any(wrench != 0, axis=1), loaded, self.visit)
 
     def total(self, wrench: Array, amount: Array) -> float:
         """What experiments cost under some wrenches (k, 6), load changes included."""
-        loads = len(np.unique(wrench, axis=0))
-        return float(self.price(wrench) @ amount + self.change * self._changes_of(loads))
+        return float(self.price(wrench) @ amount + self.change * self._changes_of(wrench))
 
     def sets(self, wrenches: Array) -> Iterator[tuple[tuple[int, ...], float]]:
         """All sets of the loads (s, 6) that the budget pays for, with what is left for visits.
@@ -88,8 +87,8 @@ class Day:
             raise ValueError(f"day: expected at most {MOST_LOADS} loads, got {len(wrenches)}")
         prices = self.price(wrenches)
         for count in range(1, len(wrenches) + 1):
-            funds = self.budget - self.change * self._changes_of(count)
             for loads in combinations(range(len(wrenches)), count):
+                funds = self.budget - self.change * self._changes_of(wrenches[list(loads)])
                 least = prices[list(loads)].min() * (self.visits or 1)
                 if funds * (1 + ROUNDING) >= least:
                     yield loads, funds
@@ -105,7 +104,10 @@ class Day:
             return float(np.floor(funds * (1 + ROUNDING) / prices[0])), False
         return funds, True
 
-    def _changes_of(self, loads: int) -> int:
-        """Load changes of a plan with so many loads."""
-        least = loads - 1 + self.paired
+    def _changes_of(self, wrench: Array) -> int:
+        """Load changes of a plan under some wrenches (k, 6)."""
+        kinds = {tuple(row) for row in wrench.tolist()}
+        if self.paired and any(map(any, kinds)):
+            kinds.add((0.0,) * 6)
+        least = len(kinds) - 1
         return least if least < 1 or self.changes is None else max(self.changes, least)

@@ -27,7 +27,7 @@ class DayCosts:
 
     The poses of one load are visited together, so that a plan with s loads, none counted as one,
     needs s - 1 changes: that with which the day begins is mounted beforehand. Where drift asks for
-    more, the study says how many. An experiment that measures how far a load moves the tool visits
+    more, the study says how many. An experiment that measures how far a load moves the robot visits
     its pose twice, without the load and with it.
 
     Attributes:
@@ -50,33 +50,30 @@ class DayCosts:
 
     def prices(self, wrenches: Array) -> Array:
         """Costs (s,) of an experiment under each wrench (s, 6)."""
-        if self.paired:
-            return np.full(len(wrenches), self.visit + self.loaded_visit)
-        return np.where(wrenches.any(axis=1), self.loaded_visit, self.visit)
+        beside = self.visit if self.paired else 0.0
+        return np.where(wrenches.any(axis=1), beside + self.loaded_visit, self.visit)
 
-    def changes_of(self, loads: int) -> int:
-        """Load changes of a plan that visits poses under so many loads, none counted as one.
+    def changes_of(self, wrenches: Array) -> int:
+        """Load changes of a plan under some wrenches (k, 6), as often as they occur.
 
         Where experiments are pairs, none comes on top of their loads.
         """
-        least = loads - 1 + self.paired
+        loads = np.unique(wrenches, axis=0)
+        loaded = int(loads.any(axis=1).sum())
+        unloaded = loaded < len(loads) or (self.paired and loaded > 0)
+        least = loaded + unloaded - 1
         if least < 1 or self.changes is None:
             return least
         return max(self.changes, least)
 
     def total(self, wrenches: Array, visits: Indices) -> float:
         """What a plan costs with so many experiments (s,) under each wrench (s, 6)."""
-        loads = int(np.count_nonzero(visits))
-        return float(self.prices(wrenches) @ visits + self.change * self.changes_of(loads))
+        changes = self.changes_of(wrenches[visits > 0])
+        return float(self.prices(wrenches) @ visits + self.change * changes)
 
     def spent(self, plan: Plan) -> float:
         """What a plan costs."""
-        wrenches, which = np.unique(plan.wrench, axis=0, return_inverse=True)
-        return self.total(wrenches, np.bincount(which.ravel(), plan.repeats))
-
-    def changes_in(self, plan: Plan) -> int:
-        """Load changes of a plan."""
-        return self.changes_of(len(np.unique(plan.wrench, axis=0)))
+        return self.total(plan.wrench, plan.repeats)
 
     def to_dict(self, visits: int | None) -> dict[str, Any] | None:
         """What a certificate says of a day with so many new experiments; None without a budget."""
@@ -129,9 +126,8 @@ class DayBudget:
         any_left = False
         # Large sets first: their plans are the best ones where load changes are cheap.
         for number in range(len(every), 0, -1) if every else (0,):
-            changes = self.costs.changes_of(number) if number else 0
-            funds = self.costs.budget - self.costs.change * changes
             for loads in combinations(every, number):
+                funds = self.costs.budget - self._for_changes(loads)
                 if affords(funds, self._least(loads)):
                     any_left = True
                     yield loads, funds
@@ -140,9 +136,16 @@ class DayBudget:
             visits = f"a{'n' * self.costs.paired} {what} costs"
             if self.new is not None:
                 visits = f"{self.new} {what}s cost"
-            least = self._least(every) + self.costs.change * self.costs.changes_of(1)
+            singles: list[tuple[int, ...]] = [(i,) for i in every] or [()]
+            least = min(self._least(one) + self._for_changes(one) for one in singles)
             message = f"{visits} {least:g} or more"
             raise ArgumentError(message, argument="cost_budget", given=self.costs.budget)
+
+    def _for_changes(self, loads: tuple[int, ...]) -> float:
+        """What the changes of some loads cost."""
+        if self.costs is None or self.wrenches is None:
+            return 0.0
+        return self.costs.change * self.costs.changes_of(self.wrenches[list(loads)])
 
     def _least(self, loads: tuple[int, ...]) -> float:
         """What the cheapest plan of some loads costs, load changes not counted."""
@@ -298,7 +301,7 @@ class DayPlan(ExactPlan):
             "costs": {
                 "spent": self.spent,
                 "budget": costs.budget,
-                "load_changes": costs.changes_in(self.plan),
+                "load_changes": costs.changes_of(self.plan.wrench),
                 "unit": costs.unit,
             },
         }

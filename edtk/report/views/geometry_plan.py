@@ -12,6 +12,7 @@ from edtk.report.views.calibration import error_budget
 from edtk.report.views.plan import (
     among,
     costs_of_day,
+    experiments,
     on_limits,
     reach,
     search_summary,
@@ -37,12 +38,20 @@ def geometry_plan_text(found: GeometryPlan) -> str:
         f"  efficiency  {100 * found.efficiency:.2f} %{among(found)}",
         *_identified(found),
         *_rho0(found),
-        *visits_by_load(poses),
+        *_loads(found, poses),
         *costs_of_day(found),
         *shown_faults(found.robot, found.detections, found.separations, "the parameters"),
         search_summary(found.starts, found.seconds, found.found, found.optima),
     ]
-    return "\n".join([*lines, *_table(found, poses), *on_limits(found)])
+    table = experiments(found) if found.question.chooses_forces else _table(found, poses)
+    return "\n".join([*lines, *table, *on_limits(found)])
+
+
+def _loads(found: GeometryPlan, poses: PosesByLoad) -> list[str]:
+    """What loads the visits of each column, or each visit."""
+    if not found.question.chooses_forces:
+        return visits_by_load(poses)
+    return [f"each visit under {found.question.study.specification.describe_load()}"]
 
 
 def _identified(found: GeometryPlan) -> list[str]:

@@ -152,7 +152,7 @@ def exact_plan_text(found: ExactPlan) -> str:
         *shown_faults(found.robot, found.detections, found.separations),
         search_summary(found.starts, found.seconds, found.found, found.optima),
     ]
-    return "\n".join([*lines, *_experiments(found), *on_limits(found)])
+    return "\n".join([*lines, *experiments(found), *on_limits(found)])
 
 
 def on_limits(found: ExactPlan) -> list[str]:
@@ -197,7 +197,7 @@ def costs_of_day(found: ExactPlan) -> list[str]:
     if costs is None or not isinstance(found, DayPlan):
         return []
     unit = f" {costs.unit}".rstrip()
-    changes = costs.changes_in(found.plan)
+    changes = costs.changes_of(found.plan.wrench)
     plural = "" if changes == 1 else "s"
     limit = "" if costs.budget is None else f" of {costs.budget:g}{unit}"
     what = "experiments, each without its load and with it," if costs.paired else "visits"
@@ -223,7 +223,7 @@ def _load_names(wrenches: Array | None) -> list[str]:
     ]
 
 
-def _experiments(found: ExactPlan) -> list[str]:
+def experiments(found: ExactPlan) -> list[str]:
     """A header, and a line for each pose."""
     # Not by `to_frame`: pandas would take a tenth of the time that a person waits for a plan.
     whole = found.whole

@@ -143,7 +143,11 @@ def test_kept_visits_beside_different_prices() -> None:
     [
         ({}, {}, "size: expected the number of visits"),
         ({}, {"size": 4, "cost_budget": 3.0}, "cost_budget 3.0: 4 visits cost 4 or more"),
-        ({"load": {"F_max_N": 10}}, {"size": 4}, "load: plans of geometry visit poses without"),
+        (
+            {"load": {"F_max_N": 10}, "costs": FREE},
+            {"cost_budget": 4.0},
+            r"load\.F_max_N: poses that choose",
+        ),
         ({"costs": {"budget": 3}}, {"size": 4}, "costs.budget: 4 visits cost 4 or more .got 3"),
         (
             {"costs": {"budget": 2}},

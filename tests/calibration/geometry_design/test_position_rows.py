@@ -94,7 +94,7 @@ def test_slopes_of_information(name: str) -> None:
     A = rows(Q, WRENCH)
     G = RNG.normal(size=(A.shape[-1],) * 2)
     G = G + G.T
-    found = rows.slopes(Q, WRENCH, 2 * A @ G)
+    found = rows.slopes(Q, WRENCH, 2 * A @ G, np.zeros((len(Q), 6, 0)))
     for j in range(2):
         step = 1e-5 * np.eye(2)[j]
         higher, lower = (
