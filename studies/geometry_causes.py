@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from edtk.calibration.template import visiting_order
+from edtk.findings.geometry.fit_rows import FitRows
 from edtk.findings.geometry.moved_frame import moved_frame, untold_load
 from edtk.fit.geometry.fit_geometry import fit_geometry
 from edtk.fit.geometry.marker_positions import MarkerPositions
@@ -83,9 +84,10 @@ def day(seed: int, fault: str, size: float, poses: int = 36, travel: bool = Fals
     row = np.arange(poses)[:, None] * np.ones(len(NAMES), dtype=int)
     data = MarkerPositions(q, np.zeros((poses, 6)), x, row, tuple(NAMES))
     fit = fit_geometry(setting.model, data, setting.noise)
-    found = moved_frame(fit)
+    rows = FitRows.of(fit)
+    found = moved_frame(rows)
     beside = 0 if found is None else found.first - first
-    return np.array([found is not None, beside, untold_load(fit) is not None])
+    return np.array([found is not None, beside, untold_load(rows) is not None])
 
 
 CASES = [

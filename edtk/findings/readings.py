@@ -6,7 +6,7 @@ from itertools import chain, combinations, permutations, product
 
 import numpy as np
 
-from edtk.findings.causes.faults import AXES
+from edtk.findings.causes.scene import AXES
 from edtk.findings.finding import Data, Finding, Severity, Wording
 from edtk.findings.match_plan import some_rows
 from edtk.findings.nonlinear_part import known_part, nonlinear_part

@@ -99,7 +99,7 @@ def visited(
     soft = [given.get(name, 0.0) for name in study.specification.joints.unknown]
     return Positions(
         model.robot,
-        model.markers,
+        tuple(name for name, own in zip(model.markers, model.on_tool, strict=True) if own),
         columns,
         columns(model.parameters, wrench),
         np.zeros(model.p),

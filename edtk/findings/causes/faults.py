@@ -11,6 +11,7 @@ import numpy as np
 
 from edtk.findings.causes.family import NOISE, POSE, Cause, Family, Predict
 from edtk.findings.causes.scene import (
+    AXES,
     Models,
     Scene,
     added,
@@ -26,7 +27,6 @@ MM = 1e3
 PERCENT = 100.0
 MICRO = 1e6
 DEGREES = 180 / np.pi
-AXES = "xyz"
 SAME = 1e-6  # share of a fault's squared length that others leave, below which it is rounding
 SHORT_LINK = 0.01  # below it two joints count as being in one place [m]
 # Sizes that faults usually have, within a factor of a few.

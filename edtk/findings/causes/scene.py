@@ -21,6 +21,8 @@ from edtk.robots.joint import Joint
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array
 
+AXES = "xyz"
+
 
 def since_first(count: int) -> Array:
     """How far (count,) a drift has come by each row: nothing in the first, its size in the last.
@@ -409,7 +411,7 @@ class Positions:
 
     Attributes:
         drawing: The robot.
-        markers: Names of the markers.
+        markers: Names of the markers on the tool.
         columns: How the readings move with parameters.
         A: Regressors (m, rows, p) of the parameters that are identified.
         k: Their values (p,).
@@ -461,19 +463,21 @@ class Positions:
         return self._springs(self.wrench)
 
     def _springs(self, wrench: Array) -> Array:
+        if not self.sprung:
+            return np.zeros((*self.A.shape[:2], 0))
         names = [self.robot.joint_names[j] for j in self.sprung]
         unknown = all_parameters(self.robot, (), (), names, base=False, tool=False)
         return self.columns(unknown, wrench)
 
     @cached_property
-    def _frame(self) -> Array:
+    def frame(self) -> Array:
         """Columns (m, rows, 6) of a motion of the frame: shifts, then turns."""
         return self.columns(self._of(base=True), self.wrench)
 
     @property
     def shift(self) -> Array:
         """Those of its shifts."""
-        return self._frame[..., :3]
+        return self.frame[..., :3]
 
     def under(self, wrench: Callable[[Array], Array]) -> Predict:
         """What other loads bend beyond what those of the sheet do."""
@@ -486,13 +490,12 @@ class Positions:
 
     def turned(self) -> Predict:
         """A turn of the frame about the place of the robot."""
-        return added(self, self._frame[..., 3:])
+        return added(self, self.frame[..., 3:])
 
     def tool(self, axis: int) -> Predict:
         """All markers that move together."""
         by_markers = self.columns(self._of(tool=True), self.wrench)
-        one_by_one = by_markers.reshape(*self.A.shape[:2], len(self.markers), -1)
-        return added(self, one_by_one.sum(axis=2)[..., [axis]])
+        return added(self, by_markers[..., axis :: len(AXES)].sum(axis=-1, keepdims=True))
 
     def _before(self, joint: Joint) -> Array:
         """Columns (m, rows, 6) of shifts and turns of the frame before a joint."""

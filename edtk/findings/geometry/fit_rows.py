@@ -2,12 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
-from edtk.findings.causes.scene import since_first
-from edtk.fit.geometry.fitted_geometry import MM, GeometricFit
+from edtk.findings.causes.faults import USUAL_DRIFT, USUAL_GROWTH
+from edtk.findings.causes.rarity import rarity
+from edtk.findings.causes.scene import Positions, link_length, since_first
+from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, Loads
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.restricted_likelihood import Blocks, fit_model_error, fit_variances
 from edtk.measure.noise import PositionNoise, only_seen
@@ -38,6 +41,7 @@ class FitRows:
         motion: Motions (m, 3k, n) by the joints [mm/mrad].
         places: Where the markers are (m, k, 3), in the frame of the instrument [m].
         noise: The noise of positions that was fitted.
+        loads: What loads the joints; None without springs.
     """
 
     fit: GeometricFit
@@ -46,24 +50,71 @@ class FitRows:
     motion: Array
     places: Array
     noise: PositionNoise
+    loads: Loads | None = None
 
     @classmethod
-    def of(cls, fit: GeometricFit) -> "FitRows":
-        """Of a fit."""
+    def of(cls, fit: GeometricFit, loads: Loads | None = None) -> "FitRows":
+        """Of a fit.
+
+        Args:
+            fit: The fit.
+            loads: What loads the joints.
+        """
         model = fit.fitted.model
         means = fit.data.means
-        seen = model.see(fit.fitted.theta, means.q)
+        torque = fit.fitted.torque(means.q, means.wrench, loads)
+        seen = model.see(fit.fitted.theta, means.q, torque)
         assert seen.by_joints is not None
-        design = own_columns(fit)
         return cls(
             fit,
             MM * np.nan_to_num(fit.residual).reshape(len(means), -1),
-            # Of what was known before, some columns may be dependent.
-            design if fit.told_before is None else _independent(design),
+            # Absolute positions alone need not tell all that springs, turns, wires and earlier
+            # knowledge do: dependent columns would take some of the residuals at random.
+            _independent(own_columns(fit, loads)),
             of_positions(seen.by_joints, means),
             seen.places,
             replace(fit.fitted.noise, turn=None, model_turn=0.0),
+            loads,
         )
+
+    @cached_property
+    def scene(self) -> Positions:
+        """What faults change, to first order about the fit [mm]."""
+        fitted = self.fit.fitted
+        model, robot = fitted.model, fitted.model.robot
+        means = self.fit.data.means
+
+        def columns(parameters: tuple[Parameter, ...], wrench: Array) -> Array:
+            torque = fitted.torque(means.q, wrench, self.loads)
+            fitted_names = [one.name for one in model.parameters]
+            others = tuple(one for one in parameters if one.name not in fitted_names)
+            every = model.with_parameters((*model.parameters, *others))
+            theta = np.concatenate([fitted.theta, np.zeros(len(others))])
+            jacobian = every.see(theta, means.q, torque).jacobian
+            assert jacobian is not None
+            names = [one.name for one in every.parameters]
+            chosen = [names.index(one.name) for one in parameters]
+            return MM * of_positions(jacobian[..., chosen], means)
+
+        sprung = tuple(np.flatnonzero(fitted.compliances).tolist()) if self.loads else ()
+        return Positions(
+            robot,
+            tuple(name for name, own in zip(model.markers, model.on_tool, strict=True) if own),
+            columns,
+            self.design,
+            np.zeros(self.design.shape[-1]),
+            means.q,
+            means.wrench,
+            since_first(len(means)),
+            sprung,
+            fitted.compliances[list(sprung)],
+            self.loads,
+        )
+
+    @property
+    def frame(self) -> Array:
+        """Columns (m, 3k, 6) of a motion of the frame [mm a mm, mm a mrad]."""
+        return self.scene.frame / MM
 
     def beside(self, others: Sequence[Parameter]) -> "FitRows":
         """The same, as if other parameters were fitted too: noise and columns are beside theirs.
@@ -100,18 +151,21 @@ class FitRows:
             self.noise, self.motion, self.places, counts, self.residual, both, slides
         )
 
-    def gains(self, causes: Sequence[Array]) -> list[float]:
-        """How much better the fit is with the columns (m, 3k, c) of each cause, to compare them.
+    def likeliest(self, causes: Sequence["SizedColumns"]) -> int:
+        """Which of several causes has the largest marginal likelihood over its usual sizes.
 
-        It is what the weighted squares fall by, less ``c log n`` for c columns (Schwarz 1978), with
-        the noise that is fitted beside the columns of all causes.
+        Each is fitted alone, with the noise that is fitted beside the columns of all; see `rarity`.
         """
-        if not causes:
-            return []
-        noise = self.noise_beside(np.concatenate(list(causes), axis=-1))
-        z, X, *columns = self.whitened(noise, self.residual[..., None], self.design, *causes)
-        cost = np.log(max(self.dof(0), 2))
-        return [explained_by(z, X, one).fall - one.shape[-1] * cost for one in columns]
+        if len(causes) < 2:
+            return 0
+        noise = self.noise_beside(np.concatenate([one.columns for one in causes], axis=-1))
+        given = [one.columns for one in causes]
+        z, X, *columns = self.whitened(noise, self.residual[..., None], self.design, *given)
+        scores = []
+        for one, whitened in zip(causes, columns, strict=True):
+            found = explained_by(z, X, whitened)
+            scores.append(rarity(found.values, found.covariance, one.usual) - found.fall)
+        return int(np.argmin(scores))
 
     def whitened(self, noise: PositionNoise | None, *columns: Array) -> list[Array]:
         """Columns (m, 3k, c) in units of a noise; all coordinates alike where there is none."""
@@ -124,11 +178,17 @@ class FitRows:
         return [np.asarray(np.linalg.solve(L, one)) for one in columns]
 
 
-def own_columns(fit: GeometricFit) -> Array:
-    """Columns (m, 3k, p) of the positions by a fit's parameters in their units [mm]."""
+def own_columns(fit: GeometricFit, loads: Loads | None = None) -> Array:
+    """Columns (m, 3k, p) of the positions by a fit's parameters in their units [mm].
+
+    Args:
+        fit: The fit.
+        loads: What loads the joints; without it no spring moves anything.
+    """
     model = fit.fitted.model
     means = fit.data.means
-    jacobian = model.see(fit.fitted.theta, means.q).jacobian
+    torque = fit.fitted.torque(means.q, means.wrench, loads)
+    jacobian = model.see(fit.fitted.theta, means.q, torque).jacobian
     assert jacobian is not None
     return MM * of_positions(jacobian * model.scales, means)
 
@@ -149,15 +209,20 @@ class Explained:
 
     Attributes:
         values: Their coefficients (c,).
-        std: Standard deviations (c,) of these, where the errors have the size one.
+        covariance: Of these (c, c), where the errors have the size one.
         fall: What the squares fall by.
         share: Share of the squares that this is.
     """
 
     values: Array
-    std: Array
+    covariance: Array
     fall: float
     share: float
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations (c,) of the coefficients."""
+        return np.sqrt(np.diag(self.covariance))
 
 
 def explained_by(residual: Array, design: Array, columns: Array) -> Explained:
@@ -165,11 +230,11 @@ def explained_by(residual: Array, design: Array, columns: Array) -> Explained:
     z, X, C = (one.reshape(-1, one.shape[-1]) for one in (residual, design, columns))
     Q = np.linalg.qr(X)[0]
     z, C = z - Q @ (Q.T @ z), C - Q @ (Q.T @ C)
-    inverse = np.linalg.pinv(C.T @ C, hermitian=True)
+    inverse = np.asarray(np.linalg.pinv(C.T @ C, hermitian=True))
     values = inverse @ (C.T @ z)
     total = float((z**2).sum())
     fall = total - float(((z - C @ values) ** 2).sum())
-    return Explained(values[:, 0], np.sqrt(np.diag(inverse)), fall, fall / max(total, 1e-300))
+    return Explained(values[:, 0], inverse, fall, fall / max(total, 1e-300))
 
 
 def log_chance(share: float, count: int, dof: float) -> float:
@@ -195,7 +260,20 @@ def of_all(columns: Array, means: MarkerPositions) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class DayTrend:
+class SizedColumns:
+    """What a cause adds to the positions.
+
+    Attributes:
+        columns: Columns (m, 3k, c) [mm a unit].
+        usual: Length of the coefficients that such a cause usually has.
+    """
+
+    columns: Array
+    usual: float
+
+
+@dataclass(frozen=True, eq=False)
+class DayTrend(SizedColumns):
     """Something that grows from the first pose to the last.
 
     Attributes:
@@ -203,16 +281,14 @@ class DayTrend:
         size: In the last pose (see `since_first`): how far positions are off, root mean square [m],
             or the growth of all lengths [m/m].
         explained: Share of the weighted squares that it explains.
-        columns: Its columns (m, 3k, c) [mm a unit].
     """
 
     kind: Literal["drift", "growth"]
     size: float
     explained: float
-    columns: Array
 
 
-def day_trend(fit: GeometricFit, others: Sequence[Parameter] = ()) -> DayTrend | None:
+def day_trend(rows: FitRows) -> DayTrend | None:
     """Try a drift of the frame and a growth of all links, and test the best.
 
     At the time t, from 0 at the first pose to 1 at the last, both have the size ``t`` or, as where
@@ -222,47 +298,23 @@ def day_trend(fit: GeometricFit, others: Sequence[Parameter] = ()) -> DayTrend |
     counts as often as shapes are tried.
 
     Args:
-        fit: Of a sheet whose poses are in the order in which they were measured.
-        others: Errors of the drawing that were not asked for, which are fitted beside it.
+        rows: Of a sheet whose poses are in the order in which they were measured.
     """
-    rows = FitRows.of(fit).beside(others)
     if len(rows.residual) < FEWEST_OF_TREND:
         return None
-    kinds: list[tuple[Literal["drift", "growth"], Array]] = [
-        ("drift", frame_columns(fit)),
-        ("growth", growth_columns(fit)),
+    lengths = {one.name: link_length(one) for one in rows.scene.robot.chain}
+    grown = rows.scene.longer({name: one for name, one in lengths.items() if one > 0})
+    tried = [
+        _best(rows, "drift", rows.frame, 2 * USUAL_DRIFT * MM),
+        _best(rows, "growth", grown(np.ones(1))[1][..., None] / MM, USUAL_GROWTH * MM),
     ]
-    tried = (_best(rows, kind, columns) for kind, columns in kinds)
     found = [one for one in tried if one is not None]
-    gains = rows.gains([one.columns for one in found])
-    return max(zip(gains, found, strict=True), key=lambda one: one[0], default=(0.0, None))[1]
+    return found[rows.likeliest(found)] if found else None
 
 
-def frame_columns(fit: GeometricFit) -> Array:
-    """Columns (m, 3k, 6) of a motion of the frame [mm a mm, mm a mrad]."""
-    model = fit.fitted.model
-    base = model.with_parameters(all_parameters(model.robot, model.markers, [], tool=False))
-    by_base = base.see(np.zeros(6), fit.data.means.q).jacobian
-    assert by_base is not None
-    return MM * of_positions(by_base * base.scales, fit.data.means)
-
-
-def growth_columns(fit: GeometricFit) -> Array:
-    """The column (m, 3k, 1) of a growth of all lengths between joints [mm by 1 mm/m]."""
-    model = fit.fitted.model
-    robot = model.robot
-    lengths = tuple(
-        one for one in all_parameters(robot, model.markers, base=False, tool=False) if not one.turns
-    )
-    every = model.with_parameters(lengths)
-    jacobian = every.see(np.zeros(every.p), fit.data.means.q).jacobian
-    assert jacobian is not None
-    origins = {joint.name: joint.origin[:3, :3].T @ joint.origin[:3, 3] for joint in robot.chain}
-    long = np.array([origins[one.of]["xyz".index(one.component)] for one in lengths])
-    return of_positions((jacobian @ long)[..., None], fit.data.means)
-
-
-def _best(rows: FitRows, kind: Literal["drift", "growth"], columns: Array) -> DayTrend | None:
+def _best(
+    rows: FitRows, kind: Literal["drift", "growth"], columns: Array, usual: float
+) -> DayTrend | None:
     """The shape of one kind that explains most, where chance does not."""
     m, _, c = columns.shape
     dof = rows.dof(c)
@@ -281,11 +333,11 @@ def _best(rows: FitRows, kind: Literal["drift", "growth"], columns: Array) -> Da
     if chance > np.log(UNLIKELY_TREND) or share < EXPLAINS:
         return None
     if kind == "growth":
-        return DayTrend(kind, 1e-3 * float(values[0]), share, grown)
+        return DayTrend(grown, usual, kind, 1e-3 * float(values[0]), share)
     seen = rows.fit.data.means.seen[-1].reshape(-1)
     off = (columns[-1] @ values).reshape(-1, 3)[seen]
     size = float(np.sqrt((off**2).sum(axis=-1).mean())) / MM if len(off) else 0.0
-    return DayTrend(kind, size, share, grown)
+    return DayTrend(grown, usual, kind, size, share)
 
 
 @dataclass(frozen=True)

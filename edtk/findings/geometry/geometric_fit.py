@@ -4,9 +4,25 @@ from typing import Any
 
 import numpy as np
 
+from edtk.findings.causes.family import POSE, Cause
+from edtk.findings.causes.faults import cause_wording
 from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
-from edtk.findings.geometry.fit_rows import DayTrend, FitRows, common_scale, day_trend, own_columns
-from edtk.findings.geometry.moved_frame import MovedFrame, UntoldLoad, moved_frame, untold_load
+from edtk.findings.geometry.fit_rows import (
+    DayTrend,
+    FitRows,
+    SizedColumns,
+    common_scale,
+    day_trend,
+    own_columns,
+)
+from edtk.findings.geometry.moved_frame import (
+    MovedFrame,
+    NamedCause,
+    UntoldLoad,
+    moved_frame,
+    other_causes,
+    untold_load,
+)
 from edtk.findings.geometry.sound_rows import marker_findings
 from edtk.findings.match_plan import COARSE_DEG, like_rounding, steps_of
 from edtk.findings.noise import left_out_findings
@@ -23,7 +39,6 @@ from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.parameters import Parameter
 from edtk.study.study_geometry import StudyGeometry
 from edtk.study.study_model import KNOWN
-from edtk.system.typing import Array
 
 ALONE = 1e-9  # leverage below one that rounding makes of a direction that one pose tells
 WORSE = 10.0  # times as far off as by the drawing: nothing shows that so few poses tell anything
@@ -32,6 +47,10 @@ UNLIKELY = 1e-6  # probability, over all poses, below which a pose is named
 LARGE = 60.0  # mm or mrad: no robot is built as wrongly
 ROUGH = 0.02  # of the spread of positions that the fit leaves: the drawing is of another robot
 ROUGH_DEG = 1.0  # orientations that the fit leaves
+EXPLAINED_POSE = 0.3  # of the distances of a pose, at most, that the right joint leaves
+TINY = 1e-12  # [m^2] of a joint that moves no marker
+CLEARLY = 3.0  # times as much another joint leaves
+MOST_TYPED = 2  # poses whose wrong joint is named in full
 MOSTLY = 0.7  # of the squares that are left
 NOISY = 5.0  # times the stated noise
 EXPLAINED = ("outliers", "frame_moved", "rough")  # these leave many outside by themselves
@@ -56,17 +75,17 @@ def _few(fit: GeometricFit) -> list[Finding]:
         "count": count,
         "missing": int(np.ceil((FEW * count - coordinates) / each)),
     }
-    if fit.loo_rms <= WORSE * fit.placed:
+    if not fit.loo_rms > WORSE * fit.placed:  # nothing is placed by differences alone
         return [_say(Severity.WARNING, "few_poses", **data)]
     # Neither residuals nor poses left out speak for such a fit, and an error of one pose is all in.
     return [_say(Severity.ALARM, "few_poses", **data, loo_rms=fit.loo_rms, placed=fit.placed)]
 
 
-def _alone(fit: GeometricFit) -> list[Finding]:
+def _alone(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     """Poses that alone tell something: how far off they are without themselves is not known."""
     if fit.turns is not None:
         return []
-    design = own_columns(fit)
+    design = own_columns(fit, setting.loads)
     if fit.told_before is not None:
         before = PriorRows.near(fit.told_before.prior, fit.fitted.theta)
         design = before.scaled(fit.fitted.model.scales, fit.fitted.noise.reading).below(design)
@@ -89,7 +108,12 @@ def geometric_findings(fit: GeometricFit, setting: StudyGeometry) -> list[Findin
     placed = []
     if absolute.data.seen.any():
         causes = _causes(absolute, setting)
-        placed = [*_rough(absolute), *_turned(absolute), *_alone(absolute), *_rounded(absolute)]
+        placed = [
+            *_rough(absolute),
+            *_turned(absolute),
+            *_alone(absolute, setting),
+            *_rounded(absolute),
+        ]
         placed += _scaled(absolute, setting)
     found = [
         *placed,
@@ -179,31 +203,73 @@ def _outliers(fit: GeometricFit) -> list[Finding]:
         return []
     rows = sorted(row for pose in wrong for row in fit.data.rows_of_pose(int(pose)))
     off = float(np.sqrt(np.nanmax((fit.left_out[wrong] ** 2).sum(axis=-1))))
-    return [_say(Severity.WARNING, "outliers", rows=tuple(rows), off=off)]
+    typed = [(int(pose), _typed(fit, int(pose))) for pose in wrong]
+    causes = tuple(
+        Cause(POSE, size, unit, None, 0.0, joint=joint, rows=tuple(fit.data.rows_of_pose(pose)))
+        for pose, found in typed
+        if found is not None
+        for joint, size, unit in [found]
+    )
+    return [_say(Severity.WARNING, "outliers", rows=tuple(rows), off=off, causes=causes)]
+
+
+def _typed(fit: GeometricFit, pose: int) -> tuple[str, float, str] | None:
+    """The one joint whose value explains where the markers of a pose are.
+
+    Returns:
+        The joint, the value that explains them less the written one, and its unit; None where no
+        joint does, or several do alike.
+    """
+    seen = fit.fitted.model.see(fit.fitted.theta, fit.data.means.q[[pose]])
+    assert seen.by_joints is not None
+    error = fit.left_out[pose]
+    there = np.isfinite(error)
+    J = seen.by_joints[0, :, :3][there]
+    sizes = (J.T @ error[there]) / np.maximum((J**2).sum(axis=0), TINY)
+    left = np.sqrt(((error[there][:, None] - J * sizes) ** 2).sum(axis=0))
+    best, second = np.argsort(left)[:2] if len(left) > 1 else (0, 0)
+    fits = left[best] < EXPLAINED_POSE * np.linalg.norm(error[there])
+    if not fits or (len(left) > 1 and left[second] < CLEARLY * left[best]):
+        return None
+    joint = fit.fitted.model.robot.joints[best]
+    turns = joint.kind == "revolute"
+    size = float(np.rad2deg(sizes[best]) if turns else MM * sizes[best])
+    return joint.name, size, "deg" if turns else "mm"
 
 
 def _causes(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
-    """What happened in the course of the day, or bends the robot: the cause that explains most.
+    """What happened in the course of the day, or is otherwise than said: the likeliest cause.
 
     A drift looks like a frame that moved once, and a weight in half of the poses like either: so
-    that which lowers the squares most, beside the noise that all of them leave, is named alone.
+    that which is likeliest, beside the noise that all of them leave, is named alone. What errors of
+    the drawing that were not asked for explain is no motion: they are fitted beside it.
     """
-    others = setting.taken_as_drawn
-    moved = moved_frame(fit, others)
-    trend = day_trend(fit, others)
-    rigid = not any(one.place == "compliance" for one in fit.fitted.model.parameters)
-    bent = untold_load(fit) if rigid and fit.fitted.noise.model_fit is not None else None
-    found: list[tuple[Array, Finding]] = []
+    alone = FitRows.of(fit, setting.loads)
+    rows = alone.beside(setting.taken_as_drawn)
+    found: list[tuple[SizedColumns, Finding]] = []
+    moved = moved_frame(rows)
     if moved is not None:
-        found.append((moved.columns(fit), _moved(fit, moved)))
+        found.append((moved, _moved(fit, moved)))
+    trend = day_trend(rows)
     if trend is not None:
-        found.append((trend.columns, _trend(fit, trend)))
-    if bent is not None:
-        found.append((bent.columns, _bent(fit, bent)))
-    if len(found) < 2:
-        return [one for _, one in found]
-    gains = FitRows.of(fit).beside(others).gains([columns for columns, _ in found])
-    return [found[int(np.argmax(gains))][1]]
+        found.append((trend, _trend(fit, trend)))
+    rigid = not any(one.place == "compliance" for one in fit.fitted.model.parameters)
+    if fit.fitted.noise.model_fit is not None:
+        bent = untold_load(alone) if rigid else None
+        if bent is not None:
+            found.append((bent, _bent(fit, bent)))
+        others = other_causes(alone)
+        rows = alone if others else rows  # these may be of errors that were not asked for
+        found += [(one, _other(one)) for one in others]
+    if not found:
+        return []
+    return [found[rows.likeliest([one for one, _ in found])][1]]
+
+
+def _other(found: NamedCause) -> Finding:
+    """A fault of the robot, the tool or the load that is the same in all poses."""
+    cause = found.cause
+    return _say(Severity.WARNING, "cause", cause=cause, explained=cause.explained)
 
 
 def _moved(fit: GeometricFit, moved: MovedFrame) -> Finding:
@@ -358,6 +424,15 @@ def _as_drawn(fit: GeometricFit, setting: StudyGeometry) -> float | None:
     return None if explained < MOSTLY or rows.dof(0) < basis.shape[1] else explained
 
 
+def _outliers_words(data: Data) -> str:
+    """Poses that are off, and the joints that explain it."""
+    far = f"up to {MM * data['off']:.3g} mm"
+    off = f"{rows_in_words(data['rows'])}: {far} from where the other poses predict the markers"
+    if data["causes"]:
+        return "; ".join([off, *map(cause_wording, data["causes"][:MOST_TYPED])])
+    return f"{off}; a swapped marker, a pose typed wrongly, or see --robust"
+
+
 def _few_poses(data: Data) -> str:
     """So few that little, or nothing, speaks for the fit."""
     missing = data["missing"]
@@ -481,10 +556,8 @@ WORDING: Wording = {
         f"the fit leaves {data['rms_deg']:.3g} deg of the orientations: are they rotation vectors "
         "(axis times angle) in degrees, or quaternions, in the frame of the positions?"
     ),
-    "outliers": lambda data: (
-        f"{rows_in_words(data['rows'])}: up to {MM * data['off']:.3g} mm from where the other "
-        "poses predict the markers; a swapped marker, a pose typed wrongly, or see --robust"
-    ),
+    "outliers": _outliers_words,
+    "cause": lambda data: f"{cause_wording(data['cause'])}: {_explains(data)}",
     "frame_moved": _frame_moved,
     "growth": _growth,
     "drift": lambda data: (

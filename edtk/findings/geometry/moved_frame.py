@@ -1,14 +1,15 @@
 """Whether the frame moved, or a weight hangs that nobody told, by the residuals of a fit."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edtk.findings.geometry.fit_rows import FitRows, explained_by, frame_columns, log_chance
-from edtk.fit.geometry.fitted_geometry import MM, GeometricFit
+from edtk.findings.causes.family import Cause
+from edtk.findings.causes.faults import FAULTS, USUAL_MOVE
+from edtk.findings.geometry.fit_rows import FitRows, SizedColumns, explained_by, log_chance
+from edtk.fit.geometry.fitted_geometry import MM
 from edtk.measure.noise import PositionNoise
-from edtk.measure.parameters import Parameter
 from edtk.system.typing import Array, Indices, Mask
 
 FEWEST_IN_FRAME = 2  # poses before, after and between
@@ -24,6 +25,11 @@ BREAKS = 30  # poses at which a motion that is taken back is tried first
 UNLIKELY_LOAD = 1e-4
 LOAD_EXPLAINS = 0.5  # of the squares, at least: gears that are not round explain less
 LOAD_COORDINATES = 3.0  # of a pose that err together
+USUAL_BEND = 3.0  # of a joint under a weight, by a lever of a metre [mrad]
+# Causes that have names of their own above, whatever part of the day they are in.
+OF_THE_DAY = ("frame_moved", "drift", "growth")
+MOSTLY = 0.7  # of the misfit, at least, that a fault explains which is there all day
+SEEN = 1e-4  # of the length of what a fault adds, that the parameters of the fit have to leave
 SURE = 2.0  # standard deviations by which a joint gives way
 FEWEST_LOADED = 4  # poses with the weight, and without it
 STARTS = 6  # random ones of the search for poses with a weight
@@ -32,7 +38,7 @@ SAME = 1e-6  # [m] a load that changes less from pose to pose tells nothing
 
 
 @dataclass(frozen=True, eq=False)
-class MovedFrame:
+class MovedFrame(SizedColumns):
     """A motion of the frame that explains a good part of the residuals.
 
     Attributes:
@@ -47,14 +53,8 @@ class MovedFrame:
     shift: float
     explained: float
 
-    def columns(self, fit: GeometricFit) -> Array:
-        """Its columns (m, 3k, 6) [mm a mm, mm a mrad]."""
-        moved = frame_columns(fit)
-        pose = np.arange(len(moved))
-        return moved * ((pose >= self.first) & (pose < self.end))[:, None, None]
 
-
-def moved_frame(fit: GeometricFit, others: Sequence[Parameter] = ()) -> MovedFrame | None:
+def moved_frame(rows: FitRows) -> MovedFrame | None:
     """Try a rigid motion of the frame between any two poses, and test the best.
 
     The motion has six parameters, whose columns B count from pose s to pose t. With residuals z of
@@ -69,11 +69,9 @@ def moved_frame(fit: GeometricFit, others: Sequence[Parameter] = ()) -> MovedFra
     the squares most, too, and then tells smaller ones.
 
     Args:
-        fit: Of a sheet whose poses are in the order in which they were measured.
-        others: Errors of the drawing that were not asked for. What they explain is no motion: they
-            are fitted beside it.
+        rows: Of a sheet whose poses are in the order in which they were measured.
     """
-    day = _Day.of(fit, others)
+    day = _Day(rows, rows.frame)
     found = [*(_best(day, white) for white in (False, True)), _beside_noise(day)]
     told = [one for one in found if one is not None]
     return max(told, key=lambda one: one.explained, default=None)
@@ -99,7 +97,7 @@ def _best(day: "_Day", white: bool) -> MovedFrame | None:
     probability, fall, s, t = min(judged)
     if probability > UNLIKELY_FRAME or fall < FRAME_EXPLAINS[white] * total:
         return None
-    return MovedFrame(s, t, day.size(sums.motion(s, t), s, t), fall / total)
+    return day.moved_between(s, t, sums.motion(s, t), fall / total)
 
 
 def _beside_noise(day: "_Day") -> MovedFrame | None:
@@ -120,7 +118,7 @@ def _beside_noise(day: "_Day") -> MovedFrame | None:
     independent = max(day.dof / FRAME_COORDINATES[False], 1.0)
     if _probability(fall, total, independent) * m > RARE or fall < FRAME_EXPLAINS[False] * total:
         return None
-    return MovedFrame(s, m, day.size(after.motion(s, m), s, m), fall / total)
+    return day.moved_between(s, m, after.motion(s, m), fall / total)
 
 
 def _pairs(m: int) -> Iterator[tuple[int, int]]:
@@ -203,11 +201,6 @@ class _Day:
     rows: FitRows
     moved: Array
 
-    @classmethod
-    def of(cls, fit: GeometricFit, others: Sequence[Parameter] = ()) -> "_Day":
-        """Of a fit, beside parameters that are none of it."""
-        return cls(FitRows.of(fit).beside(others), frame_columns(fit))
-
     def __len__(self) -> int:
         return len(self.moved)
 
@@ -227,11 +220,14 @@ class _Day:
         )
         return _Sums.of(z[..., 0], X, B)
 
-    def size(self, motion: Array, s: int, t: int) -> float:
-        """How far a motion (6,) carries the markers of some poses, root mean square [m]."""
+    def moved_between(self, s: int, t: int, motion: Array, explained: float) -> MovedFrame:
+        """A motion (6,) from pose s to pose t, with how far it carries the markers there."""
         seen = self.rows.fit.data.means.seen[s:t].reshape(-1)
         off = (self.moved[s:t] @ motion).reshape(-1, 3)[seen]
-        return float(np.sqrt((off**2).sum(axis=-1).mean())) / MM
+        shift = float(np.sqrt((off**2).sum(axis=-1).mean())) / MM
+        pose = np.arange(len(self))
+        columns = self.moved * ((pose >= s) & (pose < t))[:, None, None]
+        return MovedFrame(columns, USUAL_MOVE * MM, s, t, shift, explained)
 
 
 def _before(terms: Array) -> Array:
@@ -240,25 +236,23 @@ def _before(terms: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class UntoldLoad:
+class UntoldLoad(SizedColumns):
     """A weight that explains a good part of the residuals.
 
     Attributes:
         joints: Names of the joints that give way.
         explained: Share of the squared residuals that this explains.
         loaded: Mask (m,) of the poses that are under it.
-        columns: Its columns (m, 3k, c).
         log_chance: Logarithm of the probability that chance explains as much.
     """
 
     joints: tuple[str, ...]
     explained: float
     loaded: Mask
-    columns: Array
     log_chance: float
 
 
-def untold_load(fit: GeometricFit) -> UntoldLoad | None:
+def untold_load(rows: FitRows) -> UntoldLoad | None:
     """Try springs of all joints under a weight at the tool, and test those that give way.
 
     A weight W turns joint j by ``k_j W t_j(q)``, with t_j the torque of a unit force down at the
@@ -271,11 +265,10 @@ def untold_load(fit: GeometricFit) -> UntoldLoad | None:
     that the residuals tell. The probability counts as often as there are ways to choose them.
 
     Args:
-        fit: Of positions without springs among its parameters.
+        rows: Of positions without springs among its parameters.
     """
-    rows = FitRows.of(fit)
-    robot = fit.fitted.model.robot
-    frames = robot.frames(fit.data.means.q, ())
+    robot = rows.scene.robot
+    frames = robot.frames(rows.scene.q, ())
     torque = -frames.folded(frames.linear_of_each)[:, 2].T
     turned = np.flatnonzero(np.ptp(torque, axis=0) > SAME)
     if not len(turned) or rows.dof(len(turned)) < len(turned):
@@ -294,20 +287,39 @@ def _judged(
     """A weight in some poses, where chance does not explain what it does."""
     bent = bent * loaded[:, None, None]
     noise = rows.noise_beside(bent[..., turned])
-    parts = (rows.residual[..., None], rows.design)
-    every = explained_by(*rows.whitened(noise, *parts, bent[..., turned]))
+    every = explained_by(
+        *rows.whitened(noise, rows.residual[..., None], rows.design, bent[..., turned])
+    )
     giving = turned[every.values > SURE * every.std]
     if not len(giving):
         return None
     columns = bent[..., giving]
-    found = explained_by(*rows.whitened(noise, *parts, columns)).share
-    explained = explained_by(*rows.whitened(None, *parts, columns)).share
-    independent = max(rows.dof(len(giving)) / LOAD_COORDINATES, 1.0)
-    chance = log_chance(found, len(giving), independent) + log_tries
+    explained, chance = shares_of(rows, columns, noise)
+    chance += log_tries
     if explained < LOAD_EXPLAINS or chance > np.log(UNLIKELY_LOAD):
         return None
-    names = tuple(rows.fit.fitted.model.robot.joint_names[j] for j in giving)
-    return UntoldLoad(names, explained, loaded, columns, chance)
+    names = tuple(rows.scene.robot.joint_names[j] for j in giving)
+    return UntoldLoad(columns, USUAL_BEND, names, explained, loaded, chance)
+
+
+def shares_of(rows: FitRows, columns: Array, noise: PositionNoise) -> tuple[float, float]:
+    """Share of the squares that columns explain, all coordinates alike, and how likely by chance.
+
+    Args:
+        rows: The residuals.
+        columns: The columns (m, 3k, c).
+        noise: The noise that was fitted beside them.
+
+    Returns:
+        The share, and the logarithm of the probability that chance explains as much in units of the
+        noise.
+    """
+    parts = (rows.residual[..., None], rows.design)
+    found = explained_by(*rows.whitened(noise, *parts, columns)).share
+    explained = explained_by(*rows.whitened(None, *parts, columns)).share
+    count = columns.shape[-1]
+    independent = max(rows.dof(count) / LOAD_COORDINATES, 1.0)
+    return explained, log_chance(found, count, independent)
 
 
 def _parts_of_day(rows: FitRows, bent: Array) -> list[tuple[Mask, float]]:
@@ -381,3 +393,70 @@ class _LoadedPoses:
                 break
             loaded = after
         return loaded
+
+
+@dataclass(frozen=True, eq=False)
+class NamedCause(SizedColumns):
+    """A fault of the registry that explains a good part of the residuals.
+
+    Attributes:
+        cause: The fault with its size.
+    """
+
+    cause: Cause
+
+
+def other_causes(rows: FitRows) -> list[NamedCause]:
+    """Try every fault of the registry that can be seen, in all poses, and test those that explain.
+
+    What lies in the model is no fault: a zero of a joint that is fitted takes up all that it does.
+    The noise is fitted anew beside the columns of each (see `moved_frame`). The fall of the squares
+    has to be improbable, after all that were tried, and most of the misfit, which is what readings
+    leave beyond the noise: errors of a drawing that nobody asked for look a little like any fault.
+
+    Args:
+        rows: Residuals of a fit.
+    """
+    scene = rows.scene
+    families = [
+        family
+        for fault in FAULTS.values()
+        if fault.name not in OF_THE_DAY
+        for family in scene.families(fault.models)
+    ]
+    parts = (rows.residual[..., None], rows.design)
+    read = replace(rows.noise, model_white=0.0, model_joints=np.zeros(0), model_fit=None)
+    Q = np.linalg.qr(rows.design.reshape(rows.residual.size, -1))[0]
+    found = []
+    for family in families:
+        columns = family.derivative_at_zero(scene.k)
+        flat = columns.reshape(len(Q), -1)
+        left = np.linalg.norm(flat - Q @ (Q.T @ flat)) / max(float(np.linalg.norm(flat)), 1e-300)
+        if left < SEEN or rows.dof(family.dims) < 2 * family.dims:
+            continue
+        # The noise is fitted anew for those alone that explain enough.
+        alone = explained_by(*rows.whitened(read, *parts, columns))
+        misfit = alone.fall / alone.share - rows.dof(0) if alone.share > 0 else 0.0
+        if misfit <= 0 or alone.fall < MOSTLY * misfit:
+            continue
+        explained = min(1.0, alone.fall / misfit)
+        noise = rows.noise_beside(columns)
+        chance = shares_of(rows, columns, noise)[1] + float(np.log(len(families)))
+        if chance > np.log(UNLIKELY_LOAD):
+            continue
+        told = explained_by(*rows.whitened(noise, *parts, columns))
+        size = float(told.values[0] if family.dims == 1 else np.linalg.norm(told.values))
+        if family.only_positive and size < 0:
+            continue
+        along = told.values / max(abs(size), 1e-300)
+        cause = Cause(
+            family.cause,
+            size * family.per_unit,
+            family.unit,
+            float(np.sqrt(along @ told.covariance @ along)) * family.per_unit,
+            float(np.exp(min(chance, 0.0))),
+            explained,
+            family.joint,
+        )
+        found.append(NamedCause(columns, family.usual, cause))
+    return found

@@ -9,6 +9,7 @@ import pytest
 from geometry_sheets import OFFSETS, PLACE, STUDY, Array, by_pose
 
 import edtk
+from edtk.findings.geometry.fit_rows import FitRows
 from edtk.findings.geometry.moved_frame import moved_frame, untold_load
 from edtk.fit.geometry.fit_geometry import fit_geometry
 from edtk.fit.geometry.fitted_geometry import GeometricFit
@@ -57,7 +58,7 @@ def fit_of(seed: int, bent: float = 0.0, moved: float = 0.0) -> GeometricFit:
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_weight_is_named_with_the_joints_that_it_bends(seed: int) -> None:
     """It explains most of what the fit leaves, though the fit has taken some of it for geometry."""
-    found = untold_load(fit_of(seed, bent=BENT))
+    found = untold_load(FitRows.of(fit_of(seed, bent=BENT)))
     assert found is not None
     assert found.joints == ("q2", "q3")
     assert 0.5 < found.explained < 1
@@ -65,7 +66,7 @@ def test_a_weight_is_named_with_the_joints_that_it_bends(seed: int) -> None:
 
 def test_a_frame_that_moved_by_the_size_of_other_errors_is_named() -> None:
     """Half a millimetre is found at its pose, where the noise that was fitted had hidden it."""
-    found = moved_frame(fit_of(2, moved=5e-4))
+    found = moved_frame(FitRows.of(fit_of(2, moved=5e-4)))
     assert found is not None
     assert (found.first, found.end) == (14, POSES)
     assert found.shift == pytest.approx(5e-4, rel=0.3)
@@ -74,8 +75,8 @@ def test_a_frame_that_moved_by_the_size_of_other_errors_is_named() -> None:
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_sound_days_are_not_doubted(seed: int) -> None:
     """Gears that are not round are no weight and no motion."""
-    assert untold_load(fit_of(seed)) is None
-    assert moved_frame(fit_of(seed)) is None
+    assert untold_load(FitRows.of(fit_of(seed))) is None
+    assert moved_frame(FitRows.of(fit_of(seed))) is None
 
 
 def test_the_verdict_says_what_to_ask_for(tmp_path: Path) -> None:
