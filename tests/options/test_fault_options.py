@@ -7,9 +7,19 @@ import numpy as np
 import pandas as pd
 import pytest
 from geometry_sheets import NAMES, OFFSETS, PLACE, STUDY, run
+from readings import STUDY as DISPLACEMENTS
 
 import edtk
+from edtk.calibration.detect import Promised, detect, sized_faults, visited
+from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+from edtk.findings.causes.faults import FAULTS, cause_wording
+from edtk.findings.finding import Finding
+from edtk.findings.geometry.geometric_fit import geometric_findings
+from edtk.fit.geometry.fit_geometry import fit_geometry
+from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.study.study_geometry import StudyGeometry
+from edtk.system.errors import UserError
+from edtk.system.typing import Array
 
 LOADED = STUDY.replace(
     parameters={"compliance": ["q2", "q3"], "geometry": "all"}, load={"F_N": [0, 0, -50]}
@@ -103,3 +113,116 @@ def test_kilonewtons_beside_a_plan_are_told(tmp_path: Path) -> None:
         "kilonewtons? expected newtons"
     )
     assert pytest.approx(0.001) == unit.data["ratio"]
+
+
+GEARS = 2e-5  # [rad] of each of three waves a turn, in every joint
+SOFT = np.array([0, 3e-5, 4e-5, 0, 0, 0])
+SPRUNG = STUDY.replace(
+    parameters={"compliance": ["q2", "q3"], "geometry": []}, load={"F_N": [0, 0, -100]}
+)
+
+
+def causes_of(seed: int, fault: str) -> list[Finding]:
+    """What is said of a day of an arm as drawn, of which base, markers and springs are fitted."""
+    rng = np.random.default_rng(seed)
+    setting = StudyGeometry.of(SPRUNG)
+    model = replace(StudyGeometry.of(STUDY).model, offsets=OFFSETS, start=PLACE)
+    q = rng.uniform(-1.7, 1.7, (36, 6))
+    wrench = np.zeros((36, 6))
+    wrench[12:, 2] = -100.0
+    applied = wrench.copy()
+    if fault == "load_direction":
+        applied[:, 0] = 0.3 * wrench[:, 2]
+    torque = setting.loads(q, applied)
+    bent = SOFT * torque
+    if fault == "backlash":
+        bent[:, 2] += 5e-4 * np.sign(torque[:, 2])
+    if fault == "torque_sign":
+        bent[:, 1] *= 1 + 0.4 * np.sign(torque[:, 1])
+    if fault == "joint_zero":
+        bent[:, 2] += 1e-3
+    waves = np.arange(1, 4) * q[..., None] + rng.uniform(0, 2 * np.pi, (6, 3))
+    there = q + bent + (rng.normal(0, GEARS, (6, 3)) * np.sin(waves)).sum(axis=-1)
+    x = model.see(np.zeros(model.p), there, derivatives=False).points
+    x += rng.normal(0, 2e-5, x.shape)
+    if fault == "typed":
+        q[7, 3] += 5e-3
+    row = np.arange(36)[:, None] * np.ones(3, dtype=int)
+    data = MarkerPositions(q, wrench, x, row, tuple("ABC"))
+    fit = fit_geometry(setting.model, data, setting.noise, setting.loads)
+    return geometric_findings(fit, setting)
+
+
+@pytest.mark.parametrize(
+    ("fault", "joint", "size"),
+    [
+        ("joint_zero", "q3", np.rad2deg(1e-3)),
+        ("backlash", "q3", np.rad2deg(5e-4)),
+        ("torque_sign", "q2", 40.0),
+        ("load_direction", "", np.rad2deg(np.arctan(0.3))),
+    ],
+)
+def test_a_fault_of_the_registry_is_the_cause_of_what_positions_leave(
+    fault: str, joint: str, size: float
+) -> None:
+    """It is named with its joint, and with its size within a fifth."""
+    (found,) = (one for one in causes_of(0, fault) if one.kind == "cause")
+    cause = found.data["cause"]
+    assert (cause.cause, cause.joint) == (fault, joint)
+    assert cause.size == pytest.approx(size, rel=0.2)
+    assert cause.p < 1e-4
+    assert cause_wording(cause) in found.words
+
+
+def test_a_sound_day_has_no_cause() -> None:
+    """Gears that are not round are none of the faults."""
+    assert not [one for one in causes_of(1, "none") if one.kind == "cause"]
+
+
+def test_the_joint_that_was_typed_wrongly_is_named() -> None:
+    """Of a pose that the others do not predict, with what the right value is less the written."""
+    (found,) = (one for one in causes_of(0, "typed") if one.kind == "outliers")
+    (cause,) = found.data["causes"]
+    assert (found.rows, cause.rows, cause.joint) == ((7,), (7,), "q4")
+    assert cause.size == pytest.approx(-np.rad2deg(5e-3), rel=0.1)
+    assert "row 8: joint q4 looks -0.2" in found.words
+
+
+def test_what_parameters_take_up_is_no_cause() -> None:
+    """A zero of a joint that is fitted lies in the model; so does a tool point that is."""
+    fitted = SPRUNG.replace(parameters={"compliance": ["q2"], "geometry": ["zeros"]})
+    question = GeometryQuestion.of(fitted)
+    plan = planned(20, 8)
+    asked = {"joint_zero": "5deg", "tool_x": "5mm", "backlash": "0.1deg", "growth": "500um/m"}
+    faults = sized_faults(fitted, asked, positions=True)
+    found, _ = detect(Promised.visits(question, plan), faults)
+    assert [one.never for one in found] == [True, True, False, False]
+
+
+def test_growth_of_links_is_a_difference_of_drawings() -> None:
+    """What `growth` adds to visits is what a drawing with longer links does, late in the day."""
+    question = GeometryQuestion.of(SPRUNG)
+    q = planned(6, 0).q
+    time = np.linspace(0, 1, 6)
+    scene = visited(question, q, np.zeros((6, 6)), time)
+    (family,) = FAULTS["growth"].models(scene)
+    found = 0.02 * family.derivative_at_zero(scene.k)[..., 0]  # whitened by 0.02 mm
+    robot = question.model.robot
+    h = 1e-6
+
+    def points(scale: float) -> Array:
+        longer = [
+            replace(one, origin=one.origin * np.array([[1, 1, 1, scale]] * 3 + [[1, 1, 1, 1]]))
+            for one in robot.joints
+        ]
+        model = replace(question.model, robot=replace(robot, joints=tuple(longer)))
+        return model.see(np.zeros(model.p), q, derivatives=False).points.reshape(6, -1)
+
+    expected = 1e3 * (points(1 + h) - points(1 - h)) / (2 * h) * time[:, None]
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_displacements_show_no_motion_of_the_frame() -> None:
+    """A fault that displacements cannot show is refused for that reason."""
+    with pytest.raises(UserError, match="frame_moved shows in positions, and this study measures"):
+        sized_faults(DISPLACEMENTS, {"frame_moved": "1mm"})
