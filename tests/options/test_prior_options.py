@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from arm import ROBOT as PLANAR_ROBOT
 from geometry_sheets import OFFSETS, PLACE, ROBOT, Array, by_pose
+from scipy.stats import norm
 
 import edtk
 from edtk.calibration.geometry.told_before import told_before
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import PositionRows
+from edtk.findings.geometry.geometric_fit import geometric_findings
 from edtk.fit.geometry.fit_geometry import fit_geometry
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit
 from edtk.fit.geometry.geometry_posterior import GeometryDensity
@@ -328,3 +330,31 @@ def test_a_plan_with_a_prior_within_a_budget_is_verified(tmp_path: Path) -> None
     found = edtk.plan(study, criterion="A", certificate=tmp_path / "c.json")
     assert found.bound <= found.cost
     assert edtk.verify(tmp_path / "c.json", study).valid
+
+
+def test_what_was_known_is_compared_with_all_else() -> None:
+    """The estimate beside a density is that of the fit without it, and its distance is normal."""
+    wrong = {"kind": "normal", "mean_rad_per_Nm": 8e-6, "std_rad_per_Nm": 1e-6}
+    study = springs_of({"joints": {"q2": wrong}})
+    data, _, _ = day(study, 8, 0, {f"k_{name}": k for name, k in SOFT.items()})
+    fit, alone = fitted(study, data), fitted(springs_of(), data).fitted
+    told = fit.told_before
+    assert np.isinf(told.dof)
+    assert told.mean[0] == pytest.approx(alone.theta[0], rel=1e-5)
+    assert told.std[0] == pytest.approx(1e-6 * alone.std[0], rel=1e-3)
+    said = {one.kind: one.data for one in geometric_findings(fit, StudyGeometry.of(study))}
+    distance = (8e-6 - told.mean[0]) / np.hypot(1e-6, told.std[0])
+    assert said["prior_contradicted"]["p"] == pytest.approx(2 * norm.sf(distance), rel=1e-3)
+    right = springs_of({"joints": {"q2": wrong | {"mean_rad_per_Nm": 3.5e-6}}})
+    kinds = {one.kind for one in geometric_findings(fitted(right, data), StudyGeometry.of(right))}
+    assert "prior_contradicted" not in kinds
+
+
+def test_a_known_compliance_that_loads_contradict_is_named() -> None:
+    """What is known is measured, too."""
+    joints = {"unknown": ["q2"], "known_rad_per_Nm": {"q3": {"value": 1e-5, "std": 1e-6}}}
+    study = springs_of(joints=joints)
+    data, _, _ = day(study, 8, 0, {f"k_{name}": k for name, k in SOFT.items()})
+    found = geometric_findings(fitted(study, data), StudyGeometry.of(study))
+    (said,) = [one.words for one in found if one.kind == "known_contradicted"]
+    assert said.startswith("q3 is known as 1e-05 +- 1e-06 rad/(N m) and measured as 5")
