@@ -443,7 +443,7 @@ class GeometryDesigns(Designs):
         return plan_geometry(self.study, case.size, case.optimised, cost_budget=self.budget)
 
     def expected(self, plan: Plan) -> ExpectedError | None:
-        """Errors of the markers to expect in the test poses and around them.
+        """Errors to expect in the test poses and around them, of tool or markers.
 
         Returns:
             The errors; None without test poses, where the plan leaves a parameter open, or where
@@ -456,7 +456,7 @@ class GeometryDesigns(Designs):
         return expected_error(tasks, cov)
 
     def accuracy(self, plan: Plan) -> TaskAccuracy | None:
-        """Errors of the markers to expect in each of several test poses; None likewise."""
+        """Errors to expect in each of several test poses; None likewise."""
         cov = self._covariance(plan)
         tasks = self.question.tasks
         if len(tasks) < 2 or cov is None:

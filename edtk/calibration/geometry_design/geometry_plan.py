@@ -118,7 +118,7 @@ class GeometryPlan(DayPlan):
 
     Attributes:
         question: The question of the study.
-        rho0: Error of the markers to expect in the test poses [m]; None without any.
+        rho0: Error to expect in the test poses [m]; None without any.
     """
 
     question: GeometryQuestion
