@@ -166,7 +166,7 @@ def fit_beside(
     model: MeasuredModel,
     theta: Array,
     means: MarkerPositions,
-    torque: Torque | Callable[[Array], Torque],
+    torque: Torque | Callable[[Array, bool], Torque],
     prior: Prior,
     weight: float = 1.0,
     whitening: Array | None = None,
@@ -411,12 +411,12 @@ def _in_turns(
     last = np.zeros(3)
     slides = _slides(model)
 
-    def at_rest(theta: Array) -> Torque:
-        return loading_of(model.compliances(theta), means, loads)
+    def at_rest(theta: Array, derivatives: bool) -> Torque:
+        return loading_of(model.compliances(theta), means, loads, derivatives)
 
     for turn in range(ROUNDS):
         before = known_before(prior, model, theta)
-        rows = PoseRows.of(model, theta, means, at_rest(theta), before)
+        rows = PoseRows.of(model, theta, means, at_rest(theta, True), before)
         differs = rows.differs(means)
         if not turn:
             noise = noise_of_repeats(data, rows.motion, rows.places, stated)[0]

@@ -340,27 +340,37 @@ def resting_torque(
     return torque
 
 
-def resting_load(compliances: Array, q: Array, wrench: Array, loads: Loads | None) -> Load | None:
+def resting_load(
+    compliances: Array, q: Array, wrench: Array, loads: Loads | None, derivatives: bool = True
+) -> Load | None:
     """The same, with what the joints give way more, or less, as their loads change with them."""
     torque = resting_torque(compliances, q, wrench, loads)
-    if torque is None or loads is None or not compliances.any():
+    if torque is None or loads is None or not derivatives or not compliances.any():
         return None if torque is None else Load(torque)
-    at = q + compliances * torque
-    steps = STEP * np.eye(q.shape[1])
+    m, n = q.shape
     # Central differences: of what is itself a small correction, these leave nothing to see.
-    by_joints = [loads(at + d, wrench) - loads(at - d, wrench) for d in steps]
-    H = np.stack(by_joints, axis=-1) / (2 * STEP)
+    steps = STEP * np.concatenate([np.eye(n), -np.eye(n)])
+    near = (q + compliances * torque)[None] + steps[:, None]
+    moved = loads(near.reshape(-1, n), np.tile(wrench, (2 * n, 1))).reshape(2, n, m, n)
+    H = np.moveaxis(moved[0] - moved[1], 0, -1) / (2 * STEP)
     gives = np.linalg.inv(np.eye(q.shape[1]) - compliances[:, None] * H)
     return Load(torque, np.asarray(gives, dtype=float))
 
 
-def loading_of(compliances: Array, data: MarkerPositions, loads: Loads | None) -> Torque:
+def loading_of(
+    compliances: Array, data: MarkerPositions, loads: Loads | None, derivatives: bool = True
+) -> Torque:
     """What loads the joints at rest in each visit, and what did before, see `loading_in`."""
-    return loading_in(compliances, data.q, data.wrench, loads, data.is_difference)
+    return loading_in(compliances, data.q, data.wrench, loads, data.is_difference, derivatives)
 
 
 def loading_in(
-    compliances: Array, q: Array, wrench: Array, loads: Loads | None, differs: Mask
+    compliances: Array,
+    q: Array,
+    wrench: Array,
+    loads: Loads | None,
+    differs: Mask,
+    derivatives: bool = True,
 ) -> Torque:
     """What loads the joints at rest in each visit, see `resting_load`, and what did before.
 
@@ -370,11 +380,13 @@ def loading_in(
         wrench: Forces and torques (m, 6).
         loads: What they load the joints with.
         differs: Which readings (m,) are differences of a loaded and an unloaded one.
+        derivatives: Whether derivatives by the compliances are wanted.
     """
-    after = resting_load(compliances, q, wrench, loads)
+    after = resting_load(compliances, q, wrench, loads, derivatives)
     if after is None or not differs.any():
         return after
-    before = resting_load(compliances, q[differs], np.zeros((differs.sum(), 6)), loads)
+    unloaded = np.zeros((int(differs.sum()), 6))
+    before = resting_load(compliances, q[differs], unloaded, loads, derivatives)
     assert before is not None
     return Loading(after, differs, before)
 

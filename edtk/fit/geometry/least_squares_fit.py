@@ -155,7 +155,7 @@ def least_squares_fit(
     model: MeasuredModel,
     theta: Array,
     means: MarkerPositions,
-    torque: Torque | Callable[[Array], Torque] = None,
+    torque: Torque | Callable[[Array, bool], Torque] = None,
     whitening: Array | None = None,
     most: int = MOST,
     before: PriorRows | None = None,
@@ -170,7 +170,7 @@ def least_squares_fit(
         theta: Where to begin (p,), in SI units.
         means: The positions, a visit a pose.
         torque: Loads (m, n) of the joints [N m], with those before where readings are differences;
-            or what says these at parameters (p,).
+            or what says these at parameters (p,), and whether for derivatives.
         whitening: Matrices (m, 3k, 3k) that make the errors of a pose independent and of size one
             [1/mm]; rows of markers that were not seen are zero. None for equal weights.
         most: Evaluations at most.
@@ -184,8 +184,8 @@ def least_squares_fit(
     scales = model.scales
     known = PriorRows.none(model.p) if before is None else before
 
-    def loading(theta: Array) -> Torque:
-        return torque(theta) if callable(torque) else torque
+    def loading(theta: Array, derivatives: bool) -> Torque:
+        return torque(theta, derivatives) if callable(torque) else torque
 
     def weighted(rows: Array) -> Array:
         """Rows (m, k, rows, ...) in units of the noise, one beneath the other."""
@@ -196,12 +196,12 @@ def least_squares_fit(
         return flat.reshape(m * means.rows * k, *rows.shape[3:])
 
     def residual(u: Array) -> Array:
-        there = model.see(u * scales, means.q, loading(u * scales), derivatives=False)
+        there = model.see(u * scales, means.q, loading(u * scales, False), False)
         apart = weighted(-measured_less_seen(means, there))
         return np.concatenate([apart, known.rows @ u - known.values])
 
     def jacobian(u: Array) -> Array:
-        J = model.see(u * scales, means.q, loading(u * scales)).jacobian
+        J = model.see(u * scales, means.q, loading(u * scales, True)).jacobian
         assert J is not None
         return np.concatenate([weighted(J * scales), known.rows])
 
