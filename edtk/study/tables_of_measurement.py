@@ -82,8 +82,8 @@ class DistanceTable(Table):
     )
     sigma_mm: Sigma | None = Field(
         None,
-        description="Standard deviation of a change of this distance; defaults to "
-        "`measurement.sigma_mm` [mm]",
+        description="Standard deviation of a change of this distance, or with [parameters] of one "
+        "reading; defaults to `measurement.sigma_mm` [mm]",
     )
 
     @model_validator(mode="after")
