@@ -51,7 +51,7 @@ from edtk.system.typing import Array
 HERE = Path(__file__).parent
 RUNS_OF_LEAST_SQUARES = 20_000
 RUNS_OF_COMPENSATION = 500
-RUNS_OF_GEOMETRY = 240
+RUNS_OF_GEOMETRY = 200
 Call = Callable[[int | None, Callable[[int], object]], Ranks]  # takes workers, and tells of runs
 
 # What holds: p-values of everything together above 1 %, coverage of intervals 93 to 97 % on

@@ -228,7 +228,14 @@ GEOMETRY_CASES = (
         40,
         3,
     ),
-    GeometryCase("the same with t errors and --robust", "all", ("q2", "q3"), 40, 3, robust=True),
+    GeometryCase(
+        "all geometry and two springs, t errors and --robust",
+        "all",
+        ("q2", "q3"),
+        40,
+        3,
+        robust=True,
+    ),
 )
 
 
