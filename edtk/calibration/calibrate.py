@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from edtk.calibration.calibration import Calibration, Origin
-from edtk.calibration.propagation import calibration_budget
 from edtk.calibration.told_part import ToldPart, measured_known, told_part
 from edtk.design.plan import Plan
 from edtk.findings.causes.faults import cause_of
@@ -126,19 +125,22 @@ def calibrate(
     except (SingularPlanError, NothingLeftError, SigmaTooSmallError) as error:
         raise UserError(str(error), where=path) from error
     fitted = fitted.naming_outliers()
-    found = Calibration(fitted, (), path, _bias(fitted), origin=origin, part=part)
-    budget = calibration_budget(fitted, found.rho0_bias)
-    named = spring_findings(fitted, found.rho0_bias, budget)
+    bare = Calibration(fitted, (), path, _bias(fitted), origin=origin, part=part)
+    tasks = fitted.study.tasks
+    budget = bare.propagation.budget(tasks, bare.rho0_bias or 0.0) if tasks else None
+    named = spring_findings(fitted, bare.rho0_bias, budget)
     if part is not None and study.interest is None:
         told = (len(fitted.fit.k), len(study.unknown))
         still = still_joints(study.robot, data.q)
         named = (untold_finding(told, part.words, still, "; or a [prior], with --bayes"), *named)
         named = tuple(sorted(named, key=lambda one: -one.severity))
     if study.designed is not study:
-        left = {one.name: one for one in found.propagation.assumed}
+        left = {one.name: one for one in bare.propagation.assumed}
         more = (*named, *known_findings(study, left))
         named = tuple(sorted(more, key=lambda one: -one.severity))
-    found = replace(found, findings=named, budget=budget)
+    found = replace(bare, findings=named, budget=budget)
+    if tasks:
+        vars(found)["propagation"] = bare.propagation  # of the same fit
     wrong = None if as_is else find_input_error(fitted)
     if wrong is not None:
         raise InputError(path, wrong, found)

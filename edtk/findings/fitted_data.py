@@ -175,7 +175,10 @@ def left_out_readings(fitted: "FittedData") -> LeftOutReadings | None:
 
 def _sums(values: Array, pose: Indices) -> Array:
     """Sums (poses, ...) of the values (m, ...) of the rows of each pose."""
-    total = np.zeros((int(pose.max()) + 1, *values.shape[1:]))
+    count = int(pose.max()) + 1
+    if count == len(pose):
+        return values  # poses are numbered as they appear
+    total = np.zeros((count, *values.shape[1:]))
     np.add.at(total, pose, values)
     return total
 
