@@ -457,6 +457,12 @@ class GeometricCalibration(Judged):
         ]
         if self.fit.fitted.compliances.any():
             lines.append("the loads are as stated: 1 % of a load is 1 % of every compliance")
+        given = self.study.kind.parameters(self.study)
+        if given.tool and any(task.tool is not None for task in self.tasks):
+            lines.append(
+                "a tool of the test poses sits on the last joint as drawn: markers whose places on "
+                "it are unknown tell neither the zero of that joint nor its length"
+            )
         return tuple(lines)
 
     @cached_property
