@@ -212,7 +212,7 @@ def _plain(text: str) -> str:
 
 def _prior(run: StudyRun) -> str:
     """What is known before the measurements, if that counts."""
-    counts = run.study.prior_information is not None
+    counts = run.study.specification.prior.in_design
     return "; the study's prior counts beside the experiments" if counts else ""
 
 

@@ -130,6 +130,9 @@ def checkpoint_of(
         digest.update(_bytes(np.concatenate([task.q, task.wrench])))
     if study.prior_information is not None:
         digest.update(_bytes(study.prior_information))
+    known = study.specification.prior
+    if known.in_design and known.earlier_file is not None:
+        digest.update((study.folder / known.earlier_file).read_bytes())
     for path in sorted(_code(study)):
         digest.update(path.read_bytes())
     for library in LIBRARIES:

@@ -331,12 +331,13 @@ def prior_information(study: Asked) -> Array | None:
     ``1/s^2``, and a log-normal one of median m and factor f has ``1/(m log f)^2``.
 
     Returns:
-        Information (p, p); None unless `[prior] in_design` is set.
+        Information (p, p) about compliances alone; None unless `[prior] in_design` is set.
 
     Raises:
         UserError: The prior is not one, or says nothing.
     """
-    if not study.specification.prior.in_design:
+    given = study.specification
+    if not given.prior.in_design or given.parameters:
         return None
     precision, _ = study_prior(study).gaussian()
     if not np.asarray(precision).any():

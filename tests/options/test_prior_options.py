@@ -358,3 +358,14 @@ def test_a_known_compliance_that_loads_contradict_is_named() -> None:
     found = geometric_findings(fitted(study, data), StudyGeometry.of(study))
     (said,) = [one.words for one in found if one.kind == "known_contradicted"]
     assert said.startswith("q3 is known as 1e-05 +- 1e-06 rad/(N m) and measured as 5")
+
+
+def test_a_run_of_a_study_with_a_prior_is_done(tmp_path: Path) -> None:
+    """Relaxations are those of each size, as a prior counts the less, the more visits there are."""
+    study = planar(in_design=True).replace(
+        sizes=[5, 6], optimise=["A"], criteria=["A"], starts=1, costs={"visit": 1, "budget": 6}
+    )
+    found = edtk.run(study, tmp_path / "out", workers=1)
+    assert {"A_m5", "A_m6"} <= set(found.relaxations)
+    table = found.table
+    assert (table["efficiency_A"] <= 1 + 1e-9).all()
