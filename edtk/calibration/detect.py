@@ -15,7 +15,7 @@ from edtk.design.candidate_source import sample_feasible
 from edtk.design.detection import ENOUGH, LEVEL, Detection, Separation
 from edtk.design.plan import Plan
 from edtk.findings.causes.family import Family
-from edtk.findings.causes.faults import FAULTS
+from edtk.findings.causes.faults import FAULTS, UNITS_OF_SIZES
 from edtk.findings.causes.rarity import FACTORS, WEIGHTS
 from edtk.findings.causes.scene import Displacements, Scene, since_first
 from edtk.fit.correlated_noise import CorrelatedNoise, RowNoise, whiten_columns
@@ -34,7 +34,6 @@ ROUNDING = 1e-6  # of twice a logarithm
 SHOWN = 1e-6  # of what a fault changes in the joint where it changes most: below it is rounding
 HELPS = 0.02  # share by which an experiment has to help to be more than chance
 DEPENDENT = 1e-9  # singular value of scaled columns, beside the largest, that is rounding
-UNITS = {"mm": 1e-3, "deg": np.pi / 180, "%": 1e-2, "Nm": 1.0, "um/m": 1e-6}
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,7 @@ class SizedFault:
     @property
     def si(self) -> float:
         """The size in SI units."""
-        return self.size * UNITS[self.unit]
+        return self.size * UNITS_OF_SIZES[self.unit]
 
 
 def sized_faults(

@@ -48,6 +48,8 @@ USUAL_LOSS = 0.1  # of a joint's load, which friction holds: gears lose so much
 # Of the zero of a joint: a mark that was not met, a mastering by another convention [rad, m].
 USUAL_ZERO = {"revolute": np.deg2rad(1.0), "prismatic": 1e-3}
 USUAL_LINK = 0.1  # by which links of robots of one family differ [m]
+# SI units per unit of the sizes that plans are asked for.
+UNITS_OF_SIZES = {"mm": 1e-3, "deg": np.pi / 180, "%": 1e-2, "Nm": 1.0, "um/m": 1e-6}
 OF_KIND = {"revolute": ("deg", DEGREES), "prismatic": ("mm", MM)}
 
 
