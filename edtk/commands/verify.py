@@ -14,6 +14,7 @@ NOT_VALID = 1  # exit code: the file was read, and a claim does not hold
 @click.argument("certificate", type=FilePath, metavar="FILE")
 @click.option("--study", type=FilePath, help="Study whose robot, load and limits FILE must have.")
 @click.option("--keep", type=FilePath, help="Plan (CSV) of experiments made before; with --study.")
+@click.option("--exclude", type=FilePath, help="Plan (CSV) of poses to stay away from; likewise.")
 @click.option(
     "--cost-budget", type=float, help="What a day may cost, where the study does not say; likewise."
 )
@@ -22,6 +23,7 @@ def command(
     certificate: Path,
     study: Path | None,
     keep: Path | None,
+    exclude: Path | None,
     cost_budget: float | None,
     as_json: bool,
 ) -> None:
@@ -34,7 +36,7 @@ def command(
     """
     from edtk.verbs.verify import verify
 
-    found = verify(certificate, study, keep=keep, cost_budget=cost_budget)
+    found = verify(certificate, study, keep=keep, exclude=exclude, cost_budget=cost_budget)
     show(found, as_json)
     if not found.valid:
         sys.exit(NOT_VALID)

@@ -31,6 +31,7 @@ def verify(
     study: "StudyLike | Problem | None" = None,
     *,
     keep: "PlanLike | None" = None,
+    exclude: Path | str | None = None,
     cost_budget: float | None = None,
 ) -> Verification:
     """Recompute every claim of a certificate from its poses and multipliers alone.
@@ -50,6 +51,7 @@ def verify(
             `Relaxation.to_dict` makes it, needs that problem here.
         keep: The experiments that were made before, as `edtk.plan` had them; with a study, a
             certificate takes no others as made.
+        exclude: The poses that plans stay away from besides those that the study names, likewise.
         cost_budget: What a day may cost, as `edtk.plan` had it; defaults to the study's.
 
     Returns:
@@ -78,14 +80,21 @@ def verify(
     except ValueError as error:
         raise UserError(f"not a certificate: {error}", where=where) from error
     if study is None:
-        if keep is not None or cost_budget is not None:
-            message = "kept experiments and a budget go with a study; expected one"
-            raise ArgumentError(message, argument="keep" if keep is not None else "cost_budget")
+        given = {"keep": keep, "exclude": exclude, "cost_budget": cost_budget}
+        for argument, value in given.items():
+            if value is not None:
+                message = "what a plan was asked for goes with a study; expected one"
+                raise ArgumentError(message, argument=argument)
         return found
     if isinstance(study, Problem):
         message = "this is a certificate of poses; expected a study beside it, not a problem"
         raise UserError(message, where=where)
-    beside = _beside_study(content, study, keep, cost_budget)
+    from edtk.verbs.inputs import as_study
+
+    asked = as_study(study)
+    if exclude is not None:
+        asked = asked.excluding(exclude)
+    beside = _beside_study(content, asked, keep, cost_budget)
     return replace(found, claims=(*beside, *found.claims), of_study=True)
 
 

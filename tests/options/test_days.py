@@ -231,3 +231,13 @@ def test_changes_of_positions_are_pairs(tmp_path: Path) -> None:
     assert found.spent == 3 * loaded + (found.plan.experiments - loaded) + 3
     assert found.spent <= 21
     assert edtk.verify(tmp_path / "c.json", study).valid
+
+
+@pytest.mark.parametrize("study", [STUDY, arm()], ids=["geometry", "springs"])
+def test_plans_beside_excluded_poses_are_verified(study: Study, tmp_path: Path) -> None:
+    """A certificate holds the poses that are excluded, which the study does not name."""
+    plan = Plan(np.deg2rad([[10.0, 20.0]]), np.array([[0, 0, -100.0, 0, 0, 0]]), np.array([1]))
+    plan.to_csv(tmp_path / "p.csv", study.robot)
+    edtk.plan(study, 4, "D", exclude=tmp_path / "p.csv", certificate=tmp_path / "c.json")
+    assert edtk.verify(tmp_path / "c.json", study, exclude=tmp_path / "p.csv").valid
+    assert not edtk.verify(tmp_path / "c.json", study).valid
