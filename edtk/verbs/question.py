@@ -26,9 +26,9 @@ FIXED = float("inf")  # variance of effects of blocks of which nothing is known
 OF_PROBLEMS = ("starts", "most", "costs", "blocks", "block_variance")
 OF_WORKERS = ("workers", "dask")
 OF_STUDIES = ("distinct", "exclude", "budget", *OF_WORKERS, "certificate", "detect")
-LEAST_SQUARES = (
-    "expected a study without [parameters]; geometry is fitted by least squares, with the size of "
-    "its errors estimated"
+NOT_LINEAR = (
+    "positions move with errors of geometry beyond the first order, and no linear model of them is "
+    "fitted; leave this out"
 )
 
 
@@ -66,7 +66,7 @@ REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
             "markers": "the markers of a study of geometry are its [[marker]]; leave this out",
             "positions": "a sheet of a study of geometry has positions anyway; leave this out",
         },
-        "identify": _none_of(("linear",), LEAST_SQUARES),
+        "identify": {"linear": NOT_LINEAR},
     },
 }
 

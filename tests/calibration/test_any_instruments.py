@@ -221,6 +221,7 @@ def filled(keys, study, poses=6):
     return sheet.assign(**{name: cells[name] for name in cells})
 
 
+@pytest.mark.cell("markers on any body", "springs")
 @pytest.mark.parametrize("keys", CASES.values(), ids=CASES)
 def test_a_simulated_robot_is_identified(tmp_path, keys):
     """The compliances of an independently simulated robot come back, from a filled-in template."""
@@ -281,6 +282,7 @@ def test_positions_and_distances_have_rows_of_their_own(tmp_path):
 MIX = CASES["a mix with visits"]
 
 
+@pytest.mark.cell("positions and full poses in one sheet", "springs")
 @pytest.mark.parametrize("discrepancy", [0.0, 0.02])
 def test_a_mix_has_the_information_of_its_design(discrepancy):
     """Rows that share errors of tracker, joints and model tell as much as their design says."""
@@ -384,6 +386,7 @@ def test_a_row_of_a_mix_without_its_reading_is_left_out(tmp_path):
     assert found.fit.dof == whole.fit.dof - 1
 
 
+@pytest.mark.cell("`payload` in a test pose", "springs")
 @pytest.mark.parametrize("links", [False, True], ids=["payload", "payload and links"])
 def test_commands_under_a_payload(links):
     """A command for a payload brings the independently loaded robot to the desired pose."""
@@ -405,6 +408,7 @@ def test_commands_under_a_payload(links):
     assert (found.uncompensated[0] > 4e-3) == links
 
 
+@pytest.mark.cell("`[[distance]]`", "springs")
 def test_reports_of_distances(tmp_path):
     """A sheet of distances has a report with pictures, and one that is turned round is named."""
     study = Study(**(PLAIN | CASES["distances"]))

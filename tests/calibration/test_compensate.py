@@ -59,6 +59,7 @@ def given(tmp_path):
     return k, task, result
 
 
+@pytest.mark.cell("`compensate`", "springs")
 def test_loaded_robot_is_where_the_task_wants_it(given):
     """Commanded as printed, the loaded robot rests in the desired joints; else it misses."""
     k, task, _ = given

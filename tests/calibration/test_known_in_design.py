@@ -92,6 +92,7 @@ def test_a_plan_measures_what_is_badly_known():
     assert evaluate(KNOWN, plan).criteria["O2"] == evaluate(EXACT, plan).criteria["O2"]
 
 
+@pytest.mark.cell("`[joints] known_rad_per_Nm`", "springs")
 def test_the_fit_is_that_of_all_joints():
     """A known value that is off by a factor of two is measured, and said; one that is right not."""
     plan = random_plan(KNOWN, 12).repeated(8)

@@ -47,6 +47,7 @@ def changed(folder, old, new):
     return path
 
 
+@pytest.mark.cell("`bias` of the linear model", "springs")
 def test_json_is_the_bias_of_the_plan():
     """All numbers are those of the noise-free fit, in SI units, and rho0 is the plan's."""
     study = load_study(PATH)

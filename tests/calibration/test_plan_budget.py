@@ -7,6 +7,7 @@ from edtk.calibration.planned import plan_budget
 from edtk.study.evaluate import evaluate
 
 
+@pytest.mark.cell("the error budget of a plan", "springs")
 def test_noise_is_rho0_and_repetitions_count():
     """The noise part is the plan's rho0; four times the repetitions halve it, and no other part."""
     one = plan_budget(STUDY, PLAN)

@@ -53,6 +53,7 @@ def test_prior_that_says_nothing_is_no_help():
         fit_with_prior(ONE.regressor(STUDY.model), ONE.deflection, ONE.sigma, NAMES, Prior.flat(5))
 
 
+@pytest.mark.cell("`[prior]`, which tells what the sheet does not", "springs")
 def test_one_pose_and_a_prior():
     """One pose and a prior give the posterior's summary, which is said; JSON is whole."""
     study = STUDY.replace(prior=LOG_NORMAL)
@@ -106,6 +107,7 @@ def kinds(prior, mean):
     return {d.kind.upper(): d.words for d in posterior_findings(fitted, prior, posterior)}
 
 
+@pytest.mark.cell("`[prior]` that the sheet contradicts is a finding", "springs")
 @pytest.mark.parametrize("far", [False, True])
 @pytest.mark.parametrize("earlier", [False, True])
 def test_prior_that_contradicts(far, earlier):

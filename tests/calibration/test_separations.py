@@ -16,6 +16,7 @@ def fault(only_positive=False):
     return SizedFamily(Detection("any", 1.0, "", 1.0, None, 1.0), family, 1.0)
 
 
+@pytest.mark.cell("`plan --detect`, and faults told apart", "springs")
 @pytest.mark.parametrize("length", [1.0, 3.0])
 @pytest.mark.parametrize("degrees", [20.0, 60.0, 90.0])
 def test_two_lines_are_told_as_their_angle_has_it(length, degrees):

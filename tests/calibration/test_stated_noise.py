@@ -65,6 +65,7 @@ def covariance_of(data, model):
     return estimate(A, data.deflection, data.noise, model.parameters).covariance
 
 
+@pytest.mark.cell("`[noise]` of a tracker", "springs")
 @pytest.mark.parametrize("markers", [False, True], ids=["tool point", "two markers"])
 def test_plans_are_worth_what_their_design_says(study_of, markers):
     """The fit to a plan has the inverse of the design's information, by whichever way."""
@@ -95,6 +96,7 @@ def filled(study, plan, path, seed=0):
     return path
 
 
+@pytest.mark.cell("`[noise]` of joints that do not come back, stated", "springs")
 def test_from_the_template_to_the_result(study_of, tmp_path):
     """A sheet that numbers its visits is identified with the stated noise, and is good."""
     study = study_of()
@@ -109,6 +111,7 @@ def test_from_the_template_to_the_result(study_of, tmp_path):
     assert not [one for one in found.findings if one.severity > Severity.NOTE]
 
 
+@pytest.mark.cell("`[noise] discrepancy_mm`, the model's error, stated", "springs")
 def test_a_stated_discrepancy_is_no_error_of_the_tracker(study_of, tmp_path):
     """Where poses are visited once, the discrepancy cannot be told, and the stated one is taken."""
     study = study_of(markers=True)

@@ -253,6 +253,7 @@ def test_a_plan_and_the_visits_beside_it(tmp_path: Path) -> None:
     assert stated["value"] == pytest.approx(found.value, rel=1e-12)
 
 
+@pytest.mark.cell("certificates, and `verify --study`", "parameters")
 def test_verify_as_a_command(tmp_path: Path) -> None:
     """`edtk relax --certificate` and `edtk verify --study` fit together; forgeries have code 1."""
     study = tmp_path / "study.toml"

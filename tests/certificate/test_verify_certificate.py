@@ -72,6 +72,7 @@ def failed(content: Content) -> set[str]:
     return {claim.claim for claim in verify_certificate(content).claims if not claim.holds}
 
 
+@pytest.mark.cell("certificates, and `verify --study`", "springs")
 @pytest.mark.parametrize("name", NAMES)
 def test_a_true_certificate_is_valid(name: str, relaxed: Callable[[str], Content]) -> None:
     """Value, bound and gap of every criterion come out again, to a relative difference of 1e-8."""
@@ -83,6 +84,8 @@ def test_a_true_certificate_is_valid(name: str, relaxed: Callable[[str], Content
         assert claim.recomputed == pytest.approx(claim.stated, rel=1e-8, abs=1e-8)
 
 
+@pytest.mark.cell("`lever_mm`, rotations of the tool", "springs")
+@pytest.mark.cell("`robust_deg`, a neighbourhood of poses", "springs")
 @pytest.mark.parametrize(
     "sizes", [{"robust_deg": 30}, {"lever_mm": 400}, {"robust_deg": 70, "lever_mm": 100}]
 )
@@ -109,6 +112,7 @@ def test_searched_bounds_and_exact_plans_are_valid(searched: Content, planned: C
         assert json.loads(json.dumps(found.to_dict(), allow_nan=False))["valid"] is True
 
 
+@pytest.mark.cell("listed loads", "springs")
 @pytest.mark.parametrize(
     "load",
     [

@@ -87,6 +87,8 @@ def test_identify(measured: Path, tmp_path: Path) -> None:
     assert all(name in said for name in ("k2", "k6", "chi-square", "rho0", "leverage"))
 
 
+@pytest.mark.cell("`identify --robust`", "springs")
+@pytest.mark.cell("`identify --sigma-unknown`", "springs")
 def test_options(measured: Path) -> None:
     """--sigma-unknown gives rho0 an interval, and --robust another estimate."""
     plain, unknown, robust = (
@@ -164,6 +166,7 @@ def test_places_that_cannot_be_written(measured: Path, tmp_path: Path) -> None:
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["k.json"]
 
 
+@pytest.mark.cell("`identify --bayes`", "springs")
 def test_bayes(measured: Path, tmp_path: Path) -> None:
     """--bayes adds the posterior to JSON, table and report; chain and export are written; the same
     seed, the same.
@@ -264,6 +267,7 @@ def test_a_copied_row_has_no_cause(measured: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.cell("`identify --plan`", "springs")
 def test_poses_that_are_not_in_the_plan(measured: Path) -> None:
     """With --plan a row in another pose is refused, with its row and column."""
     table = pd.read_csv(measured)

@@ -166,6 +166,7 @@ def test_file_is_the_json(found):
     assert list(outs["rho0"].parent.iterdir()) == [outs["rho0"]]
 
 
+@pytest.mark.cell("`plan --workers` and `--dask`", "springs")
 def test_seed_and_workers(found, tmp_path, monkeypatch):
     """Two workers and the study's own seed, named, come to the same file; another seed comes to
     another plan.
@@ -182,6 +183,7 @@ def test_seed_and_workers(found, tmp_path, monkeypatch):
     assert other["plan"] != answers["D"]["plan"]
 
 
+@pytest.mark.cell("`plan --distinct`", "springs")
 def test_distinct(tmp_path):
     """Four experiments in two distinct poses at most, all four of them counted."""
     answer = plan(write(tmp_path), "--size", 4, "--distinct", 2, "--budget", 1, "--workers", 1)
@@ -190,6 +192,7 @@ def test_distinct(tmp_path):
     assert answer["efficiency"] <= 1
 
 
+@pytest.mark.cell("`plan --keep`", "springs")
 def test_keep(tmp_path):
     """Kept experiments come first, as they were, repetitions and loads included, and count in size
     and value.
@@ -234,6 +237,7 @@ def test_one_more_experiment_where_one_alone_would_not_do(tmp_path):
     assert 0 < answer["value"] < 1e-4  # metres
 
 
+@pytest.mark.cell("`plan --exclude`", "springs")
 def test_exclude(found, tmp_path):
     """No pose is within 5 degrees of an excluded one, so that the best plan has to be another."""
     study, answers, outs = found
@@ -352,6 +356,7 @@ def assert_allowed(kind, forces):
         assert (forces[:, 2] <= 0).all()
 
 
+@pytest.mark.cell("free and bounded loads", "springs")
 @pytest.mark.parametrize("kind", LOADS)
 def test_loads_are_designed_from_study_to_file(tmp_path, kind):
     """`plan` and `relax` write the load of every pose, from the family in the study, and `evaluate`

@@ -46,6 +46,7 @@ def test_good_data_of_three_markers(fitted):
     assert "noise by visits and markers: tracker" in in_text(found)
 
 
+@pytest.mark.cell("the same joints, estimated", "springs")
 @pytest.mark.parametrize("drop", [(), ("visit",)], ids=["visits", "by order"])
 def test_joints_that_do_not_return(fitted, drop):
     """Fitted with white noise, the common motion is flagged, with the number for the study."""
@@ -71,6 +72,7 @@ def test_one_visit_of_each_pose(fitted):
     assert found.to_dict()["noise"]["discrepancy_mm"] is None
 
 
+@pytest.mark.cell("the model's error, estimated", "springs")
 def test_discrepancy_that_visits_share(fitted):
     """What all visits of a pose share and joints do not explain is the model's, and sized."""
     found = fitted(visited(poses=8, visits=3), joints=JOINTS, discrepancy=1e-4)

@@ -55,6 +55,7 @@ def every_day(study: Study, costs: DayCosts, most: int) -> list[tuple[float, Pla
     return found
 
 
+@pytest.mark.cell("`[costs]` of visits and load changes", "springs")
 @pytest.mark.parametrize(
     "keys",
     [
@@ -157,6 +158,7 @@ def answers_of_others(workers: Workers, pieces: Sequence[Callable[[], object]]) 
     return reversed([(i, piece()) for i, piece in enumerate(copies)])
 
 
+@pytest.mark.cell("`plan --workers` and `--dask`", "parameters")
 def test_plans_of_geometry_do_not_depend_on_workers(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plans that are improved side by side come out as together."""
     one = plan_geometry(STUDY, 8)
@@ -167,6 +169,7 @@ def test_plans_of_geometry_do_not_depend_on_workers(monkeypatch: pytest.MonkeyPa
     assert two.lower_bound == one.lower_bound
 
 
+@pytest.mark.cell("`relax --workers` and `--dask`")
 @pytest.mark.parametrize("study", [STUDY, arm()], ids=["geometry", "springs"])
 def test_relaxations_do_not_depend_on_workers(
     study: Study, monkeypatch: pytest.MonkeyPatch
@@ -181,6 +184,7 @@ def test_relaxations_do_not_depend_on_workers(
     assert found == expected
 
 
+@pytest.mark.cell("free and bounded loads", "parameters")
 def test_forces_of_visits() -> None:
     """Of forces along a direction, nothing and the largest are enough; any force is no worse."""
     sizes = {"F_max_N": 100, "direction": [0, 0, -2]}

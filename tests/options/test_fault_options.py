@@ -53,6 +53,7 @@ def measured(plan: edtk.Plan) -> pd.DataFrame:
     return sheet.assign(**{f"{a}_mm": 1e3 * seen[:, i] for i, a in enumerate("xyz")})
 
 
+@pytest.mark.cell("`identify --plan`", "parameters")
 def test_a_sheet_of_geometry_is_compared_with_its_plan(tmp_path: Path) -> None:
     """A day as planned has no finding of it; a visit left out is named by its row of the plan."""
     plan = planned(30, 10)
@@ -68,6 +69,7 @@ def test_a_sheet_of_geometry_is_compared_with_its_plan(tmp_path: Path) -> None:
     assert any(one.words == "row 8 of the plan: not measured" for one in said)
 
 
+@pytest.mark.cell("`identify --as-is`", "parameters")
 def test_a_visit_that_is_not_planned_is_refused_or_named(tmp_path: Path) -> None:
     """Another pose is an error with its row and column; with --as-is it is an alarm."""
     plan = planned(30, 10)
@@ -153,6 +155,7 @@ def causes_of(seed: int, fault: str) -> list[Finding]:
     return geometric_findings(fit, setting)
 
 
+@pytest.mark.cell("causes of what residuals show", "parameters")
 @pytest.mark.parametrize(
     ("fault", "joint", "size"),
     [

@@ -73,6 +73,7 @@ def test_springs_alone_are_those_of_a_study_of_springs(beside: bool) -> None:
     assert found.verdict == expected.verdict
 
 
+@pytest.mark.cell("positions and displacements in one sheet", "parameters")
 @pytest.mark.parametrize("markers", [MARKERS, [*MARKERS, ON_LINK]], ids=["tool", "any body"])
 def test_one_afternoon_is_one_fit(markers: list[dict]) -> None:
     """Visits read absolutely, without load and under it, and differences: the truth comes back."""
@@ -90,6 +91,8 @@ def test_one_afternoon_is_one_fit(markers: list[dict]) -> None:
     np.testing.assert_allclose(found.fit.fitted.predict(q).points, expected, rtol=0, atol=1e-8)
 
 
+@pytest.mark.cell("positions and full poses in one sheet", "parameters")
+@pytest.mark.cell("`[[distance]]`", "parameters")
 def test_mixed_rows_are_one_fit(tmp_path: Path) -> None:
     """Poses, positions and distances, on tool and links, some of them differences: the truth.
 
@@ -149,6 +152,7 @@ def test_mixed_rows_have_plans_and_certificates(tmp_path: Path) -> None:
     assert list(table["marker"][:5]) == ["A", "B", "elbow", "wire", "other"]
 
 
+@pytest.mark.cell("markers on any body", "parameters")
 def test_errors_behind_a_marker_do_not_move_it() -> None:
     """A marker before the wrist says nothing of the wrist, and its place is told beside others."""
     study = study_of({"compliance": [], "geometry": "all", "base": True, "tool": True}, [ON_LINK])

@@ -87,6 +87,7 @@ def test_fits_err_as_a_tracker_does() -> None:
     assert np.mean(chi) == pytest.approx(1, abs=3 * np.sqrt(2 / (120 * 12)))
 
 
+@pytest.mark.cell("`[noise]` of a tracker", "parameters")
 def test_bands_follow_the_range(tmp_path: Path) -> None:
     """A result keeps its tracker in the frame of the sheet: bands are ``J C J' + T`` of a pose."""
     study = tmp_path / "study.toml"
@@ -139,6 +140,7 @@ def test_a_study_without_any_noise_of_positions_is_refused() -> None:
         STUDY.replace(measurement={})
 
 
+@pytest.mark.cell("`identify --sigma-unknown`", "parameters")
 def test_noise_of_unknown_size_does_not_depend_on_what_is_stated(tmp_path: Path) -> None:
     """White noise comes out as squares over degrees of freedom, with bands of Student's t."""
     sheet = sheet_of(true_day(30, 3)[2], tmp_path / "day.csv")

@@ -50,6 +50,7 @@ def identified(question: tuple[Path, Path], **sampling: Any) -> dict[str, Any]:
     return dict(json.loads(json.dumps(told)))
 
 
+@pytest.mark.cell("`--chain`, kept and taken up")
 @pytest.mark.parametrize("question", KINDS[:2], indirect=True)
 def test_a_chain_is_taken_up(question: tuple[Path, Path], tmp_path: Path) -> None:
     """A chain that was stopped becomes, byte for byte, the one that never was; also its export."""
@@ -74,6 +75,7 @@ def test_a_chain_is_taken_up(question: tuple[Path, Path], tmp_path: Path) -> Non
     assert "the chain is of another study, plan, seed or prior" in err
 
 
+@pytest.mark.cell("`--export` to NetCDF")
 @pytest.mark.parametrize("question", ["springs", "many"], indirect=True)
 def test_the_export_has_the_numbers_of_the_json(
     question: tuple[Path, Path], tmp_path: Path

@@ -137,6 +137,7 @@ def test_springs_alone_are_the_fit_of_displacements() -> None:
     np.testing.assert_allclose(covariance, springs.covariance, rtol=1e-5, atol=1e-20)
 
 
+@pytest.mark.cell("`[joints] known_rad_per_Nm`", "parameters")
 def test_a_known_compliance_is_a_parameter_with_a_prior() -> None:
     """A value with a standard deviation counts as an unknown one of which as much is known."""
     true = {f"k_{name}": k for name, k in SOFT.items()}
@@ -150,6 +151,7 @@ def test_a_known_compliance_is_a_parameter_with_a_prior() -> None:
     np.testing.assert_allclose(one.fitted.covariance, other.fitted.covariance, rtol=1e-12)
 
 
+@pytest.mark.cell("`[joints] known_rad_per_Nm`", "parameters")
 def test_a_compliance_that_is_known_exactly_bends_the_robot() -> None:
     """It is no parameter, and the residuals do not show its bend."""
     exact = {"unknown": ["q2"], "known_rad_per_Nm": {"q3": {"value": SOFT["q3"], "std": 0}}}
@@ -163,6 +165,7 @@ def test_a_compliance_that_is_known_exactly_bends_the_robot() -> None:
     assert fit.rms < 0.6 * stiff.rms
 
 
+@pytest.mark.cell("`[prior]`, which tells what the sheet does not", "parameters")
 def test_a_prior_tells_what_the_sheet_leaves_open(tmp_path: Path) -> None:
     """A joint that stands still tells no zero of its own: a prior does, and this is said."""
     free, told = study_of(), study_of({"parameters": {"q6": {"std_mm": 0.2, "std_mrad": 0.3}}})
@@ -191,6 +194,7 @@ def result_of(study: Study, data: MarkerPositions, path: Path) -> Path:
     return path
 
 
+@pytest.mark.cell("an earlier result as a prior", "parameters")
 def test_an_earlier_result_is_a_prior_of_the_robot_alone(tmp_path: Path) -> None:
     """Two days, with other places of base and markers, tell what one fit of both would."""
     first = study_of()
@@ -314,6 +318,7 @@ def test_certificates_with_a_prior_are_verified(criterion: str, tmp_path: Path) 
         assert not edtk.verify(content).valid
 
 
+@pytest.mark.cell("`[prior] in_design`, and `relax --size`", "parameters")
 def test_a_prior_counts_the_less_the_more_visits_share_it() -> None:
     """Weights are those of plans of a size, which needs a prior in the design."""
     study = planar(in_design=True)
@@ -350,6 +355,7 @@ def test_what_was_known_is_compared_with_all_else() -> None:
     assert "prior_contradicted" not in kinds
 
 
+@pytest.mark.cell("`[prior]` that the sheet contradicts is a finding", "parameters")
 def test_a_known_compliance_that_loads_contradict_is_named() -> None:
     """What is known is measured, too."""
     joints = {"unknown": ["q2"], "known_rad_per_Nm": {"q3": {"value": 1e-5, "std": 1e-6}}}

@@ -45,6 +45,7 @@ def day(seed, poses=8, repeats=2, linear=True, **keys):
     return study, replace(data, deflection=moved)
 
 
+@pytest.mark.cell("poses left out one by one", "springs")
 @pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize("noise", [None, TRACKER, MOVING], ids=["white", "tracker", "moving"])
 def test_a_pose_left_out_is_what_a_fit_without_it_predicts(noise, known):
@@ -144,6 +145,7 @@ def test_predictions_are_the_loaded_equilibrium(found):
     np.testing.assert_allclose(np.median(same.half / std), 1.96, rtol=0.01)
 
 
+@pytest.mark.cell("`predict`, and sets of tests", "springs")
 def test_measured_displacements_are_tests(found, tmp_path):
     """Errors, the share inside, JSON and text; rows that are not filled in have a prediction."""
     study = Study(**REQUIRED)
@@ -208,6 +210,7 @@ def test_each_instrument_is_predicted_in_each_pose():
     np.testing.assert_allclose(seen.values.reshape(2, 6), moved, rtol=1e-9)
 
 
+@pytest.mark.cell("what cannot be told apart, in words", "springs")
 @pytest.mark.parametrize(
     ("unknown", "still", "words", "named"),
     [

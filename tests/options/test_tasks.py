@@ -91,6 +91,7 @@ def by_differences(question: GeometryQuestion, task: Task, keys: dict[str, Any])
     return np.asarray(A.T @ A)
 
 
+@pytest.mark.cell("`lever_mm`, rotations of the tool", "parameters")
 @pytest.mark.parametrize("name", KINDS)
 def test_harm_is_that_of_differences(name: str) -> None:
     """Tool, payload, lever and markers: the target is that of differences of what is seen."""
@@ -102,6 +103,7 @@ def test_harm_is_that_of_differences(name: str) -> None:
     assert np.abs(found - expected).max() < 1e-6 * np.abs(expected).max()
 
 
+@pytest.mark.cell("`robust_deg`, a neighbourhood of poses", "parameters")
 def test_a_neighbourhood_is_the_mean_over_its_poses() -> None:
     """The target of `robust_deg` is the mean of the harms in all poses of the neighbourhood."""
     study = STUDY.replace(test_pose=POSE | KINDS["everything"] | {"robust_deg": 20})
@@ -134,6 +136,7 @@ TWIN = SPRINGS.replace(
 )
 
 
+@pytest.mark.cell("several `[[test_pose]]`, and `rho_max`")
 def test_springs_alone_have_one_target() -> None:
     """A study of springs and its twin with [parameters] have the same A0, rho0 and rho_max."""
     question = GeometryQuestion.of(TWIN)
@@ -174,6 +177,7 @@ def test_the_second_checker_finds_the_targets(criterion: str, tmp_path: Path) ->
         assert not edtk.verify(forged, study).valid
 
 
+@pytest.mark.cell("`[task]`, a path from a file", "parameters")
 def test_a_path_is_its_poses(tmp_path: Path) -> None:
     """A path from a file is as many test poses, for plans and for the expected error."""
     rows = [[10, 20, -30, 40, 50, 60], [20, 30, -20, 30, 40, 50]]
@@ -210,6 +214,7 @@ def visited(study: Study, seed: int) -> tuple[pd.DataFrame, Array]:
     return table, theta
 
 
+@pytest.mark.cell("`payload` in a test pose", "parameters")
 def test_commands_bring_a_tool_where_the_drawing_has_it() -> None:
     """Tool and payload of the study's own poses: the true arm misses by what is promised."""
     study = STUDY.replace(test_pose=[POSE | KINDS[name] for name in ("everything", "tool")])
@@ -260,6 +265,7 @@ def visits(repeats: int) -> Plan:
     return Plan(q, wrench, np.full(8, repeats))
 
 
+@pytest.mark.cell("the error budget of a plan", "parameters")
 def test_springs_alone_have_one_budget() -> None:
     """Noise, load, and joints that count as rigid do the same in a study and in its twin."""
     robot = STUDY.to_dict()["robot"]
@@ -281,6 +287,7 @@ def test_springs_alone_have_one_budget() -> None:
     ]
 
 
+@pytest.mark.cell("`[noise] discrepancy_mm`, the model's error, stated", "parameters")
 def test_what_the_model_leaves_out_does_not_average_out() -> None:
     """Its part is that of all visits' errors together, of which those of a pose are shared."""
     d, sigma, r = 0.03, 0.02, 3
@@ -331,6 +338,7 @@ def test_known_markers_that_are_elsewhere_mislead() -> None:
         assert found.tool == pytest.approx(np.linalg.norm(error), rel=1e-6)
 
 
+@pytest.mark.cell("`bias` of the linear model", "parameters")
 def test_a_bias_of_the_linear_model_is_of_springs_alone() -> None:
     """Geometry is fitted by no linear model, which is why there is no answer."""
     with pytest.raises(edtk.UserError, match="by no linear model that could be biased"):

@@ -26,6 +26,7 @@ def run(check, case, runs):
     return check.ranks(A, study.sigma, study.compliances, case, list(range(runs)))
 
 
+@pytest.mark.cell("simulation-based calibration", "springs")
 def test_ranks(check):
     """Ten runs where the prior matters pass Kolmogorov's test, and cover the truth."""
     found = run(check, 3, 10)
@@ -51,6 +52,7 @@ def test_wrong_noise_is_found(check, monkeypatch):
     assert run(check, 3, 5).covered.mean() < 0.88
 
 
+@pytest.mark.cell("simulation-based calibration", "parameters")
 def test_every_case_can_be_run(check):
     """A run of each case has a rank for every parameter, those of the noise included."""
     for i, case in enumerate(check.CASES):

@@ -61,6 +61,7 @@ def test_a_prior_counts_only_if_it_is_asked_to():
     assert evaluate(old, PLAN).criteria == evaluate(STUDY, PLAN).criteria
 
 
+@pytest.mark.cell("`[prior] in_design`, and `relax --size`", "springs")
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["rho0", "D"])
 def test_plans_with_a_prior_are_those_with_kept_experiments(name):

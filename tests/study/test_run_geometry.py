@@ -169,6 +169,7 @@ def test_a_budget_limits_the_plans(tmp_path: Path) -> None:
     assert "40 visits cost 80 or more" in table.loc["optimised_D_m40", "reason"]
 
 
+@pytest.mark.cell("`run`", "parameters")
 def test_the_command(folder: Path) -> None:
     """`edtk run` of a geometry study ends with code 0; one that it cannot answer is refused."""
     out = folder / "out"

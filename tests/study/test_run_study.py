@@ -70,6 +70,7 @@ def done(tmp_path_factory, whole_searches):
     return study, found.table, folder / "first", labels
 
 
+@pytest.mark.cell("`run`", "springs")
 def test_columns(done):
     """results.csv has a row for each plan: kind, criteria, efficiencies, seed and versions."""
     study, table, out, _ = done

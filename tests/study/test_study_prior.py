@@ -38,6 +38,7 @@ def with_prior(tmp_path):
     return load, found.covariance
 
 
+@pytest.mark.cell("an earlier result as a prior", "springs")
 def test_an_earlier_calibration_is_read_from_its_file(with_prior):
     """The prior is normal, with the means and the covariance that `edtk identify` wrote."""
     load, covariance = with_prior

@@ -29,6 +29,7 @@ def path_study(folder: Path, rows: str, **keys: Any) -> Study:
     return Study(**REQUIRED, task=task, folder=folder)
 
 
+@pytest.mark.cell("`[task]`, a path from a file", "springs")
 def test_a_list_of_one_is_that_one() -> None:
     """The target of a single pose in a list is its A0 to the last bit, and so is that of a path."""
     listed = Study(**REQUIRED, test_pose=[TEST_POSE])
@@ -40,6 +41,7 @@ def test_a_list_of_one_is_that_one() -> None:
     )
 
 
+@pytest.mark.cell("several `[[test_pose]]`, and `rho_max`", "springs")
 def test_rho0_is_the_weighted_root_mean_square_and_rho_max_the_worst() -> None:
     """Both come from the errors in the poses, and the target has at most p rows."""
     M = np.linalg.inv(COV)

@@ -67,6 +67,7 @@ def test_both_forms_of_a_sheet_tell_the_same(study: Path, tmp_path: Path) -> Non
     assert "each pose predicted without it" in out
 
 
+@pytest.mark.cell("`predict`, and sets of tests", "parameters")
 def test_predictions_are_compared_with_what_was_measured(study: Path, tmp_path: Path) -> None:
     """Other poses are where the result says, within bands that hold most of them."""
     q, x = truth(60)
@@ -298,6 +299,7 @@ def test_results_of_other_robots_are_refused(study: Path, tmp_path: Path) -> Non
         edtk.predict(study, spoiled, tmp_path / "sheet.csv")
 
 
+@pytest.mark.cell("`compensate`", "parameters")
 def test_commands_bring_the_markers_where_the_drawing_has_them(study: Path, tmp_path: Path) -> None:
     """The erring arm, commanded so, carries its markers where a perfect one would."""
     q, x = truth(40)
@@ -334,6 +336,7 @@ def test_commands_bring_the_markers_where_the_drawing_has_them(study: Path, tmp_
         edtk.compensate(study, found)
 
 
+@pytest.mark.cell("`identify --robust`", "parameters")
 def test_a_robust_fit_names_what_it_trusts_less(study: Path, tmp_path: Path) -> None:
     """One wrong pose moves a robust fit less than squares, and is named by both."""
     q, x = truth(60)

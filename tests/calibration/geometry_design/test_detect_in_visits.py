@@ -153,6 +153,7 @@ def test_a_larger_fault_and_a_longer_day_are_noticed_sooner() -> None:
     assert powers == sorted(powers)
 
 
+@pytest.mark.cell("`plan --detect`, and faults told apart", "parameters")
 def test_two_faults_are_told_apart() -> None:
     """A frame that moved looks unlike one that was turned, and much like a drift."""
     asked = {"frame_moved": "1mm", "frame_rotation": "1deg", "drift": "1mm"}

@@ -99,6 +99,7 @@ def simulated(
     return MarkerPositions(q, np.zeros((len(q), 6)), x, row, ("A",), turns)
 
 
+@pytest.mark.cell("`[noise]` of joints that do not come back, stated", "parameters")
 def test_fits_err_as_the_plan_promised(question: GeometryQuestion) -> None:
     """Chi-square of 40 fits of simulated days, under the covariance of the design."""
     q = poses(14)

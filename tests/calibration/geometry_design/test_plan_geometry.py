@@ -76,6 +76,7 @@ def test_a_plan_is_better_than_chance(eight: GeometryPlan) -> None:
     assert eight.value < min(values)
 
 
+@pytest.mark.cell("listed loads", "parameters")
 def test_the_poses_say_which_are_loaded(eight: GeometryPlan) -> None:
     """The table of poses holds every visit once, in JSON, text and file alike."""
     data = eight.to_dict()
@@ -107,6 +108,7 @@ def test_a_load_change_is_paid_for() -> None:
     assert cheap.value >= dear.value * (1 - 1e-4)
 
 
+@pytest.mark.cell("`[costs]` of visits and load changes", "parameters")
 def test_visits_of_different_prices() -> None:
     """Where loaded visits cost more, the bound counts costs, and no plan exceeds the budget."""
     found = plan_geometry(priced(loaded_visit=5, load_change=1), cost_budget=31)
@@ -116,6 +118,7 @@ def test_visits_of_different_prices() -> None:
     assert 0.8 < found.efficiency <= 1 + 1e-6
 
 
+@pytest.mark.cell("`plan --keep`", "parameters")
 def test_kept_visits_count() -> None:
     """Visits that were made already are part of the plan, and cost nothing more."""
     kept = edtk.Plan(np.deg2rad([[30.0, 40.0]]), np.array([LOAD], dtype=float), np.array([2]))
@@ -216,6 +219,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         assert reason in refused.stderr
 
 
+@pytest.mark.cell("`plan --distinct`", "parameters")
 def test_few_different_visits() -> None:
     """Eight visits of three kinds repeat them as often as is best; more kinds are no worse."""
     three = plan_geometry(STUDY, 8, "D", distinct=3)

@@ -212,6 +212,7 @@ def test_small_faults_are_those_that_are_usually_small():
     assert sum(one[0].cause == "drift" for one in found if one) >= 0.8 * sum(map(bool, found))
 
 
+@pytest.mark.cell("causes of what residuals show", "springs")
 @pytest.mark.parametrize(
     ("fault", "size", "joint"),
     [

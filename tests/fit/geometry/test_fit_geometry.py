@@ -149,6 +149,7 @@ def test_predictions_do_not_depend_on_the_minimal_set(monkeypatch: pytest.Monkey
     np.testing.assert_allclose(mine.half, theirs.half, rtol=1e-3)
 
 
+@pytest.mark.cell("poses left out one by one", "parameters")
 @pytest.mark.slow
 def test_left_out_residuals_are_those_of_refits(monkeypatch: pytest.MonkeyPatch) -> None:
     """The shortcut agrees with fits without the pose, to the second order of geometric errors."""
@@ -164,6 +165,7 @@ def test_left_out_residuals_are_those_of_refits(monkeypatch: pytest.MonkeyPatch)
         np.testing.assert_allclose(fit.left_out[pose], left, atol=2e-3 * np.abs(left).max())
 
 
+@pytest.mark.cell("the same joints, estimated", "parameters")
 @pytest.mark.slow
 def test_joint_errors_are_told_from_white_ones() -> None:
     """Repeats tell how joints return, and poses what the model leaves out, in milliradians."""
@@ -196,6 +198,7 @@ def test_bands_hold_what_they_promise() -> None:
     assert 0.92 < fit.share_inside < 0.98
 
 
+@pytest.mark.cell("what cannot be told apart, in words", "parameters")
 def test_what_poses_leave_open_is_named_and_widens_bands() -> None:
     """A joint that never moves leaves directions open; elsewhere bands say so."""
     model = model_of(SIX, 3)
@@ -288,6 +291,7 @@ def test_markers_of_parallel_axes_stay_near_where_the_study_has_them() -> None:
     assert np.abs(geometry.values).max() < 10
 
 
+@pytest.mark.cell("the model's error, estimated", "parameters")
 def test_bands_hold_where_a_load_that_nobody_told_bends_two_joints() -> None:
     """Sizes of the model's error are one a joint where the residuals say so, and bands hold."""
     model = model_of(SIX, 3)

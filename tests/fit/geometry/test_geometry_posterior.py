@@ -88,6 +88,7 @@ def test_walkers_start_where_there_is_a_density(density: GeometryDensity) -> Non
     np.testing.assert_array_equal(free, np.random.default_rng(0).standard_normal(free.shape))
 
 
+@pytest.mark.cell("`identify --bayes`", "parameters")
 @pytest.mark.slow
 def test_few_parameters_are_sampled(tmp_path: Path) -> None:
     """A chain of base and zeros has the deviations of the normal approximation."""
