@@ -1,6 +1,7 @@
 """One model for all readings: on any body, absolute or differences, in one sheet and one fit."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -73,6 +74,36 @@ def test_springs_alone_are_those_of_a_study_of_springs(beside: bool) -> None:
     assert found.verdict == expected.verdict
 
 
+def test_displacements_from_the_nominal_robot_are_those_of_a_study_of_springs() -> None:
+    """They see the weights of the links, too: the same compliances at the loaded equilibrium."""
+    joints = [joint | {"mass_kg": 20.0, "center_m": [0.1, 0, 0.1]} for joint in ROBOT["joints"]]
+    keys = {
+        "robot": ROBOT | {"joints": joints},
+        "tool": TOOL,
+        "load": {"F_N": LOAD},
+    }
+    general = Study(
+        parameters=SPRINGS, measurement={"sigma_mm": SIGMA, "reference": "nominal"}, **keys
+    )
+    every = np.ones(12, dtype=bool)
+    data = readings(general, np.array(list(K.values())), 12, ~every, every, SIGMA)
+    drawn = StudyGeometry.of(general).model.see(np.zeros(3), data.q, derivatives=False).points
+    moved = replace(data, measured=data.measured - drawn, differs=every)
+    table = sheet(moved).drop(columns=["marker", "visit"])
+    plain = Study(
+        joints={"unknown": list(K)},
+        measurement={"sigma_mm": SIGMA, "reference": "nominal"},
+        test_pose={"q_deg": [0] * 6, "load": {"F_N": LOAD}, "tool": TOOL},
+        **keys,
+    )
+    expected = edtk.identify(plain, table)
+    start = np.zeros(6)
+    start[list(plain.unknown)] = list(expected.k.values())
+    settled = fit_equilibrium(plain.model, expected.data, start)[1]
+    found = edtk.identify(general, table)
+    np.testing.assert_allclose(springs_of(found), settled.unbounded, rtol=1e-8)
+
+
 @pytest.mark.cell("positions and displacements in one sheet", "parameters")
 @pytest.mark.parametrize("markers", [MARKERS, [*MARKERS, ON_LINK]], ids=["tool", "any body"])
 def test_one_afternoon_is_one_fit(markers: list[dict]) -> None:
@@ -118,6 +149,16 @@ def test_mixed_rows_are_one_fit(tmp_path: Path) -> None:
         assert own.any()
         expected = tests.loc[own, name]
         np.testing.assert_allclose(frame.loc[own, name], expected, rtol=0, atol=1e-8 * scale)
+
+
+def test_a_sound_day_of_mixed_rows_is_good() -> None:
+    """Noise alone is no cause, though positions do not tell all that was fitted."""
+    study = study_of(ALL, **MIXED)
+    loaded = np.arange(36) % 2 == 1
+    data = readings(study, truth_of(study, 0.5), 36, np.arange(36) % 4 == 1, loaded, SIGMA, 500)
+    found = edtk.identify(study, sheet(data))
+    assert found.findings == ()
+    assert found.verdict == "good"
 
 
 def test_commands_carry_the_markers_on_the_tool(tmp_path: Path) -> None:
