@@ -17,6 +17,7 @@ from edtk import Study
 from edtk.design.candidate_source import sample_feasible
 from edtk.findings.fitted_data import FittedData
 from edtk.fit.equilibrium import equilibrium_deflection
+from edtk.fit.identify import HowFitted
 from edtk.fit.measurements import Measurements
 from edtk.measure.task import all_compliances
 from edtk.report.tables import markdown_table
@@ -77,7 +78,9 @@ def run_robot(name: str, poses: int, linear: bool, runs: int) -> IntervalCoverag
     alarms = 0
     with threadpool_limits(1):
         for number in range(runs):
-            fit = FittedData.of(study, _measured(study, poses, number), linear=linear).fit
+            fit = FittedData.of(
+                study, _measured(study, poses, number), HowFitted(linear=linear)
+            ).fit
             covered += np.abs(fit.unbounded - study.compliances) <= fit.half_interval
             alarms += fit.p_value is not None and fit.p_value < UNLIKELY
     shares = tuple((100 * covered / runs).tolist())

@@ -8,7 +8,6 @@ import numpy as np
 
 from edtk.calibration.calibration import Calibration, Origin
 from edtk.calibration.told_part import ToldPart, measured_known, told_part
-from edtk.design.plan import Plan
 from edtk.findings.causes.faults import cause_of
 from edtk.findings.finding import Finding
 from edtk.findings.fitted_data import FittedData
@@ -19,7 +18,7 @@ from edtk.findings.prior import known_findings
 from edtk.findings.springs import spring_findings, still_joints, untold_finding
 from edtk.fit.correlated_noise import NotPositiveDefiniteError
 from edtk.fit.fit_huber import SigmaTooSmallError
-from edtk.fit.identify import NothingLeftError
+from edtk.fit.identify import AS_USUAL, HowFitted, NothingLeftError
 from edtk.fit.least_squares import SingularPlanError
 from edtk.fit.measurements import Measurements
 from edtk.fit.noise import TooManyVisitsError
@@ -82,32 +81,17 @@ def misread_sheet(found: Calibration) -> dict[str, Any] | None:
     return {**said, **empty, **dict.fromkeys(OTHERS), "k_bias": None}
 
 
-def calibrate(
-    study: Study,
-    path: Table,
-    robust: bool = False,
-    known: bool = True,
-    plan: Plan | None = None,
-    as_is: bool = False,
-    linear: bool = False,
-    bayes: bool = False,
-) -> Calibration:
+def calibrate(study: Study, path: Table, how: HowFitted = AS_USUAL) -> Calibration:
     """Identify the study's unknown compliances from a measurement file.
 
     Args:
         study: The question.
         path: The measurements (CSV, or a data frame), see `Measurements.from_csv`; poses need not
             be feasible.
-        robust: Huber's loss instead of squares.
-        known: Whether the given sigma is believed, or estimated from the residuals.
-        plan: The plan that was to be carried out. Poses that are not in it are an input error;
-            planned experiments that were not made are among the findings.
-        as_is: Whether an input error is only a finding, an alarm, beside the result.
-        linear: Whether the linear model is fitted where that of the loaded equilibrium would be,
-            as it differs by more than a tenth of a standard deviation.
-        bayes: Whether the posterior is to be sampled. Then the [prior] of the study may tell
-            compliances that the measurements alone do not. Otherwise they may leave open what is
-            not of interest, where the study says what is.
+        how: How they are fitted. Poses that are not in its plan are an input error, and planned
+            experiments that were not made are among the findings. As it is, an input error is only
+            a finding, an alarm, beside the result. Without a posterior to come, measurements may
+            leave open what is not of interest, where the study says what is.
 
     Returns:
         Compliances by joint, the fit, and the findings.
@@ -118,10 +102,10 @@ def calibrate(
             column of a bad cell.
     """
     data = _read(study, path)
-    origin = Origin.of(path, linear, as_is)
+    origin = Origin.of(path)
     path = path_of(path)
     try:
-        fitted, part = _fitted(study, data, plan, robust, known, linear, bayes)
+        fitted, part = _fitted(study, data, how)
     except (SingularPlanError, NothingLeftError, SigmaTooSmallError) as error:
         raise UserError(str(error), where=path) from error
     fitted = fitted.naming_outliers()
@@ -141,7 +125,7 @@ def calibrate(
     found = replace(bare, findings=named, budget=budget)
     if tasks:
         vars(found)["propagation"] = bare.propagation  # of the same fit
-    wrong = None if as_is else find_input_error(fitted)
+    wrong = None if how.as_is else find_input_error(fitted)
     if wrong is not None:
         raise InputError(path, wrong, found)
     return found
@@ -182,30 +166,21 @@ def _read(study: Study, path: Table) -> Measurements:
         raise UserError(str(error), where=path_of(path)) from error
 
 
-def _fitted(
-    study: Study,
-    data: Measurements,
-    plan: Plan | None,
-    robust: bool,
-    known: bool,
-    linear: bool,
-    bayes: bool,
-) -> tuple[FittedData, ToldPart | None]:
+def _fitted(study: Study, data: Measurements, how: HowFitted) -> tuple[FittedData, ToldPart | None]:
     """The fit, of what is told where that is a part of the compliances.
 
     With a posterior to come, a prior tells the rest. Otherwise the rest stays open: that is said,
     unless the study says what is of interest.
     """
-    study = measured_known(study, data, robust, linear)
+    study = measured_known(study, data, how)
     try:
-        return FittedData.of(study, data, plan, robust, known, linear), None
+        return FittedData.of(study, data, how), None
     except SingularPlanError as error:
         untold = error.parameters
-        if bayes:
+        if how.sampled:
             prior = study_prior(study)
-            options = (plan, robust, known, linear)
-            return FittedData.with_prior(study, data, prior, untold, *options), None
+            return FittedData.with_prior(study, data, prior, untold, how), None
         part = told_part(study, data)
         if part is None:
             raise
-    return FittedData.of(part.study, data, plan, robust, known, linear), part
+    return FittedData.of(part.study, data, how), part

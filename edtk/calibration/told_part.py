@@ -11,7 +11,7 @@ from criteria.linalg.estimable import SMALL, combination
 from edtk.findings.nonlinear_part import known_part
 from edtk.fit.correlated_noise import RowNoise, whiten_columns
 from edtk.fit.equilibrium import LinearisedData, linearise
-from edtk.fit.identify import Identification, identify
+from edtk.fit.identify import HowFitted, Identification, identify
 from edtk.fit.least_squares import SingularPlanError, Whitened
 from edtk.fit.measurements import Measurements
 from edtk.fit.prior import PriorRows
@@ -137,7 +137,7 @@ def interest_estimates(
     return dict(zip(asked.interest_names, pairs, strict=True))
 
 
-def measured_known(study: Study, data: Measurements, robust: bool, linear: bool) -> Study:
+def measured_known(study: Study, data: Measurements, how: HowFitted) -> Study:
     """The study with its known compliances as the measurements tell them, too.
 
     A known compliance v with the standard deviation s is a parameter of which ``N(v, s^2)`` is
@@ -147,8 +147,8 @@ def measured_known(study: Study, data: Measurements, robust: bool, linear: bool)
     Args:
         study: The study; a known compliance without a standard deviation stays as it is.
         data: The measurements.
-        robust: Huber's loss instead of squares.
-        linear: Whether the linear model is fitted, or the loaded equilibrium about its estimate.
+        how: How they are fitted; by the loaded equilibrium about the estimate of the linear model,
+            where not by that.
 
     Returns:
         The same study with other values; itself where nothing is uncertain, or where the
@@ -166,11 +166,11 @@ def measured_known(study: Study, data: Measurements, robust: bool, linear: bool)
 
     def fit(A: Array, measured: Array) -> Array:
         rows, values = before.below(A), before.measured_below(measured)
-        return identify(rows, values, noise, joint.model.parameters, robust).unbounded
+        return identify(rows, values, noise, joint.model.parameters, how.robust).unbounded
 
     try:
         k = fit(data.regressor(joint.model), data.deflection - known_part(joint, data))
-        if not linear:
+        if not how.linear:
             every = all_compliances(joint.model, np.maximum(k, 0.0), joint.known)
             seen = LinearisedData.of(data, linearise(joint.model, data, every))
             k = fit(seen.A, seen.measured)

@@ -22,7 +22,19 @@ from edtk.commands.shared import (
 )
 from edtk.system.errors import ArgumentError
 
+HELP_OF_FAULTS = "How likely faults would be noticed, and told apart, like tool_z=5mm,drift=0.05mm."
 MOST_EXPERIMENTS = 10**12  # as in a study: beyond them numbers of repetitions are not exact
+
+
+class _FaultOption(click.Option):
+    """An option whose help names all faults, which are imported only then."""
+
+    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
+        """The line of the help."""
+        from edtk.findings.causes.faults import units_in_words
+
+        self.help = f"{HELP_OF_FAULTS} Units: {units_in_words()}."
+        return super().get_help_record(ctx)
 
 
 @click.command("plan", short_help="Find the best plan of m experiments.")
@@ -59,10 +71,9 @@ MOST_EXPERIMENTS = 10**12  # as in a study: beyond them numbers of repetitions a
 @seed_option
 @click.option(
     "--detect",
+    cls=_FaultOption,
     metavar="FAULT=SIZE,...",
-    help="How likely faults would be noticed, and told apart, like tool_z=5mm,drift=0.05mm. "
-    "Units: mm of tool_x, tool_y, tool_z, drift, link_length; deg of load_direction, backlash, "
-    "frame_rotation, joint_zero; Nm of friction; % of load_size, torque_sign; um/m of growth.",
+    help=HELP_OF_FAULTS,
 )
 @json_option
 @click.option("--out", type=FilePath, help="Write all experiments (CSV, - to print).")

@@ -31,7 +31,7 @@ from edtk.fit.distributions import student_quantile
 from edtk.fit.equilibrium import LinearisedData, NoFitError, fit_equilibrium, linearise
 from edtk.fit.estimate_noise import NoiseEstimate, estimate_noise, visit_residuals
 from edtk.fit.fit_huber import huber_weights
-from edtk.fit.identify import Identification, identify
+from edtk.fit.identify import AS_USUAL, HowFitted, Identification, identify
 from edtk.fit.least_squares import (
     NEARLY,
     Estimate,
@@ -198,7 +198,7 @@ class FittedData:
         nonlinear: Whether the loaded equilibrium was fitted.
         common_noise: Whether noise that repetitions of a pose share was estimated and taken into
             account. A and measured are then of rows whose errors are independent.
-        plan: The plan that was to be carried out; None if it is not known.
+        how: How they were to be fitted.
         untold: Names of the parameters that the measurements alone do not tell: the estimate rests
             on the prior, too.
         estimated: The noise that was estimated where joints move all markers of a visit; None
@@ -212,20 +212,12 @@ class FittedData:
     fit: Identification
     nonlinear: bool = False
     common_noise: bool = False
-    plan: Plan | None = None
+    how: HowFitted = AS_USUAL
     untold: tuple[str, ...] = ()
     estimated: CorrelatedNoise | None = None
 
     @classmethod
-    def of(
-        cls,
-        study: Study,
-        data: Measurements,
-        plan: Plan | None = None,
-        robust: bool = False,
-        known: bool = True,
-        linear: bool = False,
-    ) -> "FittedData":
+    def of(cls, study: Study, data: Measurements, how: HowFitted = AS_USUAL) -> "FittedData":
         """Fit a study's compliances to measurements.
 
         The linear model is the first order of the loaded equilibrium. Where fitting the equilibrium
@@ -234,10 +226,7 @@ class FittedData:
         Args:
             study: The question.
             data: The measurements.
-            plan: The plan that was to be carried out.
-            robust: Huber's loss instead of squares.
-            known: Whether the given sigma is believed, or estimated from the residuals.
-            linear: Whether the linear model is fitted in any case.
+            how: How they are fitted.
 
         Raises:
             SingularPlanError: The measurements do not identify all parameters.
@@ -247,9 +236,9 @@ class FittedData:
         A = data.regressor(study.model)
         names = study.model.parameters
         unexplained = data.deflection - known_part(study, data)
-        fit = identify(A, unexplained, data.noise, names, robust, known)
-        found = cls(study, data, A, unexplained, fit, plan=plan)
-        if not linear and bends_much(study, data, A, fit):
+        fit = identify(A, unexplained, data.noise, names, how.robust, not how.sigma_unknown)
+        found = cls(study, data, A, unexplained, fit, how=how)
+        if not how.linear and bends_much(study, data, A, fit):
             found = found._of_equilibrium()
         return with_common_noise(found)
 
@@ -260,10 +249,7 @@ class FittedData:
         data: Measurements,
         prior: Prior,
         untold: tuple[str, ...],
-        plan: Plan | None = None,
-        robust: bool = False,
-        known: bool = True,
-        linear: bool = False,
+        how: HowFitted = AS_USUAL,
     ) -> "FittedData":
         """Describe measurements that leave compliances open, with a prior that tells them.
 
@@ -272,11 +258,9 @@ class FittedData:
             data: The measurements.
             prior: Knowledge of the compliances before them.
             untold: Names of the parameters that the measurements alone do not tell.
-            plan: The plan that was to be carried out.
-            robust: Whether errors are to have heavy tails in a posterior.
-            known: Whether the given sigma is believed.
-            linear: Whether the linear model is fitted; otherwise that of the loaded equilibrium
-                about the estimate of the linear one.
+            how: How they are fitted: where not by the linear model, by that of the loaded
+                equilibrium about its estimate; robust where errors are to have heavy tails in a
+                posterior.
 
         Raises:
             SingularPlanError: Prior and measurements together say nothing of a parameter.
@@ -286,7 +270,7 @@ class FittedData:
         measured = data.deflection - known_part(study, data)
         found = fit_with_prior(A, measured, data.noise, names, prior)
         bends = False
-        if not linear:
+        if not how.linear:
             k = all_compliances(study.model, np.maximum(found.k, 0.0), study.known)
             try:
                 seen = LinearisedData.of(data, linearise(study.model, data, k))
@@ -296,8 +280,9 @@ class FittedData:
                 bends = True
             except NoEquilibriumError:
                 pass  # Such compliances are wrong in any case, which the residuals tell.
-        fit = Identification.of_estimate(found, A, measured, data.noise, known, robust)
-        return cls(study, data, A, measured, fit, bends, plan=plan, untold=untold)
+        known = not how.sigma_unknown
+        fit = Identification.of_estimate(found, A, measured, data.noise, known, how.robust)
+        return cls(study, data, A, measured, fit, bends, how=how, untold=untold)
 
     def described_by(self, found: Estimate) -> "FittedData":
         """The same measurements with another estimate that rests on the prior, too."""
@@ -352,6 +337,11 @@ class FittedData:
             self.study.model, data, linear.A, linear.measured, joint_unit(self.study), own
         )
         return None if seen is None else estimate_noise(seen, stated)
+
+    @property
+    def plan(self) -> Plan | None:
+        """The plan that was to be carried out; None if it is not known."""
+        return self.how.plan
 
     @property
     def noise(self) -> RowNoise:

@@ -93,7 +93,7 @@ def _evaluated(found: Calibration) -> list[tuple[str, str]]:
         ("Noise", "as stated" if found.fit.known else "estimated (sigma unknown)"),
         ("Repetitions", "noise that they share is estimated" if found.fitted.common_noise else ""),
         ("Plan", "none given" if plan is None else f"{plan.experiments} experiments, compared"),
-        ("Sheet", "taken as it is, even if columns look misread" if found.origin.as_is else ""),
+        ("Sheet", "taken as it is, even if columns look misread" if found.fitted.how.as_is else ""),
         ("Known", study.specification.joints.known_in_words(pm)),
         ("Posterior", "sampled" if found.check is not None else "not sampled"),
         ("Program", f"edtk {__version__}"),
@@ -106,7 +106,7 @@ def _model(found: Calibration) -> str:
     tenth = "moves a compliance by more than a tenth of its standard deviation"
     if found.fitted.nonlinear:
         return f"the loaded equilibrium, as it {tenth}"
-    if found.origin.linear:
+    if found.fitted.how.linear:
         return "linear, as asked for"
     return f"linear; the loaded equilibrium is fitted where it {tenth}"
 

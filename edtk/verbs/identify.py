@@ -4,11 +4,11 @@ from pathlib import Path
 
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.fit.identify import HowFitted
 from edtk.measure.pose_table import Table
 from edtk.verbs.bayes import Sampling
 from edtk.verbs.inputs import PlanLike, StudyLike
 from edtk.verbs.of_kinds import of_study
-from edtk.verbs.of_studies import HowFitted
 
 
 def identify(
@@ -51,5 +51,5 @@ def identify(
     question = of_study(study)
     sampling = bayes if isinstance(bayes, Sampling) else Sampling()
     question.require("identify", sigma_unknown=sigma_unknown, plan=plan, linear=linear)
-    how = HowFitted(robust, sigma_unknown, plan, as_is, linear)
-    return question.identify(measurements, how, sampling if bayes else None, out)
+    how = HowFitted(robust=robust, sigma_unknown=sigma_unknown, linear=linear, as_is=as_is)
+    return question.identify(measurements, how, plan, sampling if bayes else None, out)

@@ -24,7 +24,7 @@ from edtk.verbs.inputs import (
     content_of,
     name_of,
 )
-from edtk.verbs.of_studies import HowFitted, OfStudy
+from edtk.verbs.of_studies import OfStudy
 from edtk.verbs.question import PlanCall, RelaxCall
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from edtk.design.design_space import DesignSpace
     from edtk.design.exact.exact_plan import ExactPlan
     from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+    from edtk.fit.identify import HowFitted
     from edtk.study.evaluate import Evaluation
     from edtk.study.plan_study import RunOptions
     from edtk.study.study_run import Designs
@@ -133,21 +134,10 @@ class OfCompliances(OfStudy):
 
         return template(self.study, plan, positions, markers)
 
-    def _calibrated(
-        self, sheet: Table, how: HowFitted, planned: Plan | None, sampled: bool
-    ) -> "Calibration":
+    def _calibrated(self, sheet: Table, how: "HowFitted") -> "Calibration":
         from edtk.calibration.calibrate import calibrate
 
-        return calibrate(
-            self.study,
-            sheet,
-            how.robust,
-            not how.sigma_unknown,
-            planned,
-            how.as_is,
-            how.linear,
-            bayes=sampled,
-        )
+        return calibrate(self.study, sheet, how)
 
     def _report(self, found: "Calibration", folder: Path) -> dict[Path, Content]:
         from edtk.report.calibration_report import calibration_files
@@ -316,14 +306,10 @@ class OfGeometry(OfStudy):
 
         return position_sheet(self.study, plan)
 
-    def _calibrated(
-        self, sheet: Table, how: HowFitted, planned: Plan | None, sampled: bool
-    ) -> "GeometricCalibration":
+    def _calibrated(self, sheet: Table, how: "HowFitted") -> "GeometricCalibration":
         from edtk.calibration.geometry.calibrate_geometry import calibrate_geometry
 
-        return calibrate_geometry(
-            self.study, sheet, how.robust, how.as_is, planned, how.sigma_unknown
-        )
+        return calibrate_geometry(self.study, sheet, how)
 
     def _report(self, found: "GeometricCalibration", folder: Path) -> dict[Path, Content]:
         from edtk.report.geometry_report import geometry_files

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from edtk.design.design_space import DesignSpace
     from edtk.design.exact.exact_plan import ExactPlan
     from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+    from edtk.fit.identify import HowFitted
     from edtk.study.evaluate import Evaluation
     from edtk.study.plan_study import RunOptions
     from edtk.study.study_run import Designs
@@ -51,17 +52,6 @@ MOST_ROWS = 1_000_000  # of a sheet
 CompliancesLike = Union[
     Compliances, "Calibration", "GeometricCalibration", Mapping[str, Any], Path, str
 ]
-
-
-@dataclass(frozen=True)
-class HowFitted:
-    """The options of `edtk.identify` that say how a sheet is fitted."""
-
-    robust: bool
-    sigma_unknown: bool
-    plan: PlanLike | None
-    as_is: bool
-    linear: bool
 
 
 @dataclass(frozen=True)
@@ -289,22 +279,27 @@ class OfStudy(Question):
         """The empty sheet of a plan."""
 
     def identify(
-        self, sheet: Table, how: HowFitted, sampling: "Sampling | None", out: Path | str | None
+        self,
+        sheet: Table,
+        how: "HowFitted",
+        plan: PlanLike | None,
+        sampling: "Sampling | None",
+        out: Path | str | None,
     ) -> "Calibration | GeometricCalibration":
         """The parameters from measurements, and their files; see `edtk.identify`."""
         from edtk.report.calibration_report import NAMES
 
         study = self.study
         sheet = as_table(sheet, "measurements")
-        inputs = (*study.reads, *files_of(sheet, how.plan))
+        inputs = (*study.reads, *files_of(sheet, plan))
         own = () if sampling is None else (sampling.chain, sampling.export)
         if sampling is not None:
             sampling.require_writable(*inputs)
         require_folder(out)
         for name in NAMES if out is not None else ():
             require_output(Path(out or "") / name, *inputs, *own)
-        planned = None if how.plan is None else as_plan(study, how.plan)
-        found = self._calibrated(sheet, how, planned, sampled=sampling is not None)
+        planned = None if plan is None else as_plan(study, plan)
+        found = self._calibrated(sheet, replace(how, plan=planned, sampled=sampling is not None))
         if sampling is not None:
             with sampling.arguments(path_of(sheet), study.specification.seed) as arguments:
                 found = found.sampled(**arguments)
@@ -319,7 +314,7 @@ class OfStudy(Question):
         return found
 
     @abstractmethod
-    def _calibrated(self, sheet: Table, how: HowFitted, planned: Plan | None, sampled: bool) -> Any:
+    def _calibrated(self, sheet: Table, how: "HowFitted") -> Any:
         """The calibration."""
 
     @abstractmethod

@@ -11,6 +11,7 @@ from edtk.calibration.planned import planned_measurements
 from edtk.calibration.template import template
 from edtk.design.plan import Plan
 from edtk.fit.correlated_noise import whiten_columns
+from edtk.fit.identify import HowFitted
 from edtk.fit.posterior import SamplingOptions
 from edtk.fit.run_chain import Demand
 from edtk.measure.compliances import Compliances
@@ -270,7 +271,7 @@ def test_positions_and_distances_have_rows_of_their_own(tmp_path):
     assert sheet["marker"].tolist()[:4] == names
     assert sheet["marker"].tolist()[9] == "distance 1"
     sheet.to_csv(tmp_path / "sheet.csv", index=False)
-    found = calibrate(study, tmp_path / "sheet.csv", linear=True)
+    found = calibrate(study, tmp_path / "sheet.csv", HowFitted(linear=True))
     once = sheet.iloc[::10]
     q = np.deg2rad(once[[f"q{j}_deg" for j in range(1, 7)]].to_numpy())
     plan = Plan(q, np.tile([300, -200, -2500, 0, 0, 0], (6, 1)), np.ones(6, dtype=int))

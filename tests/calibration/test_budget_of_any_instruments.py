@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from edtk.calibration.planned import plan_budget, planned_measurements
 from edtk.design.plan import Plan
 from edtk.findings.fitted_data import FittedData
+from edtk.fit.identify import HowFitted
 from edtk.fit.least_squares import Whitened
 from edtk.report.views.calibration import error_budget as text
 from edtk.robots.load_robot import load_robot
@@ -194,7 +195,7 @@ def test_absolute_positions_name_what_shifts_them(part, size, axis, cause):
     read = calibrations.parts[part][0]
     for share, causes in ((0.0, ()), (1.0, (cause,))):
         measured = replace(data, deflection=read(share * size * np.eye(3)[axis]) + noise)
-        fitted = FittedData.of(calibrations.study, measured, linear=True)
+        fitted = FittedData.of(calibrations.study, measured, HowFitted(linear=True))
         assert tuple(one.cause for one in fitted.causes) == causes
 
 
@@ -212,7 +213,7 @@ def test_single_rows_name_causes(keys):
     }
     for causes, shown in faults.items():
         measured = replace(data, deflection=shown + noise)
-        fitted = FittedData.of(calibrations.study, measured, linear=True)
+        fitted = FittedData.of(calibrations.study, measured, HowFitted(linear=True))
         assert tuple(one.cause for one in fitted.causes) == causes
 
 
@@ -224,7 +225,7 @@ def test_a_pose_of_distances_is_off_by_a_joint_value():
     q = data.q.copy()
     q[data.pose == 4, 2] += np.deg2rad(10)
     measured = replace(data, q=q, deflection=calibrations.shown(calibrations.model) + noise)
-    (found,) = FittedData.of(calibrations.study, measured, linear=True).causes
+    (found,) = FittedData.of(calibrations.study, measured, HowFitted(linear=True)).causes
     assert (found.cause, found.joint) == ("pose", "q3")
     assert found.size == pytest.approx(-10, abs=1)
     assert found.rows == tuple(np.flatnonzero(data.pose == 4))

@@ -10,6 +10,7 @@ import pytest
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.planned import plan_bias
 from edtk.calibration.template import template
+from edtk.fit.identify import HowFitted
 from edtk.fit.measurements import simulate
 from edtk.fit.posterior import SamplingOptions
 from edtk.fit.run_chain import Demand
@@ -60,7 +61,7 @@ def save(tmp_path):
 def test_round_trip(save, positions):
     """From the sheet to the truth, within four standard deviations, without diagnostics."""
     path = save(filled(plan=PLAN.repeated(2), positions=positions))
-    found = calibrate(STUDY, path, plan=PLAN, linear=True)
+    found = calibrate(STUDY, path, HowFitted(plan=PLAN, linear=True))
     assert list(found.k.values()) == found.fit.k.tolist()
     assert list(found.std) == list(found.k) == ["q2", "q3", "q4", "q5", "q6"]
     expected = evaluate(STUDY, PLAN.repeated(2))
@@ -131,7 +132,7 @@ def test_json_and_files(save, tmp_path):
     """The JSON has the promised keys, the files hold the same, and `edtk compensate` reads them."""
     table = filled()
     table.loc[4, "dz_mm"] += 1
-    found = calibrate(STUDY, save(table), known=False, linear=True)
+    found = calibrate(STUDY, save(table), HowFitted(sigma_unknown=True, linear=True))
     content = found.to_dict()
     assert set(content) == KEYS
     assert content["doubts"] == [diagnostic["text"] for diagnostic in content["diagnostics"]]
@@ -179,7 +180,7 @@ def test_causes_are_looked_for_once(save, monkeypatch):
     )
     table = filled()
     table.loc[[1, 4], "dz_mm"] += [0.2, -0.2]
-    found = calibrate(STUDY, save(table), linear=True)
+    found = calibrate(STUDY, save(table), HowFitted(linear=True))
     assert found.fit.outliers.tolist() == [1, 4]
     assert len(looks) == 1
 
@@ -226,7 +227,7 @@ def test_posterior_of_measurements(save):
     """The posterior has the fit's deviations, wider where sigma is estimated, and its rho0."""
     path = save(filled())
     for known in (True, False):
-        plain = calibrate(STUDY, path, known=known)
+        plain = calibrate(STUDY, path, HowFitted(sigma_unknown=not known))
         found = plain.sampled(np.random.default_rng(0), SamplingOptions(Demand(0.1)))
         table = found.check.table
         np.testing.assert_allclose(table["std_fit"], plain.fit.std, rtol=1e-6)
@@ -245,7 +246,7 @@ def test_a_robust_posterior_is_not_spoiled(save):
     """With one gross error Student-t errors of unknown nu leave the truth inside the intervals."""
     table = filled()
     table.loc[4, "dz_mm"] += 1
-    found = calibrate(STUDY, save(table), robust=True).sampled(
+    found = calibrate(STUDY, save(table), HowFitted(robust=True)).sampled(
         np.random.default_rng(0), SamplingOptions(Demand(0.1))
     )
     assert found.check.posterior.noise_names == ("nu",)
@@ -259,14 +260,14 @@ def test_a_robust_posterior_is_not_spoiled(save):
 def test_what_the_linear_model_leaves_out(save):
     """The bias in the test pose is that of `edtk bias`, if the robot is the assumed one."""
     table = filled()
-    found = calibrate(STUDY, save(table), linear=True)
+    found = calibrate(STUDY, save(table), HowFitted(linear=True))
     expected = plan_bias(STUDY, PLAN, Path("plan.csv")).rho0_bias
     assert found.rho0_bias == pytest.approx(expected, rel=0.05)
     assert found.to_dict()["rho0_bias"] == found.rho0_bias
     assert "the linear model leaves" in found.summary()
     for column in ("marker_x_mm", "marker_y_mm", "marker_z_mm"):
         table[column] = 1e-3
-    assert calibrate(STUDY, save(table), linear=True).rho0_bias == pytest.approx(
+    assert calibrate(STUDY, save(table), HowFitted(linear=True)).rho0_bias == pytest.approx(
         found.rho0_bias, rel=1e-3
     )
 

@@ -16,7 +16,7 @@ from edtk.cli import main
 from edtk.design.plan import Plan
 from edtk.fit.distributions import error_quantiles
 from edtk.fit.equilibrium import equilibrium_deflection
-from edtk.fit.identify import identify
+from edtk.fit.identify import HowFitted, identify
 from edtk.fit.measurements import simulate
 from edtk.measure.compliances import Compliances
 from edtk.measure.elastostatic_model import ElastostaticModel
@@ -171,7 +171,7 @@ def test_what_identify_writes_is_read(given, tmp_path):
     budget = json.loads((tmp_path / "k.json").read_text())["budget_mm"]
     assert row["remaining_rms"] == pytest.approx(1e-3 * budget["total"], rel=1e-4)
     # Of this displacement the budget takes the linear model.
-    found = calibrate(STUDY, tmp_path / "measured.csv", linear=True).budget
+    found = calibrate(STUDY, tmp_path / "measured.csv", HowFitted(linear=True)).budget
     assert row["uncompensated"] == pytest.approx(found.uncompensated, rel=1e-3)
     assert found.uncompensated > 1.01 * np.linalg.norm(STUDY.target @ [*K.values()])
 
@@ -295,7 +295,7 @@ def test_the_band_contains_the_error_of_the_linear_model(tmp_path):
     sheet = tmp_path / "sheet.csv"
     table.to_csv(sheet, index=False)
     study = STUDY.replace(uncertainty=SURE)
-    fit = calibrate(study, sheet, linear=True)
+    fit = calibrate(study, sheet, HowFitted(linear=True))
     names = STUDY.robot.joint_names
     known = Compliances.from_dict(fit.to_dict(), names, tuple(K))
     task = Plan(plan.q, plan.wrench, plan.repeats)

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from edtk.calibration import propagation as module
 from edtk.calibration.propagation import Propagation, Uncertainty
 from edtk.findings.fitted_data import FittedData
+from edtk.fit.identify import HowFitted
 from edtk.fit.least_squares import Whitened
 from edtk.fit.measurements import Measurements
 from edtk.fit.prior import PriorRows
@@ -134,7 +135,7 @@ def test_budget_of_very_many_measurements(monkeypatch):
     sigma = np.tile(STUDY.sigma, (poses, 1))
     data = Measurements(q, wrench, A @ STUDY.compliances + noise, sigma, np.zeros((poses, 3)))
     uncertain = STUDY.replace(uncertainty={"drift_mm": 0.05, "repeatability_mm": 0.02})
-    fitted = FittedData.of(uncertain, data, linear=True)
+    fitted = FittedData.of(uncertain, data, HowFitted(linear=True))
     whole = module.calibration_budget(fitted, None).parts
     monkeypatch.setattr(module, "MOST_ROWS", 500)
     some = module.calibration_budget(fitted, None).parts

@@ -13,6 +13,7 @@ from edtk.certificate.certificate import certificate
 from edtk.certificate.verify_certificate import verify_certificate
 from edtk.design.plan import Plan
 from edtk.findings.causes.find_causes import find_causes
+from edtk.fit.identify import HowFitted
 from edtk.fit.measurements import Measurements, simulate
 from edtk.measure.compliances import Compliances
 from edtk.measure.expected_error import AssumedJoint
@@ -97,9 +98,9 @@ def test_the_fit_is_that_of_all_joints():
     """A known value that is off by a factor of two is measured, and said; one that is right not."""
     plan = random_plan(KNOWN, 12).repeated(8)
     wrong = study({"value": K[0] / 2, "std": 0.2 * K[0] / 2})
-    found = calibrate(wrong, sheet(wrong, plan), linear=True)
+    found = calibrate(wrong, sheet(wrong, plan), HowFitted(linear=True))
     table = sheet(KNOWN, plan)
-    right = calibrate(KNOWN, table, linear=True)
+    right = calibrate(KNOWN, table, HowFitted(linear=True))
     model = replace(KNOWN.model, unknown=(1, 0))
     A = model.regressor(
         np.deg2rad(table[["q1_deg", "q2_deg"]].to_numpy()),
@@ -119,7 +120,7 @@ def test_the_fit_is_that_of_all_joints():
 def test_compensation_takes_what_was_measured():
     """Commands and bands rest on the measured value, and on how well it is known then."""
     plan = random_plan(KNOWN, 12).repeated(8)
-    found = calibrate(KNOWN, sheet(KNOWN, plan), linear=True)
+    found = calibrate(KNOWN, sheet(KNOWN, plan), HowFitted(linear=True))
     names = KNOWN.robot.joint_names
     read = Compliances.from_dict(found.to_dict(), names, ("q2",))
     task = Plan(KNOWN.task.q[None], KNOWN.task.wrench[None], np.ones(1, dtype=int))

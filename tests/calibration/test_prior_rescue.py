@@ -13,6 +13,7 @@ from edtk.calibration.planned import check_plan_posterior
 from edtk.design.plan import Plan
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.prior import posterior_findings
+from edtk.fit.identify import HowFitted
 from edtk.fit.least_squares import SingularPlanError
 from edtk.fit.posterior import Posterior, SamplingOptions
 from edtk.fit.prior import Flat, LogNormal, Normal, Prior, fit_with_prior
@@ -84,7 +85,7 @@ def test_calibrate_needs_to_be_asked(tmp_path):
     path.write_text(",".join(header) + "\n" + ",".join(f"{x:.9g}" for x in row) + "\n")
     with pytest.raises(UserError, match="cannot identify"):
         calibrate(study, path)
-    assert calibrate(study, path, bayes=True).fitted.untold
+    assert calibrate(study, path, HowFitted(sampled=True)).fitted.untold
 
 
 def test_plan_of_one_pose():

@@ -9,6 +9,7 @@ from edtk.calibration.template import is_filled, template
 from edtk.findings.finding import Severity
 from edtk.findings.moving_joints import stated_noise
 from edtk.fit.correlated_noise import std_of
+from edtk.fit.identify import HowFitted
 from edtk.fit.least_squares import estimate
 from edtk.fit.measurements import simulate
 from edtk.measure.pose_table import (
@@ -88,7 +89,7 @@ def filled(study, plan, path, seed=0):
     table = template(study, plan)
     table[list(DEFLECTION_COLUMNS)] = 0.001
     table.to_csv(path, index=False)
-    data = calibrate(study, path, linear=True, as_is=True).data
+    data = calibrate(study, path, HowFitted(linear=True, as_is=True)).data
     A = data.regressor(study.model)
     moved = simulate(A, study.compliances, data.noise, np.random.default_rng(seed))[0]
     table[list(DEFLECTION_COLUMNS)] = 1e3 * moved
@@ -104,7 +105,7 @@ def test_from_the_template_to_the_result(study_of, tmp_path):
     table = template(study, plan)
     assert table[MARKER_NAME_COLUMN].tolist()[:4] == ["a", "b", "a", "b"]
     assert table[VISIT_COLUMN].tolist()[:5] == [1, 1, 2, 2, 3]
-    found = calibrate(study, filled(study, plan, tmp_path / "sheet.csv"), linear=True)
+    found = calibrate(study, filled(study, plan, tmp_path / "sheet.csv"), HowFitted(linear=True))
     expected = np.linalg.inv(study.information(plan))
     np.testing.assert_allclose(found.fit.std, np.sqrt(np.diag(expected)), rtol=1e-5)
     assert found.fit.p_value > 0.01
@@ -115,7 +116,7 @@ def test_from_the_template_to_the_result(study_of, tmp_path):
 def test_a_stated_discrepancy_is_no_error_of_the_tracker(study_of, tmp_path):
     """Where poses are visited once, the discrepancy cannot be told, and the stated one is taken."""
     study = study_of(markers=True)
-    found = calibrate(study, filled(study, PLAN, tmp_path / "sheet.csv"), linear=True)
+    found = calibrate(study, filled(study, PLAN, tmp_path / "sheet.csv"), HowFitted(linear=True))
     assert found.noise.told == (True, True, False)
     assert found.noise.tracker == pytest.approx(1.0, abs=0.5)
 
@@ -140,7 +141,7 @@ def test_a_sheet_speaks_for_its_tracker(study_of, tmp_path):
         stated = table.copy()
         stated[list(columns)] = numbers
         stated.to_csv(path, index=False)
-        data = calibrate(study, path, linear=True, as_is=True).data
+        data = calibrate(study, path, HowFitted(linear=True, as_is=True)).data
         np.testing.assert_allclose(std_of(data.own_noise), 2e-5, rtol=1e-9)
         assert np.all(data.sigma > np.hypot(2e-5, 3e-5))
 

@@ -11,6 +11,7 @@ import edtk
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.template import template
 from edtk.design.plan import Plan
+from edtk.fit.identify import HowFitted
 from edtk.report.calibration_report import calibration_report
 from edtk.report.views.calibration import calibration_text as text
 from edtk.study.study import Study
@@ -45,8 +46,10 @@ def test_a_joint_that_no_load_turns_is_left_open(tmp_path):
     """The rest is what it is where that joint counts as rigid; the file and the text say so."""
     study = Study(**OPEN, interest=INTEREST)
     path = measured(study, tmp_path / "sheet.csv", poses())
-    found = calibrate(study, path, linear=True)
-    rest = calibrate(Study(**OPEN | {"joints": {"unknown": NAMES[1:]}}), path, linear=True)
+    found = calibrate(study, path, HowFitted(linear=True))
+    rest = calibrate(
+        Study(**OPEN | {"joints": {"unknown": NAMES[1:]}}), path, HowFitted(linear=True)
+    )
     assert found.k == rest.k
     np.testing.assert_array_equal(found.fit.covariance, rest.fit.covariance)
     assert found.part.open == found.part.rigid == ("q1",)
@@ -76,7 +79,7 @@ def test_combinations_that_hang_together(tmp_path):
     told = A[0] / np.abs(A[0]).max()
     factors = {name: float(f) for name, f in zip(NAMES, told, strict=True) if f}
     study = Study(**OPEN, interest={"combinations": [factors]})
-    found = calibrate(study, path, linear=True)
+    found = calibrate(study, path, HowFitted(linear=True))
     ((value, std),) = found.interest.values()
     size = np.abs(A[0]).max()
     # Three rows for as many combinations: the one of interest is the first row itself.
@@ -95,7 +98,7 @@ def test_what_is_of_interest_must_be_told(tmp_path):
     path = measured(Study(**OPEN), tmp_path / "sheet.csv", poses())
     with pytest.raises(UserError, match="identify k1, which is of interest"):
         calibrate(Study(**OPEN, interest={"joints": ["q1"]}), path)
-    found = calibrate(Study(**OPEN), path, linear=True)
+    found = calibrate(Study(**OPEN), path, HowFitted(linear=True))
     (said,) = [one for one in found.findings if one.kind == "open"]
     assert "the compliance of joint q1 moves no marker in these poses" in said.words
     content = found.to_dict()
@@ -116,7 +119,9 @@ def test_what_is_of_interest_is_told_beside_the_rest(tmp_path):
 def test_an_open_joint_cannot_be_compensated_by_such_a_file(tmp_path):
     """A compliance that is not told is null, and a file with it is one line."""
     study = Study(**OPEN, interest=INTEREST, test_pose=TEST_POSE)
-    found = calibrate(study, measured(study, tmp_path / "sheet.csv", poses()), linear=True)
+    found = calibrate(
+        study, measured(study, tmp_path / "sheet.csv", poses()), HowFitted(linear=True)
+    )
     path = tmp_path / "k.json"
     path.write_text(json.dumps(found.to_dict()))
     with pytest.raises(UserError, match="q1"):

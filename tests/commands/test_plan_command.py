@@ -13,6 +13,7 @@ from short_search import short_search
 
 from edtk.cli import main
 from edtk.design.relaxation.relax_poses import RelaxOptions
+from edtk.findings.causes.faults import FAULTS
 from edtk.study.study import load_study
 
 pytestmark = pytest.mark.slow
@@ -403,3 +404,15 @@ def test_limits_of_numbers_can_be_read():
     found = CliRunner().invoke(main, ["plan", str(PATH), "--size", str(10**13)])
     assert found.exit_code == 2
     assert "1<=x<=1e+12" in found.output
+
+
+def test_the_help_names_every_fault_with_its_unit():
+    """A fault that is added to the registry is in the help of --detect at once."""
+    text = " ".join(CliRunner().invoke(main, ["plan", "--help"]).output.split())
+    units = text.partition("Units: ")[2].partition(". --json")[0].split("; ")
+    named = {
+        name: unit
+        for unit, _, names in (u.partition(" of ") for u in units)
+        for name in names.rstrip(".").split(", ")
+    }
+    assert named == {one.name: one.unit for one in FAULTS.values() if one.unit}

@@ -13,6 +13,7 @@ from edtk.findings.fitted_data import FittedData
 from edtk.findings.input_errors import find_input_error
 from edtk.findings.springs import spring_findings
 from edtk.fit.equilibrium import equilibrium_deflection
+from edtk.fit.identify import HowFitted
 from edtk.fit.measurements import Measurements, simulate
 from edtk.measure.elastostatic_model import ElastostaticModel
 from tests.support.visits import TRACKER, visited
@@ -23,7 +24,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def found(data, plan=None, **options):
-    return in_words(find_input_error(FittedData.of(STUDY, data, plan, **options)))
+    return in_words(find_input_error(FittedData.of(STUDY, data, HowFitted(plan=plan, **options))))
 
 
 def in_words(error):
@@ -45,7 +46,7 @@ def test_nothing_wrong():
     assert found(replace(data, deflection=clean + 10 * (data.deflection - clean)), PLAN) is None
 
 
-@pytest.mark.parametrize("options", [{}, {"known": False}, {"robust": True}])
+@pytest.mark.parametrize("options", [{}, {"sigma_unknown": True}, {"robust": True}])
 @pytest.mark.parametrize(("i", "j"), [(0, 1), (0, 2), (1, 2)])
 def test_swapped_displacements(i, j, options):
     """Two displacement columns that were exchanged are named, whatever the fit."""
@@ -184,7 +185,7 @@ def test_the_equilibrium_of_a_heavy_load_hides_no_reading():
     noise = 0.1 * (data.deflection - data.regressor(STUDY.model) @ STUDY.compliances)
     moved = equilibrium_deflection(STUDY.model, data.q, data.wrench, k) + noise
     data = replace(data, deflection=moved, sigma=0.1 * data.sigma)
-    assert FittedData.of(STUDY, data, linear=True).fit.p_value < 1e-3
+    assert FittedData.of(STUDY, data, HowFitted(linear=True)).fit.p_value < 1e-3
     assert found(data) is None
     assert "q4_deg and q6_deg look swapped" in found(replace(data, q=exchanged(data.q, 3, 5)))
 

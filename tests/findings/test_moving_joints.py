@@ -8,6 +8,7 @@ import pytest
 from edtk.calibration.calibrate import calibrate
 from edtk.findings.finding import Severity
 from edtk.findings.fitted_data import FittedData
+from edtk.fit.identify import HowFitted
 from edtk.fit.measurements import joint_motion, simulate
 from edtk.fit.noise import visit_covariance
 from edtk.report.calibration_sections import noise_parts
@@ -107,7 +108,7 @@ def test_poses_with_rotations(tmp_path):
     noise = visit_covariance(data, data.sigma, motion, np.zeros((len(data), 6)))
     A = data.regressor(study.model)
     moved = simulate(A, study.compliances, noise, np.random.default_rng(0))[0]
-    found = FittedData.of(study, replace(data, deflection=moved), linear=True)
+    found = FittedData.of(study, replace(data, deflection=moved), HowFitted(linear=True))
     assert found.common_noise
     assert found.noise_estimate.joints == pytest.approx(DEGREES, rel=0.3)
     assert found.noise_estimate.tracker == pytest.approx(1.0, rel=0.25)
@@ -135,6 +136,6 @@ def test_one_wild_number(tmp_path, wild):
     table = sheet(path, visited(poses=8, visits=2), joints=JOINTS)
     table.loc[5, "dx_mm"] = wild
     table.to_csv(path, index=False)
-    found = calibrate(STUDY, path, as_is=True, known=wild > 1e6)
+    found = calibrate(STUDY, path, HowFitted(as_is=True, sigma_unknown=wild <= 1e6))
     assert found.verdict == "bad"
     assert found.to_dict()["covariance_dof"] is None or found.fit.covariance_dof >= 1

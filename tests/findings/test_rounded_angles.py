@@ -10,6 +10,7 @@ from edtk.calibration.planned import planned_measurements
 from edtk.findings.finding import Severity
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.springs import spring_findings
+from edtk.fit.identify import HowFitted
 from edtk.robots.robot_file import robot_to_dict
 
 
@@ -21,7 +22,7 @@ def rounded(data, step):
 
 def said(data, plan=None, study=STUDY):
     """Findings of rounded angles, and all kinds."""
-    found = spring_findings(FittedData.of(study, data, plan=plan))
+    found = spring_findings(FittedData.of(study, data, HowFitted(plan=plan)))
     ours = [one for one in found if one.kind == "rounded_angles"]
     return ours, [one.kind for one in found]
 

@@ -12,6 +12,7 @@ from edtk.design.plan import Plan
 from edtk.findings.finding import Severity
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.springs import spring_findings
+from edtk.fit.identify import HowFitted
 from edtk.fit.least_squares import estimate
 from edtk.fit.measurements import Measurements, simulate
 from edtk.measure.elastostatic_model import ElastostaticModel
@@ -36,7 +37,9 @@ def unassuming(tmp_path_factory):
 
 
 def found(data, study=STUDY, plan=None, known=True, robust=False):
-    return spring_findings(FittedData.of(study, data, plan, robust, known))
+    return spring_findings(
+        FittedData.of(study, data, HowFitted(plan=plan, robust=robust, sigma_unknown=not known))
+    )
 
 
 def lines(data, *args, **options):
@@ -328,7 +331,9 @@ def test_too_few_for_a_robust_scale():
     """
     few = measured()[:3]
     for linear in (False, True):
-        fitted = FittedData.of(STUDY, few, None, robust=True, known=False, linear=linear)
+        fitted = FittedData.of(
+            STUDY, few, HowFitted(robust=True, sigma_unknown=True, linear=linear)
+        )
         assert fitted.nonlinear != linear
         (line,) = (d.words for d in spring_findings(fitted) if d.kind == "too_few_for_robust")
         assert line.startswith("9 measured coordinates for 5 parameters are too few for a robust")
@@ -341,12 +346,12 @@ def test_noise_that_repetitions_share():
     data = measured(repeats=4)
     common = np.repeat(STUDY.sigma * rng.standard_normal((len(PLAN.q), 3)), 4, axis=0)
     data = replace(data, deflection=data.deflection + common)
-    fitted = FittedData.of(STUDY, data, PLAN)
+    fitted = FittedData.of(STUDY, data, HowFitted(plan=PLAN))
     assert fitted.common_noise
     found = spring_findings(fitted)
     assert [d.severity for d in found] == [WARNING]
     assert "that they share is taken into account" in found[0].words
-    alone = FittedData.of(STUDY, measured(repeats=4), PLAN)
+    alone = FittedData.of(STUDY, measured(repeats=4), HowFitted(plan=PLAN))
     # Means of four have the variance 1/4 + 1 instead of 1/4: standard deviations grow by sqrt(5).
     assert (fitted.fit.std / alone.fit.std).mean() == pytest.approx(np.sqrt(5), rel=0.25)
 

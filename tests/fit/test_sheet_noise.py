@@ -9,6 +9,7 @@ import pytest
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.template import template
 from edtk.findings.finding import Severity
+from edtk.fit.identify import HowFitted
 from edtk.fit.sheet import sheet_noise
 from edtk.measure.pose_table import (
     AXIS_SIGMA_COLUMNS,
@@ -45,7 +46,7 @@ def along_a_beam(seed=1):
 def fitted(tmp_path):
     def fit(table, **options):
         table.to_csv(tmp_path / "sheet.csv", index=False)
-        return calibrate(STUDY, tmp_path / "sheet.csv", linear=True, **options)
+        return calibrate(STUDY, tmp_path / "sheet.csv", HowFitted(linear=True, **options))
 
     return fit
 
@@ -84,7 +85,7 @@ def test_a_covariance_by_row_is_used(fitted):
     assert all("linear model" in text for text in doubts)
 
 
-@pytest.mark.parametrize("options", [{"robust": True}, {"known": False}])
+@pytest.mark.parametrize("options", [{"robust": True}, {"sigma_unknown": True}])
 def test_an_outlier_in_correlated_rows(fitted, options):
     """A reading that is off along a beam is an outlier, though less than the noise across it."""
     covariance = along_a_beam()

@@ -6,6 +6,7 @@ import pytest
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.template import template, write_template
 from edtk.design.plan import Plan
+from edtk.fit.identify import HowFitted
 from edtk.fit.measurements import Measurements
 from edtk.measure.pose_table import (
     DEFLECTION_COLUMNS,
@@ -89,7 +90,7 @@ def test_from_the_plan_to_the_result(tmp_path, positions, markers):
     if markers:
         sheet[["marker_x_mm", "marker_y_mm", "marker_z_mm"]] = 0.0
     sheet.to_csv(tmp_path / "sheet.csv", index=False)
-    found = calibrate(study, tmp_path / "sheet.csv", plan=plan)
+    found = calibrate(study, tmp_path / "sheet.csv", HowFitted(plan=plan))
     np.testing.assert_allclose(found.fit.k, k, rtol=1e-2)
     assert found.data.sigma.max() == pytest.approx(1e-6)
 

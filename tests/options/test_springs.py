@@ -20,6 +20,7 @@ from edtk.findings.noise import left_out_findings
 from edtk.fit.correlated_noise import std_of
 from edtk.fit.distributions import student_quantile
 from edtk.fit.equilibrium import equilibrium_deflection, linearise
+from edtk.fit.identify import HowFitted
 from edtk.fit.least_squares import estimate
 from edtk.fit.measurements import Measurements, simulate
 from edtk.study.study import Study
@@ -51,7 +52,7 @@ def day(seed, poses=8, repeats=2, linear=True, **keys):
 def test_a_pose_left_out_is_what_a_fit_without_it_predicts(noise, known):
     """Errors and bands are those of least squares from the other poses alone."""
     study, data = day(0, noise=noise)
-    fitted = FittedData.of(study, data, known=known, linear=True)
+    fitted = FittedData.of(study, data, HowFitted(sigma_unknown=not known, linear=True))
     out = fitted.left_out
     size = 1.0 if known else fitted.fit.scale
     t = student_quantile(0.975, fitted.fit.covariance_dof)
@@ -70,7 +71,7 @@ def test_a_pose_left_out_is_what_a_fit_without_it_predicts(noise, known):
 def test_what_one_pose_alone_tells_is_not_predicted():
     """Two poses of five springs: coordinates that only their own pose tells have no error."""
     study, data = day(0, 2, 1)
-    out = FittedData.of(study, data, linear=True).left_out
+    out = FittedData.of(study, data, HowFitted(linear=True)).left_out
     assert np.isnan(out.errors).any()
     assert np.isinf(out.growth()).any()
 
@@ -82,7 +83,7 @@ def test_readings_that_bands_do_not_hold_are_found():
         clean = data.regressor(study.model) @ K
         often = np.where(data.pose % 4, 1.0, wild)[:, None]
         moved = clean + often * (data.deflection - clean)
-        fitted = FittedData.of(study, replace(data, deflection=moved), linear=True)
+        fitted = FittedData.of(study, replace(data, deflection=moved), HowFitted(linear=True))
         out = fitted.left_out
         found = left_out_findings(out.share_inside, out.independent, False, False)
         assert [one.kind for one in found] == kinds
@@ -111,7 +112,7 @@ def test_bands_hold_what_they_promise():
     inside = []
     for seed in range(40):
         _, data = day(seed, 8, 2, noise=MOVING)
-        fitted = FittedData.of(study, data, linear=True)
+        fitted = FittedData.of(study, data, HowFitted(linear=True))
         springs = FittedSprings.of(fitted, propagation_of(fitted), ())
         _, tests = day(1000 + seed, 6, 1, noise=MOVING)
         sheet = Plan(tests.q, tests.wrench, np.ones(6, int)).to_frame(study.robot)

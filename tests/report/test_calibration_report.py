@@ -17,6 +17,7 @@ from edtk.calibration.propagation import calibration_budget
 from edtk.findings.finding import Finding, Severity
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.springs import spring_findings
+from edtk.fit.identify import HowFitted
 from edtk.fit.measurements import Measurements, simulate
 from edtk.fit.posterior import SamplingOptions
 from edtk.fit.run_chain import Demand
@@ -46,7 +47,7 @@ def calibrated(spoil=lambda y: y, k=STUDY.compliances, known=True, seed=3, study
         np.tile(STUDY.sigma, (len(y), 1)),
         np.zeros((len(y), 3)),
     )
-    fitted = FittedData.of(study, data, known=known)
+    fitted = FittedData.of(study, data, HowFitted(sigma_unknown=not known))
     budget = calibration_budget(fitted, None)
     found = spring_findings(fitted, budget=budget)
     return Calibration(fitted, found, Path("day <1>.csv"), budget=budget)
@@ -187,9 +188,11 @@ def test_what_the_result_rests_on(tmp_path):
     sheet = tmp_path / "day.csv"
     sheet.write_text("rows\n")
     os.utime(sheet, (1e9, 1e9))
-    origin = Origin.of(sheet, linear=True, as_is=True)
-    assert origin == Origin.of(sheet, linear=True, as_is=True)
-    text = calibration_facts(replace(found, path=sheet, origin=origin))
+    origin = Origin.of(sheet)
+    assert origin == Origin.of(sheet)
+    asked = replace(found.fitted, how=HowFitted(linear=True, as_is=True))
+    found = replace(found, path=sheet, origin=origin, fitted=asked)
+    text = calibration_facts(found)
     said = dict(re.findall("<dt>(.*?)</dt><dd>(.*?)</dd>", text))
     assert said["File"] == "day.csv"
     assert said["SHA-256"] == hashlib.sha256(b"rows\n").hexdigest()
@@ -201,14 +204,14 @@ def test_what_the_result_rests_on(tmp_path):
     assert said["Model"].startswith("the loaded equilibrium, as it moves")
     assert said["Sheet"].startswith("taken as it is")
     assert said["Program"] == f"edtk {__version__}"
-    linear = replace(found, origin=origin, fitted=replace(found.fitted, nonlinear=False))
+    linear = replace(found, fitted=replace(asked, nonlinear=False))
     assert "<dd>linear, as asked for</dd>" in calibration_facts(linear)
 
 
 def test_a_pipe_has_no_hash(tmp_path):
     """What cannot be read twice is not read again."""
     os.mkfifo(tmp_path / "pipe")
-    assert Origin.of(tmp_path / "pipe", linear=False, as_is=False) == Origin()
+    assert Origin.of(tmp_path / "pipe") == Origin()
 
 
 def test_nothing_from_outside(good):

@@ -35,6 +35,7 @@ from edtk.findings.units import force_findings
 from edtk.fit.geometry.fit_geometry import NoiseNotToldError, TooFewPosesError, fit_geometry
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, root_mean_squares
 from edtk.fit.geometry.marker_positions import MarkerPositions, read_positions
+from edtk.fit.identify import AS_USUAL, HowFitted
 from edtk.measure.pose_table import LOADED_COLUMNS, Table, path_of
 from edtk.robots.robot import Robot
 from edtk.study.study import Study
@@ -65,25 +66,16 @@ class Sound:
 
 
 def calibrate_geometry(
-    study: Study,
-    path: Table,
-    robust: bool = False,
-    as_is: bool = False,
-    plan: Plan | None = None,
-    sigma_unknown: bool = False,
+    study: Study, path: Table, how: HowFitted = AS_USUAL
 ) -> GeometricCalibration:
     """Identify geometry, base, tools and springs of a study from a sheet of positions.
 
     Args:
         study: The question, with `[parameters]`.
         path: The sheet (CSV, or a data frame), see `read_positions`.
-        robust: Whether poses that fit badly count less.
-        as_is: Whether a sheet in other units, with copied rows, or of other poses than planned is
-            fitted all the same.
-        plan: The plan that was to be carried out. Poses that are not in it are an error; planned
-            visits that were not made, and other loads, are among the findings.
-        sigma_unknown: Whether the residuals tell how large the errors of readings are, where
-            repeats do not.
+        how: How it is fitted. Poses that are not in its plan are an error; planned visits that were
+            not made, and other loads, are among the findings. As it is, a sheet in other units,
+            with copied rows, or of other poses than planned is fitted all the same.
 
     Raises:
         UserError: The file cannot be read, is in other units, has poses that are not in the plan,
@@ -106,17 +98,17 @@ def calibrate_geometry(
     every = _from_instrument(StudyGeometry.of(study, every.markers), every, where)
     on_tool = np.arange(len(StudyGeometry.of(study, every.markers).on_tool))
     on_tool_seen = every.absolute.of_markers(on_tool)
-    reading = "" if as_is else turn_reading(path, study.robot, on_tool_seen)
+    reading = "" if how.as_is else turn_reading(path, study.robot, on_tool_seen)
     if reading:
         raise UserError(f"the robot fits if {reading}; expected {EXPECTED}", where=where)
-    if not as_is:
+    if not how.as_is:
         refuse_copied_visits(every, _typical_reading(named, every), where)
     setting, every, standing = with_standing(StudyGeometry.of(study, every.markers), every)
-    sound = _sound(setting, every, where, as_is)
-    planned = [] if plan is None else _beside_plan(setting, every, plan, where, as_is)
+    sound = _sound(setting, every, where, how.as_is)
+    planned = [] if how.plan is None else _beside_plan(setting, every, how.plan, where, how.as_is)
     setting = replace(setting, markers=sound.data.markers)
     try:
-        fit, gross = _fitted(setting, sound, robust, sigma_unknown)
+        fit, gross = _fitted(setting, sound, how)
     except (TooFewPosesError, NoiseNotToldError) as error:
         raise UserError(str(error), where=where) from error
     findings = [
@@ -128,7 +120,7 @@ def calibrate_geometry(
     ]
     rough = [one for one in findings if one.kind == "rough"]
     moved = any(one.kind == "frame_moved" for one in findings)
-    if rough and not moved and not as_is:
+    if rough and not moved and not how.as_is:
         raise UserError(rough[0].words, where=where)
     # Where the frame moved that is what is wrong, and not the robot.
     findings = [one for one in findings if one.kind != "rough" or not moved]
@@ -140,8 +132,8 @@ def calibrate_geometry(
         where,
         sound.counting,
         tuple(gross.visits),
-        robust,
-        Origin.of(path, False, as_is),
+        how.robust,
+        Origin.of(path),
     )
 
 
@@ -174,7 +166,7 @@ def _beside_plan(
 
 
 def _fitted(
-    setting: StudyGeometry, sound: Sound, robust: bool, sigma_unknown: bool
+    setting: StudyGeometry, sound: Sound, how: HowFitted
 ) -> tuple[GeometricFit, GrossErrors]:
     """The fit without visits that are far off, and those that are so indeed.
 
@@ -183,11 +175,11 @@ def _fitted(
     better, since they are those of a plan that tell what no other visit does.
     """
     gross = sound.gross
-    stated = replace(setting.noise, unknown=sigma_unknown)
+    stated = replace(setting.noise, unknown=how.sigma_unknown)
     kept = np.ones(len(sound.data), dtype=bool)
     kept[gross.visits] = False
-    how = (stated, setting.loads, robust, told_before(setting))
-    fit = fit_geometry(setting.model, sound.data[kept], *how)
+    rest = (stated, setting.loads, how.robust, told_before(setting))
+    fit = fit_geometry(setting.model, sound.data[kept], *rest)
     wrong = np.array([one.visit for one in gross.wrong], dtype=int)
     if not len(wrong):
         return fit, gross
@@ -202,7 +194,7 @@ def _fitted(
         return fit, gross
     kept[wrong[near]] = True
     still = tuple(one for one, is_near in zip(gross.wrong, near, strict=True) if not is_near)
-    fit = fit_geometry(setting.model, sound.data[kept], *how)
+    fit = fit_geometry(setting.model, sound.data[kept], *rest)
     return fit, replace(gross, wrong=still)
 
 

@@ -82,6 +82,15 @@ class Fault:
     in_positions: bool = False
 
 
+def units_in_words() -> str:
+    """The units of the sizes that plans are asked for, each with its faults."""
+    names: dict[str, list[str]] = {unit: [] for unit in UNITS_OF_SIZES}
+    for one in FAULTS.values():
+        if one.unit:
+            names[one.unit].append(one.name)
+    return "; ".join(f"{unit} of {', '.join(some)}" for unit, some in names.items())
+
+
 def families(scene: Scene) -> Iterator[Family]:
     """The models of all faults in a scene."""
     for fault in FAULTS.values():
