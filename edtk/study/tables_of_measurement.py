@@ -29,9 +29,8 @@ class MeasurementTable(Table):
     )
     sigma_mm: Sigma | None = Field(
         None,
-        description="Standard deviation of a displacement, or of a position where geometry is "
-        "asked for, per coordinate; needed unless [noise] has a tracker, whose errors it adds to "
-        "[mm]",
+        description="Standard deviation of a displacement, or of a position with [parameters], "
+        "per coordinate; needed without a tracker in [noise], and added to it [mm]",
     )
     sigma_deg: Sigma | None = Field(
         None, description="Standard deviation of a rotation, per axis; for rows = 'pose' [deg]"

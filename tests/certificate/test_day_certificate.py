@@ -156,7 +156,7 @@ def test_costs_are_those_of_the_study(file: Path, tmp_path: Path) -> None:
     run = CliRunner().invoke(main, ["verify", str(file), *beside])
     assert (run.exit_code, "valid: all" in run.stdout) == (0, True), run.output
     run = CliRunner().invoke(main, ["verify", str(file), *beside[2:]])
-    assert (run.exit_code, "go with a study" in run.stderr) == (2, True), run.output
+    assert (run.exit_code, "goes with a study" in run.stderr) == (2, True), run.output
     PRICED.replace(costs={"visit": 2, "loaded_visit": 5, "load_change": 3}).to_toml(study)
     run = CliRunner().invoke(main, ["verify", str(file), "--study", str(study)])
     assert run.exit_code == 1

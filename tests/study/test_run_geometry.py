@@ -177,11 +177,12 @@ def test_the_command(folder: Path) -> None:
     result = CliRunner().invoke(main, words)
     assert result.exit_code == 0, result.output
     assert "wrote" in result.stderr
-    free = STUDY.replace(load={"F_max_N": 100})
+    costs = {"load_change": 1, "budget": 20}  # each pose would have a load of its own
+    free = STUDY.replace(load={"F_max_N": 100}, costs=costs)
     free.to_toml(folder / "free.toml")
     refused = CliRunner().invoke(main, ["run", str(folder / "free.toml"), "--out", str(out / "x")])
     assert refused.exit_code == 2
-    assert "plans of geometry visit poses without a load or with a given one" in refused.stderr
+    assert "no set of loads whose changes a budget could count" in refused.stderr
 
 
 def test_a_run_as_json(found: StudyRun) -> None:

@@ -88,17 +88,21 @@ def predict_positions(
         tests &= ~placing & ~data.is_difference[:, None]
     else:
         predicted = fitted.predict(data.q, data.wrench, setting.loads, data.is_difference)
-    return _prediction(data, predicted, tests, beyond, radians)
+    # Orientations are predicted though the file has none, but not of a tool that points placed.
+    rows = fitted.model.present.sum(axis=1)
+    rows = rows if predicted.turn_half is not None else np.minimum(rows, 3)
+    return _prediction(data, rows, predicted, tests, beyond, radians)
 
 
 def _prediction(
     data: MarkerPositions,
+    rows: Indices,
     predicted: Predicted,
     tests: Mask,
     beyond: tuple[int, ...],
     radians: bool,
 ) -> Prediction:
-    """What the file asks for, one reading after another."""
+    """What the file asks for, one reading after another, each of so many rows (k,)."""
     visit, marker = np.nonzero(data.row >= 0)
     chosen = (visit, marker)
     turns = predicted.turns[chosen]
@@ -115,7 +119,7 @@ def _prediction(
         np.hstack([predicted.half[chosen], turned_half]),
         np.hstack([data.measured[chosen] - predicted.points[chosen], turned]),
     )
-    columns, of_columns = _columns(data.present[marker].sum(axis=1), data.is_difference[visit])
+    columns, of_columns = _columns(rows[marker], data.is_difference[visit])
     values, half, apart = (of_columns(one) for one in every)
     return Prediction(
         data=data,

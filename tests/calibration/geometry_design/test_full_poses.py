@@ -191,10 +191,11 @@ def test_identify_reads_the_sheet(day: Path) -> None:
     model, theta = erring()
     q = poses(10, seed=9)
     np.savetxt(day / "other.csv", np.rad2deg(q), delimiter=",", header=",".join(NAMES), comments="")
-    predicted = edtk.predict(day / "study.toml", day / "k.json", day / "other.csv").predicted
+    predicted = edtk.predict(day / "study.toml", day / "k.json", day / "other.csv").values
     seen = model.see(theta, q, derivatives=False)
-    assert np.abs(predicted.points - seen.points).max() < 3e-4
-    assert np.abs(predicted.turns - seen.turns).max() < 1e-3
+    turns = Rotation.from_rotvec(predicted[:, 3:]).as_matrix()
+    assert np.abs(predicted[:, :3] - seen.points[:, 0]).max() < 3e-4
+    assert np.abs(turns - seen.turns[:, 0]).max() < 1e-3
 
 
 def test_a_joint_may_be_called_as_a_turn(tmp_path: Path) -> None:

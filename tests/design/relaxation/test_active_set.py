@@ -1,5 +1,7 @@
 """The relaxation over a few poses, and the merging of poses that tell the same."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from designs import KR270, symmetric
@@ -62,9 +64,7 @@ def test_the_point_that_joined_last_stays():
     poses = polynomial([-1, 0, 1]) + polynomial([-1, 0, 1])
     r = relax(poses.problem, create("D"), GAP)
     shared = np.full(6, 1 / 6)
-    relaxation = type(r)(
-        r.criterion, shared, r.cost, r.proved_bound, r.multipliers, r.solver, r.iterations
-    )
+    relaxation = replace(r, weights=shared)
     numbered = Candidates(np.arange(6.0)[:, None], poses.problem)
     merged = ActiveSet(numbered, relaxation, 1).merged(1e-6, GAP)
     assert sorted(merged.support.x[:, 0]) == [3, 4, 5]
