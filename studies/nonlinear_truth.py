@@ -15,9 +15,8 @@ from threadpoolctl import threadpool_limits
 
 from edtk import Study
 from edtk.design.candidate_source import sample_feasible
-from edtk.findings.fitted_data import FittedData
+from edtk.findings.fitted_data import FittedData, HowFitted
 from edtk.fit.equilibrium import equilibrium_deflection
-from edtk.fit.identify import HowFitted
 from edtk.fit.measurements import Measurements
 from edtk.measure.task import all_compliances
 from edtk.report.tables import markdown_table

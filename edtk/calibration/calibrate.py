@@ -10,7 +10,7 @@ from edtk.calibration.calibration import Calibration, Origin
 from edtk.calibration.told_part import ToldPart, measured_known, told_part
 from edtk.findings.causes.faults import cause_of
 from edtk.findings.finding import Finding
-from edtk.findings.fitted_data import FittedData
+from edtk.findings.fitted_data import AS_USUAL, FittedData, HowFitted
 from edtk.findings.input_errors import find_input_error
 from edtk.findings.moving_joints import stated_noise
 from edtk.findings.nonlinear_part import linear_model_bias
@@ -18,7 +18,7 @@ from edtk.findings.prior import known_findings
 from edtk.findings.springs import spring_findings, still_joints, untold_finding
 from edtk.fit.correlated_noise import NotPositiveDefiniteError
 from edtk.fit.fit_huber import SigmaTooSmallError
-from edtk.fit.identify import AS_USUAL, HowFitted, NothingLeftError
+from edtk.fit.identify import NothingLeftError
 from edtk.fit.least_squares import SingularPlanError
 from edtk.fit.measurements import Measurements
 from edtk.fit.noise import TooManyVisitsError

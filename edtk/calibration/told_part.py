@@ -8,10 +8,11 @@ import numpy as np
 
 import criteria
 from criteria.linalg.estimable import SMALL, combination
+from edtk.findings.fitted_data import HowFitted
 from edtk.findings.nonlinear_part import known_part
 from edtk.fit.correlated_noise import RowNoise, whiten_columns
 from edtk.fit.equilibrium import LinearisedData, linearise
-from edtk.fit.identify import HowFitted, Identification, identify
+from edtk.fit.identify import Identification, identify
 from edtk.fit.least_squares import SingularPlanError, Whitened
 from edtk.fit.measurements import Measurements
 from edtk.fit.prior import PriorRows

@@ -31,7 +31,7 @@ from edtk.fit.distributions import student_quantile
 from edtk.fit.equilibrium import LinearisedData, NoFitError, fit_equilibrium, linearise
 from edtk.fit.estimate_noise import NoiseEstimate, estimate_noise, visit_residuals
 from edtk.fit.fit_huber import huber_weights
-from edtk.fit.identify import AS_USUAL, HowFitted, Identification, identify
+from edtk.fit.identify import Identification, identify
 from edtk.fit.least_squares import (
     NEARLY,
     Estimate,
@@ -53,6 +53,34 @@ from edtk.system.typing import Array, Indices, Mask
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+@dataclass(frozen=True, eq=False)
+class HowFitted:
+    """How a sheet is fitted: the options of `edtk.identify`, from the verb to whatever uses one.
+
+    Both kinds of calibration pass it on as it is; a new option is a field here.
+
+    Attributes:
+        robust: Huber's loss instead of squares; of positions, poses that fit badly count less.
+        sigma_unknown: Whether the size of the noise is estimated from the residuals; of positions,
+            where repeats do not tell it.
+        linear: Whether the linear model is fitted in any case.
+        as_is: Whether a sheet that is certainly wrong is fitted all the same.
+        plan: The plan that was to be carried out; None if it is not known.
+        sampled: Whether the posterior is to be sampled. Then the [prior] of a study may tell
+            compliances that measurements alone do not.
+    """
+
+    robust: bool = False
+    sigma_unknown: bool = False
+    linear: bool = False
+    as_is: bool = False
+    plan: Plan | None = None
+    sampled: bool = False
+
+
+AS_USUAL = HowFitted()
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from edtk.design.plan import Plan
 from edtk.fit.correlated_noise import RowNoise, whiten, whiten_columns
 from edtk.fit.distributions import chi_square_quantile, chi_square_tail, student_quantile
 from edtk.fit.fit_huber import fit_huber
@@ -36,34 +35,6 @@ ROUNDING = 1e-11
 # Standard deviations of residuals below this share of the noise's are rounding: the fit runs
 # through the measurement whatever it is, and the residual has no size to be compared with.
 DETERMINED = 1e-7
-
-
-@dataclass(frozen=True, eq=False)
-class HowFitted:
-    """How a sheet is fitted: the options of `edtk.identify`, from the verb to whatever uses one.
-
-    Both kinds of calibration pass it on as it is; a new option is a field here.
-
-    Attributes:
-        robust: Huber's loss instead of squares; of positions, poses that fit badly count less.
-        sigma_unknown: Whether the size of the noise is estimated from the residuals; of positions,
-            where repeats do not tell it.
-        linear: Whether the linear model is fitted in any case.
-        as_is: Whether a sheet that is certainly wrong is fitted all the same.
-        plan: The plan that was to be carried out; None if it is not known.
-        sampled: Whether the posterior is to be sampled. Then the [prior] of a study may tell
-            compliances that measurements alone do not.
-    """
-
-    robust: bool = False
-    sigma_unknown: bool = False
-    linear: bool = False
-    as_is: bool = False
-    plan: Plan | None = None
-    sampled: bool = False
-
-
-AS_USUAL = HowFitted()
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-from edtk.fit.identify import HowFitted
+from edtk.findings.fitted_data import HowFitted
 from edtk.measure.pose_table import Table
 from edtk.verbs.bayes import Sampling
 from edtk.verbs.inputs import PlanLike, StudyLike

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from edtk.design.design_space import DesignSpace
     from edtk.design.exact.exact_plan import ExactPlan
     from edtk.design.relaxation.relaxed_plan import RelaxedPlan
-    from edtk.fit.identify import HowFitted
+    from edtk.findings.fitted_data import HowFitted
     from edtk.study.evaluate import Evaluation
     from edtk.study.plan_study import RunOptions
     from edtk.study.study_run import Designs

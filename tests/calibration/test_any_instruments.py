@@ -10,8 +10,8 @@ from edtk.calibration.compensate import compensate
 from edtk.calibration.planned import planned_measurements
 from edtk.calibration.template import template
 from edtk.design.plan import Plan
+from edtk.findings.fitted_data import HowFitted
 from edtk.fit.correlated_noise import whiten_columns
-from edtk.fit.identify import HowFitted
 from edtk.fit.posterior import SamplingOptions
 from edtk.fit.run_chain import Demand
 from edtk.measure.compliances import Compliances

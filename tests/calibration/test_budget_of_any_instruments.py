@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from edtk.calibration.planned import plan_budget, planned_measurements
 from edtk.design.plan import Plan
-from edtk.findings.fitted_data import FittedData
-from edtk.fit.identify import HowFitted
+from edtk.findings.fitted_data import FittedData, HowFitted
 from edtk.fit.least_squares import Whitened
 from edtk.report.views.calibration import error_budget as text
 from edtk.robots.load_robot import load_robot

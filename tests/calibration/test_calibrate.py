@@ -10,7 +10,7 @@ import pytest
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.planned import plan_bias
 from edtk.calibration.template import template
-from edtk.fit.identify import HowFitted
+from edtk.findings.fitted_data import HowFitted
 from edtk.fit.measurements import simulate
 from edtk.fit.posterior import SamplingOptions
 from edtk.fit.run_chain import Demand

@@ -14,9 +14,10 @@ from edtk.calibration.compensate import BAND, compensate
 from edtk.calibration.tasks_in_use import task_findings
 from edtk.cli import main
 from edtk.design.plan import Plan
+from edtk.findings.fitted_data import HowFitted
 from edtk.fit.distributions import error_quantiles
 from edtk.fit.equilibrium import equilibrium_deflection
-from edtk.fit.identify import HowFitted, identify
+from edtk.fit.identify import identify
 from edtk.fit.measurements import simulate
 from edtk.measure.compliances import Compliances
 from edtk.measure.elastostatic_model import ElastostaticModel

@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from edtk.calibration import propagation as module
 from edtk.calibration.propagation import Propagation, Uncertainty
-from edtk.findings.fitted_data import FittedData
-from edtk.fit.identify import HowFitted
+from edtk.findings.fitted_data import FittedData, HowFitted
 from edtk.fit.least_squares import Whitened
 from edtk.fit.measurements import Measurements
 from edtk.fit.prior import PriorRows

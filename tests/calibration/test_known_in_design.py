@@ -13,7 +13,7 @@ from edtk.certificate.certificate import certificate
 from edtk.certificate.verify_certificate import verify_certificate
 from edtk.design.plan import Plan
 from edtk.findings.causes.find_causes import find_causes
-from edtk.fit.identify import HowFitted
+from edtk.findings.fitted_data import HowFitted
 from edtk.fit.measurements import Measurements, simulate
 from edtk.measure.compliances import Compliances
 from edtk.measure.expected_error import AssumedJoint

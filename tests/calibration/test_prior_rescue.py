@@ -11,9 +11,8 @@ from edtk.calibration.calibrate import calibrate
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.planned import check_plan_posterior
 from edtk.design.plan import Plan
-from edtk.findings.fitted_data import FittedData
+from edtk.findings.fitted_data import FittedData, HowFitted
 from edtk.findings.prior import posterior_findings
-from edtk.fit.identify import HowFitted
 from edtk.fit.least_squares import SingularPlanError
 from edtk.fit.posterior import Posterior, SamplingOptions
 from edtk.fit.prior import Flat, LogNormal, Normal, Prior, fit_with_prior

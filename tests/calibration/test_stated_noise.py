@@ -7,9 +7,9 @@ from edtk.calibration.calibrate import calibrate
 from edtk.calibration.planned import plan_budget, plan_noise, planned_measurements, visits_noise
 from edtk.calibration.template import is_filled, template
 from edtk.findings.finding import Severity
+from edtk.findings.fitted_data import HowFitted
 from edtk.findings.moving_joints import stated_noise
 from edtk.fit.correlated_noise import std_of
-from edtk.fit.identify import HowFitted
 from edtk.fit.least_squares import estimate
 from edtk.fit.measurements import simulate
 from edtk.measure.pose_table import (

@@ -11,7 +11,7 @@ import edtk
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.template import template
 from edtk.design.plan import Plan
-from edtk.fit.identify import HowFitted
+from edtk.findings.fitted_data import HowFitted
 from edtk.report.calibration_report import calibration_report
 from edtk.report.views.calibration import calibration_text as text
 from edtk.study.study import Study

@@ -9,11 +9,10 @@ from readings import PLAN, STUDY, measured, readings_of
 
 from edtk.design.plan import Plan
 from edtk.findings.finding import Severity
-from edtk.findings.fitted_data import FittedData
+from edtk.findings.fitted_data import FittedData, HowFitted
 from edtk.findings.input_errors import find_input_error
 from edtk.findings.springs import spring_findings
 from edtk.fit.equilibrium import equilibrium_deflection
-from edtk.fit.identify import HowFitted
 from edtk.fit.measurements import Measurements, simulate
 from edtk.measure.elastostatic_model import ElastostaticModel
 from tests.support.visits import TRACKER, visited

@@ -7,8 +7,7 @@ import pytest
 
 from edtk.calibration.calibrate import calibrate
 from edtk.findings.finding import Severity
-from edtk.findings.fitted_data import FittedData
-from edtk.fit.identify import HowFitted
+from edtk.findings.fitted_data import FittedData, HowFitted
 from edtk.fit.measurements import joint_motion, simulate
 from edtk.fit.noise import visit_covariance
 from edtk.report.calibration_sections import noise_parts

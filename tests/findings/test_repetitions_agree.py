@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from readings import PLAN, STUDY, readings_of
 
-from edtk.findings.fitted_data import FittedData
+from edtk.findings.fitted_data import FittedData, HowFitted
 from edtk.fit.correlated_noise import whiten
-from edtk.fit.identify import HowFitted
 from edtk.fit.outliers import lack_of_fit
 
 POSES = np.random.default_rng(3).uniform(*STUDY.model.robot.limits, size=(5, 6))

@@ -8,9 +8,8 @@ from readings import PLAN, STUDY, readings_of
 
 from edtk.calibration.planned import planned_measurements
 from edtk.findings.finding import Severity
-from edtk.findings.fitted_data import FittedData
+from edtk.findings.fitted_data import FittedData, HowFitted
 from edtk.findings.springs import spring_findings
-from edtk.fit.identify import HowFitted
 from edtk.robots.robot_file import robot_to_dict
 
 

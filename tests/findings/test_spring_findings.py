@@ -10,9 +10,8 @@ from scipy.stats import binom
 
 from edtk.design.plan import Plan
 from edtk.findings.finding import Severity
-from edtk.findings.fitted_data import FittedData
+from edtk.findings.fitted_data import FittedData, HowFitted
 from edtk.findings.springs import spring_findings
-from edtk.fit.identify import HowFitted
 from edtk.fit.least_squares import estimate
 from edtk.fit.measurements import Measurements, simulate
 from edtk.measure.elastostatic_model import ElastostaticModel

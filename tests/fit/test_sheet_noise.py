@@ -9,7 +9,7 @@ import pytest
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.template import template
 from edtk.findings.finding import Severity
-from edtk.fit.identify import HowFitted
+from edtk.findings.fitted_data import HowFitted
 from edtk.fit.sheet import sheet_noise
 from edtk.measure.pose_table import (
     AXIS_SIGMA_COLUMNS,

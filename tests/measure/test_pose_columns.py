@@ -6,7 +6,7 @@ import pytest
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.template import template, write_template
 from edtk.design.plan import Plan
-from edtk.fit.identify import HowFitted
+from edtk.findings.fitted_data import HowFitted
 from edtk.fit.measurements import Measurements
 from edtk.measure.pose_table import (
     DEFLECTION_COLUMNS,

@@ -14,13 +14,12 @@ from edtk.calibration.prediction import predict_displacements
 from edtk.calibration.propagation import FittedSprings, propagation_of
 from edtk.calibration.template import template
 from edtk.design.plan import Plan
-from edtk.findings.fitted_data import FittedData
+from edtk.findings.fitted_data import FittedData, HowFitted
 from edtk.findings.moving_joints import stated_noise
 from edtk.findings.noise import left_out_findings
 from edtk.fit.correlated_noise import std_of
 from edtk.fit.distributions import student_quantile
 from edtk.fit.equilibrium import equilibrium_deflection, linearise
-from edtk.fit.identify import HowFitted
 from edtk.fit.least_squares import estimate
 from edtk.fit.measurements import Measurements, simulate
 from edtk.study.study import Study

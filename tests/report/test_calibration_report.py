@@ -15,9 +15,8 @@ from scipy.stats import probplot
 from edtk.calibration.calibration import Calibration, Origin
 from edtk.calibration.propagation import calibration_budget
 from edtk.findings.finding import Finding, Severity
-from edtk.findings.fitted_data import FittedData
+from edtk.findings.fitted_data import FittedData, HowFitted
 from edtk.findings.springs import spring_findings
-from edtk.fit.identify import HowFitted
 from edtk.fit.measurements import Measurements, simulate
 from edtk.fit.posterior import SamplingOptions
 from edtk.fit.run_chain import Demand

@@ -10,6 +10,7 @@ from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.geometry.told_before import told_before
 from edtk.design.plan import Plan
 from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
+from edtk.findings.fitted_data import AS_USUAL, HowFitted
 from edtk.findings.geometry.counting import (
     Counting,
     as_said,
@@ -35,7 +36,6 @@ from edtk.findings.units import force_findings
 from edtk.fit.geometry.fit_geometry import NoiseNotToldError, TooFewPosesError, fit_geometry
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, root_mean_squares
 from edtk.fit.geometry.marker_positions import MarkerPositions, read_positions
-from edtk.fit.identify import AS_USUAL, HowFitted
 from edtk.measure.pose_table import LOADED_COLUMNS, Table, path_of
 from edtk.robots.robot import Robot
 from edtk.study.study import Study
