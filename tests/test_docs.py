@@ -67,7 +67,7 @@ def command(words: list[str]) -> None:
     if "--budget" in words:
         words[words.index("--budget") + 1] = "1"
     result = CliRunner().invoke(main, words, catch_exceptions=False)
-    assert result.exit_code == 0, result.stderr
+    assert result.exit_code == 0, result.output
 
 
 WITH_CODE = [page for page in PAGES if script(page)]

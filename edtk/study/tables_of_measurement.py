@@ -29,8 +29,8 @@ class MeasurementTable(Table):
     )
     sigma_mm: Sigma | None = Field(
         None,
-        description="Standard deviation of a displacement, or of a position with [parameters], "
-        "per coordinate; needed without a tracker in [noise], and added to it [mm]",
+        description="Standard deviation of a displacement or position, per coordinate; "
+        "needed without a tracker in [noise], and added to it [mm]",
     )
     sigma_deg: Sigma | None = Field(
         None, description="Standard deviation of a rotation, per axis; for rows = 'pose' [deg]"

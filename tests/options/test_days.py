@@ -1,8 +1,10 @@
 """Days: what visits and load changes cost, for springs as for geometry."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import combinations_with_replacement
 from pathlib import Path
+from typing import Any
 
 import cloudpickle
 import numpy as np
@@ -15,9 +17,11 @@ import edtk
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.plan_geometry import plan_geometry
 from edtk.cli import main
-from edtk.design.exact import visit_search
+from edtk.design.exact import day_search, visit_search
 from edtk.design.exact.day import DayCosts, DayPlan
 from edtk.design.plan import Plan
+from edtk.design.relaxation.relax_poses import relaxed_in_time
+from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.study.plan_study import RunOptions, day_costs, plan_study
 from edtk.study.study import Study
 from edtk.system.workers import Workers
@@ -92,6 +96,31 @@ def test_the_size_may_be_given() -> None:
     assert len(np.unique(five.plan.wrench, axis=0)) == 1
     with pytest.raises(edtk.UserError, match=r"costs\.budget: 6 experiments cost 22 or more"):
         plan_study(one_pose(), 6)
+
+
+@pytest.mark.parametrize("turn", [4, 5])
+def test_bounds_of_one_kind_make_the_bound_of_a_day(
+    turn: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where time ends before all sets are searched, the bounds on candidates count for all sets."""
+    calls = iter(range(100))
+
+    def cut_short(*arguments: Any) -> tuple[RelaxedPlan, bool]:
+        relaxed, interrupted = relaxed_in_time(*arguments)
+        searched = relaxed.searched_bound
+        if next(calls) >= turn:
+            relaxed = replace(relaxed, searched_bound=None, searched_sensitivities=None)
+        elif searched is not None:  # as of a search that has not come to its end
+            weaker = replace(searched, cost=0.9 * searched.cost)
+            relaxed = replace(relaxed, searched_bound=weaker)
+        return relaxed, interrupted
+
+    monkeypatch.setattr(day_search, "relaxed_in_time", cut_short)
+    study = arm(load={"list_F_N": FORCES[:2]}, costs=COSTS, candidates=20)
+    found = edtk.plan(study, certificate=tmp_path / "c.json")
+    told = edtk.verify(tmp_path / "c.json", study)
+    assert told.valid, told.summary()
+    assert found.lower_bound.cost <= found.cost * (1 + 1e-9)
 
 
 @pytest.mark.parametrize(

@@ -68,6 +68,13 @@ class LoadTrial:
             relaxed = relaxed.holding_for(found.x)
         return cls(loads, relaxed, total, found)
 
+    def on_candidates(self) -> "LoadTrial":
+        """The trial with the bound that is proved on candidates and the plan's own poses alone."""
+        if self.relaxed.searched_bound is None:
+            return self
+        plain = replace(self.relaxed, searched_bound=None, searched_sensitivities=None)
+        return self.of(self.loads, plain, self.total, self.found)
+
     def or_better(self, earlier: "LoadTrial | None") -> "LoadTrial":
         """The trial with the plan of an earlier one, where that is better or the only one."""
         if earlier is None or earlier.found is None:
@@ -275,10 +282,14 @@ class DaySearch:
     def _result(self, best: LoadTrial, trials: list[LoadTrial]) -> DayPlan:
         """The plan, with a bound on the plans of all sets of loads."""
         assert best.found is not None
-        least = min(trials, key=lambda one: one.bound.cost).bound
         # What holds for all sets of loads is as far-reaching as the narrowest of their bounds.
         searched = all(one.bound.kind is BoundKind.SEARCHED for one in trials)
+        if not searched:
+            trials = [one.on_candidates() for one in trials]
+            best = next(one for one in trials if one.loads == best.loads)
+        assert best.found is not None
         kind = BoundKind.SEARCHED if searched else BoundKind.PROVED_ON_CANDIDATES
+        least = min(trials, key=lambda one: one.bound.cost).bound
         plain = ExactPlan.of(best.relaxed, best.found, self.kept)
         return DayPlan(
             **{name: getattr(plain, name) for name in plain.__dataclass_fields__},
