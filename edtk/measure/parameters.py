@@ -43,6 +43,13 @@ def parameter_names(joints: Sequence[str]) -> tuple[str, ...]:
 
 
 Place = Literal["base", "joint", "tool", "compliance"]
+# What reports say of the parameters of each place, in this order.
+TITLES: dict[Place, str] = {
+    "joint": "Geometry: how the robot differs from its drawing",
+    "compliance": "Springs of the joints",
+    "tool": "Markers: how far they are from where the study has them on the tool",
+    "base": "Base: how far it is from where the drawing fits best",
+}
 
 
 @dataclass(frozen=True)

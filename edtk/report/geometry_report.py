@@ -8,7 +8,7 @@ from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.findings.finding import rows_in_words
 from edtk.fit.geometry.fitted_geometry import MM, lengths, root_mean_square
 from edtk.measure.cells import csv_text
-from edtk.measure.parameters import Parameter
+from edtk.measure.parameters import TITLES, Parameter
 from edtk.report.calibration_report import NAMES, calibration_title
 from edtk.report.draw.residuals import left_out_errors, marker_residuals
 from edtk.report.figures import new_figure
@@ -35,12 +35,6 @@ SHOWN = 8  # rows of the table of poses
 WIDTH = 4.4  # of a picture [inch]: letters can be read on a phone, and on a desk two have room
 HEIGHT = 2.9
 MOST_PICTURES = 8  # of markers
-GROUPS = {
-    "joint": "Geometry: how the robot differs from its drawing",
-    "compliance": "Springs of the joints",
-    "tool": "Markers: how far they are from where the study has them on the tool",
-    "base": "Base: how far it is from where the drawing fits best",
-}
 
 
 def geometry_facts(found: GeometricCalibration) -> str:
@@ -278,7 +272,7 @@ def _parameters(found: GeometricCalibration) -> list[str]:
     """A section for each kind of parameter."""
     parameters = found.fit.fitted.model.parameters
     sections = []
-    for place, title in GROUPS.items():
+    for place, title in TITLES.items():
         own = [one for one in parameters if one.place == place]
         if own:
             sections.append(section(title, _table(found, own)))

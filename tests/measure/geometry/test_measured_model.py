@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -9,7 +10,14 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from edtk.measure.measured_model import MeasuredModel
-from edtk.measure.parameters import Identifiable, Parameter, all_parameters, identifiable
+from edtk.measure.parameters import (
+    TITLES,
+    Identifiable,
+    Parameter,
+    Place,
+    all_parameters,
+    identifiable,
+)
 from edtk.robots.joint import Joint, TiedJoint
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import transform
@@ -186,3 +194,8 @@ def test_chosen_geometry(geometry: str | list[str], count: int | None) -> None:
         assert len(all_parameters(SIX, "A", geometry, base=False, tool=False)) == count
     with pytest.raises(ValueError, match=r"zeros, lengths, tilts.*q1, q2"):
         all_parameters(SIX, "A", ["q9"])
+
+
+def test_every_place_has_a_title() -> None:
+    """A parameter of a place without one would be in no section of a report."""
+    assert set(TITLES) == set(get_args(Place))
