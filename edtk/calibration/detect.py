@@ -3,12 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.calibration.geometry_design.geometry_plan import visited
-from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.planned import planned_measurements
 from edtk.calibration.template import visit_order
 from edtk.design.candidate_source import sample_feasible
@@ -24,6 +22,9 @@ from edtk.fit.measurements import Measurements
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Indices
+
+if TYPE_CHECKING:
+    from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 
 CANDIDATES = 300  # poses among which one more experiment is looked for
 VISITS = 100  # the same of visits, whose rows are more
@@ -144,7 +145,7 @@ class Promised:
         return cls(scene, both.noise, both.q, len(first), len(study.model.instruments))
 
     @classmethod
-    def visits(cls, question: GeometryQuestion, plan: Plan) -> "Promised":
+    def visits(cls, question: "GeometryQuestion", plan: Plan) -> "Promised":
         """Positions, in the order of the sheet that `edtk template` writes.
 
         All is to first order about the drawing.
@@ -153,6 +154,9 @@ class Promised:
             question: The question of the study.
             plan: All visits.
         """
+        # Plans of springs need nothing of geometry.
+        from edtk.calibration.geometry_design.geometry_plan import visited
+
         study = question.study
         order = visit_order(study, plan)
         x = sample_feasible(question.space, VISITS, study.specification.seed)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import criteria
+from edtk.measure.task import Tasks
 from edtk.study.study_run import StudyRun
 from edtk.system.typing import Array
 
@@ -150,3 +151,8 @@ def left_out_sentence(inside: float) -> str:
         f"poses of the same kind. {100 * inside:.0f} % of the coordinates were inside their 95 % "
         "bands."
     )
+
+
+def expected_rho0(rho0_mm: float, tasks: Tasks) -> str:
+    """The error to expect in the tasks, of what counts there."""
+    return f"rho0 {rho0_mm:.4g} mm: error of {tasks.subject} to expect {tasks.place}"

@@ -4,13 +4,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from time import monotonic
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from edtk.design.candidate_source import CandidateSource, EmptyFeasibleSetError
 from edtk.design.design_space import DesignSpace
-from edtk.design.exact.day import DayCosts
-from edtk.design.exact.day_search import MOST_LOADS, DaySearch
+from edtk.design.exact.day import MOST_LOADS, DayCosts
 from edtk.design.exact.exact_plan import (
     ExactPlan,
     NoPlanError,
@@ -38,6 +38,9 @@ from edtk.study.study import Study
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.time_limit import time_limit
 from edtk.system.typing import Array
+
+if TYPE_CHECKING:
+    from edtk.design.exact.day_search import DaySearch
 from edtk.system.workers import THIS_PROCESS, Workers, WorkersLostError
 
 TOLERANCE = 1e-5  # relative gap, beyond which a bound would not change how a plan is judged
@@ -265,12 +268,14 @@ def _day_search(
     kept: Plan | None,
     cost_budget: float | None,
     options: RunOptions,
-) -> DaySearch:
+) -> "DaySearch":
     """The search for a plan of a study, whose costs may decide its size.
 
     Raises:
         UserError: One of the arguments is impossible.
     """
+    from edtk.design.exact.day_search import DaySearch  # it takes long to load; relax needs none
+
     costs = day_costs(study, cost_budget)
     wrenches = wrenches_of(study, costs)
     require_few_loads(study, costs, wrenches)
@@ -415,7 +420,7 @@ def new_experiments(
 
 
 @contextmanager
-def _enough(study: Study, search: DaySearch, most: int) -> Iterator[None]:
+def _enough(study: Study, search: "DaySearch", most: int) -> Iterator[None]:
     """Turn the error of too few experiments or poses into one about the arguments.
 
     Raises:

@@ -19,7 +19,7 @@ from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.findings.finding import Finding
 from edtk.fit.least_squares import SingularPlanError
 from edtk.measure.cells import csv_text
-from edtk.measure.expected_error import ExpectedError, TaskAccuracy
+from edtk.measure.expected_error import ErrorBudget, ExpectedError, TaskAccuracy
 from edtk.study.evaluate import accuracy_of_tasks, plan_accuracy, plan_covariance
 from edtk.study.plan_study import plan_study, planning_space
 from edtk.study.plausibility import plan_plausibility
@@ -104,10 +104,12 @@ class Designs:
     Attributes:
         study: The study.
         unit: Unit of a criterion's values that names none.
+        of_visits: Whether plans are of visits, which tell geometry.
     """
 
     study: Study
     unit: ClassVar[str] = "SI"
+    of_visits: ClassVar[bool] = False
 
     @property
     def design(self) -> Study:
@@ -121,6 +123,10 @@ class Designs:
     def criterion(self, name: str | None = None) -> criteria.Criterion:
         """A criterion; by default the one that the study is about."""
         return self.design.criterion(name)
+
+    def error_budget(self, plan: Plan) -> ErrorBudget | None:
+        """The error budget of visits; that of springs is `edtk.calibration.planned.plan_budget`."""
+        return None
 
     def information(self, plan: Plan) -> Array:
         """Information matrix (p, p) of a plan, and of a prior that counts."""

@@ -374,6 +374,7 @@ class GeometryDesigns(Designs):
     """
 
     question: GeometryQuestion
+    of_visits: ClassVar[bool] = True
     unit: ClassVar[str] = "own units"  # of the parameters: mm, mrad, 1e-6 rad/(N m)
 
     @classmethod

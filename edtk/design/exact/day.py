@@ -16,6 +16,7 @@ from edtk.robots.robot import Robot
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Indices
 
+MOST_LOADS = 5  # none not counted: of more, too many sets would have to be searched one by one
 MOST_VISITS = 500
 ROUNDING = 1e-9  # relative: a budget may be exceeded by the rounding of a sum
 DIGITS = 9  # of joint variables: rounding must not make two poses of one

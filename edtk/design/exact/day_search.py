@@ -22,7 +22,6 @@ from edtk.system.typing import Array
 from edtk.system.workers import THIS_PROCESS, Workers, one_thread
 
 AS_GOOD = 1e-4  # relative difference of costs of plans below which the cheaper day is better
-MOST_LOADS = 5  # none not counted: of more, too many sets would have to be searched one by one
 Loads = tuple[int, ...]
 OfSize = Callable[[RelaxedPlan, int, int | None], FoundPlan]
 

@@ -1,12 +1,11 @@
 """Calibrations of compliances, and predictions by any calibration."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.posterior_check import PoseError
-from edtk.calibration.prediction import Prediction
 from edtk.findings.finding import notes, row_names, shown_probability
 from edtk.fit.estimate_noise import NoiseEstimate
 from edtk.fit.identify import Identification
@@ -17,6 +16,9 @@ from edtk.report.draw.residuals import ResidualPanel, residuals
 from edtk.report.figures import panels
 from edtk.report.shown import digits, displacement_in_words, left_out_line
 from edtk.report.tables import name_width, notebook_table
+
+if TYPE_CHECKING:
+    from edtk.calibration.prediction import Prediction
 
 MOST_LINES = 60  # of readings that are predicted
 ERRORS = ("error_mm", "error_deg")
@@ -243,7 +245,7 @@ def pose_error_text(error: PoseError) -> str:
     return f"{text}\ndisplacement under the task's load{which}, 95 % intervals [mm]: {axes}"
 
 
-def prediction_text(found: Prediction) -> str:
+def prediction_text(found: "Prediction") -> str:
     """A line for each reading, and the comparison."""
     width = max([len(name) for name in found.markers] + [6])
     lengths = np.flatnonzero(found.lengths)

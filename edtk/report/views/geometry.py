@@ -6,9 +6,8 @@ from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.findings.finding import notes
 from edtk.fit.geometry.fitted_geometry import root_mean_square
 from edtk.report.geometry_report import robot_stands
-from edtk.report.shown import left_out_line, places_of
+from edtk.report.shown import expected_rho0, left_out_line, places_of
 from edtk.report.tables import name_width
-from edtk.report.views.geometry_plan import expected_rho0
 
 MM = 1e3
 

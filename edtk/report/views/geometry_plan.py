@@ -6,7 +6,7 @@ from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.design.exact.day import PosesByLoad
 from edtk.measure.pose_table import in_file_units, pose_columns
-from edtk.measure.task import Tasks
+from edtk.report.shown import expected_rho0
 from edtk.report.tables import name_width, number_columns
 from edtk.report.views.calibration import error_budget
 from edtk.report.views.plan import (
@@ -83,11 +83,6 @@ def _rho0(found: GeometryPlan) -> list[str]:
         *([] if found.error_budget is None else [error_budget(found.error_budget, True)]),
         *as_drawn(found.question),
     ]
-
-
-def expected_rho0(rho0_mm: float, tasks: Tasks) -> str:
-    """The error to expect in the tasks, of what counts there."""
-    return f"rho0 {rho0_mm:.4g} mm: error of {tasks.subject} to expect {tasks.place}"
 
 
 def as_drawn(question: GeometryQuestion) -> list[str]:

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
 from edtk.calibration.planned import plan_budget
 from edtk.measure.expected_error import ErrorBudget
 from edtk.measure.task import Task
@@ -155,15 +154,17 @@ def expected_of_run(run: StudyRun) -> list[str]:
     if run.expected is None:
         return []
     budget = budget_of_run(run)
-    of_visits = isinstance(run.designs, GeometryDesigns)
-    return [*([] if budget is None else [error_budget(budget, of_visits)]), str(run.expected)]
+    return [
+        *([] if budget is None else [error_budget(budget, run.designs.of_visits)]),
+        str(run.expected),
+    ]
 
 
 def budget_of_run(run: StudyRun) -> ErrorBudget | None:
     """The error budget of that plan; None where it is not known, see `plan_budget`."""
     if run.best is None:
         return None
-    if isinstance(run.designs, GeometryDesigns):
+    if run.designs.of_visits:
         return run.designs.error_budget(run.best)
     return plan_budget(run.study, run.best)
 
