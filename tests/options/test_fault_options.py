@@ -10,7 +10,8 @@ from geometry_sheets import NAMES, OFFSETS, PLACE, STUDY, run
 from readings import STUDY as DISPLACEMENTS
 
 import edtk
-from edtk.calibration.detect import Promised, detect, sized_faults, visited
+from edtk.calibration.detect import Promised, detect, sized_faults
+from edtk.calibration.geometry_design.geometry_plan import visited
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.findings.causes.faults import FAULTS, cause_wording
 from edtk.findings.finding import Finding

@@ -10,7 +10,8 @@ from click.testing import CliRunner
 from loaded_arm import LOAD, STUDY
 
 import edtk
-from edtk.calibration.detect import Promised, detect, sized_faults, visited
+from edtk.calibration.detect import Promised, detect, sized_faults
+from edtk.calibration.geometry_design.geometry_plan import visited
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.template import visit_order
 from edtk.cli import main
