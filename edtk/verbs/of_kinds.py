@@ -1,6 +1,6 @@
 """Studies of compliances by displacements, and of geometry by positions, as questions."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -25,7 +25,7 @@ from edtk.verbs.inputs import (
     name_of,
 )
 from edtk.verbs.of_studies import OfStudy
-from edtk.verbs.question import PlanCall, RelaxCall
+from edtk.verbs.question import PlanCall
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -109,20 +109,11 @@ class OfCompliances(OfStudy):
     def _proof(self, asked: Study, found: "ExactPlan") -> str:
         return self._proof_of_day(asked, found, None)
 
-    def _best_weights(
-        self, asked: Study, criterion: str | None, call: RelaxCall, options: "RunOptions"
-    ) -> "RelaxedPlan":
+    @staticmethod
+    def _relaxation() -> Callable[..., "RelaxedPlan"]:
         from edtk.study.plan_study import relax_study
 
-        return relax_study(
-            asked,
-            criterion,
-            candidates=call.candidates,
-            continuous=call.continuous,
-            size=call.size,
-            memory_mb=call.memory_mb,
-            options=options,
-        )
+        return relax_study
 
     def _worth(self, plan: Plan) -> "Evaluation":
         from edtk.study.evaluate import evaluate
@@ -281,20 +272,11 @@ class OfGeometry(OfStudy):
 
         return self._proof_of_day(asked, found, geometry_setting(found.question))
 
-    def _best_weights(
-        self, asked: Study, criterion: str | None, call: RelaxCall, options: "RunOptions"
-    ) -> "RelaxedPlan":
+    @staticmethod
+    def _relaxation() -> Callable[..., "RelaxedPlan"]:
         from edtk.calibration.geometry_design.plan_geometry import relax_geometry
 
-        return relax_geometry(
-            asked,
-            criterion,
-            candidates=call.candidates,
-            continuous=call.continuous,
-            size=call.size,
-            memory_mb=call.memory_mb,
-            options=options,
-        )
+        return relax_geometry
 
     def _worth(self, plan: Plan) -> "GeometryEvaluation":
         from edtk.calibration.geometry_design.evaluate_geometry import evaluate_geometry

@@ -1,7 +1,7 @@
 """Questions about a robot: each verb once, with what differs by kind in methods of their own."""
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -209,7 +209,15 @@ class OfStudy(Question):
         options = RunOptions(seed=call.seed, threads=call.workers, progress=call.progress)
         try:
             with self._sweepers(call) as pool, errors_in(self.study.where):
-                found = self._best_weights(asked, criterion, call, replace(options, workers=pool))
+                found = self._relaxation()(
+                    asked,
+                    criterion,
+                    candidates=call.candidates,
+                    continuous=call.continuous,
+                    size=call.size,
+                    memory_mb=call.memory_mb,
+                    options=replace(options, workers=pool),
+                )
         except PlanInterrupted as interrupt:
             write(interrupt.best)
             raise
@@ -230,11 +238,10 @@ class OfStudy(Question):
         setting = replace(self, study=asked).setting(found.space)
         return certificate_text(asked, found, setting)
 
+    @staticmethod
     @abstractmethod
-    def _best_weights(
-        self, asked: Study, criterion: str | None, call: RelaxCall, options: "RunOptions"
-    ) -> "RelaxedPlan":
-        """The relaxation."""
+    def _relaxation() -> Callable[..., "RelaxedPlan"]:
+        """What finds the best weights over poses."""
 
     def evaluate(self, plan: PlanLike) -> "Evaluation | GeometryEvaluation":
         """A plan under every criterion; see `edtk.evaluate`."""

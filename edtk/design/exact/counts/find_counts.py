@@ -28,7 +28,6 @@ from edtk.system.time_limit import time_limit
 from edtk.system.typing import Indices
 
 Progress = Callable[[int, float], object]
-INTERRUPTED = "interrupted before one was found"
 
 
 def find_counts(
@@ -76,8 +75,12 @@ def find_counts(
     limits = replace(limits, base=sized.information(limits.base))
     question = beside_blocks(bare, plain, limits)
     _require_beside_blocks(question, limits, problem)
-    relaxed, reason = _relaxed(question, plain)
-    interrupted = reason == INTERRUPTED or (relaxed is not None and relaxed.interrupted)
+    try:
+        relaxed, reason = _relaxed(question, plain)
+        interrupted = relaxed is not None and relaxed.interrupted
+    except KeyboardInterrupt:
+        relaxed, reason = None, "interrupted before one was found"
+        interrupted = True
     search = _search(bare, plain, limits, relaxed)
     if not thorough:
         search = replace(search, pricing=search.pricing.brief())
@@ -132,8 +135,6 @@ def _relaxed(question: Question | None, criterion: Criterion) -> tuple[RelaxedCo
         found = relaxed_counts(*question)
     except RelaxationError:
         return None, "no solver found weights"
-    except KeyboardInterrupt:
-        return None, INTERRUPTED
     return (found, "") if found.cost > 0 else (None, "the multipliers found prove nothing")
 
 
