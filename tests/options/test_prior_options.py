@@ -16,7 +16,7 @@ from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.findings.geometry.geometric_fit import geometric_findings
 from edtk.fit.geometry.fit_geometry import fit_geometry
-from edtk.fit.geometry.fitted_geometry import MM, GeometricFit
+from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, resting_load
 from edtk.fit.geometry.geometry_posterior import GeometryDensity
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.prior import Gaussian, Prior, fit_with_prior
@@ -125,16 +125,16 @@ def test_springs_alone_are_the_fit_of_displacements() -> None:
     fit = fitted(study, data)
     assert fit.fitted.noise.model_fit is None
     setting = StudyGeometry.of(study)
-    torque = fit.fitted.torque(data.q, data.wrench, setting.loads)
-    rows = model.see(fit.fitted.theta, data.q, torque)
+    # Loads turn with the springs: the columns have that, too.
+    load = resting_load(fit.fitted.compliances, data.q, data.wrench, setting.loads)
+    rows = model.see(fit.fitted.theta, data.q, load)
     A = rows.jacobian.reshape(len(data), -1, 2)
     off = (data.measured - rows.points).reshape(len(data), -1) + A @ fit.fitted.theta
     own = Prior(tuple(Gaussian(k, 2e-8) for k in mean.values()))
     springs = fit_with_prior(A, off, SIGMA / MM, ("k2", "k3"), own)
-    # Loads turn with the springs, which columns at a fixed load leave out.
-    np.testing.assert_allclose(fit.fitted.theta, springs.k, rtol=1e-6)
+    np.testing.assert_allclose(fit.fitted.theta, springs.k, rtol=1e-9)
     covariance = fit.fitted.covariance * np.outer(model.scales, model.scales)
-    np.testing.assert_allclose(covariance, springs.covariance, rtol=1e-5, atol=1e-20)
+    np.testing.assert_allclose(covariance, springs.covariance, rtol=1e-9, atol=1e-25)
 
 
 @pytest.mark.cell("`[joints] known_rad_per_Nm`", "parameters")
