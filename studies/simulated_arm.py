@@ -336,26 +336,26 @@ def _carried(T: NDArray, place: Array) -> NDArray:
     return T[..., :3, :3] @ place + T[..., :3, 3]
 
 
-def bending(length: float, flexural: float, torsional: float, along: int = 0) -> Array:
+def bending(link: ArrayLike, flexural: float, torsional: float) -> Array:
     """Compliance (6, 6) at the end of a beam that is held at its root, of ``MOTIONS``.
 
-    ``L^3/3EI`` of a deflection by a force, ``L/EI`` of a slope by a torque, ``L^2/2EI`` of one by
-    the other, ``L/GJ`` of a twist.
+    Across the beam, whose direction is d, a force moves the end by L^3/3EI and a torque turns it by
+    L/EI; one along it by L/GJ. A force f turns the end by ``L^2/2EI d x f``, and a torque moves it
+    by the transpose.
 
     Args:
-        length: L [m].
+        link: From root to end (3,), of the length L [m].
         flexural: EI [N m^2].
         torsional: GJ [N m^2].
-        along: Axis of the beam: 0, 1 or 2 for x, y or z.
     """
+    length = float(np.linalg.norm(link))
+    d = np.asarray(link, dtype=float) / length
+    along = np.outer(d, d)
+    across = np.eye(3) - along
+    crossed = np.cross(np.eye(3), d) * length**2 / (2 * flexural)
     C = np.zeros((6, 6))
-    C[3 + along, 3 + along] = length / torsional
-    e = np.eye(3)
-    for across in ((along + 1) % 3, (along + 2) % 3):
-        turn = np.cross(e[along], e[across])  # a force along `across` turns the end about this
-        slope = int(np.flatnonzero(turn)[0])
-        C[across, across] = length**3 / (3 * flexural)
-        C[3 + slope, 3 + slope] = length / flexural
-        coupled = turn[slope] * length**2 / (2 * flexural)
-        C[across, 3 + slope] = C[3 + slope, across] = coupled
+    C[:3, :3] = length**3 / (3 * flexural) * across
+    C[3:, 3:] = length / flexural * across + length / torsional * along
+    C[3:, :3] = crossed
+    C[:3, 3:] = crossed.T
     return C

@@ -93,11 +93,12 @@ def test_energies_of_compensators_are_integrals_of_their_forces(module):
 
 def test_beam_is_stiffer_than_its_parts(module):
     """A beam is two of half its length, one behind the other."""
-    whole = module.bending(2.0, 5.0, 3.0, along=1)
-    half = module.bending(1.0, 5.0, 3.0, along=1)
+    link = np.array([0.6, 0.0, 0.8])
+    whole = module.bending(2 * link, 5.0, 3.0)
+    half = module.bending(link, 5.0, 3.0)
     # A force at the end of the first half's neighbour is a force and a torque at its own end.
     T = np.eye(6)
-    T[:3, 3:] = -np.cross(np.eye(3), [0.0, 1.0, 0.0])
+    T[:3, 3:] = -np.cross(np.eye(3), link)  # a turn w moves what is a link away by w x link
     np.testing.assert_allclose(half + T @ half @ T.T, whole, atol=1e-15)
 
 

@@ -1,0 +1,391 @@
+"""Is the promised error what a robot is really off by, if it is not what the model takes it for?
+
+    python studies/kept_promises.py FOLDER [--days 20] [--only "KR 270/friction/optimal"]
+
+Days in the lab, from the plan to the compensated robot: `edtk.plan` (12 experiments), or random
+poses; a sheet of a simulated robot (`simulated_arm.py`, which shares no code with edtk);
+`edtk.identify`; `edtk.compensate` in the test pose; and where the simulated robot then really is.
+The robots have springs about axes that are none of their joints', links that bend, a stiffness that
+varies, and friction. What else the promise counts is drawn: size and direction of the load, the
+tool point, and the noise (`--exact`: the noise alone). Springs differ from day to day.
+
+FOLDER keeps plans and days, so that a run goes on where it was stopped. One table a run is printed,
+and written to FOLDER/table.md.
+"""
+
+import json
+import os
+import time
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import click
+import numpy as np
+import pandas as pd
+from fault_robots import robots
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+from simulated_arm import MOTIONS, Motion, SimulatedArm, bending
+
+import edtk
+from edtk.design.candidate_source import sample_feasible
+from edtk.measure.pose_table import (
+    DEFLECTION_COLUMNS,
+    WRENCH_COLUMNS,
+    pose_columns,
+    pose_factors,
+)
+from edtk.report.tables import markdown_table
+from edtk.system.errors import UserError
+
+Array = NDArray[np.float64]
+HERE = Path(__file__).parent
+SEED = 2030
+SIZE = 12
+DAYS = 20
+SPREAD = 0.2  # of the springs from day to day, relative
+POSES = 20  # of tasks beside the test pose, all under its load
+
+LATERAL = (0.1, 0.3)  # of the joint's own compliance, about each axis across it
+OF_LINK = 0.2  # by which a link's end turns for a torque, of the turn of the joint at its root
+SHORTEST = 0.01  # link that bends [m]
+TWIST = 0.8  # torsional stiffness over flexural one, of a pipe
+VARYING = 0.15
+SOFTER = 2.0  # springs of the small arm, so that its load of 10 kg moves it by some millimetres
+
+HEAD = (
+    "robot",
+    "truth",
+    "poses",
+    "good / usable / bad",
+    "promise, mm",
+    "real, mm",
+    "real / promise",
+    "in band",
+    "in band, other poses",
+    "good, and twice off",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A robot to be calibrated.
+
+    Attributes:
+        study: Its study: the drawing, the loads, the noise, the test pose, and what is true of its
+            springs.
+        arm: The simulated robot of the drawing, with springs in its joints alone.
+        held: Share of each joint's mean load in calibration that friction holds.
+    """
+
+    study: edtk.Study
+    arm: SimulatedArm
+    held: float
+
+    @classmethod
+    def of(cls, study: edtk.Study, held: float) -> "Scene":
+        """The robot of a study, whose compliances are those of [simulation]."""
+        return cls(study, arm_of(study.robot, np.array(study.compliances)), held)
+
+
+def arm_of(robot: edtk.Robot, compliance: Array) -> SimulatedArm:
+    """The simulated arm of a drawing, with springs (n,) in its joints."""
+    return SimulatedArm(
+        origins=np.array([joint.origin for joint in robot.chain]),
+        axes=np.array([joint.axis for joint in robot.chain]),
+        slides=tuple(joint.kind == "prismatic" for joint in robot.chain),
+        compliance=compliance,
+        base=robot.base,
+        tool=robot.tool,
+    )
+
+
+def scenes() -> dict[str, Scene]:
+    """The two robots by name: six unknown springs, one of three loads in each experiment."""
+    weight = 98.1
+    small = robots()["UR10, 10 kg"]
+    given = small.specification.simulation.compliance_rad_per_Nm
+    springs = {name: SOFTER * k for name, k in ({"q1": 4e-5} | given).items()}
+    small = small.replace(
+        load={"list_F_N": [[0, 0, -weight], [weight, 0, 0], [0, weight, 0]]},
+        joints={"unknown": list(springs), "fixed_deg": {"q1": 0}},
+        simulation={"compliance_rad_per_Nm": springs},
+    )
+    large = edtk.load_study(HERE / "kr270_six_compliances.toml")
+    return {"KR 270": Scene.of(large, 0.04), "UR-like arm": Scene.of(small, 0.15)}
+
+
+Truth = Callable[[Scene, Array, Array, np.random.Generator], SimulatedArm]
+
+
+def ideal(scene: Scene, q: Array, wrench: Array, rng: np.random.Generator) -> SimulatedArm:
+    """Springs in the joints alone."""
+    return scene.arm
+
+
+def lateral(share: float) -> Truth:
+    """Springs about both axes across those of joints 2 and 3, of such a share of their own.
+
+    From day to day the share is half as large to one and a half times as large.
+    """
+
+    def make(scene: Scene, q: Array, wrench: Array, rng: np.random.Generator) -> SimulatedArm:
+        arm = scene.arm
+        turns = MOTIONS[3:]
+        across = [
+            (joint, turns[axis])
+            for joint in (1, 2)
+            for axis in range(3)
+            if abs(arm.axes[joint][axis]) < 0.5
+        ]
+        shares = share * rng.uniform(0.5, 1.5, len(across))
+        sizes = shares * [arm.compliance[joint] for joint, _ in across]
+        return arm.replace(elastic=tuple(across), compliance=np.append(arm.compliance, sizes))
+
+    return make
+
+
+def links(scene: Scene, q: Array, wrench: Array, rng: np.random.Generator) -> SimulatedArm:
+    """Links between joints bend and twist as pipes do."""
+    arm = scene.arm
+    elastic: list[tuple[int, Motion]] = []
+    parts = [np.diag(arm.compliance)]
+    for joint, origin in enumerate(arm.origins):
+        link = origin[:3, 3]
+        length = float(np.linalg.norm(link))
+        if joint and length > SHORTEST:
+            flexural = length / (OF_LINK * arm.compliance[joint - 1])
+            # The end of a link is held by the frame of the next joint, along whose axes it moves.
+            beam = bending(origin[:3, :3].T @ link, flexural, TWIST * flexural)
+            elastic += [(joint, motion) for motion in MOTIONS]
+            parts.append(beam)
+    size = sum(len(part) for part in parts)
+    C = np.zeros((size, size))
+    start = 0
+    for part in parts:
+        end = start + len(part)
+        C[start:end, start:end] = part
+        start = end
+    return arm.replace(elastic=tuple(elastic), compliance=C)
+
+
+def varying(scene: Scene, q: Array, wrench: Array, rng: np.random.Generator) -> SimulatedArm:
+    """Stiffnesses of joints vary with their angles, once in a turn."""
+    phase = rng.uniform(0, 2 * np.pi, scene.arm.drives)
+    return scene.arm.replace(varying=VARYING, phase=phase)
+
+
+def friction(scene: Scene, q: Array, wrench: Array, rng: np.random.Generator) -> SimulatedArm:
+    """Friction holds a part of each joint's mean load in the day's poses."""
+    arm = scene.arm
+    loads = np.abs(arm.loads(q, wrench, np.zeros((len(q), arm.size))))
+    return arm.replace(friction=scene.held * loads.mean(axis=0))
+
+
+TRUTHS: dict[str, Truth] = {
+    "six ideal springs": ideal,
+    **{f"lateral springs of {100 * share:g} %": lateral(share) for share in LATERAL},
+    "links that bend": links,
+    f"stiffness +-{100 * VARYING:g} % by position": varying,
+    "friction takes a part": friction,
+}
+PLANS = ("optimal", "random")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A robot, what is true of it, the poses it is calibrated in, and the number of the day."""
+
+    robot: str
+    truth: str
+    poses: str
+    day: int = 0
+
+    @property
+    def name(self) -> str:
+        """For people, without the day."""
+        return f"{self.robot}/{self.truth}/{self.poses}"
+
+    @property
+    def key(self) -> str:
+        """In the file of days."""
+        return f"{self.name}/{self.day}"
+
+    @property
+    def seed(self) -> tuple[int, ...]:
+        """Of the day's randomness: the same in all truths."""
+        return (SEED, PLANS.index(self.poses), self.day)
+
+
+def sheet(
+    scene: Scene, plan: edtk.Plan, truth: Truth, exact: bool, rng: np.random.Generator
+) -> tuple[pd.DataFrame, SimulatedArm]:
+    """The sheet that is filled in on a day, and the robot that it was filled in with."""
+    study = scene.study
+    q = np.repeat(plan.q, plan.repeats, axis=0)
+    written = np.repeat(plan.wrench, plan.repeats, axis=0)
+    soft = scene.arm.compliance * np.exp(SPREAD * rng.standard_normal(scene.arm.size))
+    arm = truth(replace(scene, arm=scene.arm.replace(compliance=soft)), q, written, rng)
+    given = study.specification.uncertainty
+    drawn = 0.0 if exact else 1.0
+    turn = Rotation.from_rotvec(
+        drawn * np.deg2rad(given.load_direction_deg) * rng.standard_normal(3)
+    )
+    size = 1 + drawn * given.load_percent / 100 * rng.standard_normal()
+    acts = size * np.hstack([turn.apply(written[:, :3]), turn.apply(written[:, 3:])])
+    tool = arm.tool.copy()
+    tool[:3, 3] += tool[:3, :3] @ (drawn * 1e-3 * given.tool_mm * rng.standard_normal(3))
+    seen = arm.replace(tool=tool)
+    d = moved(seen, q, acts) + study.sigma[:3] * rng.standard_normal((len(q), 3))
+    names = [*pose_columns(study.robot), *WRENCH_COLUMNS, *DEFLECTION_COLUMNS]
+    cells = np.hstack([q / pose_factors(study.robot), written, 1e3 * d])
+    return pd.DataFrame(cells, columns=names), arm
+
+
+def moved(arm: SimulatedArm, q: Array, wrench: Array) -> Array:
+    """By how much wrenches (m, 6) move the tool point (m, 3) of an arm at rest [m]."""
+    at = [arm.at]
+    still = arm.points(q, at, arm.rest(q, np.zeros(6)))
+    return (arm.points(q, at, arm.rest(q, wrench)) - still)[:, 0]
+
+
+def tasks(scene: Scene) -> tuple[Array, Array]:
+    """The test pose and further poses (t, n), and the test pose's wrench for all (t, 6)."""
+    task = scene.study.task
+    assert task is not None
+    others = sample_feasible(scene.study.space, POSES, (SEED, 1))[:, : scene.study.robot.n]
+    q = np.vstack([task.q.reshape(1, -1), others])
+    return q, np.tile(task.wrench.reshape(1, -1), (len(q), 1))
+
+
+def one_day(scene: Scene, plan: edtk.Plan, case: Case, exact: bool) -> dict[str, object]:
+    """Calibrate, compensate, and look where the robot is."""
+    rng = np.random.default_rng(case.seed)
+    study = scene.study
+    table, arm = sheet(scene, plan, TRUTHS[case.truth], exact, rng)
+    start = time.process_time()
+    try:
+        found = edtk.identify(study, table)
+    except UserError as error:
+        return {"verdict": "bad", "refused": str(error)}
+    q, wrench = tasks(scene)
+    assert study.task is not None
+    arm = arm.replace(tool=study.task.model.robot.tool)
+    goals = pd.DataFrame(
+        np.hstack([q / pose_factors(study.robot), wrench]),
+        columns=[*pose_columns(study.robot), *WRENCH_COLUMNS],
+    )
+    commands = edtk.compensate(study, found, goals)
+    seconds = time.process_time() - start
+    rows = commands.rows
+    there = arm.points(commands.command, [arm.at], arm.rest(commands.command, wrench[rows]))
+    error = np.linalg.norm((there - arm.points(q[rows], [arm.at]))[:, 0], axis=-1)
+    band = commands.band
+    inside = (band[:, 0] <= error) & (error <= band[:, 1])
+    assert found.budget is not None
+    assert rows[0] == 0
+    return {
+        "verdict": found.verdict,
+        "promise_mm": 1e3 * found.budget.total,
+        "real_mm": 1e3 * error[0],
+        "inside": bool(inside[0]),
+        "inside_others": float(inside[1:].mean()),
+        "real_others_mm": float(1e3 * np.sqrt(np.mean(error[1:] ** 2))),
+        "promise_others_mm": float(1e3 * np.sqrt(np.mean(commands.remaining[1:] ** 2))),
+        "model_mm": 1e3 * found.budget.model,
+        "findings": [one.kind for one in found.findings],
+        "seconds": round(seconds, 3),
+    }
+
+
+def plan_of(scene: Scene, case: Case, folder: Path) -> edtk.Plan:
+    """The plan of a day: the optimal one, which is kept, or random poses of its own."""
+    study = scene.study
+    if case.poses == "random":
+        u = sample_feasible(study.space, SIZE, (SEED, 2, case.day))
+        n = study.robot.n
+        wrench = np.asarray(study.space.load.wrench(u[:, n:]))
+        return edtk.Plan(u[:, :n], wrench, np.ones(SIZE, dtype=int))
+    path = folder / f"{case.robot}.csv"
+    if not path.exists():
+        edtk.plan(study, size=SIZE, out=path)
+    return edtk.Plan.from_frame(pd.read_csv(path), study.robot)
+
+
+def read_days(path: Path) -> dict[str, dict[str, object]]:
+    """Days that were simulated before, by key."""
+    if not path.exists():
+        return {}
+    lines = path.read_text().splitlines()
+    return {day["key"]: day for day in map(json.loads, lines)}
+
+
+def rows_of(days: dict[str, dict[str, object]], cases: Sequence[Case]) -> Iterator[list[object]]:
+    """Rows of the table, one a case."""
+    for name in dict.fromkeys(case.name for case in cases):
+        some = pd.DataFrame([days[c.key] for c in cases if c.name == name and c.key in days])
+        if not len(some):
+            continue
+        counts = [int((some.verdict == one).sum()) for one in ("good", "usable", "bad")]
+        told = some.dropna(subset=["real_mm"]) if "real_mm" in some else some.iloc[:0]
+        verdicts = " / ".join(map(str, counts))
+        if not len(told):
+            yield [*name.split("/"), verdicts, *[""] * 6]
+            continue
+        ratio = (told.real_mm / told.promise_mm).median()
+        bad = ((told.verdict == "good") & (told.real_mm > 2 * told.promise_mm)).sum()
+        yield [
+            *name.split("/"),
+            verdicts,
+            f"{told.promise_mm.median():.3f}",
+            f"{told.real_mm.median():.3f}",
+            f"{ratio:.2f}",
+            f"{100 * told.inside.mean():.0f} %",
+            f"{100 * told.inside_others.mean():.0f} %",
+            int(bad),
+        ]
+
+
+def all_cases(days: int, only: Sequence[str]) -> list[Case]:
+    """The cases whose name contains one of some words, or all."""
+    every = [
+        Case(robot, truth, poses, day)
+        for robot in scenes()
+        for truth in TRUTHS
+        for poses in PLANS
+        for day in range(days)
+    ]
+    return [case for case in every if not only or any(word in case.name for word in only)]
+
+
+@click.command(help=__doc__)
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--days", default=DAYS, help="Days of each case.")
+@click.option("--only", multiple=True, help="Part of the names of cases to look at; repeat it.")
+@click.option("--exact", is_flag=True, help="Draw the noise alone.")
+def main(folder: Path, days: int, only: Sequence[str], exact: bool) -> None:
+    """Simulate what is missing, and print the table."""
+    os.nice(10)
+    folder.mkdir(parents=True, exist_ok=True)
+    store = folder / "days.jsonl"
+    found = read_days(store)
+    cases = all_cases(days, only)
+    every = scenes()
+    with store.open("a") as file, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for case in cases:
+            if case.key not in found:
+                scene = every[case.robot]
+                day = one_day(scene, plan_of(scene, case, folder), case, exact)
+                found[case.key] = {"key": case.key, **day}
+                file.write(json.dumps(found[case.key]) + "\n")
+                file.flush()
+    table = markdown_table(HEAD, list(rows_of(found, cases)))
+    (folder / "table.md").write_text(table + "\n")
+    click.echo(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,60 @@
+"""Promised errors against what simulated robots are really off by."""
+
+import json
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture(scope="module")
+def module(script):
+    return script("kept_promises.py")
+
+
+@pytest.fixture(scope="module")
+def heavy(module):
+    return module.scenes()["KR 270"]
+
+
+def test_day_of_ideal_springs_is_as_promised(module, heavy, tmp_path):
+    """A robot that is what the model takes it for is as far off as noise makes it."""
+    case = module.Case("KR 270", "six ideal springs", "random")
+    day = module.one_day(heavy, module.plan_of(heavy, case, tmp_path), case, exact=True)
+    assert 0 < day["real_mm"] < 2 * day["promise_mm"]
+    assert day["verdict"] == "good"
+
+
+def test_truths_move_the_robot_as_they_say(module, heavy):
+    """Lateral springs and links add to what springs in joints give, friction takes from it."""
+    rng = np.random.default_rng(1)
+    q = np.deg2rad([[0, -60, 80, 20, 40, 0], [0, -90, 100, -60, 70, 0]])
+    wrench = np.tile([800.0, 800.0, -2500.0, 0, 0, 0], (2, 1))
+    moved = {
+        name: np.linalg.norm(module.moved(make(heavy, q, wrench, rng), q, wrench), axis=-1)
+        for name, make in module.TRUTHS.items()
+    }
+    ideal = moved["six ideal springs"]
+    assert (moved["lateral springs of 10 %"] > ideal).all()
+    assert (moved["lateral springs of 30 %"] > moved["lateral springs of 10 %"]).all()
+    assert (moved["links that bend"] > ideal).all()
+    assert (moved["friction takes a part"] < ideal).all()
+    other = moved["stiffness +-15 % by position"] / ideal
+    assert (np.abs(other - 1) < 0.18).all()
+    assert not np.allclose(other, 1)
+
+
+def test_run_goes_on_where_it_was_stopped(module, tmp_path, monkeypatch):
+    """Days that are on file are not simulated again, and the table counts them."""
+    case = "KR 270/six ideal springs/random"
+    days = [
+        {"key": f"{case}/{i}", "verdict": "good", "promise_mm": 1.0, "real_mm": x, "inside": x < 2}
+        | {"inside_others": 0.5}
+        for i, x in enumerate([0.5, 3.0])
+    ]
+    (tmp_path / "days.jsonl").write_text("".join(json.dumps(day) + "\n" for day in days))
+    monkeypatch.setattr(module, "one_day", lambda *args: pytest.fail("simulated again"))
+    monkeypatch.setattr(module.os, "nice", lambda more: 0)
+    module.main.callback(tmp_path, 2, (case,), exact=True)
+    row = (tmp_path / "table.md").read_text().splitlines()[2]
+    cells = [cell.strip() for cell in row.strip("|").split("|")]
+    assert cells[3:] == ["2 / 0 / 0", "1.000", "1.750", "1.75", "50 %", "50 %", "1"]
