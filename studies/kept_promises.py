@@ -1,13 +1,14 @@
 """Is the promised error what a robot is really off by, if it is not what the model takes it for?
 
-    python studies/kept_promises.py FOLDER [--days 20] [--only "KR 270/friction/optimal"]
+    python studies/kept_promises.py FOLDER [--days 20] [--only "KR 270/friction"] [--visits]
 
 Days in the lab, from the plan to the compensated robot: `edtk.plan` (12 experiments), or random
 poses; a sheet of a simulated robot (`simulated_arm.py`, which shares no code with edtk);
 `edtk.identify`; `edtk.compensate` in the test pose; and where the simulated robot then really is.
 The robots have springs about axes that are none of their joints', links that bend, a stiffness that
 varies, and friction. What else the promise counts is drawn: size and direction of the load, the
-tool point, and the noise (`--exact`: the noise alone). Springs differ from day to day.
+tool point, and the noise (`--exact`: the noise alone). Springs differ from day to day. With
+`--visits` springs are parameters of a study with [parameters], read loaded minus unloaded.
 
 FOLDER keeps plans and days, so that a run goes on where it was stopped. One table a run is printed,
 and written to FOLDER/table.md.
@@ -37,6 +38,7 @@ from edtk.measure.pose_table import (
     pose_columns,
     pose_factors,
 )
+from edtk.measure.task import Task
 from edtk.report.tables import markdown_table
 from edtk.system.errors import UserError
 
@@ -78,16 +80,35 @@ class Scene:
             springs.
         arm: The simulated robot of the drawing, with springs in its joints alone.
         held: Share of each joint's mean load in calibration that friction holds.
+        asked: The study that is asked, the same or another one of this robot.
     """
 
     study: edtk.Study
     arm: SimulatedArm
     held: float
+    asked: edtk.Study
 
     @classmethod
     def of(cls, study: edtk.Study, held: float) -> "Scene":
         """The robot of a study, whose compliances are those of [simulation]."""
-        return cls(study, arm_of(study.robot, np.array(study.compliances)), held)
+        return cls(study, arm_of(study.robot, np.array(study.compliances)), held, study)
+
+    @property
+    def by_visits(self) -> "Scene":
+        """The same, asked as a study with [parameters]."""
+        reading = 1e3 * float(self.study.sigma[0]) / np.sqrt(2)
+        asked = self.study.replace(
+            joints={"fixed_deg": {"q1": 0}},
+            parameters={
+                "compliance": list(self.study.robot.joint_names),
+                "geometry": [],
+                "base": False,
+                "tool": False,
+            },
+            marker=[{"name": "A"}],
+            measurement={"sigma_mm": reading, "reference": "unloaded"},
+        )
+        return replace(self, asked=asked)
 
 
 def arm_of(robot: edtk.Robot, compliance: Array) -> SimulatedArm:
@@ -251,10 +272,16 @@ def moved(arm: SimulatedArm, q: Array, wrench: Array) -> Array:
     return (arm.points(q, at, arm.rest(q, wrench)) - still)[:, 0]
 
 
-def tasks(scene: Scene) -> tuple[Array, Array]:
-    """The test pose and further poses (t, n), and the test pose's wrench for all (t, 6)."""
+def task_of(scene: Scene) -> Task:
+    """The test pose."""
     task = scene.study.task
     assert task is not None
+    return task
+
+
+def tasks(scene: Scene) -> tuple[Array, Array]:
+    """The test pose and further poses (t, n), and the test pose's wrench for all (t, 6)."""
+    task = task_of(scene)
     others = sample_feasible(scene.study.space, POSES, (SEED, 1))[:, : scene.study.robot.n]
     q = np.vstack([task.q.reshape(1, -1), others])
     return q, np.tile(task.wrench.reshape(1, -1), (len(q), 1))
@@ -263,7 +290,7 @@ def tasks(scene: Scene) -> tuple[Array, Array]:
 def one_day(scene: Scene, plan: edtk.Plan, case: Case, exact: bool) -> dict[str, object]:
     """Calibrate, compensate, and look where the robot is."""
     rng = np.random.default_rng(case.seed)
-    study = scene.study
+    study = scene.asked
     table, arm = sheet(scene, plan, TRUTHS[case.truth], exact, rng)
     start = time.process_time()
     try:
@@ -271,8 +298,7 @@ def one_day(scene: Scene, plan: edtk.Plan, case: Case, exact: bool) -> dict[str,
     except UserError as error:
         return {"verdict": "bad", "refused": str(error)}
     q, wrench = tasks(scene)
-    assert study.task is not None
-    arm = arm.replace(tool=study.task.model.robot.tool)
+    arm = arm.replace(tool=task_of(scene).model.robot.tool)
     goals = pd.DataFrame(
         np.hstack([q / pose_factors(study.robot), wrench]),
         columns=[*pose_columns(study.robot), *WRENCH_COLUMNS],
@@ -282,22 +308,27 @@ def one_day(scene: Scene, plan: edtk.Plan, case: Case, exact: bool) -> dict[str,
     rows = commands.rows
     there = arm.points(commands.command, [arm.at], arm.rest(commands.command, wrench[rows]))
     error = np.linalg.norm((there - arm.points(q[rows], [arm.at]))[:, 0], axis=-1)
-    band = commands.band
-    inside = (band[:, 0] <= error) & (error <= band[:, 1])
-    assert found.budget is not None
+    inside = within(error, commands.band)
+    remaining = commands.remaining
     assert rows[0] == 0
     return {
         "verdict": found.verdict,
-        "promise_mm": 1e3 * found.budget.total,
+        "promise_mm": 1e3 * remaining[0],
         "real_mm": 1e3 * error[0],
-        "inside": bool(inside[0]),
+        "inside": float(inside[0]),
         "inside_others": float(inside[1:].mean()),
         "real_others_mm": float(1e3 * np.sqrt(np.mean(error[1:] ** 2))),
-        "promise_others_mm": float(1e3 * np.sqrt(np.mean(commands.remaining[1:] ** 2))),
-        "model_mm": 1e3 * found.budget.model,
+        "promise_others_mm": float(1e3 * np.sqrt(np.mean(remaining[1:] ** 2))),
         "findings": [one.kind for one in found.findings],
         "seconds": round(seconds, 3),
     }
+
+
+def within(errors: Array, band: Array | None) -> Array:
+    """Whether errors (t,) are within bands (t, 2); NaN where no band is told."""
+    if band is None:
+        return np.full(len(errors), np.nan)
+    return ((band[:, 0] <= errors) & (errors <= band[:, 1])).astype(float)
 
 
 def plan_of(scene: Scene, case: Case, folder: Path) -> edtk.Plan:
@@ -310,7 +341,7 @@ def plan_of(scene: Scene, case: Case, folder: Path) -> edtk.Plan:
         return edtk.Plan(u[:, :n], wrench, np.ones(SIZE, dtype=int))
     path = folder / f"{case.robot}.csv"
     if not path.exists():
-        edtk.plan(study, size=SIZE, out=path)
+        edtk.plan(scene.asked, size=SIZE, out=path)
     return edtk.Plan.from_frame(pd.read_csv(path), study.robot)
 
 
@@ -342,10 +373,15 @@ def rows_of(days: dict[str, dict[str, object]], cases: Sequence[Case]) -> Iterat
             f"{told.promise_mm.median():.3f}",
             f"{told.real_mm.median():.3f}",
             f"{ratio:.2f}",
-            f"{100 * told.inside.mean():.0f} %",
-            f"{100 * told.inside_others.mean():.0f} %",
+            *(share(told[one]) for one in ("inside", "inside_others")),
             int(bad),
         ]
+
+
+def share(told: pd.Series) -> str:
+    """The mean of shares [%]; a dash where no band is told."""
+    mean = told.mean()
+    return "-" if np.isnan(mean) else f"{100 * mean:.0f} %"
 
 
 def all_cases(days: int, only: Sequence[str]) -> list[Case]:
@@ -365,14 +401,15 @@ def all_cases(days: int, only: Sequence[str]) -> list[Case]:
 @click.option("--days", default=DAYS, help="Days of each case.")
 @click.option("--only", multiple=True, help="Part of the names of cases to look at; repeat it.")
 @click.option("--exact", is_flag=True, help="Draw the noise alone.")
-def main(folder: Path, days: int, only: Sequence[str], exact: bool) -> None:
+@click.option("--visits", is_flag=True, help="Ask studies with [parameters].")
+def main(folder: Path, days: int, only: Sequence[str], exact: bool, visits: bool) -> None:
     """Simulate what is missing, and print the table."""
     os.nice(10)
     folder.mkdir(parents=True, exist_ok=True)
     store = folder / "days.jsonl"
     found = read_days(store)
     cases = all_cases(days, only)
-    every = scenes()
+    every = {name: scene.by_visits if visits else scene for name, scene in scenes().items()}
     with store.open("a") as file, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         for case in cases:
