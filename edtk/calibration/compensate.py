@@ -42,7 +42,7 @@ from edtk.measure.pose_table import (
     pose_factors,
 )
 from edtk.measure.task import RigidJoint, all_compliances, rigid_joints, rigid_joints_in_words
-from edtk.robots.robot import Robot, shown_limits
+from edtk.robots.robot import Beyond, Robot
 from edtk.study.study import Study
 from edtk.study.study_model import assumed_joints
 from edtk.system.files import write_text
@@ -524,20 +524,17 @@ def _require_within_limits(robot: Robot, q: Array, which: str) -> None:
     Raises:
         RefusedRowsError: Some are not; names the first joint of each.
     """
-    lower, upper = robot.hard_limits
-    outside = (q < lower - ROUNDING) | (q > upper + ROUNDING)
-    factors = pose_factors(robot)
+    outside = robot.bounds.excess(q) > ROUNDING
     columns = pose_columns(robot)
     refused = []
     for row in np.flatnonzero(outside.any(axis=1)):
-        j = int(np.argmax(outside[row]))
-        shown = shown_limits(robot)[j]
-        low, high = shown.range((lower[j], upper[j]))
-        of = "" if shown.label == robot.joint_names[j] else f" of {shown.label}"
+        beyond = Beyond.of(robot, q[row], int(np.argmax(outside[row])))
+        low, high = beyond.limits
+        of = "" if beyond.name == robot.joint_names[beyond.joint] else f" of {beyond.name}"
         reason = (
-            f"the {which} value {shown.of(q[row, j]) / factors[j]:.6g}{of} is outside the joint's "
-            f"limits {low / factors[j]:.6g} .. {high / factors[j]:.6g}"
+            f"the {which} value {beyond.value:.6g}{of} is outside the joint's limits "
+            f"{low:.6g} .. {high:.6g}"
         )
-        refused.append(RefusedRow(int(row), reason, columns[j]))
+        refused.append(RefusedRow(int(row), reason, columns[beyond.joint]))
     if refused:
         raise RefusedRowsError(refused)

@@ -229,8 +229,7 @@ def beyond_limits(robot: Robot, q: Array, row: Indices) -> tuple[int, ...]:
         q: Poses (v, n) [rad or m].
         row: Rows (v, ...) that each pose is in; -1 for none.
     """
-    lower, upper = robot.hard_limits
-    over = np.maximum(lower - q, q - upper).max(axis=1) > ROUNDING
+    over = robot.bounds.excess(q).max(axis=1) > ROUNDING
     return tuple(sorted({int(one) for one in row[over].ravel() if one >= 0}))
 
 

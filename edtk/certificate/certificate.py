@@ -278,10 +278,13 @@ def feasible_to_dict(study: Study, space: DesignSpace) -> dict[str, Any]:
 
     Returns:
         The keys `robot`, `workspace`, `excluded`, `free`, `fixed` and `margin`, in SI units and
-        radians, but for the study's own keys, which name their units.
+        radians, but for the study's own keys, which name their units; and `coupled_margin`, where
+        joints are coupled.
     """
     # Joints that turn without end are cut nowhere.
-    margin = space.workspace.robot.limits[0] - study.robot.limits[0]
+    robot = space.workspace.robot
+    margin = robot.limits[0] - study.robot.limits[0]
+    of_coupled = robot.bounds.coupled.limits[0] - study.robot.bounds.coupled.limits[0]
     excluded = [
         {"poses": part.poses.tolist(), "distance": part.distance}
         for part in space.workspace.constraints
@@ -294,19 +297,22 @@ def feasible_to_dict(study: Study, space: DesignSpace) -> dict[str, Any]:
         "free": list(space.free),
         "fixed": space.fixed.tolist(),
         "margin": margin.tolist(),
+        **({"coupled_margin": of_coupled.tolist()} if of_coupled.any() else {}),
     }
 
 
 def _robot(robot: Robot) -> dict[str, Any]:
     """The chain: transforms [m], axes, limits [rad or m]; masters by their index among the free."""
-    follows = {
-        tied.name: {
-            "joint": robot.joint_names.index(tied.master),
-            "factor": tied.factor,
-            "offset": tied.offset,
-        }
-        for tied in robot.tied
-    }
+    index = robot.joint_names.index
+    follows: dict[str, Any] = {}
+    for tied in robot.tied:
+        first, *more = ({"joint": index(name), "factor": factor} for name, factor in tied.follows)
+        follows[tied.name] = first | {"offset": tied.offset} | ({"others": more} if more else {})
+    coupled: dict[str, list[dict[str, Any]]] = {}
+    for one in robot.couplings:
+        limits = {} if one.limits is None else {"limits": list(one.limits)}
+        entry = {"joint": index(one.follows), "factor": one.factor} | limits
+        coupled.setdefault(one.joint, []).append(entry)
     joints = [
         {
             "name": joint.name,
@@ -316,6 +322,7 @@ def _robot(robot: Robot) -> dict[str, Any]:
             "limits": list(joint.limits),
             **({"continuous": True} if joint.continuous else {}),
             **({"follows": follows[joint.name]} if joint.name in follows else {}),
+            **({"coupled": coupled[joint.name]} if joint.name in coupled else {}),
         }
         for joint in robot.chain
     ]

@@ -225,7 +225,7 @@ class Experiments:
     def slack(self) -> Array:
         """Slacks (..., c) of the constraints other than the bounds; negative means infeasible."""
         none = np.zeros((*self.x.shape[:-1], 0))
-        constraints = self.space.workspace.constraints
+        constraints = self.space.workspace.beside_limits
         own = [_batch_first(constraint.slack(self.frames), (0,)) for constraint in constraints]
         return np.concatenate([none, *own], axis=-1)
 
@@ -234,7 +234,7 @@ class Experiments:
         """Derivative (..., c, v) of the slacks by all design variables."""
         gradients = [
             _batch_first(constraint.gradient(self.frames), (0, 1))
-            for constraint in self.space.workspace.constraints
+            for constraint in self.space.workspace.beside_limits
         ]
         G = np.zeros((*self.x.shape[:-1], len(self.space.labels), self.space.size))
         if gradients:
@@ -356,7 +356,7 @@ class DesignSpace:
         """Names (c,) of the constraints other than the bounds, for messages."""
         return tuple(
             label
-            for constraint in self.workspace.constraints
+            for constraint in self.workspace.beside_limits
             for label in constraint.labels(self.workspace.robot)
         )
 

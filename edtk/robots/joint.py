@@ -1,5 +1,6 @@
-"""Joints of a serial chain, the bodies that they move, and joints that follow others."""
+"""Joints of a serial chain, the bodies that they move, and what else moves the joints."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, get_args
@@ -71,7 +72,8 @@ class Joint:
         name: Name, as used in studies and column headers.
         origin: Transform (4, 4) to the joint's frame at q = 0 [m].
         axis: Axis of positive motion (3,) in that frame; normalised here.
-        limits: Lower and upper limit [rad], or [m] for a prismatic joint.
+        limits: Lower and upper limit of what a pose says of it [rad], or [m] for a prismatic joint:
+            of its drive, where the joint is coupled to others.
         kind: "revolute" or "prismatic".
         continuous: A revolute joint that turns without end; its limits are `ONE_TURN`, within which
             its angle is written.
@@ -139,12 +141,15 @@ def _require_name(name: str) -> None:
         )
 
 
+Shares = tuple[tuple[str, float], ...]  # joints by name, and factors of their variables
+
+
 @dataclass(frozen=True, eq=False)
 class TiedJoint:
-    """A joint of a chain whose variable is ``factor q_master + offset``.
+    """A joint of a chain whose variable is ``sum_m factor_m x_m + offset``.
 
     The tie is a mechanism: a joint that follows has no motor and no spring of its own, and the
-    spring of its master gives way to what loads both.
+    springs of its masters give way to what loads both.
 
     Args:
         name: Its name.
@@ -152,12 +157,12 @@ class TiedJoint:
         axis: Axis of positive motion (3,) in that frame.
         kind: "revolute" or "prismatic".
         place: Its index in the chain, in which joints that follow are counted too.
-        master: Name of the joint that it follows, which follows none.
-        factor: Motion of this joint for one unit of the master's, not zero.
-        offset: Its variable where the master's is zero [rad or m].
+        follows: The joints that it follows, which follow none so, and its motion for one unit of
+            each, not zero.
+        offset: Its variable where those are zero [rad or m].
 
     Raises:
-        ValueError: The factor is zero, or a number is none.
+        ValueError: A factor is zero, or a number is none, or a joint is followed twice.
     """
 
     name: str
@@ -165,26 +170,111 @@ class TiedJoint:
     axis: Array
     kind: Kind
     place: int
-    master: str
-    factor: float
+    follows: Shares
     offset: float
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.factor) and np.isfinite(self.offset) and self.factor):
+        for master, factor in self.follows:
+            if not (np.isfinite(factor) and np.isfinite(self.offset) and factor):
+                raise ValueError(
+                    f"joint {self.name}: follows {master} with the factor {factor:g} and the "
+                    f"offset {self.offset:g}; expected numbers, and a factor that is not zero"
+                )
+        if len(dict(self.follows)) < max(len(self.follows), 1):
+            raise ValueError(f"joint {self.name}: expected each joint that it follows once")
+
+    @property
+    def masters(self) -> tuple[str, ...]:
+        """Names of the joints that it follows."""
+        return tuple(name for name, _ in self.follows)
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """A joint that its drive turns against a body before the one that carries the joint.
+
+    A motor on the base that turns the forearm through a parallelogram, or one on the forearm whose
+    shaft passes the joints of a hollow wrist: while the drive stands, joint j moves by ``factor``
+    for each unit that joint m moves. With the drive's coordinate a_j, the variables of the joints
+    are ``x_j = a_j + sum_m factor_m x_m``. The motor's torque and its spring belong to a_j, and so
+    do the joint's limits and what a pose says of it.
+
+    Args:
+        joint: Name of the joint.
+        follows: Name of the joint that moves it too.
+        factor: By how much, not zero.
+        limits: Limits of the joint's own variable x_j; None where those of the drives are all
+            [rad].
+
+    Raises:
+        ValueError: A joint is coupled to itself, or a number is none.
+    """
+
+    joint: str
+    follows: str
+    factor: float
+    limits: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.joint == self.follows:
+            raise ValueError(f"joint {self.joint} is coupled to itself; expected another joint")
+        if not (np.isfinite(self.factor) and self.factor):
             raise ValueError(
-                f"joint {self.name}: follows {self.master} with the factor {self.factor:g} and the "
-                f"offset {self.offset:g}; expected numbers, and a factor that is not zero"
+                f"joint {self.joint}: coupled to {self.follows} with the factor {self.factor:g}; "
+                "expected a number that is not zero"
+            )
+        if self.limits is not None and not self.limits[0] < self.limits[1]:
+            raise ValueError(
+                f"joint {self.joint}: expected the lower limit of its own angle below the upper one"
             )
 
-    def joint(self, master: Joint) -> Joint:
-        """The joint, whose limits are those that it has where the master is at its own."""
-        ends = sorted(self.factor * limit + self.offset for limit in master.limits)
-        return Joint(self.name, self.origin, self.axis, (ends[0], ends[1]), self.kind)
+
+def by_drives(joints: Sequence[Joint], couplings: Sequence[Coupling]) -> Array:
+    """Variables of free joints by the coordinates of their drives (n, n): ``x = a + F x``.
+
+    Without a circle F is nilpotent, and the inverse of I - F is the sum of its powers.
+
+    Raises:
+        ValueError: A coupling is of a joint that does not exist, does not turn or turns without
+            end, or is there twice, or joints are coupled in a circle.
+    """
+    names = [joint.name for joint in joints]
+    factors = np.zeros((len(names), len(names)))
+    for one in couplings:
+        for name in (one.joint, one.follows):
+            _require_coupled(name, joints)
+        if joints[names.index(one.follows)].continuous:
+            raise ValueError(
+                f"joint {one.follows} turns without end, and {one.joint} would with it; expected "
+                f"limits for {one.follows}"
+            )
+        place = names.index(one.joint), names.index(one.follows)
+        if factors[place]:
+            raise ValueError(f"joint {one.joint} is coupled to {one.follows} twice")
+        factors[place] = one.factor
+    if np.linalg.matrix_power(factors != 0, len(names)).any():
+        which = ", ".join(dict.fromkeys(one.joint for one in couplings))
+        raise ValueError(f"joints are coupled in a circle, among {which}; expected none")
+    powers = (np.linalg.matrix_power(factors, k) for k in range(len(names)))
+    return np.asarray(sum(powers))
+
+
+def _require_coupled(name: str, joints: Sequence[Joint]) -> None:
+    """Check that a joint can be coupled.
+
+    Raises:
+        ValueError: It is none of the free ones, or slides.
+    """
+    kinds = {joint.name: joint.kind for joint in joints}
+    if name not in kinds:
+        raise ValueError(f"no free joint {name!r}; this robot has {', '.join(kinds)}")
+    if kinds[name] != "revolute":
+        raise ValueError(f"joint {name} is {kinds[name]}; expected couplings of joints that turn")
 
 
 @dataclass(frozen=True, eq=False)
 class Ties:
-    """The affine map ``x = P q + b`` from free joints q (n) to all joints x (N) of a chain.
+    """The affine map ``x = P q + b`` from the drives q (n) to all joints x (N) of a chain.
 
     Derivatives by q are those by x, folded: ``dy/dq = P' dy/dx``. Arrays are component first.
 

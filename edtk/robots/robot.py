@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from edtk.robots.controller import Controller
 from edtk.robots.frames import Frames, Terms, combine, combine_terms, terms_of
-from edtk.robots.joint import Joint, Link, TiedJoint, Ties
+from edtk.robots.joint import Coupling, Joint, Link, TiedJoint, Ties, by_drives
 from edtk.robots.rotations import transform
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Mask
@@ -31,10 +31,12 @@ class Robot(Presented):
             the tip link of a URDF. `tool` is after the last joint nevertheless.
         controller: How the robot's controller counts the joints; None if as in the model.
         tied: Joints that follow others, in the order of the chain.
+        couplings: Free joints whose drives turn them against other bodies than the one before: the
+            robot's variables q are then the coordinates of the drives.
 
     Raises:
         ValueError: The chain has no joints, or two of one name, or links for some joints only, or a
-            joint follows one that is not free.
+            joint follows one that is not free, or couplings are wrong or leave no pose.
     """
 
     name: str
@@ -46,14 +48,16 @@ class Robot(Presented):
     flange: Array = field(default_factory=transform)
     controller: Controller | None = None
     tied: tuple[TiedJoint, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
 
     def __post_init__(self) -> None:
         for tied in self.tied:
-            if tied.master not in self.joint_names:
-                has = ", ".join(self.joint_names)
-                raise ValueError(
-                    f"joint {tied.name}: follows {tied.master!r}; the free joints are {has}"
-                )
+            for master, _ in tied.follows:
+                if master not in self.joint_names:
+                    has = ", ".join(self.joint_names)
+                    raise ValueError(
+                        f"joint {tied.name}: follows {master!r}; the free joints are {has}"
+                    )
         names = self.body_names
         if not self.joints or len(set(names)) < len(names):
             raise ValueError(
@@ -64,6 +68,26 @@ class Robot(Presented):
                 f"robot {self.name}: has {len(self.links)} links; expected one for each of its "
                 f"{len(names)} joints, or none"
             )
+        if self.couplings:
+            self._require_poses()
+
+    def _require_poses(self) -> None:
+        """Check that there are poses within the limits of drives and of joints that are coupled.
+
+        Raises:
+            ValueError: There are none, or couplings are wrong.
+        """
+        bounds = self.bounds.coupled
+        for row, limits, name in zip(bounds.rows, bounds.limits.T, bounds.names, strict=True):
+            reached = _ends(row, self.limits)
+            if max(limits[0], reached[0]) > min(limits[1], reached[1]):
+                asked, left = (
+                    f"{low:.6g} .. {high:.6g} deg" for low, high in np.rad2deg([limits, reached])
+                )
+                raise ValueError(
+                    f"there is no pose: {name} is to be within {asked}, and the limits of the "
+                    f"drives leave {left}"
+                )
 
     def headline(self) -> str:
         """Name, and the joints by name."""
@@ -76,32 +100,66 @@ class Robot(Presented):
 
     @cached_property
     def chain(self) -> tuple[Joint, ...]:
-        """All N joints from base to tip, those that follow others too."""
-        masters = {joint.name: joint for joint in self.joints}
+        """All N joints from base to tip, those that follow others too.
+
+        These have the limits between which their variables are where the drives are at theirs.
+        """
         chain = list(self.joints)
-        for tied in self.tied:
-            chain.insert(tied.place, tied.joint(masters[tied.master]))
+        for tied, row in zip(self.tied, self._tied_rows, strict=True):
+            lower, upper = tied.offset + _ends(row, self.limits)
+            limits = (float(lower), float(upper))
+            joint = Joint(tied.name, tied.origin, tied.axis, limits, tied.kind)
+            chain.insert(tied.place, joint)
         return tuple(chain)
 
-    @property
+    @cached_property
     def body_names(self) -> tuple[str, ...]:
         """Names of all joints of `chain`, each of which moves a body."""
-        return tuple(joint.name for joint in self.chain)
+        names = list(self.joint_names)
+        for tied in self.tied:
+            names.insert(tied.place, tied.name)
+        return tuple(names)
+
+    @cached_property
+    def _by_drives(self) -> Array:
+        """Variables of the free joints by the coordinates of their drives (n, n)."""
+        return by_drives(self.joints, self.couplings)
+
+    @cached_property
+    def _tied_rows(self) -> Array:
+        """Variables of the joints that follow others (t, n), by the coordinates of the drives."""
+        factors = np.zeros((len(self.tied), self.n))
+        for row, tied in zip(factors, self.tied, strict=True):
+            for master, factor in tied.follows:
+                row[self.joint_names.index(master)] = factor
+        return factors @ self._by_drives
 
     @cached_property
     def ties(self) -> Ties | None:
-        """How all joints follow the free ones; None where all are free."""
-        if not self.tied:
+        """How all joints follow the drives of the free ones; None where each has its own alone."""
+        if not self.tied and not self.couplings:
             return None
         free = [self.body_names.index(name) for name in self.joint_names]
-        matrix = np.zeros((len(self.chain), self.n))
-        matrix[free, range(self.n)] = 1.0
-        offset = np.zeros(len(self.chain))
-        for tied in self.tied:
-            row = self.body_names.index(tied.name)
-            matrix[row, self.joint_names.index(tied.master)] = tied.factor
-            offset[row] = tied.offset
+        following = [self.body_names.index(tied.name) for tied in self.tied]
+        matrix = np.zeros((len(self.body_names), self.n))
+        matrix[free] = self._by_drives
+        matrix[following] = self._tied_rows
+        offset = np.zeros(len(self.body_names))
+        offset[following] = [tied.offset for tied in self.tied]
         return Ties(matrix, offset, free)
+
+    @cached_property
+    def bounds(self) -> "Bounds":
+        """All that limits poses: the range of each drive, and of joints that are coupled."""
+        limited = [one for one in self.couplings if one.limits is not None]
+        of = [*range(self.n), *(self.joint_names.index(one.joint) for one in limited)]
+        own = np.array([one.limits for one in limited]).reshape(-1, 2).T
+        return Bounds(
+            rows=np.concatenate([np.eye(self.n), self._by_drives[of[self.n :]]]),
+            limits=np.concatenate([self.hard_limits, own], axis=1),
+            of=of,
+            names=(*self.joint_names, *(f"{one.joint} itself" for one in limited)),
+        )
 
     @cached_property
     def digest(self) -> str:
@@ -110,6 +168,7 @@ class Robot(Presented):
         text = " ".join(f"{x:.9f}" for T in numbers for x in np.ravel(T) + 0.0)
         axes = (f"{joint.name} {joint.kind} {joint.axis.tolist()}" for joint in self.chain)
         text += " ".join(axes)
+        text += "".join(f" {one.joint} {one.follows} {one.factor:.9f}" for one in self.couplings)
         return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:12]
 
     @property
@@ -178,6 +237,8 @@ class Robot(Presented):
 
     def with_limits(self, limits: Mapping[str, tuple[float, float]]) -> "Robot":
         """The same chain with other limits of some joints, by name [rad or m].
+
+        Of a joint that is coupled they are those of its drive.
 
         A continuous joint that is limited is no longer continuous.
 
@@ -343,6 +404,76 @@ class ShownLimit:
         """Lower and upper limit at the controller for those of the model [rad or m]."""
         first, second = map(self.of, limits)
         return (first, second) if self.sign > 0 else (second, first)
+
+
+@dataclass(frozen=True, eq=False)
+class Bounds:
+    """Linear bounds on poses: ``lower <= R q <= upper``.
+
+    Attributes:
+        rows: R (c, n): the identity, then a row for each limit of a joint that is coupled.
+        limits: Lower and upper bounds (2, c) [rad or m], infinite where there is none.
+        of: Index (c,) of the joint that each bounds.
+        names: What is bounded (c,): "q3" for the number of a pose, which is that of a drive, and
+            "q3 itself" for the angle of a joint that is coupled, as the robot's drawing has it.
+    """
+
+    rows: Array
+    limits: Array
+    of: list[int]
+    names: tuple[str, ...]
+
+    @property
+    def coupled(self) -> "Bounds":
+        """Those of joints that are coupled."""
+        n = self.rows.shape[1]
+        return Bounds(self.rows[n:], self.limits[:, n:], self.of[n:], self.names[n:])
+
+    def values(self, q: Array) -> Array:
+        """What is bounded (..., c), of poses q (..., n) [rad or m]."""
+        return np.asarray(q @ self.rows.T)
+
+    def excess(self, q: Array) -> Array:
+        """By how much poses q (..., n) are beyond each bound (..., c), negative within."""
+        values = self.values(q)
+        lower, upper = self.limits
+        return np.maximum(lower - values, values - upper)
+
+
+def _ends(row: Array, limits: Array) -> Array:
+    """Least and largest value (2,) of ``row q`` with q between limits (2, n)."""
+    return np.sort(row * limits, axis=0).sum(axis=1)
+
+
+@dataclass(frozen=True)
+class Beyond:
+    """A value of a pose that is beyond its limits, as a person reads it [deg or mm].
+
+    Attributes:
+        joint: Index of the joint.
+        name: What is limited: "q3", "q3 + q2" for a joint that the controller counts against
+            another one, or "q3 itself".
+        value: Its value.
+        limits: Its lower and upper limit.
+    """
+
+    joint: int
+    name: str
+    value: float
+    limits: tuple[float, float]
+
+    @classmethod
+    def of(cls, robot: Robot, q: Array, row: int) -> "Beyond":
+        """Bound number `row` of the robot in a pose q (n,) [rad or m]."""
+        bounds = robot.bounds
+        j = bounds.of[row]
+        own = ShownLimit(bounds.names[row], 1.0, 0.0)
+        shown = shown_limits(robot)[j] if row < robot.n else own
+        low, high = bounds.limits[:, row]
+        value = bounds.values(q)[row]
+        unit = robot.units[j]
+        low, high = (limit / unit for limit in shown.range((low, high)))
+        return cls(j, shown.label, float(shown.of(value) / unit), (float(low), float(high)))
 
 
 def shown_limits(robot: Robot) -> tuple[ShownLimit, ...]:

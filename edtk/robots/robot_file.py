@@ -1,7 +1,7 @@
 """Robots as data: the keys of a robot file, the chain that they describe, and the way back."""
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
@@ -17,7 +17,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from edtk.robots.controller import Controller, Follows
-from edtk.robots.joint import ONE_TURN, Joint, Link, TiedJoint
+from edtk.robots.joint import ONE_TURN, Coupling, Joint, Link, TiedJoint
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import transform
 from edtk.system.errors import UserError
@@ -186,6 +186,57 @@ class PlacedTable(BaseModel):
         return T
 
 
+class CouplingTable(BaseModel):
+    """A joint whose drive stands on a body before the one that carries the joint: while the drive
+    stands, the joint moves by `factor` for each degree that the other joint moves.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    joint: str = Field(description="Name of the joint, whose number in a pose is its drive's angle")
+    follows: str = Field(description="Name of the other joint; both turn")
+    factor: Annotated[Finite, Field(ge=-LARGEST_FACTOR, le=LARGEST_FACTOR)] = Field(
+        -1.0,
+        description="Motion of the joint for each degree of the other one, while its drive stands; "
+        "-1 where a parallelogram keeps it parallel to the body before the other joint [-]",
+    )
+    joint_limits_deg: tuple[Finite, Finite] | None = Field(
+        None,
+        description="Lower and upper limit of the joint's own angle; those of its drive are the "
+        "joint's limits [deg]",
+    )
+    joint_limits_rad: tuple[Finite, Finite] | None = Field(
+        None, description="The same in radians, instead of joint_limits_deg [rad]"
+    )
+
+    def build(self) -> Coupling:
+        """The coupling [rad].
+
+        Raises:
+            ValueError: It is none; says why.
+        """
+        if self.joint_limits_deg is not None and self.joint_limits_rad is not None:
+            raise ValueError("expected one of joint_limits_deg and joint_limits_rad")
+        limits = self.joint_limits_rad
+        if self.joint_limits_deg is not None:
+            low, high = np.deg2rad(self.joint_limits_deg).tolist()
+            limits = (low, high)
+        return Coupling(self.joint, self.follows, self.factor, limits)
+
+
+def coupled(robot: Robot, tables: Sequence[CouplingTable], where: str | None = None) -> Robot:
+    """The robot with couplings; messages begin with `where`.
+
+    Raises:
+        RobotFileError: One of them is wrong, or no pose is left.
+    """
+    try:
+        more = tuple(table.build() for table in tables)
+        return replace(robot, couplings=(*robot.couplings, *more)) if more else robot
+    except ValueError as error:
+        raise RobotFileError(str(error), where=where, key="coupling") from error
+
+
 class MimicTable(BaseModel):
     """A joint whose variable is `factor` times that of another joint, plus an offset."""
 
@@ -193,7 +244,7 @@ class MimicTable(BaseModel):
 
     joint: str = Field(description="Name of the joint that is followed, which follows none")
     factor: Finite = Field(
-        1.0, description="Motion for one unit of the other joint's, not zero [-]"
+        1.0, description="Motion for one unit of the other joint's own, not zero [-]"
     )
     offset_deg: Finite | None = Field(
         None, description="Angle of a revolute joint where the other joint is at zero [deg]"
@@ -248,8 +299,13 @@ class JointTable(PlacedTable):
     continuous: bool = Field(
         False, description="Whether a revolute joint turns without end; it has no limits then"
     )
-    mimic: MimicTable | None = Field(
-        None, description="The joint that this one follows, in place of limits of its own"
+    mimic: Annotated[
+        tuple[MimicTable, ...],
+        BeforeValidator(lambda given: [given] if isinstance(given, dict) else given),
+    ] = Field(
+        (),
+        description="The joint that this one follows, or a list of those whose motions add up, in "
+        "place of limits of its own",
     )
     mass_kg: Annotated[Finite, Field(ge=0)] | None = Field(
         None,
@@ -265,8 +321,8 @@ class JointTable(PlacedTable):
         allowed = ("limits_deg", "limits_rad") if self.kind == "revolute" else ("limits_m",)
         every = ("limits_deg", "limits_rad", "limits_m")
         given = [key for key in every if getattr(self, key) is not None]
-        if self.mimic is not None:
-            if given or self.continuous or not self.mimic.fits(self.kind):
+        if self.mimic:
+            if given or self.continuous or not all(one.fits(self.kind) for one in self.mimic):
                 raise PydanticCustomError(
                     "mimic",
                     "a joint that follows another one has no limits, and an offset in its own unit",
@@ -299,16 +355,14 @@ class JointTable(PlacedTable):
 
     def tied(self, place: int) -> TiedJoint:
         """The joint, at its place in the chain, that follows another one."""
-        assert self.mimic is not None
         return TiedJoint(
             self.name,
             self.place(self.origin_m),
             np.array(self.axis),
             self.kind,
             place,
-            self.mimic.joint,
-            self.mimic.factor,
-            self.mimic.offset,
+            tuple((one.joint, one.factor) for one in self.mimic),
+            sum(one.offset for one in self.mimic),
         )
 
     def build(self) -> Joint:
@@ -364,6 +418,9 @@ class RobotFile(BaseModel):
         description="Frame in the last joint's frame, relative to which a study gives its tools",
     )
 
+    coupling: tuple[CouplingTable, ...] = Field(
+        (), description="Joints whose drives turn them against other bodies than the one before"
+    )
     controller: ControllerTable | None = Field(
         None, description="How the robot's controller counts the joints, where not as the model"
     )
@@ -387,6 +444,7 @@ class RobotFile(BaseModel):
             flange=self.flange.build(),
             tied=self._tied(where),
         )
+        robot = coupled(robot, self.coupling, where)
         if self.controller is None:
             return robot
         try:
@@ -399,13 +457,14 @@ class RobotFile(BaseModel):
         free = [joint.name for joint in self.joints if not joint.mimic]
         found = []
         for i, joint in enumerate(self.joints):
-            if joint.mimic is None:
+            if not joint.mimic:
                 continue
             key = f"joints.{i}.mimic"
-            if joint.mimic.joint not in free:
-                has = ", ".join(free) or "none"
-                message = f"no free joint {joint.mimic.joint!r}; this robot has {has}"
-                raise RobotFileError(message, where=where, key=f"{key}.joint")
+            for one in joint.mimic:
+                if one.joint not in free:
+                    has = ", ".join(free) or "none"
+                    message = f"no free joint {one.joint!r}; this robot has {has}"
+                    raise RobotFileError(message, where=where, key=f"{key}.joint")
             try:
                 found.append(joint.tied(i))
             except ValueError as error:
@@ -431,6 +490,38 @@ def _joint(joint: JointTable, index: int, where: str | None) -> Joint:
         return joint.build()
     except ValueError as error:
         raise RobotFileError(str(error), where=where, key=f"joints.{index}") from error
+
+
+class RobotAndMore(BaseModel):
+    """A robot of a file, or a built-in one, and what its file does not say."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    file: Line = Field(description="Name of a built-in robot, or path of a robot file")
+    coupling: tuple[CouplingTable, ...] = Field(
+        (), description="Joints whose drives turn them against other bodies than the one before"
+    )
+
+    @classmethod
+    def read(cls, content: Mapping[str, Any]) -> "RobotAndMore":
+        """Check the keys.
+
+        Raises:
+            RobotFileError: One line that says which key, and what was expected.
+        """
+        try:
+            return cls.model_validate(content)
+        except ValidationError as error:
+            key, message = first_error(error, cls)
+            raise RobotFileError(message, key=key or None) from None
+
+    def added(self, robot: Robot) -> Robot:
+        """The robot of the file with all that is said besides.
+
+        Raises:
+            RobotFileError: That does not fit the robot.
+        """
+        return coupled(robot, self.coupling)
 
 
 def robot_from_dict(content: Mapping[str, Any], where: str | None = None) -> Robot:
@@ -478,6 +569,8 @@ def robot_to_dict(robot: Robot) -> dict[str, Any]:
         _joint_to_dict(joint, tied.get(joint.name)) | _link(link)
         for joint, link in zip(robot.chain, links, strict=True)
     ]
+    if robot.couplings:
+        content["coupling"] = [_coupling(one) for one in robot.couplings]
     if robot.controller is not None:
         content["controller"] = controller_to_dict(robot)
     return content
@@ -497,7 +590,15 @@ def _joint_to_dict(joint: Joint, tied: TiedJoint | None) -> dict[str, Any]:
 def _mimic(tied: TiedJoint) -> dict[str, Any]:
     """The tie to another joint."""
     key = "offset_m" if tied.kind == "prismatic" else "offset_rad"
-    return {"mimic": {"joint": tied.master, "factor": tied.factor, key: tied.offset}}
+    first, *more = ({"joint": name, "factor": factor} for name, factor in tied.follows)
+    first[key] = tied.offset
+    return {"mimic": [first, *more] if more else first}
+
+
+def _coupling(one: Coupling) -> dict[str, Any]:
+    """A coupling, and the limits of the joint itself."""
+    content = {"joint": one.joint, "follows": one.follows, "factor": one.factor}
+    return content | ({} if one.limits is None else _angles("joint_limits", one.limits))
 
 
 def _link(link: Link | None) -> dict[str, Any]:
@@ -509,13 +610,18 @@ def _limits(joint: Joint) -> dict[str, Any]:
     """The limits, revolute ones in degrees if these give back the same radians."""
     if joint.continuous:
         return {"continuous": True}
-    limits = [float(limit) for limit in joint.limits]
     if joint.kind == "prismatic":
-        return {"limits_m": limits}
-    degrees = [_same(np.rad2deg(limit), limit, np.deg2rad) for limit in limits]
+        return {"limits_m": [float(limit) for limit in joint.limits]}
+    return _angles("limits", joint.limits)
+
+
+def _angles(key: str, radians: tuple[float, float]) -> dict[str, Any]:
+    """Angles under a key in degrees, if these give back the same radians."""
+    angles = [float(angle) for angle in radians]
+    degrees = [_same(np.rad2deg(angle), angle, np.deg2rad) for angle in angles]
     if any(angle is None for angle in degrees):
-        return {"limits_rad": limits}
-    return {"limits_deg": degrees}
+        return {f"{key}_rad": angles}
+    return {f"{key}_deg": degrees}
 
 
 def _same(degrees: float, wanted: float, convert: Callable[[float], float]) -> float | None:

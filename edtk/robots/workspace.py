@@ -1,12 +1,13 @@
 """The feasible set of poses: the intersection of constraints, and poses around a test pose."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.robots.constraints.constraint import Constraint, Inequality
-from edtk.robots.constraints.joint_limits import JointLimits
+from edtk.robots.constraints.joint_limits import CoupledLimits, JointLimits
+from edtk.robots.joint import Coupling
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array, Mask
 
@@ -48,9 +49,16 @@ class Workspace:
     constraints: tuple[Constraint, ...] = ()
 
     @property
+    def beside_limits(self) -> tuple[Constraint, ...]:
+        """All but the limits of single drives: the given ones, and those of coupled joints."""
+        if not any(one.limits for one in self.robot.couplings):
+            return self.constraints
+        return (*self.constraints, CoupledLimits(self.robot.bounds.coupled))
+
+    @property
     def everything(self) -> tuple[Constraint, ...]:
         """The given constraints, and the joint limits."""
-        return (*self.constraints, JointLimits(self.robot.hard_limits))
+        return (*self.beside_limits, JointLimits(self.robot.hard_limits))
 
     @property
     def inequalities(self) -> tuple[Inequality, ...]:
@@ -165,7 +173,22 @@ def within_margin(robot: Robot, margin: dict[str, float], fixed: frozenset[int])
         if not upper - lower > 2 * by:
             raise ValueError(f"leaves no range for joint {joint.name!r}")
         limits[joint.name] = (lower + by, upper - by)
-    return robot.with_limits(limits)
+    couplings = tuple(_within(one, margin["revolute"]) for one in robot.couplings)
+    return replace(robot.with_limits(limits), couplings=couplings)
+
+
+def _within(coupling: Coupling, margin: float) -> Coupling:
+    """The same coupling, whose joint stays away from its own limits too.
+
+    Raises:
+        ValueError: It has no range left.
+    """
+    if coupling.limits is None:
+        return coupling
+    lower, upper = coupling.limits
+    if not upper - lower > 2 * margin:
+        raise ValueError(f"leaves no range for joint {coupling.joint!r} itself")
+    return replace(coupling, limits=(lower + margin, upper - margin))
 
 
 def joints_on_limits(
@@ -178,14 +201,16 @@ def joints_on_limits(
         q: The poses.
         fixed: Indices of joints that do not move, and do not count.
     """
-    lower, upper = robot.hard_limits
-    near = np.array([ON_LIMIT[joint.kind] for joint in robot.joints])
-    there = (q - lower < near) | (upper - q < near)
-    names = enumerate(robot.joint_names)
+    bounds = robot.bounds
+    lower, upper = bounds.limits
+    values = bounds.values(q)
+    near = np.array([ON_LIMIT[robot.joints[j].kind] for j in bounds.of])
+    there = (values - lower < near) | (upper - values < near)
+    moving = np.flatnonzero(np.delete(bounds.rows, list(fixed), axis=1).any(axis=1))
     return {
-        name: np.flatnonzero(there[:, j]).tolist()
-        for j, name in names
-        if j not in fixed and there[:, j].any()
+        name: np.flatnonzero(there[:, row]).tolist()
+        for row, name in enumerate(bounds.names)
+        if row in moving and there[:, row].any()
     }
 
 

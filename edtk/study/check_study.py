@@ -78,10 +78,11 @@ def _check_joint_names(study: StudyObjects, specification: Specification, robot:
         for name in getattr(specification.joints, key):
             if name not in robot.joint_names:
                 names = ", ".join(robot.joint_names)
-                follows = {tied.name: tied.master for tied in robot.tied}
+                follows = {tied.name: tied.masters for tied in robot.tied}
                 what = f"no joint {name!r}"
                 if name in follows:
-                    what = f"joint {name!r} follows {follows[name]!r} and has no spring of its own"
+                    masters = " and ".join(map(repr, follows[name]))
+                    what = f"joint {name!r} follows {masters} and has no spring of its own"
                 raise study.error(f"joints.{key}", f"{what}; this robot has {names}")
     for name in specification.joints.known_rad_per_Nm:
         if name in specification.joints.unknown:
@@ -100,12 +101,12 @@ def _check_fixed_joints(study: StudyObjects, specification: Specification, robot
                 message = f"the joint is {kind}; give its value in {KEY_OF_KIND[kind]}"
                 raise study.error(f"joints.{key}.{name}", message)
     _check_fixed_leaders(study, robot)
-    for j, value in study.fixed.items():
-        joint = robot.joints[j]
-        low, high = robot.hard_limits[:, j]
-        if not low <= value <= high:
-            key = f"joints.{KEY_OF_KIND[joint.kind]}.{joint.name}"
-            raise study.error(key, "the value is outside the joint's limits")
+    q = np.array([study.fixed.get(j, 0.0) for j in range(robot.n)])
+    moving = np.delete(robot.bounds.rows, list(study.fixed), axis=1).any(axis=1)
+    for row in np.flatnonzero((robot.bounds.excess(q) > 0) & ~moving):
+        joint = robot.joints[robot.bounds.of[row]]
+        key = f"joints.{KEY_OF_KIND[joint.kind]}.{joint.name}"
+        raise study.error(key, "the value is outside the joint's limits")
 
 
 def _check_fixed_leaders(study: StudyObjects, robot: Robot) -> None:

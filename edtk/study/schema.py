@@ -73,7 +73,7 @@ class Specification(Table):
     title: Line = Field("", description="Title of reports; defaults to one that names the robot")
     robot: Annotated[str | dict[str, Any], BeforeValidator(_name_or_table)] = Field(
         description="Name of a built-in robot, path of a robot file beside the study, or a table "
-        "with the keys of a robot file [m, deg or rad]"
+        "with the keys of a robot file, or with `file` and `coupling` [m, deg or rad]"
     )
     base_link: str | None = Field(
         None,
@@ -239,8 +239,14 @@ class Specification(Table):
     @property
     def robot_file(self) -> str | None:
         """Path of the robot's file, as it is written; None for a built-in robot and a table."""
-        is_file = isinstance(self.robot, str) and self.robot.endswith(ROBOT_FILE)
-        return str(self.robot) if is_file else None
+        name = self.robot_name
+        return name if name is not None and name.endswith(ROBOT_FILE) else None
+
+    @property
+    def robot_name(self) -> str | None:
+        """Name of a built-in robot, or path of a file; None where the robot is a table."""
+        name = self.robot if isinstance(self.robot, str) else self.robot.get("file")
+        return name if isinstance(name, str) else None
 
     @property
     def main_criterion(self) -> str:

@@ -13,13 +13,12 @@ from edtk.fit.prior import Normal, Prior
 from edtk.measure.compliances import load_compliances
 from edtk.measure.pose_table import (
     of_file_units,
-    pose_factors,
 )
 from edtk.measure.task import Task, Tasks
 from edtk.robots.constraints.excluded import Excluded
 from edtk.robots.load_robot import load_robot
-from edtk.robots.robot import Robot, shown_limits
-from edtk.robots.robot_file import RobotFileError, robot_from_dict
+from edtk.robots.robot import Beyond, Robot
+from edtk.robots.robot_file import RobotAndMore, RobotFileError, robot_from_dict
 from edtk.robots.weights import DeadWeights
 from edtk.robots.workspace import Workspace, within_margin
 from edtk.study.asked import Asked
@@ -115,25 +114,20 @@ def check_limits(study: Asked, q: Array) -> None:
     Raises:
         UserError: It cannot take one of them; names it.
     """
-    lower, upper = study.robot.hard_limits
-    outside = (q < lower - ROUNDING) | (q > upper + ROUNDING)
+    outside = study.robot.bounds.excess(q) > ROUNDING
     if outside.any():
         i = int(outside.any(axis=1).argmax())
-        joints = np.flatnonzero(outside[i])
-        raise _beyond(study, i, q[i], joints[0], len(joints) - 1)
+        rows = np.flatnonzero(outside[i])
+        raise _beyond(study, i, Beyond.of(study.robot, q[i], rows[0]), len(rows) - 1)
 
 
-def _beyond(study: Asked, index: int, q: Array, j: int, more: int) -> UserError:
+def _beyond(study: Asked, index: int, beyond: Beyond, more: int) -> UserError:
     """The error of a pose that is beyond a joint's limits, as the controller shows them."""
-    lower, upper = study.robot.limits
-    shown = shown_limits(study.robot)[j]
-    limits = shown.range((lower[j], upper[j]))
-    factor = pose_factors(study.robot)[j]
-    low, value, high = np.array([limits[0], shown.of(q[j]), limits[1]]) / factor
+    low, high = beyond.limits
     others = f", and {more} more" if more else ""
     message = (
-        f"the robot cannot take this pose: joint {shown.label} is at {value:.6g}, beyond its "
-        f"limits {low:.6g} .. {high:.6g}{others}"
+        f"the robot cannot take this pose: joint {beyond.name} is at {beyond.value:.6g}, beyond "
+        f"its limits {low:.6g} .. {high:.6g}{others}"
     )
     given = study.specification.task
     if given is None:
@@ -305,12 +299,16 @@ def study_robot(keys: Specification, folder: Path, where: str) -> Robot:
 
 def _found(keys: Specification, folder: Path) -> Robot:
     limits = keys.joints.limits()
-    if isinstance(keys.robot, str):
-        return load_robot(keys.robot, folder, base=keys.base_link, tip=keys.tip_link, limits=limits)
+    if keys.robot_name is not None:
+        robot = load_robot(
+            keys.robot_name, folder, base=keys.base_link, tip=keys.tip_link, limits=limits
+        )
+        return robot if isinstance(keys.robot, str) else RobotAndMore.read(keys.robot).added(robot)
     for key in LINKS:
         if getattr(keys, key) is not None:
             message = "goes with a URDF file; this robot is a table, which has no links"
             raise RobotFileError(message, key=key)
+    assert not isinstance(keys.robot, str)
     try:
         return robot_from_dict(keys.robot).with_limits(limits)
     except RobotFileError:

@@ -201,7 +201,9 @@ def study_toml(study: Asked, path: Path | str | None = None) -> str:
             return name if Path(name).is_absolute() else _relative(study.folder / name, folder)
 
         if study.specification.robot_file is not None:
-            content["robot"] = moved(study.specification.robot_file)
+            file = moved(study.specification.robot_file)
+            more = content["robot"]
+            content["robot"] = file if isinstance(more, str) else more | {"file": file}
         content = _with_names(content, moved)
     text = toml_text(content)
     write_text(path, text)

@@ -31,7 +31,7 @@ def mixed_chain(n: int = len(KINDS)) -> Robot:
 def tied_chain() -> Robot:
     """Six joints, of which the second follows the fifth, and the fourth the first."""
     free = mixed_chain(6)
-    ties = {1: ("q5", -0.7, 0.2), 3: ("q1", 1.5, -0.4)}
+    ties = {1: ((("q5", -0.7),), 0.2), 3: ((("q1", 1.5),), -0.4)}
     tied = tuple(
         TiedJoint(joint.name, joint.origin, joint.axis, joint.kind, place, *ties[place])
         for place, joint in enumerate(free.joints)

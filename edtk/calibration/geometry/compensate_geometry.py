@@ -317,11 +317,10 @@ def _not_reached(robot: Robot, command: Array, desired: Array) -> list[RefusedRo
         command: Joint variables (t, n) where the search ended [rad or m].
         desired: Joint variables (t, n) where it began.
     """
-    lower, upper = robot.hard_limits
     # A pose that is on a limit is so to the digits that a controller shows.
-    asked = (desired < lower - DIGITS) | (desired > upper + DIGITS)
+    asked = robot.bounds.excess(desired) > DIGITS
     near: Mask = np.abs(command - desired).max(axis=1) <= FAR
-    answered = (command < lower) | (command > upper)
+    answered = robot.bounds.excess(command) > 0
     refused = []
     for row in np.flatnonzero(asked.any(axis=1) | ~near | answered.any(axis=1)):
         if asked[row].any():
@@ -335,5 +334,5 @@ def _not_reached(robot: Robot, command: Array, desired: Array) -> list[RefusedRo
 
 
 def _first(robot: Robot, which: Mask) -> str:
-    """The first joint of some."""
-    return robot.joint_names[int(np.argmax(which))]
+    """The first joint of some bounds."""
+    return robot.bounds.names[int(np.argmax(which))]

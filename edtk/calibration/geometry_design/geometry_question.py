@@ -360,6 +360,7 @@ def geometry_setting(question: GeometryQuestion) -> dict[str, Any]:
         "free": feasible["free"],
         "fixed": feasible["fixed"],
         **({"margin": feasible["margin"]} if any(feasible["margin"]) else {}),
+        **{key: feasible[key] for key in ("coupled_margin",) if key in feasible},
         "test_pose": [_test_pose(task) for task in question.study.tasks] or None,
         "physics": {
             "sensors": _sensors(question.model),

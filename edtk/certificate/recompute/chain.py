@@ -9,6 +9,7 @@ from edtk.certificate.recompute.plain_data import number, numbers, rows, table, 
 from edtk.system.typing import Array, Mask
 
 MOST_JOINTS = 200  # twice those that edtk reads from a URDF, for joints that follow others
+LARGEST_FACTOR = 1e6  # of a joint that follows another one, in SI units
 RIGID = 1e-9  # deviation of a rotation's columns from orthonormal ones, against rounding
 JOINT = ("name", "kind", "origin", "axis", "limits")
 ORIGIN = np.zeros(3)
@@ -18,19 +19,21 @@ ORIGIN = np.zeros(3)
 class Chain:
     """A serial chain as a certificate writes it down.
 
-    Of its N joints, n are free; the others follow: their variables are ``x = P q + b``.
+    Of its N joints, n have drives with the coordinates q. The variables of all are ``x = P q + b``:
+    some joints follow others, and some drives turn several.
 
     Attributes:
         base: Transform (4, 4) of the chain's root [m].
         origins: Transforms (N, 4, 4) from each joint to the next at zero [m].
         axes: Unit axes (N, 3) in the joints' frames.
         slides: Which joints (N,) are prismatic.
-        limits: Lower and upper limits (2, n) [rad or m].
+        limits: Lower and upper limits (2, n) of the drives [rad or m].
         tool: Transform (4, 4) of the tool after the last joint [m].
         endless: Which free joints (n,) turn without end: they draw within their limits, and may
             stand beyond.
-        ties: P (N, n) and b (N,), the identity and zero for free joints.
+        ties: P (N, n) and b (N,), the identity and zero for joints with drives of their own.
         free: Indices (n,) of the free joints among all.
+        coupled: Rows (c, n) of P whose joints have limits of their own, and these (2, c).
     """
 
     base: Array
@@ -42,6 +45,7 @@ class Chain:
     endless: Mask
     ties: tuple[Array, Array]
     free: list[int]
+    coupled: tuple[Array, Array]
 
     @classmethod
     def from_dict(cls, robot: Any) -> "Chain":
@@ -57,7 +61,7 @@ class Chain:
             raise ValueError(f"{where}.joints: expected at least one")
         places = [f"{where}.joints[{j}]" for j in range(len(joints))]
         for joint, place in zip(joints, places, strict=True):
-            table(joint, JOINT, place, ("follows", "continuous"))
+            table(joint, JOINT, place, ("follows", "continuous", "coupled"))
         kinds = [
             text(joint["kind"], ("revolute", "prismatic"), f"{place}.kind")
             for joint, place in zip(joints, places, strict=True)
@@ -68,6 +72,7 @@ class Chain:
         if not (length > 0).all() or not (limits[:, 0] < limits[:, 1]).all():
             raise ValueError(f"{where}.joints: expected axes that are not zero, limits in order")
         free = [j for j, joint in enumerate(joints) if "follows" not in joint]
+        ties, own = _ties(joints, free, places)
         return cls(
             base=_rigid(robot["base"], f"{where}.base"),
             origins=np.array(
@@ -81,8 +86,9 @@ class Chain:
             limits=limits[free].T,
             tool=_rigid(robot["tool"], f"{where}.tool"),
             endless=np.array([joints[j].get("continuous") is True for j in free]),
-            ties=_ties(joints, free, places),
+            ties=ties,
             free=free,
+            coupled=own,
         )
 
     @property
@@ -100,10 +106,15 @@ class Chain:
         """Which free joints (n,) are prismatic."""
         return np.asarray(self.slides[self.free])
 
+    @property
+    def _is_tied(self) -> bool:
+        """Whether a joint moves by other drives than its own."""
+        return len(self.axes) > self.n or not np.array_equal(self.ties[0], np.eye(self.n))
+
     def _all(self, q: Array) -> Array:
         """Variables (k, N) of all joints for those of the free ones (k, n)."""
         P, b = self.ties
-        return q if len(P) == self.n else q @ P.T + b
+        return q @ P.T + b if self._is_tied else q
 
     def tool_point_and_axis(self, q: Array) -> tuple[Array, Array]:
         """Tool points [m] and z-axes of the tool frame, (k, 3) each, of poses q (k, n).
@@ -152,7 +163,7 @@ class Chain:
                 swing = np.cross(axis, moved - point)
                 columns.append(np.concatenate([swing, axis], axis=1))
         by_each = np.stack(columns, axis=-1)
-        return by_each if len(self.axes) == self.n else by_each @ self.ties[0]
+        return by_each @ self.ties[0] if self._is_tied else by_each
 
     def point(self, q: Array, offset: Array = ORIGIN, body: int | None = None) -> Array:
         """Positions (k, 3) of a point, given as for `jacobian`, at poses q (k, n) [m]."""
@@ -194,24 +205,53 @@ class Chain:
         return motion
 
 
-def _ties(joints: list[dict[str, Any]], free: list[int], places: list[str]) -> tuple[Array, Array]:
-    """How all joints follow the free ones: factors (N, n) and offsets (N,).
+Affine = tuple[Array, Array]
+
+
+def _ties(
+    joints: list[dict[str, Any]], free: list[int], places: list[str]
+) -> tuple[Affine, Affine]:
+    """How the drives move all joints, and limits of joints that several of them move.
+
+    A free joint has ``x_j = q_j + sum_m factor x_m``, with a sum over the joints that it is coupled
+    to, so that ``x = (I - F)^-1 q``; one that follows has the sum without a drive of its own.
+
+    Returns:
+        Factors (N, n) and offsets (N,); rows (c, n) and limits (2, c).
 
     Raises:
-        ValueError: A joint follows one that is not free.
+        ValueError: A joint follows one that is not free, or is coupled in a circle.
     """
     if not free:
         raise ValueError("setting.robot.joints: expected one that follows no other")
-    factors = np.zeros((len(joints), len(free)))
+    n = len(free)
     offsets = np.zeros(len(joints))
-    factors[free, range(len(free))] = 1.0
+    sums = np.zeros((len(joints), n))  # of variables of free joints
+    limited: list[tuple[int, Array]] = []
     for j, (joint, place) in enumerate(zip(joints, places, strict=True)):
         if "follows" in joint:
-            tie = table(joint["follows"], ("joint", "factor", "offset"), f"{place}.follows")
-            master = whole(tie["joint"], 0, len(free) - 1, f"{place}.follows.joint")
-            factors[j, master] = number(tie["factor"], f"{place}.follows.factor")
-            offsets[j] = number(tie["offset"], f"{place}.follows.offset")
-    return factors, offsets
+            where = f"{place}.follows"
+            tie = table(joint["follows"], ("joint", "factor", "offset"), where, ("others",))
+            offsets[j] = number(tie["offset"], f"{where}.offset")
+            own = {key: tie[key] for key in ("joint", "factor")}
+            entries = [own, *rows(tie.get("others", []), n, f"{where}.others")]
+        else:
+            where = f"{place}.coupled"
+            entries = rows(joint.get("coupled", []), n, where)
+        for one in entries:
+            table(one, ("joint", "factor"), where, ("limits",))
+            master = whole(one["joint"], 0, n - 1, f"{where}.joint")
+            sums[j, master] += number(one["factor"], f"{where}.factor")
+            if "limits" in one:
+                limited.append((j, numbers(one["limits"], (2,), f"{where}.limits")))
+    between = sums[free]
+    if np.linalg.matrix_power(between != 0, n).any() or np.abs(sums).max() > LARGEST_FACTOR:
+        raise ValueError("setting.robot.joints: expected factors up to 1e6, and no circles")
+    by_drives = np.linalg.solve(np.eye(n) - between, np.eye(n))
+    P = sums @ by_drives
+    P[free] = by_drives
+    ends = np.array([limits for _, limits in limited]).reshape(-1, 2).T
+    return (P, offsets), (P[[j for j, _ in limited]], ends)
 
 
 def _placed(frame: Array, offset: Array) -> Array:

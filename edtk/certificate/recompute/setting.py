@@ -27,7 +27,7 @@ SETTING_KEYS = (
     *("robot", "unknown", "rows", "sigma", "load"),
     *("workspace", "excluded", "free", "fixed"),
 )
-OPTIONAL = ("physics", "noise", "interest", "prior", "geometry", "margin")
+OPTIONAL = ("physics", "noise", "interest", "prior", "geometry", "margin", "coupled_margin")
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,6 +172,7 @@ class Workspace:
         resolution: Step (n,) to which poses of plans that are read are rounded [rad or m].
         excluded: Poses (e, n) to stay away from [rad or m].
         distance: Distance to keep from them [rad].
+        margin: How far planned poses keep away from the limits of coupled joints (c,) [rad].
     """
 
     chain: Chain
@@ -181,9 +182,10 @@ class Workspace:
     resolution: Array
     excluded: Array
     distance: float
+    margin: Array
 
     @classmethod
-    def from_dict(cls, chain: Chain, keys: Any, excluded: Any) -> "Workspace":
+    def from_dict(cls, chain: Chain, keys: Any, excluded: Any, margin: Any) -> "Workspace":
         """Read the keys of a study's [workspace], and the poses that it excludes.
 
         Raises:
@@ -208,11 +210,12 @@ class Workspace:
             resolution=np.where(chain.prismatic, 0.0, np.deg2rad(resolution)),
             excluded=poses,
             distance=float(np.deg2rad(within)),
+            margin=_coupled_margin(margin, chain),
         )
 
     def violation(self, q: Array) -> Array:
         """By how much each pose (k,) violates its worst constraint [m or rad]."""
-        worst = self._violations(q).max(axis=1)
+        worst = self._violations(q, self.margin).max(axis=1)
         if len(self.excluded):
             worst = np.maximum(worst, self.distance - self._nearest(q))
         return np.asarray(worst)
@@ -230,11 +233,14 @@ class Workspace:
             allowance += np.abs(slope) * self.resolution[j] / 2
         return np.asarray((self._violations(q) - allowance).max(axis=1))
 
-    def _violations(self, q: Array) -> Array:
+    def _violations(self, q: Array, margin: Array | float = 0.0) -> Array:
         """Violations (k, c) of the joint limits and the bounds on the tool [m or rad]."""
         ending = ~self.chain.endless
         lower, upper = self.chain.limits[:, ending]
         found = [lower - q[:, ending], q[:, ending] - upper]
+        sums, (least, most) = self.chain.coupled
+        own = q @ sums.T
+        found += [least + margin - own, own - most + margin]
         point, axis = self.chain.tool_point_and_axis(q)
         if self.height is not None:
             found.append(self.height - point[:, 2:])
@@ -359,7 +365,12 @@ class Setting:
             chain=chain,
             unknown=unknown,
             sigma=sigma,
-            workspace=Workspace.from_dict(chain, content["workspace"], content["excluded"]),
+            workspace=Workspace.from_dict(
+                chain,
+                content["workspace"],
+                content["excluded"],
+                content.get("coupled_margin"),
+            ),
             load=Load.from_dict(content["load"]),
             free=_indices(content["free"], n, "setting.free"),
             fixed=numbers(content["fixed"], (n,), "setting.fixed"),
@@ -487,6 +498,21 @@ def _margin(content: Any, chain: Chain) -> Array | None:
     margin = numbers(content["margin"], (chain.n,), "setting.margin")
     if not ((margin >= 0) & (2 * margin < np.ptp(chain.limits, axis=0))).all():
         raise ValueError("setting.margin: expected numbers from 0 that leave each joint a range")
+    return margin
+
+
+def _coupled_margin(value: Any, chain: Chain) -> Array:
+    """How far poses keep away from the limits of coupled joints (c,).
+
+    Raises:
+        ValueError: It is negative, or leaves a joint no range.
+    """
+    ends = chain.coupled[1]
+    margin = np.zeros(ends.shape[1])
+    if value is not None:
+        margin = numbers(value, (ends.shape[1],), "setting.coupled_margin")
+    if not ((margin >= 0) & (2 * margin < ends[1] - ends[0])).all():
+        raise ValueError("setting.coupled_margin: expected numbers that leave each joint a range")
     return margin
 
 

@@ -502,10 +502,15 @@ class Positions:
         return self.columns(self._of((joint.name,)), self.wrench)
 
     def counted(self, joint: int) -> Predict:
-        """A motion about, or along, the axis of a joint."""
-        one = self.robot.joints[joint]
-        part = slice(3, 6) if one.kind == "revolute" else slice(0, 3)
-        return added(self, self._before(one)[..., part] @ one.axis[:, None])
+        """A motion about, or along, the axes of all joints that one drive moves."""
+        ties = self.robot.ties
+        factors = np.eye(self.robot.n) if ties is None else ties.matrix
+        found = np.zeros((*self.A.shape[:2], 1))
+        for one, factor in zip(self.robot.chain, factors[:, joint], strict=True):
+            if factor:
+                part = slice(3, 6) if one.kind == "revolute" else slice(0, 3)
+                found += factor * self._before(one)[..., part] @ one.axis[:, None]
+        return added(self, found)
 
     def longer(self, lengths: Mapping[str, float]) -> Predict:
         """Shifts along the links."""

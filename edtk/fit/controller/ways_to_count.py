@@ -9,8 +9,9 @@ import numpy as np
 
 from edtk.fit.controller.fits import Fits, Positions, descend, place_frames
 from edtk.robots.controller import Follows
+from edtk.robots.joint import Ties
 from edtk.robots.robot import Robot
-from edtk.system.typing import Array, Mask
+from edtk.system.typing import Array, Indices, Mask
 
 ROUNDING = 1e-9  # of a factor that counts as whole
 POSES = 5
@@ -32,11 +33,12 @@ def whole_turns(robot: Robot) -> Mask:
     share of their angle.
     """
     found = np.array([joint.kind != "prismatic" for joint in robot.joints])
-    for tied in robot.tied:
-        broken = abs(tied.factor - round(tied.factor)) > ROUNDING
-        if broken or tied.kind == "prismatic":
-            found[robot.joint_names.index(tied.master)] = False
-    return found
+    if robot.ties is None:
+        return found
+    P = robot.ties.matrix
+    slides = np.array([joint.kind == "prismatic" for joint in robot.chain])
+    broken = (np.abs(P - np.round(P)) > ROUNDING) | (slides[:, None] & (P != 0))
+    return np.asarray(found & ~broken.any(axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +100,7 @@ def _offsets(robot: Robot, moving: list[int], most: int) -> Array:
     Where one follows that has the variable c while its master is at zero, the image of both in a
     mirror has an offset of the master of ``-2 c / factor``.
     """
-    masters = {robot.joint_names.index(tied.master) for tied in robot.tied}
+    masters = set() if robot.ties is None else set(_moving_several(robot.ties).tolist())
     between = [
         j
         for j in moving
@@ -121,8 +123,17 @@ def _turns_of(robot: Robot, j: int, steps: int) -> list[float]:
     last = steps if whole_turns(robot)[j] else steps + 1
     turns = np.deg2rad(np.arange(first, last) * 360 / steps).tolist()
     turns.sort(key=abs)  # the robot's own way comes first
-    followers = [tied for tied in robot.tied if tied.master == robot.joint_names[j]]
-    return [*turns, *(-2 * tied.offset / tied.factor for tied in followers if tied.offset)]
+    if robot.ties is None:
+        return turns
+    factor = robot.ties.matrix[:, j]
+    offset = robot.ties.offset
+    followers = np.flatnonzero((factor != 0) & (offset != 0))
+    return [*turns, *(-2 * offset[followers] / factor[followers]).tolist()]
+
+
+def _moving_several(ties: Ties) -> Indices:
+    """Indices of the drives that move several joints."""
+    return np.flatnonzero((ties.matrix != 0).sum(axis=0) > 1)
 
 
 def _poses(n: int, moving: list[int], seed: int) -> Array:

@@ -213,13 +213,15 @@ def _tie(found: RobotOverview, name: str) -> str:
     """What a joint that follows does, in the units of people."""
     robot = found.robot
     tied = next(tied for tied in robot.tied if tied.name == name)
-    master = robot.joints[robot.joint_names.index(tied.master)]
     unit = {"revolute": 57.29577951308232, "prismatic": 1e3}
-    factor = tied.factor * unit[tied.kind] / unit[master.kind]
+    parts = []
+    for name, factor in tied.follows:
+        kind = robot.joints[robot.joint_names.index(name)].kind
+        per = "" if tied.kind == kind else f" {UNITS[tied.kind]}/{UNITS[kind]}"
+        parts.append(f"{factor * unit[tied.kind] / unit[kind]:g}{per} {name}")
     offset = tied.offset * unit[tied.kind]
-    per = "" if tied.kind == master.kind else f" {UNITS[tied.kind]}/{UNITS[master.kind]}"
-    plus = f" {'-' if offset < 0 else '+'} {abs(offset):g} {UNITS[tied.kind]}" if offset else ""
-    return f"follows {tied.master}: {factor:g}{per} {tied.master}{plus}"
+    parts += [f"{offset:g} {UNITS[tied.kind]}"] if offset else []
+    return f"follows {' and '.join(tied.masters)}: {' + '.join(parts).replace('+ -', '- ')}"
 
 
 def _whose(names: list[str]) -> str:

@@ -1,4 +1,4 @@
-"""The range of every joint."""
+"""The range of every drive, and of joints that several drives move."""
 
 from dataclasses import dataclass
 
@@ -7,13 +7,13 @@ import numpy as np
 from edtk.robots.constraints.constraint import Constraint, Inequality
 from edtk.robots.frames import Frames
 from edtk.robots.joint import DEGREE, METRE
-from edtk.robots.robot import Robot, shown_limits
+from edtk.robots.robot import Bounds, Robot, shown_limits
 from edtk.system.typing import Array
 
 
 @dataclass(frozen=True, eq=False)
 class JointLimits(Constraint):
-    """Every joint stays between its limits.
+    """Every joint, or its drive where it is coupled to others, stays between its limits.
 
     Args:
         limits: Lower and upper limits (2, n) [rad or m]; infinite ones, of joints that turn without
@@ -55,5 +55,40 @@ class JointLimits(Constraint):
         batch = frames.q.shape[1:]
         identity = np.eye(n)[self._ending]
         both = np.concatenate([identity, -identity])
+        lifted = both.reshape(*both.shape, *(1,) * len(batch))
+        return np.broadcast_to(lifted, (*both.shape, *batch))
+
+
+@dataclass(frozen=True, eq=False)
+class CoupledLimits(Constraint):
+    """Every joint that is coupled to others stays between the limits of its own variable.
+
+    That is a sum of coordinates of drives: ``lower <= r q <= upper``.
+
+    Args:
+        bounds: The rows r (c, n) and their limits.
+    """
+
+    bounds: Bounds
+
+    def inequalities(self, robot: Robot) -> tuple[Inequality, ...]:
+        """All lower limits, then all upper ones [deg]."""
+        names = self.bounds.names
+        return tuple(
+            Inequality(f"joint limit {name} {sign} {np.rad2deg(bound):g} deg", DEGREE)
+            for sign, bounds in zip("><", self.bounds.limits, strict=True)
+            for name, bound in zip(names, bounds, strict=True)
+        )
+
+    def slack(self, frames: Frames) -> Array:
+        """``r q - lower``, then ``upper - r q`` (2 c, ...)."""
+        values = np.tensordot(self.bounds.rows, frames.q, axes=1)
+        lower, upper = self.bounds.limits.reshape(2, -1, *(1,) * (values.ndim - 1))
+        return np.concatenate([values - lower, upper - values])
+
+    def gradient(self, frames: Frames) -> Array:
+        """The rows r, then minus these (2 c, n, ...)."""
+        both = np.concatenate([self.bounds.rows, -self.bounds.rows])
+        batch = frames.q.shape[1:]
         lifted = both.reshape(*both.shape, *(1,) * len(batch))
         return np.broadcast_to(lifted, (*both.shape, *batch))

@@ -212,4 +212,5 @@ def _tied(
     """A joint that follows a free one, whose own tie may be to a joint outside the chain."""
     factor = tie.factor / own.factor
     offset = tie.offset - factor * own.offset
-    return TiedJoint(joint.name, origin, joint.axis, _kind(joint), place, master, factor, offset)
+    follows = ((master, factor),)
+    return TiedJoint(joint.name, origin, joint.axis, _kind(joint), place, follows, offset)

@@ -102,7 +102,7 @@ def with_ties(robot: Robot, *ties: tuple[str, str, float, float]) -> Robot:
         place = robot.joint_names.index(name)
         one = robot.joints[place]
         followers.append(
-            TiedJoint(name, one.origin, one.axis, one.kind, place, master, factor, offset)
+            TiedJoint(name, one.origin, one.axis, one.kind, place, ((master, factor),), offset)
         )
     names = [one.name for one in followers]
     joints = tuple(joint for joint in robot.joints if joint.name not in names)

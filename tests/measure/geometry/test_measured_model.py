@@ -52,7 +52,9 @@ TIED = replace(
     SIX,
     name="6R with a tie",
     joints=SIX.joints[:4] + SIX.joints[5:],
-    tied=(TiedJoint("q5", transform((0.302, 0, 0)), AXES["y"], "revolute", 4, "q3", -1.0, 0.1),),
+    tied=(
+        TiedJoint("q5", transform((0.302, 0, 0)), AXES["y"], "revolute", 4, (("q3", -1.0),), 0.1),
+    ),
 )
 
 
