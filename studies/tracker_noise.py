@@ -81,7 +81,7 @@ def weights(study: Study, plan: Plan) -> Array:
     noise = study.noise
     assert noise is not None
     frames = study.model.frames(plan.q)
-    whitener = Whitener.of(noise.covariance_of(study.model, frames, plan.repeats))
+    whitener = Whitener.of(noise.covariance_of(study.model, frames, plan.wrench, plan.repeats))
     A = study.model.regressor_of(frames, plan.wrench)
     seen = whitener.transposed(whitener.rows(A)) * plan.repeats
     M = study.space.information(plan)
@@ -119,7 +119,7 @@ def compared(study: Study, plan: Plan, k: Array) -> tuple[float, float, float, f
     of_matrix = np.abs(L.T @ C @ L - np.eye(len(M))).max()
     noise = study.noise
     assert noise is not None
-    Sigma = noise.covariance_of(study.model, study.model.frames(plan.q))
+    Sigma = noise.covariance_of(study.model, study.model.frames(plan.q), plan.wrench)
     sigma = np.sqrt(np.einsum("rrk->rk", Sigma).mean())
     A = study.model.regressor(plan.q, plan.wrench) / sigma
     promised = np.linalg.inv(np.einsum("k,kri,krj->ij", plan.repeats, A, A))

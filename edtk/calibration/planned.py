@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.calibration.posterior_check import PosteriorCheck, check_posterior, first_estimate
-from edtk.calibration.propagation import Propagation, uncertainty_of
+from edtk.calibration.propagation import Propagation, root_of, uncertainty_of
 from edtk.calibration.template import measured_names
 from edtk.design.plan import Plan
 from edtk.findings.moving_joints import stated_noise
@@ -20,7 +20,9 @@ from edtk.fit.posterior import SamplingOptions
 from edtk.fit.sheet import sheet_turns
 from edtk.measure.equilibrium import NoEquilibriumError
 from edtk.measure.expected_error import ErrorBudget, TaskAccuracy, compensation_accuracy
+from edtk.measure.instruments.pose_marker import COORDINATES
 from edtk.measure.noise import VisitNoise, shared_visits
+from edtk.measure.task import Tasks
 from edtk.study.evaluate import accuracy_of_tasks, plan_covariance
 from edtk.study.study import Study
 from edtk.study.study_model import payload_beside_load, study_sigma
@@ -35,8 +37,8 @@ if TYPE_CHECKING:
 def plan_noise(study: Study, plan: Plan) -> RowNoise:
     """The noise of the mean of each experiment's repeats (m, rows) [m, rad].
 
-    Repeats average out what is not shared: ``sigma^2 / r``, or ``V/r + diag(d^2)`` with the
-    covariance V of a visit and the discrepancy d.
+    Repeats average out what is not shared: ``sigma^2 / r``, or ``V/r + D`` with the
+    covariance V of a visit and that D of the model's errors.
 
     Args:
         study: The noise, and the rows that are measured.
@@ -52,7 +54,7 @@ def visits_noise(study: Study, plan: Plan) -> RowNoise:
     """The noise of every single visit (sum of repeats, rows), those of a pose one after another.
 
     Raises:
-        UserError: Too many repeats of a pose share a discrepancy.
+        UserError: Too many repeats of a pose share an error of the model.
     """
     visits = int(plan.repeats.sum())
     if study.noise is None:
@@ -64,8 +66,9 @@ def visits_noise(study: Study, plan: Plan) -> RowNoise:
     most = MOST_COORDINATES // rows
     if plan.repeats.max() > most:
         raise study.error(
-            "noise.discrepancy_mm",
-            f"{plan.repeats.max()} repeats of a pose share it; expected {most} at most here",
+            "noise",
+            f"{plan.repeats.max()} repeats of a pose share an error of the model; "
+            f"expected {most} at most here",
         )
     first = np.cumsum(plan.repeats) - plan.repeats
     blocks = []
@@ -84,7 +87,8 @@ def _parts(study: Study, noise: VisitNoise, plan: Plan) -> tuple[Array, Array]:
     scatter = np.moveaxis(noise.scatter_of(study.model, frames), -1, 0)
     prismatic = np.array([joint.kind == "prismatic" for joint in study.robot.joints])
     near = shared_visits(plan.q, plan.repeats, prismatic, noise.within) / plan.repeats
-    return scatter, near[:, None, None] * np.diag(noise.discrepancy**2)
+    shared = np.moveaxis(noise.shared_of(study.model, frames, plan.wrench), -1, 0)
+    return scatter, near[:, None, None] * shared
 
 
 def planned_measurements(study: Study, plan: Plan) -> Measurements:
@@ -154,7 +158,7 @@ def plan_propagation(study: Study, plan: Plan) -> Propagation | None:
     except SingularPlanError:
         return None
     k = study.compliances
-    return Propagation.of(
+    found = Propagation.of(
         study.model,
         planned_measurements(study, plan),
         k,
@@ -163,12 +167,46 @@ def plan_propagation(study: Study, plan: Plan) -> Propagation | None:
         np.repeat(plan.repeats, len(study.model.instruments)),
         payload=payload_beside_load(study),
     )
+    if study.noise is None or not study.noise.shares:
+        return found
+    by_model = _by_model(study, study.noise, plan, cov)
+    below = ((0, len(found.assumed)), (0, 0))
+    own = {"noise": cov - by_model, "model": by_model}
+    roots = {name: np.pad(root_of(part), below) for name, part in own.items()}
+    return replace(found, roots=found.roots | roots)
+
+
+def _by_model(study: Study, noise: VisitNoise, plan: Plan, cov: Array) -> Array:
+    """What the model's errors make of the covariance (p, p) of a plan's estimates.
+
+    With the covariance ``S = V/r + D`` of the mean of a pose's visits and ``C = cov``, estimates
+    err by ``C A' S^-1`` of what the pose's readings do, so that it is
+    ``C (sum A' S^-1 D S^-1 A) C``; the rest is that of the noise, and of what is known besides.
+    """
+    scatter, shared = _parts(study, noise, plan)
+    S = scatter / plan.repeats[:, None, None] + shared
+    W = np.linalg.solve(S, study.model.regressor(plan.q, plan.wrench))
+    return np.asarray(cov @ np.einsum("krp,krs,ksq->pq", W, shared, W) @ cov)
+
+
+def _left_out(study: Study, tasks: Tasks) -> float:
+    """Root mean square of what the model leaves out of the tasks themselves [m]."""
+    noise = study.noise
+    if noise is None or not noise.shares:
+        return 0.0
+    constant = np.sqrt(COORDINATES) * float(noise.discrepancy.max())
+    if noise.error is None:
+        return float(constant)
+    columns = tasks.with_unknown(tuple(range(study.robot.n))).target
+    return float(np.hypot(constant, noise.error.remaining(columns)))
 
 
 def plan_budget(study: Study, plan: Plan) -> ErrorBudget | None:
     """Propagate what is uncertain in a calibration by a plan to the study's task.
 
-    The nonlinear model will be fitted where it matters, so that the part of the linear one is zero.
+    The nonlinear model will be fitted where it matters, so that the linear one adds nothing to the
+    part of the model: that is what the study says that springs leave out, in the estimates and in
+    the task itself.
 
     Args:
         study: The study; its [simulation] says how compliant the joints are.
@@ -179,7 +217,9 @@ def plan_budget(study: Study, plan: Plan) -> ErrorBudget | None:
         plan leaves a compliance open.
     """
     propagation = None if study.target is None else plan_propagation(study, plan)
-    return None if propagation is None else propagation.budget(study.tasks)
+    if propagation is None:
+        return None
+    return propagation.budget(study.tasks, _left_out(study, study.tasks))
 
 
 def plan_tasks(study: Study, plan: Plan) -> TaskAccuracy | None:
@@ -203,7 +243,8 @@ def plan_tasks(study: Study, plan: Plan) -> TaskAccuracy | None:
     propagation = None if found is None else plan_propagation(study, plan)
     if found is None or propagation is None:
         return found
-    return replace(found, total=propagation.totals(study.tasks, np.zeros(len(study.tasks))))
+    left_out = np.array([_left_out(study, Tasks([task])) for task in study.tasks])
+    return replace(found, total=propagation.totals(study.tasks, left_out))
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,7 @@ from edtk.measure.instruments.distance import Distance
 from edtk.measure.instruments.marker import Marker
 from edtk.measure.instruments.pose_marker import PoseMarker
 from edtk.measure.instruments.sensor import Sensor
+from edtk.measure.model_error import ModelError
 from edtk.measure.noise import Tracker, VisitNoise
 from edtk.measure.task import Task
 from edtk.robots.constraints.excluded import Excluded
@@ -218,8 +219,14 @@ def noise_to_dict(noise: VisitNoise | None) -> dict[str, Any]:
             "discrepancy": noise.discrepancy.tolist(),
             "within": noise.within,
             "readings": noise.readings,
+            **({} if noise.error is None else {"model_error": error_to_dict(noise.error)}),
         },
     }
+
+
+def error_to_dict(error: ModelError) -> dict[str, Any]:
+    """Write what a model of springs leaves out as plain data [rad/(N m), shares]."""
+    return {"k": error.k.tolist(), "turn": error.turn, "anywhere": error.anywhere}
 
 
 def tracker_to_dict(tracker: Tracker | None) -> dict[str, Any] | None:

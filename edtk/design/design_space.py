@@ -131,13 +131,24 @@ class Experiments:
         noise = self.space.noise
         if noise is None:
             return None
-        visits = 1.0 if self.visits is None else self.visits
-        return Whitener.of(noise.covariance_of(self.space.model, self.frames, visits))
+        return Whitener.of(
+            noise.covariance_of(self.space.model, self.frames, self._wrench, self._visits)
+        )
+
+    @property
+    def _visits(self) -> Array | float:
+        """Visits (...) of each pose that share an error."""
+        return 1.0 if self.visits is None else self.visits
+
+    @cached_property
+    def _wrench(self) -> Array:
+        """Loads (..., 6) or (6,) [N, N m]."""
+        return self.space.load.wrench(self._load)
 
     @cached_property
     def _regressor(self) -> Array:
         """Whitened regressors, ``A/sigma`` or ``L^-1 A`` (p, rows, ...), component first."""
-        A = self.space.model.regressor_of(self.frames, self.space.load.wrench(self._load))
+        A = self.space.model.regressor_of(self.frames, self._wrench)
         if self._whitener is not None:
             A = self._whitener.rows(A)
         else:
@@ -199,27 +210,39 @@ class Experiments:
             weights = _component_first(B / space.sigma[:, None], (-1, -2))
         else:
             weights = self._whitener.transposed(_component_first(B, (-1, -2)))
-        wrench = space.load.wrench(self._load)
-        by_joint = model.regressor_slope_of(self.frames, wrench, weights)
-        if self._whitener is not None:
-            by_joint = by_joint + self._noise_slope(weights, self._whitener)
+        by_joint = model.regressor_slope_of(self.frames, self._wrench, weights)
         wrench_changes = _component_first(space.load.derivative(self._load), (-1,))
         by_load = [
             (weights * model.by_wrench.regressor_of(self.frames, change)).sum(axis=(0, 1))
             for change in wrench_changes
         ]
+        if self._whitener is not None:
+            of_noise, of_its_load = self._noise_slope(weights, self._whitener, wrench_changes)
+            by_joint = by_joint + of_noise
+            by_load = [own + more for own, more in zip(by_load, of_its_load, strict=True)]
         # Without a load to design by_load is empty, and reshape gives it the missing axes.
         by_load_too = np.array(by_load).reshape(-1, *by_joint.shape[1:])
         return _batch_first(np.concatenate([by_joint, by_load_too]), (0,))
 
-    def _noise_slope(self, weights: Array, whitener: Whitener) -> Array:
-        """``-<P Q', dSigma>/2`` by all joints (n, ...), of P = L^-T B and Q = Sigma^-1 A."""
-        noise = self.space.noise
+    def _noise_slope(
+        self, weights: Array, whitener: Whitener, wrench_changes: Array
+    ) -> tuple[Array, list[Array]]:
+        """``-<P Q', dSigma>/2``, of P = L^-T B and Q = Sigma^-1 A.
+
+        Returns:
+            Derivatives by all joints (n, ...), and by each change of the wrench (...).
+        """
+        noise, model = self.space.noise, self.space.model
         assert noise is not None
-        by_covariance = np.einsum(
+        by_covariance = -0.5 * np.einsum(
             "pr...,ps...->rs...", weights, whitener.transposed(self._regressor)
         )
-        return noise.slope_of(self.space.model, self.frames, -0.5 * by_covariance)
+        given = (model, self.frames, by_covariance, self._wrench)
+        changes = [model.by_wrench.torque_of(self.frames, change) for change in wrench_changes]
+        return (
+            noise.slope_of(*given, visits=self._visits),
+            noise.load_slope_of(*given, changes, visits=self._visits),
+        )
 
     @property
     def slack(self) -> Array:
@@ -442,7 +465,7 @@ class DesignSpace:
         """Whitened regressors (k, rows, p) of a plan whose visits may share the discrepancy."""
         frames = self.model.frames(plan.q)
         visits = shared_visits(plan.q, plan.repeats, frames.sliding, noise.within)
-        whitener = Whitener.of(noise.covariance_of(self.model, frames, visits))
+        whitener = Whitener.of(noise.covariance_of(self.model, frames, plan.wrench, visits))
         return np.moveaxis(whitener.rows(np.moveaxis(A, (-1, -2), (0, 1))), (0, 1), (-1, -2))
 
     @property

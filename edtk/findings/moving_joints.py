@@ -10,7 +10,7 @@ from edtk.fit.equilibrium import LinearisedData, fit_common_noise
 from edtk.fit.estimate_noise import NoiseEstimate, StatedSizes
 from edtk.fit.identify import Identification, identify
 from edtk.fit.least_squares import SingularPlanError, Whitened
-from edtk.fit.measurements import Measurements, joint_motion
+from edtk.fit.measurements import Measurements, joint_motion, model_errors
 from edtk.fit.noise import TooManyVisitsError, own_covariance, tracker_noise, visit_covariance
 from edtk.fit.outliers import LackOfFit, lack_of_fit
 from edtk.measure.noise import VisitNoise, shared_visits
@@ -28,7 +28,7 @@ def stated_noise(study: Study, data: Measurements, repeats: Indices | None = Non
     """Give measurements the covariance of their visits; the same where noise is white.
 
     A sheet that states the noise of its displacements speaks for tracker and white noise; motions
-    of the joints and the discrepancy are added to what it says.
+    of the joints and the stated errors of the model are added to what it says.
 
     Args:
         study: Its [noise].
@@ -46,7 +46,7 @@ def stated_noise(study: Study, data: Measurements, repeats: Indices | None = Non
     tracker = _tracker(study, data).over(times)
     joints = np.sqrt(noise.readings) * noise.repeatability
     motion = joint_motion(study.model, data) * joints / np.sqrt(times)[:, None, None]
-    covariance = visit_covariance(data, tracker, motion, _discrepancy(study, noise, data, times))
+    covariance = visit_covariance(data, tracker, motion, *_model_errors(study, noise, data, times))
     visit = data.visits.astype(float)
     return replace(data, covariance=covariance, sigma=covariance.std, tracker=tracker, visit=visit)
 
@@ -104,21 +104,31 @@ class ReadingNoise:
         return self.ratio**2 * (own**2 + moved + np.where(data.lengths, model, 0.0) ** 2)
 
 
-def _discrepancy(study: Study, noise: VisitNoise, data: Measurements, times: Indices) -> Array:
-    """Standard deviations (m, rows) of the model's errors, which visits of a pose share.
+def _model_errors(
+    study: Study, noise: VisitNoise, data: Measurements, times: Indices
+) -> tuple[Array, Array | None]:
+    """The model's stated errors, which visits of a pose share, as `visit_covariance` takes them.
 
     Poses near each other share an unknown part of it. As in a design, the variance of a pose is
     counted as often as there are visits near it, over its own visits: that is never too little.
+
+    Returns:
+        Standard deviations (m, rows) of rows by themselves, and a root (m, rows, n) of errors that
+        the rows of a pose share; None where springs turn as the model says.
     """
-    size = float(noise.discrepancy.max())
-    if not size:
-        return np.zeros(data.sigma.shape)
+    if not noise.shares:
+        return np.zeros(data.sigma.shape), None
     first = np.unique(data.pose, return_index=True)[1]
     of_visit = np.unique(data.visits, return_index=True)[1]
     visits = np.bincount(data.pose[of_visit], times[of_visit])
     prismatic = np.array([joint.kind == "prismatic" for joint in study.robot.joints])
     near = shared_visits(data.q[first], visits, prismatic, noise.within)
-    return np.sqrt(near / visits)[data.pose, None] * np.where(data.lengths, size, 0.0)
+    counted = np.sqrt(near / visits)[data.pose, None]
+    sizes = np.where(data.lengths, float(noise.discrepancy.max()), 0.0)
+    if noise.error is None:
+        return counted * sizes, None
+    turns, anywhere = model_errors(study.model, data, noise.error)
+    return counted * np.hypot(sizes, anywhere), counted[..., None] * turns
 
 
 def repetitions_agree(fitted: "FittedData") -> LackOfFit | None:

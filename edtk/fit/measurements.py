@@ -27,8 +27,10 @@ from edtk.fit.sheet import (
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.equilibrium import Rest
 from edtk.measure.instruments.marker import Marker
+from edtk.measure.instruments.one_row import whole_of
 from edtk.measure.instruments.pose_marker import COORDINATES, PoseMarker
 from edtk.measure.instruments.sensor import Sensor
+from edtk.measure.model_error import ModelError, groups_of
 from edtk.measure.pose_table import (
     FINISHED_BY,
     MARKER_NAME_COLUMN,
@@ -416,6 +418,33 @@ def joint_motion(model: ElastostaticModel, data: Measurements) -> Array:
     """
     motion = data.motion_of(model, model.frames(data.q))
     return np.ascontiguousarray(np.moveaxis(motion, (0, 1), (-1, -2)))
+
+
+def model_errors(
+    model: ElastostaticModel, data: Measurements, error: ModelError
+) -> tuple[Array, Array]:
+    """What the model leaves out of each row: shared by a visit's instruments, and row by row.
+
+    Args:
+        model: The robot with its calibration tool, and the measured rows.
+        data: Poses, loads, instruments and markers.
+        error: Its shares.
+
+    Returns:
+        A root (m, rows, n) of the part in the springs' turns, which move all rows of a pose under a
+        load together; and standard deviations (m, rows) of that in any direction [m, rad].
+    """
+    frames = model.frames(data.q)
+    torque = model.torque_of(frames, data.wrench)
+    roots = np.empty((*data.deflection.shape, model.robot.n))
+    sizes = np.empty(data.deflection.shape)
+    for rows, sensor in data.instruments(model):
+        own = frames[rows]
+        whole, seen = whole_of(sensor)
+        bends = error.bends(own.folded(whole.motion(own)), torque[:, rows])
+        roots[rows] = np.moveaxis(error.turns(bends)[:, seen], (0, 1), (-1, -2))
+        sizes[rows] = error.sizes(bends, groups_of((whole,)))[seen].T
+    return roots, sizes
 
 
 def translations(model: ElastostaticModel, data: Measurements) -> Array:

@@ -220,14 +220,19 @@ class TooManyVisitsError(ValueError):
 
 
 def visit_covariance(
-    data: Measurements, tracker: RowNoise, motion: Array, discrepancy: Array
+    data: Measurements,
+    tracker: RowNoise,
+    motion: Array,
+    discrepancy: Array,
+    turns: Array | None = None,
 ) -> CorrelatedNoise:
-    """Covariances ``T + M M'`` within a visit, and ``d d'`` among all visits of a pose.
+    """Covariances ``T + M M'`` within a visit, and ``d d' + B B'`` among all visits of a pose.
 
     Each measurement has tracker noise T of its own, or shares it with the other coordinates that
     its instrument shows in a visit. The motions M, of joints with their standard
     deviations, are common to all measurements of a visit; the discrepancy d of a marker in a pose,
-    under a load, is common to all visits, each coordinate by itself.
+    under a load, is common to all visits, each coordinate by itself; springs that turn further or
+    less than their model says move all of them together, by B.
 
     Args:
         data: Poses, loads, markers and visits; measured values are not used.
@@ -235,6 +240,7 @@ def visit_covariance(
             makes.
         motion: Motions (m, rows, c) by independent errors of size one [m, rad].
         discrepancy: Standard deviations (m, rows) of the model's errors [m, rad].
+        turns: A root B (m, rows, n) of its errors in the springs [m, rad]; None without such.
 
     Raises:
         NotPositiveDefiniteError: Without tracker noise in some direction.
@@ -242,7 +248,8 @@ def visit_covariance(
     """
     m, rows = data.sigma.shape
     own = CorrelatedNoise.of_any(tracker, (m, rows))
-    group = data.pose if discrepancy.any() else data.visits
+    shares = turns is not None or discrepancy.any()
+    group = data.pose if shares else data.visits
     blocks = []
     for members in groups_by_size(group):
         G, s = members.shape
@@ -258,6 +265,8 @@ def visit_covariance(
         common = np.einsum("gsr,gtr,gst->gstr", d, d, shared)
         axis = np.arange(rows)
         whole[:, :, axis, :, axis] += np.moveaxis(common, -1, 0)
+        if turns is not None:
+            whole += np.einsum("gsrc,gtqc->gsrtq", turns[members], turns[members])
         blocks.append(NoiseBlocks(members, whole.reshape(G, s * rows, s * rows)))
     return CorrelatedNoise.of(blocks, (m, rows))
 

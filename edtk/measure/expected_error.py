@@ -376,6 +376,7 @@ class ExpectedError:
         poses: Number of test poses.
         worst: Error in the worst test pose that has a weight [m].
         worst_pose: Which one that is, counted from 1.
+        by: What makes these errors, in words.
     """
 
     test_pose: float
@@ -387,6 +388,7 @@ class ExpectedError:
     poses: int = 1
     worst: float = 0.0
     worst_pose: int = 1
+    by: str = "the noise alone"
 
     def __str__(self) -> str:
         if self.poses > 1:
@@ -396,7 +398,7 @@ class ExpectedError:
             angle = f"{np.rad2deg(self.rotation):.2g} deg in the test pose"
             lever = f"; a rotation, {angle}, counts as at {1e3 * self.lever:g} mm"
         return (
-            f"error by the noise alone: {1e3 * self.test_pose:.2g} mm in the test pose; within "
+            f"error by {self.by}: {1e3 * self.test_pose:.2g} mm in the test pose; within "
             f"{np.rad2deg(self.within):.3g} deg of it {1e3 * self.mean:.2g} mm on average, "
             f"{1e3 * self.largest:.2g} mm at most{lever}"
         )
@@ -406,7 +408,7 @@ class ExpectedError:
         if self.rotation is not None:
             counted = f"; rotations count as at {1e3 * self.lever:g} mm"
         return (
-            f"error by the noise alone: {1e3 * self.test_pose:.2g} mm in the {self.poses} test "
+            f"error by {self.by}: {1e3 * self.test_pose:.2g} mm in the {self.poses} test "
             f"poses (root mean square), {1e3 * self.worst:.2g} mm in the worst of them, pose "
             f"{self.worst_pose}; within {np.rad2deg(self.within):.3g} deg of them "
             f"{1e3 * self.mean:.2g} mm on average, {1e3 * self.largest:.2g} mm at most{counted}"

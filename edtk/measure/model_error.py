@@ -97,6 +97,14 @@ class ModelError:
             E[row, row] += size**2
         return E
 
+    def remaining(self, columns: Array) -> float:
+        """Root mean square of what is left out of rows that count alike, as in a task [m].
+
+        Args:
+            columns: Their columns (rows, n), of all free joints: ``y_i tau_i`` [m/(rad/(N m))].
+        """
+        return float(np.hypot(self.turn, self.anywhere) * np.linalg.norm(columns * self.k))
+
     def slope_weights(
         self, motion: Array, torque: Array, S: Array, groups: Indices
     ) -> tuple[Array, Array]:

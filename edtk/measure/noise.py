@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from edtk.measure.model_error import ModelError
 from edtk.robots.frames import Frames
 from edtk.robots.robot import joint_distance
 from edtk.system.typing import Array, Indices, Mask
@@ -193,26 +194,40 @@ class Measured(Protocol):
         """Derivatives (n, ...) of ``<B, dy/dq>`` by all joints, B (n, rows, ...) held fixed."""
 
 
+class Loaded(Measured, Protocol):
+    """What an error of the model needs besides: how a wrench loads the joints."""
+
+    def torque_of(self, frames: Frames, wrench: ArrayLike) -> Array:
+        """Loads tau (n, ...) of all joints [N m or N]."""
+
+    def torque_slope_of(self, frames: Frames, wrench: ArrayLike, s: Array) -> Array:
+        """Derivatives (n, ...) of ``sum_j s_j tau_j`` by all joints, s (n, ...) held fixed."""
+
+
 @dataclass(frozen=True, eq=False)
 class VisitNoise:
     """Errors of the rows that a visit of a pose measures, and of several visits of it.
 
     A visit is `readings` readings of all markers (two for loaded minus unloaded), to each of which
     the robot comes anew. With the covariance T(p) of the tracker at each marker, the motion
-    ``J = dy/dq`` of the rows, and variances ``s^2`` of the joints, w^2 of white noise and d^2 of
-    the discrepancy,
+    ``J = dy/dq`` of the rows, and variances ``s^2`` of the joints and w^2 of white noise, a visit
+    scatters by
 
-        V(q) = readings (T + J diag(s^2) J') + diag(w^2),
-        Sigma(q) = V(q) + diag(d^2).
+        V(q) = readings (T + J diag(s^2) J') + diag(w^2).
 
-    The joints move all markers of a visit together, so that V is full. Visits of one pose have
-    errors of their own, but share the discrepancy: the mean of v visits has the covariance
-    ``V/v + diag(d^2)``, and all of them together have the information
+    The joints move all markers of a visit together, so that V is full. What the model leaves out
+    is no scatter: with the variances d^2 of the discrepancy, which is the same in all poses, and
+    the covariance E of a `ModelError`, which grows with what the springs do under the load,
 
-        A' (V/v + diag(d^2))^-1 A = v A' (V + v diag(d^2))^-1 A,
+        D(q, load) = diag(d^2) + E(q, load).
 
-    which is concave in v and at most v times that of one visit. `covariance_of` therefore gives
-    ``V + v diag(d^2)``: the covariance that one of v visits counts with.
+    Visits of one pose have errors of their own, but share this one: the mean of v visits has the
+    covariance ``V/v + D``, and all of them together have the information
+
+        A' (V/v + D)^-1 A = v A' (V + v D)^-1 A,
+
+    which is concave in v, at most v times that of one visit, and at most ``A' D^-1 A``.
+    `covariance_of` therefore gives ``V + v D``: the covariance that one of v visits counts with.
 
     Arrays are component first, as in `Frames`.
 
@@ -223,9 +238,12 @@ class VisitNoise:
         repeatability: Standard deviations s (n,) of the joints in one reading [rad or m].
         white: Standard deviations w (rows,) of a visit's rows [m, rad].
         discrepancy: Standard deviations d (rows,) of the model's errors [m, rad].
-        within: Poses nearer than this, Euclidean over the revolute joints, share the discrepancy
+        within: Poses nearer than this, Euclidean over the revolute joints, share the model's errors
             [rad].
         readings: Readings whose difference or value a row is: two, or one for absolute positions.
+        error: The part of the model's errors that grows with the load; None for none.
+        groups: Groups (rows,) of rows that it treats alike, see `ModelError`.
+        apart: Whether each visit has an error of the model of its own, as if poses were far apart.
     """
 
     tracker: Tracker | None
@@ -235,51 +253,85 @@ class VisitNoise:
     discrepancy: Array
     within: float = 0.0
     readings: int = 2
+    error: ModelError | None = None
+    groups: Indices = field(default_factory=lambda: np.zeros(0, dtype=int))
+    apart: bool = False
 
     @cached_property
     def shares(self) -> bool:
         """Whether visits of one pose share an error, so that repeats do not average it out."""
-        return bool(self.discrepancy.any())
+        return not self.apart and (self.error is not None or bool(self.discrepancy.any()))
 
     @cached_property
     def alone(self) -> "VisitNoise":
-        """The noise of visits that share nothing: each has a discrepancy of its own."""
-        if not self.shares:
-            return self
-        white = np.hypot(self.white, self.discrepancy)
-        return replace(self, white=white, discrepancy=np.zeros_like(white))
+        """The noise of visits that share nothing: each has an error of the model of its own."""
+        return replace(self, apart=True) if self.shares else self
 
     def scatter_of(self, model: Measured, frames: Frames) -> Array:
         """The part V (rows, rows, ...) of the covariance that repeats average out [m^2, rad^2]."""
         return self._scatter(model.points_of(frames), model.motion_of(frames))
 
-    def covariance_of(self, model: Measured, frames: Frames, visits: ArrayLike = 1.0) -> Array:
-        """Covariance ``V + v diag(d^2)`` with which one of v visits of a pose counts.
+    def shared_of(self, model: Loaded, frames: Frames, wrench: ArrayLike) -> Array:
+        """The part D (rows, rows, ...) that visits of a pose share [m^2, rad^2].
 
         Args:
             model: The model that is measured.
             frames: The poses.
-            visits: Number v of visits, which broadcasts to the poses (...).
+            wrench: Their loads (..., 6) or (6,) [N, N m].
+        """
+        rows = len(self.discrepancy)
+        D = np.zeros((rows, rows, *frames.q.shape[1:]))
+        if self.error is not None:
+            bends = self.error.bends(model.motion_of(frames), model.torque_of(frames, wrench))
+            D += self.error.covariance(bends, self.groups)
+        for row in np.flatnonzero(self.discrepancy):
+            D[row, row] += self.discrepancy[row] ** 2
+        return D
+
+    def covariance_of(
+        self, model: Loaded, frames: Frames, wrench: ArrayLike, visits: ArrayLike = 1.0
+    ) -> Array:
+        """Covariance ``V + v D`` with which one of v visits of a pose counts.
+
+        Args:
+            model: The model that is measured.
+            frames: The poses.
+            wrench: Their loads (..., 6) or (6,) [N, N m].
+            visits: Number v of visits, which broadcasts to the poses (...); one where visits share
+                nothing.
 
         Returns:
             Covariances (rows, rows, ...) [m^2, rad^2].
         """
         Sigma = self.scatter_of(model, frames)
-        v = np.asarray(visits, dtype=float)
-        for row in np.flatnonzero(self.discrepancy):
-            Sigma[row, row] += v * self.discrepancy[row] ** 2
+        if self.error is not None or self.discrepancy.any():
+            Sigma += self._counted(visits) * self.shared_of(model, frames, wrench)
         return Sigma
 
-    def slope_of(self, model: Measured, frames: Frames, S: Array) -> Array:
-        """Derivatives of ``<S, Sigma>`` by all joints, S held fixed; visits do not matter.
+    def _counted(self, visits: ArrayLike) -> Array:
+        """How often the model's errors of a pose count."""
+        return np.asarray(visits, dtype=float) if self.shares else np.ones(1)
 
-        ``d<S, J diag(s^2) J'> = 2 sum_j s_j^2 <S J_j, dJ_j>``, and the tracker's part follows the
-        markers, see `Tracker.slope`.
+    def slope_of(
+        self,
+        model: Loaded,
+        frames: Frames,
+        S: Array,
+        wrench: ArrayLike,
+        visits: ArrayLike = 1.0,
+    ) -> Array:
+        """Derivatives of ``<S, V + v D>`` by all joints, S held fixed.
+
+        ``d<S, J diag(s^2) J'> = 2 sum_j s_j^2 <S J_j, dJ_j>``; the tracker's part follows the
+        markers, see `Tracker.slope`, and the model's errors follow motion and loads, see
+        `ModelError.slope_weights`.
 
         Args:
             model: The model that is measured.
             frames: The poses.
             S: Symmetric weights (rows, rows, ...).
+            wrench: Loads (..., 6) or (6,) of the poses [N, N m].
+            visits: Number v of visits.
 
         Returns:
             Derivatives (n, ...).
@@ -296,7 +348,46 @@ class VisitNoise:
             by_point = self.readings * self.tracker.slope(points, own)
             for (_, row), g in zip(self.tracked, by_point, strict=True):
                 slope += np.einsum("ji...,i...->j...", motion[:, row : row + 3], g)
+        if self.error is not None:
+            B, s = self._error_weights(motion, model.torque_of(frames, wrench), S, visits)
+            slope += model.motion_slope_of(frames, B) + model.torque_slope_of(frames, wrench, s)
         return slope
+
+    def load_slope_of(
+        self,
+        model: Loaded,
+        frames: Frames,
+        S: Array,
+        wrench: ArrayLike,
+        changes: Sequence[Array],
+        visits: ArrayLike = 1.0,
+    ) -> list[Array]:
+        """Derivatives of ``<S, V + v D>`` by changes of the loads of all joints, S held fixed.
+
+        Args:
+            model: The model that is measured.
+            frames: The poses.
+            S: Symmetric weights (rows, rows, ...).
+            wrench: Loads (..., 6) or (6,) of the poses [N, N m].
+            changes: How the loads of the joints change (n, ...), one for each way.
+            visits: Number v of visits.
+
+        Returns:
+            A derivative (...) for each change; zeros where no error follows the load.
+        """
+        if self.error is None:
+            return [np.zeros(S.shape[2:]) for _ in changes]
+        motion, torque = model.motion_of(frames), model.torque_of(frames, wrench)
+        _, s = self._error_weights(motion, torque, S, visits)
+        return [np.einsum("j...,j...->...", s, change) for change in changes]
+
+    def _error_weights(
+        self, motion: Array, torque: Array, S: Array, visits: ArrayLike
+    ) -> tuple[Array, Array]:
+        """How ``<S, v E>`` follows motion (n, rows, ...) and loads (n, ...)."""
+        assert self.error is not None
+        weights = self._counted(visits) * S
+        return self.error.slope_weights(motion, torque, weights, self.groups)
 
     def _scatter(self, points: Array, motion: Array) -> Array:
         """V (rows, rows, ...) of points (markers, 3, ...) and motion (n, rows, ...)."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -140,7 +140,9 @@ def plan_accuracy(study: Study, plan: Plan) -> ExpectedError | None:
         cov = covariance(study.information(plan), study.model.parameters)
     except SingularPlanError:
         return None
-    return expected_error(study.tasks, np.asarray(cov))
+    found = expected_error(study.tasks, np.asarray(cov))
+    shares = study.noise is not None and study.noise.shares
+    return replace(found, by="noise and model errors of the visits") if shares else found
 
 
 def accuracy_of_tasks(

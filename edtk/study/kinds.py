@@ -417,10 +417,13 @@ def _check_unused(study: Asked) -> None:
     unused = {
         "prior.sigma_factor": given.prior.sigma_factor != 1,
         "prior.nu": given.prior.nu != "normal",
+        "noise.model_error_percent": given.noise is not None
+        and given.noise.model_error_percent > 0,
     }
     instead = {
         "prior.sigma_factor": "the size of its errors is fitted anyway",
         "prior.nu": "--robust gives errors heavy tails",
+        "noise.model_error_percent": "give noise.discrepancy_mm",
     }
     for key, is_given in unused.items():
         if is_given:

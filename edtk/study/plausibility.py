@@ -13,6 +13,7 @@ from edtk.fit.least_squares import SingularPlanError, covariance
 from edtk.measure.expected_error import WITHIN, ExpectedError, compensation_accuracy
 from edtk.robots.weights import GRAVITY
 from edtk.robots.workspace import neighbourhood
+from edtk.study.study_model import own_scale
 from edtk.study.study_objects import StudyObjects
 from edtk.study.tables_of_task import Tool
 from edtk.system.typing import Array, Indices
@@ -179,16 +180,6 @@ def anywhere(study: StudyObjects) -> Array:
     """Experiments (s, v) anywhere within the limits, feasible or not."""
     space = study.space
     return space.draw(np.random.default_rng(0).random((SAMPLE, len(space.drawn))))
-
-
-def own_scale(study: StudyObjects) -> Array:
-    """Compliances (p,) as far as a study knows them: simulated, or from before; else NaN."""
-    given = study.specification
-    simulated = given.simulation.compliance_rad_per_Nm if given.simulation is not None else {}
-    earlier = given.prior.earlier.mean_rad_per_Nm if given.prior.earlier is not None else {}
-    medians = {name: one.median_rad_per_Nm for name, one in given.prior.joints.items()}
-    known = {name: k for name, k in medians.items() if k is not None} | dict(earlier) | simulated
-    return np.array([abs(known.get(name, np.nan)) for name in given.joints.unknown])
 
 
 def listed(names: Sequence[str]) -> str:

@@ -19,6 +19,7 @@ from edtk.measure.instruments.marker import Marker
 from edtk.measure.instruments.one_row import OneRow
 from edtk.measure.instruments.pose_marker import PoseMarker
 from edtk.measure.instruments.sensor import Sensor
+from edtk.measure.model_error import ModelError, groups_of
 from edtk.measure.noise import VisitNoise
 from edtk.measure.parameters import Parameter
 from edtk.measure.pose_table import pose_factors
@@ -326,6 +327,8 @@ def study_noise(study: Asked, model: ElastostaticModel) -> VisitNoise | None:
     if table is None or table.is_white:
         return None
     tracker = table.tracker()
+    share = table.model_error_percent / 100
+    error = ModelError.of_share(guessed_compliances(study), share) if share else None
     lengths: list[bool] = []
     tracked: list[tuple[int, int]] = []
     for point, sensor in enumerate(model.whole_instruments):
@@ -340,7 +343,43 @@ def study_noise(study: Asked, model: ElastostaticModel) -> VisitNoise | None:
         discrepancy=np.where(lengths, table.discrepancy_mm / 1e3, 0.0),
         within=float(np.deg2rad(table.discrepancy_within_deg)),
         readings=READINGS[study.specification.measurement.reference],
+        error=error,
+        groups=groups_of(model.whole_instruments),
     )
+
+
+def own_scale(study: Asked) -> Array:
+    """Compliances (p,) as far as a study knows them: simulated, or from before; else NaN."""
+    given = study.specification
+    simulated = given.simulation.compliance_rad_per_Nm if given.simulation is not None else {}
+    earlier = given.prior.earlier.mean_rad_per_Nm if given.prior.earlier is not None else {}
+    medians = {name: one.median_rad_per_Nm for name, one in given.prior.joints.items()}
+    known = {name: k for name, k in medians.items() if k is not None} | dict(earlier) | simulated
+    return np.array([abs(known.get(name, np.nan)) for name in given.joints.unknown])
+
+
+def guessed_compliances(study: Asked) -> Array:
+    """Compliances (n,) of all joints, of which an error of the model is a share [rad/(N m)].
+
+    Those that are unknown are as [simulation] or [prior] guesses; joints that are neither unknown
+    nor known are rigid.
+
+    Raises:
+        UserError: The study guesses none of an unknown joint.
+    """
+    guess = own_scale(study)
+    names = study.specification.joints.unknown
+    for name, size in zip(names, guess, strict=True):
+        if not np.isfinite(size):
+            raise study.error(
+                "noise.model_error_percent",
+                f"is a share of what the springs do; expected a guess for joint {name!r} in "
+                "simulation.compliance_rad_per_Nm",
+            )
+    k = np.zeros(study.robot.n)
+    k[list(study.known)] = list(study.known.values())
+    k[list(study.unknown)] = guess
+    return k
 
 
 def describe_measured(study: Asked) -> str:

@@ -262,7 +262,8 @@ class StudyObjects(Asked):
         """
         if self.noise is None:
             return float(self.sigma[0])
-        Sigma = self.noise.covariance_of(self.model, self.model.frames(q))
+        # Without a load, beside which the model errs too.
+        Sigma = self.noise.covariance_of(self.model, self.model.frames(q), np.zeros(6))
         return float(np.sqrt(np.einsum("rrk->rk", Sigma)[:COORDINATES].min()))
 
     @cached_property

@@ -134,10 +134,16 @@ class NoiseTable(Table):
         description="Standard deviation of what the model leaves out of a displacement, per "
         "marker and coordinate; repeats do not average it out [mm]",
     )
+    model_error_percent: Annotated[Finite, Field(ge=0, le=100)] = Field(
+        0.0,
+        description="What the model leaves out of the springs' displacement, as a share of it, "
+        "half of the variance in the springs' turns and half in any direction; repeats do not "
+        "average it out, and tasks have it too. Springs are as [simulation] or [prior] guesses [%]",
+    )
     discrepancy_within_deg: Positive = Field(
         5.0,
-        description="Poses nearer than this share their discrepancy, Euclidean over the revolute "
-        "joints [deg]",
+        description="Poses nearer than this share what the model leaves out, Euclidean over the "
+        "revolute joints [deg]",
     )
 
     estimated: tuple[Literal["joints", "discrepancy"], ...] = Field(
@@ -182,7 +188,12 @@ class NoiseTable(Table):
     @property
     def is_white(self) -> bool:
         """Whether the table adds nothing to white noise."""
-        return not (self.has_tracker or np.any(self.repeatability_deg) or self.discrepancy_mm)
+        return not (self.has_tracker or np.any(self.repeatability_deg) or self.errs)
+
+    @property
+    def errs(self) -> bool:
+        """Whether the model leaves something out."""
+        return bool(self.discrepancy_mm or self.model_error_percent)
 
     def tracker(self) -> Tracker | None:
         """The tracker [m]; None without one."""
@@ -216,11 +227,14 @@ class NoiseTable(Table):
         if joints.any():
             span = f"{joints[0]:g}" + (f" to {joints[-1]:g}" if len(joints) > 1 else "")
             parts.append(f"joints repeat within {span} deg")
+        sizes = []
         if self.discrepancy_mm:
-            parts.append(
-                f"discrepancy {self.discrepancy_mm:g} mm, shared by poses within "
-                f"{self.discrepancy_within_deg:g} deg"
-            )
+            sizes.append(f"discrepancy {self.discrepancy_mm:g} mm")
+        if self.model_error_percent:
+            sizes.append(f"model error {self.model_error_percent:g} % of the displacement")
+        if sizes:
+            shared = f"shared by poses within {self.discrepancy_within_deg:g} deg"
+            parts.append(f"{' and '.join(sizes)}, {shared}")
         return ", ".join(parts)
 
 

@@ -1,5 +1,6 @@
 """The error budget before the day."""
 
+import numpy as np
 import pytest
 from readings import PLAN, STUDY
 
@@ -16,6 +17,21 @@ def test_noise_is_rho0_and_repetitions_count():
     assert four.noise == pytest.approx(one.noise / 2, rel=1e-9)
     assert four.load == pytest.approx(one.load, rel=1e-9)
     assert four.tool == pytest.approx(one.tool, rel=1e-9)
+
+
+def test_a_model_error_is_in_the_estimates_and_in_the_task():
+    """A share of 5 % leaves 5 % of what springs do in the task, and more by what they are taken."""
+    study = STUDY.replace(noise={"model_error_percent": 5})
+    own = 0.05 * np.linalg.norm(STUDY.target * STUDY.compliances)
+    plain = plan_budget(STUDY, PLAN)
+    one, many = (plan_budget(study, PLAN.repeated(times)) for times in (1, 10**6))
+    of_estimates = np.sqrt(one.model**2 - own**2)
+    rho0 = evaluate(study, PLAN).criteria["rho0"]
+    assert np.hypot(one.noise, of_estimates) == pytest.approx(rho0, rel=1e-9)
+    assert plain.model == 0 < of_estimates
+    assert many.noise < 1e-2 * plain.noise
+    assert many.model > own
+    assert one.noise >= plain.noise * (1 - 1e-9)  # weights are those of both errors
 
 
 def test_repeatability_averages_out():

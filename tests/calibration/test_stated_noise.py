@@ -67,10 +67,12 @@ def covariance_of(data, model):
 
 
 @pytest.mark.cell("`[noise]` of a tracker", "springs")
+@pytest.mark.cell("`[noise] model_error_percent`, of what springs do", "springs")
+@pytest.mark.parametrize("share", [0, 10], ids=["ideal springs", "springs that err"])
 @pytest.mark.parametrize("markers", [False, True], ids=["tool point", "two markers"])
-def test_plans_are_worth_what_their_design_says(study_of, markers):
+def test_plans_are_worth_what_their_design_says(study_of, markers, share):
     """The fit to a plan has the inverse of the design's information, by whichever way."""
-    study = study_of(markers)
+    study = study_of(markers, noise=f"{NOISE}model_error_percent = {share}\n")
     plan = PLAN.repeated(3)
     expected = np.linalg.inv(study.information(plan))
     model = study.model
@@ -164,7 +166,9 @@ def test_repeats_without_a_discrepancy_are_independent(study_of):
     """Thousands of repeats are no trouble where they share nothing, and refused where they do."""
     many = PLAN.repeated(1000)
     assert visits_noise(study_of(False, discrepancy=0), many).shape == (12000, 3)
-    with pytest.raises(UserError, match=r"1000 repeats of a pose share it; expected 200 at most"):
+    with pytest.raises(
+        UserError, match=r"1000 repeats of a pose share an error of the model; expected 200"
+    ):
         visits_noise(study_of(False), many)
 
 

@@ -26,20 +26,23 @@ STUDY = arm(
     distance=[{"anchor_mm": [2000, 0, 0], "sigma_mm": 0.02}],
     noise=NOISE,
 )
+SPRINGS = {"compliance_rad_per_Nm": {"q1": 3e-5, "q2": 5e-5}}
+ERRING = STUDY.replace(noise=NOISE | {"model_error_percent": 8}, simulation=SPRINGS)
 
 
-def test_same_information():
+@pytest.mark.parametrize("study", [STUDY, ERRING], ids=["ideal springs", "springs that err"])
+def test_same_information(study):
     """Both implementations whiten alike, repeats and near poses included."""
-    setting = Setting.from_dict(json.loads(json.dumps(setting_to_dict(STUDY, STUDY.space))))
+    setting = Setting.from_dict(json.loads(json.dumps(setting_to_dict(study, study.space))))
     q = np.random.default_rng(0).uniform(-1.5, 1.5, (6, 2))
     q[1] = q[0] + 0.01
     repeats = np.array([1, 2, 3, 1, 1, 4])
-    wrench = np.tile(STUDY.space.load.wrench(np.zeros(0)), (6, 1))
+    wrench = np.tile(study.space.load.wrench(np.zeros(0)), (6, 1))
     visits = setting.noise.visits(setting.chain, q, repeats)
     np.testing.assert_array_equal(visits[:2], 3)
     rows = setting.whitened_rows(q, wrench, visits) * np.sqrt(repeats)[:, None, None]
     M = np.einsum("kri,krj->ij", rows, rows)
-    np.testing.assert_allclose(M, STUDY.space.information(Plan(q, wrench, repeats)), rtol=1e-9)
+    np.testing.assert_allclose(M, study.space.information(Plan(q, wrench, repeats)), rtol=1e-9)
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +62,21 @@ def test_valid(content):
     assert not verify_certificate(forged).valid
 
 
+@pytest.mark.slow
+@pytest.mark.cell("`[noise] model_error_percent`, of what springs do", "springs")
+def test_a_plan_with_a_stated_model_error_is_proved():
+    """Its certificate holds, has a pose for each visit, and is forged by a smaller error."""
+    study = arm(noise={"model_error_percent": 10}, simulation=SPRINGS)
+    plan = plan_study(study, 6, "D")
+    assert len(plan.plan.q) > len(plan_study(arm(), 6, "D").plan.q)
+    proved = certificate(study, plan)
+    assert verify_certificate(proved).valid
+    for key in ("turn", "anywhere"):
+        forged = copy.deepcopy(proved)
+        forged["setting"]["noise"]["model_error"][key] *= 0.9
+        assert not verify_certificate(forged).valid
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -68,6 +86,9 @@ def test_valid(content):
         {"within": None},
         {"more": 1},
         {"tracker": {"position": [0, 0, 0]}},
+        {"model_error": {"k": [1e-6], "turn": 0.1, "anywhere": 0.1}},
+        {"model_error": {"k": [1e-6, -1e-6], "turn": 0.1, "anywhere": 0.1}},
+        {"model_error": {"k": [1e-6, 1e-6], "turn": 0.1}},
     ],
     ids=str,
 )

@@ -22,8 +22,10 @@ def dense(space, x, visits=1.0):
     """A' Sigma^-1 A (p, p) of one experiment, from matrices."""
     n = len(space.fixed)
     frames = space.model.frames(x[:n])
-    A = space.model.regressor(x[:n], space.load.wrench(x[n:]))
-    return A.T @ np.linalg.solve(space.noise.covariance_of(space.model, frames, visits), A)
+    wrench = space.load.wrench(x[n:])
+    A = space.model.regressor(x[:n], wrench)
+    Sigma = space.noise.covariance_of(space.model, frames, wrench, visits)
+    return A.T @ np.linalg.solve(Sigma, A)
 
 
 @on_every_space
@@ -93,6 +95,7 @@ def test_white_limit(space):
         repeatability=np.zeros(space.model.robot.n),
         white=sigma,
         discrepancy=none,
+        error=None,
     )
     x = sample_feasible(space, 5, 4)
     white = replace(space, noise=None, sigma=sigma).at(x)
@@ -156,6 +159,27 @@ def test_repeats_are_worth_less():
         assert np.linalg.eigvalsh(times * once - M).min() > -rounding
         assert np.linalg.eigvalsh(M - last).min() > -rounding
         last = M
+
+
+def test_many_repeats_are_worth_what_the_model_leaves():
+    """A pose that is repeated r times tells less than A' D^-1 A, and comes near it."""
+    space = NOISY["springs that are not ideal"]
+    x = sample_feasible(space, 1, 8)[0]
+    q, wrench = x[: len(space.fixed)], space.load.wrench(x[len(space.fixed) :])
+    frames = space.model.frames(q)
+    A = space.model.regressor(q, wrench)
+    most = A.T @ np.linalg.solve(space.noise.shared_of(space.model, frames, wrench), A)
+    for times in (1, 10, 10**6):
+        M = space.information(space.plan(x[None], np.array([times])))
+        assert np.linalg.eigvalsh(most - M).min() > -1e-9 * np.linalg.eigvalsh(most).max()
+    np.testing.assert_allclose(M, most, rtol=0, atol=1e-3 * np.abs(most).max())
+
+
+def test_exact_springs_are_those_of_today():
+    """A share of zero leaves the information of every plan as it was."""
+    before, after = NOISY["kr270"], noisy(DESIGNS["kr270"], share=1e-12)
+    plan = before.plan(sample_feasible(before, 3, 9), np.array([2, 1, 5]))
+    np.testing.assert_allclose(after.information(plan), before.information(plan), rtol=1e-12)
 
 
 def test_rows_of_one_pose_are_repeats():

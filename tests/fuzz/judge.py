@@ -87,16 +87,20 @@ def messages(stderr: bytes) -> list[str]:
 
 
 # What a run says of its largest plan, and where it wrote.
-OF_RUN = ("wrote ", "error by the noise alone: ", "total expected error ", "  ")
+OF_RUN = (
+    "wrote ",
+    "error by the noise alone: ",
+    "error by noise and model ",
+    "total expected error ",
+    "  ",
+)
 
 
 def _streams(case: Case, lines: list[str]) -> list[Finding]:
     """Every line on standard error is ours, short and printable."""
     found = []
     for line in lines:
-        if case.verb == "run" and line.startswith(
-            ("wrote ", "error by the noise alone: ", "total expected error ", "  ")
-        ):
+        if case.verb == "run" and line.startswith(OF_RUN):
             continue
         if not line.startswith("edtk: "):
             found.append(Finding(f"a line that is not ours: {_pattern(line)}", line[:300]))

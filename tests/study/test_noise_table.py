@@ -57,6 +57,26 @@ def test_rows():
     np.testing.assert_allclose(study.noise.discrepancy, [*[1e-4] * 3, 0, 0, 0, *[1e-4] * 3, 1e-4])
 
 
+def test_model_error():
+    """A share of the displacement is one of the springs that [simulation] or [prior] guesses."""
+    noise = {"model_error_percent": 4}
+    springs = {"compliance_rad_per_Nm": {"q1": 2e-6, "q2": 3e-6}}
+    error = arm(noise=noise, simulation=springs).noise.error
+    np.testing.assert_allclose(error.k, [2e-6, 3e-6])
+    np.testing.assert_allclose([error.turn, error.anywhere], 0.04 / np.sqrt(2))
+    medians = {
+        name: {"kind": "log-normal", "median_rad_per_Nm": k, "factor": 2.0}
+        for name, k in springs["compliance_rad_per_Nm"].items()
+    }
+    before = arm(noise=noise, prior={"joints": medians}).noise.error
+    np.testing.assert_allclose(before.k, error.k)
+    assert arm(noise={"model_error_percent": 0}).noise is None
+    text = study_text(arm(noise=noise, simulation=springs))
+    assert "model error 4 % of the displacement, shared by poses within 5 deg" in text
+    with pytest.raises(UserError, match=r"noise\.model_error_percent: is a share of what the spr"):
+        arm(noise=noise)
+
+
 def test_one_reading():
     """Positions that are compared with the nominal robot are one reading each."""
     joints = [joint | {"mass_kg": 5, "center_m": [0.3, 0, 0]} for joint in KEYS["robot"]["joints"]]
@@ -105,6 +125,8 @@ def test_white_studies_stay_white():
         ({"repeatability_deg": "a"}, "noise.repeatability_deg: expected a number"),
         ({"repeatability_deg": float("nan")}, "noise.repeatability_deg: expected a number"),
         ({"discrepancy_mm": -0.1}, "noise.discrepancy_mm: expected at least 0"),
+        ({"model_error_percent": -1}, "noise.model_error_percent: expected at least 0"),
+        ({"model_error_percent": 101}, "noise.model_error_percent: expected at most 100"),
         ({"discrepancy_within_deg": 0}, "noise.discrepancy_within_deg: expected at least"),
         ({"discrepency_mm": 1}, "unknown key"),
         ({"tracker_position_mm": [300, 100, 1000]}, "inside the arm's reach"),
@@ -150,3 +172,10 @@ def test_base_far_away():
     away = type(robot)(robot.name, robot.joints, transform([20.0, 0, 0], [0, 0, 0]), robot.tool)
     near_origin = TRACKER | {"tracker_position_mm": [15000, 0, 1000]}
     assert arm(robot=away, measurement=WITHOUT_SIGMA, noise=near_origin).noise is not None
+
+
+@pytest.mark.cell("`[noise] model_error_percent`, of what springs do", "parameters")
+def test_a_model_error_of_positions_is_no_share_of_what_springs_do():
+    """A study of geometry refuses a share of the displacement, and says what it takes."""
+    with pytest.raises(UserError, match=r"model_error_percent: .* noise\.discrepancy_mm"):
+        arm(noise={"model_error_percent": 5}, parameters={"compliance": ["q1", "q2"]})

@@ -11,16 +11,21 @@ from edtk.design.design_space import DesignSpace
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.instruments.distance import Distance
 from edtk.measure.instruments.marker import Marker
+from edtk.measure.model_error import ModelError, groups_of
 from edtk.measure.noise import Tracker, VisitNoise
 from edtk.robots.frames import BodyPoint
+from edtk.robots.loads.free_load import FreeLoad
 
 TRACKER = Tracker(np.array([6.0, -4.0, 1.5]), (2e-5, 1e-5), (4e-5, 1.5e-5))
 
 
 def noisy(
-    space: DesignSpace, discrepancy: float = 2e-4, repeatability: float = 3e-5
+    space: DesignSpace,
+    discrepancy: float = 2e-4,
+    repeatability: float = 3e-5,
+    share: float = 0.0,
 ) -> DesignSpace:
-    """The same space with noise of all kinds."""
+    """The same space with noise of all kinds, and springs that are not ideal by a share."""
     model = space.model
     rows = [sensor.rows for sensor in model.instruments]
     first = np.cumsum([0, *rows[:-1]])
@@ -36,6 +41,10 @@ def noisy(
         own[3:] = 0.0
     joints = repeatability * (1 + np.arange(model.robot.n) % 3)
     noise = VisitNoise(TRACKER, tuple(seen), joints, white, own, within=np.deg2rad(5.0))
+    if share:
+        k = 1e-6 * (1 + np.arange(model.robot.n) % 4)
+        groups = groups_of(model.whole_instruments)
+        noise = replace(noise, error=ModelError(k, share, 0.6 * share), groups=groups)
     return replace(space, noise=noise)
 
 
@@ -52,3 +61,8 @@ def marked(space: DesignSpace) -> DesignSpace:
 
 NOISY = {name: noisy(space) for name, space in DESIGNS.items()}
 NOISY["three markers and a wire"] = noisy(marked(DESIGNS["kr270"]))
+NOISY["springs that are not ideal"] = noisy(marked(DESIGNS["kr270"]), share=0.1)
+NOISY["a free load on them"] = noisy(
+    replace(DESIGNS["kr270"], load=FreeLoad(2500.0)), discrepancy=0.0, share=0.1
+)
+NOISY["odd springs"] = noisy(DESIGNS["odd"], share=0.2)

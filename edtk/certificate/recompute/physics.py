@@ -16,6 +16,7 @@ MOST_SENSORS = 100
 MOST_WEIGHTS = 64
 PLACE = ("offset", "joint")
 KEYS = ("tracker", "repeatability", "discrepancy", "within", "readings")
+SPRINGS = ("k", "turn", "anywhere")
 SAME = 1e-9  # [rad]: poses nearer than this are one pose, and distances are compared as exactly
 COORDINATES = 3  # of a marker that the tracker sees
 
@@ -99,9 +100,14 @@ class Physics:
 
     def regressors(self, chain: Chain, unknown: list[int], q: Array, wrench: Array) -> Array:
         """Regressors (k, rows, p): motion of what is measured times the torque of its joint."""
-        at_load = chain.jacobian(q, self.load_point.offset, self.load_point.joint)
-        torque = np.einsum("krn,kr->kn", at_load, wrench) + weight_torque(chain, self.weights, q)
+        torque = self.torque(chain, q, wrench)
         return np.asarray((self.motion(chain, q) * torque[:, None])[:, :, unknown])
+
+    def torque(self, chain: Chain, q: Array, wrench: Array) -> Array:
+        """Loads (k, n) of the free joints by wrenches (k, 6) and weights."""
+        at_load = chain.jacobian(q, self.load_point.offset, self.load_point.joint)
+        by_wrench = np.einsum("krn,kr->kn", at_load, wrench)
+        return np.asarray(by_wrench + weight_torque(chain, self.weights, q))
 
     def motion(self, chain: Chain, q: Array) -> Array:
         """Derivatives (k, rows, n) of all measured rows by the joints, at poses q (k, n)."""
@@ -182,6 +188,8 @@ class Noise:
         discrepancy: Standard deviations (rows,) of the model's errors [m, rad].
         within: Poses nearer than this share the model's errors [rad].
         readings: Readings of which a row is made.
+        springs: Compliances (n,) of which the model's errors are a share, besides, the share of
+            their turns and that in any direction; None without such errors.
     """
 
     tracker: tuple[Array, Array, Array] | None
@@ -189,6 +197,7 @@ class Noise:
     discrepancy: Array
     within: float
     readings: int
+    springs: tuple[Array, float, float] | None = None
 
     @classmethod
     def from_dict(cls, content: Any, n: int, measured: int) -> "Noise":
@@ -198,7 +207,7 @@ class Noise:
             ValueError: A part is missing, or is not what it should be.
         """
         where = "setting.noise"
-        content = table(content, KEYS, where)
+        content = table(content, KEYS, where, ("model_error",))
         repeatability = numbers(content["repeatability"], (n,), f"{where}.repeatability")
         discrepancy = numbers(content["discrepancy"], (measured,), f"{where}.discrepancy")
         within = number(content["within"], f"{where}.within")
@@ -213,10 +222,20 @@ class Noise:
         if min(float(size.min()) for size in sizes) < 0:
             raise ValueError(f"{where}: expected no number below zero")
         readings = whole(content["readings"], 1, 2, f"{where}.readings")
-        return cls(tracker, repeatability, discrepancy, within, readings)
+        springs = None
+        if "model_error" in content:
+            springs = _springs(content["model_error"], n, f"{where}.model_error")
+        return cls(tracker, repeatability, discrepancy, within, readings, springs)
 
     def whitened(
-        self, A: Array, chain: Chain, physics: Physics, sigma: Array, q: Array, visits: Array
+        self,
+        A: Array,
+        chain: Chain,
+        physics: Physics,
+        sigma: Array,
+        q: Array,
+        visits: Array,
+        torque: Array,
     ) -> Array:
         """Rows of unit covariance (k, rows, p) of regressors A (k, rows, p).
 
@@ -227,6 +246,7 @@ class Noise:
             sigma: Standard deviations (rows,) of the white part [m, rad].
             q: Poses (k, n) [rad or m].
             visits: Visits (k,) that share the model's errors in each pose.
+            torque: Loads (k, n) of the free joints, or their change.
 
         Raises:
             ValueError: A covariance is not positive definite.
@@ -234,6 +254,11 @@ class Noise:
         motion = physics.motion(chain, q)
         Sigma = self.readings * (motion * self.repeatability**2) @ motion.transpose(0, 2, 1)
         own = sigma**2 + visits[:, None] * self.discrepancy**2
+        if self.springs is not None:
+            k, turn, anywhere = self.springs
+            bent = motion * (k * torque)[:, None]
+            Sigma = Sigma + visits[:, None, None] * turn**2 * bent @ bent.transpose(0, 2, 1)
+            own = own + visits[:, None] * anywhere**2 * _alike(physics, (bent**2).sum(axis=2))
         Sigma = Sigma + own[:, None] * np.eye(len(sigma))
         if self.tracker is not None:
             self._add_tracker(Sigma, chain, physics, q)
@@ -252,7 +277,7 @@ class Noise:
             q: Poses (k, n) [rad or m].
             amount: Visits (k,) of each.
         """
-        if not self.discrepancy.any():
+        if self.springs is None and not self.discrepancy.any():
             return np.ones(len(q))
         turning = q[:, ~chain.prismatic]
         near = max(self.within * (1 - SAME), SAME)
@@ -279,3 +304,31 @@ class Noise:
                 rows = slice(first, first + COORDINATES)
                 Sigma[:, rows, rows] += self.readings * part
             first += MEASURED[kind]
+
+
+def _springs(content: Any, n: int, where: str) -> tuple[Array, float, float]:
+    """Compliances (n,), and shares of their turns and in any direction.
+
+    Raises:
+        ValueError: A part is missing, or is below zero.
+    """
+    content = table(content, SPRINGS, where)
+    k = numbers(content["k"], (n,), f"{where}.k")
+    turn = number(content["turn"], f"{where}.turn")
+    anywhere = number(content["anywhere"], f"{where}.anywhere")
+    if min(float(k.min()), turn, anywhere) < 0:
+        raise ValueError(f"{where}: expected no number below zero")
+    return k, turn, anywhere
+
+
+def _alike(physics: Physics, squares: Array) -> Array:
+    """Squares (k, rows) as means over what an instrument reads alike: a place, a turn, a length."""
+    found = np.empty_like(squares)
+    first = 0
+    for kind, _, _ in physics.sensors:
+        last = first + MEASURED[kind]
+        while first < last:
+            part = slice(first, min(first + COORDINATES, last))
+            found[:, part] = squares[:, part].mean(axis=1, keepdims=True)
+            first = part.stop
+    return found

@@ -431,9 +431,16 @@ class Setting:
             if self.noise is None:
                 return A / self.sigma[:, None]
             visits = np.ones(len(q)) if visits is None else visits
-            return self.noise.whitened(A, self.chain, self.physics, self.sigma, q, visits)
+            torque = self._torque(self.physics, q, wrench)
+            return self.noise.whitened(A, self.chain, self.physics, self.sigma, q, visits, torque)
         A = regressors(self.chain, self.unknown, q, wrench)
         return A[:, : len(self.sigma)] / self.sigma[:, None]
+
+    def _torque(self, physics: Physics, q: Array, wrench: Array) -> Array:
+        """Loads (k, n) of the joints, by which the model errs; zeros where it does not."""
+        if self.noise is None or self.noise.springs is None:
+            return np.zeros(q.shape)
+        return physics.torque(self.chain, q, wrench)
 
     def _regressors(self, physics: Physics, q: Array, wrench: Array) -> Array:
         """Regressors (k, rows, p) of what is measured."""

@@ -78,3 +78,10 @@ def whole_instruments(sensors: Iterable[Sensor]) -> tuple[Sensor, ...]:
         elif sensor.row == 0:
             found.append(sensor.whole)
     return tuple(found)
+
+
+def whole_of(sensor: Sensor) -> tuple[Sensor, slice]:
+    """The instrument that a sensor is, or is a row of, and which of its rows that is."""
+    if isinstance(sensor, OneRow):
+        return sensor.whole, slice(sensor.row, sensor.row + 1)
+    return sensor, slice(None)

@@ -28,7 +28,7 @@ NOT_IN_IT = "errors of the robot's geometry, and of its place in the measuring f
 # What makes each part smaller.
 ADVICE = {
     "noise": "measure more experiments, or with less noise",
-    "model": "fit the loaded equilibrium",
+    "model": "fit the loaded equilibrium, and the springs that the model lacks",
     "load": "weigh the load, and measure its direction",
     "tool": "measure where the tool point and the marker are",
     "rigid_joints": "identify the joints that count as rigid too, or bound their compliances",

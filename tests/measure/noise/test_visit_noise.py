@@ -10,6 +10,7 @@ from edtk.measure.noise import Tracker, VisitNoise
 
 ROWS = 10
 N = 5
+NO_LOAD = np.zeros(6)
 MODEL = waving(ROWS, N, 2)
 NOISE = VisitNoise(
     tracker=Tracker(np.array([4.0, -3.0, 2.0]), (1e-5, 5e-6), (1.5e-5, 6e-6)),
@@ -49,7 +50,7 @@ VARIANTS = {
 def test_parts(noise):
     """Tracker and joints count once a reading, white noise and the discrepancy once a visit."""
     visits = np.array([[1.0, 2.0], [3.0, 1.0], [5.0, 7.0]])
-    Sigma = noise.covariance_of(MODEL, MODEL.at(Q), visits)
+    Sigma = noise.covariance_of(MODEL, MODEL.at(Q), NO_LOAD, visits)
     assert Sigma.shape == (ROWS, ROWS, 3, 2)
     for k in np.ndindex(3, 2):
         expected = dense(noise, Q[k], visits[k])
@@ -64,10 +65,11 @@ def test_slope(noise, derivative):
     S = np.random.default_rng(4).normal(size=(ROWS, ROWS))
     S = (S + S.T) * 1e8
     frames = MODEL.at(Q)
-    slopes = noise.slope_of(MODEL, frames, np.broadcast_to(S[..., None, None], (ROWS, ROWS, 3, 2)))
+    lifted = np.broadcast_to(S[..., None, None], (ROWS, ROWS, 3, 2))
+    slopes = noise.slope_of(MODEL, frames, lifted, NO_LOAD)
     for k in np.ndindex(3, 2):
         expected = derivative(
-            lambda q: np.array([(S * noise.covariance_of(MODEL, MODEL.at(q))).sum()]), Q[k]
+            lambda q: np.array([(S * noise.covariance_of(MODEL, MODEL.at(q), NO_LOAD)).sum()]), Q[k]
         )[0]
         np.testing.assert_allclose(slopes[(..., *k)], expected, rtol=0, atol=1e-8)
 
@@ -87,9 +89,9 @@ def test_visits():
     V = NOISE.scatter_of(MODEL, frames)
     A = np.random.default_rng(5).normal(size=(ROWS, 4))
     last = np.zeros((4, 4))
-    one = A.T @ np.linalg.solve(NOISE.covariance_of(MODEL, frames), A)
+    one = A.T @ np.linalg.solve(NOISE.covariance_of(MODEL, frames, NO_LOAD), A)
     for v in range(1, 6):
-        Sigma = NOISE.covariance_of(MODEL, frames, v)
+        Sigma = NOISE.covariance_of(MODEL, frames, NO_LOAD, v)
         M = v * A.T @ np.linalg.solve(Sigma, A)
         mean = A.T @ np.linalg.solve(V / v + np.diag(NOISE.discrepancy**2), A)
         np.testing.assert_allclose(M, mean, rtol=1e-9)
