@@ -28,18 +28,21 @@ def stated_noise(study: Study, data: Measurements, repeats: Indices | None = Non
     """Give measurements the covariance of their visits; the same where noise is white.
 
     A sheet that states the noise of its displacements speaks for tracker and white noise; motions
-    of the joints and the stated errors of the model are added to what it says.
+    of the joints and the discrepancy are added to what it says. A stated share of what springs do
+    is for plans, which have no readings: a sheet tells itself what the springs leave out.
 
     Args:
         study: Its [noise].
         data: Poses, markers, visits, and the white noise or that of the sheet.
-        repeats: Visits (m,) of which each row is the mean; one by default.
+        repeats: Visits (m,) of a plan of which each row is the mean; None for a sheet.
 
     Raises:
         NotPositiveDefiniteError: A measurement has no noise in some direction.
         TooManyVisitsError: A pose is visited more often than a computer likes.
     """
     noise = study.noise
+    if noise is not None and repeats is None:
+        noise = noise.of_readings
     if noise is None:
         return data
     times = np.ones(len(data), dtype=int) if repeats is None else repeats

@@ -267,6 +267,13 @@ class VisitNoise:
         """The noise of visits that share nothing: each has an error of the model of its own."""
         return replace(self, apart=True) if self.shares else self
 
+    @property
+    def of_readings(self) -> "VisitNoise | None":
+        """The same without errors that grow with the load; None if that is white."""
+        left = replace(self, error=None)
+        moves = left.tracker is not None or left.repeatability.any()
+        return left if moves or left.shares else None
+
     def scatter_of(self, model: Measured, frames: Frames) -> Array:
         """The part V (rows, rows, ...) of the covariance that repeats average out [m^2, rad^2]."""
         return self._scatter(model.points_of(frames), model.motion_of(frames))

@@ -137,8 +137,9 @@ class NoiseTable(Table):
     model_error_percent: Annotated[Finite, Field(ge=0, le=100)] = Field(
         0.0,
         description="What the model leaves out of the springs' displacement, as a share of it, "
-        "half of the variance in the springs' turns and half in any direction; repeats do not "
-        "average it out, and tasks have it too. Springs are as [simulation] or [prior] guesses [%]",
+        "half of the variance in the springs' turns and half in any direction; plans count it: "
+        "repeats do not average it out, and tasks have it too. Springs are as [simulation] or "
+        "[prior] guesses; a sheet tells itself what they leave out [%]",
     )
     discrepancy_within_deg: Positive = Field(
         5.0,

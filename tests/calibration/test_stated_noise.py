@@ -86,6 +86,18 @@ def test_plans_are_worth_what_their_design_says(study_of, markers, share):
     np.testing.assert_allclose(each.covariance, expected, rtol=1e-7, atol=1e-9 * expected.max())
 
 
+def test_a_sheet_tells_itself_what_springs_leave_out(study_of):
+    """A share of what springs do is for plans: readings have the noise that they have without."""
+    plan = PLAN.repeated(2)
+    of_share = study_of(False, noise="[noise]\nmodel_error_percent = 10\n")
+    of_both = study_of(False, noise=f"{NOISE}model_error_percent = 10\n")
+    data = planned_measurements(STUDY, plan)
+    assert stated_noise(of_share, data) is data
+    assert planned_measurements(of_share, plan).covariance is not None
+    expected = stated_noise(study_of(False), data)
+    np.testing.assert_array_equal(std_of(stated_noise(of_both, data).noise), std_of(expected.noise))
+
+
 def filled(study, plan, path, seed=0):
     """The sheet of a plan, with readings by the linear model and the stated noise."""
     table = template(study, plan)
