@@ -22,7 +22,13 @@ from edtk.fit.distributions import error_quantiles, offset_error_quantiles
 from edtk.measure.cells import csv_text
 from edtk.measure.compliances import Compliances
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.equilibrium import NoEquilibriumError, compensated_joints, equilibrium
+from edtk.measure.equilibrium import (
+    NoEquilibriumError,
+    Rest,
+    compensated_joints,
+    unloaded,
+    why_no_rest,
+)
 from edtk.measure.expected_error import (
     AssumedJoint,
     compensation_accuracy,
@@ -54,7 +60,6 @@ if TYPE_CHECKING:
 
 BAND = (0.025, 0.975)
 ROUNDING = 1e-9  # [rad or m]: a joint at its very limit counts as within
-BUCKLES = "the load buckles the arm; expected a load that it can carry"
 SETTLED = 1e-8  # [rad or m]: an arm that settles farther from the desired joints has buckled
 
 
@@ -368,12 +373,12 @@ def _commands(
     found = taken.every
     robot = tool.robot
     joints = tuple(map(robot.joint_names.index, found.joints))
-    model = ElastostaticModel(robot, joints, weights=tool.weights)
+    model = tool.model(joints, all_compliances(ElastostaticModel(robot, joints), found.k))
     q = compensated_joints(model, task.q, task.wrench, found.k)
     _require_within_limits(robot, task.q, "desired")
     _require_within_limits(robot, q, "commanded")
     k = all_compliances(model, found.k)
-    with _buckling_rows():
+    with _buckling_rows(robot, q, k):
         moved = _uncompensated(model, task, k)
         _require_settled(model, task, q, k)
         offset = _offset(model, task, found)
@@ -401,7 +406,7 @@ def _commands(
 
 
 @contextmanager
-def _buckling_rows() -> Iterator[None]:
+def _buckling_rows(robot: Robot, q: Array, k: Array) -> Iterator[None]:
     """Name the poses that do not come to rest.
 
     Raises:
@@ -410,7 +415,8 @@ def _buckling_rows() -> Iterator[None]:
     try:
         yield
     except NoEquilibriumError as error:
-        raise RefusedRowsError([RefusedRow(pose, BUCKLES) for pose in error.poses]) from error
+        reasons = {pose: why_no_rest(robot, q[pose], k) for pose in error.poses}
+        raise RefusedRowsError([RefusedRow(*one) for one in reasons.items()]) from error
 
 
 def _uncompensated(model: ElastostaticModel, task: Plan, k: Array) -> Array:
@@ -419,8 +425,8 @@ def _uncompensated(model: ElastostaticModel, task: Plan, k: Array) -> Array:
     Raises:
         NoEquilibriumError: A pose buckles.
     """
-    loaded = task.q + _deflection(model, task.q, task.wrench, k)
-    moved = model.robot.forward(loaded)[:, :3, 3] - model.robot.forward(task.q)[:, :3, 3]
+    rest = Rest.of(model, task.q, task.wrench, k)
+    moved = model.robot.forward(rest.end)[:, :3, 3] - model.robot.forward(rest.start)[:, :3, 3]
     return np.linalg.norm(moved, axis=-1)
 
 
@@ -503,19 +509,10 @@ def _require_settled(model: ElastostaticModel, task: Plan, q: Array, k: Array) -
     Raises:
         NoEquilibriumError: A pose buckles.
     """
-    loaded = q + _deflection(model, q, task.wrench, k)
-    lost = np.flatnonzero(np.abs(loaded - task.q).max(axis=-1) > SETTLED)
+    loaded = Rest.of(model, q, task.wrench, k).end
+    lost = np.flatnonzero(np.abs(loaded - unloaded(model, task.q, k)).max(axis=-1) > SETTLED)
     if len(lost):
         raise NoEquilibriumError(lost.tolist())
-
-
-def _deflection(model: ElastostaticModel, q: Array, wrench: Array, k: Array) -> Array:
-    """Joint deflections (t, n) at rest.
-
-    Raises:
-        NoEquilibriumError: A pose buckles.
-    """
-    return equilibrium(model.robot, q, wrench, k, loading=model.loading).theta
 
 
 def _require_within_limits(robot: Robot, q: Array, which: str) -> None:

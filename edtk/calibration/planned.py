@@ -18,7 +18,7 @@ from edtk.fit.measurements import Measurements, simulate
 from edtk.fit.noise import MOST_COORDINATES, Noise
 from edtk.fit.posterior import SamplingOptions
 from edtk.fit.sheet import sheet_turns
-from edtk.measure.equilibrium import NoEquilibriumError
+from edtk.measure.equilibrium import NoEquilibriumError, why_no_rest
 from edtk.measure.expected_error import ErrorBudget, TaskAccuracy, compensation_accuracy
 from edtk.measure.instruments.pose_marker import COORDINATES
 from edtk.measure.noise import VisitNoise, shared_visits
@@ -342,7 +342,8 @@ def plan_bias(study: Study, plan: Plan, path: Path | str) -> PlanBias:
         found = linearisation_bias(study.model, plan.q, plan.wrench, sigma, k, study.known)
     except NoEquilibriumError as error:
         row = f"row {error.pose + 1}"
-        message = "no stable equilibrium under its load"
+        why = why_no_rest(study.robot, plan.q[error.pose], k)
+        message = f"no stable equilibrium under its load: {why}"
         raise UserError(message, where=path, key=row) from error
     A0 = study.target
     return PlanBias(

@@ -24,7 +24,7 @@ from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.least_squares import share_inside
 from edtk.fit.measurements import Measurements
 from edtk.measure.compliances import Compliances
-from edtk.measure.equilibrium import NoEquilibriumError
+from edtk.measure.equilibrium import NoEquilibriumError, why_no_rest
 from edtk.measure.pose_table import TURN_COLUMN, PoseTable, Table, coordinate_columns, path_of
 from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.robots.robot import Robot
@@ -359,7 +359,7 @@ def predict_displacements(
         linear = linearise(model, data, k)
     except NoEquilibriumError as error:
         first = np.unique(data.pose, return_index=True)[1][error.pose]
-        message = "the load buckles the arm; expected a load that it can carry"
+        message = why_no_rest(study.robot, data.q[first], k)
         raise UserError(message, where=path_of(poses), key=f"row {row[first] + 1}") from error
     predicted = linear.constant + linear.A @ springs.k
     spread = ((linear.A @ springs.root) ** 2).sum(axis=-1)

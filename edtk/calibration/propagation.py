@@ -488,6 +488,7 @@ class FittedSprings:
         joints, model = (None, None) if noise.joints is None else noise.joints
         return {
             "robot": robot.digest,
+            **({"compensators": robot.compensators_digest} if robot.compensators else {}),
             "joints": [robot.joint_names[j] for j in self.joints],
             "k": self.k.tolist(),
             "covariance": (self.root @ self.root.T).tolist(),

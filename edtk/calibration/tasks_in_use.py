@@ -1,7 +1,7 @@
 """Task poses from a file, tools and loads that the robot has in them, and rows without answer."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +11,10 @@ from edtk.design.plan import Plan
 from edtk.findings.finding import Finding, Severity, Wording
 from edtk.findings.units import like_radians
 from edtk.measure.compliances import Compliances
+from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.pose_table import Table
 from edtk.measure.task import Task
 from edtk.robots.robot import Robot
-from edtk.robots.weights import DeadWeights
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 from edtk.system.typing import Array, Indices
@@ -175,10 +175,10 @@ class ToolInUse:
         """The chain with the tool."""
         return self.task.placed
 
-    @property
-    def weights(self) -> DeadWeights | None:
-        """What loads the robot besides wrenches; None for nothing."""
-        return self.task.dead_weights
+    def model(self, joints: tuple[int, ...], k: Array) -> ElastostaticModel:
+        """The robot with what loads it besides wrenches, about compliances k (n,) [rad/(N m)]."""
+        gives = self.robot.giving_way(k, brought=True)
+        return replace(self.task.model, unknown=joints, gives=gives)
 
 
 def tools_of_task(study: Study, poses: int, own: bool) -> tuple[ToolInUse, ...]:

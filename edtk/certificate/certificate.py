@@ -23,6 +23,7 @@ from edtk.measure.instruments.sensor import Sensor
 from edtk.measure.model_error import ModelError
 from edtk.measure.noise import Tracker, VisitNoise
 from edtk.measure.task import Task
+from edtk.robots.compensator import GivingWay, Pull
 from edtk.robots.constraints.excluded import Excluded
 from edtk.robots.frames import BodyPoint
 from edtk.robots.robot import Robot
@@ -261,9 +262,30 @@ def physics_to_dict(model: ElastostaticModel) -> dict[str, Any]:
 
 
 def weights_to_list(weights: DeadWeights) -> list[dict[str, Any]]:
-    """Mass [kg] and centre of mass of each weight."""
+    """Mass [kg] and centre of mass of each weight, and compensators."""
     parts = zip(weights.masses, weights.centers, strict=True)
-    return [{"mass": mass, **place_to_dict(center)} for mass, center in parts]
+    masses = [{"mass": mass, **place_to_dict(center)} for mass, center in parts]
+    return masses + [_pull(pull) for pull in weights.pulls]
+
+
+def gives_to_dict(gives: GivingWay | None) -> dict[str, Any]:
+    """How joints with compensators give way: one key; none without any."""
+    if gives is None:
+        return {}
+    pulls = [_pull(pull) for pull in gives.pulls]
+    return {"gives": {"pulls": pulls, "compliances": gives.compliances.tolist()}}
+
+
+def _pull(pull: Pull) -> dict[str, Any]:
+    """A compensator, in SI units."""
+    given = pull.given
+    return {
+        "pull": given.medium,
+        "joint": pull.place,
+        "anchors": [given.before.tolist(), given.behind.tolist()],
+        "stiffness": given.stiffness,
+        "preload": given.preload,
+    }
 
 
 def _sensor(sensor: Sensor) -> dict[str, Any]:
@@ -365,6 +387,7 @@ def setting_to_dict(study: Study, space: DesignSpace) -> dict[str, Any]:
         **({"margin": feasible["margin"]} if any(feasible["margin"]) else {}),
         "test_pose": _test_pose(study),
         **physics_to_dict(study.model),
+        **gives_to_dict(study.model.gives),
         **({} if study.interest is None else {"interest": study.interest.tolist()}),
         **({} if study.prior_information is None else {"prior": _prior(study.prior_information)}),
     }

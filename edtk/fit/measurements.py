@@ -172,12 +172,13 @@ class Measurements(Presented):
 
         The load acts at the tool point and turns joint j by ``k_j J_tool,j' W``, which moves the
         tool by ``J_tool,j`` times that: by d and about r. A marker at offset o moves by
-        ``d + r x o``, so that its column is ``J_marker,j (J_tool,j' W)``.
+        ``d + r x o``, so that its column is ``J_marker,j (J_tool,j' W)``. That a compensator takes
+        a part of that is left to the loaded equilibrium.
         """
         if self.sensor is not None or not model.is_plain:
             return self._regressor_of_sensors(model)
         if not self.marker.any():
-            return model.regressor(self.q, self.wrench)
+            return replace(model, gives=None).regressor(self.q, self.wrench)
         frames = model.robot.frames(self.q)
         whole = ElastostaticModel(model.robot, model.unknown, "pose")
         A = whole.regressor_of(frames, self.wrench)  # (p, 6, m)

@@ -46,6 +46,8 @@ class Compliances:
         measured: Covariance (p, p) by all that was measured; None where the file does not say.
         assumed: The joints (a,) that were not identified, and what their errors do.
         every: Covariance (p + a, p + a) of all of them by all that is uncertain; None likewise.
+        compensators: Digest of those of the robot, empty without any; None where the file does not
+            say.
     """
 
     joints: tuple[str, ...]
@@ -59,6 +61,7 @@ class Compliances:
     measured: Array | None = None
     assumed: tuple[AssumedError, ...] = ()
     every: Array | None = None
+    compensators: str | None = None
 
     def including(self, joints: Sequence[AssumedJoint]) -> "Compliances":
         """The same with the joints that are not identified, and with all that is uncertain.
@@ -137,6 +140,7 @@ class Compliances:
         k = np.array([_not_negative(table[joint], f"{prefix}{joint}", where) for joint in joints])
         unbounded = _by_joint(rest, "k_unbounded", joints, where)
         assumed = _assumed(rest, names, joints, where)
+        robot = rest.get("prediction")
         return cls(
             joints=joints,
             k=k,
@@ -149,6 +153,7 @@ class Compliances:
             measured=_measured(rest, joints, where),
             assumed=assumed,
             every=_measured(rest, joints, where, "covariance_all", len(assumed)),
+            compensators=str(robot.get("compensators", "")) if isinstance(robot, dict) else None,
         )
 
 

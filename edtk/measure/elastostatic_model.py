@@ -12,6 +12,7 @@ from edtk.measure.instruments.one_row import whole_instruments
 from edtk.measure.instruments.pose_marker import PoseMarker
 from edtk.measure.instruments.sensor import Sensor
 from edtk.measure.parameters import parameter_names
+from edtk.robots.compensator import GivingWay
 from edtk.robots.frames import (
     BodyPoint,
     Frames,
@@ -119,6 +120,8 @@ class ElastostaticModel:
         weights: Weights that load the joints besides the wrench; None for none.
         own_weights: Weights that bend the robot with and without the load, so that displacements
             see them to the second order only, at a loaded equilibrium; None for none.
+        gives: How joints with compensators give way about a guess of their compliances, which the
+            columns of regressors are times; None where none does, or for the joints alone.
 
     Raises:
         ValueError: An index is out of range or repeated.
@@ -131,6 +134,7 @@ class ElastostaticModel:
     load_point: BodyPoint = field(default_factory=BodyPoint)
     weights: DeadWeights | None = None
     own_weights: DeadWeights | None = None
+    gives: GivingWay | None = None
 
     def __post_init__(self) -> None:
         unknown = tuple(range(self.robot.n)) if self.unknown is None else tuple(self.unknown)
@@ -283,6 +287,13 @@ class ElastostaticModel:
 
     def regressor_of(self, frames: Frames, wrench: ArrayLike) -> Array:
         """Regressors (p, rows, ...) of poses whose frames are at hand, component first."""
+        A = self._by_loads(frames, wrench)
+        if self.gives is None:
+            return A
+        return A * self.gives.factors(frames.q)[0][self.joints, None]
+
+    def _by_loads(self, frames: Frames, wrench: ArrayLike) -> Array:
+        """The same of joints without compensators."""
         joints = self.joints
         if self.is_plain:
             turns = self.rows == "pose"
@@ -326,15 +337,21 @@ class ElastostaticModel:
             Derivatives (n, ...).
         """
         joints = self.joints
+        slope = np.zeros_like(frames.q)
+        if self.gives is not None:
+            factors, by_joint = self.gives.factors(frames.q)
+            along = (self._by_loads(frames, wrench) * B).sum(axis=1)
+            slope[joints] = by_joint[joints] * along
+            B = B * factors[joints, None]
         # The slopes of folded columns are no longer those of one Jacobian.
         if self.is_plain and frames.ties is None:
-            return slope_at_tool_point(frames, wrench, joints, B)
+            return slope + slope_at_tool_point(frames, wrench, joints, B)
         s = np.zeros_like(frames.q)
         s[joints] = dot(self.motion_of(frames)[joints], B)
         weights = np.zeros((self.robot.n, *B.shape[1:]))
         weights[joints] = self.torque_of(frames, wrench)[joints, None] * B
-        by_motion = self.motion_slope_of(frames, weights)
-        return by_motion + self.torque_slope_of(frames, wrench, s)
+        slope += self.motion_slope_of(frames, weights)
+        return slope + self.torque_slope_of(frames, wrench, s)
 
     def cartesian_stiffness(self, q: ArrayLike, k: ArrayLike) -> Array:
         """Eq. (1): ``K_C = J^-T K_theta J^-1``, as the inverse of ``J k_theta J'``.

@@ -20,6 +20,8 @@ STEPS = 32  # load steps where one is not enough
 ITERATIONS = 30  # Newton steps per load step; a handful is the rule
 LONGEST = 0.5  # Newton step [rad or m]; beyond, the derivative says nothing about the arm
 CONVERGED = 1e-12  # Newton step, relative to the deflection, that is rounding
+# Of a joint's angle: with a compensator as stiff as its joint, a step is no smaller.
+ROUNDING = 4 * np.finfo(float).eps
 TINY = 1e-300  # a denominator that divides nothing by zero
 
 
@@ -59,11 +61,19 @@ class Rest:
         """
         q = np.asarray(q, dtype=float)
         end = q + equilibrium(model.robot, q, wrench, k, signed, model.loading).theta
-        if model.own_weights is None:
-            return cls(np.broadcast_to(q, end.shape), end)
-        own = Loading(weights=model.own_weights)
-        before = equilibrium(model.robot, q, np.zeros(6), k, signed, own).theta
-        return cls(np.broadcast_to(q + before, end.shape), end)
+        return cls(np.broadcast_to(unloaded(model, q, k, signed), end.shape), end)
+
+
+def unloaded(model: ElastostaticModel, q: Array, k: ArrayLike, signed: bool = False) -> Array:
+    """Joint variables (..., n) of a robot that bends under its own weights alone [rad or m].
+
+    Raises:
+        NoEquilibriumError: A pose buckles.
+    """
+    if model.own_weights is None:
+        return q
+    own = Loading(weights=model.own_weights)
+    return np.asarray(q + equilibrium(model.robot, q, np.zeros(6), k, signed, own).theta)
 
 
 AT_TOOL_POINT = Loading()
@@ -96,6 +106,25 @@ class NoEquilibriumError(ValueError):
     def __reduce__(self) -> tuple[type["NoEquilibriumError"], tuple[tuple[int, ...]]]:
         """Pickle by the poses, so that the error can come back from another process."""
         return type(self), (self.poses,)
+
+
+def why_no_rest(robot: Robot, q: Array, k: Array) -> str:
+    """Why an arm has no stable equilibrium about a pose, in words.
+
+    Args:
+        robot: The chain, which may have compensators.
+        q: The pose (n,) [rad or m].
+        k: Compliances (n,) of all joints [rad/(N m)].
+    """
+    for pull in robot.pulls:
+        j = robot.joint_names.index(pull.given.joint)
+        taken = float(pull.derivative(q[j]))
+        if k[j] * taken >= 1:
+            return (
+                f"the arm would snap, as the compensator takes {taken:.3g} N m/rad from joint "
+                f"{pull.given.joint}, whose spring has {1 / k[j]:.3g}; expected a pose elsewhere"
+            )
+    return "the load buckles the arm; expected a load that it can carry"
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,7 +296,8 @@ def _newton(
         step *= np.minimum(1.0, LONGEST / np.maximum(longest, TINY))[:, None]
         theta[moving] += step
         size = np.abs(theta[moving]).max(axis=-1, initial=0.0, keepdims=True)
-        done = (np.abs(step) <= CONVERGED * size).all(axis=-1)
+        digits = ROUNDING * np.abs(loaded[regular]).max(axis=-1, initial=0.0, keepdims=True)
+        done = (np.abs(step) <= CONVERGED * size + digits).all(axis=-1)
         good[moving[done]] = _stable(slope[done])
         moving = moving[~done]
     return theta, good
@@ -303,6 +333,9 @@ def compensated_joints(
     the end, and Eq. (15) for the position alone with a pseudo-inverse, are off by the second order
     of the load. Eq. (15) also needs K_C and J0 in q0, not in the command.
 
+    Own weights that bend the robot without the load, too, are no error: the goal is where the
+    unloaded robot comes to rest, and they turn its joints as far there as under the load.
+
     Args:
         model: The robot with its task tool.
         q0: Desired joint variables (..., n) [rad or m].
@@ -316,11 +349,14 @@ def compensated_joints(
     q0 = np.asarray(q0, dtype=float)
     W = np.asarray(wrench, dtype=float)
     k = np.asarray(k, dtype=float)
+    complete = np.zeros((*k.shape[:-1], model.robot.n))
+    complete[..., model.joints] = k
+    rest = unloaded(model, q0, complete, signed=True)
     if model.is_plain:
-        J = model.robot.jacobian(q0)[..., model.joints]
+        J = model.robot.jacobian(rest)[..., model.joints]
         turn = k * (np.swapaxes(J, -1, -2) @ W[..., None])[..., 0]
     else:
-        torque = model.torque_of(model.frames(q0), W)[model.joints]
+        torque = model.torque_of(model.frames(rest), W)[model.joints]
         turn = k * np.moveaxis(torque, 0, -1)
     q = np.array(np.broadcast_to(q0, (*turn.shape[:-1], model.robot.n)))
     q[..., model.joints] -= turn

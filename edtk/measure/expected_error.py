@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.equilibrium import compensated_joints, equilibrium
+from edtk.measure.equilibrium import Rest, compensated_joints, unloaded
 from edtk.measure.task import Task, Tasks, all_compliances
 from edtk.robots.robot import Robot
 from edtk.robots.workspace import neighbourhood
@@ -63,9 +63,8 @@ def remaining_error(
     """
     q = compensated_joints(model, q0, wrench, believed)
     k = all_compliances(model, true)
-    loaded = q + equilibrium(model.robot, q, wrench, k, loading=model.loading).theta
-    reached = model.robot.forward(loaded)[..., :3, 3]
-    desired = model.robot.forward(q0)[..., :3, 3]
+    reached = model.robot.forward(Rest.of(model, q, wrench, k).end)[..., :3, 3]
+    desired = model.robot.forward(unloaded(model, np.asarray(q0, dtype=float), k))[..., :3, 3]
     return np.asarray(reached - desired)
 
 

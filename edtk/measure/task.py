@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.measured_model import MeasuredModel, Seen
+from edtk.robots.compensator import GivingWay
 from edtk.robots.robot import Robot
 from edtk.robots.weights import DeadWeights
 from edtk.robots.workspace import neighbourhood
@@ -207,6 +208,9 @@ class Task:
         carries: Whether the task says by itself what the robot carries.
         columns: How what counts moves with the parameters; None for the tool point by the
             compliances of `unknown`.
+        own_weights: Weights that bend the robot with and without the task's load; None for none,
+            or where displacements do not see them.
+        gives: How joints with compensators give way where the load is; None where none does.
     """
 
     q: Array
@@ -220,6 +224,8 @@ class Task:
     dead_weights: DeadWeights | None = None
     carries: bool = False
     columns: Columns | None = None
+    own_weights: DeadWeights | None = None
+    gives: GivingWay | None = None
 
     @cached_property
     def placed(self) -> Robot:
@@ -229,7 +235,13 @@ class Task:
     @cached_property
     def model(self) -> ElastostaticModel:
         """The elastostatic model with the task's tool, for the position of the tool point."""
-        return ElastostaticModel(self.placed, self.unknown, weights=self.dead_weights)
+        return ElastostaticModel(
+            self.placed,
+            self.unknown,
+            weights=self.dead_weights,
+            own_weights=self.own_weights,
+            gives=self.gives,
+        )
 
     @cached_property
     def moved(self) -> Columns:

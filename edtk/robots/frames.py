@@ -60,6 +60,11 @@ class Frames:
         }
         return replace(self, **arrays, bodies=bodies)
 
+    def variable(self, joint: int) -> Array:
+        """The variable (...) of a joint, by its index among all of the chain [rad or m]."""
+        q = self.q if self.ties is None else self.ties.variables(self.q)
+        return np.asarray(q[joint])
+
     @property
     def sliding(self) -> Mask:
         """Mask (n,) of the free joints that are prismatic."""

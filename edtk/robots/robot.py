@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from edtk.robots.compensator import Compensator, GivingWay, Pull, pull_of
 from edtk.robots.controller import Controller
 from edtk.robots.frames import Frames, Terms, combine, combine_terms, terms_of
 from edtk.robots.joint import Coupling, Joint, Link, TiedJoint, Ties, by_drives
@@ -33,10 +34,12 @@ class Robot(Presented):
         tied: Joints that follow others, in the order of the chain.
         couplings: Free joints whose drives turn them against other bodies than the one before: the
             robot's variables q are then the coordinates of the drives.
+        compensators: Springs and gas cylinders across free joints.
 
     Raises:
         ValueError: The chain has no joints, or two of one name, or links for some joints only, or a
-            joint follows one that is not free, or couplings are wrong or leave no pose.
+            joint follows one that is not free, or couplings are wrong or leave no pose, or a
+            compensator does not fit its joint.
     """
 
     name: str
@@ -49,6 +52,7 @@ class Robot(Presented):
     controller: Controller | None = None
     tied: tuple[TiedJoint, ...] = ()
     couplings: tuple[Coupling, ...] = ()
+    compensators: tuple[Compensator, ...] = ()
 
     def __post_init__(self) -> None:
         for tied in self.tied:
@@ -70,6 +74,9 @@ class Robot(Presented):
             )
         if self.couplings:
             self._require_poses()
+
+        for one in self.compensators:
+            self.pull_of(one)
 
     def _require_poses(self) -> None:
         """Check that there are poses within the limits of drives and of joints that are coupled.
@@ -162,14 +169,63 @@ class Robot(Presented):
         )
 
     @cached_property
+    def pulls(self) -> tuple[Pull, ...]:
+        """The compensators on their joints."""
+        return tuple(map(self.pull_of, self.compensators))
+
+    def pull_of(self, one: Compensator) -> Pull:
+        """A compensator on its joint.
+
+        Raises:
+            ValueError: The joint is none of the free ones, or the compensator does not fit it.
+        """
+        if one.joint not in self.joint_names:
+            masters = {tied.name: " and ".join(tied.masters) for tied in self.tied}
+            what = f"no joint {one.joint!r}"
+            if one.joint in masters:
+                what = f"{one.joint} follows {masters[one.joint]}, and has no spring of its own"
+            raise ValueError(f"{what}; this robot has {', '.join(self.joint_names)}")
+        j = self.joint_names.index(one.joint)
+        if not np.array_equal(self._by_drives[j], np.eye(self.n)[j]):
+            raise ValueError(
+                f"{one.joint} is turned by the drives of other joints too; expected a joint that "
+                "its own drive alone turns"
+            )
+        joint = self.joints[j]
+        return pull_of(one, self.body_names.index(one.joint), joint)
+
+    def giving_way(self, k: Array, brought: bool = False) -> GivingWay | None:
+        """How joints with compensators give way; None without any, or where none is compliant.
+
+        Args:
+            k: Compliances (n,) of the free joints [rad/(N m)].
+            brought: Whether poses are those under load, as in a task.
+        """
+        pulls = {self.joint_names.index(one.given.joint): one for one in self.pulls}
+        if not any(k[j] for j in pulls):
+            return None
+        free = tuple(map(self.body_names.index, self.joint_names))
+        return GivingWay(self.pulls, np.asarray(k, dtype=float), free, brought)
+
+    @cached_property
     def digest(self) -> str:
-        """A name of the drawing: hex digits that differ where a length or an axis does."""
+        """A name of the drawing: digits that differ where a length, an axis or a spring does."""
         numbers = [self.base, self.tool, *(joint.origin for joint in self.chain)]
         text = " ".join(f"{x:.9f}" for T in numbers for x in np.ravel(T) + 0.0)
         axes = (f"{joint.name} {joint.kind} {joint.axis.tolist()}" for joint in self.chain)
         text += " ".join(axes)
         text += "".join(f" {one.joint} {one.follows} {one.factor:.9f}" for one in self.couplings)
-        return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:12]
+        return _digest(text + self._springs)
+
+    @property
+    def compensators_digest(self) -> str:
+        """A name of the compensators alone; empty without any."""
+        return _digest(self._springs) if self.compensators else ""
+
+    @property
+    def _springs(self) -> str:
+        """The compensators in words and numbers."""
+        return " ".join(f"{one.joint} {one.medium} {one.numbers()}" for one in self.compensators)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -357,6 +413,10 @@ class Robot(Presented):
         frames = self.frames(q)
         J = np.concatenate([frames.linear, frames.angular], axis=1)
         return np.moveaxis(J, (0, 1), (-1, -2))
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:12]
 
 
 def _turned_back(columns: list[Array], joint: Joint, batch: tuple[int, ...]) -> Array:

@@ -16,6 +16,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from edtk.robots.compensator import Compensator, Medium
 from edtk.robots.controller import Controller, Follows
 from edtk.robots.joint import ONE_TURN, Coupling, Joint, Link, TiedJoint
 from edtk.robots.robot import Robot
@@ -384,6 +385,68 @@ class JointTable(PlacedTable):
         return float(lower), float(upper)
 
 
+class CompensatorTable(BaseModel):
+    """A coil spring or a gas cylinder between the bodies before and behind a joint, which carries
+    a part of the arm's weight. It pulls its two anchors together by
+    `preload + stiffness (s - s0)`, with their distance s, s0 where the joint is at zero.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    joint: str = Field(description="Name of the joint, which turns and follows no other")
+    anchors_mm: tuple[Vector3, Vector3] | None = Field(
+        None,
+        description="The anchor on the body before the joint, then that on the body that it moves, "
+        "both in the joint's own frame as it stands where the joint is at zero [mm]",
+    )
+    anchors_m: tuple[Vector3, Vector3] | None = Field(
+        None, description="The same in metres, instead of anchors_mm [m]"
+    )
+    stiffness_N_per_mm: Annotated[Finite, Field(ge=0)] | None = Field(
+        None, description="By how much the force grows with the distance, at zero [N/mm]"
+    )
+    stiffness_N_per_m: Annotated[float, Field(allow_inf_nan=False, ge=0, le=1e9)] | None = Field(
+        None, description="The same per metre, instead of stiffness_N_per_mm [N/m]"
+    )
+    preload_N: Finite = Field(
+        description="The force where the joint is at zero; negative if it pushes the anchors apart "
+        "[N]"
+    )
+    kind: Medium = Field(
+        "coil",
+        description="'coil' for a spring of constant stiffness, or 'gas' for a cylinder, whose "
+        "force is `preload / (1 - stiffness (s - s0) / preload)`",
+    )
+
+    @model_validator(mode="after")
+    def _one_unit(self) -> "CompensatorTable":
+        for one, other in (
+            ("anchors_mm", "anchors_m"),
+            ("stiffness_N_per_mm", "stiffness_N_per_m"),
+        ):
+            if (getattr(self, one) is None) == (getattr(self, other) is None):
+                message = "expected {key}, and nothing in another unit"
+                raise PydanticCustomError("unit", message, {"key": one})
+        return self
+
+    def build(self) -> Compensator:
+        """The compensator, in SI units.
+
+        Raises:
+            ValueError: Its anchors coincide, or a gas has no force.
+        """
+        anchors = np.array(self.anchors_m or self.anchors_mm)
+        if self.anchors_m is None:
+            anchors = anchors / 1e3
+        stiffness = self.stiffness_N_per_m
+        if self.stiffness_N_per_mm is not None:
+            stiffness = 1e3 * self.stiffness_N_per_mm
+        before, behind = anchors
+        return Compensator(
+            self.joint, before, behind, float(stiffness or 0.0), self.preload_N, self.kind
+        )
+
+
 class RobotFileError(UserError):
     """A robot that does not exist, or whose description is not as it should be."""
 
@@ -424,6 +487,9 @@ class RobotFile(BaseModel):
     controller: ControllerTable | None = Field(
         None, description="How the robot's controller counts the joints, where not as the model"
     )
+    compensator: tuple[CompensatorTable, ...] = Field(
+        (), description="Gravity compensators: springs and gas cylinders across joints"
+    )
 
     def build(self, where: str | None) -> Robot:
         """The robot; messages about a joint begin with `where`."""
@@ -445,6 +511,7 @@ class RobotFile(BaseModel):
             tied=self._tied(where),
         )
         robot = coupled(robot, self.coupling, where)
+        robot = _with_compensators(robot, self.compensator, where)
         if self.controller is None:
             return robot
         try:
@@ -484,6 +551,20 @@ class RobotFile(BaseModel):
         return known
 
 
+def _with_compensators(
+    robot: Robot, given: tuple[CompensatorTable, ...], where: str | None
+) -> Robot:
+    """The robot with compensators, each of which fits its joint."""
+    found: list[Compensator] = []
+    for i, one in enumerate(given):
+        try:
+            found.append(one.build())
+            robot.pull_of(found[-1])
+        except ValueError as error:
+            raise RobotFileError(str(error), where=where, key=f"compensator.{i}") from error
+    return replace(robot, compensators=tuple(found)) if found else robot
+
+
 def _joint(joint: JointTable, index: int, where: str | None) -> Joint:
     """A joint; what is wrong with it is told with its key."""
     try:
@@ -500,6 +581,9 @@ class RobotAndMore(BaseModel):
     file: Line = Field(description="Name of a built-in robot, or path of a robot file")
     coupling: tuple[CouplingTable, ...] = Field(
         (), description="Joints whose drives turn them against other bodies than the one before"
+    )
+    compensator: tuple[CompensatorTable, ...] = Field(
+        (), description="Gravity compensators: springs and gas cylinders across joints"
     )
 
     @classmethod
@@ -521,7 +605,7 @@ class RobotAndMore(BaseModel):
         Raises:
             RobotFileError: That does not fit the robot.
         """
-        return coupled(robot, self.coupling)
+        return _with_compensators(coupled(robot, self.coupling), self.compensator, None)
 
 
 def robot_from_dict(content: Mapping[str, Any], where: str | None = None) -> Robot:
@@ -573,7 +657,28 @@ def robot_to_dict(robot: Robot) -> dict[str, Any]:
         content["coupling"] = [_coupling(one) for one in robot.couplings]
     if robot.controller is not None:
         content["controller"] = controller_to_dict(robot)
+    if robot.compensators:
+        content["compensator"] = [_compensator_to_dict(one) for one in robot.compensators]
     return content
+
+
+def _compensator_to_dict(one: Compensator) -> dict[str, Any]:
+    """A compensator; millimetres where they give back the same numbers."""
+    points = [one.before.tolist(), one.behind.tolist()]
+    per_mm = one.stiffness / 1e3
+    anchors = [[_same(1e3 * x, x, lambda mm: mm / 1e3) for x in point] for point in points]
+    exact = all(x is not None for point in anchors for x in point)
+    return {
+        "joint": one.joint,
+        **({"anchors_mm": anchors} if exact else {"anchors_m": points}),
+        **(
+            {"stiffness_N_per_mm": per_mm}
+            if 1e3 * per_mm == one.stiffness
+            else {"stiffness_N_per_m": one.stiffness}
+        ),
+        "preload_N": one.preload,
+        **({} if one.medium == "coil" else {"kind": one.medium}),
+    }
 
 
 def _joint_to_dict(joint: Joint, tied: TiedJoint | None) -> dict[str, Any]:
@@ -625,7 +730,7 @@ def _angles(key: str, radians: tuple[float, float]) -> dict[str, Any]:
 
 
 def _same(degrees: float, wanted: float, convert: Callable[[float], float]) -> float | None:
-    """An angle near `degrees`, as round as possible, that converts to exactly the wanted number."""
+    """A number near `degrees`, as round as possible, that converts to exactly the wanted one."""
     near = (round(degrees, DECIMALS), degrees, *np.nextafter(degrees, [-np.inf, np.inf]))
     return next((float(angle) for angle in near if convert(angle) == wanted), None)
 

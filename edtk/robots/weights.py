@@ -1,10 +1,11 @@
-"""What loads the joints of a chain besides a wrench: weights that hang on its bodies."""
+"""What loads the joints of a chain besides a wrench: weights of its bodies, and compensators."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
+from edtk.robots.compensator import Pull
 from edtk.robots.frames import BodyPoint, Frames, cross, dot
 from edtk.system.typing import Array
 
@@ -13,7 +14,7 @@ GRAVITY = 9.80665  # standard acceleration [m/s^2], along -z of the world
 
 @dataclass(frozen=True, eq=False)
 class DeadWeights:
-    """Masses on the bodies of a chain.
+    """Masses on the bodies of a chain, and the compensators that carry them.
 
     The bodies behind joint j have the mass m_j together, and their common centre of mass c_j turns
     with the joint as one. So the weights load the joint by ``tau_j = v_j . m_j g``, with the
@@ -23,16 +24,19 @@ class DeadWeights:
         masses: Masses (w,) [kg].
         centers: Their centres of mass (w,), points of the bodies.
         joints: Number n of joints, those that follow others included.
+        pulls: Compensators across joints, see `Pull`.
     """
 
     masses: tuple[float, ...]
     centers: tuple[BodyPoint, ...]
     joints: int
+    pulls: tuple[Pull, ...] = ()
 
     def with_more(self, other: "DeadWeights") -> "DeadWeights":
         """These weights and others on the same chain."""
         masses = (*self.masses, *other.masses)
-        return DeadWeights(masses, (*self.centers, *other.centers), self.joints)
+        centers = (*self.centers, *other.centers)
+        return DeadWeights(masses, centers, self.joints, (*self.pulls, *other.pulls))
 
     @property
     def bodies(self) -> tuple[int, ...]:
@@ -58,6 +62,8 @@ class DeadWeights:
 
     def linear(self, frames: Frames) -> Array:
         """Velocity (n, 3, ...) per joint of the centre of mass of all that is behind it."""
+        if not self.masses:
+            return np.zeros_like(frames.axes)
         points = np.stack([center.position(frames) for center in self.centers])
         share = self._behind * np.array(self.masses)
         # A joint that carries nothing has no centre of mass; its weight is zero anyway.
@@ -69,7 +75,10 @@ class DeadWeights:
 
     def torque(self, frames: Frames) -> Array:
         """Joint loads (n, ...) [N m, or N if prismatic]."""
-        return dot(self.linear(frames), self.force(frames))
+        torque = dot(self.linear(frames), self.force(frames))
+        for pull in self.pulls:
+            torque[pull.place] += pull.torque(frames.variable(pull.place))
+        return torque
 
     def torque_derivative(self, frames: Frames) -> Array:
         """``dtau_j/dq_k`` (n, n, ...), symmetric as the Hessian of a potential."""
@@ -78,6 +87,8 @@ class DeadWeights:
         n = self.joints
         later = np.triu_indices(n, 1)
         H[later] = H[later[::-1]]
+        for pull in self.pulls:
+            H[pull.place, pull.place] += pull.derivative(frames.variable(pull.place))
         return H
 
     def torque_slope(self, frames: Frames, s: Array) -> Array:
@@ -91,7 +102,11 @@ class DeadWeights:
         at_or_behind = np.cumsum(turning[::-1], axis=0)[::-1]
         spun = s[:, None] * frames.angular_of_each
         before = np.cumsum(spun, axis=0) - spun
-        return dot(frames.angular_of_each, at_or_behind) + dot(before, bent)
+        slope = dot(frames.angular_of_each, at_or_behind) + dot(before, bent)
+        for pull in self.pulls:
+            changed = pull.derivative(frames.variable(pull.place))
+            slope[pull.place] += s[pull.place] * changed
+        return slope
 
 
 @dataclass(frozen=True, eq=False)

@@ -73,7 +73,8 @@ class Specification(Table):
     title: Line = Field("", description="Title of reports; defaults to one that names the robot")
     robot: Annotated[str | dict[str, Any], BeforeValidator(_name_or_table)] = Field(
         description="Name of a built-in robot, path of a robot file beside the study, or a table "
-        "with the keys of a robot file, or with `file` and `coupling` [m, deg or rad]"
+        "with the keys of a robot file, or with `file`, `coupling` and `compensator` [m, deg or "
+        "rad]"
     )
     base_link: str | None = Field(
         None,

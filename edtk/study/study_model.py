@@ -23,6 +23,7 @@ from edtk.measure.model_error import ModelError, groups_of
 from edtk.measure.noise import VisitNoise
 from edtk.measure.parameters import Parameter
 from edtk.measure.pose_table import pose_factors
+from edtk.robots.compensator import GivingWay
 from edtk.robots.frames import BodyPoint
 from edtk.robots.weights import DeadWeights
 from edtk.study.asked import Asked
@@ -135,7 +136,24 @@ def study_model(study: Asked, unknown: tuple[int, ...]) -> ElastostaticModel:
         load_point=_load_point(study),
         weights=_weights(study),
         own_weights=None if study.is_absolute else _links(study),
+        gives=giving_way(study),
     )
+
+
+def giving_way(study: Asked, brought: bool = False) -> GivingWay | None:
+    """How joints with compensators give way; None without any.
+
+    That is about what the study knows or guesses, in [simulation] or [prior]; a joint of which it
+    says nothing counts as rigid.
+
+    Args:
+        study: Its keys and its robot, checked.
+        brought: Whether poses are those under load, as in a task.
+    """
+    k = np.zeros(study.robot.n)
+    k[list(study.known)] = list(study.known.values())
+    k[list(study.unknown)] = np.nan_to_num(own_scale(study))
+    return study.robot.giving_way(k, brought)
 
 
 def study_sigma(study: Asked) -> Array:
@@ -274,12 +292,22 @@ def link_weights(study: Asked) -> DeadWeights | None:
 
 
 def _links(study: Asked) -> DeadWeights | None:
-    """The weights of the links; None where they are not known."""
+    """The weights of the links, and the compensators; None where neither is known."""
     links = {joint: link for joint, link in enumerate(study.robot.links) if link.mass}
-    if not links:
+    pulls = study.robot.pulls
+    if not links and not pulls:
         return None
     centers = tuple(BodyPoint(link.center, joint) for joint, link in links.items())
-    return DeadWeights(tuple(link.mass for link in links.values()), centers, len(study.robot.chain))
+    masses = tuple(link.mass for link in links.values())
+    return DeadWeights(masses, centers, len(study.robot.chain), pulls)
+
+
+def own_task_weights(study: Asked) -> DeadWeights | None:
+    """What bends the robot of a task with and without its load, where that matters.
+
+    Displacements see it to the second order only, which is of any size with a compensator alone.
+    """
+    return _links(study) if study.robot.pulls and not study.is_absolute else None
 
 
 def own_weights(study: Asked) -> tuple[DeadWeights | None, DeadWeights | None]:

@@ -23,6 +23,7 @@ from edtk.robots.weights import DeadWeights
 from edtk.robots.workspace import Workspace, within_margin
 from edtk.study.asked import Asked
 from edtk.study.schema import Specification
+from edtk.study.study_model import giving_way, own_task_weights
 from edtk.study.tables_of_robot import KnownCompliance
 from edtk.study.tables_of_task import PayloadTable, TaskTable, TestPose
 from edtk.system.errors import UserError, note
@@ -89,6 +90,8 @@ def _task(study: Asked, table: TestPose | TaskTable, others: TaskDefaults) -> Ta
         lever=table.lever_mm / 1e3,
         dead_weights=others.weights(study, table.payload),
         carries=table.payload is not None,
+        own_weights=own_task_weights(study),
+        gives=giving_way(study, brought=True),
     )
 
 

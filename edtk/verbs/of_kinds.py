@@ -14,7 +14,7 @@ from edtk.measure.compliances import Compliances, compliances_file, load_complia
 from edtk.measure.pose_table import Table
 from edtk.study import kinds
 from edtk.study.study import Study
-from edtk.system.errors import ArgumentError
+from edtk.system.errors import ArgumentError, UserError
 from edtk.system.files import Content
 from edtk.verbs.inputs import (
     PlanLike,
@@ -151,6 +151,10 @@ class OfCompliances(OfStudy):
         from edtk.calibration.compensate import compensate
 
         known = self._compliances(result)
+        own = self.study.robot.compensators_digest
+        if known.compensators not in (None, own):
+            message = "the result is of a robot with other compensators than the study's"
+            raise UserError(message, where=name_of(result, "result"), key="prediction.compensators")
         where = name_of(self.study.where if task is None else task, "task")
         return compensate(self.study, known, poses, where, own=task is None)
 

@@ -107,7 +107,8 @@ def test_wrong_file_is_one_line_that_says_where(tmp_path, case):
 def test_unknown_robot_lists_what_there_is():
     """The message for an unknown name lists the built-in robots and mentions files."""
     paths = "or give a path to a .toml, .urdf or .xacro file"
-    assert refusal("r2d2") == f"unknown robot 'r2d2'; built in: kuka_kr270, palletiser; {paths}"
+    names = "kuka_kr270, kuka_kr270_compensator, palletiser"
+    assert refusal("r2d2") == f"unknown robot 'r2d2'; built in: {names}; {paths}"
 
 
 def test_absent_file_is_named(tmp_path):

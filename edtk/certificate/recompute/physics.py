@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from edtk.certificate.recompute.chain import Chain
+from edtk.certificate.recompute.compensator import Pull
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table, text, whole
 from edtk.system.typing import Array
 
@@ -45,7 +46,7 @@ class Place:
         return cls(numbers(content["offset"], (3,), f"{where}.offset"), index)
 
 
-Weight = tuple[float, Place]  # mass [kg] and centre of mass
+Weight = tuple[float, Place] | Pull  # mass [kg] and centre of mass, or what carries a part of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,7 @@ class Physics:
     Attributes:
         sensors: Kind, point and anchor (3,) of each instrument; anchors count for distances [m].
         load_point: Where the wrench acts.
-        weights: Mass [kg] and centre of mass of each weight.
+        weights: Mass [kg] and centre of mass of each weight, and compensators.
     """
 
     sensors: list[tuple[str, Place, Array]]
@@ -134,14 +135,17 @@ class Physics:
 
 
 def read_weights(content: Any, n: int, where: str) -> list[Weight]:
-    """Masses [kg] and their centres.
+    """Masses [kg] and their centres, and compensators.
 
     Raises:
         ValueError: They are none, or a mass is negative.
     """
-    found = []
+    found: list[Weight] = []
     for i, weight in enumerate(rows(content, MOST_WEIGHTS, where)):
         place = f"{where}[{i}]"
+        if isinstance(weight, dict) and "pull" in weight:
+            found.append(Pull.from_dict(weight, n, place))
+            continue
         weight = table(weight, ("mass", *PLACE), place)
         mass = number(weight["mass"], f"{place}.mass")
         if mass < 0:
@@ -153,7 +157,11 @@ def read_weights(content: Any, n: int, where: str) -> list[Weight]:
 def weight_torque(chain: Chain, weights: Collection[Weight], q: Array) -> Array:
     """Joint loads (k, n) of weights [N m, or N if prismatic]: ``-m g dz/dq``, one after another."""
     torque = np.zeros_like(q)
-    for mass, place in weights:
+    for weight in weights:
+        if isinstance(weight, Pull):
+            torque += weight.on(chain, q)[0]
+            continue
+        mass, place = weight
         torque -= mass * GRAVITY * chain.jacobian(q, place.offset, place.joint)[:, 2]
     return torque
 

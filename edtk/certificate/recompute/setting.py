@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from edtk.certificate.recompute.chain import Chain
+from edtk.certificate.recompute.compensator import Gives
 from edtk.certificate.recompute.geometry import Geometry
 from edtk.certificate.recompute.physics import Noise, Physics, regressors
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table, text, whole
@@ -27,7 +28,10 @@ SETTING_KEYS = (
     *("robot", "unknown", "rows", "sigma", "load"),
     *("workspace", "excluded", "free", "fixed"),
 )
-OPTIONAL = ("physics", "noise", "interest", "prior", "geometry", "margin", "coupled_margin")
+OPTIONAL = (
+    *("physics", "noise", "interest", "prior", "geometry"),
+    *("margin", "coupled_margin", "gives"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,6 +314,7 @@ class Setting:
             costs; None where experiments are counted.
         margin: How far poses keep away from the limits of each joint (n,) [rad or m]; None for no
             margin.
+        gives: How joints with compensators give way; None without any.
     """
 
     name: str
@@ -328,6 +333,7 @@ class Setting:
     geometry: Geometry | None = None
     price: Callable[[Array], Array] | None = None
     margin: Array | None = None
+    gives: Gives | None = None
 
     @classmethod
     def from_dict(cls, content: Any) -> "Setting":
@@ -356,6 +362,7 @@ class Setting:
             if physics is None:
                 raise ValueError("setting: the key 'physics' is missing")
             geometry = Geometry.from_dict(content["geometry"], chain, physics)
+        gives = Gives.from_dict(content["gives"], chain) if "gives" in content else None
         p = len(unknown) if geometry is None else geometry.p
         white = (sigma > 0).all() or (noise is not None and (sigma >= 0).all())
         if not p or not white:
@@ -374,13 +381,14 @@ class Setting:
             load=Load.from_dict(content["load"]),
             free=_indices(content["free"], n, "setting.free"),
             fixed=numbers(content["fixed"], (n,), "setting.fixed"),
-            tasks=_tasks(content, chain, physics, geometry, unknown),
+            tasks=_tasks(content, chain, physics, geometry, unknown, gives),
             physics=physics,
             interest=_interest(content, p),
             prior=_prior(content, p),
             noise=noise,
             geometry=geometry,
             margin=_margin(content, chain),
+            gives=gives,
         )
 
     @property
@@ -433,7 +441,7 @@ class Setting:
             visits = np.ones(len(q)) if visits is None else visits
             torque = self._torque(self.physics, q, wrench)
             return self.noise.whitened(A, self.chain, self.physics, self.sigma, q, visits, torque)
-        A = regressors(self.chain, self.unknown, q, wrench)
+        A = self._left(regressors(self.chain, self.unknown, q, wrench), q)
         return A[:, : len(self.sigma)] / self.sigma[:, None]
 
     def _torque(self, physics: Physics, q: Array, wrench: Array) -> Array:
@@ -442,11 +450,21 @@ class Setting:
             return np.zeros(q.shape)
         return physics.torque(self.chain, q, wrench)
 
+    def _left(self, A: Array, q: Array) -> Array:
+        """Regressors (k, rows, p) of joints that give way less, or more, with compensators.
+
+        A change of a compliance turns its joint by a part of ``dk tau``, and tau is the load where
+        the joint has come to rest: a part again of that where it is commanded.
+        """
+        if self.gives is None:
+            return A
+        return A * self.gives.factors(self.chain, q)[:, None, self.unknown] ** 2
+
     def _regressors(self, physics: Physics, q: Array, wrench: Array) -> Array:
         """Regressors (k, rows, p) of what is measured."""
         if self.geometry is not None:
             return self.geometry.rows(self.chain, physics, q, wrench)
-        return physics.regressors(self.chain, self.unknown, q, wrench)
+        return self._left(physics.regressors(self.chain, self.unknown, q, wrench), q)
 
     def violation(self, q: Array) -> Array:
         """By how much each pose (k,) violates its worst constraint [m or rad].
@@ -479,10 +497,11 @@ def _tasks(
     physics: Physics | None,
     geometry: Geometry | None,
     unknown: list[int],
+    gives: Gives | None,
 ) -> Tasks:
     """The tasks, by compliances alone or by all that is unknown."""
     if geometry is None or physics is None:
-        return Tasks.from_content(content["test_pose"], content["robot"], unknown)
+        return Tasks.from_content(content["test_pose"], content["robot"], unknown, gives)
     return Tasks.of_geometry(content["test_pose"], content["robot"], chain, physics, geometry)
 
 

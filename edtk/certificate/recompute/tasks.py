@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from edtk.certificate.recompute.chain import Chain
+from edtk.certificate.recompute.compensator import Gives
 from edtk.certificate.recompute.geometry import Geometry
 from edtk.certificate.recompute.physics import (
     Physics,
@@ -136,13 +137,16 @@ class Tasks:
     weights: Array
 
     @classmethod
-    def from_content(cls, content: Any, robot: Any, unknown: list[int]) -> "Tasks":
+    def from_content(
+        cls, content: Any, robot: Any, unknown: list[int], gives: Gives | None = None
+    ) -> "Tasks":
         """Read the part `setting.test_pose`: nothing, a task, or a list of tasks.
 
         Args:
             content: The part.
             robot: The part `setting.robot`, which has the chain.
             unknown: Indices (p,) of the joints whose compliances are the parameters.
+            gives: How joints with compensators give way; None without any.
 
         Raises:
             ValueError: A part is missing, or is not what it should be.
@@ -151,10 +155,10 @@ class Tasks:
             return cls([], np.empty(0))
         _require_few(content, len(Chain.from_dict(robot).axes), len(unknown))
         if not isinstance(content, list):
-            return cls([_harm(content, robot, unknown, WHERE)], np.ones(1))
+            return cls([_harm(content, robot, unknown, gives, WHERE)], np.ones(1))
         places = [f"{WHERE}.{i}" for i in range(len(rows(content, MOST_TASKS, WHERE)))]
         given = zip(content, places, strict=True)
-        each = [_harm(task, robot, unknown, place) for task, place in given]
+        each = [_harm(task, robot, unknown, gives, place) for task, place in given]
         return cls(each, _shares(content, places))
 
     @classmethod
@@ -294,15 +298,18 @@ class _Place:
 OPTIONAL = ("within", "lever", "weight", "weights")
 
 
-def _harm(content: Any, robot: Any, unknown: list[int], where: str) -> Array:
+def _harm(content: Any, robot: Any, unknown: list[int], gives: Gives | None, where: str) -> Array:
     """Rows (r, p) of a task with its tool: their squares are the harm.
 
     For a test pose alone it is the regressor A0. Over a neighbourhood it has the rows of all its
     poses, divided by the root of their number. Rotation rows count with the lever, if there is one.
+    Joints are where the load acts, and a part of each column is left with compensators.
     """
     task = table(content, ("q", "tool", "wrench"), where, OPTIONAL)
     at = _Place.of(task, robot, where)
     A = regressors(at.chain, unknown, at.poses, at.wrench, at.weights or [])
+    if gives is not None:
+        A = A * gives.factors(at.chain, at.poses)[:, None, unknown]
     return at.mean(A[:, :3], A[:, 3:])
 
 

@@ -1,0 +1,119 @@
+"""Gravity compensators, by the places of their anchors, and how joints give way with them."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from edtk.certificate.recompute.chain import Chain
+from edtk.certificate.recompute.plain_data import number, numbers, rows, table, text, whole
+from edtk.system.typing import Array
+
+KEYS = ("pull", "joint", "anchors", "stiffness", "preload")
+MOST = 64
+WHERE = "setting.gives"
+
+
+@dataclass(frozen=True, eq=False)
+class Pull:
+    """A coil spring or a gas cylinder across a joint.
+
+    Attributes:
+        kind: "coil" or "gas".
+        joint: Index of the joint among all, which is a free one.
+        anchors: On the body before the joint, and on the one behind it (2, 3), in the frame of the
+            joint at zero [m].
+        stiffness: Slope of the force by the distance, at zero [N/m].
+        preload: Force at zero [N].
+    """
+
+    kind: str
+    joint: int
+    anchors: Array
+    stiffness: float
+    preload: float
+
+    @classmethod
+    def from_dict(cls, content: Any, n: int, where: str) -> "Pull":
+        """Read a compensator of a robot with n joints.
+
+        Raises:
+            ValueError: It is none.
+        """
+        content = table(content, KEYS, where)
+        return cls(
+            text(content["pull"], ("coil", "gas"), f"{where}.pull"),
+            whole(content["joint"], 0, n - 1, f"{where}.joint"),
+            numbers(content["anchors"], (2, 3), f"{where}.anchors"),
+            number(content["stiffness"], f"{where}.stiffness"),
+            number(content["preload"], f"{where}.preload"),
+        )
+
+    def on(self, chain: Chain, q: Array) -> tuple[Array, Array]:
+        """Load (k, n) of the free joints, and its slope (k, n) by the joint itself.
+
+        The anchor behind the joint turns with it. It is pulled along the line to the other one, by
+        a force whose moment about the axis is the load.
+        """
+        angle = q[:, chain.free.index(self.joint), None]
+        axis = chain.axes[self.joint]
+        fixed, point = self.anchors
+        along = (point @ axis) * axis
+        aside = np.cross(axis, point)
+        turned = along + np.cos(angle) * (point - along) + np.sin(angle) * aside
+        velocity = np.cross(axis, turned)
+        line = turned - fixed
+        length = np.linalg.norm(line, axis=1)
+        u = line / length[:, None]
+        lever = (u * velocity).sum(axis=1)
+        inward = (line * np.cross(axis, velocity)).sum(axis=1)
+        bent = ((velocity**2).sum(axis=1) + inward - lever**2) / length
+        longer = length - np.linalg.norm(point - fixed)
+        force = self.preload + self.stiffness * longer
+        slope = np.full_like(force, self.stiffness)
+        if self.kind == "gas":
+            room = 1 - self.stiffness * longer / self.preload
+            force = self.preload / room
+            slope = self.stiffness / room**2
+        load, by_joint = np.zeros((2, *q.shape))
+        at = chain.free.index(self.joint)
+        load[:, at] = -force * lever
+        by_joint[:, at] = -(slope * lever**2 + force * bent)
+        return load, by_joint
+
+
+@dataclass(frozen=True, eq=False)
+class Gives:
+    """By how much less joints with compensators give way, about a guess of their compliances.
+
+    Attributes:
+        pulls: The compensators.
+        compliances: The guess (n,) [rad/(N m)].
+    """
+
+    pulls: list[Pull]
+    compliances: Array
+
+    @classmethod
+    def from_dict(cls, content: Any, chain: Chain) -> "Gives":
+        """Read the part `setting.gives` of a certificate.
+
+        Raises:
+            ValueError: A part is missing, or is not what it should be.
+        """
+        content = table(content, ("pulls", "compliances"), WHERE)
+        given = rows(content["pulls"], MOST, f"{WHERE}.pulls")
+        pulls = [
+            Pull.from_dict(one, len(chain.axes), f"{WHERE}.pulls[{i}]")
+            for i, one in enumerate(given)
+        ]
+        if any(one.joint not in chain.free for one in pulls):
+            raise ValueError(f"{WHERE}.pulls: expected joints that follow no other")
+        return cls(pulls, numbers(content["compliances"], (chain.n,), f"{WHERE}.compliances"))
+
+    def factors(self, chain: Chain, q: Array) -> Array:
+        """``1 / (1 - k dtau/dq)`` (k, n): of what turns such a joint, that much is left."""
+        slopes = np.zeros_like(q)
+        for pull in self.pulls:
+            slopes += pull.on(chain, q)[1]
+        return np.asarray(1 / (1 - self.compliances * slopes))

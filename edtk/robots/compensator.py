@@ -1,0 +1,254 @@
+"""Gravity compensators: springs and gas cylinders across a joint, by their potentials."""
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from edtk.robots.joint import Joint
+from edtk.system.typing import Array
+
+Medium = Literal["coil", "gas"]
+SHORTEST = 1e-6  # a lever, or a distance of anchors, that is none [m]
+SAMPLES = 721  # angles of a joint's range at which anchors must be apart, and a gas have room
+
+
+@dataclass(frozen=True, eq=False)
+class Compensator:
+    """A coil spring or a gas cylinder between the body before a joint and the one that it moves.
+
+    It pulls its anchors together by the force F, which is `preload` where the joint is at zero and
+    the anchors are s0 apart. With ``x = s - s0``, the stretch from there,
+
+        coil  F = P + c x            gas  F = P / (1 - c x / P),
+
+    the law of Boyle and Mariotte for a gas that is compressed as the anchors part: P is the force
+    and c its slope at x = 0. A cylinder that pushes has a negative P, and a positive c too.
+
+    Args:
+        joint: Name of the joint.
+        before: Anchor (3,) on the body before the joint, in the joint's frame at zero [m].
+        behind: Anchor (3,) on the body that the joint moves, in the same frame at zero [m].
+        stiffness: c [N/m].
+        preload: P [N].
+        medium: "coil" or "gas".
+
+    Raises:
+        ValueError: A number is none, or the anchors coincide.
+    """
+
+    joint: str
+    before: Array
+    behind: Array
+    stiffness: float
+    preload: float
+    medium: Medium = "coil"
+
+    def __post_init__(self) -> None:
+        for name in ("before", "behind"):
+            point = np.array(getattr(self, name), dtype=float)
+            if point.shape != (3,) or not np.isfinite(point).all():
+                raise ValueError(f"compensator at {self.joint}: an anchor is a point of 3 numbers")
+            object.__setattr__(self, name, point)
+        if not (np.isfinite(self.preload) and np.isfinite(self.stiffness) and self.stiffness >= 0):
+            raise ValueError(
+                f"compensator at {self.joint}: expected a preload, and a stiffness from 0 on"
+            )
+        if self.medium not in get_args(Medium):
+            raise ValueError(f"compensator at {self.joint}: expected coil or gas")
+        if self.medium == "gas" and not self.preload:
+            raise ValueError(
+                f"compensator at {self.joint}: a gas has a force where the joint is at zero; "
+                "expected a preload that is not 0"
+            )
+        if np.linalg.norm(self.before - self.behind) < SHORTEST:
+            raise ValueError(
+                f"compensator at {self.joint}: the anchors coincide where the joint is at zero; "
+                "expected two points"
+            )
+
+    def numbers(self) -> list[float]:
+        """All numbers (8,): anchors [m], stiffness [N/m] and preload [N]."""
+        return [*self.before.tolist(), *self.behind.tolist(), self.stiffness, self.preload]
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """The distance s of the anchors, and its derivatives by the joint's angle, in some poses.
+
+    Attributes:
+        length: s (...) [m].
+        first: s' (...) [m/rad]: the lever arm of the force about the axis.
+        second: s'' (...) [m/rad^2].
+        third: s''' (...) [m/rad^3].
+    """
+
+    length: Array
+    first: Array
+    second: Array
+    third: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Pull:
+    """A compensator on the joint of a chain: its potential U(q), and the torque ``-dU/dq``.
+
+    The anchor b behind the joint turns about the unit axis n, and the anchor a before it stays.
+    With their parts across the axis, ``a.R(q) b - a_n b_n = A cos q + B sin q``, so that
+
+        s^2 = C - 2 (A cos q + B sin q),   s s' = A sin q - B cos q,
+
+    with ``A = a.b - a_n b_n``, ``B = a.(n x b)`` and ``C = |a|^2 + |b|^2 - 2 a_n b_n``. In a plane,
+    at the distances a and L from the axis, this is ``s^2 = a^2 + L^2 + 2 a L cos(q + phi)``. Then
+
+        tau = -F s',   tau' = -(F_s s'^2 + F s''),   tau'' = -(F_ss s'^3 + 3 F_s s' s'' + F s''').
+
+    Attributes:
+        place: Index of the joint among all of the chain.
+        axis: Its unit axis (3,).
+        given: The compensator.
+    """
+
+    place: int
+    axis: Array
+    given: Compensator
+
+    @property
+    def _numbers(self) -> tuple[float, float, float]:
+        """A, B and C [m^2]."""
+        a, b, n = self.given.before, self.given.behind, self.axis
+        along = float(a @ n) * float(b @ n)
+        A = float(a @ b) - along
+        B = float(a @ np.cross(n, b))
+        return A, B, float(a @ a + b @ b) - 2 * along
+
+    def reach(self, q: Array) -> Reach:
+        """The anchors' distance at angles q (...) [rad]."""
+        A, B, C = self._numbers
+        cosine, sine = np.cos(q), np.sin(q)
+        along = A * cosine + B * sine
+        across = A * sine - B * cosine
+        s = np.sqrt(np.maximum(C - 2 * along, SHORTEST**2))
+        first = across / s
+        second = (along - first**2) / s
+        return Reach(s, first, second, (-across - 3 * first * second) / s)
+
+    @property
+    def rest(self) -> float:
+        """The anchors' distance s0 where the joint is at zero [m]."""
+        A, _, C = self._numbers
+        return float(np.sqrt(C - 2 * A))
+
+    @property
+    def nearest(self) -> Array:
+        """The angle at which the anchors are nearest, from minus half a turn on [rad]."""
+        A, B, _ = self._numbers
+        return np.array(np.arctan2(B, A))
+
+    def force(self, length: Array) -> tuple[Array, Array, Array]:
+        """F, and its first and second derivatives by the length s (...) [N, N/m, N/m^2]."""
+        x = length - self.rest
+        P, c = self.given.preload, self.given.stiffness
+        if self.given.medium == "coil":
+            return P + c * x, np.full_like(x, c), np.zeros_like(x)
+        left = 1 - c * x / P
+        return P / left, c / left**2, 2 * c**2 / P / left**3
+
+    def energy(self, q: Array) -> Array:
+        """U (...) at angles q (...), zero at zero [J]."""
+        x = self.reach(q).length - self.rest
+        P, c = self.given.preload, self.given.stiffness
+        if self.given.medium == "coil" or not c:
+            return np.asarray(P * x + c * x**2 / 2)
+        return np.asarray(-(P**2) / c * np.log1p(-c * x / P))
+
+    def torque(self, q: Array) -> Array:
+        """Load (...) of the joint at angles q (...) [N m]."""
+        reach = self.reach(q)
+        return -self.force(reach.length)[0] * reach.first
+
+    def derivative(self, q: Array) -> Array:
+        """``dtau/dq`` (...), less than the stiffness that the joint gains [N m/rad]."""
+        reach = self.reach(q)
+        F, by_length, _ = self.force(reach.length)
+        return -(by_length * reach.first**2 + F * reach.second)
+
+    def second_derivative(self, q: Array) -> Array:
+        """``d^2 tau/dq^2`` (...) [N m/rad^2]."""
+        reach = self.reach(q)
+        F, by_length, curved = self.force(reach.length)
+        found = curved * reach.first**3 + 3 * by_length * reach.first * reach.second
+        return -(found + F * reach.third)
+
+
+def pull_of(given: Compensator, place: int, joint: Joint) -> Pull:
+    """A compensator on a joint of a chain.
+
+    Args:
+        given: The compensator.
+        place: Index of the joint among all of the chain.
+        joint: The joint.
+
+    Raises:
+        ValueError: The joint slides; or an anchor is on its axis, so that the lever is zero in the
+            whole range; or somewhere in it the anchors meet, or the gas has no volume left.
+    """
+    name = given.joint
+    if joint.kind != "revolute":
+        raise ValueError(f"{name} is prismatic; expected a joint that turns")
+    pull = Pull(place, joint.axis, given)
+    for which, point in (("first", given.before), ("second", given.behind)):
+        if np.linalg.norm(np.cross(joint.axis, point)) < SHORTEST:
+            raise ValueError(
+                f"the {which} anchor lies on the axis of {name}, where no force turns the joint; "
+                "expected a point beside it"
+            )
+    q = np.linspace(*joint.limits, SAMPLES)
+    nearest = pull.nearest
+    if pull.reach(nearest).length <= SHORTEST and (joint.limits[0] <= nearest <= joint.limits[1]):
+        raise ValueError(f"the anchors meet at {name} = {np.rad2deg(nearest):.4g} deg")
+    if given.medium == "gas":
+        s = pull.reach(q).length
+        left = 1 - given.stiffness * (s - pull.rest) / given.preload
+        gone = np.flatnonzero(left <= 0)
+        if len(gone):
+            raise ValueError(
+                f"the gas has no volume left at {name} = {np.rad2deg(q[gone[0]]):.4g} deg; "
+                "expected a smaller stiffness, or a larger preload"
+            )
+    return pull
+
+
+@dataclass(frozen=True, eq=False)
+class GivingWay:
+    """How joints with compensators give way about a guess of their compliances.
+
+    Such a joint is stiffer by ``U''``, or softer: a load that is added turns it by
+    ``k / (1 + k U'')`` of itself. Of what a load does to a joint that is held at the commanded
+    angle, a small change of k moves ``1 / (1 + k U'')^2``: the load itself has given way before.
+    Where the joint has been brought to the angle at which the load acts, as commands do, it is
+    ``1 / (1 + k U'')``.
+
+    Attributes:
+        pulls: The compensators.
+        compliances: The guess (n,) of all free joints [rad/(N m)].
+        free: Index of each free joint (n,) among all of the chain.
+        brought: Whether poses are those under load, and not those that are commanded.
+    """
+
+    pulls: tuple[Pull, ...]
+    compliances: Array
+    free: tuple[int, ...]
+    brought: bool = False
+
+    def factors(self, q: Array) -> tuple[Array, Array]:
+        """The factor of each joint (n, ...) at q (n, ...), and its derivative by that joint."""
+        curvature, slope = np.zeros((2, *q.shape))
+        for pull in self.pulls:
+            j = self.free.index(pull.place)
+            curvature[j] -= pull.derivative(q[j])
+            slope[j] -= pull.second_derivative(q[j])
+        k = self.compliances.reshape(-1, *[1] * (q.ndim - 1))
+        stiff = 1 + k * curvature
+        power = 1 if self.brought else 2
+        return stiff**-power, -power * k * slope * stiff ** (-power - 1)
