@@ -325,7 +325,7 @@ def feasible_to_dict(study: Study, space: DesignSpace) -> dict[str, Any]:
         "excluded": excluded,
         "free": list(space.free),
         "fixed": space.fixed.tolist(),
-        "margin": margin.tolist(),
+        **({"margin": margin.tolist()} if margin.any() else {}),
         **({"coupled_margin": of_coupled.tolist()} if of_coupled.any() else {}),
     }
 
@@ -373,18 +373,12 @@ def setting_to_dict(study: Study, space: DesignSpace) -> dict[str, Any]:
         space: The design space that was searched, with the poses that it excludes.
     """
     study = study.designed
-    feasible = feasible_to_dict(study, space)
     return {
-        "robot": feasible["robot"],
+        **feasible_to_dict(study, space),
         "unknown": list(study.model.joints),
         "rows": study.model.rows,
         **(noise_to_dict(study.noise) or {"sigma": study.sigma.tolist()}),
         "load": _load(study),
-        "workspace": feasible["workspace"],
-        "excluded": feasible["excluded"],
-        "free": feasible["free"],
-        "fixed": feasible["fixed"],
-        **({"margin": feasible["margin"]} if any(feasible["margin"]) else {}),
         "test_pose": _test_pose(study),
         **physics_to_dict(study.model),
         **gives_to_dict(study.model.gives),

@@ -229,7 +229,7 @@ class Coupling:
             )
 
 
-def by_drives(joints: Sequence[Joint], couplings: Sequence[Coupling]) -> Array:
+def variables_by_drives(joints: Sequence[Joint], couplings: Sequence[Coupling]) -> Array:
     """Variables of free joints by the coordinates of their drives (n, n): ``x = a + F x``.
 
     Without a circle F is nilpotent, and the inverse of I - F is the sum of its powers.

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from edtk.robots.compensator import Compensator, GivingWay, Pull, pull_of
 from edtk.robots.controller import Controller
 from edtk.robots.frames import Frames, Terms, combine, combine_terms, terms_of
-from edtk.robots.joint import Coupling, Joint, Link, TiedJoint, Ties, by_drives
+from edtk.robots.joint import Coupling, Joint, Link, TiedJoint, Ties, variables_by_drives
 from edtk.robots.rotations import transform
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Mask
@@ -128,9 +128,9 @@ class Robot(Presented):
         return tuple(names)
 
     @cached_property
-    def _by_drives(self) -> Array:
+    def by_drives(self) -> Array:
         """Variables of the free joints by the coordinates of their drives (n, n)."""
-        return by_drives(self.joints, self.couplings)
+        return variables_by_drives(self.joints, self.couplings)
 
     @cached_property
     def _tied_rows(self) -> Array:
@@ -139,7 +139,7 @@ class Robot(Presented):
         for row, tied in zip(factors, self.tied, strict=True):
             for master, factor in tied.follows:
                 row[self.joint_names.index(master)] = factor
-        return factors @ self._by_drives
+        return factors @ self.by_drives
 
     @cached_property
     def ties(self) -> Ties | None:
@@ -149,7 +149,7 @@ class Robot(Presented):
         free = [self.body_names.index(name) for name in self.joint_names]
         following = [self.body_names.index(tied.name) for tied in self.tied]
         matrix = np.zeros((len(self.body_names), self.n))
-        matrix[free] = self._by_drives
+        matrix[free] = self.by_drives
         matrix[following] = self._tied_rows
         offset = np.zeros(len(self.body_names))
         offset[following] = [tied.offset for tied in self.tied]
@@ -162,7 +162,7 @@ class Robot(Presented):
         of = [*range(self.n), *(self.joint_names.index(one.joint) for one in limited)]
         own = np.array([one.limits for one in limited]).reshape(-1, 2).T
         return Bounds(
-            rows=np.concatenate([np.eye(self.n), self._by_drives[of[self.n :]]]),
+            rows=np.concatenate([np.eye(self.n), self.by_drives[of[self.n :]]]),
             limits=np.concatenate([self.hard_limits, own], axis=1),
             of=of,
             names=(*self.joint_names, *(f"{one.joint} itself" for one in limited)),
@@ -499,6 +499,10 @@ class Bounds:
         lower, upper = self.limits
         return np.maximum(lower - values, values - upper)
 
+    def hold(self, q: Array) -> Mask:
+        """Whether each pose (..., n) is within all bounds."""
+        return np.asarray((self.excess(q) <= 0).all(axis=-1))
+
 
 def _ends(row: Array, limits: Array) -> Array:
     """Least and largest value (2,) of ``row q`` with q between limits (2, n)."""
@@ -534,6 +538,26 @@ class Beyond:
         unit = robot.units[j]
         low, high = (limit / unit for limit in shown.range((low, high)))
         return cls(j, shown.label, float(shown.of(value) / unit), (float(low), float(high)))
+
+
+def motors_in_words(robot: Robot) -> tuple[str, ...]:
+    """What the numbers of joints that are coupled mean, a sentence for each; none without any."""
+    bounds = robot.bounds.coupled
+    ranges: dict[str, list[str]] = {}
+    for j, (low, high) in zip(bounds.of, np.rad2deg(bounds.limits.T), strict=True):
+        ranges.setdefault(robot.joint_names[j], []).append(f", within {low:.6g} .. {high:.6g} deg")
+    whose = "" if robot.controller is None else "in the model, "
+    found = []
+    for name in dict.fromkeys(one.joint for one in robot.couplings):
+        own = name
+        row = robot.by_drives[robot.joint_names.index(name)]
+        for other, factor in zip(robot.joint_names, row, strict=True):
+            if factor and other != name:
+                size = "" if abs(factor) == 1 else f"{abs(factor):.4g} "
+                own += f" {'-' if factor < 0 else '+'} {size}{other}"
+        own += "".join(ranges.get(name, []))
+        found.append(f"{whose}{name} is the angle of its motor; the joint itself is at {own}")
+    return tuple(found)
 
 
 def shown_limits(robot: Robot) -> tuple[ShownLimit, ...]:

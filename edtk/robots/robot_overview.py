@@ -21,7 +21,8 @@ NOTHING = 1e-9  # lever of a load, relative to the reach, that is rounding
 class RobotOverview(Presented):
     """The joints of a robot, how far it reaches, and which loads turn which joint.
 
-    Largest values are those of 4096 poses that fill the joint limits evenly. Gravity points along
+    Largest values are those of 4096 poses that fill the joint limits evenly, or of those of them in
+    which coupled joints are within their own. Gravity points along
     -z of the base.
 
     Args:
@@ -45,7 +46,9 @@ class RobotOverview(Presented):
 
         cube = qmc.Sobol(self.robot.n, seed=0).random(POSES)
         lower, upper = self.robot.limits
-        return np.asarray(lower + (upper - lower) * cube)
+        q = np.asarray(lower + (upper - lower) * cube)
+        possible = self.robot.bounds.coupled.hold(q)
+        return q[possible] if possible.any() else q
 
     @cached_property
     def _frames(self) -> Any:

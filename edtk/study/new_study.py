@@ -10,7 +10,7 @@ from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.pose_table import in_file_units, of_file_units, pose_factors
 from edtk.robots.frames import Frames
 from edtk.robots.joint import Joint
-from edtk.robots.robot import Robot, shown_limits
+from edtk.robots.robot import Robot, motors_in_words, shown_limits
 from edtk.robots.robot_file import controller_to_dict
 from edtk.robots.rotations import transform
 from edtk.study.study_toml import inline, toml_text
@@ -133,7 +133,9 @@ def _spread(robot: Robot) -> Array:
 
     cube = qmc.Sobol(robot.n, seed=0).random(SAMPLES)
     middle, half = _range(robot)
-    return np.asarray(middle + half * (2 * cube - 1))
+    q = np.asarray(middle + half * (2 * cube - 1))
+    possible = robot.bounds.coupled.hold(q)
+    return q[possible] if possible.any() else q
 
 
 def _range(robot: Robot) -> tuple[Array, Array]:
@@ -260,6 +262,7 @@ def _test_pose(robot: Robot, q: Array, force: Array, free: list[int]) -> tuple[f
     typed = of_file_units(robot, rounded)
     lower, upper = robot.limits
     allowed = ((typed >= lower) & (typed <= upper)).all(axis=1)
+    allowed &= robot.bounds.coupled.hold(typed)
     if allowed.any():
         typed = typed[allowed]
         rounded = rounded[allowed]
@@ -413,7 +416,7 @@ def _joints(
         low, high = (limit / factor for limit in shown.range(joint.limits))
         unit = "mm" if joint.kind == "prismatic" else "deg"
         lines.append(f"#   {shown.label}: {low:.6g} .. {high:.6g} {unit}")
-    return lines
+    return [*lines, *(f"# In poses {sentence}." for sentence in motors_in_words(robot))]
 
 
 def _margins(robot: Robot, found: FirstChoices) -> dict[str, float]:

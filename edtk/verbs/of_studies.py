@@ -11,8 +11,9 @@ import criteria
 from edtk.design.plan import REPEATS, Plan
 from edtk.measure.compliances import Compliances
 from edtk.measure.pose_table import Table, path_of
+from edtk.robots.robot import motors_in_words
 from edtk.study.study import Study
-from edtk.system.errors import ArgumentError, UserError, whole_number
+from edtk.system.errors import ArgumentError, UserError, note, whole_number
 from edtk.system.files import Content, is_standard_output, write_files
 from edtk.system.workers import THIS_PROCESS, Workers
 from edtk.verbs.inputs import (
@@ -277,6 +278,8 @@ class OfStudy(Question):
                 where=name_of(plan, "plan"),
             )
         table = self._sheet(measured, positions, markers or 0)
+        for sentence in motors_in_words(study.robot):
+            note(f"in the sheet {sentence}", name_of(plan, "plan"))
         if out is not None:
             write_template(table, out)
         return table

@@ -1,13 +1,9 @@
-"""An arm with a parallelogram against its own mechanics: a closed loop, and energies by scipy.
-
-The truth below shares no code with the models: heights and radii of two arms that lean by the
-angles of their motors, a rod that closes the loop, and the least energy of springs, load and
-weights over these angles. Derivatives are those of complex steps, which are exact.
-"""
+"""An arm with a parallelogram against its own mechanics: a closed loop, and energies by scipy."""
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq, root
+from palletiser import MASSES, TOOL, UPPER, at_rest, point, slope
+from scipy.optimize import brentq
 
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.equilibrium import Rest, equilibrium, torque_and_derivative
@@ -18,54 +14,12 @@ from edtk.robots.load_robot import load_robot
 from edtk.robots.rotations import transform
 from edtk.robots.weights import DeadWeights, Loading
 
-TOOL = np.array([0.30, 0.05, 0.10])
 ROBOT = load_robot("palletiser").with_tool(transform(TOOL))
-UPPER, FOREARM = 1.25, 1.40
-MASSES = np.array([160.0, 130.0, 45.0, 15.0])
 K = np.array([8e-7, 9e-7, 1.2e-6, 4e-6])
 FORCE = np.array([400.0, -300.0, -2500.0])
 Q = np.random.default_rng(3).uniform(
     *np.deg2rad([[-150, -20, 0, -150], [150, 60, 60, 150]]), (6, 4)
 )
-
-
-def point(a):
-    """The tool point (3,) where the motors stand at a (4,): arms that lean, and a level flange."""
-    x = 0.3 + UPPER * np.sin(a[1]) + FOREARM * np.cos(a[2]) + 0.25
-    z = 0.8 + UPPER * np.cos(a[1]) - FOREARM * np.sin(a[2]) - 0.2 - TOOL[2]
-    x = x + TOOL[0] * np.cos(a[3]) - TOOL[1] * np.sin(a[3])
-    y = -TOOL[0] * np.sin(a[3]) - TOOL[1] * np.cos(a[3])
-    return np.array([np.cos(a[0]) * x - np.sin(a[0]) * y, np.sin(a[0]) * x + np.cos(a[0]) * y, z])
-
-
-def heights(a):
-    """Heights of the centres of the four bodies that move up and down, but for constants."""
-    elbow = UPPER * np.cos(a[1])
-    wrist = elbow - FOREARM * np.sin(a[2])
-    return np.array([0.6 * np.cos(a[1]), elbow - 0.5 * np.sin(a[2]), wrist, wrist])
-
-
-def energy(a, q, k, force):
-    """Energy of springs between motors at q and arms at a, of a dead force and of the weights."""
-    springs = ((a - q) ** 2 / (2 * k)).sum()
-    return springs - force @ point(a) + 9.80665 * MASSES @ heights(a)
-
-
-def slope(function, a):
-    """Derivatives by complex steps."""
-    return np.array([function(a + 1e-30j * e).imag / 1e-30 for e in np.eye(len(a))])
-
-
-def at_rest(q, k, force):
-    """Angles of least energy (4,)."""
-
-    def balance(theta):
-        return k * slope(lambda a: energy(a, q, k, force), q + theta)
-
-    a = q + root(balance, np.zeros(4), tol=1e-15).x
-    around = [energy(a + 1e-3 * e, q, k, force) for e in np.vstack([np.eye(4), -np.eye(4)])]
-    assert min(around) > energy(a, q, k, force)
-    return a
 
 
 @pytest.mark.parametrize("q", Q[:3])
@@ -96,13 +50,11 @@ def links():
 
 
 @pytest.mark.parametrize("weighs", [False, True])
-def test_the_arm_rests_where_its_energy_is_least(weighs, monkeypatch):
+def test_the_arm_rests_where_its_energy_is_least(weighs):
     """Springs of drives, a load and weights: tool points agree to a nanometre."""
-    if not weighs:
-        monkeypatch.setattr(f"{__name__}.MASSES", np.zeros(4))
     loading = Loading(weights=links() if weighs else None)
     found = equilibrium(ROBOT, Q, np.append(FORCE, np.zeros(3)), K, loading=loading)
-    truth = np.array([at_rest(q, K, FORCE) for q in Q])
+    truth = np.array([at_rest(q, K, FORCE, masses=weighs * MASSES) for q in Q])
     there = np.array([point(a) for a in truth])
     np.testing.assert_allclose(ROBOT.forward(Q + found.theta)[:, :3, 3], there, rtol=0, atol=1e-9)
     moved = there - np.array([point(q) for q in Q])

@@ -346,21 +346,14 @@ def geometry_setting(question: GeometryQuestion) -> dict[str, Any]:
     Args:
         question: The question of the study.
     """
-    feasible = feasible_to_dict(question.study, question.space)
     loads = question.setting.loads
     model = question.model
     return {
-        "robot": feasible["robot"],
+        **feasible_to_dict(question.study, question.space),
         "unknown": [],
         "rows": question.model.rows,
         **_noise(question),
         "load": _load(question),
-        "workspace": feasible["workspace"],
-        "excluded": feasible["excluded"],
-        "free": feasible["free"],
-        "fixed": feasible["fixed"],
-        **({"margin": feasible["margin"]} if any(feasible["margin"]) else {}),
-        **{key: feasible[key] for key in ("coupled_margin",) if key in feasible},
         "test_pose": [_test_pose(task) for task in question.study.tasks] or None,
         "physics": {
             "sensors": _sensors(question.model),

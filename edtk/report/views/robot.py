@@ -13,7 +13,7 @@ from edtk.report.draw.names import joint_labels
 from edtk.report.figures import BLUE, GREY, ORANGE
 from edtk.report.shown import plain
 from edtk.report.tables import notebook_table, text_table
-from edtk.robots.robot import Robot, shown_limits
+from edtk.robots.robot import Robot, motors_in_words, shown_limits
 from edtk.robots.robot_overview import NOTHING, RobotOverview
 from edtk.study.study_toml import inline
 from edtk.system.typing import Array
@@ -129,6 +129,7 @@ def robot_overview_text(found: RobotOverview) -> str:
     """The joints, a line each, and sentences about reach, mass and loads."""
     robot = found.robot
     lines = [robot.name, text_table(*overview_rows(found)), ""]
+    lines += motors_in_words(robot)
     lines += [f"{tied.name} {_tie(found, tied.name)}" for tied in robot.tied]
     lines.append(f"reach    {found.reach:.3f} m from the base to the tool point")
     mass = "unknown: the file has no masses" if found.mass is None else f"{_digits(found.mass)} kg"
@@ -221,7 +222,9 @@ def _tie(found: RobotOverview, name: str) -> str:
         parts.append(f"{factor * unit[tied.kind] / unit[kind]:g}{per} {name}")
     offset = tied.offset * unit[tied.kind]
     parts += [f"{offset:g} {UNITS[tied.kind]}"] if offset else []
-    return f"follows {' and '.join(tied.masters)}: {' + '.join(parts).replace('+ -', '- ')}"
+    itself = " themselves" if robot.couplings else ""
+    sum_of = " + ".join(parts).replace("+ -", "- ")
+    return f"follows {' and '.join(tied.masters)}{itself}: {sum_of}"
 
 
 def _whose(names: list[str]) -> str:

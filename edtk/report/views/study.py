@@ -13,6 +13,7 @@ from edtk.report.shown import plain, shown_value
 from edtk.report.tables import notebook_table, percent, text_table
 from edtk.report.views.calibration import error_budget
 from edtk.report.views.robot import fit_axes, robot_plot
+from edtk.robots.robot import motors_in_words
 from edtk.study.schema import describe_noise
 from edtk.study.study import Study
 from edtk.study.study_model import describe_measured
@@ -41,6 +42,7 @@ def study_rows(asked: Study) -> list[tuple[str, str]]:
     labels = [label for c in asked.workspace.constraints for label in c.labels(asked.robot)]
     rows = [
         ("robot", f"{asked.robot.name}, {asked.robot.n} joints"),
+        ("motors", "; ".join(motors_in_words(asked.robot))),
         ("controller", _controller(asked)),
         ("unknown", ", ".join(joints.unknown)),
         ("of interest", ", ".join(asked.interest_names)),
