@@ -186,7 +186,7 @@ class Robot(Presented):
                 what = f"{one.joint} follows {masters[one.joint]}, and has no spring of its own"
             raise ValueError(f"{what}; this robot has {', '.join(self.joint_names)}")
         j = self.joint_names.index(one.joint)
-        if not np.array_equal(self._by_drives[j], np.eye(self.n)[j]):
+        if not np.array_equal(self.by_drives[j], np.eye(self.n)[j]):
             raise ValueError(
                 f"{one.joint} is turned by the drives of other joints too; expected a joint that "
                 "its own drive alone turns"
