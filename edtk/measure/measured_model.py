@@ -7,6 +7,8 @@ from typing import Literal
 import numpy as np
 
 from edtk.measure.parameters import COMPONENTS, Parameter
+from edtk.measure.springs import Bending, Springs, sprung
+from edtk.robots.elastic_robot import ElasticJoint, body_of, widened
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import left_jacobian, rotation, vector_product
 from edtk.system.typing import Array, Indices, Mask
@@ -73,8 +75,12 @@ class ErringChain:
         return len(self.robot.chain)
 
     def variables(self, q: Array) -> Array:
-        """Variables (m, N) of all joints, for those (m, n) of the free ones [rad or m]."""
+        """Variables (m, N) of all joints, for those (m, n) of the free ones [rad or m].
+
+        Elastic joints that are left out are at zero.
+        """
         ties = self.robot.ties
+        q = widened(q, self.robot.n)
         return q if ties is None else ties.variables(q.T).T
 
     def place(self, variables: Array, errors: Array) -> PlacedChain:
@@ -179,8 +185,8 @@ class Load:
     """What loads the joints of a robot that has come to rest.
 
     Attributes:
-        torque: Loads (m, n) of the free joints [N m or N].
-        gives: ``(I - K H)^-1`` (m, n, n) with the compliances K and ``H = dtau/dq``: by how much
+        torque: Loads (m, s) of the free joints, elastic ones last [N m or N].
+        gives: ``(I - K H)^-1`` (m, s, s) with the compliances K and ``H = dtau/dq``: by how much
             all joints give way, where one is turned and its load changes on the way; None for I.
     """
 
@@ -191,10 +197,14 @@ class Load:
         """In some of the poses."""
         return Load(self.torque[chosen], None if self.gives is None else self.gives[chosen])
 
-    def by_springs(self, by_joints: Array) -> Array:
-        """Derivatives (m, k, rows, n) by all compliances, of those by the joints."""
+    def by_terms(self, by_joints: Array, springs: Springs) -> Array:
+        """Derivatives (m, k, rows, T) by the terms of springs, of those (m, k, rows, s) by joints.
+
+        A spring turns the joints by ``b_i(tau)``, and as their loads change with them, the arm by
+        ``J (I - K H)^-1 b_i``.
+        """
         turned = by_joints if self.gives is None else by_joints @ self.gives[:, None]
-        return turned * self.torque[:, None, None]
+        return (turned @ springs.out.T) * springs.amplitudes(self.torque.T).T[:, None, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,7 +271,8 @@ class Seen:
 class MeasuredModel:
     """What instruments read of a robot: ``x = B prod_j (O_j exp(e_j) exp(xi_j q_j)) tool_i``.
 
-    Joint j is turned by its spring besides: ``q_j + k_j tau_j``, under the loads tau of the poses.
+    Joints are turned by springs besides, ``q + sum_i k_i b_i(tau)`` under the loads tau of the
+    poses: the free joints, and elastic ones where springs are about other axes, see `Springs`.
     The base's error is after its start B, as those of the joints: B is where the world of the
     drawing is in the frame of the instrument. An instrument reads a marker's position, its pose, or
     the distance of a point from an anchor, which is fixed in the world of the drawing: a distance
@@ -283,6 +294,7 @@ class MeasuredModel:
             where a distance ends.
         known: Compliances (n,) of the free joints that are known, zero of the others [rad/(N m)];
             None where none is.
+        elastic: Elastic joints of the springs that are about other axes than the joints' own.
 
     Raises:
         ValueError: Names and offsets do not fit each other.
@@ -299,6 +311,7 @@ class MeasuredModel:
     anchors: Array | None = None
     places: tuple[int, ...] = ()
     known: Array | None = None
+    elastic: tuple[ElasticJoint, ...] = ()
 
     def __post_init__(self) -> None:
         k = len(self.markers)
@@ -315,8 +328,18 @@ class MeasuredModel:
 
     @cached_property
     def chain(self) -> ErringChain:
-        """The chain of the drawing."""
-        return ErringChain(self.robot)
+        """The chain of the drawing, with its elastic joints."""
+        return ErringChain(sprung(self.robot, self.elastic))
+
+    @cached_property
+    def carriers(self) -> tuple[int | None, ...]:
+        """The joint (k,) of that chain that moves each marker's body, None for the tool."""
+        return tuple(body_of(self.chain.robot, joint) for joint in self.bodies)
+
+    @cached_property
+    def springs(self) -> Springs:
+        """The springs among the parameters."""
+        return Springs.among(self.robot, self.elastic, self.parameters)
 
     @property
     def p(self) -> int:
@@ -392,7 +415,7 @@ class MeasuredModel:
             return self.robot.forward(q)
         placed = self.chain.place(self.chain.variables(q), np.zeros((self.chain.n, 6)))
         frames = np.tile(np.eye(4), (len(q), len(self.bodies), 1, 1))
-        for marker, joint in enumerate(self.bodies):
+        for marker, joint in enumerate(self.carriers):
             frames[:, marker, :3, :3], frames[:, marker, :3, 3] = placed.body(joint)
         return frames
 
@@ -424,14 +447,26 @@ class MeasuredModel:
         k[self.compliant] = theta[[p.place == "compliance" for p in self.parameters]]
         return k
 
+    def bending(self, theta: Array) -> Bending:
+        """What loads turn all joints by, at parameters theta (p,)."""
+        known = np.zeros(self.robot.n) if self.known is None else self.known
+        springs = self.springs
+        return Bending(springs, theta[springs.of], widened(known, springs.width))
+
+    @property
+    def rigid(self) -> Bending:
+        """The same of a robot that does not give way."""
+        springs = self.springs
+        return Bending(springs, np.zeros(len(springs.of)), np.zeros(springs.width))
+
     def see(self, theta: Array, q: Array, torque: Torque = None, derivatives: bool = True) -> Seen:
         """What is read in some poses.
 
         Args:
             theta: Parameters (p,) in SI units.
             q: Joint variables (m, n) [rad or m].
-            torque: Loads (m, n) of the free joints [N m or N], with those before where readings are
-                differences; None for none.
+            torque: Loads (m, s) of the free joints, elastic ones last [N m or N], with those before
+                where readings are differences; None for none.
             derivatives: Whether those are computed too.
         """
         if isinstance(torque, Loading):
@@ -444,7 +479,9 @@ class MeasuredModel:
     def _see(self, theta: Array, q: Array, load: Load | None, derivatives: bool) -> Seen:
         """What is read in some poses, all readings by themselves."""
         base, errors, tools = self._motions(theta)
-        bent = q if load is None else q + self.compliances(theta) * load.torque
+        bent = q
+        if load is not None:
+            bent = widened(q, self.springs.width) + self.bending(theta).turn(load.torque)
         placed = self.chain.place(self.chain.variables(bent), errors)
         points, axes = self._carried(placed, tools[:, :3])
         B = self.start[:3, :3] @ rotation(base[3:])
@@ -458,12 +495,12 @@ class MeasuredModel:
             moved = {name: _turned(B, D) for name, D in world.items()}
             moved["base"] = self._by_base(base, levers)
             columns = self._chosen(moved, load)
-            seen = replace(seen, jacobian=columns, by_joints=moved["springs"])
+            seen = replace(seen, jacobian=columns, by_joints=moved["springs"][..., : self.robot.n])
         return self._as_read(seen, points, B)
 
     def _carried(self, placed: PlacedChain, shifts: Array) -> tuple[Array, Array]:
         """Markers (m, k, 3) in the world of the drawing, and the axes (m, k, 3, 3) of bodies."""
-        bodies = [placed.body(joint) for joint in self.bodies]
+        bodies = [placed.body(joint) for joint in self.carriers]
         axes = np.stack([turned for turned, _ in bodies], axis=1)
         origins = np.stack([origin for _, origin in bodies], axis=1)
         return origins + np.einsum("mkij,kj->mki", axes, self.offsets + shifts), axes
@@ -499,20 +536,19 @@ class MeasuredModel:
         parts[0][:, own[:, None], :, of_base] = 0.0
         return replace(seen, jacobian=parts[0], by_joints=parts[1])
 
-    def motions_of_many(self, theta: Array) -> tuple[Array, Array, Array, Array]:
-        """Motions and springs at many sets of parameters (w, p).
+    def motions_of_many(self, theta: Array) -> tuple[Array, Array, Array]:
+        """Motions of the base (w, 6), before the joints (w, N, 6) and of the tools (w, k, 6).
 
-        Returns:
-            Motions of the base (w, 6), before the joints (w, N, 6) and of the tools (w, k, 6), and
-            compliances (w, n) of the free joints.
+        Args:
+            theta: Many sets of parameters (w, p).
         """
-        base, errors, tools, softness = (np.tensordot(theta, one, 1) for one in self._by_unit)
-        return base, errors, tools, softness
+        base, errors, tools = (np.tensordot(theta, one, 1) for one in self._by_unit)
+        return base, errors, tools
 
     @cached_property
     def _by_unit(self) -> list[Array]:
         """The same of one unit of each parameter (p, ...): motions are linear in the parameters."""
-        parts = [(*self._motions(one), self.compliances(one)) for one in np.eye(self.p)]
+        parts = [self._motions(one) for one in np.eye(self.p)]
         return [np.array(part) for part in zip(*parts, strict=True)]
 
     def _motions(self, theta: Array) -> tuple[Array, Array, Array]:
@@ -520,7 +556,7 @@ class MeasuredModel:
         sizes = {"base": 1, "joint": self.chain.n, "tool": len(self.markers)}
         motions = {place: np.zeros(6 * size) for place, size in sizes.items()}
         for one, value in zip(self.parameters, theta, strict=True):
-            if one.place != "compliance":
+            if not one.is_spring:
                 motions[one.place][self._place_of(one)] = value
         tools = motions["tool"].reshape(-1, 6)[list(self.places)]
         return motions["base"], motions["joint"].reshape(-1, 6), tools
@@ -535,7 +571,7 @@ class MeasuredModel:
         by_tools = np.zeros((m, k, self.row_count, k, 6))
         each = np.arange(k)
         place = list(self.places)
-        axes = np.stack([placed.body(joint)[0] for joint in self.bodies], axis=1)
+        axes = np.stack([placed.body(joint)[0] for joint in self.carriers], axis=1)
         by_tools[:, each, :3, place, :3] = np.moveaxis(axes, 1, 0)
         if self.row_count == 6:
             turned = self.chain.turns_by_errors(placed, errors)[:, None]
@@ -543,7 +579,7 @@ class MeasuredModel:
             by_joints = _stacked(by_joints, self.chain.turns_by_each(placed)[:, None])
             bends = axes @ left_jacobian(tools[:, 3:])
             by_tools[:, each, 3:, place, 3:] = np.moveaxis(bends, 1, 0)
-        for marker, joint in enumerate(self.bodies):
+        for marker, joint in enumerate(self.carriers):
             if joint is not None:
                 by_errors[:, marker, :, joint + 1 :] = 0.0
                 by_joints[:, marker, :, joint + 1 :] = 0.0
@@ -567,14 +603,14 @@ class MeasuredModel:
 
     def _chosen(self, moved: dict[str, Array], load: Load | None) -> Array:
         """The columns (m, k, rows, p) of the parameters, in their order."""
-        joint_names = self.robot.joint_names
         columns = np.zeros((*moved["joint"].shape[:3], self.p))
-        by_springs = None if load is None else load.by_springs(moved["springs"])
         for i, one in enumerate(self.parameters):
-            if one.place != "compliance":
+            if not one.is_spring:
                 columns[..., i] = moved[one.place][..., self._place_of(one)]
-            elif by_springs is not None:
-                columns[..., i] = by_springs[..., joint_names.index(one.of)]
+        if load is not None and len(self.springs.of):
+            by_terms = load.by_terms(moved["springs"], self.springs)
+            for t, i in enumerate(self.springs.of):
+                columns[..., i] += by_terms[..., t]
         return columns
 
     def _place_of(self, parameter: Parameter) -> int:
@@ -582,7 +618,7 @@ class MeasuredModel:
         c = COMPONENTS.index(parameter.component)
         if parameter.place == "base":
             return c
-        names = self.markers if parameter.place == "tool" else self.robot.body_names
+        names = self.markers if parameter.place == "tool" else self.chain.robot.body_names
         return 6 * names.index(parameter.of) + c
 
 

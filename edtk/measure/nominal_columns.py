@@ -8,6 +8,7 @@ import numpy as np
 from edtk.measure.measured_model import NEAREST, MeasuredModel
 from edtk.measure.parameters import COMPONENTS
 from edtk.robots.frames import BodyPoint, Frames, columns_slope, combine
+from edtk.robots.robot import Robot
 from edtk.system.typing import Array, Indices, Mask
 
 BASE = -1  # the frame of the base's error, which no joint moves
@@ -55,7 +56,7 @@ class Element:
         turns: Whether it is a turn.
         axis: Which unit vector of the frame; None for the axis of the joint, of a spring.
         marker: The marker whose place it moves, and that it turns about itself; None for all.
-        joint: The free joint whose load it is multiplied by; None for none.
+        term: The term of the springs whose amplitude it is multiplied by; None for none.
         factor: What it is multiplied by besides.
     """
 
@@ -64,7 +65,7 @@ class Element:
     turns: bool
     axis: int | None = None
     marker: int | None = None
-    joint: int | None = None
+    term: int | None = None
     factor: float = 1.0
 
 
@@ -73,7 +74,8 @@ class NominalColumns:
     """Derivatives of what markers show by small errors, springs and joints, about the drawing.
 
     With errors of zero, each parameter moves the markers x by a twist: along a unit vector u, or
-    about it through a point o, ``u x (x - o)``; that of a spring is multiplied by its load tau.
+    about it through a point o, ``u x (x - o)``; those of a spring are multiplied by the amplitudes
+    of its terms, which are its load tau as a rule, see `Springs`.
     Where orientations are measured, a marker has three more rows: u of a turn, zero of a shift. All
     arrays are component first, so that every operation runs over contiguous poses; it takes a tenth
     of the time of `MeasuredModel.see`, which knows errors of any size.
@@ -87,20 +89,12 @@ class NominalColumns:
     @cached_property
     def elements(self) -> tuple[Element, ...]:
         """The twists of all parameters."""
-        found: list[Element] = []
-        robot = self.model.robot
+        found = self._of_springs()
+        robot = self.robot
         count = len(robot.chain)
-        ties = np.eye(count) if robot.ties is None else robot.ties.matrix
-        bodies = self.model.bodies
+        bodies = self.model.carriers
         for i, one in enumerate(self.model.parameters):
-            if one.place == "compliance":
-                j = robot.joint_names.index(one.of)
-                found += [
-                    Element(
-                        i, int(c), robot.chain[c].kind == "revolute", joint=j, factor=ties[c, j]
-                    )
-                    for c in np.flatnonzero(ties[:, j])
-                ]
+            if one.is_spring:
                 continue
             axis = COMPONENTS.index(one.component) % 3
             if one.place == "tool":
@@ -113,10 +107,30 @@ class NominalColumns:
                 found.append(Element(i, frame, one.turns, axis))
         return tuple(found)
 
+    def _of_springs(self) -> list[Element]:
+        """The twists of the springs: of each term those of all joints that it turns."""
+        robot, springs = self.robot, self.model.springs
+        turned = springs.out if robot.ties is None else springs.out @ robot.ties.matrix.T
+        return [
+            Element(
+                int(i),
+                int(c),
+                robot.chain[c].kind == "revolute",
+                term=t,
+                factor=turned[t, c],
+            )
+            for t, i in enumerate(springs.of)
+            for c in np.flatnonzero(turned[t])
+        ]
+
+    @property
+    def robot(self) -> Robot:
+        """The chain, with its elastic joints."""
+        return self.model.chain.robot
+
     def at(self, q: Array) -> "PlacedColumns":
         """The columns in poses q (m, n) [rad or m]."""
-        robot = self.model.robot
-        frames = robot.frames(q, tuple(range(len(robot.chain))))
+        frames = self.robot.frames(q, tuple(range(len(self.robot.chain))))
         return PlacedColumns(self, frames)
 
 
@@ -151,7 +165,7 @@ class PlacedColumns:
     def points(self) -> Array:
         """Markers (k, 3, m) [m]."""
         model = self.columns.model
-        pairs = zip(model.offsets, model.bodies, strict=True)
+        pairs = zip(model.offsets, model.carriers, strict=True)
         return np.stack([BodyPoint(at, joint).position(self.frames) for at, joint in pairs])
 
     @cached_property
@@ -193,7 +207,7 @@ class PlacedColumns:
 
     def before(self, joint: int) -> Array:
         """Unit vectors (3, 3, m) of the frame in which the error before a joint is."""
-        robot = self.columns.model.robot
+        robot = self.columns.robot
         origin = robot.chain[joint].origin[:3, :3]
         if not joint:
             base = robot.base[:3, :3] @ origin
@@ -204,7 +218,7 @@ class PlacedColumns:
     @cached_property
     def units(self) -> Array:
         """The unit vector (e, 3, m) of each twist, times its factor."""
-        count = len(self.columns.model.robot.chain)
+        count = len(self.columns.robot.chain)
         frames: dict[int, Array] = {
             BASE: np.broadcast_to(np.eye(3)[..., None], (3, 3, self._poses)),
             count: self.frames.rotation,
@@ -226,12 +240,12 @@ class PlacedColumns:
     def _reached(self) -> Mask:
         """Whether each joint of the chain (N,), and what is before it, moves each marker (k,)."""
         last = len(self.frames.axes)
-        bodies = [last if joint is None else joint for joint in self.columns.model.bodies]
+        bodies = [last if joint is None else joint for joint in self.columns.model.carriers]
         return np.asarray(np.arange(last)[:, None] <= np.array(bodies))
 
     @cached_property
     def twists(self) -> Array:
-        """How each twist moves the rows (e, k, rows, m), springs by a load of one."""
+        """How each twist moves the rows (e, k, rows, m), those of springs by amplitudes of one."""
         return self._as_read(self._moves)
 
     @cached_property
@@ -262,8 +276,12 @@ class PlacedColumns:
 
     @cached_property
     def by_joints(self) -> Array:
-        """Velocities of the markers per free joint (n, k, rows, m) [m/rad, or 1 if prismatic]."""
-        return self.frames.folded(self.by_each)
+        """Velocities of the markers per driven joint (n, k, rows, m) [m/rad, 1 if prismatic]."""
+        return self._driven(self.by_each)
+
+    def _driven(self, by_each: Array) -> Array:
+        """Derivatives (n, ...) by the joints that motors turn, of those (N, ...) by each."""
+        return self.frames.folded(by_each)[: self.columns.model.robot.n]
 
     @cached_property
     def by_each(self) -> Array:
@@ -295,29 +313,30 @@ class PlacedColumns:
         moved = self._moves_by_each[:, self.wires.own, MOVED]
         return np.asarray(np.einsum("jdcm,dcm->jm", moved, self.wires.turned(b)))
 
-    def jacobian(self, torque: Array | None, differs: Mask | None = None) -> Array:
+    def jacobian(self, amplitudes: Array | None, differs: Mask | None = None) -> Array:
         """Derivatives of the rows by the parameters (p, k, rows, m), in SI units.
 
         A difference of a loaded and an unloaded reading sees springs alone, by the difference of
-        the loads: any other error of the drawing is in both readings.
+        their amplitudes: any other error of the drawing is in both readings.
 
         Args:
-            torque: Loads (n, m) of the free joints, or their differences [N m or N]; None for none.
+            amplitudes: Amplitudes (T, m) of the springs' terms, or their differences; None for
+                none. Those of the joints' own springs are the loads [N m or N].
             differs: Which readings (m,) are differences; None for none.
         """
         model = self.columns.model
         found = np.zeros((model.p, *self._shape))
         for twist, one in zip(self.twists, self.columns.elements, strict=True):
-            if one.joint is None:
+            if one.term is None:
                 found[one.parameter] = twist if differs is None else twist * ~differs
-            elif torque is not None:
-                found[one.parameter] += torque[one.joint] * twist
+            elif amplitudes is not None:
+                found[one.parameter] += amplitudes[one.term] * twist
         return found
 
     def slope(
-        self, B: Array, torque: Array | None, differs: Mask | None = None
+        self, B: Array, amplitudes: Array | None, differs: Mask | None = None
     ) -> tuple[Array, Array]:
-        """Derivatives of ``<B, jacobian>`` by the free joints, weights B and loads held fixed.
+        """Derivatives of ``<B, jacobian>`` by the driven joints, B and amplitudes held fixed.
 
         A joint that is before a frame turns all of its twists, ``d(c) = a x c`` for a column c, of
         points and of turns alike. One at or behind it moves the markers alone, by v, and the twist
@@ -329,29 +348,30 @@ class PlacedColumns:
 
         Args:
             B: Weights (p, k, rows, m) of the entries.
-            torque: Loads (n, m) of the free joints; None for none.
+            amplitudes: Amplitudes (T, m) of the springs' terms; None for none.
             differs: See `jacobian`.
 
         Returns:
-            The derivatives (n, m), and the weights (n, m) of the loads: ``<B, jacobian>`` is linear
-            in the loads, whose own derivatives come on top.
+            The derivatives (n, m), and the weights (T, m) of the amplitudes: ``<B, jacobian>`` is
+            linear in them, whose own derivatives come on top.
         """
         count = len(self.frames.axes)
         model = self.columns.model
         turning = np.zeros((count + 2, 3, self._poses))  # by frame, that of the base first
         moving = np.zeros((count + 2, *self.points.shape))
-        by_torque = np.zeros((model.robot.n, self._poses))
+        by_amplitudes = np.zeros((len(model.springs.of), self._poses))
         wired = np.zeros(0) if self.wires is None else np.zeros(self.wires.directions.shape)
         B = B if self._is_plain else B * model.present[..., None]
         weights = self._of_points(B)
         for i, (u, one) in enumerate(zip(self.units, self.columns.elements, strict=True)):
             b = weights[one.parameter]
             factor: Array | Mask | None = None if differs is None else ~differs
-            if one.joint is not None:
-                if torque is None:
+            if one.term is not None:
+                if amplitudes is None:
                     continue
-                by_torque[one.joint] += np.einsum("kcm,kcm->m", self.twists[i], B[one.parameter])
-                factor = torque[one.joint]
+                own = np.einsum("kcm,kcm->m", self.twists[i], B[one.parameter])
+                by_amplitudes[one.term] += own
+                factor = amplitudes[one.term]
             b = b if factor is None else b * factor
             moves = self._moves[i]
             if one.frame != BASE:
@@ -371,7 +391,7 @@ class PlacedColumns:
         slope += np.einsum("jkcm,jkcm->jm", self._moves_by_each[:, :, MOVED], before)
         if self.wires is not None:
             slope += self._wires_turn(wired)
-        return self.frames.folded(slope), by_torque
+        return self._driven(slope), by_amplitudes
 
     def motion_slope(self, C: Array) -> Array:
         """Derivatives (n, m) of ``<C, by_joints>`` by the free joints, C (n, k, rows, m) fixed.
@@ -379,6 +399,7 @@ class PlacedColumns:
         The motions by the joints are columns of a Jacobian for each marker, see `columns_slope`.
         """
         model = self.columns.model
+        C = np.concatenate([C, np.zeros((self.columns.robot.n - len(C), *C.shape[1:]))])
         rows = self.frames.spread(C)
         rows = rows if self._is_plain else rows * model.present[..., None]
         by_each = self._of_points(rows)
@@ -399,7 +420,7 @@ class PlacedColumns:
             own = self.wires.own
             wired = (rows[:, own, :1] * moves[:, own, MOVED]).sum(axis=0)
             slope = slope + self._wires_turn(wired)
-        return self.frames.folded(slope)
+        return self._driven(slope)
 
 
 def _vectors(rows: Array) -> Array:

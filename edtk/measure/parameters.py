@@ -16,8 +16,7 @@ COMPONENTS = (*SHIFTS, *TURNS)
 # One unit in which a parameter is of order one: a millimetre, a milliradian, a soft joint.
 MILLIMETRE = 1e-3
 MILLIRADIAN = 1e-3
-SOFTNESS = 1e-6  # [rad/(N m)]
-SLIDING_SOFTNESS = 1e-6  # [m/N]
+SOFTNESS = 1e-6  # [rad/(N m), m/N]
 SPREAD = 10.0  # of what is not told, in these units, or in likely sizes of a compliance
 ALONG = 1 - 1e-9  # cosine beyond which a component is the one along the joint's axis
 KINDS = ("zeros", "lengths", "tilts")
@@ -27,6 +26,16 @@ NEGLIGIBLE = 1e-8
 # Shares of other parameters below this are left out of the words, not of the arithmetic.
 SMALL_SHARE = 0.02
 MOST_NAMED = 3  # other parameters that a sentence names
+LINEAR = ""  # the law of a spring that turns in proportion to its torque
+# Of the other laws: by which power of the torque they turn, and how people say it.
+POWERS = {LINEAR: 1, "square": 2, "cubic": 3, "sign": 1, "gap": 0}
+BY_LAW = {
+    LINEAR: "the spring of {}",
+    "square": "the spring of {} by the square of its torque",
+    "cubic": "the spring of {} by the cube of its torque",
+    "sign": "the difference of the spring of {} by the sign of its torque",
+    "gap": "the dead zone of {}",
+}
 
 
 def parameter_names(joints: Sequence[str]) -> tuple[str, ...]:
@@ -42,11 +51,12 @@ def parameter_names(joints: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-Place = Literal["base", "joint", "tool", "compliance"]
+Place = Literal["base", "joint", "tool", "compliance", "spring"]
 # What reports say of the parameters of each place, in this order.
 TITLES: dict[Place, str] = {
     "joint": "Geometry: how the robot differs from its drawing",
     "compliance": "Springs of the joints",
+    "spring": "Springs across the joints, and laws of springs",
     "tool": "Markers: how far they are from where the study has them on the tool",
     "base": "Base: how far it is from where the drawing fits best",
 }
@@ -57,14 +67,18 @@ class Parameter:
     """One parameter.
 
     Attributes:
-        place: What it moves: the base, the frame before a joint, a tool, or a spring.
+        place: What it moves: the base, the frame before a joint, a tool, a joint by its own
+            compliance, or another spring.
         of: Name of the joint or of the marker; empty for the base.
-        component: x y z for a shift, rx ry rz for a turn; empty for a compliance.
+        component: x y z for a shift, rx ry rz for a turn; empty for a compliance. Of a spring the
+            same in the frame before the joint, where it is not about the joint's own axis; "rx.y"
+            for the entry of its matrix in that row and column.
         slides: Whether a compliance is that of a prismatic joint.
         along: Whether the component is the one along the joint's own axis: a turn of a revolute
             joint is the offset of its zero.
         likely: Size that a compliance is likely to have, in SI units; None where nobody knows.
         body: Name of the joint that moves the body that a marker is on; empty for the tool.
+        law: How a spring answers its torque, see `BY_LAW`.
     """
 
     place: Place
@@ -74,12 +88,13 @@ class Parameter:
     along: bool = False
     likely: float | None = field(default=None, compare=False)
     body: str = field(default="", compare=False)
+    law: str = LINEAR
 
     @property
     def name(self) -> str:
-        """Name in files: `base.x`, `q2.rz`, `tool.A.x`, `k_q2`."""
-        if self.place == "compliance":
-            return f"k_{self.of}"
+        """Name in files: `base.x`, `q2.rz`, `tool.A.x`, `k_q2`, `k_q2.rx`, `k_q2.cubic`."""
+        if self.is_spring:
+            return f"k_{'.'.join(filter(None, (self.of, self.component, self.law)))}"
         if self.place == "base":
             return f"base.{self.component}"
         if self.place == "tool":
@@ -99,6 +114,8 @@ class Parameter:
     def groups(self) -> tuple[str, ...]:
         """Names by which lists of a study may mean it, the shortest list last."""
         own = (self.name,)
+        if self.place == "spring":
+            return (*own, "springs")
         if self.place == "joint":
             return (*own, self.of, self.kind, "geometry")
         return (*own, self.place)
@@ -109,10 +126,25 @@ class Parameter:
         return self.component in TURNS
 
     @property
+    def is_spring(self) -> bool:
+        """Whether it says how far a load turns or shifts something."""
+        return self.place in ("compliance", "spring")
+
+    @property
+    def ends(self) -> tuple[str, ...]:
+        """Components of a spring: one, two of an entry off the diagonal, "" for the joint's own."""
+        return tuple(self.component.split("."))
+
+    @property
+    def power(self) -> int:
+        """By which power of its torque a spring turns."""
+        return POWERS[self.law]
+
+    @property
     def scale(self) -> float:
         """Size of one unit in which people read it, in SI units."""
-        if self.place == "compliance":
-            return SLIDING_SOFTNESS if self.slides else SOFTNESS
+        if self.is_spring:
+            return _SIZES[self.power]
         return MILLIRADIAN if self.turns else MILLIMETRE
 
     @property
@@ -128,9 +160,21 @@ class Parameter:
     @property
     def unit(self) -> str:
         """That unit in words."""
-        if self.place == "compliance":
-            return "1e-6 m/N" if self.slides else "1e-6 rad/(N m)"
+        if self.is_spring:
+            return self._unit_of_spring
         return "mrad" if self.turns else "mm"
+
+    @property
+    def _unit_of_spring(self) -> str:
+        """Of a spring: what turns or shifts, over the power of what loads it."""
+        slides = [end in SHIFTS if end else self.slides for end in self.ends]
+        if not self.power:
+            return "mm" if slides[0] else "mrad"
+        load = "N" if any(slides) else "(N m)"
+        over = load if self.power == 1 else f"{load}^{self.power}"
+        return f"{_SIZES[self.power]:.0e} {'m' if all(slides) else 'rad'}/{over}".replace(
+            "e-0", "e-"
+        )
 
     @property
     def words(self) -> str:
@@ -139,6 +183,8 @@ class Parameter:
         joint = self.of if self.of.startswith("joint") else f"joint {self.of}"
         if self.place == "compliance":
             return f"the compliance of {joint}"
+        if self.place == "spring":
+            return self._words_of_spring(joint)
         if self.place == "base":
             return f"the base's turn about {axis}" if self.turns else f"the base's {axis}"
         if self.place == "tool":
@@ -151,6 +197,149 @@ class Parameter:
             return f"the tilt about {axis} before {joint}"
         return f"the length along {axis} before {joint}"
 
+    def _words_of_spring(self, joint: str) -> str:
+        """A spring in words."""
+        about = [f"{'about' if end in TURNS else 'along'} {end[-1]}" for end in self.ends if end]
+        if len(about) > 1:
+            return f"the coupling of the springs of {joint} {' and '.join(about)}"
+        return BY_LAW[self.law].format(" ".join((joint, *about)))
+
+
+# Units by the power of the torque: a heavy arm's 1e3 N m make milliradians of each.
+_SIZES = {0: MILLIRADIAN, 1: SOFTNESS, 2: 1e-9, 3: 1e-12}
+
+
+def own_direction(robot: Robot, joint: str, component: str) -> int:
+    """1 or -1 where a component of the frame before a free joint is the joint's own motion, or 0.
+
+    It is none of a joint whose drive moves others too: its spring turns all of them.
+
+    Args:
+        robot: The rigid robot.
+        joint: Name of a joint of its chain.
+        component: x y z rx ry rz.
+    """
+    if joint not in robot.joint_names:
+        return 0
+    j = robot.joint_names.index(joint)
+    if robot.ties is not None and np.count_nonzero(robot.ties.matrix[:, j]) > 1:
+        return 0
+    own = robot.joints[j]
+    cosine = float(own.axis[COMPONENTS.index(component) % 3])
+    same = (own.kind == "revolute") == (component in TURNS)
+    return int(np.sign(cosine)) if same and abs(cosine) > ALONG else 0
+
+
+SpringsAsked = Literal["joints", "lateral", "all"] | Sequence[str]
+
+
+def springs_asked(robot: Robot, asked: SpringsAsked) -> tuple[Parameter, ...]:
+    """The springs that a study asks for: those of the joints first, then the others.
+
+    Args:
+        robot: The rigid robot.
+        asked: "joints" for those of all free joints, "lateral" for the turns across them too, "all"
+            for the matrices of all frames before joints, of 21 numbers each; or a list of springs:
+            "q2", "q3.rx", "q3.rx.y" for an entry off the diagonal, "q2.cubic" and other laws,
+            "q2.lateral" and "q2.all" for all of one joint.
+
+    Raises:
+        ValueError: An entry names no spring, or one is named twice.
+    """
+    entries = (asked,) if isinstance(asked, str) else tuple(asked)
+    found: dict[str, Parameter] = {}
+    named: dict[str, str] = {}
+    for entry in entries:
+        springs = _springs_of(robot, entry)
+        if len(springs) == 1:
+            name = springs[0].name
+            if name in named:
+                same = "" if named[name] == entry else f", which is {named[name]!r}"
+                raise ValueError(f"{entry!r} is listed twice{same}; expected each spring once")
+            named[name] = entry
+        found |= {one.name: one for one in springs}
+    every = sorted(found.values(), key=lambda one: one.place == "spring")
+    return tuple(every)
+
+
+def _springs_of(robot: Robot, entry: str) -> list[Parameter]:
+    """The springs that an entry of a list means."""
+    if entry == "joints":
+        return [_spring(robot, name) for name in robot.joint_names]
+    if entry in ("lateral", "all"):
+        return [one for name in robot.body_names for one in _springs_of(robot, f"{name}.{entry}")]
+    fitting = [name for name in robot.body_names if f"{entry}.".startswith(f"{name}.")]
+    name = max(fitting, key=len, default="")
+    parts = entry[len(name) + 1 :].split(".") if len(entry) > len(name) else []
+    own = (
+        [_spring(robot, name)] if parts in (["lateral"], ["all"]) and _has_own(robot, name) else []
+    )
+    if parts == ["lateral"]:
+        return own + [_spring(robot, name, (end,)) for end in _across(robot, name)]
+    if parts == ["all"]:
+        is_own = any(own_direction(robot, name, end) for end in COMPONENTS)
+        ends = COMPONENTS if is_own else _but_own(robot, name)
+        pairs = ((a, b) for i, a in enumerate(ends) for b in ends[i:])
+        matrix = [_spring(robot, name, (a, b) if a != b else (a,)) for a, b in pairs]
+        return matrix if is_own else own + matrix
+    law = parts.pop() if parts and parts[-1] in BY_LAW else LINEAR
+    strange = [part for part in parts if part not in COMPONENTS]
+    if not name or strange or len(parts) > 2 or (len(parts) == 2 and law):
+        raise ValueError(
+            f"no spring {entry!r}; expected one of the joints {', '.join(robot.body_names)}, with "
+            "axes of the frame before it (q2.rx, q2.rx.y) or a law (q2.square, q2.cubic, q2.sign, "
+            "q2.gap), or 'joints', 'lateral' or 'all'"
+        )
+    return [_spring(robot, name, tuple(parts) or ("",), law)]
+
+
+def _across(robot: Robot, joint: str) -> tuple[str, ...]:
+    """Turns about the axes of the frame before a joint, but the joint's own."""
+    return tuple(end for end in TURNS if end in _but_own(robot, joint))
+
+
+def _has_own(robot: Robot, joint: str) -> bool:
+    """Whether a joint has a spring of its own: one that follows another has none."""
+    return joint in robot.joint_names
+
+
+def _but_own(robot: Robot, joint: str) -> tuple[str, ...]:
+    """Components of the frame before a joint, but those along its own axis."""
+    own = robot.chain[robot.body_names.index(joint)]
+    first = len(SHIFTS) if own.kind == "revolute" else 0
+    along = [abs(cosine) > ALONG for cosine in own.axis]
+    return tuple(
+        end
+        for i, end in enumerate(COMPONENTS)
+        if not (first <= i < first + len(SHIFTS) and along[i % 3])
+    )
+
+
+def _spring(
+    robot: Robot, joint: str, ends: tuple[str, ...] = ("",), law: str = LINEAR
+) -> Parameter:
+    """The spring of a joint along some components, the joint's own under its own name.
+
+    Raises:
+        ValueError: A joint that follows another one has no spring of its own.
+    """
+    kinds = {one.name: one.kind == "prismatic" for one in robot.joints}
+    if len(ends) == 2 and ends[0] == ends[1]:
+        ends = ends[:1]
+    if len(ends) == 2:
+        ends = tuple(sorted(ends, key=COMPONENTS.index))
+        return Parameter("spring", joint, ".".join(ends), law=law)
+    is_own = not ends[0] or own_direction(robot, joint, ends[0]) != 0
+    if is_own and joint not in kinds:
+        raise ValueError(
+            f"joint {joint!r} follows another one and has no spring of its own; expected an axis "
+            f"of the frame before it, such as '{joint}.{_across(robot, joint)[0]}'"
+        )
+    if not is_own:
+        return Parameter("spring", joint, ends[0], law=law)
+    place: Place = "spring" if law else "compliance"
+    return Parameter(place, joint, slides=kinds[joint], law=law)
+
 
 def all_parameters(
     robot: Robot,
@@ -162,6 +351,7 @@ def all_parameters(
     pose: bool | Collection[str] = False,
     likely: Mapping[str, float] | None = None,
     bodies: Mapping[str, str] | None = None,
+    others: Sequence[Parameter] = (),
 ) -> tuple[Parameter, ...]:
     """List the parameters that a calibration asks for, whether they can be told apart or not.
 
@@ -178,6 +368,7 @@ def all_parameters(
         likely: Compliances that joints are likely to have, by name [rad/(N m)]; none by default.
         bodies: Names of the joints whose bodies markers are on, by marker; the others are on the
             tool.
+        others: Springs besides.
 
     Returns:
         Base, tools, joints from base to tip, springs.
@@ -200,7 +391,7 @@ def all_parameters(
         Parameter("compliance", n, slides=slides[n], likely=(likely or {}).get(n))
         for n in compliance
     ]
-    return (*of_base, *of_tools, *of_joints, *springs)
+    return (*of_base, *of_tools, *of_joints, *springs, *others)
 
 
 def _of_joints(robot: Robot) -> list[Parameter]:

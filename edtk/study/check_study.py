@@ -80,6 +80,8 @@ def _check_joint_names(study: StudyObjects, specification: Specification, robot:
                 names = ", ".join(robot.joint_names)
                 follows = {tied.name: tied.masters for tied in robot.tied}
                 what = f"no joint {name!r}"
+                if name.partition(".")[0] in robot.joint_names:
+                    what += " ([parameters] springs asks for springs across joints and for laws)"
                 if name in follows:
                     masters = " and ".join(map(repr, follows[name]))
                     what = f"joint {name!r} follows {masters} and has no spring of its own"

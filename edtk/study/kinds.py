@@ -33,6 +33,7 @@ from edtk.study.study_model import (
     is_reference,
     marker_names,
     on_robot,
+    other_springs,
     task_weights,
 )
 from edtk.study.study_objects import Kind, StudyObjects
@@ -179,7 +180,10 @@ class Geometry(Kind):
 
     def unknowns(self, study: Asked) -> str:
         """Geometry, and how many compliances."""
-        return f"geometry and {_counted(study)}" if study.unknown else "geometry"
+        count = len(other_springs(study))
+        more = f"{count} other spring{'s' if count > 1 else ''}" if count else ""
+        springs = [_counted(study) if study.unknown else "", more]
+        return " and ".join(filter(None, ("geometry", *springs)))
 
     def bodies(self, robot: Robot) -> tuple[str, ...]:
         """Those of the robot, and the base, which shows whether the instrument moved."""
@@ -195,7 +199,8 @@ class Geometry(Kind):
         asked = self.parameters(study)
         unknown = given.joints.unknown
         compliance = asked.compliance
-        if compliance is not None and tuple(compliance) != unknown:
+        own = [name for name in unknown if name not in (compliance or ())] if asked.springs else []
+        if compliance is not None and (*compliance, *own) != unknown:
             raise study.error(
                 "joints.unknown",
                 "differs from parameters.compliance; expected the same joints, or one of both keys",
@@ -210,7 +215,7 @@ class Geometry(Kind):
             chosen = all_parameters(study.robot, (), asked.geometry, (), asked.base, False)
         except ValueError as error:
             raise study.error("parameters.geometry", str(error)) from error
-        if not chosen and not asked.tool and not unknown:
+        if not chosen and not asked.tool and not unknown and not asked.springs:
             raise study.error(
                 "parameters", "leaves nothing unknown; expected geometry, base or tool"
             )
@@ -252,6 +257,7 @@ class Geometry(Kind):
             asked.base,
             asked.tool,
             study.specification.measurement.rows == "pose",
+            others=other_springs(study),
         )
 
     def _check_prior(self, study: Asked) -> None:
@@ -267,8 +273,9 @@ class Geometry(Kind):
                     f"no parameter {name!r} is asked for; expected one of {listed}, a kind, a "
                     f"joint, or a single one such as {every[-1].name}",
                 )
-            if meant[0].place == "compliance":
-                raise study.error(key, f"expected it in prior.joints.{meant[0].of}")
+            if meant[0].is_spring:
+                own = meant[0].name.removeprefix("k_")
+                raise study.error(key, f"expected it in prior.joints.{own}")
             if meant[0].place == "base":
                 raise study.error(
                     key,
@@ -403,7 +410,8 @@ def _check_reference(study: Asked, base: bool) -> None:
             "measurement.reference",
             "displacements from the nominal robot ask where that stands; expected base = false",
         )
-    if reference == "unloaded" and is_stated and not given.joints.unknown:
+    springs = given.joints.unknown or other_springs(study)
+    if reference == "unloaded" and is_stated and not springs:
         raise study.error(
             "measurement.reference",
             "what a load changes tells compliances alone, and none is asked for; expected "

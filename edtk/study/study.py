@@ -18,7 +18,7 @@ from edtk.study.plans import load_plan
 from edtk.study.plausibility import plausibility
 from edtk.study.schema import Specification, read_specification
 from edtk.study.study_objects import StudyObjects
-from edtk.study.study_parts import counts_known, designed_keys, study_robot
+from edtk.study.study_parts import counts_known, designed_keys, study_robot, with_springs
 from edtk.study.study_toml import StudyKeys, keys_signature, plain_keys, read_toml, study_toml
 from edtk.system.presented import Presented
 
@@ -83,6 +83,7 @@ class Study(StudyObjects, Presented):
         if not specification.title:
             title = f"Calibration of {self.robot.name}"
             specification = specification.model_copy(update={"title": title})
+        specification = with_springs(specification, robot, self.where)
         self._set(specification=specification, kind=kind_of(specification))
         check_study(self)
         # The name of a file need not be UTF-8.

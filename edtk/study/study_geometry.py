@@ -12,7 +12,9 @@ from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.measured_model import Kind, MeasuredModel
 from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import Parameter, all_parameters
+from edtk.measure.springs import elastic_joints, sprung
 from edtk.measure.task import ErringColumns, Task
+from edtk.robots.elastic_robot import ElasticJoint, point_of, weights_of
 from edtk.robots.frames import Frames
 from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.robots.weights import DeadWeights
@@ -23,7 +25,9 @@ from edtk.study.study_model import (
     likely_compliances,
     marker_names,
     on_robot,
+    other_springs,
     own_weights,
+    with_likely_sizes,
 )
 from edtk.study.tables_of_measurement import DistanceTable, MarkerTable
 from edtk.system.typing import Array, Mask
@@ -142,6 +146,7 @@ class StudyGeometry:
             self.turned,
             {name: one.compliance for name, one in likely_compliances(study).items()},
             self.bodies,
+            self.springs,
         )
         offsets = {name: np.array(one.position_mm) for name, one in self._points.items()}
         anchors = {name: np.array(one.anchor_mm) for name, one in self.distances.items()}
@@ -165,7 +170,18 @@ class StudyGeometry:
                 for i, name in enumerate(names)
             ),
             known=known if exact else None,
+            elastic=self.elastic,
         )
+
+    @cached_property
+    def springs(self) -> tuple[Parameter, ...]:
+        """The springs that the study asks for besides the joints' own."""
+        return with_likely_sizes(self.study, other_springs(self.study))
+
+    @cached_property
+    def elastic(self) -> tuple[ElasticJoint, ...]:
+        """The elastic joints of these, in the frames before the joints."""
+        return elastic_joints(self.study.robot, self.springs)
 
     def _ends_at(self, name: str) -> str:
         """The instrument whose place on the robot another one has: its own, as a rule."""
@@ -232,12 +248,14 @@ class StudyGeometry:
     def loads(self) -> "StudyLoads | None":
         """What loads the joints; None where no spring is asked for, or known."""
         joints = self.study.specification.joints
-        return self.every_load if joints.unknown or joints.known else None
+        asked = joints.unknown or joints.known or self.springs
+        return self.every_load if asked else None
 
     @property
     def every_load(self) -> "StudyLoads":
         """The same whether or not springs are asked for: joints bend all the same."""
-        return replace(StudyLoads.of(self.study), reads_changes=self.reads_changes)
+        loads = StudyLoads.of(self.study, self.elastic)
+        return replace(loads, reads_changes=self.reads_changes)
 
     def loads_of(self, task: Task) -> "StudyLoads | None":
         """What loads the joints in a task; None where no spring is asked for."""
@@ -250,11 +268,12 @@ class StudyGeometry:
         the study's own payload. Any other is loaded at its tool point, and carries what it says.
         """
         loads = self.every_load
+        robot = sprung(task.placed, self.elastic)
+        weights = weights_of(robot, task.dead_weights)
         if task.tool is None:
-            own = replace(loads, links=task.dead_weights, payload=None)
+            own = replace(loads, links=weights, payload=None)
             return own if task.carries else loads
-        at_tool = ElastostaticModel(task.placed, loads.by_wrench.unknown)
-        return StudyLoads(at_tool, task.dead_weights, None)
+        return StudyLoads(ElastostaticModel(robot, loads.by_wrench.unknown), weights, None)
 
     def columns(
         self, task: Task, model: MeasuredModel, loads: "StudyLoads | None" = None
@@ -293,6 +312,9 @@ def alone_load(study: Study) -> Array | None:
 class StudyLoads:
     """Loads of the joints by the wrench of a row, by a payload with it, and by the links always.
 
+    All are of the robot with its elastic joints, whose loads come after those of the others. Poses
+    may leave these joints out.
+
     Attributes:
         by_wrench: The model under a wrench alone.
         links: Weights of the links; None where they are not known.
@@ -307,14 +329,16 @@ class StudyLoads:
     reads_changes: bool = False
 
     @classmethod
-    def of(cls, study: Study) -> "StudyLoads":
-        """Of a study."""
-        links, payload = own_weights(study)
-        model = replace(study.model, weights=None, own_weights=None, sensors=())
-        return cls(model, links, payload)
+    def of(cls, study: Study, elastic: tuple[ElasticJoint, ...] = ()) -> "StudyLoads":
+        """Of a study, whose springs need some elastic joints."""
+        robot = sprung(study.robot, elastic)
+        links, payload = (weights_of(robot, one) for one in own_weights(study))
+        bare = replace(study.model, weights=None, own_weights=None, sensors=())
+        point = point_of(robot, bare.load_point)
+        return cls(replace(bare, robot=robot, load_point=point), links, payload)
 
     def __call__(self, q: Array, wrench: Array) -> Array:
-        """Loads (m, n) of the free joints [N m or N] in poses q (m, n) under wrenches (m, 6)."""
+        """Loads (m, s) of the free joints [N m or N] in poses q (m, n) under wrenches (m, 6)."""
         frames = self._frames(q)
         torque = self.by_wrench.torque_of(frames, wrench)
         loaded = wrench.any(axis=1)
@@ -325,11 +349,11 @@ class StudyLoads:
         return np.ascontiguousarray(torque.T)
 
     def of_wrench(self, q: Array, wrench: Array) -> Array:
-        """Loads (m, n) of the free joints [N m or N] by wrenches (m, 6) alone."""
+        """Loads (m, s) of the free joints [N m or N] by wrenches (m, 6) alone."""
         return np.ascontiguousarray(self.by_wrench.torque_of(self._frames(q), wrench).T)
 
     def slope(self, q: Array, wrench: Array, s: Array) -> Array:
-        """Derivatives (m, n) of ``sum_j s_j tau_j`` by the free joints, weights s (m, n) fixed."""
+        """Derivatives (m, s) of ``sum_j s_j tau_j`` by the free joints, weights s (m, s) fixed."""
         frames = self._frames(q)
         weights = np.ascontiguousarray(s.T)
         slope = self.by_wrench.torque_slope_of(frames, wrench, weights)
@@ -364,5 +388,6 @@ def study_marks(setting: StudyGeometry) -> dict[str, Array]:
     q = STEP * np.arange(1.0, robot.n + 1)
     marks = {"shown": np.asarray(robot.shown(q))}
     if setting.loads is not None:
-        marks["loads"] = setting.loads(np.stack([q, q]), np.stack([0 * WRENCH, WRENCH]))
+        loads = setting.loads(np.stack([q, q]), np.stack([0 * WRENCH, WRENCH]))
+        marks["loads"] = loads[:, : robot.n]
     return marks

@@ -1,6 +1,7 @@
 """What a study measures and what loads its robot, as the model needs it, and in words."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from edtk.measure.instruments.pose_marker import PoseMarker
 from edtk.measure.instruments.sensor import Sensor
 from edtk.measure.model_error import ModelError, groups_of
 from edtk.measure.noise import VisitNoise
-from edtk.measure.parameters import Parameter
+from edtk.measure.parameters import Parameter, springs_asked
 from edtk.measure.pose_table import pose_factors
 from edtk.robots.compensator import GivingWay
 from edtk.robots.frames import BodyPoint
@@ -74,6 +75,14 @@ def springs_of(study: Asked) -> tuple[Parameter, ...]:
     )
 
 
+def other_springs(study: Asked) -> tuple[Parameter, ...]:
+    """The springs that a study asks for besides the joints' own compliances."""
+    table = study.specification.parameters
+    if table is None:
+        return ()
+    return tuple(one for one in springs_asked(study.robot, table.springs) if one.place == "spring")
+
+
 def likely_compliances(study: Asked, k: Array | None = None) -> dict[str, Likely]:
     """The compliance that each revolute joint is likely to have, by name.
 
@@ -96,6 +105,28 @@ def likely_compliances(study: Asked, k: Array | None = None) -> dict[str, Likely
             guess = as_neighbours(lever, near, j, study.robot.joint_names) if near else None
             found[joint.name] = told.get(joint.name) or guess or by_load(float(lever[j]), force)
     return found
+
+
+def with_likely_sizes(study: Asked, springs: Sequence[Parameter]) -> tuple[Parameter, ...]:
+    """Springs, with the size that each is likely to have at most: as soft as the joint itself.
+
+    A law of the torque turns the joint under the largest load as far as its compliance does,
+    ``c tau^power = k tau``.
+
+    Args:
+        study: The study.
+        springs: Those besides the joints' own compliances.
+    """
+    if not springs:
+        return ()
+    joints = {name: one.compliance for name, one in likely_compliances(study).items()}
+    largest = dict(zip(study.robot.joint_names, _force(study) * levers(study.robot), strict=True))
+    return tuple(
+        replace(one, likely=joints[one.of] * largest[one.of] ** (1 - one.power))
+        if one.of in joints and largest[one.of]
+        else one
+        for one in springs
+    )
 
 
 def _neighbours(study: Asked, simulated: Mapping[str, float], k: Array | None) -> dict[int, float]:

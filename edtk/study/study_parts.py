@@ -11,6 +11,7 @@ import criteria
 from edtk.design.plan import Plan
 from edtk.fit.prior import Normal, Prior
 from edtk.measure.compliances import load_compliances
+from edtk.measure.parameters import springs_asked
 from edtk.measure.pose_table import (
     of_file_units,
 )
@@ -269,6 +270,34 @@ def _distinct(q: Array) -> Array:
     """Poses (m, n) without those that came before: a sheet has each as often as it was visited."""
     _, first = np.unique(q, axis=0, return_index=True)
     return q[np.sort(first)]
+
+
+def with_springs(keys: Specification, robot: Robot, where: str) -> Specification:
+    """The keys, with the joints among `joints.unknown` whose own springs [parameters] asks for.
+
+    Known compliances stay known, unless a spring is asked for by its name.
+
+    Raises:
+        UserError: The springs are none of this robot, or one is named twice.
+    """
+    table = keys.parameters
+    if table is None or not table.springs:
+        return keys
+    key = "parameters.springs"
+    try:
+        asked = springs_asked(robot, table.springs)
+    except ValueError as error:
+        raise UserError(str(error), where=where, key=key) from error
+    known = keys.joints.known_rad_per_Nm
+    own = [one.of for one in asked if one.place == "compliance"]
+    own = [name for name in own if name in table.springs or name not in known]
+    for name in table.compliance or ():
+        if name in table.springs:
+            message = f"{name!r} is among parameters.compliance too; expected it in one of them"
+            raise UserError(message, where=where, key=key)
+    unknown = tuple(dict.fromkeys((*keys.joints.unknown, *own)))
+    joints = keys.joints.model_copy(update={"unknown": unknown})
+    return keys.model_copy(update={"joints": joints})
 
 
 def study_robot(keys: Specification, folder: Path, where: str) -> Robot:

@@ -264,6 +264,14 @@ class ParametersTable(Table):
         description="Joints whose compliances are unknown [1e-6 rad/(N m)]; defaults to "
         "`joints.unknown`, or none",
     )
+    springs: Annotated[tuple[str, ...], BeforeValidator(listed)] = Field(
+        (),
+        description="Springs that are unknown: 'joints' (the compliances of all joints), 'lateral' "
+        "(the turns across each joint too), 'all' (the 6 x 6 matrix of the frame before each "
+        "joint), or a list of these, of joints ('q2'), of axes of the frame before a joint "
+        "('q3.rx', 'q3.z'), of entries off the diagonal ('q3.rx.z'), of laws ('q2.square', "
+        "'q2.cubic', 'q2.sign', 'q2.gap'), and of all of a joint ('q3.lateral', 'q3.all')",
+    )
     geometry: Annotated[
         Literal["all"] | tuple[str, ...],
         Field(union_mode="left_to_right"),

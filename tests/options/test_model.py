@@ -228,7 +228,7 @@ def test_a_plan_of_differences_has_a_sheet_and_a_fit(tmp_path: Path) -> None:
     empty = MarkerPositions(
         q, wrench, np.zeros((len(q), 3, 3)), row, setting.markers, differs=loaded
     )
-    torque = loading_of(setting.model.compliances(theta), empty, setting.loads)
+    torque = loading_of(setting.model.bending(theta), empty, setting.loads)
     x = 1e3 * setting.model.see(theta, q, torque, derivatives=False).points
     own = x[np.arange(len(q)), [setting.markers.index(name) for name in table["marker"]]]
     for axis, name in enumerate(("x_mm", "y_mm", "z_mm")):

@@ -126,7 +126,7 @@ def test_springs_alone_are_the_fit_of_displacements() -> None:
     assert fit.fitted.noise.model_fit is None
     setting = StudyGeometry.of(study)
     # Loads turn with the springs: the columns have that, too.
-    load = resting_load(fit.fitted.compliances, data.q, data.wrench, setting.loads)
+    load = resting_load(fit.fitted.bending, data.q, data.wrench, setting.loads)
     rows = model.see(fit.fitted.theta, data.q, load)
     A = rows.jacobian.reshape(len(data), -1, 2)
     off = (data.measured - rows.points).reshape(len(data), -1) + A @ fit.fitted.theta

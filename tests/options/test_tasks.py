@@ -205,7 +205,7 @@ def visited(study: Study, seed: int) -> tuple[pd.DataFrame, Array]:
     theta = theta * model.scales
     q = np.deg2rad(np.round(rng.uniform(-95, 95, (24, 6)), 3))
     wrench = np.tile([[0.0, 0, 0, 0, 0, 0], [0, 0, -150, 0, 0, 0]], (12, 1))
-    torque = resting_torque(model.compliances(theta), q, wrench, setting.loads)
+    torque = resting_torque(model.bending(theta), q, wrench, setting.loads)
     x = 1e3 * model.see(theta, q, torque, derivatives=False).points
     x += rng.normal(0, 0.02, x.shape)
     table = Plan(q, wrench, np.ones(24, dtype=int)).to_frame(study.robot).drop(columns="repeats")
@@ -232,7 +232,7 @@ def test_commands_bring_a_tool_where_the_drawing_has_it() -> None:
         goal = drawn.see(np.zeros(0), task.q[None], derivatives=False).points
         errors = []
         for q in (task.q[None], told.command[i][None]):
-            k = model.compliances(theta)
+            k = model.bending(theta)
             torque = resting_torque(k, q, task.wrench[None], setting.loads_of(task))
             arm = model.at_tool(task.tool)
             at = arm.see(theta[moves], q, torque, derivatives=False).points

@@ -77,7 +77,7 @@ def readings(
     shape = (visits, len(model.markers))
     row = np.arange(visits * shape[1]).reshape(shape)
     empty = MarkerPositions(q, wrench, np.zeros((*shape, 3)), row, model.markers, differs=differs)
-    torque = loading_of(model.compliances(theta), empty, setting.loads)
+    torque = loading_of(model.bending(theta), empty, setting.loads)
     seen = model.see(theta, q, torque, derivatives=False)
     size = sigma_mm * 1e-3 * np.where(differs, np.sqrt(2), 1.0)[:, None, None]
     ratios = setting.noise.ratios

@@ -31,7 +31,8 @@ from edtk.robots.loads.listed_load import ListedLoad
 from edtk.robots.loads.load import Load
 from edtk.robots.weights import DeadWeights
 from edtk.study.study import Study
-from edtk.study.study_geometry import StudyGeometry
+from edtk.study.study_geometry import StudyGeometry, StudyLoads
+from edtk.study.study_model import other_springs
 from edtk.study.study_objects import given_parameters
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
@@ -51,7 +52,8 @@ def load_of(study: Study) -> Load:
     the best weights need none but nothing and the largest one, and their bound holds for all.
     """
     given = study.specification
-    if not given.joints.unknown or (given.load is None and given.payload is None):
+    springs = given.joints.unknown or other_springs(study)
+    if not springs or (given.load is None and given.payload is None):
         return FixedLoad(NONE)
     load = given.build_load()
     if isinstance(load, FixedLoad):
@@ -291,7 +293,7 @@ def _springs(model: MeasuredModel, told: Identifiable) -> tuple[str, ...]:
     return tuple(
         words
         for i, words in zip(told.left, told.words, strict=True)
-        if model.parameters[i].place == "compliance"
+        if model.parameters[i].is_spring
     )
 
 
@@ -346,7 +348,9 @@ def geometry_setting(question: GeometryQuestion) -> dict[str, Any]:
     Args:
         question: The question of the study.
     """
-    loads = question.setting.loads
+    # Weights and points are on the rigid chain: springs say where elastic joints are.
+    bends = question.setting.loads is not None
+    loads = StudyLoads.of(question.study) if bends else None
     model = question.model
     return {
         **feasible_to_dict(question.study, question.space),
@@ -365,7 +369,7 @@ def geometry_setting(question: GeometryQuestion) -> dict[str, Any]:
         "geometry": {
             "parameters": [_parameter(question, one) for one in question.model.parameters],
             "payload": _weights(None if loads is None else loads.payload),
-            **({"changes": True} if loads is not None and loads.reads_changes else {}),
+            **({"changes": True} if bends and question.setting.reads_changes else {}),
             **({"places": list(model.places)} if model.is_distance.any() else {}),
         },
         **_interest(question),
@@ -442,13 +446,13 @@ def _parameter(question: GeometryQuestion, one: Parameter) -> dict[str, Any]:
         "joint": robot.body_names,
         "tool": question.model.markers,
         "compliance": robot.joint_names,
+        "spring": robot.body_names,
     }
-    return {
-        "name": one.name,
-        "place": one.place,
-        "of": names[one.place].index(one.of),
-        "component": COMPONENTS.index(one.component) if one.component else 0,
-    }
+    found = {"name": one.name, "place": one.place, "of": names[one.place].index(one.of)}
+    if one.place == "spring":
+        ends = [COMPONENTS.index(end) if end else None for end in one.ends]
+        return found | {"component": 0, "ends": ends, "law": one.law}
+    return found | {"component": COMPONENTS.index(one.component) if one.component else 0}
 
 
 def _interest(question: GeometryQuestion) -> dict[str, Any]:

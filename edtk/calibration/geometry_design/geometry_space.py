@@ -101,7 +101,7 @@ class PositionRows:
         """The rows of a block of poses."""
         placed = self.columns.at(q)
         differs = self._differs(wrench)
-        rows = self._rows(placed, self._torque(q, wrench), differs)
+        rows = self._rows(placed, self._amplitudes(self._torques(q, wrench)), differs)
         if self.is_white:
             return np.asarray(rows / self._sigmas(differs)[..., None])
         return self._whitened(rows, placed, differs)
@@ -121,9 +121,9 @@ class PositionRows:
         )
         return np.where(differs[:, None], changes, self._sigma)
 
-    def _rows(self, placed: PlacedColumns, torque: Array | None, differs: Mask | None) -> Array:
+    def _rows(self, placed: PlacedColumns, amplitudes: Array | None, differs: Mask | None) -> Array:
         """Rows (m, k r, p) in millimetres and milliradians."""
-        J = placed.jacobian(torque, differs)
+        J = placed.jacobian(amplitudes, differs)
         flat = J.reshape(self.model.p, -1, J.shape[-1])
         return np.asarray(np.moveaxis(flat, (0, 1), (2, 1)) * self.scales)
 
@@ -142,42 +142,58 @@ class PositionRows:
             V[differs] = self.noise.of_change(motion[differs], places[differs])
         return V
 
-    def _torque(self, q: Array, wrench: Array) -> Array | None:
-        """Loads (n, m) of the free joints, whose springs have not given way, or their change."""
+    def _torques(self, q: Array, wrench: Array) -> list[Array]:
+        """Loads (s, m) of the joints, whose springs have not given way, and those before.
+
+        The second are zero but in differences, where these are read without a load, too; a study
+        without differences has the first alone, and one without springs none.
+        """
         if self.loads is None:
-            return None
-        torque = self.loads(q, wrench)
+            return []
+        found = [self.loads(q, wrench).T]
         differs = self._differs(wrench)
         if differs is not None:
-            torque = torque - differs[:, None] * self.loads(q, np.zeros_like(wrench))
-        return torque.T
+            found.append((differs[:, None] * self.loads(q, np.zeros_like(wrench))).T)
+        return found
+
+    def _amplitudes(self, torques: list[Array]) -> Array | None:
+        """Amplitudes (T, m) of the springs' terms, or their change; None without springs."""
+        if not torques:
+            return None
+        after, *before = (self.model.springs.amplitudes(torque) for torque in torques)
+        return after - before[0] if before else after
 
     def _slope(self, q: Array, wrench: Array, B: Array, changes: Array) -> Array:
         """The derivatives of a block of poses."""
         placed = self.columns.at(q)
-        torque = self._torque(q, wrench)
+        torques = self._torques(q, wrench)
+        amplitudes = self._amplitudes(torques)
         differs = self._differs(wrench)
         if self.is_white:
             weights, of_noise = B / self._sigmas(differs)[..., None], np.zeros(q.shape)
         else:
-            rows = self._rows(placed, torque, differs)
+            rows = self._rows(placed, amplitudes, differs)
             weights, of_noise = self._correlated(placed, rows, B, differs)
-        by_motion, by_torque = placed.slope(
+        by_motion, by_amplitudes = placed.slope(
             _component_first(weights * self.scales, len(self.model.markers)),
-            torque,
+            amplitudes,
             differs,
         )
         found = by_motion.T + of_noise
         if self.loads is None:
             return np.concatenate([found, np.zeros((len(q), changes.shape[-1]))], axis=1)
+        n = q.shape[1]
+        after, *before = (
+            self.model.springs.by_torque(torque, by_amplitudes).T for torque in torques
+        )
         by_load = [
-            (by_torque.T * self.loads.of_wrench(q, change)).sum(axis=1)
+            (after * self.loads.of_wrench(q, change)).sum(axis=1)
             for change in np.moveaxis(changes, -1, 0)
         ]
-        found = found + self.loads.slope(q, wrench, by_torque.T)
+        found = found + self.loads.slope(q, wrench, after)[:, :n]
         if differs is not None:
-            own = by_torque.T * differs[:, None]
-            found = found - self.loads.slope(q, np.zeros_like(wrench), own)
+            own = before[0] * differs[:, None]
+            found = found - self.loads.slope(q, np.zeros_like(wrench), own)[:, :n]
         return np.column_stack([found, *by_load])
 
     def _correlated(

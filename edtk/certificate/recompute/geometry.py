@@ -1,28 +1,37 @@
 """What positions tell of geometry and springs together, one column after the other."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from edtk.certificate.recompute.chain import Chain
+from edtk.certificate.recompute.compensator import Pull
 from edtk.certificate.recompute.physics import (
+    GRAVITY,
     MEASURED,
     Physics,
     Place,
     Weight,
     read_weights,
-    weight_torque,
 )
 from edtk.certificate.recompute.plain_data import rows, table, text, whole
 from edtk.system.typing import Array
 
 WHERE = "setting.geometry"
-PLACES = ("base", "joint", "tool", "compliance")
+PLACES = ("base", "joint", "tool", "compliance", "spring")
+# By how much a spring of size one answers a torque, and the unit of its size in SI units.
+LAWS: dict[str, tuple[Callable[[Array], Array], float]] = {
+    "": (np.array, 1e-6),
+    "square": (lambda torque: torque * np.abs(torque), 1e-9),
+    "cubic": (lambda torque: torque**3, 1e-12),
+    "sign": (np.abs, 1e-6),
+    "gap": (np.sign, 1e-3),
+}
 MOST_PARAMETERS = 300
 LONGEST_NAME = 200
 UNIT = 1e-3  # of a shift [m] and of a turn [rad]
-SOFTNESS = 1e-6  # of a spring [rad/(N m) or m/N]
 
 
 @dataclass(frozen=True)
@@ -31,15 +40,21 @@ class Parameter:
 
     Attributes:
         name: Its name.
-        place: What it moves: "base", the frame before a "joint", a "tool", or a "compliance".
+        place: What it moves: "base", the frame before a "joint", a "tool", or a "compliance"; or
+            another "spring".
         of: Index of the joint among all, of the marker, or of the free joint; zero for the base.
         component: 0 to 2 for a shift along an axis of its frame, 3 to 5 for a turn about one.
+        ends: Components of a spring in the frame before its joint, two of an entry off the diagonal
+            of its matrix; None for the motion of the joint itself.
+        law: How a spring answers its torque, see `LAWS`.
     """
 
     name: str
     place: str
     of: int
     component: int
+    ends: tuple[int | None, ...] = ()
+    law: str = ""
 
     @property
     def axis(self) -> int:
@@ -85,19 +100,21 @@ class Geometry:
             "joint": len(chain.axes),
             "tool": len(physics.sensors),
             "compliance": chain.n,
+            "spring": len(chain.axes),
         }
         for i, one in enumerate(rows(content["parameters"], MOST_PARAMETERS, WHERE)):
             place = f"{WHERE}.parameters[{i}]"
-            one = table(one, ("name", "place", "of", "component"), place)
+            one = table(one, ("name", "place", "of", "component"), place, ("ends", "law"))
             name = one["name"]
             # Names are printed, so that none must hold a line that looks like a verdict.
             if not isinstance(name, str) or not name.isprintable() or len(name) > LONGEST_NAME:
                 raise ValueError(f"{place}.name: expected a name")
             kind = text(one["place"], PLACES, f"{place}.place")
             of = whole(one["of"], 0, sizes[kind] - 1, f"{place}.of")
-            last = 0 if kind == "compliance" else 5
+            last = 0 if kind in ("compliance", "spring") else 5
             component = whole(one["component"], 0, last, f"{place}.component")
-            found.append(Parameter(name, kind, of, component))
+            spring = _spring(one, of, chain, place) if kind == "spring" else ()
+            found.append(Parameter(name, kind, of, component, *spring))
         if not found:
             raise ValueError(f"{WHERE}.parameters: expected at least one")
         k = len(physics.sensors)
@@ -119,26 +136,29 @@ class Geometry:
         A loaded reading less an unloaded one moves with springs alone, by the change of the loads;
         both of them err, so that its covariance is twice that of one.
         """
-        torque = self._torque(chain, physics, q, wrench)
+        answers = self._answers(chain, physics, q, wrench)
         differs = (wrench != 0).any(axis=1) & self.changes
         if differs.any():
-            before = self._torque(chain, physics, q, np.zeros_like(wrench))
-            torque = np.where(differs[:, None], torque - before, torque)
+            before = self._answers(chain, physics, q, np.zeros_like(wrench))
+            answers = [
+                [np.where(differs, a - b, a) for a, b in zip(*pair, strict=True)]
+                for pair in zip(answers, before, strict=True)
+            ]
         parts = []
         for marker, (kind, place, anchor) in enumerate(physics.sensors):
-            own = self._of_point(chain, torque, q, place, self.places[marker])
+            own = self._of_point(chain, answers, q, place, self.places[marker])
             if kind == "distance":
                 own = self._along(chain, q, place, anchor, own)
             parts.append(own[:, : MEASURED[kind]])
-        rigid = np.array([one.place != "compliance" for one in self.parameters])
+        rigid = np.array([one.place not in ("compliance", "spring") for one in self.parameters])
         still = differs[:, None] & rigid
         size = np.where(differs, np.sqrt(0.5), 1.0)
         return np.asarray(np.concatenate(parts, axis=1) * (size[:, None] * ~still)[:, None])
 
     def of_tool(self, chain: Chain, physics: Physics, q: Array, wrench: Array) -> Array:
         """Rows (k, 6, p) of the tool frame of a chain, which parameters of markers do not move."""
-        torque = self._torque(chain, physics, q, wrench)
-        return self._of_point(chain, torque, q, Place(np.zeros(3), None), None)
+        answers = self._answers(chain, physics, q, wrench)
+        return self._of_point(chain, answers, q, Place(np.zeros(3), None), None)
 
     def _along(self, chain: Chain, q: Array, place: Place, anchor: Array, moved: Array) -> Array:
         """Rows (k, 1, p) of a distance from an anchor, which stands with the robot's base."""
@@ -148,26 +168,98 @@ class Geometry:
         return np.asarray(np.einsum("kr,krp->kp", direction, moved[:, :3])[:, None] * apart)
 
     def _of_point(
-        self, chain: Chain, torque: Array, q: Array, place: Place, marker: int | None
+        self,
+        chain: Chain,
+        answers: list[list[Array]],
+        q: Array,
+        place: Place,
+        marker: int | None,
     ) -> Array:
         """Rows (k, 6, p) of a point that sits on a marker, or on none."""
         frames = chain.frames(q)
         point = chain.point(q, place.offset, place.joint)
-        springs = chain.jacobian(q, place.offset, place.joint)
-        columns = [
-            SOFTNESS * springs[:, :, one.of] * torque[:, one.of, None]
-            if one.place == "compliance"
-            else UNIT * _moved(one, chain, frames, point, marker, place.joint)
-            for one in self.parameters
-        ]
+        columns = []
+        for one, answer in zip(self.parameters, answers, strict=True):
+            if not answer:
+                columns.append(UNIT * _moved(one, chain, frames, point, marker, place.joint))
+                continue
+            turns = [_turned(one, end, chain, q, place) for end in _ends(one)]
+            pairs = zip(turns, answer, strict=True)
+            moved = np.sum([turn * own[:, None] for turn, own in pairs], axis=0)
+            columns.append(LAWS[one.law][1] * moved)
         return np.stack(columns, axis=-1)
 
-    def _torque(self, chain: Chain, physics: Physics, q: Array, wrench: Array) -> Array:
-        """Loads (k, n) of the free joints: of the wrench, of the links, of a payload beside it."""
-        at_load = chain.jacobian(q, physics.load_point.offset, physics.load_point.joint)
-        torque = np.einsum("krn,kr->kn", at_load, wrench) + weight_torque(chain, physics.weights, q)
-        loaded = (wrench != 0).any(axis=1, keepdims=True)
-        return np.asarray(torque + loaded * weight_torque(chain, self.payload, q))
+    def _answers(
+        self, chain: Chain, physics: Physics, q: Array, wrench: Array
+    ) -> list[list[Array]]:
+        """By how much each spring turns along its ends (k,), for a size of one; empty for others.
+
+        An entry off the diagonal answers along each of its ends to the torque about the other one.
+        """
+        loaded = (wrench != 0).any(axis=1)
+
+        def torque(one: Parameter, end: int | None) -> Array:
+            moved = _turned(one, end, chain, q, physics.load_point)
+            found = np.einsum("kr,kr->k", moved, wrench)
+            found = found + _by_weights(one, end, chain, q, physics.weights)
+            return np.asarray(found + loaded * _by_weights(one, end, chain, q, self.payload))
+
+        return [
+            [LAWS[one.law][0](torque(one, end)) for end in reversed(_ends(one))]
+            for one in self.parameters
+        ]
+
+
+def _ends(one: Parameter) -> tuple[int | None, ...]:
+    """What a spring turns; nothing of what is none."""
+    return (None,) if one.place == "compliance" else one.ends
+
+
+def _turned(one: Parameter, end: int | None, chain: Chain, q: Array, place: Place) -> Array:
+    """How a point moves and turns (k, 6) by a unit turn or shift of one end of a spring."""
+    if end is None:
+        return chain.jacobian(q, place.offset, place.joint)[:, :, _free(one, chain)]
+    point = chain.point(q, place.offset, place.joint)
+    error = Parameter(one.name, "joint", one.of, end)
+    return _moved(error, chain, chain.frames(q), point, None, place.joint)
+
+
+def _by_weights(
+    one: Parameter, end: int | None, chain: Chain, q: Array, weights: list[Weight]
+) -> Array:
+    """Load (k,) of one end of a spring by weights, and of the joint itself by compensators."""
+    found = np.zeros(len(q))
+    for weight in weights:
+        if not isinstance(weight, Pull):
+            mass, place = weight
+            found -= mass * GRAVITY * _turned(one, end, chain, q, place)[:, 2]
+        elif end is None:
+            found += weight.on(chain, q)[0][:, _free(one, chain)]
+    return found
+
+
+def _free(one: Parameter, chain: Chain) -> int:
+    """Index among the free joints of that of a joint's own spring."""
+    return one.of if one.place == "compliance" else chain.free.index(one.of)
+
+
+def _spring(
+    one: dict[str, Any], of: int, chain: Chain, place: str
+) -> tuple[tuple[int | None, ...], str]:
+    """Ends and law of a spring.
+
+    Raises:
+        ValueError: A part is missing, or is not what it should be.
+    """
+    one = table(one, ("name", "place", "of", "component", "ends", "law"), place)
+    given = rows(one["ends"], 2, f"{place}.ends")
+    ends = tuple(None if end is None else whole(end, 0, 5, f"{place}.ends") for end in given)
+    law = text(one["law"], tuple(LAWS), f"{place}.law")
+    if not ends or (None in ends and (len(ends) > 1 or of not in chain.free)):
+        raise ValueError(f"{place}.ends: expected one or two components, or the joint's own")
+    if len(ends) > 1 and law:
+        raise ValueError(f"{place}.law: expected none of an entry off the diagonal")
+    return ends, law
 
 
 def _moved(

@@ -108,7 +108,7 @@ def fit_geometry(
     kept, theta, before = choice.model, choice.start, choice.before
     if stated.unknown:
         _require_noise_told(means, kept.p)
-    torque = loading_of(kept.compliances(theta), means, loads)
+    torque = loading_of(kept.bending(theta), means, loads)
     theta = fit_beside(kept, theta, means, torque, before, choice.size)
     theta, noise, weights = _in_turns(kept, theta, data, stated, loads, robust, before)
     common, shown = _as_shown(kept, theta, noise, weights, data, loads, before)
@@ -216,7 +216,7 @@ def _chosen(
     if prior.earlier is not None:
         prior = replace(prior, earlier=prior.earlier.completed(wide, model.scales))
     start = _at_most_likely(model, start, prior)
-    torque = loading_of(np.zeros(model.robot.n), means, loads)
+    torque = loading_of(model.rigid, means, loads)
     scaled = _scaled(model, start, means, torque)
     # What poses tell comes first: knowledge besides adds to it.
     nothing = PriorRows.none(model.p)
@@ -315,7 +315,7 @@ def _at_most_likely(model: MeasuredModel, start: Array, prior: Prior) -> Array:
     """Where a search begins (p,): errors of the joints, and springs, where they are expected."""
     found = start.copy()
     for i, (one, marginal) in enumerate(zip(model.parameters, prior.marginals, strict=True)):
-        if one.place in ("joint", "compliance"):
+        if one.place == "joint" or one.is_spring:
             found[i] += marginal.gaussian()[0]
     return found
 
@@ -341,10 +341,15 @@ def placed_turns(model: MeasuredModel, theta: Array) -> Array | None:
 
 
 def stages(model: MeasuredModel) -> list[list[int]]:
-    """What is kept first: base and tools, then the zeros of the joints, springs, and the rest."""
-    order = {"base": 0, "tool": 0, "compliance": 2}
-    ranks = [1 if one.along else order.get(one.place, 3) for one in model.parameters]
-    return [[i for i, rank in enumerate(ranks) if rank == stage] for stage in range(4)]
+    """What is kept first: base and tools, zeros of the joints, their springs, and the geometry.
+
+    Other springs come after it, and couplings of theirs last.
+    """
+    order = {"base": 0, "tool": 0, "compliance": 2, "joint": 3}
+    ranks = [
+        1 if one.along else order.get(one.place, 3 + len(one.ends)) for one in model.parameters
+    ]
+    return [[i for i, rank in enumerate(ranks) if rank == stage] for stage in range(6)]
 
 
 def _scaled(model: MeasuredModel, theta: Array, means: MarkerPositions, torque: Torque) -> Array:
@@ -368,7 +373,7 @@ def _wide(model: MeasuredModel, theta: Array, means: MarkerPositions, loads: Loa
         q=np.concatenate([means.q, q]),
         measured=np.zeros((len(like), *means.measured.shape[1:])),
     )
-    torque = loading_of(np.zeros(model.robot.n), wide, loads)
+    torque = loading_of(model.rigid, wide, loads)
     return _scaled(model, theta, wide, torque)
 
 
@@ -412,7 +417,7 @@ def _in_turns(
     slides = _slides(model)
 
     def at_rest(theta: Array, derivatives: bool) -> Torque:
-        return loading_of(model.compliances(theta), means, loads, derivatives)
+        return loading_of(model.bending(theta), means, loads, derivatives)
 
     for turn in range(ROUNDS):
         before = known_before(prior, model, theta)
@@ -463,7 +468,7 @@ def _as_shown(
     nobody told bends the robot.
     """
     means = data.means
-    torque = loading_of(model.compliances(theta), means, loads)
+    torque = loading_of(model.bending(theta), means, loads)
     before = known_before(prior, model, theta)
     rows = PoseRows.of(model, theta, means, torque, before).weighted(weights)
     differs = rows.differs(means)
@@ -523,7 +528,7 @@ def judge_fit(
     common, weights = weighting
     means = data.means
     before = known_before(prior, model, theta)
-    torque = loading_of(model.compliances(theta), means, loads)
+    torque = loading_of(model.bending(theta), means, loads)
     rows = PoseRows.of(model, theta, means, torque, before)
     work = rows.working(common, means)
     V = noise.of_pose(rows.motion, rows.places, rows.worth(data), rows.differs(means))

@@ -13,10 +13,16 @@ from edtk.fit.restricted_likelihood import fitted_kinds
 from edtk.measure.measured_model import Load, Loading, MeasuredModel, Seen, Torque
 from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import Parameter
+from edtk.measure.springs import Bending
+from edtk.robots.elastic_robot import widened
 from edtk.system.typing import Array, Indices, Mask
 
 MM = 1e3
 STEP = 1e-4  # [rad or m] of differences
+SETTLED = 1e-13  # [rad or m] a turn of the joints by less ends the search for rest
+SUBSTITUTIONS = 12  # three are the rule
+NEWTON = 30
+LONGEST = 0.5  # [rad or m] of a step; beyond, the derivative says nothing about the arm
 LEAST_DOF = 3.0  # of a band: below it a quantile of Student's t says nothing
 
 
@@ -24,7 +30,10 @@ class Loads(Protocol):
     """What loads the joints."""
 
     def __call__(self, q: Array, wrench: Array) -> Array:
-        """Loads (m, n) of the free joints [N m or N] in poses q (m, n) under wrenches (m, 6)."""
+        """Loads (m, s) of the free joints [N m or N] in poses q (m, n or s), under wrenches (m, 6).
+
+        The first n are those of the joints that motors turn, and the rest of the elastic ones.
+        """
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +146,11 @@ class FittedGeometry:
         """Compliances (n,) of all free joints [rad/(N m)]; zero where they are not parameters."""
         return self.model.compliances(self.theta)
 
+    @cached_property
+    def bending(self) -> Bending:
+        """What loads turn all joints by."""
+        return self.model.bending(self.theta)
+
     def at_tool(self, tool: Array) -> "FittedGeometry":
         """The same robot with a tool frame in place of the markers, see `MeasuredModel.at_tool`.
 
@@ -165,8 +179,8 @@ class FittedGeometry:
         )
 
     def torque(self, q: Array, wrench: Array, loads: Loads | None) -> Array | None:
-        """Loads (m, n) of the joints where the springs bring them to rest, to second order."""
-        return resting_torque(self.compliances, q, wrench, loads)
+        """Loads (m, s) of the joints where the springs bring them to rest."""
+        return resting_torque(self.bending, q, wrench, loads)
 
     def columns(self, q: Array, wrench: Array, loads: Loads | None = None) -> Array:
         """How the positions move with the parameters (m, 3k, p) [mm per unit].
@@ -233,7 +247,7 @@ class FittedGeometry:
         wrench = np.zeros((len(q), 6)) if wrench is None else wrench
         torque: Torque = self.torque(q, wrench, loads)
         if differs is not None and differs.any():
-            torque = loading_in(self.compliances, q, wrench, loads, differs)
+            torque = loading_in(self.bending, q, wrench, loads, differs)
         seen = self.model.see(self.theta, q, torque)
         assert seen.jacobian is not None
         assert seen.by_joints is not None
@@ -313,7 +327,7 @@ class FittedGeometry:
         fit = self.noise.model_fit
         if fit is None:
             return []
-        joints = self.model.chain.robot.joints
+        joints = self.model.robot.joints
         slides = np.array([joint.kind == "prismatic" for joint in joints])
         return fitted_kinds(slides, len(fit.variances), len(self.noise.white_kinds(width)))
 
@@ -328,44 +342,80 @@ class FittedGeometry:
         return np.maximum(dof / np.maximum(share, 1e-6) ** 2, LEAST_DOF)
 
 
-def resting_torque(
-    compliances: Array, q: Array, wrench: Array, loads: Loads | None
-) -> Array | None:
-    """Loads (m, n) of the joints at rest: ``tau(q + k tau)``, by three substitutions."""
+def resting_torque(bending: Bending, q: Array, wrench: Array, loads: Loads | None) -> Array | None:
+    """Loads (m, s) of the joints at rest: ``tau(q + theta)`` with ``theta = sum_i k_i b_i(tau)``.
+
+    Substitutions settle where springs are much stiffer than what gravity and loads do to them:
+    their errors fall by the factor ``K dtau/dq`` each. Elsewhere Newton's method does.
+    """
     if loads is None:
         return None
-    torque = loads(q, wrench)
-    for _ in range(3 if compliances.any() else 0):
-        torque = loads(q + compliances * torque, wrench)
-    return torque
+    start = widened(q, bending.width)
+    torque = loads(start, wrench)
+    if bending.is_rigid:
+        return torque
+    turn = bending.turn(torque)
+    last = float(np.abs(turn).max(initial=0.0))
+    for _ in range(SUBSTITUTIONS):
+        torque = loads(start + turn, wrench)
+        moved = bending.turn(torque)
+        change = float(np.abs(moved - turn).max(initial=0.0))
+        turn = moved
+        # The next change is smaller by as much as this one is than the last.
+        if change**2 <= SETTLED * last:
+            return torque
+        if change > last / 2:
+            break
+        last = change
+    return _newton(bending, start, wrench, loads, turn)
+
+
+def _newton(bending: Bending, start: Array, wrench: Array, loads: Loads, turn: Array) -> Array:
+    """The same from some turns (m, s), by Newton's method; it may end elsewhere than at rest."""
+    for _ in range(NEWTON):
+        torque = loads(start + turn, wrench)
+        apart = bending.turn(torque) - turn
+        slope = np.eye(bending.width) - bending.tangent(torque) @ _by_turns(
+            start + turn, wrench, loads
+        )
+        step = np.linalg.solve(slope, apart[..., None])[..., 0]
+        turn = turn + np.clip(step, -LONGEST, LONGEST)
+        if np.abs(step).max(initial=0.0) <= SETTLED:
+            break
+    return loads(start + turn, wrench)
+
+
+def _by_turns(near: Array, wrench: Array, loads: Loads) -> Array:
+    """``H = dtau/dq`` (m, s, s) in poses (m, s), by central differences."""
+    m, s = near.shape
+    steps = STEP * np.concatenate([np.eye(s), -np.eye(s)])
+    places = (near[None] + steps[:, None]).reshape(-1, s)
+    moved = loads(places, np.tile(wrench, (2 * s, 1))).reshape(2, s, m, s)
+    return np.asarray(np.moveaxis(moved[0] - moved[1], 0, -1) / (2 * STEP))
 
 
 def resting_load(
-    compliances: Array, q: Array, wrench: Array, loads: Loads | None, derivatives: bool = True
+    bending: Bending, q: Array, wrench: Array, loads: Loads | None, derivatives: bool = True
 ) -> Load | None:
     """The same, with what the joints give way more, or less, as their loads change with them."""
-    torque = resting_torque(compliances, q, wrench, loads)
-    if torque is None or loads is None or not derivatives or not compliances.any():
+    torque = resting_torque(bending, q, wrench, loads)
+    if torque is None or loads is None or not derivatives or bending.is_rigid:
         return None if torque is None else Load(torque)
-    m, n = q.shape
-    # Central differences: of what is itself a small correction, these leave nothing to see.
-    steps = STEP * np.concatenate([np.eye(n), -np.eye(n)])
-    near = (q + compliances * torque)[None] + steps[:, None]
-    moved = loads(near.reshape(-1, n), np.tile(wrench, (2 * n, 1))).reshape(2, n, m, n)
-    H = np.moveaxis(moved[0] - moved[1], 0, -1) / (2 * STEP)
-    gives = np.linalg.inv(np.eye(q.shape[1]) - compliances[:, None] * H)
+    near = widened(q, bending.width) + bending.turn(torque)
+    H = _by_turns(near, wrench, loads)
+    gives = np.linalg.inv(np.eye(bending.width) - bending.tangent(torque) @ H)
     return Load(torque, np.asarray(gives, dtype=float))
 
 
 def loading_of(
-    compliances: Array, data: MarkerPositions, loads: Loads | None, derivatives: bool = True
+    bending: Bending, data: MarkerPositions, loads: Loads | None, derivatives: bool = True
 ) -> Torque:
     """What loads the joints at rest in each visit, and what did before, see `loading_in`."""
-    return loading_in(compliances, data.q, data.wrench, loads, data.is_difference, derivatives)
+    return loading_in(bending, data.q, data.wrench, loads, data.is_difference, derivatives)
 
 
 def loading_in(
-    compliances: Array,
+    bending: Bending,
     q: Array,
     wrench: Array,
     loads: Loads | None,
@@ -375,18 +425,18 @@ def loading_in(
     """What loads the joints at rest in each visit, see `resting_load`, and what did before.
 
     Args:
-        compliances: Of the free joints (n,) [rad/(N m)].
+        bending: What loads turn the joints by.
         q: Joint variables (m, n) [rad or m].
         wrench: Forces and torques (m, 6).
         loads: What they load the joints with.
         differs: Which readings (m,) are differences of a loaded and an unloaded one.
-        derivatives: Whether derivatives by the compliances are wanted.
+        derivatives: Whether derivatives by the springs are wanted.
     """
-    after = resting_load(compliances, q, wrench, loads, derivatives)
+    after = resting_load(bending, q, wrench, loads, derivatives)
     if after is None or not differs.any():
         return after
     unloaded = np.zeros((int(differs.sum()), 6))
-    before = resting_load(compliances, q[differs], unloaded, loads, derivatives)
+    before = resting_load(bending, q[differs], unloaded, loads, derivatives)
     assert before is not None
     return Loading(after, differs, before)
 

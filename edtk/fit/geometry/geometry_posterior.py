@@ -18,6 +18,7 @@ from edtk.fit.posterior import (
 )
 from edtk.fit.prior import Prior
 from edtk.measure.measured_model import Load, Loading, MeasuredModel, Seen, Torque
+from edtk.robots.elastic_robot import widened
 from edtk.robots.rotations import rotation
 from edtk.system.typing import Array
 
@@ -55,33 +56,32 @@ def many_seen(model: MeasuredModel, theta: Array, q: Array, torque: Torque = Non
 
 def _many_seen(model: MeasuredModel, theta: Array, q: Array, torque: Array | None) -> Seen:
     """The same, all readings by themselves."""
-    base, errors, tools, softness = model.motions_of_many(theta)
-    robot = model.robot
+    base, errors, tools = model.motions_of_many(theta)
+    robot = model.chain.robot
     w = len(theta)
-    bent = np.broadcast_to(q, (w, *q.shape))
+    bent = np.broadcast_to(widened(q, robot.n), (w, len(q), robot.n))
     if torque is not None:
-        bent = q + softness[:, None] * torque
-    variables = model.chain.variables(bent.reshape(-1, q.shape[1])).reshape(w, len(q), -1)
+        # Turns are linear in the sizes of the springs.
+        turns = model.springs.out[:, None] * model.springs.amplitudes(torque.T)[..., None]
+        bent = bent + model.bending(np.zeros(model.p)).turn(torque)
+        bent = bent + np.tensordot(theta[:, model.springs.of], turns, 1)
+    variables = model.chain.variables(bent.reshape(-1, robot.n)).reshape(w, len(q), -1)
     R = np.broadcast_to(robot.base[:3, :3], (w, len(q), 3, 3))
     p = np.broadcast_to(robot.base[:3, 3], (w, len(q), 3))
     bodies: dict[int | None, tuple[Array, Array]] = {}
-    # All joints at once: their number of calls is what takes time.
-    bends = rotation(errors[:, :, 3:])
-    axes_of_joints = np.array([joint.axis for joint in robot.chain])
-    joint_turns = rotation(variables[..., None] * axes_of_joints)
     for j, joint in enumerate(robot.chain):
         p = p + R @ joint.origin[:3, 3]
         R = R @ joint.origin[:3, :3]
         p = p + (R @ errors[:, None, j, :3, None])[..., 0]
-        R = R @ bends[:, None, j]
+        R = R @ rotation(errors[:, j, 3:])[:, None]
         if model.chain.slides[j]:
             p = p + variables[..., j, None] * (R @ joint.axis)
         else:
-            R = R @ joint_turns[:, :, j]
+            R = R @ rotation(variables[..., j, None] * joint.axis)
         bodies[j] = R, p
     bodies[None] = R @ robot.tool[:3, :3], p + R @ robot.tool[:3, 3]
     axes, origins = (
-        np.stack([bodies[joint][part] for joint in model.bodies], axis=2) for part in (0, 1)
+        np.stack([bodies[joint][part] for joint in model.carriers], axis=2) for part in (0, 1)
     )
     points = origins + np.einsum("wmkij,wkj->wmki", axes, model.offsets + tools[..., :3])
     B = model.start[:3, :3] @ rotation(base[:, 3:])
@@ -139,7 +139,7 @@ class GeometryDensity:
         fitted = fit.fitted
         model = fitted.model
         means = fit.data.means
-        torque = loading_of(fitted.compliances, means, loads)
+        torque = loading_of(fitted.bending, means, loads)
         rows = PoseRows.of(model, fitted.theta, means, torque)
         V = fitted.noise.of_pose(rows.motion, rows.places, fit.data.worth, means.is_difference)
         there = means.rows_seen.reshape(len(means), -1)[:, :, None]

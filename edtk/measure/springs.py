@@ -1,0 +1,178 @@
+"""Springs: by how much joints and bearings turn under the torques that load them."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from edtk.measure.parameters import COMPONENTS, LINEAR, Parameter, own_direction
+from edtk.robots.elastic_robot import ElasticJoint, ElasticRobot
+from edtk.robots.robot import Robot
+from edtk.system.typing import Array, Indices
+
+# What a torque x does by each law, and its derivative. All are odd but `sign`: by it a spring is
+# softer under torques of one sign than under those of the other.
+LAWS: dict[str, tuple[Callable[[Array], Array], Callable[[Array], Array]]] = {
+    LINEAR: (lambda x: x, np.ones_like),
+    "square": (lambda x: x * np.abs(x), lambda x: 2 * np.abs(x)),
+    "cubic": (lambda x: x**3, lambda x: 3 * x**2),
+    "sign": (np.abs, np.sign),
+    "gap": (np.sign, np.zeros_like),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Springs:
+    """The springs of a model: torques tau (s,) turn the joints by ``sum_i k_i b_i(tau)``.
+
+    Coordinates are the free joints, then the elastic ones. A spring is a sum of terms
+    ``b = o f(g' tau)`` with a law f: ``g g' tau`` for a linear one along g, and of an entry of a
+    matrix off its diagonal ``e_a tau_b + e_b tau_a``, two terms. All are linear in k.
+
+    Attributes:
+        out: Directions o (T, s) of the terms.
+        by: Directions g (T, s) of the torques that they answer.
+        laws: The law of each term (T,).
+        of: Index (T,) of the parameter that each belongs to.
+    """
+
+    out: Array
+    by: Array
+    laws: tuple[str, ...]
+    of: Indices
+
+    @classmethod
+    def among(
+        cls, robot: Robot, elastic: Sequence[ElasticJoint], parameters: Sequence[Parameter]
+    ) -> "Springs":
+        """Those among parameters.
+
+        Args:
+            robot: The rigid robot.
+            elastic: The elastic joints, whose coordinates come after those of its free joints.
+            parameters: Of which some are springs.
+        """
+        width = robot.n + len(elastic)
+        terms = [
+            (i, out, by, one.law)
+            for i, one in enumerate(parameters)
+            if one.is_spring
+            for out, by in _terms(robot, elastic, one)
+        ]
+        shape = (len(terms), width)
+        return cls(
+            np.array([out for _, out, _, _ in terms]).reshape(shape),
+            np.array([by for _, _, by, _ in terms]).reshape(shape),
+            tuple(law for _, _, _, law in terms),
+            np.array([i for i, _, _, _ in terms], dtype=int),
+        )
+
+    @property
+    def width(self) -> int:
+        """Number s of coordinates."""
+        return self.out.shape[1]
+
+    @cached_property
+    def _by_law(self) -> list[tuple[str, Indices]]:
+        """The terms of each law but the linear one."""
+        laws = np.array(self.laws)
+        return [(law, np.flatnonzero(laws == law)) for law in set(self.laws) - {LINEAR}]
+
+    def amplitudes(self, torque: Array) -> Array:
+        """``f(g' tau)`` of each term (T, m), under torques (s, m)."""
+        found = self.by @ torque
+        for law, own in self._by_law:
+            found[own] = LAWS[law][0](found[own])
+        return found
+
+    def stiffening(self, torque: Array) -> Array:
+        """The derivatives ``f'(g' tau)`` (T, m)."""
+        found = np.ones((len(self.out), torque.shape[-1]))
+        for law, own in self._by_law:
+            found[own] = LAWS[law][1](self.by[own] @ torque)
+        return found
+
+    def by_torque(self, torque: Array, weights: Array) -> Array:
+        """Weights (s, m) of changes of the torques (s, m), for those (T, m) of the amplitudes."""
+        return self.by.T @ (weights * self.stiffening(torque))
+
+
+@dataclass(frozen=True, eq=False)
+class Bending:
+    """Springs with their sizes: what the loads of a robot turn its joints by.
+
+    Attributes:
+        springs: The springs that are parameters.
+        sizes: The size (T,) of each term, in SI units.
+        known: Compliances (s,) beside these [rad/(N m)].
+    """
+
+    springs: Springs
+    sizes: Array
+    known: Array
+
+    @property
+    def width(self) -> int:
+        """Number s of coordinates."""
+        return self.springs.width
+
+    @cached_property
+    def is_rigid(self) -> bool:
+        """Whether nothing gives way."""
+        return not (self.sizes.any() or self.known.any())
+
+    def turn(self, torque: Array) -> Array:
+        """Turns (m, s) of all joints under torques (m, s) [rad or m]."""
+        amplitudes = self.springs.amplitudes(torque.T).T
+        return (amplitudes * self.sizes) @ self.springs.out + self.known * torque
+
+    def tangent(self, torque: Array) -> Array:
+        """The derivatives K (m, s, s) of these turns by the torques."""
+        stiffening = self.springs.stiffening(torque.T).T * self.sizes
+        K = self.springs.out.T @ (stiffening[..., None] * self.springs.by)
+        return np.asarray(K + np.diag(self.known))
+
+
+def _terms(
+    robot: Robot, elastic: Sequence[ElasticJoint], one: Parameter
+) -> list[tuple[Array, Array]]:
+    """Directions (s,) of the terms of a spring, and of the torques that they answer."""
+    ends = [_direction(robot, elastic, one.of, component) for component in one.ends]
+    if len(ends) == 1:
+        return [(ends[0], ends[0])]
+    return [(ends[0], ends[1]), (ends[1], ends[0])]
+
+
+def _direction(robot: Robot, elastic: Sequence[ElasticJoint], joint: str, component: str) -> Array:
+    """The coordinate (s,) of a spring, or of the joint itself along whose axis it is."""
+    g = np.zeros(robot.n + len(elastic))
+    own = own_direction(robot, joint, component) if component else 1
+    if own:
+        g[robot.joint_names.index(joint)] = own
+        return g
+    places = [(other.before, other.component) for other in elastic]
+    g[robot.n + places.index((joint, COMPONENTS.index(component)))] = 1.0
+    return g
+
+
+def elastic_joints(robot: Robot, parameters: Sequence[Parameter]) -> tuple[ElasticJoint, ...]:
+    """The elastic joints that springs need, from base to tip."""
+    needed = {
+        (one.of, component)
+        for one in parameters
+        if one.is_spring
+        for component in one.ends
+        if component and not own_direction(robot, one.of, component)
+    }
+    return tuple(
+        ElasticJoint(name, i, f"{name}.{component}")
+        for name in robot.body_names
+        for i, component in enumerate(COMPONENTS)
+        if (name, component) in needed
+    )
+
+
+def sprung(robot: Robot, elastic: tuple[ElasticJoint, ...]) -> Robot:
+    """The robot with its elastic joints."""
+    return ElasticRobot.of(robot, elastic)
