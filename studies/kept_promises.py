@@ -28,7 +28,15 @@ import pandas as pd
 from fault_robots import robots
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from simulated_arm import MOTIONS, Motion, SimulatedArm, bending
+from simulated_arm import (
+    MOTIONS,
+    Compensator,
+    Mass,
+    Motion,
+    Point,
+    SimulatedArm,
+    bending,
+)
 
 import edtk
 from edtk.design.candidate_source import sample_feasible
@@ -40,6 +48,7 @@ from edtk.measure.pose_table import (
 )
 from edtk.measure.task import Task
 from edtk.report.tables import markdown_table
+from edtk.robots.compensator import Compensator as Drawn
 from edtk.system.errors import UserError
 
 Array = NDArray[np.float64]
@@ -112,15 +121,29 @@ class Scene:
 
 
 def arm_of(robot: edtk.Robot, compliance: Array) -> SimulatedArm:
-    """The simulated arm of a drawing, with springs (n,) in its joints."""
+    """The simulated arm of a drawing, with springs (n,) of its drives, weights and compensators."""
+    ties = robot.ties
     return SimulatedArm(
+        coupling=None if ties is None else ties.matrix,
+        offset=None if ties is None else ties.offset,
         origins=np.array([joint.origin for joint in robot.chain]),
         axes=np.array([joint.axis for joint in robot.chain]),
         slides=tuple(joint.kind == "prismatic" for joint in robot.chain),
         compliance=compliance,
         base=robot.base,
         tool=robot.tool,
+        masses=tuple(Mass(link.mass, Point(j, link.center)) for j, link in enumerate(robot.links)),
+        compensators=tuple(_compensator(robot, one) for one in robot.compensators),
     )
+
+
+def _compensator(robot: edtk.Robot, one: Drawn) -> Compensator:
+    """A compensator of a drawing; of a gas the slope is relative to the force."""
+    joint = robot.body_names.index(one.joint)
+    if one.medium == "gas":
+        slope = one.stiffness / one.preload
+        return Compensator(joint, one.before, one.behind, one.preload, slope=slope)
+    return Compensator(joint, one.before, one.behind, one.preload, one.stiffness)
 
 
 def scenes() -> dict[str, Scene]:

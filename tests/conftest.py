@@ -4,6 +4,7 @@ import gc
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from criteria import registry
+from edtk.fit.run_chain import Demand
 from edtk.system.workers import open_workers
 
 Array = NDArray[np.float64]
@@ -115,11 +117,19 @@ def one_process() -> Iterator[None]:
         yield
 
 
+@dataclass(frozen=True)
+class ShortChain(Demand):
+    """What verbs and commands demand of a chain that nobody takes for more than a test's."""
+
+    length: float = 15.0
+
+
 @pytest.fixture(scope="session", autouse=True)
 def small_searches() -> Iterator[pytest.MonkeyPatch]:
     """Searches over all poses look at fewer poses from fewer starts, and searches for a plan end
-    after one batch of starts, whose best plans are kicked in one turn. What is found is judged as
-    anything else; tests of the searches themselves choose their own numbers.
+    after one batch of starts, whose best plans are kicked in one turn; chains of verbs and commands
+    end after fifteen autocorrelation times. What is found is judged as anything else; tests of the
+    searches and of chains themselves choose their own numbers.
     """
     with pytest.MonkeyPatch.context() as patch:
         _make_searches_small(patch)
@@ -131,6 +141,7 @@ def _make_searches_small(patch: pytest.MonkeyPatch) -> None:
     patch.setattr("edtk.design.relaxation.search_continuum.STARTS", 12)
     patch.setattr("edtk.study.plan_study.STARTS", 16)
     patch.setattr("edtk.design.exact.search_record.TURNS", 1)
+    patch.setattr("edtk.fit.run_chain.Demand", ShortChain)
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ from edtk.system.typing import Array
 SMALL_ANGLE = 1e-2
 # Angle [rad] below which closed forms cancel, and two terms of a series are exact.
 SMALL_VECTOR = 1e-3
+NO_ANGLE = 1e-20  # [rad], whose sine is as large as it
 
 
 def vector_product(a: Array, b: Array) -> Array:
@@ -82,11 +83,31 @@ def skew(w: Array) -> Array:
 
 
 def rotation(w: Array) -> Array:
-    """Rotations ``exp([w]x)`` (..., 3, 3) by vectors w (..., 3) [rad] (Rodrigues)."""
-    angle = np.linalg.norm(w, axis=-1)[..., None, None]
-    S = skew(w)
-    half = np.sinc(angle / (2 * np.pi))
-    return np.eye(3) + np.sinc(angle / np.pi) * S + 0.5 * half**2 * (S @ S)
+    """Rotations ``exp([w]x)`` (..., 3, 3) by vectors w (..., 3) [rad] (Rodrigues).
+
+    ``I + sin a/a [w]x + (1 - cos a)/a^2 [w]x^2`` for the angle a, written out: densities and fits
+    ask for few turns at a time, very often.
+    """
+    x, y, z = w[..., 0], w[..., 1], w[..., 2]
+    xx, yy, zz = x * x, y * y, z * z
+    angle = np.sqrt(xx + yy + zz)
+    first = _sinc(angle)
+    second = 0.5 * _sinc(0.5 * angle) ** 2
+    R = np.empty((*w.shape, 3))
+    R[..., 0, 0] = 1.0 - second * (yy + zz)
+    R[..., 1, 1] = 1.0 - second * (xx + zz)
+    R[..., 2, 2] = 1.0 - second * (xx + yy)
+    for i, j, both, turn in ((0, 1, x * y, -z), (1, 2, y * z, -x), (2, 0, z * x, -y)):
+        even, odd = second * both, first * turn
+        R[..., i, j] = even + odd
+        R[..., j, i] = even - odd
+    return R
+
+
+def _sinc(angle: Array) -> Array:
+    """``sin a / a`` of angles that are not negative; 1 at zero."""
+    safe = np.maximum(angle, NO_ANGLE)
+    return np.asarray(np.sin(safe) / safe)
 
 
 def rotation_vectors(R: Array) -> Array:
@@ -107,7 +128,7 @@ def left_jacobian(w: Array) -> Array:
     closed = (safe - np.sin(safe)) / safe**3
     second = np.where(angle < SMALL_VECTOR, 1 / 6 - angle**2 / 120, closed)
     S = skew(w)
-    return np.eye(3) + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * S + second * (S @ S)
+    return np.eye(3) + 0.5 * _sinc(0.5 * angle) ** 2 * S + second * (S @ S)
 
 
 def transform(position: ArrayLike = (0, 0, 0), rpy: ArrayLike = (0, 0, 0)) -> Array:

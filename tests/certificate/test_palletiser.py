@@ -15,6 +15,7 @@ from edtk.design.plan import Plan
 from edtk.system.errors import Note, UserError
 
 STUDY = edtk.load_study(Path(__file__).parents[2] / "studies/palletiser.toml")
+MILLING = edtk.load_study(Path(__file__).parents[2] / "studies/kr270_six_compliances.toml")
 K = np.array([4e-7, 2.5e-7, 3e-7, 3e-6])
 TOOL = np.array([0.4, 0.0, 0.3])
 IN_USE = np.array([0.0, 0.0, 0.45])
@@ -53,6 +54,24 @@ def test_a_relaxation_is_verified_by_the_second_implementation(tmp_path):
     assert content["setting"]["coupled_margin"] == pytest.approx([np.deg2rad(2)])
     assert joints[3]["follows"]["others"] == [{"joint": 2, "factor": -1.0}]
     joints[2]["coupled"][0]["factor"] = -0.9
+    path.write_text(json.dumps(content))
+    assert not edtk.verify(path).valid
+
+
+def test_a_hollow_wrist_is_verified_too(tmp_path):
+    """Joint 6 is driven through joints 4 and 5, and 5 through 4: a chain of couplings."""
+    table = [
+        {"joint": "q5", "follows": "q4", "factor": 0.02},
+        {"joint": "q6", "follows": "q4", "factor": 0.01},
+        {"joint": "q6", "follows": "q5", "factor": -0.98, "joint_limits_deg": [-300, 300]},
+    ]
+    study = MILLING.replace(robot={"file": "kuka_kr270", "coupling": table}, candidates=100)
+    path = tmp_path / "certificate.json"
+    edtk.relax(study, certificate=path, workers=1)
+    assert edtk.verify(path, study=study).valid
+    assert not edtk.verify(path, study=MILLING).valid
+    content = json.loads(path.read_text())
+    del content["setting"]["robot"]["joints"][4]["coupled"]
     path.write_text(json.dumps(content))
     assert not edtk.verify(path).valid
 

@@ -48,7 +48,7 @@ def lines(data, *args, **options):
 @pytest.mark.slow
 def test_nothing_wrong(unassuming):
     """Clean measurements raise doubts in so few runs as happen to, where one of twenty does."""
-    runs = 40
+    runs = 20
     doubted = sum(
         any(lines(measured(seed), study, PLAN) for study in (STUDY, unassuming))
         for seed in range(runs)

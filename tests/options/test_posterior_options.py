@@ -57,12 +57,12 @@ def test_a_chain_is_taken_up(question: tuple[Path, Path], tmp_path: Path) -> Non
     paths = [str(path) for path in question]
     words = ["identify", *paths, "--as-is", "--bayes", "--accuracy", "0.3", "--seed", "1", "--json"]
     files = {}
-    for name, first in (("whole", ()), ("stopped", ("--most", "600"))):
+    for name, first in (("whole", ()), ("stopped", ("--most", "300"))):
         chain, export = tmp_path / f"{name}.h5", tmp_path / f"{name}.nc"
         kept = [*words, "--chain", str(chain), "--export", str(export)]
         if first:
             code, _, err = run(*kept, *first)
-            assert (code, "did not converge in 600 steps" in err) == (2, True)
+            assert (code, "did not converge in 300 steps" in err) == (2, True)
             assert not export.exists()
         code, out, _ = run(*kept)
         assert code == 0

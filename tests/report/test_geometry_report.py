@@ -28,9 +28,14 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> GeometricCalibration:
     return calibration
 
 
-def test_it_says_what_a_person_wants_to_know(found: GeometricCalibration) -> None:
+@pytest.fixture(scope="module")
+def text(found: GeometricCalibration) -> str:
+    """Its report, whose pictures take seconds."""
+    return geometry_report(found)
+
+
+def test_it_says_what_a_person_wants_to_know(found: GeometricCalibration, text: str) -> None:
     """Verdict with the error to expect, the row that is wrong, units, rank, and the file."""
-    text = geometry_report(found)
     assert 'data-level="usable"' in text
     assert f"Expect errors of {found.loo_rms_mm:.2g} mm (rms)" in text
     assert "Row 5: positions are up to" in text
@@ -48,7 +53,8 @@ def test_it_says_what_a_person_wants_to_know(found: GeometricCalibration) -> Non
 def test_poses_that_no_other_predicts_are_no_promise(found: GeometricCalibration) -> None:
     """Where a pose is predicted worse than by base and tool alone, no such error is promised."""
     fit = replace(found.fit, placed=1e-9)
-    few = replace(found, fit=fit, findings=tuple(geometric_findings(fit, found.setting)))
+    findings = tuple(geometric_findings(fit, found.setting))
+    few = replace(found, fit=fit, findings=findings, check=None)  # its pictures take seconds
     text = geometry_report(few)
     assert few.verdict == "bad"
     assert "in poses like these" not in text
@@ -67,9 +73,9 @@ def test_open_directions_are_in_the_report(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine")
-def test_in_a_browser(found: GeometricCalibration, tmp_path: Path) -> None:
+def test_in_a_browser(text: str, tmp_path: Path) -> None:
     """Verdict and pictures are shown at desk and phone width, and nothing is wider than those."""
-    seen = in_browser([geometry_report(found)], tmp_path)
+    seen = in_browser([text], tmp_path)
     assert seen == [f"6 6 true true true {width}" for width in WIDTHS]
 
 

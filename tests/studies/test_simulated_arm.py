@@ -4,12 +4,16 @@ import numpy as np
 import pytest
 from scipy import integrate
 
+from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.equilibrium import equilibrium
+from edtk.robots.frames import BodyPoint
 from edtk.robots.load_robot import load_robot
+from edtk.robots.weights import DeadWeights, Loading
 
 KR270 = np.array([4e-7, 3e-7, 4e-7, 2.8e-6, 2.8e-6, 2.1e-6])  # [rad/(N m)]
 LATERAL = 1e-7  # of turns [rad/(N m)], and a tenth of it of shifts [m/N]
 POSITION = 1e-9  # to which equilibria agree [m]
+ROWS = 1e-7  # to which rows agree, of the largest
 
 
 @pytest.fixture(scope="module")
@@ -23,15 +27,15 @@ def robot():
 
 
 @pytest.fixture(scope="module")
-def plain(module, robot):
+def arm_of(script):
+    """A function that reads the arrays of a simulated arm from a drawing of edtk."""
+    return script("kept_promises.py").arm_of
+
+
+@pytest.fixture(scope="module")
+def plain(arm_of, robot):
     """A KR 270 of six ideal springs."""
-    joints = robot.chain
-    return module.SimulatedArm(
-        origins=np.array([joint.origin for joint in joints]),
-        axes=np.array([joint.axis for joint in joints]),
-        compliance=KR270,
-        tool=robot.tool,
-    )
+    return arm_of(robot, KR270)
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +106,7 @@ def test_beam_is_stiffer_than_its_parts(module):
     np.testing.assert_allclose(half + T @ half @ T.T, whole, atol=1e-15)
 
 
-def test_drives_on_the_base_turn_a_parallelogram(module, plain, robot):
+def test_drives_on_the_base_turn_a_parallelogram(plain, robot):
     """Where the third motor sits on the base, the second one lifts the upper arm alone."""
     P = np.eye(6)
     P[2, 1] = -1.0
@@ -114,6 +118,43 @@ def test_drives_on_the_base_turn_a_parallelogram(module, plain, robot):
     # Loads of the drives are those of the joints, folded.
     loads = arm.loads(drives, wrench, np.zeros((2, 6)))
     np.testing.assert_allclose(loads, plain.loads(q, wrench, np.zeros((2, 6))) @ P, rtol=1e-12)
+
+
+def test_palletiser_rests_where_edtk_has_it(module, arm_of):
+    """Drives on the base, a joint that rods keep level, and weights of all links; and its rows."""
+    robot = load_robot("palletiser")
+    k = np.array([4e-7, 2.5e-7, 3e-7, 3e-6])
+    weights = [module.Mass(x.mass, module.Point(j, x.center)) for j, x in enumerate(robot.links)]
+    arm = arm_of(robot, k).replace(masses=tuple(weights))
+    q = np.random.default_rng(2).uniform(*robot.limits, (5, 4))
+    wrench = np.tile([300.0, -900.0, -1500.0, 50.0, -80.0, 120.0], (5, 1))
+    centers = tuple(BodyPoint(link.center, j) for j, link in enumerate(robot.links))
+    hung = DeadWeights(tuple(link.mass for link in robot.links), centers, len(robot.chain))
+    there = arm.points(q, [arm.at], arm.rest(q, wrench))[:, 0]
+    rest = q + equilibrium(robot, q, wrench, k, loading=Loading(weights=hung)).theta
+    np.testing.assert_allclose(there, robot.forward(rest)[:, :3, 3], rtol=0, atol=POSITION)
+    light = arm.replace(masses=())
+    rows = ElastostaticModel(robot).regressor(q, wrench)
+    np.testing.assert_allclose(rows, differences(light, q, wrench), rtol=0, atol=rows_to(rows))
+
+
+def rows_to(rows):
+    """By how much two codes may differ in rows."""
+    return ROWS * np.abs(rows).max()
+
+
+def differences(arm, q, wrench, at=0.0):
+    """Rows (m, 3, n) of the point where the wrench acts, by springs about such a share of them."""
+    columns = []
+    for j, k in enumerate(arm.compliance):
+        ends = []
+        for step in (-2, -1, 1, 2):
+            some = at * arm.compliance
+            some[j] += 1e-3 * step * k
+            bent = arm.replace(compliance=some)
+            ends.append(bent.points(q, [arm.at], bent.rest(q, wrench))[:, 0])
+        columns.append((ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / (12e-3 * k))
+    return np.stack(columns, axis=-1)
 
 
 @pytest.mark.parametrize("kind", ["square", "cubic", "sign", "gap"])

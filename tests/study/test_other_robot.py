@@ -78,7 +78,7 @@ def test_the_whole_way_from_study_to_posterior(study: Path) -> None:
     assert {"efficiency_rho0", "efficiency_G"} <= set(results)
     # The best plan for rho0 may leave a compliance to the bound k > 0; that for A does not.
     edtk("plan", study, "--size", 3, "--criterion", "A", "--workers", 1, "--out", out / "A.csv")
-    rows = json.loads(edtk("bayes", study, out / "A.csv", "--json", "--accuracy", 0.1))[
+    rows = json.loads(edtk("bayes", study, out / "A.csv", "--json", "--accuracy", 0.3))[
         "parameters"
     ]
     assert [row["parameter"] for row in rows] == ["k_shoulder", "k_elbow", "k_wrist"]

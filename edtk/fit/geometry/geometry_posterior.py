@@ -69,15 +69,19 @@ def _many_seen(model: MeasuredModel, theta: Array, q: Array, torque: Array | Non
     R = np.broadcast_to(robot.base[:3, :3], (w, len(q), 3, 3))
     p = np.broadcast_to(robot.base[:3, 3], (w, len(q), 3))
     bodies: dict[int | None, tuple[Array, Array]] = {}
+    # All joints at once: their number of calls is what takes time.
+    bends = rotation(errors[:, :, 3:])
+    axes_of_joints = np.array([joint.axis for joint in robot.chain])
+    joint_turns = rotation(variables[..., None] * axes_of_joints)
     for j, joint in enumerate(robot.chain):
         p = p + R @ joint.origin[:3, 3]
         R = R @ joint.origin[:3, :3]
         p = p + (R @ errors[:, None, j, :3, None])[..., 0]
-        R = R @ rotation(errors[:, j, 3:])[:, None]
+        R = R @ bends[:, None, j]
         if model.chain.slides[j]:
             p = p + variables[..., j, None] * (R @ joint.axis)
         else:
-            R = R @ rotation(variables[..., j, None] * joint.axis)
+            R = R @ joint_turns[:, :, j]
         bodies[j] = R, p
     bodies[None] = R @ robot.tool[:3, :3], p + R @ robot.tool[:3, 3]
     axes, origins = (

@@ -111,7 +111,7 @@ def test_it_depends_on_itself_alone():
 @pytest.mark.parametrize("args", CASES)
 def test_company_does_not_matter(args):
     """Batches that are done together come back with what each of them does alone, bit by bit."""
-    seeds = [(0,), (1,), (2,)]
+    seeds = [(0,), (1,)]
     together = Batches(tuple(batch(*args, seed) for seed in seeds))()
     for own, seed in zip(together, seeds, strict=True):
         assert_equal(own, answer(*args, seed))

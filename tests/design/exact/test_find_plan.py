@@ -34,7 +34,7 @@ pytestmark = pytest.mark.slow
 BATCH = 16  # starts of one
 GAP = 1e-3  # of the relaxations, searched over all poses
 RUNS = [(name, m) for name in ("rho0", "D") for m in (2, 3, 4)]
-RUNS += [("rho0", 12), ("D", 20), ("O2", 2), ("O2", 4)]
+RUNS += [("rho0", 12), ("D", 20), ("O2", 4)]
 
 
 @cache
@@ -136,7 +136,7 @@ def test_a_pose_that_occurs_twice_is_one_with_repetitions(name, m):
     assert len(plan.q) <= 16  # p(p + 1)/2 + 1
 
 
-@pytest.mark.parametrize("name", ["rho0", "D", "E"])
+@pytest.mark.parametrize("name", ["rho0", "D"])
 def test_seeds_agree(name):
     """Two seeds of a few starts each come within 0.3 % of each other for four experiments."""
     costs = [found(name, 4, None, seed).cost for seed in (0, 1)]

@@ -137,6 +137,18 @@ def test_joints_that_follow_others_move_with_them(
 
 
 @pytest.mark.slow
+def test_a_controller_that_shows_the_elbow_of_a_parallelogram_is_found() -> None:
+    """Poses of the model are the motors'; what is counted from the upper arm has `follows`."""
+    content = robot_to_dict(load_robot("palletiser"))
+    table = {"zero_deg": {"q2": 88.5}, "follows": {"q3": "q2"}}
+    robot = robot_from_dict(content | {"controller": table})
+    found = find_controller(robot, measured(robot, 9, 2))
+    assert found.clear
+    assert found.best.table()["follows"] == {"q3": "q2"}
+    assert found.best.table()["zero_deg"]["q2"] == pytest.approx(88.5, abs=0.01)
+
+
+@pytest.mark.slow
 def test_nothing_to_say_where_the_controller_counts_as_the_model() -> None:
     """The table is empty, and the summary says that none is needed."""
     robot = arm(*SHORT)
