@@ -76,6 +76,7 @@ def test_a_hollow_wrist_is_verified_too(tmp_path):
     assert not edtk.verify(path).valid
 
 
+@pytest.mark.cell("`[[robot.coupling]]`", "springs")
 def test_springs_of_motors_come_back_and_make_good_commands():
     """Displacements by least energy, weights on: springs, and a command that makes up for them."""
     sheet, q, forces = sheet_of(STUDY, poses(15))
@@ -96,6 +97,7 @@ def test_springs_of_motors_come_back_and_make_good_commands():
     assert np.linalg.norm(there - wanted) < task.band[0, 1] < 0.1 * task.uncompensated[0]
 
 
+@pytest.mark.cell("`[[robot.coupling]]`", "parameters")
 def test_positions_tell_the_springs_and_a_long_link_alike():
     """A study with parameters: absolute positions of the hanging arm, whose forearm is too long."""
     study = STUDY.replace(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from edtk.robots.joint import Joint, TiedJoint
+from edtk.robots.joint import Coupling, Joint, TiedJoint
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import transform
 
@@ -39,3 +39,9 @@ def tied_chain() -> Robot:
     )
     joints = tuple(joint for place, joint in enumerate(free.joints) if place not in ties)
     return replace(free, joints=joints, tied=tied)
+
+
+def coupled_chain() -> Robot:
+    """The same, whose drives pass other joints: the third that of the first, the last the third."""
+    couplings = (Coupling("q6", "q3", -0.8), Coupling("q3", "q1", 0.5))
+    return replace(tied_chain(), couplings=couplings)

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from chains import mixed_chain, tied_chain
+from chains import coupled_chain, mixed_chain, tied_chain
 from numpy.typing import NDArray
 
 from edtk.measure.measured_model import Load, Loading, MeasuredModel
@@ -16,7 +16,7 @@ from edtk.robots.rotations import rotation_vectors
 
 Array = NDArray[np.float64]
 RNG = np.random.default_rng(3)
-CHAINS = {"mixed": mixed_chain(6), "tied": tied_chain()}
+CHAINS = {"mixed": mixed_chain(6), "tied": tied_chain(), "coupled": coupled_chain()}
 
 
 Rows = Literal["position", "pose", "mixed"]
