@@ -385,6 +385,8 @@ def causes_words(data: Data) -> str:
     cause = data["cause"]
     others = data["others"]
     share = f"{100 * cause.explained:.3g} % of the misfit (p {shown_probability(cause.p, 1)})"
+    if cause.effect is not None:
+        share += f" and puts the test pose off by {1e3 * cause.effect:.2g} mm"
     if not others:
         return f"{cause_wording(cause)}: that explains {share}"
     either = ", or ".join(cause_wording(one) for one in (cause, *others))

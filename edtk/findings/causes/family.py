@@ -44,6 +44,8 @@ class Cause:
         times: Of a second cause: how often each experiment would have to be measured until the
             first one is told from it; None if that is not known, or a hundred times do not.
         grows: Whether it grows from row to row, up to its size.
+        effect: By how much it makes a compensated robot err in the test poses, root mean square
+            [m]; None where that is not known.
     """
 
     cause: str
@@ -56,6 +58,7 @@ class Cause:
     rows: tuple[int, ...] = ()
     times: int | None = None
     grows: bool = False
+    effect: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON; rows are counted from 1."""
@@ -70,6 +73,7 @@ class Cause:
             "rows": [row + 1 for row in self.rows],
             "times": self.times,
             "grows": self.grows,
+            "effect_mm": None if self.effect is None else 1e3 * self.effect,
         }
 
 
@@ -109,6 +113,7 @@ class Family:
         rows: Rows of the measurements that the fault is in, counted from 0; empty for all.
         only_positive: Whether there is no such fault of a negative size.
         grows: Whether the fault grows from row to row, up to its size.
+        shape: Which of several shapes of one fault it is, counted from 0.
     """
 
     cause: str
@@ -122,18 +127,20 @@ class Family:
     rows: tuple[int, ...] = ()
     only_positive: bool = False
     grows: bool = False
+    shape: int = 0
     _at_zero: dict[bytes, Array] = field(default_factory=dict, init=False, repr=False)
 
     def derivative(self, c: Array, k: Array) -> Array:
         """Derivatives (m, rows, dims) of the predictions by the size of the fault."""
         if isinstance(self.predict, Added):
             return self.predict.columns
+        size = STEP * max(self.usual, 1.0)  # torques are a thousand times one
         columns = []
-        for step in STEP * np.eye(self.dims):
+        for step in size * np.eye(self.dims):
             ahead = self.predict(c + step)
             behind = self.predict(c - step)
             change = (ahead[0] - behind[0]) @ k + ahead[1] - behind[1]
-            columns.append(change / (2 * STEP))
+            columns.append(change / (2 * size))
         return np.stack(columns, axis=-1)
 
     def derivative_at_zero(self, k: Array) -> Array:
@@ -251,6 +258,8 @@ class Tried:
         rarity: What the parameters cost where their usual size is known, see `rarity`.
         family: The family that it is one of; None for faults of single rows and of noise.
         size: Size of the fault (dims,) in that family, SI; None without one.
+        share: Share of what springs do that the model leaves out beside the fault, where that was
+            fitted too; zero else.
     """
 
     cause: Cause
@@ -260,6 +269,7 @@ class Tried:
     rarity: float | None = None
     family: Family | None = None
     size: Array | None = None
+    share: float = 0.0
 
     def score(self, coordinates: int) -> float:
         """Deviance, with what the parameters and the alternatives of the same kind cost.

@@ -4,7 +4,7 @@ A new cause is one `Fault` at the end of this file. Causes of sheets, `--detect`
 told apart, and the error budget take from it what they need, for displacements and for positions.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from edtk.findings.causes.family import NOISE, POSE, Cause, Family, Predict
 from edtk.findings.causes.scene import (
     AXES,
     Models,
+    Pull,
     Scene,
     added,
     grown,
@@ -21,6 +22,7 @@ from edtk.findings.causes.scene import (
     turned_by,
 )
 from edtk.findings.finding import Finding, row_names
+from edtk.measure.parameters import ALONG
 from edtk.system.typing import Array, Mask
 
 MM = 1e3
@@ -44,6 +46,12 @@ USUAL_GROWTH = 1e-4  # of lengths, where an arm of steel warms up by eight degre
 USUAL_SHARE = 0.15  # of a compliance, by which the sign of its torque changes it to either side
 # To a side: robots' gears have a lost motion of about one arc-minute in all [rad, m].
 USUAL_PLAY = {"revolute": np.deg2rad(1 / 120), "prismatic": 0.05e-3}
+# A spring across a joint's axis, over the joint's own: bearings and links are stiffer than gears.
+USUAL_ACROSS = 0.2
+USUAL_BALANCE = 0.5  # torque of a compensator, over the largest that the load makes there
+LEVERS = 0.25  # the levers of its anchors, the shorter over the longer one
+USUAL_LAW = 0.2  # of a compliance, by which it differs between no load and the largest one
+USUAL_VARIES = 0.1  # of a compliance, by which it changes to either side as the joint turns
 USUAL_LOSS = 0.1  # of a joint's load, which friction holds: gears lose so much
 # Of the zero of a joint: a mark that was not met, a mastering by another convention [rad, m].
 USUAL_ZERO = {"revolute": np.deg2rad(1.0), "prismatic": 1e-3}
@@ -71,6 +79,7 @@ class Fault:
         by_springs: Whether it shows only in what springs give way.
         by_compliances: Whether compliances say how much of it shows.
         in_positions: Whether it shows only in positions in the frame of the instrument.
+        in_tasks: Whether the robot itself is another one, so that it errs where it works, too.
     """
 
     name: str
@@ -80,6 +89,7 @@ class Fault:
     by_springs: bool = False
     by_compliances: bool = False
     in_positions: bool = False
+    in_tasks: bool = False
 
 
 def units_in_words() -> str:
@@ -215,7 +225,7 @@ def _chosen_by_sign(scene: Scene) -> Iterator[tuple[Mask, str, float]]:
     Arms are built of equal gears. With the name, and how many such faults there are: all joints are
     as likely as a single one.
     """
-    torque = scene.torque
+    torque = scene.sheet.torque
     both: Mask = np.any(torque > 0, axis=0) & np.any(torque < 0, axis=0)
     every: Mask = np.ones(torque.shape[1], dtype=bool)
     single = np.flatnonzero(both)
@@ -272,17 +282,18 @@ def _friction(scene: Scene) -> Iterator[Family]:
     """
     torque = np.abs(scene.torque)
     kinds = _kinds(scene)
-    loaded = np.flatnonzero(torque.max(axis=0, initial=0.0) > 0)
+    often = np.abs(scene.sheet.torque)
+    loaded = np.flatnonzero(often.max(axis=0, initial=0.0) > 0)
     units = {"revolute": ("N m", 1.0), "prismatic": ("N", 1.0)}
     tries = 2 * len(loaded)  # all joints are as likely as a single one
     for j in loaded:
-        usual = USUAL_LOSS * float(torque[:, j].mean())
+        usual = USUAL_LOSS * float(often[:, j].mean())
         held = _held(scene, torque, np.eye(len(kinds))[j])
         name = scene.robot.joint_names[scene.sprung[j]]
         yield Family("friction", *units[kinds[j]], 1, usual, held, tries, name, only_positive=True)
     if len(set(kinds)) > 1 or not len(loaded):
         return
-    usual = USUAL_LOSS * float(torque.mean())
+    usual = USUAL_LOSS * float(often.mean())
     held = _held(scene, torque, np.ones(len(kinds)))
     yield Family("friction", *units[kinds[0]], 1, usual, held, 4, only_positive=True)
     if (scene.soft > 0).all():
@@ -300,6 +311,170 @@ def _held(scene: Scene, torque: Array, share: Array) -> Predict:
 def _friction_words(cause: Cause) -> str:
     what = "of its load" if cause.unit.startswith("N") else "of its motion"
     return f"friction in {_joint(cause)} looks to take {_size(cause)} {what}"
+
+
+def _lateral(scene: Scene) -> Iterator[Family]:
+    """A spring across a joint's axis: a bearing, or the link before it, that bends.
+
+    It is one about an axis of the frame before the joint, both alike, or those of all joints. Its
+    size is a share of the joint's own compliance, or of the mean one where the joint has none. What
+    is along the axis of another sprung joint, as in a wrist, is that joint's own spring.
+    """
+    joints = scene.robot.joints
+    if scene.in_frame or not (scene.soft > 0).any():
+        return
+    every = np.zeros(scene.A.shape[:2])
+    for j, joint in enumerate(joints):
+        slides = joint.kind == "prismatic"
+        across = [i for i in range(len(AXES)) if slides or abs(joint.axis[i]) <= ALONG]
+        own = _own_compliance(scene, j)
+        each = {i: own * scene.across(j, i) for i in across}
+        columns = {i: one for i, one in each.items() if not _is_sprung(scene.sheet, j, i)}
+        if not columns:
+            continue
+        total = np.sum(list(columns.values()), axis=0)
+        every = every + total
+        for i, column in columns.items():
+            name = f"{joint.name}.r{AXES[i]}"
+            predict = added(scene, column[..., None])
+            tries = 3 * len(across) * len(joints)
+            yield _across(predict, tries, name)
+        if len(columns) > 1:
+            yield _across(added(scene, total[..., None]), 3 * len(joints), joint.name)
+    yield _across(added(scene, every[..., None]), 3)
+
+
+def _is_sprung(sheet: Scene, joint: int, axis: int) -> bool:
+    """Whether a spring across a joint does what springs of joints can do."""
+    return _is_one_of(sheet.springs, sheet.across(joint, axis)[..., None])
+
+
+def _across(predict: Predict, tries: float, name: str = "") -> Family:
+    """A lateral spring, or several alike."""
+    return Family(
+        "lateral", "%", PERCENT, 1, USUAL_ACROSS, predict, tries, name, only_positive=True
+    )
+
+
+def _own_compliance(scene: Scene, joint: int) -> float:
+    """The compliance of a joint; the mean one of those that turn where it has none of its own."""
+    soft = np.maximum(scene.soft, 0.0)
+    turns = np.array([kind == "revolute" for kind in _kinds(scene)])
+    if joint in scene.sprung and turns[scene.sprung.index(joint)]:
+        own = float(soft[scene.sprung.index(joint)])
+        if own > 0:
+            return own
+    return float(soft[turns].mean()) if turns.any() else 0.0
+
+
+def _lateral_words(cause: Cause) -> str:
+    name, _, about = cause.joint.partition(".r")
+    where = f"joint {name}" if name else "every joint"
+    axis = f" about {about} (spring {cause.joint})" if about else " about both axes across it"
+    springs = [cause.joint] if about else [f"{name}.rx", "..."] if name else ["lateral"]
+    size = f"{_size(cause)} of its own compliance"
+    return f"{where} looks to bend across its axis too,{axis}, by {size}: {model_it(springs)}"
+
+
+def model_it(springs: Sequence[str]) -> str:
+    """What to do about a missing spring."""
+    asked = ", ".join(f'"{one}"' for one in springs)
+    return f"ask for springs = [{asked}] in [parameters], or see --extend"
+
+
+def _compensator(scene: Scene) -> Iterator[Family]:
+    """A spring or a gas cylinder that pulls at a joint against the weight of the arm.
+
+    Its anchors are at distances a and L from the axis, with the ratio r, so that their distance is
+    ``s = L sqrt(1 + r^2 + 2 r cos x)`` with ``x = q + phi``. With the force F the torque is
+
+        ``T = -F ds/dq = C f(x)``,  ``f = sin x / (s / L)^n``:
+
+    n is zero for a coil that is unloaded at no length, whose force grows with s, and one for a gas
+    or a coil with much preload, whose force is the same. A joint's stiffness changes by ``-T'``.
+    """
+    kinds = _kinds(scene)
+    turning = [i for i, kind in enumerate(kinds) if kind == "revolute"]
+    for i in turning:
+        usual = USUAL_BALANCE * float(np.abs(scene.sheet.torque[:, i]).max(initial=0.0))
+        if usual == 0:
+            continue
+        name = scene.robot.joint_names[scene.sprung[i]]
+        for shape, ratio in enumerate((0.0, LEVERS)):
+            predict = scene.pulled(i, _pull(scene.q[:, scene.sprung[i]], ratio))
+            tries = 2 * len(turning)
+            yield Family("compensator", "N m", 1.0, 2, usual, predict, tries, name, shape=shape)
+
+
+def _pull(q: Array, r: float) -> Pull:
+    """The torque (m,) of a compensator at angles q (m,), and its slope, see `_compensator`."""
+
+    def pull(c: Array) -> tuple[Array, Array]:
+        C, x = float(np.linalg.norm(c)), q + np.arctan2(c[0], c[1])
+        sine, cosine = np.sin(x), np.cos(x)
+        length = np.sqrt(1 + r**2 + 2 * r * cosine) if r else np.ones_like(q)
+        return C * sine / length, C * (cosine / length + r * sine**2 / length**3)
+
+    return pull
+
+
+def _compensator_words(cause: Cause) -> str:
+    pull = f"something pulls at joint {cause.joint} by up to {_size(cause)} as it turns"
+    cure = "state it as [[robot.compensator]], or see --extend"
+    return f"{pull}, like a gravity compensator: {cure}"
+
+
+def _stiffening(scene: Scene) -> Iterator[Family]:
+    """A spring that is stiffer, or softer, under a large load than under a small one.
+
+    It gives way by ``k tau (1 + c |tau| / t)`` or ``k tau (1 + c (tau / t)^2)`` with the largest
+    load t of the sheet.
+    """
+    torque = np.abs(scene.sheet.torque)
+    loaded = np.flatnonzero(torque.max(axis=0, initial=0.0) > 0)
+    for i in loaded:
+        most = float(torque[:, i].max())
+        name = scene.robot.joint_names[scene.sprung[i]]
+        for shape, power in enumerate((1, 2)):
+
+            def law(tau: Array, power: int = power, most: float = most) -> Array:
+                return np.asarray(tau * np.abs(tau / most) ** power)
+
+            predict = scene.by_law(int(i), law)
+            tries = 2 * len(loaded)
+            yield Family(
+                "stiffening", "%", PERCENT, 1, USUAL_LAW, predict, tries, name, shape=shape
+            )
+
+
+def _stiffening_words(cause: Cause) -> str:
+    size, which = _signed(cause, "softer", "stiffer")
+    springs = [f"{cause.joint}", f"{cause.joint}.cubic"]
+    at = "under the largest load than under small ones"
+    return f"joint {cause.joint} looks {size} {which} {at}: {model_it(springs)}"
+
+
+def _varying(scene: Scene) -> Iterator[Family]:
+    """A joint whose compliance changes as it turns: ``k (1 + c cos q + s sin q)``."""
+    kinds = _kinds(scene)
+    turning = [i for i, kind in enumerate(kinds) if kind == "revolute"]
+    for i in turning:
+        q = scene.q[:, scene.sprung[i]]
+        wave = np.stack([np.cos(q), np.sin(q)], axis=-1)
+        chosen = np.arange(len(kinds)) == i
+
+        def factor(c: Array, wave: Array = wave, chosen: Mask = chosen) -> Array:
+            return np.asarray(1 + (wave @ c)[:, None, None] * chosen)
+
+        name = scene.robot.joint_names[scene.sprung[i]]
+        predict = scene.stretched(factor)
+        yield Family("varying", "%", PERCENT, 2, USUAL_VARIES, predict, len(turning), name)
+
+
+def _varying_words(cause: Cause) -> str:
+    by = f"changes as it turns, by +-{_size(cause)}"
+    cure = "measure where it shall be accurate, as no table of a study has it"
+    return f"the compliance of joint {cause.joint} {by}: {cure}"
 
 
 def _compliance(scene: Scene) -> Iterator[Family]:
@@ -485,15 +660,20 @@ FAULTS = _by_name(
         "um/m",
         in_positions=True,
     ),
-    Fault("torque_sign", _torque_sign_words, _torque_sign, "%", True, True),
+    Fault("torque_sign", _torque_sign_words, _torque_sign, "%", True, True, in_tasks=True),
     Fault(
         "backlash",
         lambda cause: f"{_joint(cause)} looks loose by +-{_size(cause)}",
         _backlash,
         "deg",
         True,
+        in_tasks=True,
     ),
-    Fault("friction", _friction_words, _friction, "Nm", True, True),
+    Fault("friction", _friction_words, _friction, "Nm", True, True, in_tasks=True),
+    Fault("lateral", _lateral_words, _lateral, "%", True, True, in_tasks=True),
+    Fault("compensator", _compensator_words, _compensator, "Nm", True, True, in_tasks=True),
+    Fault("stiffening", _stiffening_words, _stiffening, "%", True, True, in_tasks=True),
+    Fault("varying", _varying_words, _varying, "%", True, True, in_tasks=True),
     Fault("joint_zero", _joint_zero_words, _joint_zero, "deg"),
     Fault("link_length", _link_length_words, _link_length, "mm"),
     Fault("compliance", _compliance_words, _compliance),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from edtk.findings.causes.family import NOISE, OUTLIER, POSE, PRIOR, Cause, Tried
+from edtk.findings.causes.faults import FAULTS
 from edtk.findings.causes.try_faults import (
     COMMON,
     LEVEL,
@@ -19,11 +20,12 @@ from edtk.findings.causes.try_faults import (
 from edtk.findings.causes.wrong_pose import wrong_pose
 from edtk.findings.match_plan import some_rows
 from edtk.fit.distributions import chi_square_tail
-from edtk.fit.least_squares import SingularPlanError
+from edtk.fit.least_squares import SingularPlanError, Whitened
 from edtk.fit.measurements import Measurements
 from edtk.fit.prior import PriorRows
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.expected_error import AssumedJoint
+from edtk.measure.task import Tasks
 from edtk.study.study_model import assumed_joints
 from edtk.system.typing import Array, Indices
 
@@ -194,6 +196,7 @@ def find_causes(
     known: Mapping[int, float] | None = None,
     prior: PriorRows | None = None,
     assumed: tuple[AssumedJoint, ...] = (),
+    tasks: Tasks | None = None,
 ) -> FoundCauses:
     """Refit the measurements with each fault that is known, and name those that explain them.
 
@@ -218,6 +221,7 @@ def find_causes(
         known: Compliances of further joints, by their index [rad/(N m)].
         prior: What is known of the compliances besides, linearised about the fitted ones.
         assumed: The joints that are not identified, and how far each may be off.
+        tasks: Where the robot shall be accurate.
     """
     told = prior if prior is not None and len(prior) else None
 
@@ -236,7 +240,7 @@ def find_causes(
     for look in looks[1:]:
         if look.is_clear and look.score < best.score - LIKELIER:
             best = look
-    return _found(best, len(data))
+    return _found(best, len(data), tasks)
 
 
 def _looks(
@@ -268,32 +272,70 @@ def _ranked(plain: PlainFit, typed: tuple[int, ...]) -> tuple[tuple[float, Tried
     return tuple(rank_faults(_with_joints(plain, likely, typed), plain.coordinates))
 
 
-def _found(look: Look, m: int) -> FoundCauses:
+def _found(look: Look, m: int, tasks: Tasks | None) -> FoundCauses:
     """What the best look shows."""
-    if look.left < UNEXPLAINED:
+    best = look.best
+    # What a fault leaves beside an error of the model was weighed with it.
+    weighed = best is not None and best.share > 0
+    if look.left < UNEXPLAINED and not weighed:
         return FoundCauses(unexplained=True)
     outliers = tuple(np.setdiff1d(np.arange(m), look.rows).tolist())
-    best = look.best
     # The test of lack of fit tells of noise that repetitions share.
     silent = best is None or best.cause.cause == COMMON
     if best is not None and best.cause.cause == PRIOR:
         silent = _fits(best.deviance, look.plain.alone_dof)
     if silent:
         return FoundCauses(outliers=outliers)
-    named = FoundCauses(_named(look.ranked, look.plain)).in_rows(look.rows)
+    named = FoundCauses(_named(look.ranked, look.plain, tasks)).in_rows(look.rows)
     return replace(named, outliers=outliers)
 
 
-def _named(ranked: Sequence[tuple[float, Tried]], plain: PlainFit) -> tuple[Cause, ...]:
+def _named(
+    ranked: Sequence[tuple[float, Tried]], plain: PlainFit, tasks: Tasks | None
+) -> tuple[Cause, ...]:
     """The best cause, and a second one that is about as likely."""
     faults = [(score, one) for score, one in ranked if one.cause.cause not in NO_FAULTS]
     best = [one for score, one in faults if score <= faults[0][0] + NEAR][:MOST]
     return tuple(
         replace(
-            one.cause, explained=_explained(one, plain), times=times_to_tell(best[0], one, plain)
+            one.cause,
+            explained=_explained(one, plain),
+            times=times_to_tell(best[0], one, plain),
+            effect=effect_in_tasks(one, plain, tasks) if tasks else None,
         )
         for one in best
     )
+
+
+def effect_in_tasks(one: Tried, plain: PlainFit, tasks: Tasks) -> float | None:
+    """How far a robot with a fault is off in tasks, compensated by the model without it [m].
+
+    With the fault of size c and the parameters k_c that go with it, the robot gives way in a task
+    by ``A(c) k_c + b(c)``, and commands are for ``A k``. What is wrong with the measurements alone
+    is not there in the task: then it gives way by ``A k_c``.
+
+    Returns:
+        The root mean square error; None for faults of single rows and of noise.
+    """
+    family, c = one.family, one.size
+    if family is None or c is None:
+        return None
+    A, b = family.predict(c)
+    names = tuple(map(str, range(A.shape[-1])))
+    try:
+        k = Whitened.of(A, plain.noise, names).solve(plain.measured - b)
+    except SingularPlanError:
+        return None
+    fault = FAULTS[family.cause]
+    squares = []
+    for task in tasks:
+        scene = plain.scene.in_task(task)
+        off = scene.A @ (k - plain.k)
+        if fault.in_tasks:
+            A, b = plain.same_in(scene, family).predict(c)
+            off = A @ k + b - scene.A @ plain.k
+        squares.append(float((off**2).sum()))
+    return float(np.sqrt(tasks.shares @ squares))
 
 
 def _with_joints(plain: PlainFit, likely: list[Tried], typed: tuple[int, ...]) -> list[Tried]:
@@ -336,6 +378,13 @@ def look_for_causes(fitted: "FittedData") -> FoundCauses:
     measured = fitted.as_linear[rows]
     others = assumed_joints(study, np.maximum(fitted.fit.k, 0.0))
     found = find_causes(
-        study.model, fitted.data[rows], measured, typed, study.known, fitted.told_before, others
+        study.model,
+        fitted.data[rows],
+        measured,
+        typed,
+        study.known,
+        fitted.told_before,
+        others,
+        study.tasks,
     )
     return found.in_rows(rows)

@@ -13,10 +13,12 @@ import numpy as np
 
 from edtk.findings.causes.family import Added, Family, Predict
 from edtk.findings.nonlinear_part import whole_rows
-from edtk.fit.measurements import Measurements, measured_points, translations
+from edtk.fit.measurements import Measurements, joint_motion, measured_points, translations
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.parameters import Parameter, all_parameters
+from edtk.measure.task import Task
+from edtk.robots.frames import Frames
 from edtk.robots.joint import Joint
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array
@@ -47,6 +49,10 @@ class Scene(Protocol):
     @property
     def k(self) -> Array:
         """Values (p,) of these."""
+
+    @property
+    def q(self) -> Array:
+        """Poses (m, n) [rad or m]."""
 
     @property
     def wrench(self) -> Array:
@@ -85,6 +91,10 @@ class Scene(Protocol):
         """Their loads (m, s) [N m, or N if prismatic]."""
 
     @property
+    def sheet(self) -> "Scene":
+        """The measurements by which faults and their sizes are counted: these, as a rule."""
+
+    @property
     def springs(self) -> Array:
         """What readings (m, rows, s) show of a unit of their compliances."""
 
@@ -116,11 +126,25 @@ class Scene(Protocol):
     def compliant(self, joint: int) -> Array:
         """What readings (m, rows) show of a unit of the compliance of a joint."""
 
+    def across(self, joint: int, axis: int) -> Array:
+        """What readings (m, rows) show of a unit of a spring about an axis before a joint.
+
+        It is an axis of the frame before the joint, in which errors of geometry are, too.
+        """
+
+    def by_law(self, one: int, b: Callable[[Array], Array]) -> Predict:
+        """Spring `one` (of s) that gives way by ``k (tau + c b(tau))``, of its torques (m,)."""
+
+    def pulled(self, one: int, pull: "Pull") -> Predict:
+        """Spring `one` (of s) that a further torque loads, by the size of a fault."""
+
     def families(self, of: "Models") -> Iterator[Family]:
         """The models of a fault in this scene."""
 
 
 Models = Callable[[Scene], Iterator[Family]]
+# A torque (m,) at a joint, and its derivative (m,) by the joint, by the size (dims,) of a fault.
+Pull = Callable[[Array], tuple[Array, Array]]
 
 
 def added(scene: Scene, columns: Array) -> Predict:
@@ -157,6 +181,7 @@ class Displacements:
         known: Compliances of further joints, by their index [rad/(N m)].
         told: Whether something is known of the size of the unknown compliances.
         assumed: The joints that are not identified, and how far each may be off.
+        counted_by: The measurements by which faults are counted, of a task; None for a sheet.
     """
 
     model: ElastostaticModel
@@ -166,12 +191,18 @@ class Displacements:
     known: Mapping[int, float] | None = None
     told: bool = False
     assumed: tuple[AssumedJoint, ...] = ()
+    counted_by: "Displacements | None" = None
     in_frame = False
 
     @property
     def robot(self) -> Robot:
         """The robot by its drawing."""
         return self.model.robot
+
+    @property
+    def q(self) -> Array:
+        """Poses (m, n) [rad or m]."""
+        return self.data.q
 
     @property
     def wrench(self) -> Array:
@@ -208,6 +239,11 @@ class Displacements:
         return self.k
 
     @property
+    def sheet(self) -> "Displacements":
+        """These, or those by which a task is counted."""
+        return self if self.counted_by is None else self.counted_by
+
+    @property
     def springs(self) -> Array:
         """The regressors: all of them are of compliances."""
         return self.A
@@ -220,6 +256,23 @@ class Displacements:
             return model.torque_of(model.frames(data.q), data.wrench)[model.joints].T
         J = np.swapaxes(model.robot.jacobian(data.q)[..., model.joints], 1, 2)
         return np.asarray((J @ data.wrench[..., None])[..., 0])
+
+    @cached_property
+    def _before(self) -> Array:
+        """Loads (m, p) before the wrench, which a displacement is counted from [N m or N].
+
+        Weights bend the robot before and after; what a spring does that is not linear differs.
+        """
+        weights = self.model.own_weights
+        if weights is None:
+            return np.zeros_like(self.torque)
+        frames = self.robot.frames(self.data.q, weights.bodies)
+        return np.asarray(frames.folded(weights.torque(frames))[self.model.joints].T)
+
+    @cached_property
+    def _motion(self) -> Array:
+        """What readings (m, rows, p) show of a motion of each sprung joint by 1 rad, or 1 m."""
+        return joint_motion(self.model, self.data)[..., self.model.joints]
 
     @cached_property
     def shift(self) -> Array:
@@ -316,15 +369,73 @@ class Displacements:
         """The column of Eq. (4) of a joint."""
         return self.data.regressor(replace(self.model, unknown=(joint,)))[..., 0]
 
+    def across(self, joint: int, axis: int) -> Array:
+        """The column of a spring that nobody drives: ``dy/de tau_e`` of its axis e."""
+        model, data = self.model, self.data
+        frames = turning_about(model.robot, model.frames(data.q), joint, axis)
+        torque = model.torque_of(frames, data.wrench)[joint]
+        return np.asarray((data.motion_of(model, frames)[joint] * torque).T)
+
+    def by_law(self, one: int, b: Callable[[Array], Array]) -> Predict:
+        """Another column of that spring."""
+        after = self.torque[:, one] + self._before[:, one]
+        more = self._motion[..., one] * (b(after) - b(self._before[:, one]))[:, None]
+        nothing = np.zeros(self.A.shape[:2])
+
+        def predict(c: Array) -> tuple[Array, Array]:
+            A = self.A.copy()
+            A[..., one] += c[0] * more
+            return A, nothing
+
+        return predict
+
+    def pulled(self, one: int, pull: "Pull") -> Predict:
+        """With the torque's slope T' the spring of compliance k gives way by ``k / (1 - k T')``.
+
+        Displacements are counted from where that torque has bent the joint already, by ``k T``.
+        Positions that are counted from the rigid robot see that, too.
+        """
+        model, data = self.model, self.data
+        j = model.joints[one]
+        k = max(float(self.k[one]), 0.0)
+        nothing = np.zeros(self.A.shape[:2])
+
+        def predict(c: Array) -> tuple[Array, Array]:
+            torque, slope = pull(c)
+            if self.absolute:
+                A = self.A.copy()
+                A[..., one] += self._motion[..., one] * torque[:, None]
+            else:
+                q = data.q + k * torque[:, None] * (np.arange(model.robot.n) == j)
+                A = replace(data, q=q).regressor(model)
+            A[..., one] /= 1 - k * slope[:, None]
+            return A, nothing
+
+        return predict
+
+    def in_task(self, task: Task) -> "Displacements":
+        """The same robot in a task, where it shall be accurate: faults are in the same order."""
+        model = replace(task.model, unknown=self.model.unknown)
+        data = Measurements(
+            q=np.atleast_2d(task.q),
+            wrench=np.atleast_2d(task.wrench),
+            deflection=np.zeros((1, model.row_count)),
+            sigma=np.ones((1, model.row_count)),
+            marker=np.zeros((1, 3)),
+            absolute=self.absolute,
+        )
+        A = data.regressor(model)
+        return Displacements(model, data, A, self.k, self.known, self.told, self.assumed, self)
+
     @cached_property
     def _whole(self) -> "Displacements":
         """The same with the known joints among the unknown ones, behind them."""
         assert self.known
         every = replace(self.model, unknown=(*self.model.joints, *self.known))
         k = np.append(self.k, list(self.known.values()))
-        return Displacements(
-            every, self.data, self.data.regressor(every), k, told=True, assumed=self.assumed
-        )
+        by = None if self.counted_by is None else self.counted_by._whole
+        A = self.data.regressor(every)
+        return Displacements(every, self.data, A, k, None, True, self.assumed, by)
 
     def families(self, of: Models) -> Iterator[Family]:
         """The models of a fault, which changes what known joints do, too."""
@@ -376,11 +487,38 @@ def _of_unknown(family: Family, whole: Array, values: Array) -> Family:
     return replace(family, predict=predict)
 
 
+def turning_about(robot: Robot, frames: Frames, joint: int, axis: int) -> Frames:
+    """The chain as if a joint turned about an axis of the frame before it, and not about its own.
+
+    Only what that joint does is to be read of it. What follows the joint does not follow the turn.
+
+    Args:
+        robot: The robot.
+        frames: Its poses.
+        joint: Index of the free joint.
+        axis: Which axis, 0 to 2.
+    """
+    place = joint if frames.ties is None else frames.ties.free[joint]
+    own = robot.chain[place]
+    rotation, _ = robot.frames(np.moveaxis(frames.q, 0, -1), (place,)).bodies[place]
+    angle = np.zeros_like(frames.q[joint]) if own.kind == "prismatic" else frames.q[joint]
+    local = turned_by(-angle[:, None] * own.axis, np.eye(3)[axis])
+    axes, prismatic = frames.axes.copy(), frames.prismatic.copy()
+    axes[place] = np.einsum("kcm,mk->cm", rotation, local)
+    prismatic[place] = False
+    ties = frames.ties
+    if ties is not None:
+        alone = np.zeros_like(ties.matrix)
+        alone[ties.free, range(len(ties.free))] = 1.0
+        ties = replace(ties, matrix=alone)
+    return replace(frames, axes=axes, prismatic=prismatic, ties=ties)
+
+
 def turned_by(turn: Array, vectors: Array) -> Array:
-    """Vectors (..., 3) turned by a rotation vector (3,) [rad]."""
+    """Vectors (..., 3) turned by a rotation vector (3,), or one by several (m, 3) [rad]."""
     from scipy.spatial.transform import Rotation
 
-    return vectors @ Rotation.from_rotvec(turn).as_matrix().T
+    return vectors @ np.swapaxes(Rotation.from_rotvec(turn).as_matrix(), -1, -2)
 
 
 def link_length(joint: Joint) -> float:
@@ -457,6 +595,11 @@ class Positions:
             return np.zeros((len(self.q), 0))
         return self.loads(self.q, self.wrench)[:, list(self.sprung)]
 
+    @property
+    def sheet(self) -> "Positions":
+        """These."""
+        return self
+
     @cached_property
     def springs(self) -> Array:
         """Columns (m, rows, s) of the sprung joints."""
@@ -526,6 +669,30 @@ class Positions:
         names = [self.robot.joint_names[joint]]
         unknown = all_parameters(self.robot, (), (), names, base=False, tool=False)
         return self.columns(unknown, self.wrench)[..., 0]
+
+    def across(self, joint: int, axis: int) -> Array:
+        """A turn of the frame before a joint, times its load."""
+        raise NotImplementedError
+
+    def by_law(self, one: int, b: Callable[[Array], Array]) -> Predict:
+        """What the spring gives way beyond what it does."""
+        more = self._motion(one) * (self.soft[one] * b(self.torque[:, one]))[:, None]
+        return added(self, more[..., None])
+
+    def pulled(self, one: int, pull: "Pull") -> Predict:
+        """To first order ``k (T + k tau T')``."""
+        k = self.soft[one]
+        motion, springs = self._motion(one), self.springs[..., one]
+
+        def predict(c: Array) -> tuple[Array, Array]:
+            torque, slope = pull(c)
+            return self.A, k * (motion * torque[:, None] + k * springs * slope[:, None])
+
+        return predict
+
+    def _motion(self, one: int) -> Array:
+        """What readings (m, rows) show of a motion of a sprung joint by 1 rad, or 1 m."""
+        return self.counted(self.sprung[one])(np.ones(1))[1]
 
     def families(self, of: Models) -> Iterator[Family]:
         """The models of a fault."""

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from edtk.findings.causes.evidence import ErringRows, Evidence, Pieces
 from edtk.findings.causes.family import (
     NOISE,
     OUTLIER,
@@ -17,12 +18,12 @@ from edtk.findings.causes.family import (
     Tried,
     fit_family,
 )
-from edtk.findings.causes.faults import families
+from edtk.findings.causes.faults import FAULTS, families
 from edtk.findings.causes.rarity import likely_size, noise_rarity, rarity, reading_rarity
 from edtk.findings.causes.scene import Displacements
 from edtk.findings.causes.wrong_pose import SEEN, shifted
 from edtk.findings.nonlinear_part import whole_rows
-from edtk.fit.correlated_noise import RowNoise, whiten
+from edtk.fit.correlated_noise import RowNoise, whiten, whiten_columns
 from edtk.fit.distributions import chi_square_tail, fisher_tail
 from edtk.fit.estimate_noise import ErrorStrata, Stratum, visit_residuals, yardstick
 from edtk.fit.least_squares import SingularPlanError, Whitened
@@ -42,6 +43,7 @@ UNASKED = 10.0  # a noise that is smaller than stated harms nobody: it has to be
 LOUDEST = 4.0  # noise over the stated one, beyond which rather something unknown is wrong
 # Noise that repetitions share, over their own or the stated one: beyond it is a fault of the model.
 NO_NOISE = 6.0
+BESIDE_ERROR = 8.0  # fall of the sum of squares, below which no error of the model hides a fault
 AS_MUCH = 0.5  # scatter of repetitions over that of all residuals, from which it confirms this one
 
 
@@ -124,6 +126,30 @@ class PlainFit:
         told = self.prior is not None
         return Displacements(self.model, self.data, self.A, self.k, self.known, told, self.assumed)
 
+    @cached_property
+    def erring(self) -> ErringRows:
+        """The readings, and what is known besides, where the model leaves something out."""
+        more = self.measured.size - self.z.size
+        return ErringRows.of(self.data, self.A * np.maximum(self.k, 0.0), self.data.noise, more)
+
+    def evidence(self, A: Array, measured: Array) -> Evidence:
+        """The model with regressors (m, rows, p) of readings (m, rows) beside such an error."""
+        columns = whiten_columns(A, self.noise).reshape(measured.size, -1)
+        return Evidence.of(self.erring, whiten(measured, self.noise).ravel(), columns)
+
+    @cached_property
+    def alone_beside_error(self) -> float:
+        """The score of the model without a fault beside an error of its own."""
+        A = self.A if self.prior is None else self.prior.below(self.A)
+        return self.evidence(A, self.measured).alone.score
+
+    @property
+    def misfits(self) -> bool:
+        """Whether noise hardly makes such residuals."""
+        test = lack_of_fit(self.z, self.data.places, len(self.k))
+        seen = test is not None and test.p < LEVEL
+        return seen or self.probability(self.chi2, self.dof) < LEVEL
+
     @property
     def coordinates(self) -> int:
         """Number of measured coordinates, and of what is known besides."""
@@ -176,6 +202,16 @@ class PlainFit:
         sizes = [measured[which] for which in (lengths, ~lengths)]
         length, turn = (max(float(np.sqrt(np.mean(x**2))), TINY) if x.size else TINY for x in sizes)
         return np.where(np.arange(parts) < COORDINATES, length, turn)
+
+    def same_in(self, scene: Displacements, family: Family) -> Family:
+        """The same fault of the same robot in another scene, see `Displacements.in_task`."""
+
+        def key(one: Family) -> tuple[str, str, float, int]:
+            return one.cause, one.joint, one.usual, one.shape
+
+        return next(
+            one for one in scene.families(FAULTS[family.cause].models) if key(one) == key(family)
+        )
 
     def below(self, family: Family) -> Family:
         """The same fault, whose predictions have the rows of the prior below them."""
@@ -298,12 +334,49 @@ def _moved(plain: PlainFit) -> Array | None:
 
 def _smooth(plain: PlainFit) -> Iterator[Tried]:
     """Faults of any size."""
+    misfits = plain.misfits
     for family in families(plain.scene):
         found = try_family(
             plain.below(family), plain.whitened, plain.measured, plain.noise, plain.k, plain.chi2
         )
         if found is not None:
-            yield found
+            yield beside_error(plain, found) if misfits else found
+
+
+def beside_error(plain: PlainFit, found: Tried) -> Tried:
+    """A fault beside what the model leaves out in each pose at random, where it is likely then.
+
+    A robot that lacks one piece mostly lacks others, too: what the likeliest fault leaves is more
+    than noise, and a model that errs in each pose by itself explains all that any fault does. So
+    both are weighed with such an error, see `Evidence`; a fault is to be likelier than none.
+    """
+    family, c = found.family, found.size
+    if family is None or c is None or plain.chi2 - found.deviance < BESIDE_ERROR:
+        return found
+    if plain.probability(found.deviance, plain.dof - found.dims) > LEVEL:
+        return found  # it leaves nothing
+    A, b = family.predict(c)
+    columns = family.derivative(c, plain.k)
+    measured = plain.measured - b + columns @ c
+    evidence = plain.evidence(A, measured)
+    whitened = whiten_columns(columns, plain.noise).reshape(measured.size, -1)
+    usual = np.full(family.dims, family.usual / math.sqrt(family.dims))
+    positive = np.full(family.dims, family.only_positive)
+    weighed = evidence.weigh(Pieces(whitened, usual, positive))
+    if weighed.score + 2 * math.log(found.tries) > plain.alone_beside_error:
+        return found
+    size = weighed.mean[len(plain.k) :]
+    covariance = weighed.covariance[len(plain.k) :, len(plain.k) :]
+    length = float(np.linalg.norm(size)) if family.dims > 1 else float(size[0])
+    along = size / max(abs(length), 1e-300)
+    cause = replace(
+        found.cause,
+        size=length * family.per_unit,
+        std=math.sqrt(float(along @ covariance @ along)) * family.per_unit,
+        p=weighed.p,
+    )
+    cost = weighed.score - found.deviance
+    return replace(found, cause=cause, rarity=cost, size=size, share=weighed.share)
 
 
 def try_family(

@@ -1,0 +1,334 @@
+"""How likely pieces that a model lacks are, beside what it leaves out at random in each pose."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from edtk.findings.causes.rarity import FACTORS, FREEDOM, WEIGHTS
+from edtk.fit.correlated_noise import RowNoise, groups_by_size, whiten_columns
+from edtk.fit.distributions import chi_square_tail, fisher_tail, log_normal_below
+from edtk.fit.measurements import Measurements
+from edtk.measure.model_error import ModelError
+from edtk.system.typing import Array, Indices, Mask
+
+# What ideal springs leave out, as a share of what they move, beforehand: Student's distribution of
+# `FREEDOM` degrees of freedom, folded at zero, with this width.
+USUAL_SHARE = 0.03
+LEAST_SHARE = 1e-4  # below it nothing is left out
+LOG_SHARES = np.log(LEAST_SHARE) + 0.5 * np.arange(20)  # up to one, in steps of a factor of 1.6
+AROUND = np.linspace(-5.0, 5.0, 21)  # standard deviations about the likeliest, at most a step apart
+ORDER = 1e-12  # of a root of columns, beside its length, that is rounding
+
+
+@dataclass(frozen=True, eq=False)
+class ErringRows:
+    """Readings in units of their noise, turned so that errors of the model err each by itself.
+
+    A share s of what springs move is left out at random, with covariance ``s^2 E`` (`ModelError`),
+    which visits of a pose under a load share. In units of the noise its blocks are turned to
+    diagonals, so that reading i has the variance ``1 + s^2 e_i``.
+
+    Attributes:
+        e: Variances (N,) of the model's errors for a share of one; zero for what is known before.
+        turns: Numbers (G, b) of readings of poses, and their turns (G, b, b).
+    """
+
+    e: Array
+    turns: tuple[tuple[Indices, Array], ...]
+
+    @classmethod
+    def of(cls, data: Measurements, bends: Array, noise: RowNoise, more: int = 0) -> "ErringRows":
+        """Of displacements that springs make.
+
+        Args:
+            data: The measurements.
+            bends: What each spring does to them (m, rows, n) [m, rad].
+            noise: Their noise.
+            more: Readings (N - m rows) below them that tell what was known before.
+        """
+        m, rows = bends.shape[:2]
+        roots = whiten_columns(_roots(data, bends), noise)
+        e = np.zeros(m * rows + more)
+        turns = []
+        for members in groups_by_size(data.pose):
+            place = (members[..., None] * rows + np.arange(rows)).reshape(len(members), -1)
+            L = roots[members].reshape(*place.shape, -1)
+            values, vectors = np.linalg.eigh(L @ np.swapaxes(L, 1, 2))
+            e[place] = np.where(values > ORDER * values[:, -1:], values, 0.0)
+            turns.append((place, vectors))
+        return cls(e, tuple(turns))
+
+    def turned(self, x: Array) -> Array:
+        """Readings or columns (N, ...) in units of the noise, turned."""
+        found = x.copy()
+        for place, vectors in self.turns:
+            found[place] = np.einsum("gba,gb...->ga...", vectors, x[place])
+        return found
+
+
+def _roots(data: Measurements, bends: Array) -> Array:
+    """A root (m, rows, c) of the covariance E of readings for a share of one.
+
+    Half of the variance is in the turns of the springs, and half in any direction, see
+    `ModelError.of_share`. In any direction an instrument errs by itself in each coordinate.
+    """
+    m, rows, n = bends.shape
+    whole = ModelError.of_share(np.ones(n), 1.0)
+    by_spring = np.moveaxis(bends, -1, 0)
+    every = np.moveaxis(by_spring, 1, -1)  # component first
+    sizes = np.empty((rows, m))
+    for is_length in np.unique(data.lengths, axis=0):
+        own = (data.lengths == is_length).all(axis=1)
+        sizes[:, own] = whole.sizes(every[..., own], (~is_length).astype(int))
+    # Which instrument of its pose a reading is of.
+    first = np.unique(data.pose, return_index=True)[1]
+    instrument = np.zeros(m, dtype=int)
+    for number in range(len(first)):
+        at = data.pose == number
+        instrument[at] = np.unique(data.places[at], return_inverse=True)[1]
+    anywhere = np.zeros((m, rows, (instrument.max() + 1) * rows))
+    for row in range(rows):
+        anywhere[np.arange(m), row, instrument * rows + row] = sizes[row]
+    return np.concatenate([whole.turn * bends, anywhere], axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """Pieces beside a model, weighed over all sizes of its errors.
+
+    Attributes:
+        score: Twice the negative logarithm of the marginal likelihood, of which that of the model
+            without an error is the sum of squares.
+        share: The likeliest share that is left out.
+        p: Probability that chance lets the pieces explain so much, beside that error.
+        nodes: Weights (w,) of shares and of widths of the pieces' sizes.
+        means: Parameters, then pieces (w, p + c), for each of these.
+        covariances: Their covariances (w, p + c, p + c).
+    """
+
+    score: float
+    share: float
+    p: float
+    nodes: Array
+    means: Array
+    covariances: Array
+
+    @property
+    def mean(self) -> Array:
+        """Parameters and sizes of the pieces (p + c,)."""
+        return np.asarray(self.nodes @ self.means)
+
+    @property
+    def covariance(self) -> Array:
+        """Their covariance (p + c, p + c)."""
+        off = self.means - self.mean
+        within = np.einsum("w,wij->ij", self.nodes, self.covariances)
+        return np.asarray(within + (off * self.nodes[:, None]).T @ off)
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """What a model may lack: columns, with sizes that they usually have.
+
+    Attributes:
+        columns: What readings show of a unit of each (N, c).
+        usual: Sizes (c,) that they usually have, mostly within a factor of two.
+        positive: Which (c,) are never negative.
+    """
+
+    columns: Array
+    usual: Array
+    positive: Mask
+
+
+def no_pieces(N: int) -> Pieces:
+    """None, beside N readings."""
+    return Pieces(np.zeros((N, 0)), np.zeros(0), np.zeros(0, dtype=bool))
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Marginal likelihoods of a linear model with any pieces.
+
+    Readings ``y = X k + D c + e`` have errors of variances ``v_i = 1 + s^2 e_i``. Nothing is known
+    of k before, c is normal with the widths T, and with ``W = diag(1/v)``,
+
+        M = D' P D,  r = D' P y,  P = W - W X (X'WX)^-1 X'W,
+        -2 log p(y | s, T) = sum log v + log det X'WX + y'Py + log det(I + T M T)
+                             - r'(T^-2 + M)^-1 r,
+
+    (Harville 1974 for the part without pieces). The share s and a factor of all widths are
+    integrated numerically, over their own distributions; see `rarity` for that of the widths. Where
+    pieces are never negative, their likelihood over positive sizes counts, which have twice the
+    density, each as if the others were at their means.
+
+    Attributes:
+        rows: How the readings err.
+        y: Readings (N,), turned.
+        X: Regressors (N, p) of the parameters, turned.
+    """
+
+    rows: ErringRows
+    y: Array
+    X: Array
+
+    @classmethod
+    def of(cls, rows: ErringRows, measured: Array, A: Array) -> "Evidence":
+        """Of readings (N,) and regressors (N, p) in units of the noise."""
+        return cls(rows, rows.turned(measured), rows.turned(A))
+
+    @cached_property
+    def _factored(self) -> tuple[Array, Array, Array]:
+        """Q (N, p) and R (p, p) of the regressors, and lengths (p,) of their columns."""
+        length = np.linalg.norm(self.X, axis=0)
+        Q, R = np.linalg.qr(self.X / length)
+        return Q, R, length
+
+    @cached_property
+    def alone(self) -> Weighed:
+        """The model without any piece."""
+        return self.weigh(no_pieces(len(self.y)))
+
+    def weigh(self, pieces: Pieces) -> Weighed:
+        """Weigh some pieces beside the model."""
+        length = np.linalg.norm(pieces.columns, axis=0)
+        length = np.where(length > 0, length, 1.0)
+        Q, R, own = self._factored
+        D = self.rows.turned(pieces.columns) / length
+        # What regressors take up is left out beforehand: of columns alike nothing else remains.
+        taken = Q.T @ D
+        D = D - Q @ taken
+        B = np.concatenate([Q, D, self.y[:, None]], axis=1)
+        products = (B[:, :, None] * B[:, None]).reshape(len(B), -1)
+        at = _Node(products, self.rows.e, Q.shape[1], pieces.usual * length, pieces.positive)
+        coarse = at.scores(LOG_SHARES)
+        log_s = LOG_SHARES[int(np.argmin(coarse.min(axis=1)))]
+        grid = log_s + AROUND * min(at.width(log_s), LOG_SHARES[1] - LOG_SHARES[0])
+        scores = at.scores(grid)
+        least = float(scores.min())
+        nodes = np.exp(-(scores - least) / 2)
+        nodes[[0, -1]] /= 2  # by the trapezoidal rule
+        total = float(nodes.sum()) * (grid[1] - grid[0])
+        share = float(np.exp(grid[int(scores.min(axis=1).argmin())]))
+        chosen = nodes > nodes.max() * 1e-4
+        weights = nodes[chosen] / nodes[chosen].sum()
+        means, covariances = at.posterior(grid, chosen)
+        # Back to units of parameters and of pieces: k = R^-1 (u - Q'D c) / length.
+        p = Q.shape[1]
+        U = np.eye(means.shape[-1])
+        U[:p, p:] = -taken
+        U[:p] = np.linalg.solve(R, U[:p]) / own[:, None]
+        U[p:] /= length[:, None]
+        chance = at.chance(np.log(share))
+        return Weighed(
+            least - 2 * math.log(total),
+            share,
+            chance,
+            weights,
+            means @ U.T,
+            U @ covariances @ U.T,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Node:
+    """Sums of products at any size of the model's error.
+
+    Attributes:
+        products: Of each two columns of parameters, pieces and readings (N, (p + c + 1)^2).
+        e: Variances (N,) of the model's errors.
+        p: Number of parameters.
+        usual: Widths (c,) of the pieces.
+        positive: Which (c,) are never negative.
+    """
+
+    products: Array
+    e: Array
+    p: int
+    usual: Array
+    positive: Mask
+
+    def _sums(self, log_s: Array) -> tuple[Array, Array]:
+        """Weighted sums (S, k, k), and sums (S,) of the logarithms of variances."""
+        v = 1 + np.exp(2 * log_s)[:, None] * self.e
+        k = round(math.sqrt(self.products.shape[1]))
+        return ((1 / v) @ self.products).reshape(-1, k, k), np.log(v).sum(axis=1)
+
+    def _beside(self, G: Array) -> tuple[Array, Array, Array, Array]:
+        """M (S, c, c), r (S, c), y'Py (S,) and log det X'WX (S,)."""
+        p = self.p
+        X = G[:, :p, :p]
+        taken = np.linalg.solve(X, G[:, :p, p:])
+        left = G[:, p:, p:] - np.swapaxes(G[:, :p, p:], 1, 2) @ taken
+        return left[:, :-1, :-1], left[:, :-1, -1], left[:, -1, -1], np.linalg.slogdet(X)[1]
+
+    def _kernel(self, M: Array) -> tuple[Array, Array]:
+        """Widths T (F, c), and ``I + T M T`` (S, F, c, c)."""
+        T = FACTORS[:, None] * self.usual
+        inner = T[:, :, None] * M[:, None] * T[:, None, :]
+        return T, np.eye(len(self.usual)) + inner
+
+    def scores(self, log_s: Array) -> Array:
+        """Twice the negative logarithm (S, F) of the likelihood with both prior densities."""
+        G, log_v = self._sums(log_s)
+        M, r, rest, log_X = self._beside(G)
+        density = -2 * (_log_density(log_s))
+        base = log_v + log_X + rest + density
+        if not len(self.usual):
+            return np.asarray(base[:, None])
+        T, K = self._kernel(M)
+        Tr = T * r[:, None]
+        solved = np.linalg.solve(K, Tr[..., None])[..., 0]
+        score = np.linalg.slogdet(K)[1] - (Tr * solved).sum(axis=-1)
+        if self.positive.any():
+            std = np.sqrt(np.diagonal(np.linalg.inv(K), axis1=-2, axis2=-1))
+            above = math.log(2) + log_normal_below(solved / std)
+            score = score - 2 * np.where(self.positive, above, 0.0).sum(axis=-1)
+        return np.asarray(base[:, None] + score - 2 * np.log(WEIGHTS))
+
+    def width(self, log_s: float) -> float:
+        """About one standard deviation of the logarithm of the share."""
+        v = 1 + np.exp(2 * log_s) * self.e
+        information = 2 * float((((v - 1) / v) ** 2).sum())
+        return 1 / math.sqrt(max(information, 1.0))
+
+    def posterior(self, log_s: Array, chosen: Mask) -> tuple[Array, Array]:
+        """Means and covariances of parameters and pieces at some shares and widths (S, F)."""
+        G, _ = self._sums(log_s)
+        p, c = self.p, len(self.usual)
+        at, width = np.nonzero(chosen)
+        whole = G[at, :-1, :-1].copy()
+        if c:
+            T = FACTORS[width, None] * self.usual
+            whole[:, p + np.arange(c), p + np.arange(c)] += T**-2.0
+        covariance = np.linalg.inv(whole)
+        return (covariance @ G[at, :-1, -1, None])[..., 0], np.asarray(covariance)
+
+    def chance(self, log_s: float) -> float:
+        """Probability that chance explains as much as the pieces do, at a size of the error.
+
+        The error was found beside them, from as many readings as it makes: Fisher's law.
+        """
+        c = len(self.usual)
+        if not c:
+            return 1.0
+        G, _ = self._sums(np.array([log_s]))
+        M, r, rest, _ = self._beside(G)
+        drop = float(r[0] @ np.linalg.lstsq(M[0], r[0], rcond=None)[0])
+        v = np.exp(2 * log_s) * self.e
+        by_model = float((v / (1 + v)).sum())
+        N = len(self.e)
+        if by_model < 1:
+            return float(chi_square_tail(max(drop, 0.0), c))
+        dof = max(by_model * (N - self.p - c) / N, 1.0)
+        scale = max(float(rest[0] - drop) / max(N - self.p - c, 1), 1e-300)
+        return float(fisher_tail(max(drop, 0.0) / c / scale, c, dof))
+
+
+def _log_density(log_s: Array) -> Array:
+    """Logarithm of the density (S,) of the logarithm of a share, before the measurements."""
+    x = np.exp(log_s) / USUAL_SHARE
+    constant = math.log(2 * 3 / 8)  # Student's of four degrees of freedom, folded
+    return np.asarray(constant + np.log(x) - (FREEDOM + 1) / 2 * np.log1p(x**2 / FREEDOM))
