@@ -9,7 +9,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from chains import mixed_chain, tied_chain
+from chains import coupled_chain, mixed_chain, tied_chain
 from numpy.typing import NDArray
 
 from edtk.fit.geometry.fitted_geometry import Loads, loading_in
@@ -135,6 +135,7 @@ KINDS = {
     "matrix": (mixed_chain(3), ["q1", "q2.all"]),
     "laws": (mixed_chain(3), ["q1", "q1.square", "q2.cubic", "q3.sign", "q3.rx", "q3.rx.gap"]),
     "tied": (tied_chain(), ["joints", "q2.rx", "q4.ry", "q5.rx.z"]),
+    "coupled": (coupled_chain(), ["joints", "q3.rx", "q6.ry"]),
 }
 
 
