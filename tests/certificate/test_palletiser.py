@@ -12,6 +12,7 @@ from palletiser import at_rest, point
 
 import edtk
 from edtk.design.plan import Plan
+from edtk.robots.robot_file import robot_to_dict
 from edtk.system.errors import Note, UserError
 
 STUDY = edtk.load_study(Path(__file__).parents[2] / "studies/palletiser.toml")
@@ -30,6 +31,16 @@ def sheet_of(study, plan):
         sheet = edtk.template(study, plan)
     q = np.deg2rad(sheet[[f"q{j}_deg" for j in range(1, 5)]].to_numpy())
     return sheet, q, sheet[["Fx_N", "Fy_N", "Fz_N"]].to_numpy()
+
+
+def displacements(q, forces):
+    """How the tool point moves under each force, weights on (m, 3) [m]."""
+    return np.array(
+        [
+            point(at_rest(at, K, force, TOOL), TOOL) - point(at_rest(at, K, 0 * force, TOOL), TOOL)
+            for at, force in zip(q, forces, strict=True)
+        ]
+    )
 
 
 def poses(m):
@@ -80,12 +91,10 @@ def test_a_hollow_wrist_is_verified_too(tmp_path):
 def test_springs_of_motors_come_back_and_make_good_commands():
     """Displacements by least energy, weights on: springs, and a command that makes up for them."""
     sheet, q, forces = sheet_of(STUDY, poses(15))
-    moved = [
-        point(at_rest(at, K, force, TOOL), TOOL) - point(at_rest(at, K, 0 * force, TOOL), TOOL)
-        for at, force in zip(q, forces, strict=True)
-    ]
     rng = np.random.default_rng(5)
-    sheet[["dx_mm", "dy_mm", "dz_mm"]] = 1e3 * np.array(moved) + rng.normal(0, 0.03, (15, 3))
+    sheet[["dx_mm", "dy_mm", "dz_mm"]] = 1e3 * displacements(q, forces) + rng.normal(
+        0, 0.03, (15, 3)
+    )
     found = edtk.identify(STUDY, sheet)
     off = (np.array(list(found.k.values())) - K) / np.array(list(found.std.values()))
     assert np.abs(off).max() < 3
@@ -95,6 +104,22 @@ def test_springs_of_motors_come_back_and_make_good_commands():
     # Displacements leave out how the arm hangs without a load.
     wanted = point(at_rest(GOAL, K, 0 * PUSH, IN_USE), IN_USE)
     assert np.linalg.norm(there - wanted) < task.band[0, 1] < 0.1 * task.uncompensated[0]
+
+
+def test_a_spring_in_the_elbow_is_another_robot():
+    """With `follows` of the controller positions are the same, but not what loads the springs."""
+    sheet, q, forces = sheet_of(STUDY, poses(9))
+    sheet[["dx_mm", "dy_mm", "dz_mm"]] = 1e3 * displacements(q, forces)
+    content = robot_to_dict(STUDY.robot)
+    del content["coupling"]
+    content["joints"][2]["limits_deg"] = [-105, 150]
+    counts = {"follows": {"q3": {"joint": "q2", "factor": -1}}}
+    elbow = STUDY.replace(robot=content, controller=counts)
+    same = elbow.robot.forward(elbow.robot.of_shown(q))
+    np.testing.assert_allclose(same, STUDY.robot.forward(q), atol=1e-14)
+    found = edtk.identify(elbow, sheet)
+    assert found.verdict == "bad"
+    assert found.k["q2"] < 0.6e-7
 
 
 @pytest.mark.cell("`[[robot.coupling]]`", "parameters")
