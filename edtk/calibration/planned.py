@@ -86,7 +86,8 @@ def _parts(study: Study, noise: VisitNoise, plan: Plan) -> tuple[Array, Array]:
     frames = study.model.frames(plan.q)
     scatter = np.moveaxis(noise.scatter_of(study.model, frames), -1, 0)
     prismatic = np.array([joint.kind == "prismatic" for joint in study.robot.joints])
-    near = shared_visits(plan.q, plan.repeats, prismatic, noise.within) / plan.repeats
+    visits = shared_visits(plan.q, plan.repeats, prismatic, noise.within, plan.wrench)
+    near = visits / plan.repeats
     shared = np.moveaxis(noise.shared_of(study.model, frames, plan.wrench), -1, 0)
     return scatter, near[:, None, None] * shared
 
@@ -169,24 +170,15 @@ def plan_propagation(study: Study, plan: Plan) -> Propagation | None:
     )
     if study.noise is None or not study.noise.shares:
         return found
-    by_model = _by_model(study, study.noise, plan, cov)
+    exact = replace(study.space, noise=study.noise.exact)
+    M = exact.information(plan)
+    if study.prior_information is not None:
+        M = M + study.prior_information
+    by_noise = np.asarray(covariance(M, study.model.parameters))
     below = ((0, len(found.assumed)), (0, 0))
-    own = {"noise": cov - by_model, "model": by_model}
+    own = {"noise": by_noise, "model": cov - by_noise}
     roots = {name: np.pad(root_of(part), below) for name, part in own.items()}
     return replace(found, roots=found.roots | roots)
-
-
-def _by_model(study: Study, noise: VisitNoise, plan: Plan, cov: Array) -> Array:
-    """What the model's errors make of the covariance (p, p) of a plan's estimates.
-
-    With the covariance ``S = V/r + D`` of the mean of a pose's visits and ``C = cov``, estimates
-    err by ``C A' S^-1`` of what the pose's readings do, so that it is
-    ``C (sum A' S^-1 D S^-1 A) C``; the rest is that of the noise, and of what is known besides.
-    """
-    scatter, shared = _parts(study, noise, plan)
-    S = scatter / plan.repeats[:, None, None] + shared
-    W = np.linalg.solve(S, study.model.regressor(plan.q, plan.wrench))
-    return np.asarray(cov @ np.einsum("krp,krs,ksq->pq", W, shared, W) @ cov)
 
 
 def _left_out(study: Study, tasks: Tasks) -> float:

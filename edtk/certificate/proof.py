@@ -96,7 +96,7 @@ class Experiments:
         """
         visits = None
         if repeated and setting.noise is not None:
-            visits = setting.noise.visits(setting.chain, self.q, self.amount)
+            visits = setting.noise.visits(setting.chain, self.q, self.wrench, self.amount)
         rows = self.rows(setting, visits) * np.sqrt(self.amount)[:, None, None]
         return rows.reshape(-1, setting.p)
 

@@ -464,7 +464,7 @@ class DesignSpace:
     def _whitened(self, A: Array, plan: Plan, noise: VisitNoise) -> Array:
         """Whitened regressors (k, rows, p) of a plan whose visits may share the discrepancy."""
         frames = self.model.frames(plan.q)
-        visits = shared_visits(plan.q, plan.repeats, frames.sliding, noise.within)
+        visits = shared_visits(plan.q, plan.repeats, frames.sliding, noise.within, plan.wrench)
         whitener = Whitener.of(noise.covariance_of(self.model, frames, plan.wrench, visits))
         return np.moveaxis(whitener.rows(np.moveaxis(A, (-1, -2), (0, 1))), (0, 1), (-1, -2))
 

@@ -97,8 +97,17 @@ def _error(coefficients: tuple[float, float], r: Array) -> Array:
     return a + b * r
 
 
-def shared_visits(q: Array, repeats: ArrayLike, prismatic: Mask, within: float) -> Array:
+def shared_visits(
+    q: Array,
+    repeats: ArrayLike,
+    prismatic: Mask,
+    within: float,
+    wrench: Array | None = None,
+) -> Array:
     """Count the visits of poses that are nearer than a distance, the pose's own included.
+
+    A visit under a load errs by what bends, and one without a load by what stands still: they share
+    nothing.
 
     Errors of the model in v poses near each other have some correlation C (v, v) that nobody knows.
     Whatever it is, ``C <= v I``; and if only poses nearer than `within` are correlated at all, then
@@ -112,14 +121,17 @@ def shared_visits(q: Array, repeats: ArrayLike, prismatic: Mask, within: float) 
         prismatic: Which joints (n,) are prismatic; they do not count.
         within: The distance, Euclidean over the revolute joints, each difference taken the short
             way round [rad].
+        wrench: Loads (k, 6) of the poses [N, N m]; None where all are loaded.
 
     Returns:
         Numbers of visits (k,).
     """
     limit = max(within * (1 - SAME), SAME)
     visits = np.asarray(repeats, dtype=float)
+    loaded = np.ones(len(q)) if wrench is None else np.any(wrench, axis=1).astype(float)
     near = (joint_distance(q, own, prismatic) < limit for own in q)
-    return np.array([visits[some].sum() for some in near])
+    each = zip(near, loaded.tolist(), strict=True)
+    return np.array([visits[some & (loaded == own)].sum() for some, own in each])
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,6 +278,11 @@ class VisitNoise:
     def alone(self) -> "VisitNoise":
         """The noise of visits that share nothing: each has an error of the model of its own."""
         return replace(self, apart=True) if self.shares else self
+
+    @property
+    def exact(self) -> "VisitNoise":
+        """The same where the model leaves nothing out."""
+        return replace(self, discrepancy=np.zeros_like(self.discrepancy), error=None)
 
     @property
     def of_readings(self) -> "VisitNoise | None":
@@ -621,11 +638,19 @@ class PositionNoise:
         J = motion * self.joints
         return self.of_instrument(places, motion.shape[1]) + J @ np.swapaxes(J, 1, 2)
 
-    def of_model(self, motion: Array) -> Array:
-        """Covariances D (m, r, r) [mm^2] of what the model leaves out."""
+    def of_model(self, motion: Array, differs: Mask | None = None) -> Array:
+        """Covariances D (m, r, r) [mm^2] of what the model leaves out.
+
+        Args:
+            motion: Motions (m, r, n) of the coordinates by the joints [mm/mrad].
+            differs: Which poses (m,) are differences of two readings; None for none.
+        """
         J = motion * (self.model_joints if len(self.model_joints) else 0.0)
         white = self._white(self.model_white, self.model_turn, motion.shape[1])
-        return np.diag(white) + J @ np.swapaxes(J, 1, 2)
+        D = np.diag(white) + J @ np.swapaxes(J, 1, 2)
+        if differs is not None and differs.any():
+            D[differs] = np.diag(self._white(*self.model_change, motion.shape[1]))
+        return np.asarray(D)
 
     def of_change(self, motion: Array, places: Array) -> Array:
         """Covariances (m, r, r) of differences of two readings, with what the model leaves out."""
@@ -650,10 +675,7 @@ class PositionNoise:
         """
         worth = of_rows(counts, motion.shape[1])
         size = np.sqrt(np.where(worth > 0, worth, 1.0))
-        D = self.of_model(motion)
-        if differs is not None and differs.any():
-            white = self._white(*self.model_change, motion.shape[1])
-            D[differs] = np.diag(white)
+        D = self.of_model(motion, differs)
         V = self.of_reading(motion, places) / (size[:, :, None] * size[:, None]) + D
         return only_seen(V, worth > 0)
 

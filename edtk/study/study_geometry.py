@@ -299,6 +299,16 @@ class StudyGeometry:
         return tool, replace(data.of_markers(slice(k, None)), markers=self.references)
 
 
+def planned_noise(setting: StudyGeometry) -> PositionNoise:
+    """The errors of a visit that plans count: those of a reading, and what the model leaves out.
+
+    A sheet tells the second itself. In a difference of two readings it is as large as in one.
+    """
+    table = setting.study.specification.noise
+    size = 0.0 if table is None else table.discrepancy_mm
+    return replace(setting.noise, model_white=size, model_change=(size, 0.0))
+
+
 def alone_load(study: Study) -> Array | None:
     """The study's only load (6,), that of a displacement where a sheet names none; None else."""
     given = study.specification

@@ -38,7 +38,7 @@ def test_same_information(study):
     q[1] = q[0] + 0.01
     repeats = np.array([1, 2, 3, 1, 1, 4])
     wrench = np.tile(study.space.load.wrench(np.zeros(0)), (6, 1))
-    visits = setting.noise.visits(setting.chain, q, repeats)
+    visits = setting.noise.visits(setting.chain, q, wrench, repeats)
     np.testing.assert_array_equal(visits[:2], 3)
     rows = setting.whitened_rows(q, wrench, visits) * np.sqrt(repeats)[:, None, None]
     M = np.einsum("kri,krj->ij", rows, rows)

@@ -13,7 +13,7 @@ from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import identifiable
 from edtk.study.study import Study
-from edtk.study.study_geometry import StudyGeometry, StudyLoads
+from edtk.study.study_geometry import StudyGeometry, StudyLoads, planned_noise
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
@@ -97,8 +97,8 @@ def geometry_problem(
         study: The study.
         q: Poses (n, joints) of the candidates [rad or m].
         wrench: Forces and torques (n, 6) or (6,) [N, N m]; none by default.
-        noise: Errors of a pose; the stated ones by default. With those of a fit, what the model
-            leaves out counts too; its tracker stands where the study has it.
+        noise: Errors of a pose; the stated ones by default, with what the model leaves out. The
+            tracker of those of a fit stands where the study has it.
 
     Raises:
         UserError: The study has no [parameters].
@@ -113,7 +113,7 @@ def geometry_problem(
     forces = np.broadcast_to(given, (len(poses), 6))
     loads = setting.loads
     model = _minimal(setting.model, poses, forces, loads)
-    errors = setting.noise if noise is None else noise.with_place_of(setting.noise)
+    errors = planned_noise(setting) if noise is None else noise.with_place_of(setting.noise)
     if errors.rows != model.row_count:
         asked = "a size for orientations" if setting.full_poses else "none for orientations"
         raise ValueError(f"noise.turn is {errors.turn}; expected {asked}")

@@ -87,7 +87,7 @@ def poor_left_out(question: GeometryQuestion, plan: Plan) -> tuple[Finding, ...]
     if not errors.any():
         return ()
     # What repeats do not average out is most of such an error.
-    noise = replace(question.setting.noise, model_white=table.discrepancy_mm)
+    noise = question.space.errors
     of_positions = PositionRows(model, question.setting.loads)
     points = np.moveaxis(of_positions.columns.at(plan.q).points, -1, 0)
     sigma = float(np.hypot(noise.typical(points), noise.model_white))
@@ -261,12 +261,13 @@ def visit_propagation(question: GeometryQuestion, plan: Plan) -> Propagation | N
     table = study.specification.noise
     discrepancy = 0.0 if table is None else table.discrepancy_mm / 1e3
     loaded = np.any(scene.wrench, axis=1).astype(float)[:, None, None]
-    covariance = by_plan.covariance * np.outer(model.scales, model.scales)
+    units = np.outer(model.scales, model.scales)
+    by_noise = ToldByPlan(question.with_exact_model, plan).covariance
     places = _places(model)
     markers = tuple(one for one in places if one not in model.parameters)
     roots = {
-        "noise": told.below(root_of(covariance)),
-        "model": told.below(_by_model(question, plan, discrepancy)),
+        "noise": told.below(root_of(by_noise * units)),
+        "model": told.below(root_of((by_plan.covariance - by_noise) * units)),
         "load": scene.by_load(told, given),
         "tool": given.tool * shifts_by(told, A, TOOL),
         "drift": given.drift * told.shifts(A.shift * loaded),
@@ -340,29 +341,6 @@ def _places(model: MeasuredModel) -> tuple[Parameter, ...]:
     """Where the markers are, along the axes of what carries them."""
     names = [name for name, far in zip(model.markers, model.is_distance, strict=True) if not far]
     return tuple(Parameter("tool", name, axis) for name in names for axis in AXES)
-
-
-def _by_model(question: GeometryQuestion, plan: Plan, discrepancy: float) -> Array:
-    """A root (p, p) of what the model's errors add to the covariance that the noise makes.
-
-    Each pose errs by itself, however often it is visited.
-    """
-    model, noise = question.model, question.setting.noise
-    if not discrepancy:
-        return np.zeros((model.p, 1))
-    inverses = []
-    for size in (0.0, 1e3 * discrepancy):
-        M = question.known.T @ question.known
-        for repeats in np.unique(plan.repeats):
-            of_size = plan.repeats == repeats
-            errors = replace(noise.of_mean(float(repeats)), model_white=size)
-            A = PositionRows(model, question.setting.loads, errors)(
-                plan.q[of_size], plan.wrench[of_size]
-            )
-            M += np.einsum("mri,mrj->ij", A, A)
-        inverses.append(np.linalg.inv(M))
-    added = (inverses[1] - inverses[0]) * np.outer(model.scales, model.scales)
-    return root_of((added + added.T) / 2)
 
 
 @dataclass(frozen=True, eq=False)

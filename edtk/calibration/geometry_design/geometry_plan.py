@@ -60,8 +60,8 @@ class ToldByPlan:
         """Covariance (r, r) of these parameters, in their units."""
         question = self.question
         kept = self.told.kept
-        rows = PositionRows(question.model, question.setting.loads, question.setting.noise)
-        A = rows(self.plan.q, self.plan.wrench)
+        rows = PositionRows(question.model, question.setting.loads, question.space.errors)
+        A = rows(self.plan.q, self.plan.wrench, question.space.visits_of(self.plan))
         weighted = np.sqrt(self.plan.repeats)[:, None, None] * A[..., kept]
         # From the rows: their squares would lose half of the digits.
         every = np.concatenate([weighted.reshape(-1, len(kept)), question.known[:, kept]])
@@ -88,11 +88,12 @@ def visited(
     """
     setting, model, study = question.setting, question.model, question.study
     bending = setting.loads if loads is None else loads
+    shared = question.space.visits_of(Plan(q, wrench, np.ones(len(q), dtype=int)))
 
     def columns(parameters: tuple[Parameter, ...], wrench: Array) -> Array:
-        rows = PositionRows(replace(model, parameters=parameters), bending, setting.noise)
+        rows = PositionRows(replace(model, parameters=parameters), bending, question.space.errors)
         scales = np.array([one.scale for one in parameters])
-        return rows(q, wrench) / scales
+        return rows(q, wrench, shared) / scales
 
     simulation = study.specification.simulation
     given = {} if simulation is None else simulation.compliance_rad_per_Nm

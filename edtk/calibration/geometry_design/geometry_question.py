@@ -31,7 +31,7 @@ from edtk.robots.loads.listed_load import ListedLoad
 from edtk.robots.loads.load import Load
 from edtk.robots.weights import DeadWeights
 from edtk.study.study import Study
-from edtk.study.study_geometry import StudyGeometry, StudyLoads
+from edtk.study.study_geometry import StudyGeometry, StudyLoads, planned_noise
 from edtk.study.study_model import other_springs
 from edtk.study.study_objects import given_parameters
 from edtk.system.errors import UserError
@@ -147,6 +147,12 @@ class GeometryQuestion:
         """Information matrix (p, p) of a plan, and of what is known besides."""
         M = self.space.information(plan)
         return M if self.prior is None else M + self.prior
+
+    @property
+    def with_exact_model(self) -> "GeometryQuestion":
+        """The same question where the model leaves nothing out."""
+        space = replace(self.space, errors=self.setting.noise, noise=None)
+        return replace(self, space=space)
 
     def space_for(self, size: int) -> GeometrySpace:
         """The space of plans of so many visits, which share what is known besides."""
@@ -280,7 +286,7 @@ class GeometryQuestion:
 def _space(base: DesignSpace, model: MeasuredModel, setting: StudyGeometry) -> GeometrySpace:
     """The space of a model, where the poses of another one may lie."""
     own = {one.name: getattr(base, one.name) for one in fields(base)}
-    return GeometrySpace(**own, geometry=model, errors=setting.noise, loads=setting.loads)
+    return GeometrySpace(**own, geometry=model, errors=planned_noise(setting), loads=setting.loads)
 
 
 def _with(model: MeasuredModel, told: Identifiable) -> MeasuredModel:
@@ -390,19 +396,22 @@ def _sensors(model: MeasuredModel) -> list[dict[str, Any]]:
 
 def _noise(question: GeometryQuestion) -> dict[str, Any]:
     """The white part, and tracker and joints' repeatability where there is any."""
-    noise = question.setting.noise
+    noise = question.space.errors
     of_marker = [noise.reading / 1e3] * 3 + ([] if noise.turn is None else [noise.turn / 1e3] * 3)
     present = question.model.present
     sizes = np.tile(of_marker, len(present)) * np.sqrt(noise.squared_ratios(present.size))
     white = {"sigma": sizes[present.reshape(-1)].tolist()}
-    if noise.is_white:
+    shared = question.space.noise
+    shares = shared is not None and shared.shares
+    if noise.is_white and not shares:
         return white
+    left_out = np.tile([noise.model_white / 1e3] * 3 + [0.0] * (len(of_marker) - 3), len(present))
     return white | {
         "noise": {
             "tracker": tracker_to_dict(noise.tracker),
             "repeatability": (np.asarray(noise.joints) / 1e3).tolist(),
-            "discrepancy": [0.0] * len(white["sigma"]),
-            "within": 0.0,
+            "discrepancy": left_out[present.reshape(-1)].tolist(),
+            "within": shared.within if shared is not None and shares else 0.0,
             "readings": 1,
         }
     }

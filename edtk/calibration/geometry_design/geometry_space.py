@@ -9,7 +9,7 @@ from edtk.design.design_space import DesignSpace, Experiments
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem, rows_of_blocks
 from edtk.measure.measured_model import MeasuredModel
-from edtk.measure.noise import MM2, PositionNoise
+from edtk.measure.noise import MM2, PositionNoise, shared_visits
 from edtk.measure.nominal_columns import NominalColumns, PlacedColumns
 from edtk.study.study_geometry import StudyLoads
 from edtk.system.typing import Array, Indices, Mask
@@ -68,20 +68,24 @@ class PositionRows:
         """Rows of a pose."""
         return self.model.row_count * len(self.model.markers)
 
-    def __call__(self, q: Array, wrench: Array) -> Array:
+    def __call__(self, q: Array, wrench: Array, visits: Array | None = None) -> Array:
         """Rows (m, k r, p) for a unit of each parameter, in mm and mrad or in units of the noise.
 
         Args:
             q: Poses (m, n) [rad or m].
             wrench: Their forces and torques (m, 6) [N, N m].
+            visits: Visits (m,) that share the model's errors in each pose, of which a row counts as
+                one; one each by default.
         """
         found = np.empty((len(q), self._width, self.model.p))
         for first in range(0, len(q), BLOCK):
             part = slice(first, first + BLOCK)
-            found[part] = self._block(q[part], wrench[part])
+            found[part] = self._block(q[part], wrench[part], _some(visits, part))
         return found
 
-    def slopes(self, q: Array, wrench: Array, B: Array, changes: Array) -> Array:
+    def slopes(
+        self, q: Array, wrench: Array, B: Array, changes: Array, visits: Array | None = None
+    ) -> Array:
         """Derivatives (m, n + d) of ``<B, rows>``, weights B (m, k r, p) held fixed.
 
         They are by the joints, and by d variables of the load, which change the wrench by
@@ -94,17 +98,18 @@ class PositionRows:
         found = np.empty((len(q), q.shape[1] + changes.shape[-1]))
         for first in range(0, len(q), BLOCK):
             part = slice(first, first + BLOCK)
-            found[part] = self._slope(q[part], wrench[part], B[part], changes[part])
+            own = _some(visits, part)
+            found[part] = self._slope(q[part], wrench[part], B[part], changes[part], own)
         return found
 
-    def _block(self, q: Array, wrench: Array) -> Array:
+    def _block(self, q: Array, wrench: Array, visits: Array | None) -> Array:
         """The rows of a block of poses."""
         placed = self.columns.at(q)
         differs = self._differs(wrench)
         rows = self._rows(placed, self._amplitudes(self._torques(q, wrench)), differs)
         if self.is_white:
-            return np.asarray(rows / self._sigmas(differs)[..., None])
-        return self._whitened(rows, placed, differs)
+            return np.asarray(rows / self._sigmas(differs, visits)[..., None])
+        return self._whitened(rows, placed, differs, visits)
 
     def _differs(self, wrench: Array) -> Mask | None:
         """Which visits (m,) are differences of two readings; None for none."""
@@ -112,14 +117,15 @@ class PositionRows:
             return None
         return np.asarray(wrench.any(axis=1))
 
-    def _sigmas(self, differs: Mask | None) -> Array:
+    def _sigmas(self, differs: Mask | None, visits: Array | None) -> Array:
         """Standard deviations (1 or m, k r) of what is read, where errors are independent."""
-        if differs is None or self.noise is None:
+        if self.noise is None or (differs is None and visits is None):
             return self._sigma[None]
-        changes = np.sqrt(
-            np.diagonal(self.noise.of_change(np.zeros((1, self._width, 1)), NOWHERE)[0])
-        )
-        return np.where(differs[:, None], changes, self._sigma)
+        m = next(len(one) for one in (differs, visits) if one is not None)
+        still = np.zeros((m, self._width, len(self.noise.joints)))
+        V = replace(self.noise, tracker=None).of_reading(still[:1], NOWHERE) * _counts(differs, m)
+        V = V + _lifted(visits) * self.noise.of_model(still, differs)
+        return np.asarray(np.sqrt(np.diagonal(V, axis1=1, axis2=2)))
 
     def _rows(self, placed: PlacedColumns, amplitudes: Array | None, differs: Mask | None) -> Array:
         """Rows (m, k r, p) in millimetres and milliradians."""
@@ -127,20 +133,22 @@ class PositionRows:
         flat = J.reshape(self.model.p, -1, J.shape[-1])
         return np.asarray(np.moveaxis(flat, (0, 1), (2, 1)) * self.scales)
 
-    def _whitened(self, rows: Array, placed: PlacedColumns, differs: Mask | None) -> Array:
+    def _whitened(
+        self, rows: Array, placed: PlacedColumns, differs: Mask | None, visits: Array | None
+    ) -> Array:
         """Rows (m, r, p) in units of correlated noise."""
-        L = np.linalg.cholesky(self._covariance(placed, differs))
+        L = np.linalg.cholesky(self._covariance(placed, differs, visits))
         return np.asarray(np.linalg.solve(L, rows))
 
-    def _covariance(self, placed: PlacedColumns, differs: Mask | None) -> Array:
-        """Covariances (m, k r, k r) of a visit."""
+    def _covariance(
+        self, placed: PlacedColumns, differs: Mask | None, visits: Array | None
+    ) -> Array:
+        """Covariances (m, k r, k r) with which one of some visits of a pose counts."""
         assert self.noise is not None
         motion = _motion(placed)
         places = np.moveaxis(placed.points, -1, 0)
-        V = self.noise.of_reading(motion, places) + self.noise.of_model(motion)
-        if differs is not None:
-            V[differs] = self.noise.of_change(motion[differs], places[differs])
-        return V
+        R = _counts(differs, len(motion)) * self.noise.of_reading(motion, places)
+        return np.asarray(R + _lifted(visits) * self.noise.of_model(motion, differs))
 
     def _torques(self, q: Array, wrench: Array) -> list[Array]:
         """Loads (s, m) of the joints, whose springs have not given way, and those before.
@@ -163,17 +171,19 @@ class PositionRows:
         after, *before = (self.model.springs.amplitudes(torque) for torque in torques)
         return after - before[0] if before else after
 
-    def _slope(self, q: Array, wrench: Array, B: Array, changes: Array) -> Array:
+    def _slope(
+        self, q: Array, wrench: Array, B: Array, changes: Array, visits: Array | None
+    ) -> Array:
         """The derivatives of a block of poses."""
         placed = self.columns.at(q)
         torques = self._torques(q, wrench)
         amplitudes = self._amplitudes(torques)
         differs = self._differs(wrench)
         if self.is_white:
-            weights, of_noise = B / self._sigmas(differs)[..., None], np.zeros(q.shape)
+            weights, of_noise = B / self._sigmas(differs, visits)[..., None], np.zeros(q.shape)
         else:
             rows = self._rows(placed, amplitudes, differs)
-            weights, of_noise = self._correlated(placed, rows, B, differs)
+            weights, of_noise = self._correlated(placed, rows, B, differs, visits)
         by_motion, by_amplitudes = placed.slope(
             _component_first(weights * self.scales, len(self.model.markers)),
             amplitudes,
@@ -197,7 +207,12 @@ class PositionRows:
         return np.column_stack([found, *by_load])
 
     def _correlated(
-        self, placed: PlacedColumns, rows: Array, B: Array, differs: Mask | None
+        self,
+        placed: PlacedColumns,
+        rows: Array,
+        B: Array,
+        differs: Mask | None,
+        visits: Array | None,
     ) -> tuple[Array, Array]:
         """Weights (m, r, p) of the rows in millimetres, and what the noise adds (m, n).
 
@@ -208,13 +223,13 @@ class PositionRows:
         noise = self.noise
         assert noise is not None
         motion = _motion(placed)
-        V = self._covariance(placed, differs)
+        V = self._covariance(placed, differs, visits)
         L = np.linalg.cholesky(V)
         W: Array = np.linalg.solve(np.swapaxes(L, 1, 2), B).astype(float, copy=False)
         Q = W @ np.swapaxes(np.linalg.solve(V, rows), 1, 2)
         variances = np.square(noise.joints)
         of_model = np.square(noise.model_joints) if len(noise.model_joints) else 0.0
-        each = variances + of_model
+        each = variances + _lifted(visits) * of_model
         if differs is not None:
             each = np.where(differs[:, None, None], 2 * variances, each)
         S = -0.5 * (Q + np.swapaxes(Q, 1, 2))
@@ -234,6 +249,21 @@ class PositionRows:
         own = np.stack([S[:, r * i : r * i + 3, r * i : r * i + 3] for i in seen])
         by_points = MM2 * self.noise.tracker.slope(placed.points[seen], np.moveaxis(own, 1, -1))
         return np.asarray(np.einsum("nkcm,kcm->mn", placed.by_joints[:, seen, :3], by_points))
+
+
+def _some(visits: Array | None, part: slice) -> Array | None:
+    """Visits of a block of poses."""
+    return None if visits is None else visits[part]
+
+
+def _lifted(visits: Array | None) -> Array:
+    """Visits (m or 1, 1, 1) that multiply covariances."""
+    return np.ones((1, 1, 1)) if visits is None else visits[:, None, None]
+
+
+def _counts(differs: Mask | None, m: int) -> Array:
+    """How many readings (m, 1, 1) the rows of poses are made of."""
+    return np.ones((m, 1, 1)) if differs is None else 1.0 + differs[:, None, None].astype(float)
 
 
 def _motion(placed: PlacedColumns) -> Array:
@@ -299,25 +329,32 @@ class GeometrySpace(DesignSpace):
     def information(self, plan: Plan) -> Array:
         """Information matrix (p, p) of a plan under the plan's own wrenches; prices do not count.
 
-        Visits of a pose err each for itself.
+        Visits of poses near each other share what the model leaves out, see `shared_visits`.
         """
-        A = self._rows(plan.q, plan.wrench)
+        A = self._rows(plan.q, plan.wrench, self.visits_of(plan))
         return Problem(A, parameters=self.parameters, prior=self.prior).information(plan.repeats)
+
+    def visits_of(self, plan: Plan) -> Array | None:
+        """Visits (k,) that share the model's errors of each pose; None where nothing is shared."""
+        if self.noise is None or not self.noise.shares:
+            return None
+        sliding = np.array([joint.kind == "prismatic" for joint in self.geometry.robot.joints])
+        return shared_visits(plan.q, plan.repeats, sliding, self.noise.within, plan.wrench)
 
     @cached_property
     def _rows(self) -> PositionRows:
         return PositionRows(self.geometry, self.loads, self.errors)
 
-    def rows(self, x: Array) -> Array:
+    def rows(self, x: Array, visits: Array | None = None) -> Array:
         """Whitened rows (m, r markers, p) of experiments x (m, v), for one unit of costs each."""
         q, wrench = self._visits(x)
-        return self._rows(q, wrench) * self.shares(x)[:, None, None]
+        return self._rows(q, wrench, visits) * self.shares(x)[:, None, None]
 
-    def slopes(self, x: Array, B: Array) -> Array:
+    def slopes(self, x: Array, B: Array, visits: Array | None = None) -> Array:
         """Derivatives (m, v) of ``<B, rows>`` by all design variables, weights B held fixed."""
         q, wrench = self._visits(x)
         changes = self.load.derivative(x[:, q.shape[1] :])
-        return self._rows.slopes(q, wrench, B * self.shares(x)[:, None, None], changes)
+        return self._rows.slopes(q, wrench, B * self.shares(x)[:, None, None], changes, visits)
 
     def _visits(self, x: Array) -> tuple[Array, Array]:
         """Poses (m, n) and wrenches (m, 6) of experiments."""
@@ -339,16 +376,18 @@ class GeometryExperiments(Experiments):
 
     def __getitem__(self, chosen: Indices) -> "GeometryExperiments":
         """The chosen experiments (n, v)."""
-        return GeometryExperiments(self.space, self.x[chosen], self.frames[chosen])
+        visits = None if self.visits is None else self.visits[chosen]
+        return GeometryExperiments(self.space, self.x[chosen], self.frames[chosen], visits)
 
-    def visited(self, visits: Array) -> "GeometryExperiments":
-        """The same experiments: visits share no error."""
-        return self
+    @property
+    def _flat(self) -> Array | None:
+        """Visits (m,) of all experiments, one after another."""
+        return None if self.visits is None else self.visits.reshape(-1)
 
     @cached_property
     def regressor(self) -> Array:
         """Whitened rows (..., r markers, p)."""
-        A = self.space.rows(self.x.reshape(-1, self.x.shape[-1]))
+        A = self.space.rows(self.x.reshape(-1, self.x.shape[-1]), self._flat)
         return A.reshape(*self.x.shape[:-1], *A.shape[1:])
 
     @cached_property
@@ -360,4 +399,4 @@ class GeometryExperiments(Experiments):
         """Derivatives (..., v) of ``<B, A>`` of the whitened rows A, weights B held fixed."""
         flat = self.x.reshape(-1, self.x.shape[-1])
         weights = np.broadcast_to(B, self.regressor.shape).reshape(len(flat), *B.shape[-2:])
-        return self.space.slopes(flat, weights).reshape(self.x.shape)
+        return self.space.slopes(flat, weights, self._flat).reshape(self.x.shape)

@@ -155,6 +155,10 @@ class Geometry:
         size = np.where(differs, np.sqrt(0.5), 1.0)
         return np.asarray(np.concatenate(parts, axis=1) * (size[:, None] * ~still)[:, None])
 
+    def readings(self, wrench: Array) -> Array:
+        """How many readings (k,) the rows of visits under wrenches (k, 6) are made of."""
+        return np.where((wrench != 0).any(axis=1) & self.changes, 2.0, 1.0)
+
     def of_tool(self, chain: Chain, physics: Physics, q: Array, wrench: Array) -> Array:
         """Rows (k, 6, p) of the tool frame of a chain, which parameters of markers do not move."""
         answers = self._answers(chain, physics, q, wrench)

@@ -277,12 +277,15 @@ class Noise:
             raise ValueError("the errors of some rows depend on each other exactly") from error
         return np.asarray(np.linalg.solve(L, A / size[:, :, None]))
 
-    def visits(self, chain: Chain, q: Array, amount: Array) -> Array:
+    def visits(self, chain: Chain, q: Array, wrench: Array, amount: Array) -> Array:
         """How many visits (k,) of a plan share the model's errors of each pose, its own included.
+
+        Those under a load share nothing with those without one.
 
         Args:
             chain: The robot, whose prismatic joints do not count for distances.
             q: Poses (k, n) [rad or m].
+            wrench: Their loads (k, 6) [N, N m].
             amount: Visits (k,) of each.
         """
         if self.springs is None and not self.discrepancy.any():
@@ -290,10 +293,11 @@ class Noise:
         turning = q[:, ~chain.prismatic]
         near = max(self.within * (1 - SAME), SAME)
         found = []
-        for pose in turning:
+        loaded = (wrench != 0).any(axis=1).tolist()
+        for pose, own in zip(turning, loaded, strict=True):
             # Half a turn is the farthest: the sine of half the angle has its length, the short way.
             turn = 2 * np.arcsin(np.abs(np.sin((turning - pose) / 2)))
-            found.append((np.linalg.norm(turn, axis=1) < near) @ amount)
+            found.append(((np.linalg.norm(turn, axis=1) < near) & np.equal(loaded, own)) @ amount)
         return np.array(found, dtype=float)
 
     def _add_tracker(self, Sigma: Array, chain: Chain, physics: Physics, q: Array) -> None:

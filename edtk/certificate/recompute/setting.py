@@ -439,6 +439,9 @@ class Setting:
             if self.noise is None:
                 return A / self.sigma[:, None]
             visits = np.ones(len(q)) if visits is None else visits
+            if self.geometry is not None:
+                # Rows of a change are in units of one reading, and the model errs in it once.
+                visits = visits / self.geometry.readings(wrench)
             torque = self._torque(self.physics, q, wrench)
             return self.noise.whitened(A, self.chain, self.physics, self.sigma, q, visits, torque)
         A = self._left(regressors(self.chain, self.unknown, q, wrench), q)

@@ -238,6 +238,7 @@ class DaySearch:
             self.seed,
             self.progress,
             workers=self.workers,
+            kept=self.kept,
         )
         of_size = self.of_size or (lambda _, m, distinct: search.of_size(m, distinct))
         with time_limit(0.0 if interrupted else np.inf):

@@ -316,7 +316,7 @@ def _tidied(
     if space.noise is not None and space.noise.shares:
         if searched is not space:
             x, repeats = divided(x, repeats)
-        x = spread(space, relaxed.criterion, x, repeats, None if kept is None else kept.q)
+        x = spread(space, relaxed.criterion, x, repeats, kept)
     return x, repeats
 
 

@@ -8,6 +8,7 @@ from criteria import Criterion
 from edtk.design.design_space import DesignSpace
 from edtk.design.exact.apportion import apportion
 from edtk.design.exact.round_poses import to_steps
+from edtk.design.plan import Plan
 from edtk.robots.robot import joint_distance
 from edtk.system.typing import Array, Mask
 
@@ -28,28 +29,31 @@ def spread(
     criterion: Criterion,
     x: Array,
     repeats: Array,
-    kept: Array | None = None,
+    kept: Plan | None = None,
 ) -> Array:
     """Move the poses of a plan apart, at the least loss.
 
-    Poses that are nearer to each other than `VisitNoise.within` share their discrepancy. Around an
-    optimum, where the criterion is flat, they can all be elsewhere. Each pose in turn takes the
-    best place among random ones nearby that are feasible and keep the distance. A pose without such
-    a place stays where it is, and shares.
+    Poses that are nearer to each other than `VisitNoise.within`, both with a load or both without,
+    share what the model leaves out. Around an optimum, where the criterion is flat, they can all be
+    elsewhere. Each pose in turn takes the best place among random ones nearby that are feasible and
+    keep the distance. A pose without such a place stays where it is, and shares.
 
     Args:
         space: Model and feasible set, with noise that visits share.
         criterion: The criterion that the plan is good for.
         x: Design variables (k, v) of its experiments, all feasible.
         repeats: Their repetitions (k,).
-        kept: Poses (c, n) of kept experiments, from which the distance is kept too.
+        kept: Kept experiments, from which the distance is kept too.
 
     Returns:
         Design variables (k, v), in joint variables that a controller takes.
     """
     assert space.noise is not None
-    kept = np.empty((0, len(space.fixed))) if kept is None else kept
-    search = _Spread(space, criterion, space.noise.within * (1 + MARGIN), repeats, kept)
+    n = len(space.fixed)
+    q, loaded = np.empty((0, n)), np.empty(0)
+    if kept is not None:
+        q, loaded = kept.q, np.any(kept.wrench, axis=1).astype(float)
+    search = _Spread(space, criterion, space.noise.within * (1 + MARGIN), repeats, q, loaded)
     for i in range(len(x)):
         if search.is_crowded(x, i):
             x = search.moved(x, i, at_any_cost=True)
@@ -94,6 +98,7 @@ class _Spread:
         distance: Least distance between poses [rad].
         repeats: Visits (k,) of the poses.
         kept: Further poses (c, n) to keep away from.
+        loaded: Whether each of these (c,) is loaded.
     """
 
     space: DesignSpace
@@ -101,6 +106,7 @@ class _Spread:
     distance: float
     repeats: Array
     kept: Array
+    loaded: Array
 
     def cost(self, x: Array) -> float:
         """The cost of the plan, whose poses count as far apart."""
@@ -162,10 +168,20 @@ class _Spread:
         return np.array([joint.kind == "prismatic" for joint in joints])
 
     def _away(self, x: Array, own: Array) -> Array:
-        """Distances (k + c,) of experiments (k, v) and kept poses from one (v,) [rad]."""
+        """Distances (k + c,) of experiments (k, v) and kept poses from one (v,) [rad].
+
+        Those of which only one is loaded are infinitely far.
+        """
         n = len(self.space.fixed)
         others = np.concatenate([x[:, :n], self.kept])
-        return joint_distance(others, own[:n], self._prismatic)
+        away = joint_distance(others, own[:n], self._prismatic)
+        alike = np.append(self._is_loaded(x), self.loaded) == self._is_loaded(own[None])
+        return np.where(alike, away, np.inf)
+
+    def _is_loaded(self, x: Array) -> Mask:
+        """Which experiments (k, v) are under a load."""
+        wrench = np.asarray(self.space.load.wrench(x[:, len(self.space.fixed) :]))
+        return np.asarray(wrench.any(axis=-1))
 
     def _information(self, x: Array) -> Array:
         """Information (p, p) of the plan, whose poses count as far apart."""

@@ -17,6 +17,8 @@ from edtk.design.exact.exact_plan import FoundPlan
 from edtk.design.exact.exchange import exchange
 from edtk.design.exact.refine import exchange_in_turn, refine
 from edtk.design.exact.round_poses import round_plan
+from edtk.design.exact.spread import divided, spread
+from edtk.design.plan import Plan
 from edtk.design.problem import Problem, RankDeficientError
 from edtk.design.relaxation.proof import normalised
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
@@ -60,6 +62,8 @@ class VisitSearch:
         progress: Called with a label and the best cost.
         starts: Number of starts.
         workers: The processes that improve plans side by side; the plan does not depend on them.
+        kept: Visits that were made already; None for none.
+        repeated: Whether a pose may be visited again where that is no better than another pose.
     """
 
     space: DesignSpace
@@ -69,6 +73,8 @@ class VisitSearch:
     progress: Callable[[str, float], object]
     starts: int = STARTS
     workers: Workers = THIS_PROCESS
+    kept: Plan | None = None
+    repeated: bool = False
 
     def of_size(self, m: int, distinct: int | None = None) -> FoundPlan:
         """The best plan of m visits, whatever each costs.
@@ -78,6 +84,8 @@ class VisitSearch:
             distinct: Number of different visits at most; a pose without a load and under it are
                 two. Defaults to any.
         """
+        if distinct is not None and not self.repeated:
+            return replace(self, repeated=True).of_size(m, distinct)
         pool, weights = self._pool()
         rng = np.random.default_rng((self.seed, SEED))
         k = m if distinct is None else min(m, distinct)
@@ -106,6 +114,8 @@ class VisitSearch:
         Returns:
             The plan; None where so few different visits tell too little.
         """
+        if distinct is not None and not self.repeated:
+            return replace(self, repeated=True).within(prices, funds, m, sized, distinct)
         pool, _ = self._pool()
         problem = pool.problem
         base = np.zeros((problem.p, problem.p))
@@ -262,10 +272,17 @@ class VisitSearch:
         x, repeats = x[used], repeats[used]
         if ended == "starts":
             x = refine(self.space, self.criterion, x[None], repeats[None], FINEST, SHARPEST)[0][0]
-        x, repeats = round_plan(self.space, self.criterion, x, repeats)
+        shares = self.space.noise is not None and self.space.noise.shares
+        x, repeats = round_plan(self.space, self.criterion, x, repeats, merge=not shares)
+        if shares:
+            x, repeats = (x, repeats) if self.repeated else divided(x, repeats)
+            x = spread(self.space, self.criterion, x, repeats, self.kept)
         order = np.lexsort((*np.round(x.T[::-1], 9), self.space.load_of(x)))
         x, repeats = x[order], repeats[order]
-        cost = float(self.criterion.cost(self.space.problem(x).information(repeats)))
+        M = self.space.problem(x).information(repeats)
+        if shares:
+            M = self.space.information(self.space.plan(x, repeats.astype(int)))
+        cost = float(self.criterion.cost(M))
         return FoundPlan(x, repeats.astype(int), cost, starts, found, optima, ended)
 
 

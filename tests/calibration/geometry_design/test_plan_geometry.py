@@ -50,6 +50,29 @@ def eight() -> GeometryPlan:
     return plan_geometry(STUDY, 8)
 
 
+@pytest.mark.cell("`[noise] discrepancy_mm`, the model's error, stated", "parameters")
+def test_what_the_model_leaves_out_spreads_the_visits(eight: GeometryPlan, tmp_path: Path) -> None:
+    """Visits that share an error are poses of their own, of which the certificate proves all."""
+    study = STUDY.replace(noise={"discrepancy_mm": 0.3})
+    found = edtk.plan(study, 8, certificate=tmp_path / "c.json")
+    assert isinstance(found, GeometryPlan)
+    own = np.unique(np.column_stack([found.plan.q, found.plan.wrench]), axis=0)
+    assert len(own) == 8 > len(eight.plan.q)
+    assert 0.85 < found.efficiency <= 1 + 1e-6
+    proved = json.loads((tmp_path / "c.json").read_text())
+    checked = edtk.verify(proved, study)
+    assert checked.valid, checked.summary()
+    proved["setting"]["noise"]["discrepancy"] = [0.2e-3] * 3
+    assert not edtk.verify(proved).valid
+    # The plan of exact models is worth less where they are not, and a pose twice is no two poses.
+    space = found.question.space
+    cost = found.relaxed.criterion.cost
+    assert found.cost < float(cost(space.information(eight.plan)))
+    once, twice = (space.information(eight.plan.repeated(times)) for times in (1, 10**6))
+    assert np.linalg.eigvalsh(twice - once).min() > 0
+    assert float(cost(twice)) > 0.3 * float(cost(once))
+
+
 def test_value_and_bound(eight: GeometryPlan) -> None:
     """The value is that of the poses as they are written, and no plan can be much better."""
     assert eight.whole.experiments == 8

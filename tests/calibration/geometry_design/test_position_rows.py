@@ -8,6 +8,7 @@ from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.measure.measured_model import Load, Loading
 from edtk.measure.noise import PositionNoise, Tracker
 from edtk.study.study_geometry import StudyGeometry
+from edtk.system.typing import Array
 
 RNG = np.random.default_rng(4)
 MARKERS = [{"name": "A", "position_mm": [10, 30, 0]}, {"name": "B", "position_mm": [-40, 0, 60]}]
@@ -39,6 +40,7 @@ NOISES = {
     "changes, tracker": PositionNoise(0.02, np.array([0.1, 0.2]), 0.03, tracker=TRACKER),
 }
 Q = RNG.uniform(-1, 1, (5, 2))
+VISITS = np.array([1.0, 3.0, 2.0, 1.0, 5.0])
 WRENCH = np.array(LOAD, dtype=float) * np.array([1, 0, 1, 0, 1])[:, None]
 
 
@@ -72,7 +74,7 @@ def test_rows_are_those_of_the_model(name: str) -> None:
 
 @pytest.mark.parametrize("name", NOISES)
 def test_rows_are_whitened(name: str) -> None:
-    """Their squares are those of the rows under the inverse covariance of a visit."""
+    """Their squares are those under the inverse covariance of a visit, one of several of a pose."""
     noise = NOISES[name]
     setting = setting_of(name)
     plain = PositionRows(setting.model, setting.loads)(Q, WRENCH)
@@ -85,21 +87,26 @@ def test_rows_are_whitened(name: str) -> None:
     expected = np.swapaxes(plain, 1, 2) @ np.linalg.solve(V, plain)
     A = rows_with(name)(Q, WRENCH)
     np.testing.assert_allclose(np.swapaxes(A, 1, 2) @ A, expected, rtol=1e-9, atol=1e-9)
+    V = V + (VISITS - 1)[:, None, None] * noise.of_model(motion, worth < 1)
+    expected = np.swapaxes(plain, 1, 2) @ np.linalg.solve(V, plain)
+    A = rows_with(name)(Q, WRENCH, VISITS)
+    np.testing.assert_allclose(np.swapaxes(A, 1, 2) @ A, expected, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.parametrize("visits", [None, VISITS], ids=["one visit", "several"])
 @pytest.mark.parametrize("name", NOISES)
-def test_slopes_of_information(name: str) -> None:
+def test_slopes_of_information(name: str, visits: Array | None) -> None:
     """Derivatives of <G, M> by the joints agree with differences, loads and noise included."""
     rows = rows_with(name)
-    A = rows(Q, WRENCH)
+    A = rows(Q, WRENCH, visits)
     G = RNG.normal(size=(A.shape[-1],) * 2)
     G = G + G.T
-    found = rows.slopes(Q, WRENCH, 2 * A @ G, np.zeros((len(Q), 6, 0)))
+    found = rows.slopes(Q, WRENCH, 2 * A @ G, np.zeros((len(Q), 6, 0)), visits)
     for j in range(2):
         step = 1e-5 * np.eye(2)[j]
         higher, lower = (
             np.einsum("mrp,pq,mrq->m", own, G, own)
-            for own in (rows(Q + step, WRENCH), rows(Q - step, WRENCH))
+            for own in (rows(Q + step, WRENCH, visits), rows(Q - step, WRENCH, visits))
         )
         expected = (higher - lower) / 2e-5
         size = abs(expected).max()

@@ -30,7 +30,7 @@ def test_spread(name):
     x = sample_feasible(space, 3, 1)
     repeats = np.array([3.0, 1.0, 2.0])
     many, once = divided(x, repeats)
-    kept = x[1:2, : len(space.fixed)]
+    kept = space.plan(x[1:2], np.ones(1, dtype=int))
     apart = spread(space, CRITERION, many, once, kept)
     assert len(apart) == 6
     np.testing.assert_array_equal(once, 1.0)
@@ -39,7 +39,7 @@ def test_spread(name):
     kinds = np.array([joint.kind == "prismatic" for joint in space.model.robot.joints])
     away = np.array([joint_distance(q, own, kinds) for own in q]) + 9 * np.eye(6)
     assert away.min() >= space.noise.within
-    assert joint_distance(q, kept, kinds).min() >= space.noise.within
+    assert joint_distance(q, kept.q, kinds).min() >= space.noise.within
     plan = space.plan(apart, once.astype(int))
     before = CRITERION.cost(space.information(space.plan(x, repeats.astype(int))))
     after = CRITERION.cost(space.information(plan))

@@ -21,6 +21,14 @@ def test_near_poses():
     np.testing.assert_array_equal(counts, [2, 3, 2, 1])
 
 
+def test_loaded_and_unloaded_visits_share_nothing():
+    """What bends under a load is no error of a visit without one."""
+    q = np.zeros((3, 2))
+    wrench = np.array([[0.0, 0, 0, 0, 0, 0], [0, 0, -9.0, 0, 0, 0], [0, 1.0, 0, 0, 0, 0]])
+    counts = shared_visits(q, np.array([2, 1, 4]), TURNS, 0.1, wrench)
+    np.testing.assert_array_equal(counts, [2, 5, 5])
+
+
 def test_same_pose():
     """Equal poses share whatever the distance, and prismatic joints do not count."""
     q = np.array([[0.1, 0.3], [0.1, 0.3], [0.1, 0.9]])
