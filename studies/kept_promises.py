@@ -11,7 +11,7 @@ tool point, and the noise (`--exact`: the noise alone). Springs differ from day 
 `--visits` springs are parameters of a study with [parameters], read loaded minus unloaded.
 
 FOLDER keeps plans and days, so that a run goes on where it was stopped. One table a run is printed,
-and written to FOLDER/table.md.
+and written to FOLDER/table.md; `--page` writes kept_promises.md beside this file, with three.
 """
 
 import json
@@ -50,6 +50,7 @@ from edtk.measure.task import Task
 from edtk.report.tables import markdown_table
 from edtk.robots.compensator import Compensator as Drawn
 from edtk.system.errors import UserError
+from edtk.system.files import write_text
 
 Array = NDArray[np.float64]
 HERE = Path(__file__).parent
@@ -419,32 +420,99 @@ def all_cases(days: int, only: Sequence[str]) -> list[Case]:
     return [case for case in every if not only or any(word in case.name for word in only)]
 
 
+@dataclass(frozen=True)
+class Way:
+    """How days are simulated, and what is asked.
+
+    Attributes:
+        exact: Whether the noise alone is drawn.
+        visits: Whether springs are parameters of a study with [parameters].
+    """
+
+    exact: bool = False
+    visits: bool = False
+
+    @property
+    def words(self) -> str:
+        """For people."""
+        if self.visits:
+            return "Studies with `[parameters]`, whose circumstances are as stated"
+        if self.exact:
+            return "Load, direction and tool as stated: the noise alone is drawn"
+        return (
+            "Size and direction of the load and the tool point are drawn as the study doubts them"
+        )
+
+
+WAYS = {
+    "drawn": Way(),
+    "exact": Way(exact=True),
+    "visits": Way(exact=True, visits=True),
+}
+
+
+def table(folder: Path, cases: Sequence[Case], way: Way) -> str:
+    """Simulate the days that are missing, and put all of them into a table."""
+    folder.mkdir(parents=True, exist_ok=True)
+    store = folder / "days.jsonl"
+    found = read_days(store)
+    every = {name: scene.by_visits if way.visits else scene for name, scene in scenes().items()}
+    with store.open("a") as file, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for case in cases:
+            if case.key not in found:
+                scene = every[case.robot]
+                day = one_day(scene, plan_of(scene, case, folder), case, way.exact)
+                found[case.key] = {"key": case.key, **day}
+                file.write(json.dumps(found[case.key]) + "\n")
+                file.flush()
+    rows = markdown_table(HEAD, list(rows_of(found, cases)))
+    (folder / "table.md").write_text(rows + "\n")
+    return rows
+
+
+def page(folder: Path, days: int) -> str:
+    """All tables as a page, as Markdown."""
+    cases = all_cases(days, ())
+    tables = [f"## {way.words}\n\n{table(folder / name, cases, way)}" for name, way in WAYS.items()]
+    return f"{INTRODUCTION.format(days=days, size=SIZE, poses=POSES)}\n\n" + "\n\n".join(tables)
+
+
+INTRODUCTION = """# Promises, kept and broken
+
+Written by `python studies/kept_promises.py FOLDER --page`.
+
+A robot is calibrated with a model of six springs, and is not six springs: joints 2 and 3 give way
+about the axes across their own too, by a share of their own compliance; links bend and twist;
+stiffnesses vary with the angle; friction holds a part of the load. Each row has {days} simulated
+days, from the plan of {size} experiments, or as many random poses, to the robot that is compensated
+in the test pose. The simulated robot shares no code with edtk.
+
+- *promise*: the error that `edtk compensate` expects in the test pose, a root mean square (median
+  of the days);
+- *real*: how far the simulated robot is off there (median);
+- *in band*: share of days on which that is inside the 95 % band of `edtk compensate`, and the same
+  in {poses} other poses;
+- *good, and twice off*: days with the verdict "good" on which the robot is off by more than twice
+  the promise."""
+
+
 @click.command(help=__doc__)
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--days", default=DAYS, help="Days of each case.")
 @click.option("--only", multiple=True, help="Part of the names of cases to look at; repeat it.")
 @click.option("--exact", is_flag=True, help="Draw the noise alone.")
 @click.option("--visits", is_flag=True, help="Ask studies with [parameters].")
-def main(folder: Path, days: int, only: Sequence[str], exact: bool, visits: bool) -> None:
+@click.option("--page", "whole", is_flag=True, help="Write kept_promises.md, of all ways.")
+def main(
+    folder: Path, days: int, only: Sequence[str], exact: bool, visits: bool, whole: bool
+) -> None:
     """Simulate what is missing, and print the table."""
     os.nice(10)
-    folder.mkdir(parents=True, exist_ok=True)
-    store = folder / "days.jsonl"
-    found = read_days(store)
-    cases = all_cases(days, only)
-    every = {name: scene.by_visits if visits else scene for name, scene in scenes().items()}
-    with store.open("a") as file, warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        for case in cases:
-            if case.key not in found:
-                scene = every[case.robot]
-                day = one_day(scene, plan_of(scene, case, folder), case, exact)
-                found[case.key] = {"key": case.key, **day}
-                file.write(json.dumps(found[case.key]) + "\n")
-                file.flush()
-    table = markdown_table(HEAD, list(rows_of(found, cases)))
-    (folder / "table.md").write_text(table + "\n")
-    click.echo(table)
+    if whole:
+        write_text(HERE / "kept_promises.md", page(folder, days) + "\n")
+        return
+    click.echo(table(folder, all_cases(days, only), Way(exact, visits)))
 
 
 if __name__ == "__main__":

@@ -53,8 +53,7 @@ def test_run_goes_on_where_it_was_stopped(module, tmp_path, monkeypatch):
     ]
     (tmp_path / "days.jsonl").write_text("".join(json.dumps(day) + "\n" for day in days))
     monkeypatch.setattr(module, "one_day", lambda *args: pytest.fail("simulated again"))
-    monkeypatch.setattr(module.os, "nice", lambda more: 0)
-    module.main.callback(tmp_path, 2, (case,), exact=True, visits=False)
+    module.table(tmp_path, module.all_cases(2, (case,)), module.Way(exact=True))
     row = (tmp_path / "table.md").read_text().splitlines()[2]
     cells = [cell.strip() for cell in row.strip("|").split("|")]
     assert cells[3:] == ["2 / 0 / 0", "1.000", "1.750", "1.75", "50 %", "50 %", "1"]
