@@ -78,6 +78,7 @@ HEAD = (
     "in band",
     "in band, other poses",
     "good, and twice off",
+    "named first",
 )
 
 
@@ -344,6 +345,7 @@ def one_day(scene: Scene, plan: edtk.Plan, case: Case, exact: bool) -> dict[str,
         "real_others_mm": float(1e3 * np.sqrt(np.mean(error[1:] ** 2))),
         "promise_others_mm": float(1e3 * np.sqrt(np.mean(remaining[1:] ** 2))),
         "findings": [one.kind for one in found.findings],
+        "causes": [f"{one.cause} {one.joint}".strip() for one in getattr(found, "causes", ())],
         "seconds": round(seconds, 3),
     }
 
@@ -387,7 +389,7 @@ def rows_of(days: dict[str, dict[str, object]], cases: Sequence[Case]) -> Iterat
         told = some.dropna(subset=["real_mm"]) if "real_mm" in some else some.iloc[:0]
         verdicts = " / ".join(map(str, counts))
         if not len(told):
-            yield [*name.split("/"), verdicts, *[""] * 6]
+            yield [*name.split("/"), verdicts, *[""] * 7]
             continue
         ratio = (told.real_mm / told.promise_mm).median()
         bad = ((told.verdict == "good") & (told.real_mm > 2 * told.promise_mm)).sum()
@@ -399,7 +401,17 @@ def rows_of(days: dict[str, dict[str, object]], cases: Sequence[Case]) -> Iterat
             f"{ratio:.2f}",
             *(share(told[one]) for one in ("inside", "inside_others")),
             int(bad),
+            named(some),
         ]
+
+
+def named(some: pd.DataFrame) -> str:
+    """The cause that is named first most often, and how often."""
+    if "causes" not in some:
+        return ""
+    first = [causes[0].split()[0] for causes in some.causes if isinstance(causes, list) and causes]
+    counts = pd.Series(first, dtype=object).value_counts()
+    return f"{counts.index[0]} {counts.iloc[0]}" if len(counts) else "-"
 
 
 def share(told: pd.Series) -> str:
@@ -494,7 +506,8 @@ in the test pose. The simulated robot shares no code with edtk.
 - *in band*: share of days on which that is inside the 95 % band of `edtk compensate`, and the same
   in {poses} other poses;
 - *good, and twice off*: days with the verdict "good" on which the robot is off by more than twice
-  the promise."""
+  the promise;
+- *named first*: the cause that `edtk identify` names first on most days, and on how many."""
 
 
 @click.command(help=__doc__)

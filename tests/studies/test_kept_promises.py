@@ -48,7 +48,7 @@ def test_run_goes_on_where_it_was_stopped(module, tmp_path, monkeypatch):
     case = "KR 270/six ideal springs/random"
     days = [
         {"key": f"{case}/{i}", "verdict": "good", "promise_mm": 1.0, "real_mm": x, "inside": x < 2}
-        | {"inside_others": 0.5}
+        | {"inside_others": 0.5, "causes": ["lateral q2"] if i else []}
         for i, x in enumerate([0.5, 3.0])
     ]
     (tmp_path / "days.jsonl").write_text("".join(json.dumps(day) + "\n" for day in days))
@@ -56,4 +56,4 @@ def test_run_goes_on_where_it_was_stopped(module, tmp_path, monkeypatch):
     module.table(tmp_path, module.all_cases(2, (case,)), module.Way(exact=True))
     row = (tmp_path / "table.md").read_text().splitlines()[2]
     cells = [cell.strip() for cell in row.strip("|").split("|")]
-    assert cells[3:] == ["2 / 0 / 0", "1.000", "1.750", "1.75", "50 %", "50 %", "1"]
+    assert cells[3:] == ["2 / 0 / 0", "1.000", "1.750", "1.75", "50 %", "50 %", "1", "lateral 1"]
