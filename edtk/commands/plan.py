@@ -75,6 +75,17 @@ class _FaultOption(click.Option):
     metavar="FAULT=SIZE,...",
     help=HELP_OF_FAULTS,
 )
+@click.option(
+    "--for",
+    "second",
+    metavar="CRITERION",
+    help="Give up a part of the criterion for this one; or for parameters, like k_q2.cubic,q3.rx.",
+)
+@click.option(
+    "--give-up",
+    type=Range(min=0, max=100, min_open=True, max_open=True),
+    help="With --for: how much of the criterion at most, in percent [default: 5].",
+)
 @json_option
 @click.option("--out", type=FilePath, help="Write all experiments (CSV, - to print).")
 @certificate_option
@@ -91,6 +102,8 @@ def command(
     dask: str | None,
     seed: int | None,
     detect: str | None,
+    second: str | None,
+    give_up: float | None,
     as_json: bool,
     out: Path | None,
     certificate: Path | None,
@@ -119,6 +132,8 @@ def command(
             out=out,
             certificate=certificate,
             detect=_faults(detect) or None,
+            second=second,
+            give_up=give_up,
             progress=lambda label, number: say(label),
         )
     show(found, as_json, out, certificate)

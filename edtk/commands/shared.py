@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 USER_ERROR = 2  # exit code
 INTERRUPTED = 130  # exit code after Ctrl-C, as shells have it
-FLAGS = {"memory_mb": "--memory"}  # of arguments whose flags have other names
+FLAGS = {"memory_mb": "--memory", "second": "--for"}  # of arguments whose flags have other names
 # Options that help where the library raises an error of this class: only commands know a flag.
 HINTS = {
     "InputError": "; --as-is takes it as it is",

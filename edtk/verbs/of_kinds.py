@@ -16,6 +16,7 @@ from edtk.study import kinds
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.files import Content
+from edtk.system.typing import Array
 from edtk.verbs.inputs import (
     PlanLike,
     StudyLike,
@@ -51,7 +52,13 @@ class OfCompliances(OfStudy):
     kind: ClassVar[str] = "compliances"
 
     def _name_of(self, criterion: Mapping[str, Any]) -> str:
-        return criteria.as_criterion(criterion, self.study.specification.joints.unknown).name
+        unknown = self.study.specification.joints.unknown
+        try:
+            return criteria.as_criterion(criterion, unknown).name
+        except criteria.MissingTargetError:
+            if not self.study.tasks:
+                raise
+            return str(criterion["name"])  # of parts that get their task with the study
 
     def setting(self, space: "DesignSpace | None" = None) -> dict[str, Any]:
         """That of the study, in the space that was searched."""
@@ -91,6 +98,15 @@ class OfCompliances(OfStudy):
             cost_budget=call.cost_budget,
             options=options,
         )
+
+    def _designed(self, asked: Study, criterion: str | None) -> Study:
+        return asked.designed_for(criterion)
+
+    def _criterion(self, asked: Study, name: str | None) -> criteria.Criterion:
+        return asked.criterion(name).named(asked.model.parameters)
+
+    def _information(self, asked: Study, found: Any) -> Array:
+        return asked.information(found.whole)
 
     def _judged(self, asked: Study, found: "ExactPlan", faults: Any) -> "ExactPlan":
         from edtk.calibration.detect import Promised, detect
@@ -247,6 +263,15 @@ class OfGeometry(OfStudy):
             seconds=call.budget,
             options=options,
         )
+
+    def _criterion(self, asked: Study, name: str | None) -> criteria.Criterion:
+        from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+
+        question = GeometryQuestion.of(asked)
+        return question.criterion(name).named(question.space.parameters)
+
+    def _information(self, asked: Study, found: Any) -> Array:
+        return np.asarray(found.question.information(found.whole))
 
     def _judged(self, asked: Study, found: Any, faults: Any) -> Any:
         from edtk.calibration.detect import Promised, detect

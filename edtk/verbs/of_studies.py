@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Any, Union
 
 import criteria
@@ -12,9 +13,11 @@ from edtk.design.plan import REPEATS, Plan
 from edtk.measure.compliances import Compliances
 from edtk.measure.pose_table import Table, path_of
 from edtk.robots.robot import motors_in_words
+from edtk.study.plan_study import no_progress
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError, UserError, note, whole_number
 from edtk.system.files import Content, is_standard_output, write_files
+from edtk.system.typing import Array
 from edtk.system.workers import THIS_PROCESS, Workers
 from edtk.verbs.inputs import (
     CriterionLike,
@@ -45,11 +48,23 @@ if TYPE_CHECKING:
     from edtk.design.relaxation.relaxed_plan import RelaxedPlan
     from edtk.findings.fitted_data import HowFitted
     from edtk.study.evaluate import Evaluation
+    from edtk.study.give_up import Exchange
     from edtk.study.plan_study import RunOptions
     from edtk.study.study_run import Designs
     from edtk.verbs.bayes import Sampling
 
 MOST_ROWS = 1_000_000  # of a sheet
+LEAST_SECONDS = 1e-3  # of a search whose time is over: its first plan is waited for
+
+
+def _of_parameters(given: CriterionLike | None) -> CriterionLike | None:
+    """A criterion as it is; Ds of parameters where names of these stand for it."""
+    if not isinstance(given, str) or given in (*criteria.available(), *criteria.families()):
+        return given
+    names = [name.strip() for name in given.split(",")]
+    return {"name": "Ds", "interest": names}
+
+
 CompliancesLike = Union[
     Compliances, "Calibration", "GeometricCalibration", Mapping[str, Any], Path, str
 ]
@@ -111,6 +126,7 @@ class OfStudy(Question):
             return without.plan(replace(call, exclude=None))
         asked, criterion = self.asked_for(call.criterion)
         faults = self._faults(call.detect or {})
+        exchange = self._exchange(asked, criterion, call)
         kept = None if call.keep is None else as_plan(asked, call.keep, "keep", made=True)
         files = TableAndCertificate(call.out, call.certificate)
         files.require(*self.study.reads, *files_of(call.keep))
@@ -119,6 +135,8 @@ class OfStudy(Question):
         with workers_for(call.workers, call.dask) as pool, errors_in(self.study.where):
             options = RunOptions(seed=call.seed, workers=pool, progress=call.progress)
             found = self._best_plan(asked, criterion, kept, call, options)
+            if exchange is not None:
+                found = self._given_up(exchange, asked, criterion, call, options, found)
         found = self._judged(asked, found, faults)
         files.write(lambda: found.whole.to_frame(asked.robot), lambda: self._proof(asked, found))
         return found
@@ -134,6 +152,13 @@ class OfStudy(Question):
             given = getattr(call, name)
             return None if given is None else whole_number(given, name, least)
 
+        if call.give_up is not None:
+            if call.second is None:
+                message = "expected a second criterion, for which it is given up"
+                raise ArgumentError(message, argument="give_up", given=call.give_up)
+            if not 0 < call.give_up < 100:
+                message = "expected percent between 0 and 100"
+                raise ArgumentError(message, argument="give_up", given=call.give_up)
         return replace(
             call,
             size=whole("size", 1),
@@ -174,6 +199,73 @@ class OfStudy(Question):
         options: "RunOptions",
     ) -> Any:
         """The search."""
+
+    def _exchange(self, asked: Study, criterion: str | None, call: PlanCall) -> "Exchange | None":
+        """The criteria of which one may be given up for the other; None for one alone.
+
+        Raises:
+            UserError: The second cannot be one of two, or names what is not unknown.
+        """
+        from edtk.study.give_up import GIVEN_UP, PERCENT, Exchange
+
+        if call.second is None:
+            return None
+        designed = self._designed(asked, criterion)
+        other, name = replace(self, study=designed).asked_for(_of_parameters(call.second))
+        share = GIVEN_UP if call.give_up is None else call.give_up / PERCENT
+        first, second = self._criterion(designed, criterion), self._criterion(other, name)
+        return Exchange.of(first, second, share)
+
+    def _given_up(
+        self,
+        exchange: "Exchange",
+        asked: Study,
+        criterion: str | None,
+        call: PlanCall,
+        options: "RunOptions",
+        alone: "ExactPlan",
+    ) -> "ExactPlan":
+        """The plan that gives up a part of its criterion for the second one; see `give_up`."""
+        from edtk.study.give_up import CANDIDATES, give_up
+
+        if alone.ended == "interrupted":
+            return alone
+        designed = self._designed(asked, criterion)
+        until = None if call.budget is None else monotonic() + call.budget - alone.seconds
+
+        def both(weight: float) -> Study:
+            return designed.replace(criterion=exchange.compound(weight))
+
+        def relaxed(study: Study, name: str | None) -> "RelaxedPlan":
+            few = min(study.specification.candidates, CANDIDATES)
+            quiet = replace(options, progress=no_progress)
+            return self._relaxation()(study, name, candidates=few, options=quiet)
+
+        def searched(weight: float) -> "ExactPlan":
+            left = None if until is None else max(until - monotonic(), LEAST_SECONDS)
+            in_time = replace(call, budget=left)
+            return self._best_plan(both(weight), exchange.name, alone.kept, in_time, options)
+
+        return give_up(
+            exchange,
+            alone,
+            relaxed(asked, criterion),
+            lambda weight: relaxed(both(weight), exchange.name),
+            searched,
+            lambda found: self._information(designed, found),
+        )
+
+    def _designed(self, asked: Study, criterion: str | None) -> Study:
+        """The study by whose parameters plans for a criterion are designed."""
+        return asked
+
+    @abstractmethod
+    def _criterion(self, asked: Study, name: str | None) -> criteria.Criterion:
+        """A criterion of the parameters of plans."""
+
+    @abstractmethod
+    def _information(self, asked: Study, found: Any) -> Array:
+        """Information (p, p) of all experiments of a plan, and of what is known besides."""
 
     @abstractmethod
     def _judged(self, asked: Study, found: Any, faults: Any) -> Any:

@@ -35,6 +35,8 @@ def plan(
     out: Path | str | None = None,
     certificate: Path | str | None = None,
     detect: Mapping[str, str] | None = None,
+    second: CriterionLike | None = None,
+    give_up: float | None = None,
     progress: Progress = ...,
 ) -> ExactPlan: ...
 
@@ -93,6 +95,8 @@ def plan(
     out: Path | str | None = None,
     certificate: Path | str | None = None,
     detect: Mapping[str, str] | None = None,
+    second: CriterionLike | None = None,
+    give_up: float | None = None,
     progress: Progress = no_progress,
 ) -> "ExactPlan | ProblemPlan | RegionPlan":
     """Search for the best plan of `size` experiments, and bound how much better any plan can be.
@@ -141,6 +145,12 @@ def plan(
         detect: Sizes of faults like {"tool_z": "5mm", "load_direction": "2deg"}: the plan tells how
             likely each would be noticed, and each two be told apart, and the experiment that would
             help most.
+        second: A second criterion, for which a part of the first is given up: its name, a table
+            with its parameters, or names of parameters, apart by commas, for Ds of these. What
+            extends a model is told best by Ds of the parameters that extend it.
+        give_up: The part in percent, 5 by default: the plan is the best for the second criterion
+            among those whose cost is at most 1 / (1 - give_up/100) times that of the plan for the
+            first one alone.
 
     Returns:
         The plan with its `.value`, its `.bound`, and its `.efficiency` between 0 and 1. That of a
@@ -184,6 +194,8 @@ def plan(
         dask=dask,
         certificate=certificate,
         detect=detect,
+        second=second,
+        give_up=give_up,
     )
     question.require("plan", **vars(call))
     return question.plan(call)

@@ -25,7 +25,16 @@ if TYPE_CHECKING:
 FIXED = float("inf")  # variance of effects of blocks of which nothing is known
 OF_PROBLEMS = ("starts", "most", "costs", "blocks", "block_variance")
 OF_WORKERS = ("workers", "dask")
-OF_STUDIES = ("distinct", "exclude", "budget", *OF_WORKERS, "certificate", "detect")
+OF_STUDIES = (
+    "distinct",
+    "exclude",
+    "budget",
+    *OF_WORKERS,
+    "certificate",
+    "detect",
+    "second",
+    "give_up",
+)
 NOT_LINEAR = (
     "positions move with errors of geometry beyond the first order, and no linear model of them is "
     "fitted; leave this out"
@@ -94,6 +103,8 @@ class PlanCall:
     dask: str | None = None
     certificate: Path | str | None = None
     detect: Mapping[str, str] | None = None
+    second: "CriterionLike | None" = None
+    give_up: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

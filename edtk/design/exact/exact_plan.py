@@ -152,6 +152,47 @@ class FoundPlan:
     ended: str
 
 
+@dataclass(frozen=True)
+class Compromise:
+    """What a plan gives up of its criterion for a second one, and what that brings.
+
+    Attributes:
+        second: The second criterion, in words.
+        weight: Its weight in the compound criterion that was searched.
+        allowed: The share of the first criterion that may be given up.
+        given_up: The share that is: 1 - (cost of the plan for the first alone) / (cost).
+        value_alone: Value of the first criterion in the plan for it alone.
+        second_alone: Value of the second criterion in that plan.
+        second_value: Value of the second criterion in this plan.
+        times: How many times as many experiments the plan for the first alone would need to be as
+            good for the second.
+        shown: Factor and unit in which values of the second criterion are shown.
+    """
+
+    second: str
+    weight: float
+    allowed: float
+    given_up: float
+    value_alone: float
+    second_alone: float
+    second_value: float
+    times: float
+    shown: tuple[float, str]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON."""
+        return {
+            "for": self.second,
+            "weight": self.weight,
+            "give_up_percent": 100 * self.allowed,
+            "given_up_percent": 100 * self.given_up,
+            "value_alone": self.value_alone,
+            "second_alone": self.second_alone,
+            "second_value": self.second_value,
+            "times": self.times,
+        }
+
+
 @dataclass(frozen=True, eq=False)
 class ExactPlan(BoundedDesign):
     """The best plan of m experiments that a search has found.
@@ -175,6 +216,7 @@ class ExactPlan(BoundedDesign):
         separations: The chances that each two of these faults would be told apart.
         with_prior: Whether the study's prior counts beside the experiments.
         tasks: Errors to expect in each of several test poses; None for one, or where nobody asked.
+        compromise: What the plan gives up for a second criterion; None where nobody asked.
     """
 
     relaxed: RelaxedPlan
@@ -193,6 +235,7 @@ class ExactPlan(BoundedDesign):
     separations: tuple[Separation, ...] = ()
     with_prior: bool = False
     tasks: TaskAccuracy | None = None
+    compromise: Compromise | None = None
 
     @classmethod
     def of(cls, relaxed: RelaxedPlan, found: FoundPlan, kept: Plan | None = None) -> "ExactPlan":
@@ -313,6 +356,7 @@ class ExactPlan(BoundedDesign):
             **self._told_apart(),
             **({"with_prior": True} if self.with_prior else {}),
             **({} if self.tasks is None else {"tasks": self.tasks.to_dict()}),
+            **({} if self.compromise is None else {"compromise": self.compromise.to_dict()}),
             "plan": ([] if self.kept is None else self._rows(self.kept, kept=True))
             + self._rows(self.plan, kept=False),
             "exact": {

@@ -12,6 +12,7 @@ from edtk.report.views.calibration import error_budget
 from edtk.report.views.plan import (
     among,
     costs_of_day,
+    exchanged,
     experiments,
     on_limits,
     reach,
@@ -36,6 +37,7 @@ def geometry_plan_text(found: GeometryPlan) -> str:
         f"  value       {factor * found.value:.6g}{unit}",
         f"  bound       {factor * found.bound:.6g}{unit}  ({reach(found)})",
         f"  efficiency  {100 * found.efficiency:.2f} %{among(found)}",
+        *exchanged(found),
         *_identified(found),
         *_rho0(found),
         *_loads(found, poses),

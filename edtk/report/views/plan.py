@@ -146,6 +146,7 @@ def exact_plan_text(found: ExactPlan) -> str:
         f"  value       {factor * found.value:.6g}{unit}",
         f"  bound       {factor * found.bound:.6g}{unit}  ({reach(found)})",
         f"  efficiency  {100 * found.efficiency:.2f} %{among(found)}",
+        *exchanged(found),
         *_budget(found),
         *([] if found.expected is None else [str(found.expected)]),
         *costs_of_day(found),
@@ -153,6 +154,26 @@ def exact_plan_text(found: ExactPlan) -> str:
         search_summary(found.starts, found.seconds, found.found, found.optima),
     ]
     return "\n".join([*lines, *experiments(found), *on_limits(found)])
+
+
+def exchanged(found: ExactPlan) -> list[str]:
+    """What the plan gives up for a second criterion, and what that brings."""
+    one = found.compromise
+    if one is None:
+        return []
+    first, unit = found.relaxed.criterion.shown
+    factor, other = one.shown
+    without = f"{first * one.value_alone:.6g} {unit}".rstrip()
+    values = f"{factor * one.second_value:.4g} {other}".rstrip()
+    before = f"{factor * one.second_alone:.4g} {other}".rstrip()
+    allowed = f"{100 * one.allowed:g} %"
+    if not one.weight:
+        return [f"  given up    nothing: no plan within {allowed} was better for {one.second}"]
+    return [
+        f"  given up    {100 * one.given_up:.2f} % of {allowed} allowed: {without} without that",
+        f"  gained      {one.second} = {values} instead of {before}, as by {one.times:.3g} times "
+        "as many experiments",
+    ]
 
 
 def on_limits(found: ExactPlan) -> list[str]:
