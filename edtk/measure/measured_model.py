@@ -6,8 +6,10 @@ from typing import Literal
 
 import numpy as np
 
+from edtk.measure.compensators import UnknownNumbers
 from edtk.measure.parameters import COMPONENTS, Parameter
-from edtk.measure.springs import Bending, Springs, sprung
+from edtk.measure.springs import Answers, Bending, Springs, sprung
+from edtk.robots.compensator import GivingWay
 from edtk.robots.elastic_robot import ElasticJoint, body_of, widened
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import left_jacobian, rotation, vector_product
@@ -188,14 +190,23 @@ class Load:
         torque: Loads (m, s) of the free joints, elastic ones last [N m or N].
         gives: ``(I - K H)^-1`` (m, s, s) with the compliances K and ``H = dtau/dq``: by how much
             all joints give way, where one is turned and its load changes on the way; None for I.
+        tangent: K (m, s, s), by which numbers of compensators turn the joints; None for zero.
+        near: Where the joints (m, s) have come to rest; None likewise.
+        sizes: Changes (c,) of numbers of compensators at which the loads are these, the first of
+            those of a model; all others are zero.
     """
 
     torque: Array
     gives: Array | None = None
+    tangent: Array | None = None
+    near: Array | None = None
+    sizes: Array = field(default_factory=lambda: np.zeros(0))
 
     def __getitem__(self, chosen: Mask) -> "Load":
         """In some of the poses."""
-        return Load(self.torque[chosen], None if self.gives is None else self.gives[chosen])
+        others = (self.gives, self.tangent, self.near)
+        gives, tangent, near = (None if one is None else one[chosen] for one in others)
+        return Load(self.torque[chosen], gives, tangent, near, self.sizes)
 
     def by_terms(self, by_joints: Array, springs: Springs) -> Array:
         """Derivatives (m, k, rows, T) by the terms of springs, of those (m, k, rows, s) by joints.
@@ -203,8 +214,26 @@ class Load:
         A spring turns the joints by ``b_i(tau)``, and as their loads change with them, the arm by
         ``J (I - K H)^-1 b_i``.
         """
-        turned = by_joints if self.gives is None else by_joints @ self.gives[:, None]
+        turned = self._turned(by_joints)
         return (turned @ springs.out.T) * springs.amplitudes(self.torque.T).T[:, None, None]
+
+    def by_numbers(self, by_joints: Array, numbers: UnknownNumbers, sizes: Array) -> Array | float:
+        """Derivatives (m, k, rows, c) by numbers of compensators, which load the joints."""
+        if self.tangent is None or self.near is None:
+            return 0.0
+        turns = self.tangent @ numbers.by_numbers(sizes, self.near)
+        return np.asarray(self._turned(by_joints) @ turns[:, None])
+
+    def turned(self, numbers: UnknownNumbers, sizes: Array) -> Array | float:
+        """Turns (..., m, s) of the joints by other numbers (..., c) of compensators than these."""
+        if self.tangent is None or self.near is None or not len(numbers.of):
+            return 0.0
+        own = np.pad(self.sizes, (0, len(numbers.of) - len(self.sizes)))
+        added = numbers.by_numbers(own, self.near) @ (sizes - own)[..., None, :, None]
+        return np.asarray((self.tangent @ added)[..., 0])
+
+    def _turned(self, by_joints: Array) -> Array:
+        return by_joints if self.gives is None else by_joints @ self.gives[:, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -295,6 +324,8 @@ class MeasuredModel:
         known: Compliances (n,) of the free joints that are known, zero of the others [rad/(N m)];
             None where none is.
         elastic: Elastic joints of the springs that are about other axes than the joints' own.
+        gives: How joints with compensators give way about a guess of their compliances, for plans
+            and for a start; None without compensators.
 
     Raises:
         ValueError: Names and offsets do not fit each other.
@@ -312,6 +343,7 @@ class MeasuredModel:
     places: tuple[int, ...] = ()
     known: Array | None = None
     elastic: tuple[ElasticJoint, ...] = ()
+    gives: GivingWay | None = None
 
     def __post_init__(self) -> None:
         k = len(self.markers)
@@ -340,6 +372,16 @@ class MeasuredModel:
     def springs(self) -> Springs:
         """The springs among the parameters."""
         return Springs.among(self.robot, self.elastic, self.parameters)
+
+    @cached_property
+    def numbers(self) -> UnknownNumbers:
+        """The numbers of compensators among the parameters."""
+        return UnknownNumbers.among(self.robot, self.parameters)
+
+    @cached_property
+    def answers(self) -> Answers:
+        """How springs and compensators answer loads in a plan."""
+        return Answers(self.springs, self.numbers, self.gives)
 
     @property
     def p(self) -> int:
@@ -451,13 +493,33 @@ class MeasuredModel:
         """What loads turn all joints by, at parameters theta (p,)."""
         known = np.zeros(self.robot.n) if self.known is None else self.known
         springs = self.springs
-        return Bending(springs, theta[springs.of], widened(known, springs.width))
+        known = widened(known, springs.width)
+        numbers = self.numbers
+        return Bending(springs, theta[springs.of], known, numbers, theta[numbers.of])
 
     @property
     def rigid(self) -> Bending:
-        """The same of a robot that does not give way."""
-        springs = self.springs
-        return Bending(springs, np.zeros(len(springs.of)), np.zeros(springs.width))
+        """The same of a robot that does not give way.
+
+        With unknown numbers of compensators it is the robot of the guess: nothing else shows them.
+        """
+        springs, numbers = self.springs, self.numbers
+        known = np.zeros(self.robot.n)
+        if len(numbers.of) and self.gives is not None:
+            known = self.gives.compliances
+        none = np.zeros(len(springs.of)), widened(known, springs.width)
+        return Bending(springs, *none, numbers, np.zeros(len(numbers.of)))
+
+    def brought(self, q: Array, torque: Array) -> Load:
+        """Loads (m, s) in poses (m, n) to which commands have brought the loaded joints."""
+        gives = self.gives
+        if gives is None:
+            return Load(torque)
+        left = np.ones(torque.shape)
+        left[:, : self.robot.n] = replace(gives, brought=True).factors(q.T)[0].T
+        m, width = torque.shape
+        K = np.broadcast_to(np.diag(widened(gives.compliances, width)), (m, width, width))
+        return Load(torque, left[:, :, None] * np.eye(width), K, widened(q, width))
 
     def see(self, theta: Array, q: Array, torque: Torque = None, derivatives: bool = True) -> Seen:
         """What is read in some poses.
@@ -482,6 +544,7 @@ class MeasuredModel:
         bent = q
         if load is not None:
             bent = widened(q, self.springs.width) + self.bending(theta).turn(load.torque)
+            bent = bent + load.turned(self.numbers, theta[self.numbers.of])
         placed = self.chain.place(self.chain.variables(bent), errors)
         points, axes = self._carried(placed, tools[:, :3])
         B = self.start[:3, :3] @ rotation(base[3:])
@@ -494,7 +557,7 @@ class MeasuredModel:
             world = self._in_world(placed, errors, tools, points)
             moved = {name: _turned(B, D) for name, D in world.items()}
             moved["base"] = self._by_base(base, levers)
-            columns = self._chosen(moved, load)
+            columns = self._chosen(moved, load, theta)
             seen = replace(seen, jacobian=columns, by_joints=moved["springs"][..., : self.robot.n])
         return self._as_read(seen, points, B)
 
@@ -556,7 +619,7 @@ class MeasuredModel:
         sizes = {"base": 1, "joint": self.chain.n, "tool": len(self.markers)}
         motions = {place: np.zeros(6 * size) for place, size in sizes.items()}
         for one, value in zip(self.parameters, theta, strict=True):
-            if not one.is_spring:
+            if one.is_motion:
                 motions[one.place][self._place_of(one)] = value
         tools = motions["tool"].reshape(-1, 6)[list(self.places)]
         return motions["base"], motions["joint"].reshape(-1, 6), tools
@@ -601,16 +664,19 @@ class MeasuredModel:
             D[..., 3:, 3:] = bends
         return D
 
-    def _chosen(self, moved: dict[str, Array], load: Load | None) -> Array:
+    def _chosen(self, moved: dict[str, Array], load: Load | None, theta: Array) -> Array:
         """The columns (m, k, rows, p) of the parameters, in their order."""
         columns = np.zeros((*moved["joint"].shape[:3], self.p))
         for i, one in enumerate(self.parameters):
-            if not one.is_spring:
+            if one.is_motion:
                 columns[..., i] = moved[one.place][..., self._place_of(one)]
         if load is not None and len(self.springs.of):
             by_terms = load.by_terms(moved["springs"], self.springs)
             for t, i in enumerate(self.springs.of):
                 columns[..., i] += by_terms[..., t]
+        if load is not None and len(self.numbers.of):
+            sizes = theta[self.numbers.of]
+            columns[..., self.numbers.of] = load.by_numbers(moved["springs"], self.numbers, sizes)
         return columns
 
     def _place_of(self, parameter: Parameter) -> int:

@@ -94,7 +94,7 @@ class NominalColumns:
         count = len(robot.chain)
         bodies = self.model.carriers
         for i, one in enumerate(self.model.parameters):
-            if one.is_spring:
+            if not one.is_motion:
                 continue
             axis = COMPONENTS.index(one.component) % 3
             if one.place == "tool":
@@ -108,9 +108,9 @@ class NominalColumns:
         return tuple(found)
 
     def _of_springs(self) -> list[Element]:
-        """The twists of the springs: of each term those of all joints that it turns."""
-        robot, springs = self.robot, self.model.springs
-        turned = springs.out if robot.ties is None else springs.out @ robot.ties.matrix.T
+        """The twists of springs and compensators: of all joints that each of their terms turns."""
+        robot, answers = self.robot, self.model.answers
+        turned = answers.out if robot.ties is None else answers.out @ robot.ties.matrix.T
         return [
             Element(
                 int(i),
@@ -119,7 +119,7 @@ class NominalColumns:
                 term=t,
                 factor=turned[t, c],
             )
-            for t, i in enumerate(springs.of)
+            for t, i in enumerate(answers.of)
             for c in np.flatnonzero(turned[t])
         ]
 
@@ -359,7 +359,7 @@ class PlacedColumns:
         model = self.columns.model
         turning = np.zeros((count + 2, 3, self._poses))  # by frame, that of the base first
         moving = np.zeros((count + 2, *self.points.shape))
-        by_amplitudes = np.zeros((len(model.springs.of), self._poses))
+        by_amplitudes = np.zeros((len(model.answers.of), self._poses))
         wired = np.zeros(0) if self.wires is None else np.zeros(self.wires.directions.shape)
         B = B if self._is_plain else B * model.present[..., None]
         weights = self._of_points(B)

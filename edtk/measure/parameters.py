@@ -51,12 +51,13 @@ def parameter_names(joints: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-Place = Literal["base", "joint", "tool", "compliance", "spring"]
+Place = Literal["base", "joint", "tool", "compliance", "spring", "compensator"]
 # What reports say of the parameters of each place, in this order.
 TITLES: dict[Place, str] = {
     "joint": "Geometry: how the robot differs from its drawing",
     "compliance": "Springs of the joints",
     "spring": "Springs across the joints, and laws of springs",
+    "compensator": "Compensators: how they differ from what the study states",
     "tool": "Markers: how far they are from where the study has them on the tool",
     "base": "Base: how far it is from where the drawing fits best",
 }
@@ -68,7 +69,7 @@ class Parameter:
 
     Attributes:
         place: What it moves: the base, the frame before a joint, a tool, a joint by its own
-            compliance, or another spring.
+            compliance, or another spring; or a compensator, one of whose numbers it is.
         of: Name of the joint or of the marker; empty for the base.
         component: x y z for a shift, rx ry rz for a turn; empty for a compliance. Of a spring the
             same in the frame before the joint, where it is not about the joint's own axis; "rx.y"
@@ -97,6 +98,8 @@ class Parameter:
             return f"k_{'.'.join(filter(None, (self.of, self.component, self.law)))}"
         if self.place == "base":
             return f"base.{self.component}"
+        if self.place == "compensator":
+            return f"compensator.{self.of}.{self.component}"
         if self.place == "tool":
             return f"tool.{self.of}.{self.component}" if self.of else f"tool.{self.component}"
         return f"{self.of}.{self.component}"
@@ -116,6 +119,8 @@ class Parameter:
         own = (self.name,)
         if self.place == "spring":
             return (*own, "springs")
+        if self.place == "compensator":
+            return (*own, f"compensator.{self.of}", "compensators")
         if self.place == "joint":
             return (*own, self.of, self.kind, "geometry")
         return (*own, self.place)
@@ -124,6 +129,11 @@ class Parameter:
     def turns(self) -> bool:
         """Whether it is an angle."""
         return self.component in TURNS
+
+    @property
+    def is_motion(self) -> bool:
+        """Whether it is a part of a small rigid motion."""
+        return self.place in ("base", "joint", "tool")
 
     @property
     def is_spring(self) -> bool:
@@ -145,6 +155,8 @@ class Parameter:
         """Size of one unit in which people read it, in SI units."""
         if self.is_spring:
             return _SIZES[self.power]
+        if self.component in OF_FORCE:
+            return OF_FORCE[self.component][0]
         return MILLIRADIAN if self.turns else MILLIMETRE
 
     @property
@@ -162,6 +174,8 @@ class Parameter:
         """That unit in words."""
         if self.is_spring:
             return self._unit_of_spring
+        if self.component in OF_FORCE:
+            return OF_FORCE[self.component][1]
         return "mrad" if self.turns else "mm"
 
     @property
@@ -185,6 +199,8 @@ class Parameter:
             return f"the compliance of {joint}"
         if self.place == "spring":
             return self._words_of_spring(joint)
+        if self.place == "compensator":
+            return f"the {_words_of_number(self.component)} of the compensator at {joint}"
         if self.place == "base":
             return f"the base's turn about {axis}" if self.turns else f"the base's {axis}"
         if self.place == "tool":
@@ -207,6 +223,67 @@ class Parameter:
 
 # Units by the power of the torque: a heavy arm's 1e3 N m make milliradians of each.
 _SIZES = {0: MILLIRADIAN, 1: SOFTNESS, 2: 1e-9, 3: 1e-12}
+
+
+# Numbers of a compensator, in the order of `Compensator.numbers`, and the units of forces.
+ANCHORS = {"anchor1": "first anchor", "anchor2": "second anchor"}
+OF_FORCE = {"stiffness": (1e3, "N/mm"), "preload": (1e3, "kN")}
+NUMBERS = (*(f"{anchor}.{axis}" for anchor in ANCHORS for axis in AXES), *OF_FORCE)
+
+
+def _words_of_number(component: str) -> str:
+    """A number of a compensator in words."""
+    anchor, _, axis = component.partition(".")
+    return f"{ANCHORS[anchor]} along {axis}" if axis else component
+
+
+def compensator_names(robot: Robot) -> tuple[str, ...]:
+    """Names of the compensators: that of the joint, and of others there with a number from 2 on."""
+    joints = [one.joint for one in robot.compensators]
+    counts = [joints[: i + 1].count(name) for i, name in enumerate(joints)]
+    return tuple(
+        name if count == 1 else f"{name}:{count}"
+        for name, count in zip(joints, counts, strict=True)
+    )
+
+
+def numbers_asked(robot: Robot, asked: Sequence[str]) -> tuple[Parameter, ...]:
+    """The numbers of compensators that a study asks for, in the order of `NUMBERS`.
+
+    Args:
+        robot: The robot.
+        asked: A list of compensators ("q2": stiffness and preload), of groups of numbers
+            ("q2.anchor1", "q2.all") and of single ones ("q2.preload", "q2.anchor2.x").
+
+    Raises:
+        ValueError: An entry names none, or one is named twice.
+    """
+    names = compensator_names(robot)
+    found: list[Parameter] = []
+    for entry in asked:
+        of, _, rest = entry.partition(".")
+        chosen = {"": tuple(OF_FORCE), "all": NUMBERS}.get(
+            rest, tuple(one for one in NUMBERS if one == rest or one.split(".")[0] == rest)
+        )
+        if of not in names or not chosen:
+            has = ", ".join(names) or "none"
+            raise ValueError(
+                f"no number {entry!r} of a compensator; this robot has compensators at: {has}; "
+                "expected such a joint, or with .stiffness, .preload, .anchor1, .anchor2.x or .all"
+            )
+        for component in chosen:
+            likely = _likely_number(robot, names.index(of), component)
+            found.append(Parameter("compensator", of, component, likely=likely))
+    for i, one in enumerate(found):
+        if one in found[:i]:
+            raise ValueError(f"{one.name} is listed twice; expected each number once")
+    return tuple(sorted(found, key=lambda one: (names.index(one.of), NUMBERS.index(one.component))))
+
+
+def _likely_number(robot: Robot, which: int, component: str) -> float | None:
+    """A tenth of what is stated of a force: a tenth of how far it may be off."""
+    stated = robot.compensators[which].numbers()[NUMBERS.index(component)]
+    return abs(stated) / SPREAD if component in OF_FORCE and stated else None
 
 
 def own_direction(robot: Robot, joint: str, component: str) -> int:

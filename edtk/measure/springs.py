@@ -1,16 +1,19 @@
 """Springs: by how much joints and bearings turn under the torques that load them."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from edtk.measure.compensators import UnknownNumbers
 from edtk.measure.parameters import COMPONENTS, LINEAR, Parameter, own_direction
+from edtk.robots.compensator import GivingWay
 from edtk.robots.elastic_robot import ElasticJoint, ElasticRobot
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array, Indices
 
+STEP = 1e-4  # [rad] of differences, of what is a small correction
 # What a torque x does by each law, and its derivative. All are odd but `sign`: by it a spring is
 # softer under torques of one sign than under those of the other.
 LAWS: dict[str, tuple[Callable[[Array], Array], Callable[[Array], Array]]] = {
@@ -106,11 +109,15 @@ class Bending:
         springs: The springs that are parameters.
         sizes: The size (T,) of each term, in SI units.
         known: Compliances (s,) beside these [rad/(N m)].
+        numbers: The numbers of compensators that are parameters.
+        changes: By how much (c,) these differ from what is stated, in SI units.
     """
 
     springs: Springs
     sizes: Array
     known: Array
+    numbers: UnknownNumbers
+    changes: Array
 
     @property
     def width(self) -> int:
@@ -122,6 +129,10 @@ class Bending:
         """Whether nothing gives way."""
         return not (self.sizes.any() or self.known.any())
 
+    def added(self, q: Array) -> Array:
+        """What compensators that differ from what is stated add to loads (m, s), at q (m, s)."""
+        return self.numbers.torque(self.changes, q)
+
     def turn(self, torque: Array) -> Array:
         """Turns (m, s) of all joints under torques (m, s) [rad or m]."""
         amplitudes = self.springs.amplitudes(torque.T).T
@@ -132,6 +143,114 @@ class Bending:
         stiffening = self.springs.stiffening(torque.T).T * self.sizes
         K = self.springs.out.T @ (stiffening[..., None] * self.springs.by)
         return np.asarray(K + np.diag(self.known))
+
+
+@dataclass(frozen=True, eq=False)
+class Answers:
+    """How springs and compensators of a plan answer loads, about a guess of the compliances.
+
+    A term of a spring turns the joints by ``o f(g' tau)``. With a compensator a joint gives way by
+    the part ``u = 1/(1 + k U'')`` of that; and the load is u tau where it has come to rest, unless
+    poses are those under load. A number p of the compensator of joint j turns it by
+    ``u k_j dtau_c/dp``, at the angle at which it rests. Arrays are component first.
+
+    Attributes:
+        springs: The springs among the parameters.
+        numbers: The numbers of compensators among them.
+        gives: How joints give way; None without compensators, or without a guess.
+    """
+
+    springs: Springs
+    numbers: UnknownNumbers
+    gives: GivingWay | None
+
+    @cached_property
+    def of(self) -> Indices:
+        """Index (T,) of the parameter of each term, those of compensators last."""
+        return np.concatenate([self.springs.of, self.numbers.of])
+
+    @cached_property
+    def out(self) -> Array:
+        """Directions (T, s) in which the terms turn the joints."""
+        own = np.zeros((len(self.numbers.of), self.springs.width))
+        for row, (which, _) in zip(own, self.numbers.places, strict=True):
+            row[self.numbers.joints[which]] = 1.0
+        return np.concatenate([self.springs.out, own])
+
+    def _parts(self, q: Array, width: int) -> tuple[Array, Array]:
+        """The part u (s, m) that is left of each coordinate's motion, and its slope by it."""
+        left, slope = np.ones((width, q.shape[1])), np.zeros((width, q.shape[1]))
+        if self.gives is not None:
+            left[: len(q)], slope[: len(q)] = replace(self.gives, brought=True).factors(q)
+        return left, slope
+
+    @property
+    def _rests(self) -> bool:
+        """Whether loads are those of commanded poses, which have given way before."""
+        return self.gives is not None and not self.gives.brought
+
+    def amplitudes(self, q: Array, torque: Array) -> Array:
+        """Amplitudes (T, m) of all terms, in poses q (n, m) under torques (s, m)."""
+        u, _ = self._parts(q, len(torque))
+        rest = u * torque if self._rests else torque
+        of_springs = self.springs.amplitudes(rest) * (self.springs.out @ u)
+        return np.concatenate([of_springs, self._of_numbers(q, torque, u)[0]])
+
+    def pulled_back(self, q: Array, torque: Array, weights: Array) -> tuple[Array, Array]:
+        """Derivatives of ``<weights, amplitudes>`` by the torques (s, m), and by q (n, m).
+
+        Args:
+            q: Poses (n, m).
+            torque: Torques (s, m).
+            weights: Weights (T, m).
+        """
+        u, slope = self._parts(q, len(torque))
+        count = len(self.springs.of)
+        rest = u * torque if self._rests else torque
+        by_rest = self.springs.by_torque(rest, weights[:count] * (self.springs.out @ u))
+        by_u = self.springs.out.T @ (weights[:count] * self.springs.amplitudes(rest))
+        by_torque = by_rest
+        if self._rests:
+            by_torque = u * by_rest
+            by_u = by_u + torque * by_rest
+        by_q = (by_u * slope)[: len(q)]
+        _, of_torque, of_q = self._of_numbers(q, torque, u, slope)
+        for i, (which, _) in enumerate(self.numbers.places):
+            j = self.numbers.joints[which]
+            by_torque[j] += weights[count + i] * of_torque[i]
+            by_q[j] += weights[count + i] * of_q[i]
+        return by_torque, by_q
+
+    def _of_numbers(
+        self, q: Array, torque: Array, u: Array, slope: Array | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Amplitudes (c, m) of the numbers, and their derivatives by torque and angle.
+
+        With the rest ``y = q + k u tau``, ``a = k u D(y)``: ``da/dtau = (k u)^2 D'(y)`` and
+        ``da/dq = k u' D + k u D' (1 + k u' tau)``.
+        """
+        found = np.zeros((3, len(self.numbers.places), q.shape[1]))
+        if self.gives is None:
+            return found[0], found[1], found[2]
+        for i, (which, place) in enumerate(self.numbers.places):
+            j = self.numbers.joints[which]
+            k = float(self.gives.compliances[j])
+            give = k * u[j]
+            moved = give * torque[j] if self._rests else np.zeros_like(give)
+
+            def by(at: Array, which: int = which, place: int = place) -> Array:
+                return np.asarray(self.numbers.pulls[which].by_numbers(at)[place])
+
+            D = by(q[j] + moved)
+            found[0, i] = give * D
+            if slope is None:
+                continue
+            changed = (by(q[j] + moved + STEP) - by(q[j] + moved - STEP)) / (2 * STEP)
+            rests = 1.0 if self._rests else 0.0
+            found[1, i] = rests * give**2 * changed
+            found[2, i] = k * slope[j] * D
+            found[2, i] += give * changed * (1 + rests * k * slope[j] * torque[j])
+        return found[0], found[1], found[2]
 
 
 def _terms(

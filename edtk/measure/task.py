@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.measured_model import MeasuredModel, Seen
+from edtk.measure.measured_model import Load, MeasuredModel, Seen
 from edtk.robots.compensator import GivingWay
 from edtk.robots.robot import Robot
 from edtk.robots.weights import DeadWeights
@@ -132,14 +132,14 @@ class ErringColumns:
         theta: Values (p,) of the parameters about which they move, in SI units.
         tool: Transform (4, 4) of the tool after the last joint, whose point counts [m]; None where
             the markers count.
-        torque: Gives the loads (m, n) of the free joints in poses (m, n) [N m or N]; None where
+        torque: Gives the loads of the free joints in poses (m, n) [N m or N]; None where
             nothing loads them.
     """
 
     model: MeasuredModel
     theta: Array
     tool: Array | None
-    torque: Callable[[Array], Array | None]
+    torque: Callable[[Array], Load | None]
 
     def __call__(self, q: Array, turned: bool) -> Array:
         """Rows (..., 3k or 3, p) [m, rad] for a unit of each parameter; with turns three more."""

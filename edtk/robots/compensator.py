@@ -71,6 +71,17 @@ class Compensator:
         """All numbers (8,): anchors [m], stiffness [N/m] and preload [N]."""
         return [*self.before.tolist(), *self.behind.tolist(), self.stiffness, self.preload]
 
+    def with_numbers(self, numbers: Array) -> "Compensator":
+        """The same with other numbers (8,).
+
+        Raises:
+            ValueError: They are those of no compensator.
+        """
+        before, behind, (stiffness, preload) = np.split(np.asarray(numbers, dtype=float), [3, 6])
+        return Compensator(
+            self.joint, before, behind, float(stiffness), float(preload), self.medium
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Reach:
@@ -166,6 +177,34 @@ class Pull:
         """Load (...) of the joint at angles q (...) [N m]."""
         reach = self.reach(q)
         return -self.force(reach.length)[0] * reach.first
+
+    def by_numbers(self, q: Array) -> Array:
+        """Derivatives (8, ...) of the torque by the compensator's numbers, at angles q (...).
+
+        Those of A, B and C first: ``tau = -F m/s``, ``m = A sin q - B cos q``, ``s0^2 = C - 2 A``.
+        """
+        a, b, n = self.given.before, self.given.behind, self.axis
+        aside, turned = (point - float(point @ n) * n for point in (a, b))
+        lift = (slice(None),) + (None,) * q.ndim
+        dA = np.concatenate([turned, aside, [0, 0]])[lift]
+        dB = np.concatenate([np.cross(n, b), np.cross(a, n), [0, 0]])[lift]
+        dC = 2 * np.concatenate([a - (b - turned), b - (a - aside), [0, 0]])[lift]
+        reach = self.reach(q)
+        s = reach.length
+        F, by_length, _ = self.force(s)
+        cosine, sine = np.cos(q), np.sin(q)
+        ds = (dC / 2 - cosine * dA - sine * dB) / s
+        dF = by_length * (ds - (dC / 2 - dA) / self.rest)
+        dF[6:] += self._force_by_numbers(s)
+        return -dF * reach.first - F * (sine * dA - cosine * dB - reach.first * ds) / s
+
+    def _force_by_numbers(self, length: Array) -> Array:
+        """Derivatives (2, ...) of the force by stiffness and preload, the lengths held fixed."""
+        x = length - self.rest
+        if self.given.medium == "coil":
+            return np.stack([x, np.ones_like(x)])
+        u = self.given.stiffness * x / self.given.preload
+        return np.stack([x, 1 - 2 * u]) / (1 - u) ** 2
 
     def derivative(self, q: Array) -> Array:
         """``dtau/dq`` (...), less than the stiffness that the joint gains [N m/rad]."""

@@ -29,6 +29,7 @@ from edtk.study.schema import Specification
 from edtk.study.study_model import (
     BASE,
     absolute_task_weights,
+    compensator_numbers,
     distance_names,
     is_reference,
     marker_names,
@@ -215,7 +216,9 @@ class Geometry(Kind):
             chosen = all_parameters(study.robot, (), asked.geometry, (), asked.base, False)
         except ValueError as error:
             raise study.error("parameters.geometry", str(error)) from error
-        if not chosen and not asked.tool and not unknown and not asked.springs:
+        _check_compensators(study)
+        unknown_loads = (*unknown, *asked.springs, *asked.compensators)
+        if not chosen and not asked.tool and not unknown_loads:
             raise study.error(
                 "parameters", "leaves nothing unknown; expected geometry, base or tool"
             )
@@ -257,7 +260,7 @@ class Geometry(Kind):
             asked.base,
             asked.tool,
             study.specification.measurement.rows == "pose",
-            others=other_springs(study),
+            others=(*other_springs(study), *compensator_numbers(study)),
         )
 
     def _check_prior(self, study: Asked) -> None:
@@ -398,6 +401,24 @@ def _check_measured(study: Asked) -> None:
             )
     if given.marker and len(on_base) == len(given.marker) and not given.distance:
         raise study.error("marker", "expected one on the robot besides those on the base")
+
+
+def _check_compensators(study: Asked) -> None:
+    """Numbers of compensators are of this robot, and their joints give way."""
+    key = "parameters.compensators"
+    try:
+        asked = compensator_numbers(study)
+    except ValueError as error:
+        raise study.error(key, str(error)) from error
+    joints = study.specification.joints
+    for one in asked:
+        joint = one.of.partition(":")[0]
+        if joint not in (*joints.unknown, *joints.known):
+            raise study.error(
+                key,
+                f"joint {joint} counts as rigid, so that nothing shows its compensator; expected "
+                "its compliance among the unknown or the known ones",
+            )
 
 
 def _check_reference(study: Asked, base: bool) -> None:

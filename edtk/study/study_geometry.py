@@ -9,7 +9,7 @@ import numpy as np
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.prior import Gaussian
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.measured_model import Kind, MeasuredModel
+from edtk.measure.measured_model import Kind, Load, MeasuredModel
 from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import Parameter, all_parameters
 from edtk.measure.springs import elastic_joints, sprung
@@ -20,7 +20,9 @@ from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.robots.weights import DeadWeights
 from edtk.study.study import Study
 from edtk.study.study_model import (
+    compensator_numbers,
     distance_names,
+    giving_way,
     is_reference,
     likely_compliances,
     marker_names,
@@ -146,7 +148,7 @@ class StudyGeometry:
             self.turned,
             {name: one.compliance for name, one in likely_compliances(study).items()},
             self.bodies,
-            self.springs,
+            (*self.springs, *compensator_numbers(study)),
         )
         offsets = {name: np.array(one.position_mm) for name, one in self._points.items()}
         anchors = {name: np.array(one.anchor_mm) for name, one in self.distances.items()}
@@ -171,6 +173,7 @@ class StudyGeometry:
             ),
             known=known if exact else None,
             elastic=self.elastic,
+            gives=giving_way(study),
         )
 
     @cached_property
@@ -287,8 +290,10 @@ class StudyGeometry:
         """
         loads = self.loads_of(task) if loads is None else loads
 
-        def torque(q: Array) -> Array | None:
-            return None if loads is None else loads(q, np.tile(task.wrench, (len(q), 1)))
+        def torque(q: Array) -> Load | None:
+            if loads is None:
+                return None
+            return model.brought(q, loads(q, np.tile(task.wrench, (len(q), 1))))
 
         return ErringColumns(model, np.zeros(model.p), task.tool, torque)
 

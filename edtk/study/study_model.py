@@ -22,7 +22,7 @@ from edtk.measure.instruments.pose_marker import PoseMarker
 from edtk.measure.instruments.sensor import Sensor
 from edtk.measure.model_error import ModelError, groups_of
 from edtk.measure.noise import VisitNoise
-from edtk.measure.parameters import Parameter, springs_asked
+from edtk.measure.parameters import Parameter, numbers_asked, springs_asked
 from edtk.measure.pose_table import pose_factors
 from edtk.robots.compensator import GivingWay
 from edtk.robots.frames import BodyPoint
@@ -81,6 +81,16 @@ def other_springs(study: Asked) -> tuple[Parameter, ...]:
     if table is None:
         return ()
     return tuple(one for one in springs_asked(study.robot, table.springs) if one.place == "spring")
+
+
+def compensator_numbers(study: Asked) -> tuple[Parameter, ...]:
+    """The numbers of compensators that a study asks for.
+
+    Raises:
+        ValueError: An entry of `parameters.compensators` names none.
+    """
+    table = study.specification.parameters
+    return () if table is None else numbers_asked(study.robot, table.compensators)
 
 
 def likely_compliances(study: Asked, k: Array | None = None) -> dict[str, Likely]:
@@ -174,8 +184,9 @@ def study_model(study: Asked, unknown: tuple[int, ...]) -> ElastostaticModel:
 def giving_way(study: Asked, brought: bool = False) -> GivingWay | None:
     """How joints with compensators give way; None without any.
 
-    That is about what the study knows or guesses, in [simulation] or [prior]; a joint of which it
-    says nothing counts as rigid.
+    That is about what the study knows or guesses, in [simulation] or [prior]. A joint of which it
+    says nothing counts as rigid, unless numbers of its compensator are unknown: then it is as its
+    neighbours, see `likely_compliances`.
 
     Args:
         study: Its keys and its robot, checked.
@@ -184,6 +195,10 @@ def giving_way(study: Asked, brought: bool = False) -> GivingWay | None:
     k = np.zeros(study.robot.n)
     k[list(study.known)] = list(study.known.values())
     k[list(study.unknown)] = np.nan_to_num(own_scale(study))
+    likely = likely_compliances(study) if compensator_numbers(study) else {}
+    for j in study.unknown:
+        if not k[j] and study.robot.joint_names[j] in likely:
+            k[j] = likely[study.robot.joint_names[j]].compliance
     return study.robot.giving_way(k, brought)
 
 

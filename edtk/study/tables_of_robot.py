@@ -272,6 +272,13 @@ class ParametersTable(Table):
         "('q3.rx', 'q3.z'), of entries off the diagonal ('q3.rx.z'), of laws ('q2.square', "
         "'q2.cubic', 'q2.sign', 'q2.gap'), and of all of a joint ('q3.lateral', 'q3.all')",
     )
+    compensators: Annotated[tuple[str, ...], BeforeValidator(listed)] = Field(
+        (),
+        description="Numbers of compensators that are unknown, as changes of what the robot's file "
+        "states: stiffness and preload of those at some joints ('q2'), or 'q2.stiffness' [N/mm], "
+        "'q2.preload' [kN], 'q2.anchor1', 'q2.anchor2.x' [mm], 'q2.all'; a second one at a joint "
+        "is 'q2:2'",
+    )
     geometry: Annotated[
         Literal["all"] | tuple[str, ...],
         Field(union_mode="left_to_right"),

@@ -48,6 +48,19 @@ def test_torque_and_its_derivatives_are_those_of_the_potential(given):
     assert pull.energy(np.zeros(1)) == 0
 
 
+@pytest.mark.parametrize("given", [COIL, GAS], ids=["coil", "gas"])
+def test_torque_moves_with_each_number_of_the_compensator(given):
+    """Anchors, stiffness and preload, by differences."""
+    q = np.linspace(-2.5, 0.1, 7)
+    numbers = np.array(given.numbers())
+    exact = on(PLAIN, given).pulls[0].by_numbers(q)
+    for i, size in enumerate([1e-5] * 6 + [1.0, 1.0]):
+        h = size * np.eye(8)[i]
+        more, less = (on(PLAIN, given.with_numbers(numbers + c * h)).pulls[0] for c in (1, -1))
+        expected = (more.torque(q) - less.torque(q)) / (2 * size)
+        np.testing.assert_allclose(exact[i], expected, atol=1e-7 * np.abs(exact[i]).max())
+
+
 def test_distance_of_the_anchors_is_the_law_of_cosines():
     """s^2 = a^2 + L^2 + 2 a L cos(q + phi) in a plane, about any axis; along it squares add up."""
     a, L, phi, apart = 0.65, 0.18, 0.4, 0.07

@@ -30,6 +30,7 @@ from edtk.measure.expected_error import (
     compensation_accuracy,
     expected_error,
 )
+from edtk.measure.measured_model import Load
 from edtk.measure.noise import BlockVariances, PositionNoise, Tracker
 from edtk.measure.parameters import COMPONENTS, Parameter
 from edtk.measure.pose_table import coordinate_names
@@ -415,7 +416,7 @@ class GeometricCalibration(Judged):
         def columns(task: Task) -> ErringColumns:
             loads = self.setting.loads_of(task)
 
-            def torque(q: Array) -> Array | None:
+            def torque(q: Array) -> Load | None:
                 return fitted.torque(q, np.tile(task.wrench, (len(q), 1)), loads)
 
             return ErringColumns(fitted.model, fitted.theta, task.tool, torque)

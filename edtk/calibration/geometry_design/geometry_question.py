@@ -11,6 +11,7 @@ from edtk.calibration.geometry.told_before import design_prior
 from edtk.calibration.geometry_design.geometry_space import MM, GeometrySpace, PositionRows
 from edtk.certificate.certificate import (
     feasible_to_dict,
+    gives_to_dict,
     place_to_dict,
     tracker_to_dict,
     weights_to_list,
@@ -21,7 +22,13 @@ from edtk.design.plan import Plan
 from edtk.fit.geometry.fit_geometry import told_apart
 from edtk.fit.prior import PriorRows
 from edtk.measure.measured_model import MeasuredModel
-from edtk.measure.parameters import COMPONENTS, Identifiable, Parameter
+from edtk.measure.parameters import (
+    COMPONENTS,
+    NUMBERS,
+    Identifiable,
+    Parameter,
+    compensator_names,
+)
 from edtk.measure.task import Task, Tasks
 from edtk.robots.frames import BodyPoint
 from edtk.robots.loads.bounded_load import BoundedLoad
@@ -378,6 +385,7 @@ def geometry_setting(question: GeometryQuestion) -> dict[str, Any]:
             **({"changes": True} if bends and question.setting.reads_changes else {}),
             **({"places": list(model.places)} if model.is_distance.any() else {}),
         },
+        **gives_to_dict(model.gives),
         **_interest(question),
         **({} if question.prior is None else {"prior": question.known.tolist()}),
     }
@@ -456,11 +464,14 @@ def _parameter(question: GeometryQuestion, one: Parameter) -> dict[str, Any]:
         "tool": question.model.markers,
         "compliance": robot.joint_names,
         "spring": robot.body_names,
+        "compensator": compensator_names(robot),
     }
     found = {"name": one.name, "place": one.place, "of": names[one.place].index(one.of)}
     if one.place == "spring":
         ends = [COMPONENTS.index(end) if end else None for end in one.ends]
         return found | {"component": 0, "ends": ends, "law": one.law}
+    if one.place == "compensator":
+        return found | {"component": NUMBERS.index(one.component)}
     return found | {"component": COMPONENTS.index(one.component) if one.component else 0}
 
 

@@ -106,7 +106,8 @@ class PositionRows:
         """The rows of a block of poses."""
         placed = self.columns.at(q)
         differs = self._differs(wrench)
-        rows = self._rows(placed, self._amplitudes(self._torques(q, wrench)), differs)
+        amplitudes = self._amplitudes(q, self._loadings(q, wrench))
+        rows = self._rows(placed, amplitudes, differs)
         if self.is_white:
             return np.asarray(rows / self._sigmas(differs, visits)[..., None])
         return self._whitened(rows, placed, differs, visits)
@@ -150,34 +151,35 @@ class PositionRows:
         R = _counts(differs, len(motion)) * self.noise.of_reading(motion, places)
         return np.asarray(R + _lifted(visits) * self.noise.of_model(motion, differs))
 
-    def _torques(self, q: Array, wrench: Array) -> list[Array]:
-        """Loads (s, m) of the joints, whose springs have not given way, and those before.
+    def _loadings(self, q: Array, wrench: Array) -> list["Loaded"]:
+        """What loads the joints, whose springs have not given way; none without springs.
 
-        The second are zero but in differences, where these are read without a load, too; a study
-        without differences has the first alone, and one without springs none.
+        In differences it is followed by what does so before, with a share of minus one.
         """
         if self.loads is None:
             return []
-        found = [self.loads(q, wrench).T]
+        found = [Loaded(wrench, self.loads(q, wrench).T, np.ones(len(q)))]
         differs = self._differs(wrench)
         if differs is not None:
-            found.append((differs[:, None] * self.loads(q, np.zeros_like(wrench))).T)
+            none = np.zeros_like(wrench)
+            found.append(Loaded(none, self.loads(q, none).T, np.where(differs, -1.0, 0.0)))
         return found
 
-    def _amplitudes(self, torques: list[Array]) -> Array | None:
+    def _amplitudes(self, q: Array, loadings: list["Loaded"]) -> Array | None:
         """Amplitudes (T, m) of the springs' terms, or their change; None without springs."""
-        if not torques:
+        if not loadings:
             return None
-        after, *before = (self.model.springs.amplitudes(torque) for torque in torques)
-        return after - before[0] if before else after
+        answers = self.model.answers
+        parts = [one.share * answers.amplitudes(q.T, one.torque) for one in loadings]
+        return np.asarray(sum(parts[1:], parts[0]))
 
     def _slope(
         self, q: Array, wrench: Array, B: Array, changes: Array, visits: Array | None
     ) -> Array:
         """The derivatives of a block of poses."""
         placed = self.columns.at(q)
-        torques = self._torques(q, wrench)
-        amplitudes = self._amplitudes(torques)
+        loadings = self._loadings(q, wrench)
+        amplitudes = self._amplitudes(q, loadings)
         differs = self._differs(wrench)
         if self.is_white:
             weights, of_noise = B / self._sigmas(differs, visits)[..., None], np.zeros(q.shape)
@@ -192,19 +194,17 @@ class PositionRows:
         found = by_motion.T + of_noise
         if self.loads is None:
             return np.concatenate([found, np.zeros((len(q), changes.shape[-1]))], axis=1)
-        n = q.shape[1]
-        after, *before = (
-            self.model.springs.by_torque(torque, by_amplitudes).T for torque in torques
-        )
-        by_load = [
-            (after * self.loads.of_wrench(q, change)).sum(axis=1)
-            for change in np.moveaxis(changes, -1, 0)
-        ]
-        found = found + self.loads.slope(q, wrench, after)[:, :n]
-        if differs is not None:
-            own = before[0] * differs[:, None]
-            found = found - self.loads.slope(q, np.zeros_like(wrench), own)[:, :n]
-        return np.column_stack([found, *by_load])
+        by_load = np.zeros((len(q), changes.shape[-1]))
+        for one in loadings:
+            weights = one.share * by_amplitudes
+            by_torque, by_joints = self.model.answers.pulled_back(q.T, one.torque, weights)
+            own = np.ascontiguousarray(by_torque.T)
+            found = found + by_joints.T + self.loads.slope(q, one.wrench, own)[:, : q.shape[1]]
+            if one.wrench is wrench:
+                each = np.moveaxis(changes, -1, 0)
+                moved = [(own * self.loads.of_wrench(q, change)).sum(axis=1) for change in each]
+                by_load = np.array(moved).reshape(-1, len(q)).T
+        return np.concatenate([found, by_load], axis=1)
 
     def _correlated(
         self,
@@ -264,6 +264,21 @@ def _lifted(visits: Array | None) -> Array:
 def _counts(differs: Mask | None, m: int) -> Array:
     """How many readings (m, 1, 1) the rows of poses are made of."""
     return np.ones((m, 1, 1)) if differs is None else 1.0 + differs[:, None, None].astype(float)
+
+
+@dataclass(frozen=True, eq=False)
+class Loaded:
+    """What loads the joints in some readings.
+
+    Attributes:
+        wrench: Forces and torques (m, 6).
+        torque: Loads (s, m) of the joints.
+        share: What counts of them (m,): minus one of those before, in a difference.
+    """
+
+    wrench: Array
+    torque: Array
+    share: Array
 
 
 def _motion(placed: PlacedColumns) -> Array:

@@ -1,6 +1,6 @@
 """Gravity compensators, by the places of their anchors, and how joints give way with them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -48,6 +48,19 @@ class Pull:
             number(content["stiffness"], f"{where}.stiffness"),
             number(content["preload"], f"{where}.preload"),
         )
+
+    def changed(self, number: int, change: float) -> "Pull":
+        """The same with a change of one of its numbers.
+
+        They are six coordinates of the anchors [m], the stiffness [N/m] and the preload [N].
+        """
+        anchors = self.anchors.copy()
+        if number < anchors.size:
+            anchors.flat[number] += change
+            return replace(self, anchors=anchors)
+        if number == anchors.size:
+            return replace(self, stiffness=self.stiffness + change)
+        return replace(self, preload=self.preload + change)
 
     def on(self, chain: Chain, q: Array) -> tuple[Array, Array]:
         """Load (k, n) of the free joints, and its slope (k, n) by the joint itself.

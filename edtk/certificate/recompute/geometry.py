@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from edtk.certificate.recompute.chain import Chain
-from edtk.certificate.recompute.compensator import Pull
+from edtk.certificate.recompute.compensator import Gives, Pull
 from edtk.certificate.recompute.physics import (
     GRAVITY,
     MEASURED,
@@ -20,7 +20,7 @@ from edtk.certificate.recompute.plain_data import rows, table, text, whole
 from edtk.system.typing import Array
 
 WHERE = "setting.geometry"
-PLACES = ("base", "joint", "tool", "compliance", "spring")
+PLACES = ("base", "joint", "tool", "compliance", "spring", "compensator")
 # By how much a spring of size one answers a torque, and the unit of its size in SI units.
 LAWS: dict[str, tuple[Callable[[Array], Array], float]] = {
     "": (np.array, 1e-6),
@@ -32,6 +32,11 @@ LAWS: dict[str, tuple[Callable[[Array], Array], float]] = {
 MOST_PARAMETERS = 300
 LONGEST_NAME = 200
 UNIT = 1e-3  # of a shift [m] and of a turn [rad]
+FORCE = 1e3  # of a preload [N] and of a stiffness [N/m]
+ANCHORS = 6  # coordinates of a compensator's anchors, its first numbers
+NUMBERS = 8
+STEP = 1e-2  # of differences by these numbers, in their units
+ALONG = 1 - 1e-9  # cosine of what is along a joint's axis
 
 
 @dataclass(frozen=True)
@@ -41,9 +46,11 @@ class Parameter:
     Attributes:
         name: Its name.
         place: What it moves: "base", the frame before a "joint", a "tool", or a "compliance"; or
-            another "spring".
-        of: Index of the joint among all, of the marker, or of the free joint; zero for the base.
-        component: 0 to 2 for a shift along an axis of its frame, 3 to 5 for a turn about one.
+            another "spring", or a "compensator", one of whose numbers it is.
+        of: Index of the joint among all, of the marker, of the free joint, or of the compensator;
+            zero for the base.
+        component: 0 to 2 for a shift along an axis of its frame, 3 to 5 for a turn about one; of a
+            compensator see `Pull.changed`.
         ends: Components of a spring in the frame before its joint, two of an entry off the diagonal
             of its matrix; None for the motion of the joint itself.
         law: How a spring answers its torque, see `LAWS`.
@@ -76,15 +83,21 @@ class Geometry:
         payload: Mass [kg] and centre of what the robot carries wherever a wrench loads it.
         changes: Whether visits under a wrench are read as a loaded position less an unloaded one.
         places: The instrument (k,) whose place on the robot each has: its own, as a rule.
+        gives: How joints with compensators give way; None without any.
+        brought: Whether poses are those under load, as in a task.
     """
 
     parameters: list[Parameter]
     payload: list[Weight]
     changes: bool = False
     places: tuple[int, ...] = ()
+    gives: Gives | None = None
+    brought: bool = False
 
     @classmethod
-    def from_dict(cls, content: Any, chain: Chain, physics: Physics) -> "Geometry":
+    def from_dict(
+        cls, content: Any, chain: Chain, physics: Physics, gives: Gives | None
+    ) -> "Geometry":
         """Read the part `setting.geometry` of a certificate.
 
         Raises:
@@ -101,6 +114,7 @@ class Geometry:
             "tool": len(physics.sensors),
             "compliance": chain.n,
             "spring": len(chain.axes),
+            "compensator": 0 if gives is None else len(gives.pulls),
         }
         for i, one in enumerate(rows(content["parameters"], MOST_PARAMETERS, WHERE)):
             place = f"{WHERE}.parameters[{i}]"
@@ -111,7 +125,7 @@ class Geometry:
                 raise ValueError(f"{place}.name: expected a name")
             kind = text(one["place"], PLACES, f"{place}.place")
             of = whole(one["of"], 0, sizes[kind] - 1, f"{place}.of")
-            last = 0 if kind in ("compliance", "spring") else 5
+            last = {"compliance": 0, "spring": 0, "compensator": NUMBERS - 1}.get(kind, 5)
             component = whole(one["component"], 0, last, f"{place}.component")
             spring = _spring(one, of, chain, place) if kind == "spring" else ()
             found.append(Parameter(name, kind, of, component, *spring))
@@ -123,7 +137,7 @@ class Geometry:
         if len(places) != k:
             raise ValueError(f"{WHERE}.places: expected one an instrument")
         weights = read_weights(content["payload"], len(chain.axes), f"{WHERE}.payload")
-        return cls(found, weights, changes, places)
+        return cls(found, weights, changes, places, gives)
 
     @property
     def p(self) -> int:
@@ -150,7 +164,7 @@ class Geometry:
             if kind == "distance":
                 own = self._along(chain, q, place, anchor, own)
             parts.append(own[:, : MEASURED[kind]])
-        rigid = np.array([one.place not in ("compliance", "spring") for one in self.parameters])
+        rigid = np.array([one.place in ("base", "joint", "tool") for one in self.parameters])
         still = differs[:, None] & rigid
         size = np.where(differs, np.sqrt(0.5), 1.0)
         return np.asarray(np.concatenate(parts, axis=1) * (size[:, None] * ~still)[:, None])
@@ -187,10 +201,10 @@ class Geometry:
             if not answer:
                 columns.append(UNIT * _moved(one, chain, frames, point, marker, place.joint))
                 continue
-            turns = [_turned(one, end, chain, q, place) for end in _ends(one)]
+            turns = [self._turn(one, end, chain, q, place) for end in _ends(one)]
             pairs = zip(turns, answer, strict=True)
             moved = np.sum([turn * own[:, None] for turn, own in pairs], axis=0)
-            columns.append(LAWS[one.law][1] * moved)
+            columns.append(_unit(one) * moved)
         return np.stack(columns, axis=-1)
 
     def _answers(
@@ -208,15 +222,80 @@ class Geometry:
             found = found + _by_weights(one, end, chain, q, physics.weights)
             return np.asarray(found + loaded * _by_weights(one, end, chain, q, self.payload))
 
-        return [
-            [LAWS[one.law][0](torque(one, end)) for end in reversed(_ends(one))]
-            for one in self.parameters
+        def answer(one: Parameter) -> list[Array]:
+            if one.place == "compensator":
+                spring = self._spring_of(one, chain)
+                return [self._of_number(one, torque(spring, None), chain, q)]
+            return [
+                LAWS[one.law][0](self._rested(one, end, chain, q) * torque(one, end))
+                for end in reversed(_ends(one))
+            ]
+
+        return [answer(one) for one in self.parameters]
+
+    def _turn(self, one: Parameter, end: int | None, chain: Chain, q: Array, place: Place) -> Array:
+        """How a point moves and turns (k, 6) by what is left of a unit turn of a spring."""
+        spring = self._spring_of(one, chain)
+        moved = _turned(spring, end, chain, q, place)
+        return moved * self._left(spring, end, chain, q)[:, None]
+
+    def _spring_of(self, one: Parameter, chain: Chain) -> Parameter:
+        """The spring of the joint that a compensator loads; a spring itself."""
+        if one.place != "compensator":
+            return one
+        assert self.gives is not None
+        joint = chain.free.index(self.gives.pulls[one.of].joint)
+        return Parameter(one.name, "compliance", joint, 0)
+
+    def _left(self, one: Parameter, end: int | None, chain: Chain, q: Array) -> Array:
+        """What is left (k,) of a motion of a joint that a compensator makes stiffer, or softer."""
+        joint = _own_joint(one, end, chain)
+        if self.gives is None or joint is None:
+            return np.ones(len(q))
+        return self.gives.factors(chain, q)[:, joint]
+
+    def _rested(self, one: Parameter, end: int | None, chain: Chain, q: Array) -> Array | float:
+        """The same of its load, which has given way before where poses are those commanded."""
+        return 1.0 if self.brought else self._left(one, end, chain, q)
+
+    def _of_number(self, one: Parameter, torque: Array, chain: Chain, q: Array) -> Array:
+        """By how much a unit of a compensator's number turns its joint (k,), where that rests."""
+        assert self.gives is not None
+        spring = self._spring_of(one, chain)
+        pull = self.gives.pulls[one.of]
+        gives = self.gives.compliances[spring.of] * self._left(spring, None, chain, q)
+        rest = q.copy()
+        if not self.brought:
+            rest[:, spring.of] += gives * torque
+        loads = [
+            pull.changed(one.component, steps * STEP * _unit(one)).on(chain, rest)[0][:, spring.of]
+            for steps in (1, -1, 2, -2)
         ]
+        slope = 8 * (loads[0] - loads[1]) - (loads[2] - loads[3])
+        k = self.gives.compliances[spring.of]
+        return np.asarray(k * slope / (12 * STEP * _unit(one)))
+
+
+def _own_joint(one: Parameter, end: int | None, chain: Chain) -> int | None:
+    """The free joint that an end of a spring turns; None for a turn or shift across it."""
+    if one.place == "compliance":
+        return one.of
+    if one.of not in chain.free:
+        return None
+    along = end is not None and end >= 3 and abs(chain.axes[one.of][end % 3]) > ALONG
+    return chain.free.index(one.of) if end is None or along else None
+
+
+def _unit(one: Parameter) -> float:
+    """The unit of a spring, or of a compensator's number, in SI units."""
+    if one.place != "compensator":
+        return LAWS[one.law][1]
+    return UNIT if one.component < ANCHORS else FORCE
 
 
 def _ends(one: Parameter) -> tuple[int | None, ...]:
     """What a spring turns; nothing of what is none."""
-    return (None,) if one.place == "compliance" else one.ends
+    return (None,) if one.place in ("compliance", "compensator") else one.ends
 
 
 def _turned(one: Parameter, end: int | None, chain: Chain, q: Array, place: Place) -> Array:
@@ -233,12 +312,13 @@ def _by_weights(
 ) -> Array:
     """Load (k,) of one end of a spring by weights, and of the joint itself by compensators."""
     found = np.zeros(len(q))
+    joint = _own_joint(one, end, chain)
     for weight in weights:
         if not isinstance(weight, Pull):
             mass, place = weight
             found -= mass * GRAVITY * _turned(one, end, chain, q, place)[:, 2]
-        elif end is None:
-            found += weight.on(chain, q)[0][:, _free(one, chain)]
+        elif joint is not None:
+            found += weight.on(chain, q)[0][:, joint]
     return found
 
 

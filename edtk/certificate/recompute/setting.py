@@ -357,12 +357,12 @@ class Setting:
         if "noise" in content:
             noise = Noise.from_dict(content["noise"], n, measured)
             physics = physics or Physics.at_tool_point(kind)
+        gives = Gives.from_dict(content["gives"], chain) if "gives" in content else None
         geometry = None
         if "geometry" in content:
             if physics is None:
                 raise ValueError("setting: the key 'physics' is missing")
-            geometry = Geometry.from_dict(content["geometry"], chain, physics)
-        gives = Gives.from_dict(content["gives"], chain) if "gives" in content else None
+            geometry = Geometry.from_dict(content["geometry"], chain, physics, gives)
         p = len(unknown) if geometry is None else geometry.p
         white = (sigma > 0).all() or (noise is not None and (sigma >= 0).all())
         if not p or not white:

@@ -324,7 +324,7 @@ def _geometric_harm(
     """
     task = table(content, ("q", "wrench", "weight"), where, (*OPTIONAL, "tool"))
     at = _Place.of(task, robot, where)
-    geometry = replace(geometry, changes=False)
+    geometry = replace(geometry, changes=False, brought=True)
     if at.weights is not None or "tool" in task:
         physics = replace(physics, weights=at.weights or [])
         geometry = replace(geometry, payload=[])

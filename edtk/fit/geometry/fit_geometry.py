@@ -317,6 +317,11 @@ def _at_most_likely(model: MeasuredModel, start: Array, prior: Prior) -> Array:
     for i, (one, marginal) in enumerate(zip(model.parameters, prior.marginals, strict=True)):
         if one.place == "joint" or one.is_spring:
             found[i] += marginal.gaussian()[0]
+    # Of a rigid robot a compensator shows nothing: a search begins with the guess then.
+    if len(model.numbers.of) and model.gives is not None:
+        own = [i for i, one in enumerate(model.parameters) if one.place == "compliance"]
+        guess = model.gives.compliances[model.compliant]
+        found[own] = np.where(found[own] == 0, guess, found[own])
     return found
 
 
@@ -345,7 +350,7 @@ def stages(model: MeasuredModel) -> list[list[int]]:
 
     Other springs come after it, and couplings of theirs last.
     """
-    order = {"base": 0, "tool": 0, "compliance": 2, "joint": 3}
+    order = {"base": 0, "tool": 0, "compliance": 2, "joint": 3, "compensator": 4}
     ranks = [
         1 if one.along else order.get(one.place, 3 + len(one.ends)) for one in model.parameters
     ]

@@ -178,9 +178,9 @@ class FittedGeometry:
             placed_turns=still,
         )
 
-    def torque(self, q: Array, wrench: Array, loads: Loads | None) -> Array | None:
+    def torque(self, q: Array, wrench: Array, loads: Loads | None) -> Load | None:
         """Loads (m, s) of the joints where the springs bring them to rest."""
-        return resting_torque(self.bending, q, wrench, loads)
+        return resting_load(self.bending, q, wrench, loads, bool(self.model.robot.compensators))
 
     def columns(self, q: Array, wrench: Array, loads: Loads | None = None) -> Array:
         """How the positions move with the parameters (m, 3k, p) [mm per unit].
@@ -342,6 +342,17 @@ class FittedGeometry:
         return np.maximum(dof / np.maximum(share, 1e-6) ** 2, LEAST_DOF)
 
 
+@dataclass(frozen=True, eq=False)
+class _Changed:
+    """Loads with compensators whose numbers differ from what is stated."""
+
+    loads: Loads
+    bending: Bending
+
+    def __call__(self, q: Array, wrench: Array) -> Array:
+        return self.loads(q, wrench) + self.bending.added(q)
+
+
 def resting_torque(bending: Bending, q: Array, wrench: Array, loads: Loads | None) -> Array | None:
     """Loads (m, s) of the joints at rest: ``tau(q + theta)`` with ``theta = sum_i k_i b_i(tau)``.
 
@@ -350,6 +361,7 @@ def resting_torque(bending: Bending, q: Array, wrench: Array, loads: Loads | Non
     """
     if loads is None:
         return None
+    loads = _Changed(loads, bending)
     start = widened(q, bending.width)
     torque = loads(start, wrench)
     if bending.is_rigid:
@@ -402,9 +414,10 @@ def resting_load(
     if torque is None or loads is None or not derivatives or bending.is_rigid:
         return None if torque is None else Load(torque)
     near = widened(q, bending.width) + bending.turn(torque)
-    H = _by_turns(near, wrench, loads)
-    gives = np.linalg.inv(np.eye(bending.width) - bending.tangent(torque) @ H)
-    return Load(torque, np.asarray(gives, dtype=float))
+    K = bending.tangent(torque)
+    H = _by_turns(near, wrench, _Changed(loads, bending))
+    gives = np.linalg.inv(np.eye(bending.width) - K @ H)
+    return Load(torque, np.asarray(gives, dtype=float), K, near, bending.changes)
 
 
 def loading_of(

@@ -40,13 +40,12 @@ def many_seen(model: MeasuredModel, theta: Array, q: Array, torque: Torque = Non
         Positions (w, m, k, 3) in the frame of the instrument [m], and orientations
         (w, m, k, 3, 3), none (0,) where positions alone are measured. No derivatives.
     """
-    if isinstance(torque, Load):
-        torque = torque.torque
     if not isinstance(torque, Loading):
-        return _many_seen(model, theta, q, torque)
+        load = Load(torque) if isinstance(torque, np.ndarray) else torque
+        return _many_seen(model, theta, q, load)
     own = torque.differs
-    after = _many_seen(model, theta, q, torque.after.torque)
-    before = _many_seen(model, theta, q[own], torque.before.torque)
+    after = _many_seen(model, theta, q, torque.after)
+    before = _many_seen(model, theta, q[own], torque.before)
     after.points[:, own] -= before.points
     if after.turns.size:
         turned = after.turns[:, own] @ np.swapaxes(before.turns, -1, -2)
@@ -54,17 +53,19 @@ def many_seen(model: MeasuredModel, theta: Array, q: Array, torque: Torque = Non
     return after
 
 
-def _many_seen(model: MeasuredModel, theta: Array, q: Array, torque: Array | None) -> Seen:
+def _many_seen(model: MeasuredModel, theta: Array, q: Array, load: Load | None) -> Seen:
     """The same, all readings by themselves."""
     base, errors, tools = model.motions_of_many(theta)
     robot = model.chain.robot
     w = len(theta)
     bent = np.broadcast_to(widened(q, robot.n), (w, len(q), robot.n))
-    if torque is not None:
-        # Turns are linear in the sizes of the springs.
+    if load is not None:
+        torque = load.torque
+        # Turns are linear in the sizes of the springs, and nearly in numbers of compensators.
         turns = model.springs.out[:, None] * model.springs.amplitudes(torque.T)[..., None]
         bent = bent + model.bending(np.zeros(model.p)).turn(torque)
         bent = bent + np.tensordot(theta[:, model.springs.of], turns, 1)
+        bent = bent + load.turned(model.numbers, theta[:, model.numbers.of])
     variables = model.chain.variables(bent.reshape(-1, robot.n)).reshape(w, len(q), -1)
     R = np.broadcast_to(robot.base[:3, :3], (w, len(q), 3, 3))
     p = np.broadcast_to(robot.base[:3, 3], (w, len(q), 3))
