@@ -42,6 +42,8 @@ from edtk.system.typing import Array
 if TYPE_CHECKING:
     import pandas as pd
 
+    from edtk.calibration.extension import Extension
+
 
 @dataclass(frozen=True)
 class Origin:
@@ -79,10 +81,12 @@ class Judged(Presented):
     Attributes:
         findings: Everything that looks wrong, the worst first.
         check: The posterior; None where it was not sampled.
+        extension: The models that the sheet was asked for; None where it was not.
     """
 
     findings: tuple[Finding, ...]
     check: PosteriorCheck | None
+    extension: "Extension | None"
 
     @property
     @abstractmethod
@@ -113,6 +117,7 @@ class Judged(Presented):
             "diagnostics": [one.to_dict() for one in self.findings],
             "known": {name: one.value for name, one in known.items()},
             "posterior": None if self.check is None else self.check.to_dict(),
+            **({} if self.extension is None else {"extension": self.extension.to_dict()}),
         }
 
 
@@ -232,6 +237,7 @@ class Calibration(Judged):
         origin: The file as it was read.
         part: What the measurements tell, where they leave compliances open that are not of
             interest; None where they tell all.
+        extension: The models that the sheet was asked for; None where it was not.
     """
 
     fitted: FittedData
@@ -242,6 +248,7 @@ class Calibration(Judged):
     check: PosteriorCheck | None = None
     origin: Origin = Origin()
     part: ToldPart | None = None
+    extension: "Extension | None" = None
 
     def headline(self) -> str:
         """Number of measurements, the accuracy to expect, and the verdict."""

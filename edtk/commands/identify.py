@@ -48,6 +48,7 @@ MOST_WITH_HINT = 220
 @click.option(
     "--linear", is_flag=True, help="Fit the linear model, even where the robot bends too much."
 )
+@click.option("--extend", is_flag=True, help="Fit the richest model that the sheet supports.")
 @click.option(
     "--bayes", is_flag=True, help="Sample the posterior too; the options that follow are for that."
 )
@@ -62,6 +63,7 @@ def command(
     plan: Path | None,
     as_is: bool,
     linear: bool,
+    extend: bool,
     bayes: bool,
     sampling: SamplingOptions,
     as_json: bool,
@@ -105,6 +107,7 @@ def command(
                 plan=plan,
                 as_is=as_is,
                 linear=linear,
+                extend=extend,
                 bayes=posterior,
                 out=out,
             )

@@ -68,6 +68,8 @@ class HowFitted:
         linear: Whether the linear model is fitted in any case.
         as_is: Whether a sheet that is certainly wrong is fitted all the same.
         plan: The plan that was to be carried out; None if it is not known.
+        extended: Whether pieces beside ideal springs are looked for, and the likeliest model is
+            fitted.
         sampled: Whether the posterior is to be sampled. Then the [prior] of a study may tell
             compliances that measurements alone do not.
     """
@@ -77,6 +79,7 @@ class HowFitted:
     linear: bool = False
     as_is: bool = False
     plan: Plan | None = None
+    extended: bool = False
     sampled: bool = False
 
 

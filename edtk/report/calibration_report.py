@@ -20,6 +20,7 @@ from edtk.report.calibration_sections import (
 from edtk.report.draw.bars import correlation, intervals
 from edtk.report.draw.names import room_for
 from edtk.report.draw.residuals import ResidualPanel, drawn_rows, quantiles, residuals
+from edtk.report.extension import extension_section
 from edtk.report.figures import new_figure
 from edtk.report.page import QUALITY, Page, paragraph, picture, section, sentence, table, verdict
 from edtk.report.posterior_report import posterior_report
@@ -174,6 +175,7 @@ def calibration_report(found: Calibration) -> str:
             _worst(found),
         ),
         section("Which parameters depend on each other?", _correlation(found), _pairs(found)),
+        *extension_section(found.extension),
     ]
     if found.check is not None:
         parts.append(posterior_report(found.check))

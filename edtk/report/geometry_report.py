@@ -11,6 +11,7 @@ from edtk.measure.cells import csv_text
 from edtk.measure.parameters import TITLES, Parameter
 from edtk.report.calibration_report import NAMES, calibration_title
 from edtk.report.draw.residuals import left_out_errors, marker_residuals
+from edtk.report.extension import extension_files, extension_section
 from edtk.report.figures import new_figure
 from edtk.report.page import (
     QUALITY,
@@ -135,6 +136,7 @@ def geometry_report(found: GeometricCalibration) -> str:
         section("Residuals of the markers", paragraph(_noise(found)), *_residuals(found)),
         *_parameters(found),
         section("What can be told apart?", *_rank(found)),
+        *extension_section(found.extension),
         *([] if found.check is None else [posterior_report(found.check)]),
         geometry_facts(found),
     ]
@@ -325,4 +327,5 @@ def geometry_files(found: GeometricCalibration, folder: Path) -> dict[Path, Cont
         csv_text(found.residuals()),
         geometry_report(found),
     )
-    return {folder / name: content for name, content in zip(NAMES, contents, strict=True)}
+    files = {folder / name: content for name, content in zip(NAMES, contents, strict=True)}
+    return files | extension_files(found, folder)

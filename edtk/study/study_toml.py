@@ -187,14 +187,23 @@ def study_toml(study: Asked, path: Path | str | None = None) -> str:
         UserError: The study excludes a plan that is in no file.
         OSError: The file cannot be written.
     """
+    text = toml_in(study, study.folder if path is None else Path(path).parent)
+    if path is not None:
+        write_text(path, text)
+    return text
+
+
+def toml_in(study: Asked, folder: Path) -> str:
+    """The text of a study's file in a folder, to which names of other files are relative.
+
+    Raises:
+        UserError: The study excludes a plan that is in no file.
+    """
     content = study.to_dict()
     if study.excluded is not None:
         workspace = content.get("workspace", {})
         names = [*workspace.get("excluded", []), _excluded_name(study)]
         content["workspace"] = workspace | {"excluded": names}
-    if path is None:
-        return toml_text(content)
-    folder = Path(path).parent
     if folder.resolve() != study.folder.resolve():
 
         def moved(name: str) -> str:
@@ -205,9 +214,7 @@ def study_toml(study: Asked, path: Path | str | None = None) -> str:
             more = content["robot"]
             content["robot"] = file if isinstance(more, str) else more | {"file": file}
         content = _with_names(content, moved)
-    text = toml_text(content)
-    write_text(path, text)
-    return text
+    return toml_text(content)
 
 
 def _excluded_name(study: Asked) -> str:

@@ -20,6 +20,7 @@ def identify(
     plan: PlanLike | None = None,
     as_is: bool = False,
     linear: bool = False,
+    extend: bool = False,
     bayes: Sampling | bool = False,
     out: Path | str | None = None,
 ) -> Calibration | GeometricCalibration:
@@ -37,6 +38,9 @@ def identify(
             result then comes with an alarm, instead of none.
         linear: Whether the linear model is fitted in any case. Otherwise the loaded equilibrium is,
             where that moves a compliance by more than a tenth of its standard deviation.
+        extend: Whether the richest model is fitted that the sheet supports: ideal springs with
+            springs across joints, laws of springs, and compensators; `.extension` of the result
+            has all models with their weights. For studies of springs by displacements.
         bayes: Whether the posterior is sampled too; a `Sampling` says how.
         out: Folder for `k.json`, `residuals.csv` and `report.html`.
 
@@ -50,6 +54,10 @@ def identify(
     """
     question = of_study(study)
     sampling = bayes if isinstance(bayes, Sampling) else Sampling()
-    question.require("identify", sigma_unknown=sigma_unknown, plan=plan, linear=linear)
-    how = HowFitted(robust=robust, sigma_unknown=sigma_unknown, linear=linear, as_is=as_is)
+    question.require(
+        "identify", sigma_unknown=sigma_unknown, plan=plan, linear=linear, extend=extend
+    )
+    how = HowFitted(
+        robust=robust, sigma_unknown=sigma_unknown, linear=linear, as_is=as_is, extended=extend
+    )
     return question.identify(measurements, how, plan, sampling if bayes else None, out)

@@ -141,15 +141,22 @@ class OfCompliances(OfStudy):
 
         return template(self.study, plan, positions, markers)
 
-    def _calibrated(self, sheet: Table, how: "HowFitted") -> "Calibration":
+    def _calibrated(self, sheet: Table, how: "HowFitted") -> "Calibration | GeometricCalibration":
         from edtk.calibration.calibrate import calibrate
+        from edtk.calibration.extension import extend
 
-        return calibrate(self.study, sheet, how)
+        return extend(self.study, sheet, how) if how.extended else calibrate(self.study, sheet, how)
 
-    def _report(self, found: "Calibration", folder: Path) -> dict[Path, Content]:
+    def _report(
+        self, found: "Calibration | GeometricCalibration", folder: Path
+    ) -> dict[Path, Content]:
+        from edtk.calibration.calibration import Calibration
         from edtk.report.calibration_report import calibration_files
+        from edtk.report.geometry_report import geometry_files
 
-        return calibration_files(found, folder)
+        if isinstance(found, Calibration):
+            return calibration_files(found, folder)
+        return geometry_files(found, folder)
 
     def _require_result(self, result: object, task: PlanLike | None) -> None:
         from edtk.calibration.geometry.geometric_calibration import GeometricCalibration

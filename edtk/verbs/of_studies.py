@@ -390,6 +390,7 @@ class OfStudy(Question):
     ) -> "Calibration | GeometricCalibration":
         """The parameters from measurements, and their files; see `edtk.identify`."""
         from edtk.report.calibration_report import NAMES
+        from edtk.report.extension import NAME
 
         study = self.study
         sheet = as_table(sheet, "measurements")
@@ -398,7 +399,8 @@ class OfStudy(Question):
         if sampling is not None:
             sampling.require_writable(*inputs)
         require_folder(out)
-        for name in NAMES if out is not None else ():
+        names = (*NAMES, NAME) if how.extended else NAMES
+        for name in names if out is not None else ():
             require_output(Path(out or "") / name, *inputs, *own)
         planned = None if plan is None else as_plan(study, plan)
         found = self._calibrated(sheet, replace(how, plan=planned, sampled=sampling is not None))

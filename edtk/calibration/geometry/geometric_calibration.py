@@ -46,6 +46,8 @@ from edtk.system.typing import Array
 if TYPE_CHECKING:
     import pandas as pd
 
+    from edtk.calibration.extension import Extension
+
 MOST = 1000  # parameters or joints in a file
 LARGEST = 1e9  # number in a file, in any of its units: squares of larger ones lose all meaning
 RIGID = 1e-9
@@ -357,6 +359,7 @@ class GeometricCalibration(Judged):
         robust: Whether poses that fit badly count less.
         origin: The file as it was read, and what was asked for.
         check: The posterior by the nonlinear model; None where it was not sampled.
+        extension: The models of which this is the likeliest; None where nobody asked for them.
     """
 
     setting: StudyGeometry
@@ -368,6 +371,7 @@ class GeometricCalibration(Judged):
     robust: bool = False
     origin: Origin = field(default_factory=Origin)
     check: PosteriorCheck | None = None
+    extension: "Extension | None" = None
 
     @property
     def base(self) -> Array:
@@ -386,11 +390,14 @@ class GeometricCalibration(Judged):
         return np.asarray(model.start @ moved)
 
     def headline(self) -> str:
-        """Rank, how well poses are predicted, and the verdict."""
+        """Rank, how well poses are predicted, the error to expect, and the verdict."""
+        expected = ""
+        if self.extension is not None and np.isfinite(self.extension.expected):
+            expected = f", {MM * self.extension.expected:.2g} mm expected {self.tasks.place}"
         return (
             f"{self.rank} parameters from {self.fit.data.count} positions of "
-            f"{self.fit.data.poses} poses, rms {self.loo_rms_mm:.3g} mm left out; verdict: "
-            f"{self.verdict}"
+            f"{self.fit.data.poses} poses, rms {self.loo_rms_mm:.3g} mm left out{expected}; "
+            f"verdict: {self.verdict}"
         )
 
     @property

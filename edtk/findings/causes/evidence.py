@@ -102,6 +102,7 @@ class Weighed:
         score: Twice the negative logarithm of the marginal likelihood, of which that of the model
             without an error is the sum of squares.
         share: The likeliest share that is left out.
+        width: The likeliest size of the pieces, over the usual one.
         p: Probability that chance lets the pieces explain so much, beside that error.
         nodes: Weights (w,) of shares and of widths of the pieces' sizes.
         means: Parameters, then pieces (w, p + c), for each of these.
@@ -110,6 +111,7 @@ class Weighed:
 
     score: float
     share: float
+    width: float
     p: float
     nodes: Array
     means: Array
@@ -211,7 +213,8 @@ class Evidence:
         nodes = np.exp(-(scores - least) / 2)
         nodes[[0, -1]] /= 2  # by the trapezoidal rule
         total = float(nodes.sum()) * (grid[1] - grid[0])
-        share = float(np.exp(grid[int(scores.min(axis=1).argmin())]))
+        at_share, at_width = np.unravel_index(int(scores.argmin()), scores.shape)
+        share = float(np.exp(grid[at_share]))
         chosen = nodes > nodes.max() * 1e-4
         weights = nodes[chosen] / nodes[chosen].sum()
         means, covariances = at.posterior(grid, chosen)
@@ -225,6 +228,7 @@ class Evidence:
         return Weighed(
             least - 2 * math.log(total),
             share,
+            float(FACTORS[at_width]),
             chance,
             weights,
             means @ U.T,

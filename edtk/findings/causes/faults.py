@@ -23,6 +23,7 @@ from edtk.findings.causes.scene import (
 )
 from edtk.findings.finding import Finding, row_names
 from edtk.measure.parameters import ALONG
+from edtk.robots.joint import Joint
 from edtk.system.typing import Array, Mask
 
 MM = 1e3
@@ -325,11 +326,10 @@ def _lateral(scene: Scene) -> Iterator[Family]:
         return
     every = np.zeros(scene.A.shape[:2])
     for j, joint in enumerate(joints):
-        slides = joint.kind == "prismatic"
-        across = [i for i in range(len(AXES)) if slides or abs(joint.axis[i]) <= ALONG]
-        own = _own_compliance(scene, j)
+        across = lateral_axes(joint)
+        own = own_compliance(scene, j)
         each = {i: own * scene.across(j, i) for i in across}
-        columns = {i: one for i, one in each.items() if not _is_sprung(scene.sheet, j, i)}
+        columns = {i: one for i, one in each.items() if not is_sprung(scene.sheet, j, i)}
         if not columns:
             continue
         total = np.sum(list(columns.values()), axis=0)
@@ -344,9 +344,15 @@ def _lateral(scene: Scene) -> Iterator[Family]:
     yield _across(added(scene, every[..., None]), 3)
 
 
-def _is_sprung(sheet: Scene, joint: int, axis: int) -> bool:
+def lateral_axes(joint: Joint) -> list[int]:
+    """Axes of the frame before a joint about which the joint itself does not turn."""
+    slides = joint.kind == "prismatic"
+    return [i for i in range(len(AXES)) if slides or abs(joint.axis[i]) <= ALONG]
+
+
+def is_sprung(sheet: Scene, joint: int, axis: int) -> bool:
     """Whether a spring across a joint does what springs of joints can do."""
-    return _is_one_of(sheet.springs, sheet.across(joint, axis)[..., None])
+    return is_one_of(sheet.springs, sheet.across(joint, axis)[..., None])
 
 
 def _across(predict: Predict, tries: float, name: str = "") -> Family:
@@ -356,7 +362,7 @@ def _across(predict: Predict, tries: float, name: str = "") -> Family:
     )
 
 
-def _own_compliance(scene: Scene, joint: int) -> float:
+def own_compliance(scene: Scene, joint: int) -> float:
     """The compliance of a joint; the mean one of those that turn where it has none of its own."""
     soft = np.maximum(scene.soft, 0.0)
     turns = np.array([kind == "revolute" for kind in _kinds(scene)])
@@ -440,7 +446,7 @@ def _stiffening(scene: Scene) -> Iterator[Family]:
             def law(tau: Array, power: int = power, most: float = most) -> Array:
                 return np.asarray(tau * np.abs(tau / most) ** power)
 
-            predict = scene.by_law(int(i), law)
+            predict = scene.with_law(int(i), scene.law(int(i), law))
             tries = 2 * len(loaded)
             yield Family(
                 "stiffening", "%", PERCENT, 1, USUAL_LAW, predict, tries, name, shape=shape
@@ -521,7 +527,7 @@ def _joint_zero(scene: Scene) -> Iterator[Family]:
         usual = USUAL_ZERO[joint.kind]
         scale = OF_KIND[joint.kind]
         family = Family("joint_zero", *scale, 1, usual, scene.counted(j), robot.n, joint.name)
-        if _is_one_of(frame, family.derivative_at_zero(scene.k)):
+        if is_one_of(frame, family.derivative_at_zero(scene.k)):
             family = replace(family, cause="frame_rotation", tries=1, usual=USUAL_TURN)
         yield family
 
@@ -531,7 +537,7 @@ def _joint_zero_words(cause: Cause) -> str:
     return f"the zero of joint {cause.joint} looks off: it is {size} {which} what is written"
 
 
-def _is_one_of(columns: Array, column: Array) -> bool:
+def is_one_of(columns: Array, column: Array) -> bool:
     """Whether some changes (m, rows, c) of the measurements can make another one (m, rows, 1)."""
     other = column.ravel()
     made = columns.reshape(len(other), -1)

@@ -132,8 +132,11 @@ class Scene(Protocol):
         It is an axis of the frame before the joint, in which errors of geometry are, too.
         """
 
-    def by_law(self, one: int, b: Callable[[Array], Array]) -> Predict:
-        """Spring `one` (of s) that gives way by ``k (tau + c b(tau))``, of its torques (m,)."""
+    def law(self, one: int, b: Callable[[Array], Array]) -> Array:
+        """What readings (m, rows) show where spring `one` (of s) turns by b of its torques (m,)."""
+
+    def with_law(self, one: int, column: Array) -> Predict:
+        """Spring `one` that gives way by ``k (tau + c b)``, with what readings show of b."""
 
     def pulled(self, one: int, pull: "Pull") -> Predict:
         """Spring `one` (of s) that a further torque loads, by the size of a fault."""
@@ -270,7 +273,7 @@ class Displacements:
         return np.asarray(frames.folded(weights.torque(frames))[self.model.joints].T)
 
     @cached_property
-    def _motion(self) -> Array:
+    def motion(self) -> Array:
         """What readings (m, rows, p) show of a motion of each sprung joint by 1 rad, or 1 m."""
         return joint_motion(self.model, self.data)[..., self.model.joints]
 
@@ -376,15 +379,19 @@ class Displacements:
         torque = model.torque_of(frames, data.wrench)[joint]
         return np.asarray((data.motion_of(model, frames)[joint] * torque).T)
 
-    def by_law(self, one: int, b: Callable[[Array], Array]) -> Predict:
-        """Another column of that spring."""
+    def law(self, one: int, b: Callable[[Array], Array]) -> Array:
+        """Of displacements, the difference of both readings."""
         after = self.torque[:, one] + self._before[:, one]
-        more = self._motion[..., one] * (b(after) - b(self._before[:, one]))[:, None]
+        turned = b(after) - b(self._before[:, one])
+        return np.asarray(self.motion[..., one] * turned[:, None])
+
+    def with_law(self, one: int, column: Array) -> Predict:
+        """Another column of that spring."""
         nothing = np.zeros(self.A.shape[:2])
 
         def predict(c: Array) -> tuple[Array, Array]:
             A = self.A.copy()
-            A[..., one] += c[0] * more
+            A[..., one] += c[0] * column
             return A, nothing
 
         return predict
@@ -404,7 +411,7 @@ class Displacements:
             torque, slope = pull(c)
             if self.absolute:
                 A = self.A.copy()
-                A[..., one] += self._motion[..., one] * torque[:, None]
+                A[..., one] += self.motion[..., one] * torque[:, None]
             else:
                 q = data.q + k * torque[:, None] * (np.arange(model.robot.n) == j)
                 A = replace(data, q=q).regressor(model)
@@ -674,10 +681,13 @@ class Positions:
         """A turn of the frame before a joint, times its load."""
         raise NotImplementedError
 
-    def by_law(self, one: int, b: Callable[[Array], Array]) -> Predict:
+    def law(self, one: int, b: Callable[[Array], Array]) -> Array:
+        """Of readings one by one."""
+        return np.asarray(self._motion(one) * b(self.torque[:, one])[:, None])
+
+    def with_law(self, one: int, column: Array) -> Predict:
         """What the spring gives way beyond what it does."""
-        more = self._motion(one) * (self.soft[one] * b(self.torque[:, one]))[:, None]
-        return added(self, more[..., None])
+        return added(self, self.soft[one] * column[..., None])
 
     def pulled(self, one: int, pull: "Pull") -> Predict:
         """To first order ``k (T + k tau T')``."""

@@ -13,6 +13,7 @@ from edtk.measure.expected_error import ErrorBudget, JointPart
 from edtk.measure.pose_table import TURN_COLUMN, coordinate_columns
 from edtk.report.draw.bars import intervals
 from edtk.report.draw.residuals import ResidualPanel, residuals
+from edtk.report.extension import extension_lines
 from edtk.report.figures import panels
 from edtk.report.shown import digits, displacement_in_words, left_out_line
 from edtk.report.tables import name_width, notebook_table
@@ -83,6 +84,7 @@ def assumed_joint(part: JointPart) -> str:
 def calibration_text(found: Calibration) -> str:
     """Compliances, how well they fit, the accuracy to expect, and the verdict."""
     lines = [*_compliances(found), *_fit(found), *_accuracy(found), *_rows(found)]
+    lines += extension_lines(found.extension)
     if found.check is not None:
         lines += ["posterior", found.check.summary()]
     return "\n".join([*lines, *notes(found.findings), f"verdict: {found.verdict}"])

@@ -5,6 +5,7 @@ import numpy as np
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.findings.finding import notes
 from edtk.fit.geometry.fitted_geometry import root_mean_square
+from edtk.report.extension import extension_lines
 from edtk.report.geometry_report import robot_stands
 from edtk.report.shown import expected_rho0, left_out_line, places_of
 from edtk.report.tables import name_width
@@ -27,6 +28,7 @@ def geometric_calibration_text(found: GeometricCalibration) -> str:
         *_redundant(found),
         *_quality(found),
     ]
+    lines += extension_lines(found.extension)
     lines += notes(found.findings)
     lines += [f"assumed: {line}" for line in found.assumed]
     if found.check is not None:
