@@ -21,11 +21,12 @@ from edtk.fit.sheet import sheet_turns
 from edtk.measure.equilibrium import NoEquilibriumError, why_no_rest
 from edtk.measure.expected_error import ErrorBudget, TaskAccuracy, compensation_accuracy
 from edtk.measure.instruments.pose_marker import COORDINATES
+from edtk.measure.model_error import ASSUMED
 from edtk.measure.noise import VisitNoise, shared_visits
 from edtk.measure.task import Tasks
 from edtk.study.evaluate import accuracy_of_tasks, plan_covariance
 from edtk.study.study import Study
-from edtk.study.study_model import payload_beside_load, study_sigma
+from edtk.study.study_model import payload_beside_load, promised_noise, study_sigma
 from edtk.system.errors import UserError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
@@ -168,22 +169,27 @@ def plan_propagation(study: Study, plan: Plan) -> Propagation | None:
         np.repeat(plan.repeats, len(study.model.instruments)),
         payload=payload_beside_load(study),
     )
-    if study.noise is None or not study.noise.shares:
+    noise = promised_noise(study, study.model)
+    if noise is None or not noise.shares:
         return found
-    exact = replace(study.space, noise=study.noise.exact)
-    M = exact.information(plan)
-    if study.prior_information is not None:
-        M = M + study.prior_information
-    by_noise = np.asarray(covariance(M, study.model.parameters))
+    by_both, by_noise = (_covariance_with(study, plan, one) for one in (noise, noise.exact))
     below = ((0, len(found.assumed)), (0, 0))
-    own = {"noise": by_noise, "model": cov - by_noise}
+    own = {"noise": by_noise, "model": by_both - by_noise}
     roots = {name: np.pad(root_of(part), below) for name, part in own.items()}
     return replace(found, roots=found.roots | roots)
 
 
+def _covariance_with(study: Study, plan: Plan, noise: VisitNoise) -> Array:
+    """Covariance (p, p) of the estimates of a plan with some noise of its visits."""
+    M = replace(study.space, noise=noise).information(plan)
+    if study.prior_information is not None:
+        M = M + study.prior_information
+    return np.asarray(covariance(M, study.model.parameters))
+
+
 def _left_out(study: Study, tasks: Tasks) -> float:
     """Root mean square of what the model leaves out of the tasks themselves [m]."""
-    noise = study.noise
+    noise = promised_noise(study, study.model)
     if noise is None or not noise.shares:
         return 0.0
     constant = np.sqrt(COORDINATES) * float(noise.discrepancy.max())
@@ -197,8 +203,8 @@ def plan_budget(study: Study, plan: Plan) -> ErrorBudget | None:
     """Propagate what is uncertain in a calibration by a plan to the study's task.
 
     The nonlinear model will be fitted where it matters, so that the linear one adds nothing to the
-    part of the model: that is what the study says that springs leave out, in the estimates and in
-    the task itself.
+    part of the model: that is what the study says that springs leave out, or what they likely do,
+    in the estimates and in the task itself.
 
     Args:
         study: The study; its [simulation] says how compliant the joints are.
@@ -211,7 +217,11 @@ def plan_budget(study: Study, plan: Plan) -> ErrorBudget | None:
     propagation = None if study.target is None else plan_propagation(study, plan)
     if propagation is None:
         return None
-    return propagation.budget(study.tasks, _left_out(study, study.tasks))
+    budget = propagation.budget(study.tasks, _left_out(study, study.tasks))
+    table = study.specification.noise
+    if table is not None and table.says_of_model:
+        return budget
+    return replace(budget, assumed_share=ASSUMED)
 
 
 def plan_tasks(study: Study, plan: Plan) -> TaskAccuracy | None:

@@ -228,6 +228,8 @@ class ErrorBudget(Presented):
         absolute: Whether displacements were counted from the rigid robot, whose geometry and
             place are then taken as exact.
         joints: The joints that make the parts of rigid and known ones, from base to tip.
+        assumed_share: Share of what springs do that the model is assumed to leave out, where
+            nothing is known of that; None where the study or a sheet says it.
     """
 
     noise: float
@@ -241,11 +243,12 @@ class ErrorBudget(Presented):
     uncompensated: float
     absolute: bool = False
     joints: tuple[JointPart, ...] = ()
+    assumed_share: float | None = None
 
     @property
     def parts(self) -> dict[str, float]:
         """All parts by name [m]."""
-        others = ("uncompensated", "absolute", "joints")
+        others = ("uncompensated", "absolute", "joints", "assumed_share")
         names = [field.name for field in fields(self) if field.name not in others]
         return {name: getattr(self, name) for name in names}
 
@@ -277,7 +280,8 @@ class ErrorBudget(Presented):
     def to_dict(self) -> dict[str, Any]:
         """The parts and the total, in millimetres."""
         parts = {name: 1e3 * part for name, part in self.parts.items()}
-        return {**parts, "total": 1e3 * self.total}
+        share = {} if self.assumed_share is None else {"assumed_percent": 100 * self.assumed_share}
+        return {**parts, "total": 1e3 * self.total, **share}
 
 
 @dataclass(frozen=True, eq=False)

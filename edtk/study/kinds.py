@@ -446,8 +446,7 @@ def _check_unused(study: Asked) -> None:
     unused = {
         "prior.sigma_factor": given.prior.sigma_factor != 1,
         "prior.nu": given.prior.nu != "normal",
-        "noise.model_error_percent": given.noise is not None
-        and given.noise.model_error_percent > 0,
+        "noise.model_error_percent": bool(given.noise and given.noise.model_error_percent),
     }
     instead = {
         "prior.sigma_factor": "the size of its errors is fitted anyway",

@@ -20,7 +20,7 @@ from edtk.measure.instruments.marker import Marker
 from edtk.measure.instruments.one_row import OneRow
 from edtk.measure.instruments.pose_marker import PoseMarker
 from edtk.measure.instruments.sensor import Sensor
-from edtk.measure.model_error import ModelError, groups_of
+from edtk.measure.model_error import ASSUMED, ModelError, groups_of
 from edtk.measure.noise import VisitNoise
 from edtk.measure.parameters import Parameter, numbers_asked, springs_asked
 from edtk.measure.pose_table import pose_factors
@@ -28,7 +28,7 @@ from edtk.robots.compensator import GivingWay
 from edtk.robots.frames import BodyPoint
 from edtk.robots.weights import DeadWeights
 from edtk.study.asked import Asked
-from edtk.study.tables_of_measurement import MarkerTable
+from edtk.study.tables_of_measurement import MarkerTable, NoiseTable
 from edtk.study.tables_of_task import PayloadTable
 from edtk.system.fields import Vector3
 from edtk.system.typing import Array
@@ -400,8 +400,25 @@ def study_noise(study: Asked, model: ElastostaticModel) -> VisitNoise | None:
     table = study.specification.noise
     if table is None or table.is_white:
         return None
+    return _visit_noise(study, model, table, (table.model_error_percent or 0.0) / 100)
+
+
+def promised_noise(study: Asked, model: ElastostaticModel) -> VisitNoise | None:
+    """The same, with what springs likely leave out where the study says nothing of that.
+
+    The error that is expected of a plan rests on it, and its poses do not.
+    """
+    table = study.specification.noise or NoiseTable()
+    if table.says_of_model:
+        return study_noise(study, model)
+    return _visit_noise(study, model, table, ASSUMED)
+
+
+def _visit_noise(
+    study: Asked, model: ElastostaticModel, table: NoiseTable, share: float
+) -> VisitNoise:
+    """The noise of a table, with springs that leave out a share of what they do."""
     tracker = table.tracker()
-    share = table.model_error_percent / 100
     error = ModelError.of_share(guessed_compliances(study), share) if share else None
     lengths: list[bool] = []
     tracked: list[tuple[int, int]] = []

@@ -134,12 +134,13 @@ class NoiseTable(Table):
         description="Standard deviation of what the model leaves out of a displacement, per "
         "marker and coordinate; repeats do not average it out [mm]",
     )
-    model_error_percent: Annotated[Finite, Field(ge=0, le=100)] = Field(
-        0.0,
+    model_error_percent: Annotated[Finite, Field(ge=0, le=100)] | None = Field(
+        None,
         description="What the model leaves out of the springs' displacement, as a share of it, "
         "half of the variance in the springs' turns and half in any direction; plans count it: "
         "repeats do not average it out, and tasks have it too. Springs are as [simulation] or "
-        "[prior] guesses; a sheet tells itself what they leave out [%]",
+        "[prior] guesses; a sheet tells itself what they leave out. Where nothing is said of the "
+        "model's errors the expected error of a plan assumes 10, and its poses 0 [%]",
     )
     discrepancy_within_deg: Positive = Field(
         5.0,
@@ -195,6 +196,11 @@ class NoiseTable(Table):
     def errs(self) -> bool:
         """Whether the model leaves something out."""
         return bool(self.discrepancy_mm or self.model_error_percent)
+
+    @property
+    def says_of_model(self) -> bool:
+        """Whether it is said how much the model leaves out, be it nothing."""
+        return self.model_error_percent is not None or self.discrepancy_mm > 0
 
     def tracker(self) -> Tracker | None:
         """The tracker [m]; None without one."""

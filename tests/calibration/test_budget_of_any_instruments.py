@@ -168,10 +168,14 @@ def test_absolute_positions_see_the_tool_at_once():
 
 
 def test_a_long_wire_is_a_coordinate():
-    """Three wires along the axes, with anchors far away, have the budget of a position."""
+    """Three wires along the axes, with anchors far away, have the budget of a position.
+
+    Of an exact model: its errors in any direction are those of a position, or of each wire.
+    """
+    exact = {"noise": {"model_error_percent": 0}}
     wires = [{"anchor_mm": (-1e6 * axis).tolist()} for axis in np.eye(3)]
-    positions = Calibrations({})
-    by_wire = plan_budget(Calibrations({"distance": wires}).study, positions.plan)
+    positions = Calibrations(exact)
+    by_wire = plan_budget(Calibrations(exact | {"distance": wires}).study, positions.plan)
     for name, value in plan_budget(positions.study, positions.plan).parts.items():
         assert by_wire.parts[name] == pytest.approx(value, rel=0.01), name
 

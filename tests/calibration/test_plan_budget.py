@@ -5,6 +5,7 @@ import pytest
 from readings import PLAN, STUDY
 
 from edtk.calibration.planned import plan_budget
+from edtk.report.views.calibration import error_budget
 from edtk.study.evaluate import evaluate
 
 
@@ -23,15 +24,34 @@ def test_a_model_error_is_in_the_estimates_and_in_the_task():
     """A share of 5 % leaves 5 % of what springs do in the task, and more by what they are taken."""
     study = STUDY.replace(noise={"model_error_percent": 5})
     own = 0.05 * np.linalg.norm(STUDY.target * STUDY.compliances)
-    plain = plan_budget(STUDY, PLAN)
+    plain = plan_budget(STUDY.replace(noise={"model_error_percent": 0}), PLAN)
     one, many = (plan_budget(study, PLAN.repeated(times)) for times in (1, 10**6))
     of_estimates = np.sqrt(one.model**2 - own**2)
     rho0 = evaluate(study, PLAN).criteria["rho0"]
     assert np.hypot(one.noise, of_estimates) == pytest.approx(rho0, rel=1e-9)
     assert plain.model == 0 < of_estimates
+    assert one.noise == pytest.approx(plain.noise, rel=1e-9)
     assert many.noise < 1e-2 * plain.noise
     assert many.model > own
-    assert one.noise >= plain.noise * (1 - 1e-9)  # weights are those of both errors
+    assert (plain.assumed_share, one.assumed_share) == (None, None)
+
+
+def test_a_model_error_is_assumed_where_nothing_is_said_of_it():
+    """A plan's error has a tenth of what springs do, says so, and leaves the poses as they are."""
+    assumed, stated = (
+        plan_budget(study, PLAN)
+        for study in (STUDY, STUDY.replace(noise={"model_error_percent": 10}))
+    )
+    assert assumed.model == pytest.approx(stated.model, rel=1e-9)
+    assert assumed.model > 0.1 * np.linalg.norm(STUDY.target * STUDY.compliances)
+    assert assumed.to_dict()["assumed_percent"] == 10
+    assert "assumed_percent" not in stated.to_dict()
+    assert "mm by what springs leave out: 10 % of what they do, assumed" in error_budget(assumed)
+    assert "what springs leave out" not in error_budget(stated)
+    assert STUDY.noise is None
+    constant = plan_budget(STUDY.replace(noise={"discrepancy_mm": 0.02}), PLAN)
+    assert constant.assumed_share is None
+    assert constant.model > np.sqrt(3) * 2e-5
 
 
 def test_repeatability_averages_out():

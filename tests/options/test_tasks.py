@@ -270,7 +270,8 @@ def test_springs_alone_have_one_budget() -> None:
     """Noise, load, and joints that count as rigid do the same in a study and in its twin."""
     robot = STUDY.to_dict()["robot"]
     nominal = {"sigma_mm": 0.05, "reference": "nominal"}
-    springs = SPRINGS.replace(simulation=SOFT, robot=robot, measurement=nominal)
+    exact = {"model_error_percent": 0}
+    springs = SPRINGS.replace(simulation=SOFT, robot=robot, measurement=nominal, noise=exact)
     question = GeometryQuestion.of(TWIN.replace(simulation=SOFT, robot=robot))
     plan = visits(2)
     expected = plan_budget(springs, plan)

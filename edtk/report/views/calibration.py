@@ -62,8 +62,14 @@ def error_budget(found: ErrorBudget, of_visits: bool = False) -> str:
 
 
 def assumed_joints(found: ErrorBudget) -> list[str]:
-    """A sentence for each joint that is not identified, with its part of the total."""
-    return [assumed_joint(part) for part in found.joints if part.error > SHARE * found.total]
+    """A sentence for each joint that is not identified, and for the model, with their parts."""
+    lines = [assumed_joint(part) for part in found.joints if part.error > SHARE * found.total]
+    if found.assumed_share and found.model > SHARE * found.total:
+        lines.append(
+            f"{1e3 * found.model:.2g} mm by what springs leave out: {100 * found.assumed_share:g} "
+            "% of what they do, assumed; [noise] model_error_percent states a share, or 0"
+        )
+    return lines
 
 
 def assumed_joint(part: JointPart) -> str:
