@@ -379,37 +379,20 @@ def inference_data(check: PosteriorCheck) -> bytes:
         check: The posterior.
     """
     posterior = check.posterior
-    tasks = check.tasks
-    targets = np.array([task.regressor for task in tasks])
-    variables = _variables(check)
+    targets = np.array([task.regressor for task in check.tasks])
     measured, parameter = ("deflection", "compliance") if check.expected is None else READING
     rows = ["experiment", "row"]
-    dimensions = {
-        measured: rows,
-        "by_fit": rows,
-        "sigma": rows,
-        "regressor": [*rows, parameter],
-        "task_regressor": ["task_pose", "axis", parameter],
-    }
-    if len(tasks) == 1:
-        variables["displacement"] = np.swapaxes(posterior.samples @ targets[0].T, 0, 1)
-        dimensions["displacement"] = ["axis"]
-    elif len(tasks) and posterior.draws * len(tasks) * AXES <= MOST_NUMBERS:
-        variables["displacement"] = np.einsum("sdp,tap->dsta", posterior.samples, targets)
-        dimensions["displacement"] = ["task_pose", "axis"]
     constant = {"regressor": check.A, "sigma": std_of(check.sigma)}
     if check.expected is not None:
         constant["by_fit"] = check.expected
-    if len(tasks) > 1:
+    if len(targets) > 1:
         constant["task_regressor"] = targets
-    units = dict(zip(check.table["parameter"], check.table["unit"], strict=True))
-    units |= {"displacement": "m"} | dict.fromkeys((measured, "by_fit", "sigma"), SI)
+    displacement, of_displacement = _displacement(posterior.samples, targets)
     with _without_warnings():
         import arviz
-        import xarray
 
         data = arviz.from_dict(
-            posterior=variables,
+            posterior=_variables(check) | displacement,
             sample_stats=None if posterior.weights is None else {"weight": posterior.weights.T},
             observed_data={measured: check.measured},
             constant_data=constant,
@@ -418,20 +401,46 @@ def inference_data(check: PosteriorCheck) -> bytes:
                 "row": list(check.coordinates or coordinate_names(check.A.shape[1])),
                 parameter: check.table["parameter"].tolist(),
             },
-            dims=dimensions,
+            dims={
+                measured: rows,
+                "by_fit": rows,
+                "sigma": rows,
+                "regressor": [*rows, parameter],
+                "task_regressor": ["task_pose", "axis", parameter],
+                "displacement": of_displacement,
+            },
             posterior_attrs={"sampler": posterior.method, "steps": posterior.steps},
         )
-        groups = {f"/{name}": data[name] for name in data.groups()}
-        for group in groups.values():
-            del group.attrs["created_at"]  # the same run writes the same bytes
-            for name in units.keys() & group.data_vars.keys():
-                group[name].attrs["units"] = units[name]
-        packed = {
-            name: {variable: {"zlib": True} for variable in group.data_vars}
-            for name, group in groups.items()
-        }
-        tree = xarray.DataTree.from_dict(groups)
-        return bytes(tree.to_netcdf(engine="h5netcdf", encoding=packed))
+        units = dict(zip(check.table["parameter"], check.table["unit"], strict=True))
+        lengths = dict.fromkeys((measured, "by_fit", "sigma"), SI)
+        return _netcdf(data, units | {"displacement": "m"} | lengths)
+
+
+def _displacement(samples: Array, targets: Array) -> tuple[dict[str, Any], list[str]]:
+    """Displacements in task poses by all draws, and their dimensions; nothing where too many."""
+    if len(targets) == 1:
+        return {"displacement": np.swapaxes(samples @ targets[0].T, 0, 1)}, ["axis"]
+    draws = np.prod(samples.shape[:2])
+    if not len(targets) or draws * len(targets) * AXES > MOST_NUMBERS:
+        return {}, []
+    return {"displacement": np.einsum("sdp,tap->dsta", samples, targets)}, ["task_pose", "axis"]
+
+
+def _netcdf(data: Any, units: dict[str, str]) -> bytes:
+    """The groups of data, compressed, with units of their variables."""
+    import xarray
+
+    groups = {f"/{name}": data[name] for name in data.groups()}
+    for group in groups.values():
+        del group.attrs["created_at"]  # the same run writes the same bytes
+        for name in units.keys() & group.data_vars.keys():
+            group[name].attrs["units"] = units[name]
+    packed = {
+        name: {variable: {"zlib": True} for variable in group.data_vars}
+        for name, group in groups.items()
+    }
+    tree = xarray.DataTree.from_dict(groups)
+    return bytes(tree.to_netcdf(engine="h5netcdf", encoding=packed))
 
 
 def _variables(check: PosteriorCheck) -> dict[str, Any]:

@@ -82,27 +82,7 @@ def calibrate_geometry(
             or has too few poses.
     """
     where = path_of(path)
-    named = StudyGeometry.of(study)
-    given = study.specification
-    asked = (*named.markers, *named.references) if given.marker or given.distance else ()
-    load = alone_load(study)
-    every = read_positions(
-        path,
-        study.robot,
-        study.fixed,
-        asked,
-        turned=named.turned,
-        load=load,
-        distances=tuple(named.distances),
-    )
-    every = _from_instrument(StudyGeometry.of(study, every.markers), every, where)
-    on_tool = np.arange(len(StudyGeometry.of(study, every.markers).on_tool))
-    on_tool_seen = every.absolute.of_markers(on_tool)
-    reading = "" if how.as_is else turn_reading(path, study.robot, on_tool_seen)
-    if reading:
-        raise UserError(f"the robot fits if {reading}; expected {EXPECTED}", where=where)
-    if not how.as_is:
-        refuse_copied_visits(every, _typical_reading(named, every), where)
+    every = _as_read(study, path, where, how.as_is)
     setting, every, standing = with_standing(StudyGeometry.of(study, every.markers), every)
     sound = _sound(setting, every, where, how.as_is)
     planned = [] if how.plan is None else _beside_plan(setting, every, how.plan, where, how.as_is)
@@ -118,23 +98,59 @@ def calibrate_geometry(
         *gross_findings(sound.data, gross),
         *geometric_findings(fit, setting),
     ]
-    rough = [one for one in findings if one.kind == "rough"]
-    moved = any(one.kind == "frame_moved" for one in findings)
-    if rough and not moved and not how.as_is:
-        raise UserError(rough[0].words, where=where)
-    # Where the frame moved that is what is wrong, and not the robot.
-    findings = [one for one in findings if one.kind != "rough" or not moved]
-    findings.sort(key=lambda one: -one.severity)
     return GeometricCalibration(
         setting,
         fit,
-        tuple(findings),
+        _that_count(findings, where, how.as_is),
         where,
         sound.counting,
         tuple(gross.visits),
         how.robust,
         Origin.of(path),
     )
+
+
+def _as_read(study: Study, path: Table, where: Path, as_is: bool) -> MarkerPositions:
+    """What a sheet has of a study's markers, in the frame of the instrument.
+
+    Raises:
+        UserError: The file cannot be read, or turns are written otherwise than they are taken, or
+            rows are copies of others, and it is not taken as it is.
+    """
+    named = StudyGeometry.of(study)
+    given = study.specification
+    every = read_positions(
+        path,
+        study.robot,
+        study.fixed,
+        (*named.markers, *named.references) if given.marker or given.distance else (),
+        turned=named.turned,
+        load=alone_load(study),
+        distances=tuple(named.distances),
+    )
+    setting = StudyGeometry.of(study, every.markers)
+    every = _from_instrument(setting, every, where)
+    if as_is:
+        return every
+    on_tool = every.absolute.of_markers(slice(len(setting.on_tool)))
+    if reading := turn_reading(path, study.robot, on_tool):
+        raise UserError(f"the robot fits if {reading}; expected {EXPECTED}", where=where)
+    refuse_copied_visits(every, _typical_reading(named, every), where)
+    return every
+
+
+def _that_count(findings: list[Finding], where: Path, as_is: bool) -> tuple[Finding, ...]:
+    """The findings, the worst first: where the frame moved that is what is wrong, not the robot.
+
+    Raises:
+        UserError: The robot is another one by far, and the sheet is not taken as it is.
+    """
+    rough = [one for one in findings if one.kind == "rough"]
+    if any(one.kind == "frame_moved" for one in findings):
+        findings = [one for one in findings if one.kind != "rough"]
+    elif rough and not as_is:
+        raise UserError(rough[0].words, where=where)
+    return tuple(sorted(findings, key=lambda one: -one.severity))
 
 
 def _typical_reading(setting: StudyGeometry, data: MarkerPositions) -> float:
@@ -160,9 +176,9 @@ def _beside_plan(
     other = other_pose(study, made, plan, match, rows)
     if other is not None and not as_is:
         raise UserError(other.words, where=where)
-    found = [] if other is None else [other]
-    expected = plan.wrench[match.experiment]
-    return [*found, *force_findings(expected, made.wrench, True, rows), *not_measured(match)]
+    others = [] if other is None else [other]
+    forces = force_findings(plan.wrench[match.experiment], made.wrench, True, rows)
+    return [*others, *forces, *not_measured(match)]
 
 
 def _fitted(
