@@ -12,7 +12,8 @@ from edtk.calibration.prediction import Prediction, beyond_limits
 from edtk.findings.geometry.turn_reading import EXPECTED, turn_reading
 from edtk.findings.units import like_radians
 from edtk.fit.geometry.fitted_geometry import ErrorParts, FittedGeometry, Loads, Predicted
-from edtk.fit.geometry.marker_positions import VECTOR, MarkerPositions, read_positions
+from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.geometry.position_sheet import VECTOR, read_positions
 from edtk.measure.parameters import COMPONENTS
 from edtk.measure.pose_table import (
     CHANGE_COLUMN,

@@ -13,7 +13,7 @@ from edtk.design.exact.day import DayPlan, PosesByLoad
 from edtk.design.plan import Plan
 from edtk.findings.causes.scene import Positions
 from edtk.fit.geometry.fit_geometry import told_apart
-from edtk.fit.geometry.marker_positions import VECTOR
+from edtk.fit.geometry.position_sheet import VECTOR
 from edtk.fit.prior import PriorRows
 from edtk.measure.parameters import Identifiable, Parameter
 from edtk.measure.pose_table import (
