@@ -376,7 +376,7 @@ class MeasuredModel:
     @cached_property
     def numbers(self) -> UnknownNumbers:
         """The numbers of compensators among the parameters."""
-        return UnknownNumbers.among(self.robot, self.parameters)
+        return UnknownNumbers.among(self.robot, self.elastic, self.parameters)
 
     @cached_property
     def answers(self) -> Answers:

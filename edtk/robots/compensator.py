@@ -1,11 +1,13 @@
 """Gravity compensators: springs and gas cylinders across a joint, by their potentials."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
 
 from edtk.robots.joint import Joint
+from edtk.robots.rotations import rotation, vector_product
 from edtk.system.typing import Array
 
 Medium = Literal["coil", "gas"]
@@ -114,15 +116,66 @@ class Pull:
 
         tau = -F s',   tau' = -(F_s s'^2 + F s''),   tau'' = -(F_ss s'^3 + 3 F_s s' s'' + F s''').
 
+    Elastic joints before the joint are between the anchors, too, and the force loads all of them:
+    ``tau_i = -F s_i`` and ``dtau_i/dx_j = -(F_s s_i s_j + F s_ij)`` with the derivatives of the
+    distance s by their variables x, see `Line`.
+
     Attributes:
         place: Index of the joint among all of the chain.
         axis: Its unit axis (3,).
         given: The compensator.
+        elastic: The elastic joints right before the joint, from base to tip.
     """
 
     place: int
     axis: Array
     given: Compensator
+    elastic: tuple[Joint, ...] = ()
+
+    @property
+    def places(self) -> list[int]:
+        """Indices in the chain of the joints between the anchors, its own the last."""
+        return list(range(self.place - len(self.elastic), self.place + 1))
+
+    def loads(self, x: Array) -> Array:
+        """Loads (k, ...) of the joints between the anchors, by their variables x (k, ...)."""
+        if not self.elastic:
+            return self.torque(x)
+        line = self._line(x)
+        return np.moveaxis(-self.force(line.length)[0][..., None] * line.first, -1, 0)
+
+    def load_derivative(self, x: Array) -> Array:
+        """Derivatives (k, k, ...) of these loads by the variables, symmetric."""
+        if not self.elastic:
+            return self.derivative(x)[None]
+        line = self._line(x)
+        F, by_length, _ = self.force(line.length)
+        squares = line.first[..., :, None] * line.first[..., None, :]
+        H = -(by_length[..., None, None] * squares + F[..., None, None] * line.second)
+        return np.moveaxis(H, (-2, -1), (0, 1))
+
+    def loads_by_numbers(self, x: Array) -> Array:
+        """Derivatives (8, k, ...) of these loads by the compensator's numbers."""
+        if not self.elastic:
+            return self.by_numbers(x[0])[:, None]
+        line = self._line(x)
+        F, by_length, _ = self.force(line.length)
+        ends = np.stack([self.given.before, self.given.behind])
+        apart = (ends[1] - ends[0]) / self.rest
+        ds, d_first = line.by_ends()
+        dF = np.zeros((*line.length.shape, 8))
+        dF[..., :6] = by_length[..., None] * (ds - np.concatenate([-apart, apart]))
+        dF[..., 6:] = np.moveaxis(self._force_by_numbers(line.length), 0, -1)
+        found = -dF[..., None, :] * line.first[..., None]
+        found[..., :6] -= F[..., None, None] * d_first
+        return np.moveaxis(found, (-1, -2), (0, 1))
+
+    def _line(self, x: Array) -> "Line":
+        """From anchor to anchor, with the joints between them at x (k, ...)."""
+        slides = [joint.kind == "prismatic" for joint in self.elastic]
+        axes = [*(joint.axis for joint in self.elastic), self.axis]
+        ends = self.given.before, self.given.behind
+        return Line.of((*slides, False), axes, ends, np.moveaxis(x, 0, -1))
 
     @property
     def _numbers(self) -> tuple[float, float, float]:
@@ -218,6 +271,86 @@ class Pull:
         F, by_length, curved = self.force(reach.length)
         found = curved * reach.first**3 + 3 * by_length * reach.first * reach.second
         return -(found + F * reach.third)
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """The line between two points, of which one is carried by a chain of joints from one origin.
+
+    A joint i moves the carried point by ``v_i = w_i x r_i``, or by ``v_i = w_i`` if it slides, and
+    with the direction u of the line
+
+        s_i = u.v_i,   s_ij = (v_i.v_j - s_i s_j)/s + u.(w_i x v_j)  for i at or before j,
+
+    the last without w_i where joint i slides: it turns nothing.
+
+    Attributes:
+        length: s (...) [m].
+        first: s_i (..., k) by the joints' variables.
+        second: s_ij (..., k, k).
+        direction: u (..., 3).
+        moved: v_i (..., k, 3).
+        axes: w_i (..., k, 3), zero where a joint slides.
+        turned: Rotation (..., 3, 3) of the frame that carries the second point.
+    """
+
+    length: Array
+    first: Array
+    second: Array
+    direction: Array
+    moved: Array
+    axes: Array
+    turned: Array
+
+    def by_ends(self) -> tuple[Array, Array]:
+        """Derivatives of s (..., 6) and of s_i (..., k, 6) by the two points.
+
+        ``ds = u.dr`` of the line r, ``ds_i = (v_i - s_i u).dr/s``, and with the carried point
+        v_i changes by ``w_i x R db``.
+        """
+        u, R = self.direction, self.turned
+        across = self.moved - self.first[..., None] * u[..., None, :]
+        across = across / self.length[..., None, None]
+        ds = np.concatenate([-u, (u[..., None, :] @ R)[..., 0, :]], axis=-1)
+        turning = vector_product(np.broadcast_to(u[..., None, :], self.axes.shape), self.axes)
+        return ds, np.concatenate([-across, (across + turning) @ R], axis=-1)
+
+    @classmethod
+    def of(
+        cls, slides: Sequence[bool], axes: Sequence[Array], ends: tuple[Array, Array], x: Array
+    ) -> "Line":
+        """Place the chain.
+
+        Args:
+            slides: Which joints (k,) slide.
+            axes: Their axes (3,), each in the frame behind the joint before.
+            ends: The point that stays, and the one that is carried (3,) [m].
+            x: Variables (..., k) of the joints.
+        """
+        R = np.broadcast_to(np.eye(3), (*x.shape[:-1], 3, 3))
+        p = np.zeros((*x.shape[:-1], 3))
+        directions, origins = [], []
+        for i, (is_slide, axis) in enumerate(zip(slides, axes, strict=True)):
+            directions.append(R @ axis)
+            origins.append(p)
+            if is_slide:
+                p = p + x[..., i, None] * directions[-1]
+            else:
+                R = R @ rotation(x[..., i, None] * axis)
+        w = np.stack(directions, axis=-2)
+        end = p + R @ ends[1]
+        sliding = np.array(slides)[:, None]
+        v = np.where(sliding, w, vector_product(w, end[..., None, :] - np.stack(origins, axis=-2)))
+        line = end - ends[0]
+        s = np.sqrt((line * line).sum(axis=-1))
+        u = line / s[..., None]
+        first = np.einsum("...c,...ic->...i", u, v)
+        turning = np.where(sliding, 0.0, w)
+        turned = vector_product(turning[..., :, None, :], v[..., None, :, :])
+        upper = np.triu(np.einsum("...c,...ijc->...ij", u, turned))
+        bent = upper + np.swapaxes(np.triu(upper, 1), -1, -2)
+        across = v @ np.swapaxes(v, -1, -2) - first[..., :, None] * first[..., None, :]
+        return cls(s, first, across / s[..., None, None] + bent, u, v, turning, R)
 
 
 def pull_of(given: Compensator, place: int, joint: Joint) -> Pull:

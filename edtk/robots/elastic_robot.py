@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from edtk.robots.compensator import Pull
 from edtk.robots.frames import BodyPoint, Frames
 from edtk.robots.joint import Joint, Kind, Ties
 from edtk.robots.robot import Robot
@@ -143,6 +144,15 @@ def weights_of(robot: Robot, weights: DeadWeights | None) -> DeadWeights | None:
     if weights is None or not isinstance(robot, ElasticRobot):
         return weights
     centers = tuple(point_of(robot, center) for center in weights.centers)
-    places = [robot.body_names.index(robot.rigid.body_names[pull.place]) for pull in weights.pulls]
-    pulls = tuple(replace(pull, place=at) for pull, at in zip(weights.pulls, places, strict=True))
+    pulls = tuple(pull_on(robot, pull) for pull in weights.pulls)
     return DeadWeights(weights.masses, centers, len(robot.chain), pulls)
+
+
+def pull_on(robot: Robot, pull: Pull) -> Pull:
+    """A compensator of the rigid robot, on the chain of a robot."""
+    if not isinstance(robot, ElasticRobot):
+        return pull
+    name = robot.rigid.body_names[pull.place]
+    place = robot.body_names.index(name)
+    count = sum(one.before == name for one in robot.elastic)
+    return replace(pull, place=place, elastic=robot.chain[place - count : place])

@@ -60,10 +60,10 @@ class Frames:
         }
         return replace(self, **arrays, bodies=bodies)
 
-    def variable(self, joint: int) -> Array:
-        """The variable (...) of a joint, by its index among all of the chain [rad or m]."""
+    def variables(self, joints: list[int]) -> Array:
+        """Variables (k, ...) of joints, by their indices among all of the chain [rad or m]."""
         q = self.q if self.ties is None else self.ties.variables(self.q)
-        return np.asarray(q[joint])
+        return np.asarray(q[joints])
 
     @property
     def sliding(self) -> Mask:

@@ -77,7 +77,7 @@ class DeadWeights:
         """Joint loads (n, ...) [N m, or N if prismatic]."""
         torque = dot(self.linear(frames), self.force(frames))
         for pull in self.pulls:
-            torque[pull.place] += pull.torque(frames.variable(pull.place))
+            torque[pull.places] += pull.loads(frames.variables(pull.places))
         return torque
 
     def torque_derivative(self, frames: Frames) -> Array:
@@ -88,7 +88,9 @@ class DeadWeights:
         later = np.triu_indices(n, 1)
         H[later] = H[later[::-1]]
         for pull in self.pulls:
-            H[pull.place, pull.place] += pull.derivative(frames.variable(pull.place))
+            H[np.ix_(pull.places, pull.places)] += pull.load_derivative(
+                frames.variables(pull.places)
+            )
         return H
 
     def torque_slope(self, frames: Frames, s: Array) -> Array:
@@ -104,8 +106,8 @@ class DeadWeights:
         before = np.cumsum(spun, axis=0) - spun
         slope = dot(frames.angular_of_each, at_or_behind) + dot(before, bent)
         for pull in self.pulls:
-            changed = pull.derivative(frames.variable(pull.place))
-            slope[pull.place] += s[pull.place] * changed
+            changed = pull.load_derivative(frames.variables(pull.places))
+            slope[pull.places] += np.einsum("j...,jk...->k...", s[pull.places], changed)
         return slope
 
 

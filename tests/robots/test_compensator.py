@@ -9,8 +9,10 @@ import edtk
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.equilibrium import Rest, why_no_rest
 from edtk.robots.compensator import Compensator, GivingWay
+from edtk.robots.elastic_robot import ElasticJoint, ElasticRobot, weights_of
 from edtk.robots.load_robot import load_robot
 from edtk.robots.robot_file import RobotFileError, robot_from_dict, robot_to_dict
+from edtk.robots.rotations import rotation
 from edtk.robots.weights import DeadWeights
 
 ROBOT = load_robot("kuka_kr270_compensator")
@@ -59,6 +61,66 @@ def test_torque_moves_with_each_number_of_the_compensator(given):
         more, less = (on(PLAIN, given.with_numbers(numbers + c * h)).pulls[0] for c in (1, -1))
         expected = (more.torque(q) - less.torque(q)) / (2 * size)
         np.testing.assert_allclose(exact[i], expected, atol=1e-7 * np.abs(exact[i]).max())
+
+
+@pytest.mark.parametrize("given", [COIL, GAS], ids=["coil", "gas"])
+def test_elastic_joints_between_the_anchors_are_loaded_as_the_distance_says(given):
+    """Loads are slopes of the potential, and their derivatives those of the loads."""
+    robot = replace(PLAIN, joints=(PLAIN.joints[0], replace(PLAIN.joints[1], axis=[0.6, 0.8, 0])))
+    robot = on(replace(robot, tied=()), given)
+    places = [("q2", component) for component in (1, 3, 5)]
+    elastic = tuple(ElasticJoint(name, i, f"{name}.{i}") for name, i in places)
+    whole = ElasticRobot.of(robot, elastic)
+    pull = weights_of(whole, DeadWeights((), (), 2, robot.pulls)).pulls[0]
+    assert pull.places == [1, 2, 3, 4]
+    x = np.random.default_rng(1).uniform(-0.2, 0.2, (4, 5)) - [[0], [0], [0], [1]]
+    a = given.before
+
+    def length(x):
+        y, rx, rz, q = x
+        turns = [x_rotation(rx), z_rotation(rz), axis_rotation(robot.joints[1].axis, q)]
+        carried = np.linalg.multi_dot([*turns, given.behind])
+        return np.linalg.norm(carried + np.array([0, y, 0]) - a)
+
+    h = 1e-5
+    steps = h * np.eye(4)[:, :, None]
+    energy = [[energy_at(pull, length((x + s)[:, i])) for i in range(5)] for s in (*steps, *-steps)]
+    by_difference = (np.array(energy[:4]) - energy[4:]) / (2 * h)
+    np.testing.assert_allclose(pull.loads(x), -by_difference, rtol=1e-6, atol=1e-4)
+    slopes = [(pull.loads(x + s) - pull.loads(x - s)) / (2 * h) for s in steps]
+    H = pull.load_derivative(x)
+    np.testing.assert_allclose(H, np.stack(slopes, axis=1), rtol=1e-6, atol=1e-2)
+    numbers = np.array(given.numbers())
+    exact = pull.loads_by_numbers(x)
+    for i, size in enumerate([1e-5] * 6 + [1.0, 1.0]):
+        step = size * np.eye(8)[i]
+        more, less = (replace(pull, given=given.with_numbers(numbers + c * step)) for c in (1, -1))
+        expected = (more.loads(x) - less.loads(x)) / (2 * size)
+        np.testing.assert_allclose(exact[i], expected, atol=1e-7 * np.abs(exact[i]).max())
+    still = np.vstack([np.zeros((3, 5)), x[3:]])
+    np.testing.assert_allclose(pull.loads(still)[3], pull.torque(x[3]), rtol=1e-12)
+    np.testing.assert_allclose(pull.load_derivative(still)[3, 3], pull.derivative(x[3]), rtol=1e-12)
+    np.testing.assert_allclose(
+        pull.loads_by_numbers(still)[:, 3], pull.by_numbers(x[3]), rtol=1e-9, atol=1e-9
+    )
+
+
+def energy_at(pull, length):
+    """Work of the force from the anchors' first distance."""
+    s = np.linspace(pull.rest, length, 2001)
+    return np.trapezoid(pull.force(s)[0], s)
+
+
+def axis_rotation(axis, angle):
+    return rotation(angle * np.asarray(axis))
+
+
+def x_rotation(angle):
+    return axis_rotation([1.0, 0, 0], angle)
+
+
+def z_rotation(angle):
+    return axis_rotation([0, 0, 1.0], angle)
 
 
 def test_distance_of_the_anchors_is_the_law_of_cosines():

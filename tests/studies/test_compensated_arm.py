@@ -12,9 +12,11 @@ from edtk.certificate.certificate import setting_to_dict
 from edtk.certificate.recompute.setting import Setting
 from edtk.design.plan import Plan
 from edtk.findings.fitted_data import FittedData
+from edtk.fit.geometry.fitted_geometry import loading_in
 from edtk.fit.measurements import Measurements
 from edtk.measure.equilibrium import Rest
 from edtk.robots.load_robot import load_robot
+from edtk.study.study_geometry import StudyGeometry
 
 ROBOT = load_robot("kuka_kr270_compensator")
 K = np.array([0, 3e-7, 4e-7, 2.8e-6, 2.8e-6, 2.1e-6])
@@ -220,3 +222,79 @@ def test_stated_compensator_is_heeded_by_visits(simulated, reference):
     std = [found[f"k_{name}"]["std"] * 1e-6 for name in JOINTS]
     assert np.abs(np.array(away) / std).max() < 3
     assert std[0] < 0.01 * K[1]
+
+
+ASIDE = ["q2.x", "q2.rx", "q2.rz"]  # springs across joint 2, which the compensator beside it loads
+SOFT = {"q2.x": 2e-9, "q2.rx": 8e-8, "q2.rz": 6e-8}
+
+
+def aside():
+    """Visits of an arm whose second joint gives way across its axis, too."""
+    return edtk.Study(
+        robot="kuka_kr270_compensator",
+        tool=TOOL,
+        load={"F_N": LOAD},
+        measurement={"sigma_mm": 0.03},
+        marker=[{"name": "A"}],
+        parameters={
+            "springs": ["joints", *ASIDE],
+            "compensators": ["q2", "q2.anchor1.y"],
+            "geometry": [],
+            "base": False,
+            "tool": False,
+        },
+        joints={"fixed_deg": {"q1": 0}},
+        candidates=30,
+    )
+
+
+def test_compensator_beside_the_arm_loads_springs_across_its_joint(simulated, script, derivative):
+    """Its two anchors are off the plane of the arm: rests agree to a nanometre, and rows."""
+    study = aside()
+    setting = StudyGeometry.of(study)
+    model = setting.model
+    names = [one.name.removeprefix("k_") for one in model.parameters]
+    changes = {"compensator.q2.stiffness": 2e3, "compensator.q2.preload": -3e3}
+    sizes = SOFT | changes | {"compensator.q2.anchor1.y": 0.02}
+    theta = np.array([sizes.get(name, 4e-7) for name in names])
+    given = ROBOT.compensators[0]
+    q = poses(4)
+    wrench = np.tile([*LOAD, 0, 0, 0], (4, 1))
+    point = script("simulated_arm.py").Point()
+
+    def at_rest(scale):
+        own = dict(zip(names, theta * scale, strict=True))
+        k = [own[name] for name in (*ROBOT.joint_names, *ASIDE)]
+        changed = replace(
+            given,
+            stiffness=given.stiffness + own["compensator.q2.stiffness"],
+            preload=given.preload + own["compensator.q2.preload"],
+            before=given.before + own["compensator.q2.anchor1.y"] * np.array([0, 1, 0]),
+        )
+        arm = simulated(replace(study.robot, compensators=(changed,)), np.array(k))
+        arm = arm.replace(elastic=((1, "tx"), (1, "rx"), (1, "rz")))
+        return arm.points(q, [point], arm.rest(q, wrench))
+
+    load = loading_in(model.bending(theta), q, wrench, setting.loads, np.zeros(4, dtype=bool))
+    seen = model.see(theta, q, load)
+    there = at_rest(np.ones(model.p))
+    np.testing.assert_allclose(seen.points, there, rtol=0, atol=1e-9)
+    expected = derivative(at_rest, np.ones(model.p))
+    size = np.abs(expected).max(axis=(0, 1, 2))
+    found = seen.jacobian * theta
+    np.testing.assert_allclose(found / size, expected / size, rtol=0, atol=1e-7)
+    # 70 kN, 0.2 m beside the arm: far more than the load does to these springs.
+    across = [names.index("q2.rx"), names.index("q2.rz")]
+    assert (size[across] > 1e-4).all()
+
+
+def test_certificate_knows_what_a_compensator_does_across_its_joint(tmp_path):
+    """The second implementation finds the rows, and finds out an anchor elsewhere."""
+    path = tmp_path / "c.json"
+    edtk.relax(aside(), "D", certificate=path, continuous=False)
+    content = json.loads(path.read_text())
+    assert edtk.verify(path).valid
+    weights = content["setting"]["physics"]["weights"]
+    pull = next(one for one in weights if "pull" in one)
+    pull["anchors"] = (np.array(pull["anchors"]) * [1, 0.5, 1]).tolist()
+    assert not edtk.verify(content).valid

@@ -68,19 +68,38 @@ class Pull:
         The anchor behind the joint turns with it. It is pulled along the line to the other one, by
         a force whose moment about the axis is the load.
         """
+        axis = chain.axes[self.joint]
+        turned, u, length, force, slope = self._pulling(chain, q)
+        velocity = np.cross(axis, turned)
+        lever = (u * velocity).sum(axis=1)
+        inward = (u * np.cross(axis, velocity)).sum(axis=1)
+        bent = ((velocity**2).sum(axis=1) - lever**2) / length + inward
+        load, by_joint = np.zeros((2, *q.shape))
+        at = chain.free.index(self.joint)
+        load[:, at] = -force * lever
+        by_joint[:, at] = -(slope * lever**2 + force * bent)
+        return load, by_joint
+
+    def along(self, chain: Chain, q: Array, end: int) -> Array:
+        """Load (k,) of a shift along an axis of the joint's frame (0 to 2), or of a turn (3 to 5).
+
+        These move what the joint carries against the body before.
+        """
+        turned, u, _, force, _ = self._pulling(chain, q)
+        axis = np.eye(3)[end % 3]
+        moved = axis if end < len(axis) else np.cross(axis, turned)
+        return np.asarray(-force * (u * moved).sum(axis=1))
+
+    def _pulling(self, chain: Chain, q: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Anchor behind the joint (k, 3), direction there, distance, force, slope of the force."""
         angle = q[:, chain.free.index(self.joint), None]
         axis = chain.axes[self.joint]
         fixed, point = self.anchors
         along = (point @ axis) * axis
         aside = np.cross(axis, point)
         turned = along + np.cos(angle) * (point - along) + np.sin(angle) * aside
-        velocity = np.cross(axis, turned)
         line = turned - fixed
         length = np.linalg.norm(line, axis=1)
-        u = line / length[:, None]
-        lever = (u * velocity).sum(axis=1)
-        inward = (line * np.cross(axis, velocity)).sum(axis=1)
-        bent = ((velocity**2).sum(axis=1) + inward - lever**2) / length
         longer = length - np.linalg.norm(point - fixed)
         force = self.preload + self.stiffness * longer
         slope = np.full_like(force, self.stiffness)
@@ -88,11 +107,7 @@ class Pull:
             room = 1 - self.stiffness * longer / self.preload
             force = self.preload / room
             slope = self.stiffness / room**2
-        load, by_joint = np.zeros((2, *q.shape))
-        at = chain.free.index(self.joint)
-        load[:, at] = -force * lever
-        by_joint[:, at] = -(slope * lever**2 + force * bent)
-        return load, by_joint
+        return turned, line / length[:, None], length, force, slope
 
 
 @dataclass(frozen=True, eq=False)

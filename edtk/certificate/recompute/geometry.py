@@ -310,7 +310,7 @@ def _turned(one: Parameter, end: int | None, chain: Chain, q: Array, place: Plac
 def _by_weights(
     one: Parameter, end: int | None, chain: Chain, q: Array, weights: list[Weight]
 ) -> Array:
-    """Load (k,) of one end of a spring by weights, and of the joint itself by compensators."""
+    """Load (k,) of one end of a spring by weights, and by compensators across its joint."""
     found = np.zeros(len(q))
     joint = _own_joint(one, end, chain)
     for weight in weights:
@@ -319,6 +319,8 @@ def _by_weights(
             found -= mass * GRAVITY * _turned(one, end, chain, q, place)[:, 2]
         elif joint is not None:
             found += weight.on(chain, q)[0][:, joint]
+        elif one.of == weight.joint and end is not None:
+            found += weight.along(chain, q, end)
     return found
 
 
