@@ -179,9 +179,9 @@ class Answers:
 
     def _parts(self, q: Array, width: int) -> tuple[Array, Array]:
         """The part u (s, m) that is left of each coordinate's motion, and its slope by it."""
+        assert self.gives is not None
         left, slope = np.ones((width, q.shape[1])), np.zeros((width, q.shape[1]))
-        if self.gives is not None:
-            left[: len(q)], slope[: len(q)] = replace(self.gives, brought=True).factors(q)
+        left[: len(q)], slope[: len(q)] = replace(self.gives, brought=True).factors(q)
         return left, slope
 
     @property
@@ -191,10 +191,19 @@ class Answers:
 
     def amplitudes(self, q: Array, torque: Array) -> Array:
         """Amplitudes (T, m) of all terms, in poses q (n, m) under torques (s, m)."""
+        if self.gives is None:
+            return self._without(torque)
         u, _ = self._parts(q, len(torque))
         rest = u * torque if self._rests else torque
         of_springs = self.springs.amplitudes(rest) * (self.springs.out @ u)
         return np.concatenate([of_springs, self._of_numbers(q, torque, u)[0]])
+
+    def _without(self, torque: Array) -> Array:
+        """Amplitudes (T, m) where no joint with a compensator gives way."""
+        found = self.springs.amplitudes(torque)
+        if not len(self.numbers.of):
+            return found
+        return np.concatenate([found, np.zeros((len(self.numbers.of), torque.shape[1]))])
 
     def pulled_back(self, q: Array, torque: Array, weights: Array) -> tuple[Array, Array]:
         """Derivatives of ``<weights, amplitudes>`` by the torques (s, m), and by q (n, m).
@@ -204,8 +213,10 @@ class Answers:
             torque: Torques (s, m).
             weights: Weights (T, m).
         """
-        u, slope = self._parts(q, len(torque))
         count = len(self.springs.of)
+        if self.gives is None:
+            return self.springs.by_torque(torque, weights[:count]), np.zeros_like(q)
+        u, slope = self._parts(q, len(torque))
         rest = u * torque if self._rests else torque
         by_rest = self.springs.by_torque(rest, weights[:count] * (self.springs.out @ u))
         by_u = self.springs.out.T @ (weights[:count] * self.springs.amplitudes(rest))
@@ -229,9 +240,8 @@ class Answers:
         With the rest ``y = q + k u tau``, ``a = k u D(y)``: ``da/dtau = (k u)^2 D'(y)`` and
         ``da/dq = k u' D + k u D' (1 + k u' tau)``.
         """
+        assert self.gives is not None
         found = np.zeros((3, len(self.numbers.places), q.shape[1]))
-        if self.gives is None:
-            return found[0], found[1], found[2]
         for i, (which, place) in enumerate(self.numbers.places):
             j = self.numbers.joints[which]
             k = float(self.gives.compliances[j])

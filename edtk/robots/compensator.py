@@ -353,6 +353,23 @@ class Line:
         return cls(s, first, across / s[..., None, None] + bent, u, v, turning, R)
 
 
+def compensator_in_words(pull: Pull, limits: tuple[float, float]) -> str:
+    """A sentence on the torque of a compensator within the limits of its joint [rad]."""
+    q = np.linspace(*limits, SAMPLES)
+    torque = pull.torque(q)
+    stiffness = -pull.derivative(q)
+    A, B, _ = pull._numbers
+    # Where the anchors are nearest, and half a turn from there, their line crosses the axis.
+    turns = np.arctan2(B, A) + np.pi * np.arange(-4, 5)
+    dead = [f"{np.rad2deg(at):.4g}" for at in turns if limits[0] <= at <= limits[1]]
+    crosses = f"; its line crosses the axis at {' and '.join(dead)} deg" if dead else ""
+    return (
+        f"{pull.given.joint} has a gravity compensator ({pull.given.medium}): torque "
+        f"{torque.min():.4g} .. {torque.max():.4g} N m, stiffness {stiffness.min():.4g} .. "
+        f"{stiffness.max():.4g} N m/rad{crosses}"
+    )
+
+
 def pull_of(given: Compensator, place: int, joint: Joint) -> Pull:
     """A compensator on a joint of a chain.
 

@@ -3,7 +3,8 @@
 import numpy as np
 
 import criteria
-from edtk.robots.robot import Robot
+from edtk.robots.compensator import SAMPLES
+from edtk.robots.robot import Robot, shown_limits
 from edtk.study.check_measured import check_markers, check_noise
 from edtk.study.schema import Specification
 from edtk.study.study_objects import StudyObjects
@@ -67,6 +68,7 @@ def check_study(study: StudyObjects) -> None:
     _check_measurement(study, specification)
     check_markers(study)
     check_noise(study)
+    _check_compensators(study)
     check_tasks(study)
     _check_criteria(study, specification)
     if specification.interest is not None:
@@ -125,6 +127,30 @@ def _check_fixed_leaders(study: StudyObjects, robot: Robot) -> None:
                     f"the joint follows {name}, which moves, and so would it; expected {name} "
                     "among the fixed joints too, or neither of them",
                 )
+
+
+def _check_compensators(study: StudyObjects) -> None:
+    """No compensator takes more stiffness than a joint of the guessed compliance has."""
+    gives = study.model.gives
+    if gives is None:
+        return
+    robot = study.robot
+    for pull in gives.pulls:
+        j = robot.joint_names.index(pull.given.joint)
+        fixed = study.fixed.get(j)
+        lower, upper = robot.limits[:, j] if fixed is None else (fixed, fixed)
+        q = np.linspace(lower, upper, SAMPLES)
+        taken = pull.derivative(q)
+        k = float(gives.compliances[j])
+        worst = int(taken.argmax())
+        if k * taken[worst] >= 1:
+            at = shown_limits(robot)[j].of(float(q[worst])) / robot.units[j]
+            raise study.error(
+                "robot.compensator",
+                f"the arm would snap at {pull.given.joint} = {at:.4g} deg: the compensator takes "
+                f"{taken[worst]:.3g} N m/rad there from a spring of {1 / k:.3g}, as [simulation], "
+                "[prior] or known compliances say; expected other numbers, or limits without it",
+            )
 
 
 def _check_measurement(study: StudyObjects, specification: Specification) -> None:

@@ -12,6 +12,7 @@ from edtk.robots.compensator import Compensator, GivingWay
 from edtk.robots.elastic_robot import ElasticJoint, ElasticRobot, weights_of
 from edtk.robots.load_robot import load_robot
 from edtk.robots.robot_file import RobotFileError, robot_from_dict, robot_to_dict
+from edtk.robots.robot_overview import RobotOverview
 from edtk.robots.rotations import rotation
 from edtk.robots.weights import DeadWeights
 
@@ -293,3 +294,22 @@ def test_study_names_a_robot_and_its_compensators(tmp_path):
         edtk.Study(robot=table, **keys())
     with pytest.raises(edtk.UserError, match="robot: unknown robot 'r2d2'"):
         edtk.Study(robot={"file": "r2d2", "compensator": [TABLE]}, **keys())
+
+
+def test_study_whose_arm_would_snap_is_refused():
+    """A compensator upside down, and a soft joint: the angle, and both stiffnesses."""
+    upside = TABLE | {"anchors_mm": [[0, 200, 650], [-180, 200, 0]]}
+    soft = {"compliance_rad_per_Nm": {"q2": 2e-4, "q3": 4e-7}}
+    robot = {"file": "kuka_kr270", "compensator": [upside]}
+    assert edtk.Study(robot=robot, **keys()).robot.compensators
+    with pytest.raises(edtk.UserError, match=r"the arm would snap at q2 = -?\d") as error:
+        edtk.Study(robot=robot, **keys(simulation=soft))
+    assert str(error.value).startswith("Study: robot.compensator: ")
+    assert "from a spring of 5e+03" in str(error.value)
+
+
+def test_overview_tells_of_compensators():
+    """Torque and stiffness in the joint's range, and where the lever is zero."""
+    (line,) = [one for one in RobotOverview(ROBOT).summary().splitlines() if "compensator (" in one]
+    assert line.startswith("q2 has a gravity compensator (coil): torque -1.214e+04 .. ")
+    assert line.endswith("; its line crosses the axis at -90 deg")

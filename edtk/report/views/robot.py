@@ -13,6 +13,7 @@ from edtk.report.draw.names import joint_labels
 from edtk.report.figures import BLUE, GREY, ORANGE
 from edtk.report.shown import plain
 from edtk.report.tables import notebook_table, text_table
+from edtk.robots.compensator import compensator_in_words
 from edtk.robots.robot import Robot, motors_in_words, shown_limits
 from edtk.robots.robot_overview import NOTHING, RobotOverview
 from edtk.study.study_toml import inline
@@ -131,6 +132,8 @@ def robot_overview_text(found: RobotOverview) -> str:
     lines = [robot.name, text_table(*overview_rows(found)), ""]
     lines += motors_in_words(robot)
     lines += [f"{tied.name} {_tie(found, tied.name)}" for tied in robot.tied]
+    limits = {joint.name: joint.limits for joint in robot.joints}
+    lines += [compensator_in_words(one, limits[one.given.joint]) for one in robot.pulls]
     lines.append(f"reach    {found.reach:.3f} m from the base to the tool point")
     mass = "unknown: the file has no masses" if found.mass is None else f"{_digits(found.mass)} kg"
     lines.append(f"moves    {mass}")
