@@ -130,7 +130,8 @@ def test_stiff_compensator_is_a_part_of_the_joint(simulated):
     """One that nearly doubles the stiffness of joint 2, which is not ascribed to the gear."""
     stiff = [STIFF | {"stiffness_N_per_mm": 1e5}]
     table = {"file": "kuka_kr270", "compensator": stiff}
-    study = edtk.Study(**REQUIRED | {"robot": table, "test_pose": None} | GUESS)
+    near = {"joints": REQUIRED["joints"] | {"limits_deg": {"q2": [-3, 0]}}}
+    study = edtk.Study(**REQUIRED | {"robot": table, "test_pose": None} | near | GUESS)
     arm = simulated(study.robot)
     table = sheet(study, arm.least_energy, poses(12) * [1, 0.01, 1, 1, 1, 1])
     np.testing.assert_allclose(estimated(study, table), K[1:], rtol=1e-6)
