@@ -213,6 +213,23 @@ class Parameter:
             return f"the tilt about {axis} before {joint}"
         return f"the length along {axis} before {joint}"
 
+    @property
+    def asks_for(self) -> str:
+        """What would tell a spring that no load turns, for people; nothing of others."""
+        if not self.is_spring:
+            return ""
+        joint = self.of if self.of.startswith("joint") else f"joint {self.of}"
+        loads = [
+            f"torque about {end[-1]}" if end in TURNS else f"force along {end}"
+            for end in self.ends
+            if end
+        ] or [f"{'force' if self.slides else 'torque'} in {joint}"]
+        before = f" before {joint}" if self.component else ""
+        return (
+            f": it needs a {' and a '.join(loads)}{before} that no load there makes (one beside "
+            "the tool, or of another direction, may), or a marker elsewhere"
+        )
+
     def _words_of_spring(self, joint: str) -> str:
         """A spring in words."""
         about = [f"{'about' if end in TURNS else 'along'} {end[-1]}" for end in self.ends if end]
@@ -606,7 +623,7 @@ def _words(
     """One sentence on a parameter that is not kept."""
     own = parameters[left].words
     if not moves:
-        return f"{own} moves no marker in these poses"
+        return f"{own} moves no marker in these poses{parameters[left].asks_for}"
     large = np.flatnonzero(np.abs(shares) > SMALL_SHARE * np.abs(shares).max())
     ordered = large[np.argsort(-np.abs(shares[large]), kind="stable")]
     names = [parameters[kept[i]].words for i in ordered[:MOST_NAMED]]

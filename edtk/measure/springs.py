@@ -124,6 +124,10 @@ class Bending:
         """Number s of coordinates."""
         return self.springs.width
 
+    def scaled(self, factor: float) -> "Bending":
+        """With springs that are softer by a factor."""
+        return replace(self, sizes=factor * self.sizes, known=factor * self.known)
+
     @cached_property
     def is_rigid(self) -> bool:
         """Whether nothing gives way."""

@@ -20,6 +20,7 @@ from edtk.robots.workspace import joints_on_limits, on_limits_in_words
 from edtk.study.plan_study import day_costs
 from edtk.study.schema import describe_noise
 from edtk.study.study import Study
+from edtk.study.study_model import other_springs
 from edtk.study.study_run import ERRORS, StudyRun
 from edtk.system.typing import Array
 
@@ -318,11 +319,13 @@ def _unknown(study: Study) -> str:
     assert asked is not None
     geometry = "geometry" if asked.geometry == "all" else f"geometry ({', '.join(asked.geometry)})"
     springs = ", ".join(study.specification.joints.unknown)
+    others = ", ".join(one.name.removeprefix("k_") for one in other_springs(study))
     groups = {
         geometry: bool(asked.geometry),
         "base": asked.base,
         "tool": asked.tool,
         f"compliances of {springs}": bool(springs),
+        f"springs {others}": bool(others),
     }
     return ", ".join(name for name, wanted in groups.items() if wanted)
 

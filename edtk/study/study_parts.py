@@ -24,7 +24,7 @@ from edtk.robots.weights import DeadWeights
 from edtk.robots.workspace import Workspace, within_margin
 from edtk.study.asked import Asked
 from edtk.study.schema import Specification
-from edtk.study.study_model import giving_way, own_task_weights
+from edtk.study.study_model import giving_way, other_springs, own_task_weights
 from edtk.study.tables_of_robot import KnownCompliance
 from edtk.study.tables_of_task import PayloadTable, TaskTable, TestPose
 from edtk.system.errors import UserError, note
@@ -148,9 +148,11 @@ def study_prior(study: Asked) -> Prior:
     """
     table = study.specification.prior
     unknown = study.specification.joints.unknown
+    springs = tuple(one.name.removeprefix("k_") for one in other_springs(study))
     for name in table.joints:
-        if name not in unknown:
-            message = f"{name!r} is no unknown joint; expected {', '.join(unknown)}"
+        if name not in (*unknown, *springs):
+            listed = ", ".join((*unknown, *springs))
+            message = f"{name!r} is no unknown joint; expected {listed}"
             raise study.error("prior.joints", message)
     marginals = tuple(table.joints.get(name, table.all).build() for name in unknown)
     if table.earlier_file is not None:

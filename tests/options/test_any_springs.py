@@ -169,6 +169,52 @@ def test_commands_and_predictions_are_of_the_whole_model(tmp_path: Path) -> None
     assert abs((there - goal)[1]) > 0.9 * found.left[0] > 1e-5
 
 
+def test_arm_that_would_snap_is_refused(tmp_path: Path) -> None:
+    """Loads that take more stiffness than a spring has leave no rest: each row says so."""
+    study = study_of(springs=["joints", "q2.rx"])
+    content = edtk.identify(study, measured(study)).to_dict()
+    geometry = content["geometry"]
+    geometry["values"][geometry["names"].index("k_q2")] = 3e4
+    path = tmp_path / "soft.json"
+    path.write_text(json.dumps(content))
+    upright = pd.DataFrame({"q1_deg": [0.0], "q2_deg": [-90.0]})
+    upright[["Fx_N", "Fy_N", "Fz_N", "Tx_Nm", "Ty_Nm", "Tz_Nm"]] = [[0, 0, -300, 0, 0, 0]]
+    with pytest.raises(UserError, match=r"row 1.*the load buckles the arm"):
+        edtk.compensate(study, path, upright)
+    with pytest.raises(UserError, match=r"row 1.*the load buckles the arm"):
+        edtk.predict(study, path, upright)
+
+
+def test_spring_that_no_load_turns_says_what_would_tell_it() -> None:
+    """A load in the plane of the arm turns nothing across it."""
+    study = study_of(
+        springs=["joints", "q2.rx"],
+        load={"list_F_N": [[0, 0, -100], [50, 0, 0]]},
+        marker=[{"name": "A", "position_mm": [0, 0, 0]}],
+        payload=None,
+        robot=ROBOT,
+    )
+    plan = edtk.plan(study, size=3, seed=0)
+    assert [one.name for one in plan.question.model.parameters] == ["k_q1", "k_q2"]
+    (words,) = plan.question.untold
+    assert words.startswith("the spring of joint q2 about x moves no marker")
+    assert "it needs a torque about x before joint q2 that no load there makes" in words
+
+
+def test_prior_of_a_spring_counts() -> None:
+    """What is known of a spring across a joint is under its own name, in fits and in designs."""
+    known = {"kind": "normal", "mean_rad_per_Nm": 4e-6, "std_rad_per_Nm": 1e-9}
+    table = {"joints": {"q1.rx": known}}
+    study = study_of(prior=table)
+    found = edtk.identify(study, measured(study))
+    assert found.parameters["k_q1.rx"]["std"] <= 1e-3
+    plain = edtk.plan(study_of(), size=4, seed=0, criterion="D")
+    counts = edtk.plan(study_of(prior=table | {"in_design": True}), size=4, seed=0, criterion="D")
+    assert counts.value > 2 * plain.value
+    with pytest.raises(UserError, match=r"prior\.joints.*'q1\.ry' is no unknown joint"):
+        edtk.identify(study_of(prior={"joints": {"q1.ry": known}}), measured(study))
+
+
 def test_words_of_the_study_name_all_springs() -> None:
     """Joints that are known stay known, and a study that is written and read again is the same."""
     study = study_of("lateral")

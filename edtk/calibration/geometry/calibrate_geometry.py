@@ -287,7 +287,7 @@ def _from_instrument(setting: StudyGeometry, data: MarkerPositions, where: Path)
             turns = turns.copy()
             turns[:, :k] = np.where(own[..., None], turns[:, :k] @ drawn.turns, turns[:, :k])
         return replace(data, measured=measured, turns=turns, differs=None)
-    if not given.joints.unknown:
+    if not given.joints.unknown and not setting.springs:
         raise UserError(
             "displacements under a load tell compliances alone, and the study asks for none; "
             f"expected {', '.join(LOADED_COLUMNS)} alone, or parameters.compliance",

@@ -12,6 +12,7 @@ from edtk.calibration.geometry.geometric_calibration import read_geometry
 from edtk.calibration.tasks_in_use import RefusedRow, ToolInUse, require_one, tools_of_task
 from edtk.design.plan import Plan
 from edtk.fit.geometry.fitted_geometry import FittedGeometry, Loads
+from edtk.measure.equilibrium import why_no_rest
 from edtk.measure.measured_model import Seen
 from edtk.measure.parameters import TURNS, Parameter
 from edtk.measure.task import Task
@@ -176,6 +177,24 @@ class _InPoses:
         rows = self.rows
         return self.goal.commands(self.fitted, every[rows], wrench[rows], self.loads)
 
+    def snapping(self, every: Array, command: Array, wrench: Array) -> list[RefusedRow]:
+        """Rows in which the arm does not come to rest under the load, with or without the command.
+
+        Args:
+            every: Desired joints (m, n) of all rows.
+            command: Commands (m, n).
+            wrench: Forces and torques (m, 6).
+        """
+        k = self.fitted.compliances
+        refused = []
+        for row in self.rows:
+            q = np.stack([every[row], command[row]])
+            q = q[np.isfinite(q).all(axis=1)]
+            if self.fitted.snaps(q, np.tile(wrench[row], (len(q), 1)), self.loads).any():
+                reason = why_no_rest(self.fitted.model.robot, every[row], k)
+                refused.append(RefusedRow(int(row), reason))
+        return refused
+
     def errors(
         self, every: Array, command: Array, wrench: Array, rows: Indices
     ) -> tuple[Indices, Array, Array | None]:
@@ -249,7 +268,11 @@ def compensate_geometry(
     command = np.empty_like(every)
     for part in parts:
         command[part.rows] = part.commands(every, task.wrench)
-    refused = _not_reached(study.robot, counting.back(command), task.q)
+    snapping = [row for part in parts for row in part.snapping(every, command, task.wrench)]
+    others = _not_reached(study.robot, counting.back(command), task.q)
+    named = {row.row for row in snapping}
+    refused = [*snapping, *(row for row in others if row.row not in named)]
+    refused.sort(key=lambda row: row.row)
     rows = np.setdiff1d(np.arange(len(every)), [row.row for row in refused])
     require_one(len(rows), refused, poses)
     each = [part.errors(every, command, task.wrench, rows) for part in parts]

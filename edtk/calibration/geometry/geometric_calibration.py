@@ -463,7 +463,7 @@ class GeometricCalibration(Judged):
             "the scale of the instrument is right: all lengths would be wrong together, by "
             f"{1e-4 * MM * reach:.2g} mm at {reach:.2g} m for each 100 um/m; a known length tells"
         ]
-        if self.fit.fitted.compliances.any():
+        if not self.fit.fitted.bending.is_rigid:
             lines.append("the loads are as stated: 1 % of a load is 1 % of every compliance")
         given = self.study.kind.parameters(self.study)
         if given.tool and any(task.tool is not None for task in self.tasks):

@@ -14,6 +14,7 @@ from edtk.findings.units import like_radians
 from edtk.fit.geometry.fitted_geometry import ErrorParts, FittedGeometry, Loads, Predicted
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.geometry.position_sheet import VECTOR, read_positions
+from edtk.measure.equilibrium import why_no_rest
 from edtk.measure.parameters import COMPONENTS
 from edtk.measure.pose_table import (
     CHANGE_COLUMN,
@@ -71,6 +72,14 @@ def predict_positions(
     reading = turn_reading(poses, study.robot, on_tool)
     if reading:
         raise UserError(f"the robot fits if {reading}; expected {EXPECTED}", where=path_of(poses))
+    snaps = np.flatnonzero(fitted.snaps(data.q, data.wrench, setting.loads))
+    if len(snaps):
+        first = int(snaps[0])
+        raise UserError(
+            why_no_rest(study.robot, data.q[first], fitted.compliances),
+            where=path_of(poses),
+            key=f"row {int(data.row[first].max()) + 1}",
+        )
     tests = data.seen.copy()
     if tool_rows:
         last = int(data.row.max()) + 1

@@ -19,7 +19,7 @@ from edtk.system.parsing import parse_json
 from edtk.system.typing import Array
 
 KEY = "prior.earlier_file"
-PLACES = ("joint", "compliance")  # of an earlier day, that are the same on another one
+PLACES = ("joint", "compliance", "spring")  # of an earlier day, that are the same on another one
 DRAWING = "parameters"  # the key of densities about the drawing
 
 
@@ -91,6 +91,9 @@ def _density(setting: StudyGeometry, one: Parameter) -> Marginal:
     if one.place == "compliance":
         known = setting.uncertain.get(one.of)
         return table.joints.get(one.of, table.all).build() if known is None else known
+    if one.place == "spring":
+        own = one.name.removeprefix("k_")
+        return table.joints[own].build() if own in table.joints else Flat()
     for name in one.groups:
         if name in table.parameters:
             return table.parameters[name].build(one.turns)

@@ -35,6 +35,7 @@ from edtk.findings.prior import (
 from edtk.findings.springs import still_joints, untold_finding
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, root_mean_square
 from edtk.fit.prior import PriorRows
+from edtk.measure.equilibrium import why_no_rest
 from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.parameters import Parameter
 from edtk.study.study_geometry import StudyGeometry
@@ -127,6 +128,7 @@ def geometric_findings(fit: GeometricFit, setting: StudyGeometry) -> list[Findin
         *_large(fit),
         *marker_findings(fit, setting),
         *_negative(fit),
+        *_snapping(fit, setting),
         *_prior(fit, setting),
         *_noise(fit, setting, bool(causes)),
     ]
@@ -253,7 +255,7 @@ def _causes(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     trend = day_trend(rows)
     if trend is not None:
         found.append((trend, _trend(fit, trend)))
-    rigid = not any(one.place == "compliance" for one in fit.fitted.model.parameters)
+    rigid = not any(one.is_spring for one in fit.fitted.model.parameters)
     if fit.fitted.noise.model_fit is not None:
         bent = untold_load(alone) if rigid else None
         if bent is not None:
@@ -350,16 +352,27 @@ def _shown(parameter: Parameter, value: float) -> str:
 
 
 def _negative(fit: GeometricFit) -> list[Finding]:
-    """Compliances far below zero."""
+    """Compliances far below zero; couplings and laws may be so."""
     fitted = fit.fitted
     found = [
-        one.of
+        one.name.removeprefix("k_")
         for one, value, std in zip(fitted.model.parameters, fitted.values, fitted.std, strict=True)
-        if one.place == "compliance" and value < -3 * std
+        if one.is_spring and not one.law and len(one.ends) == 1 and value < -3 * std
     ]
     if not found:
         return []
     return [_say(Severity.WARNING, "negative", joints=tuple(found))]
+
+
+def _snapping(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
+    """Visits in which an arm of the fitted springs does not come to rest."""
+    means = fit.data.means
+    snapping = np.flatnonzero(fit.fitted.snaps(means.q, means.wrench, setting.loads))
+    if not len(snapping):
+        return []
+    rows = tuple(sorted({row for pose in snapping for row in fit.data.rows_of_pose(int(pose))}))
+    why = why_no_rest(setting.study.robot, means.q[snapping[0]], fit.fitted.compliances)
+    return [_say(Severity.ALARM, "snaps", rows=rows, why=why)]
 
 
 def _prior(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
@@ -575,6 +588,10 @@ WORDING: Wording = {
     "scale": _common_scale,
     "negative": lambda data: (
         f"compliances of {', '.join(data['joints'])} are below zero by more than noise explains"
+    ),
+    "snaps": lambda data: (
+        f"{rows_in_words(data['rows'])}: an arm of the fitted springs does not come to rest; "
+        f"{data['why']}"
     ),
     "sigma": lambda data: (
         f"repeated readings scatter by {data['reading_mm']:.2g} mm beside common motions, and "

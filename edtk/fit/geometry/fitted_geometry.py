@@ -20,6 +20,9 @@ from edtk.system.typing import Array, Indices, Mask
 MM = 1e3
 STEP = 1e-4  # [rad or m] of differences
 SETTLED = 1e-13  # [rad or m] a turn of the joints by less ends the search for rest
+FAR = 0.1  # [rad or m] a joint that turns by more may have gone over to another equilibrium
+STEPS = 16  # in which springs become soft there
+RESTS = 1e-9  # [rad or m] turns that springs and loads say differently by more are no equilibrium
 SUBSTITUTIONS = 12  # three are the rule
 NEWTON = 30
 LONGEST = 0.5  # [rad or m] of a step; beyond, the derivative says nothing about the arm
@@ -181,6 +184,10 @@ class FittedGeometry:
     def torque(self, q: Array, wrench: Array, loads: Loads | None) -> Load | None:
         """Loads (m, s) of the joints where the springs bring them to rest."""
         return resting_load(self.bending, q, wrench, loads, bool(self.model.robot.compensators))
+
+    def snaps(self, q: Array, wrench: Array, loads: Loads | None) -> Mask:
+        """Poses (m,) in which the arm does not come to rest, see `no_rest`."""
+        return no_rest(self.bending, q, wrench, loads)
 
     def columns(self, q: Array, wrench: Array, loads: Loads | None = None) -> Array:
         """How the positions move with the parameters (m, 3k, p) [mm per unit].
@@ -379,11 +386,12 @@ def resting_torque(bending: Bending, q: Array, wrench: Array, loads: Loads | Non
         if change > last / 2:
             break
         last = change
-    return _newton(bending, start, wrench, loads, turn)
+    turn = _rest_from(bending, start, wrench, loads, turn)
+    return loads(start + turn, wrench)
 
 
-def _newton(bending: Bending, start: Array, wrench: Array, loads: Loads, turn: Array) -> Array:
-    """The same from some turns (m, s), by Newton's method; it may end elsewhere than at rest."""
+def _rest_from(bending: Bending, start: Array, wrench: Array, loads: Loads, turn: Array) -> Array:
+    """Turns (m, s) at rest, by Newton's method from some; it may end elsewhere than at rest."""
     for _ in range(NEWTON):
         torque = loads(start + turn, wrench)
         apart = bending.turn(torque) - turn
@@ -394,7 +402,41 @@ def _newton(bending: Bending, start: Array, wrench: Array, loads: Loads, turn: A
         turn = turn + np.clip(step, -LONGEST, LONGEST)
         if np.abs(step).max(initial=0.0) <= SETTLED:
             break
-    return loads(start + turn, wrench)
+    return turn
+
+
+def no_rest(bending: Bending, q: Array, wrench: Array, loads: Loads | None) -> Mask:
+    """Poses (m,) without a stable equilibrium: the arm would snap, or the load buckles it.
+
+    It is stable where all eigenvalues of ``I - K H`` have positive real parts: with more load or
+    softer springs, the first of them reaches zero where loads take as much stiffness as there is.
+    Where joints turn far, springs become soft in steps that all have to be stable, so that the
+    branch which begins at the unloaded pose is followed, and ends where it snaps.
+    """
+    lost = np.zeros(len(q), dtype=bool)
+    if loads is None or bending.is_rigid or not len(q):
+        return lost
+    start = widened(q, bending.width)
+    turn = bending.turn(loads(start, wrench))
+    far = (np.abs(turn) > FAR).any(axis=-1)
+    for steps, own in ((1, np.flatnonzero(~far)), (STEPS, np.flatnonzero(far))):
+        reached = np.zeros((len(own), bending.width))
+        for part in np.linspace(0, 1, steps + 1)[1:]:
+            if len(own):
+                softer = bending.scaled(float(part))
+                reached = _rest_from(softer, start[own], wrench[own], loads, reached)
+                lost[own] |= ~_is_stable(softer, start[own], wrench[own], loads, reached)
+    return lost
+
+
+def _is_stable(bending: Bending, start: Array, wrench: Array, loads: Loads, turn: Array) -> Mask:
+    """Whether the arm rests at some turns (m, s), and comes back to them when it is pushed."""
+    torque = loads(start + turn, wrench)
+    rests = np.abs(bending.turn(torque) - turn).max(axis=-1, initial=0.0) <= RESTS
+    H = _by_turns(start + turn, wrench, loads)
+    slope = np.eye(bending.width) - bending.tangent(torque) @ H
+    least = np.linalg.eigvals(slope).real.min(axis=-1, initial=np.inf)
+    return np.asarray(rests & (least > 0))
 
 
 def _by_turns(near: Array, wrench: Array, loads: Loads) -> Array:

@@ -16,7 +16,7 @@ from edtk.report.views.robot import fit_axes, robot_plot
 from edtk.robots.robot import motors_in_words
 from edtk.study.schema import describe_noise
 from edtk.study.study import Study
-from edtk.study.study_model import describe_measured
+from edtk.study.study_model import describe_measured, other_springs
 from edtk.study.study_run import StudyRun
 from edtk.system.typing import Array
 
@@ -44,7 +44,7 @@ def study_rows(asked: Study) -> list[tuple[str, str]]:
         ("robot", f"{asked.robot.name}, {asked.robot.n} joints"),
         ("motors", "; ".join(motors_in_words(asked.robot))),
         ("controller", _controller(asked)),
-        ("unknown", ", ".join(joints.unknown)),
+        ("unknown", ", ".join((*joints.unknown, *_other_springs(asked)))),
         ("of interest", ", ".join(asked.interest_names)),
         ("known", joints.known_in_words()),
         ("prior", "counts in designs" if specification.prior.in_design else ""),
@@ -59,6 +59,11 @@ def study_rows(asked: Study) -> list[tuple[str, str]]:
         ("seed", str(specification.seed)),
     ]
     return [(name, value) for name, value in rows if value]
+
+
+def _other_springs(asked: Study) -> list[str]:
+    """Names of the springs beside the joints' own compliances."""
+    return [one.name.removeprefix("k_") for one in other_springs(asked)]
 
 
 def _controller(asked: Study) -> str:
