@@ -217,7 +217,7 @@ def fit_family(
 
 
 def _first_step(family: Family, whitened: Whitened, measured: Array, k: Array) -> FamilyFit | None:
-    """The first step from no fault, if the fault is clearly seen and too small to be named.
+    """The first step from no fault, if the fault is clearly seen and no other step is needed.
 
     With whitened regressors ``Q R`` and columns D of the fault, what the parameters leave of these
     is ``E = (I - Q Q') D``, and the size ``c = (E'E)^-1 E'z`` with the covariance ``(E'E)^-1``
@@ -240,7 +240,9 @@ def _first_step(family: Family, whitened: Whitened, measured: Array, k: Array) -
     c = inverse @ (E @ z)
     left = float(np.square(z - c @ E).sum())
     settled = np.abs(c / np.sqrt(np.diag(inverse))).max() < CONVERGED
-    if settled or float(z @ z) - left >= UNREMARKABLE:
+    remarkable = float(z @ z) - left >= UNREMARKABLE
+    # Of what is added to the readings, whatever its size, the first step is the last one.
+    if settled or (remarkable and not isinstance(family.predict, Added)):
         return None
     return FamilyFit(c / length, inverse / np.outer(length, length), left)
 

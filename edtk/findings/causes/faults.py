@@ -406,9 +406,10 @@ def _compensator(scene: Scene) -> Iterator[Family]:
         if usual == 0:
             continue
         name = scene.robot.joint_names[scene.sprung[i]]
-        for shape, ratio in enumerate((0.0, LEVERS)):
+        ratios = (0.0, LEVERS) if scene.absolute else (0.0,)
+        for shape, ratio in enumerate(ratios):
             predict = scene.pulled(i, _pull(scene.q[:, scene.sprung[i]], ratio))
-            tries = 2 * len(turning)
+            tries = len(ratios) * len(turning)
             yield Family("compensator", "N m", 1.0, 2, usual, predict, tries, name, shape=shape)
 
 

@@ -24,6 +24,7 @@ from edtk.robots.robot import Robot
 from edtk.system.typing import Array
 
 AXES = "xyz"
+TORQUE = 1.0  # [N m] of a difference: it turns no joint by more than a few arc seconds
 
 
 def since_first(count: int) -> Array:
@@ -399,22 +400,28 @@ class Displacements:
     def pulled(self, one: int, pull: "Pull") -> Predict:
         """With the torque's slope T' the spring of compliance k gives way by ``k / (1 - k T')``.
 
-        Displacements are counted from where that torque has bent the joint already, by ``k T``.
-        Positions that are counted from the rigid robot see that, too.
+        Displacements are counted from where that torque has bent the joint already, by ``k T``: it
+        changes them by less than a per cent, to the first order. Positions that are counted from
+        the rigid robot see that, too, and there it may be most of what loads the joint.
         """
         model, data = self.model, self.data
-        j = model.joints[one]
         k = max(float(self.k[one]), 0.0)
         nothing = np.zeros(self.A.shape[:2])
+        if not self.absolute:
+            own = np.arange(model.robot.n) == model.joints[one]
+            columns = []
+            for c in TORQUE * np.eye(2):
+                torque, slope = pull(c)
+                q = data.q + k * torque[:, None] * own
+                A = replace(data, q=q).regressor(model)
+                A[..., one] /= 1 - k * slope[:, None]
+                columns.append((A - self.A) @ self.k / TORQUE)
+            return Added(self.A, np.stack(columns, axis=-1))
 
         def predict(c: Array) -> tuple[Array, Array]:
             torque, slope = pull(c)
-            if self.absolute:
-                A = self.A.copy()
-                A[..., one] += self.motion[..., one] * torque[:, None]
-            else:
-                q = data.q + k * torque[:, None] * (np.arange(model.robot.n) == j)
-                A = replace(data, q=q).regressor(model)
+            A = self.A.copy()
+            A[..., one] += self.motion[..., one] * torque[:, None]
             A[..., one] /= 1 - k * slope[:, None]
             return A, nothing
 
