@@ -9,7 +9,7 @@ from edtk.robots.compensator import Pull
 from edtk.robots.frames import BodyPoint, Frames
 from edtk.robots.joint import Joint, Kind, Ties
 from edtk.robots.robot import Robot
-from edtk.robots.rotations import transform
+from edtk.robots.rotations import rotation, transform
 from edtk.robots.weights import DeadWeights
 from edtk.system.typing import Array
 
@@ -156,3 +156,31 @@ def pull_on(robot: Robot, pull: Pull) -> Pull:
     place = robot.body_names.index(name)
     count = sum(one.before == name for one in robot.elastic)
     return replace(pull, place=place, elastic=robot.chain[place - count : place])
+
+
+def turning_about(robot: Robot, frames: Frames, joint: int, axis: int) -> Frames:
+    """The chain as if a joint turned about an axis of the frame before it, and not about its own.
+
+    Only what that joint does is to be read of it. What follows the joint does not follow the turn.
+
+    Args:
+        robot: The robot.
+        frames: Its poses.
+        joint: Index of the free joint.
+        axis: Which axis, 0 to 2.
+    """
+    place = joint if frames.ties is None else frames.ties.free[joint]
+    own = robot.chain[place]
+    turned, _ = robot.frames(np.moveaxis(frames.q, 0, -1), (place,)).bodies[place]
+    variables = frames.q if frames.ties is None else frames.ties.variables(frames.q)
+    angle = variables[place] * (own.kind == "revolute")
+    local = rotation(-angle[:, None] * own.axis) @ np.eye(3)[axis]
+    axes, prismatic = frames.axes.copy(), frames.prismatic.copy()
+    axes[place] = np.einsum("kcm,mk->cm", turned, local)
+    prismatic[place] = False
+    ties = frames.ties
+    if ties is not None:
+        alone = np.zeros_like(ties.matrix)
+        alone[ties.free, range(len(ties.free))] = 1.0
+        ties = replace(ties, matrix=alone)
+    return replace(frames, axes=axes, prismatic=prismatic, ties=ties)

@@ -14,7 +14,7 @@ from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import Parameter, all_parameters
 from edtk.measure.springs import elastic_joints, sprung
 from edtk.measure.task import ErringColumns, Task
-from edtk.robots.elastic_robot import ElasticJoint, point_of, weights_of
+from edtk.robots.elastic_robot import ElasticJoint, point_of, turning_about, weights_of
 from edtk.robots.frames import Frames
 from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.robots.weights import DeadWeights
@@ -362,6 +362,15 @@ class StudyLoads:
         if self.payload is not None:
             torque = torque + frames.folded(self.payload.torque(frames)) * loaded
         return np.ascontiguousarray(torque.T)
+
+    def across(self, q: Array, wrench: Array, joint: int, axis: int) -> Array:
+        """Loads (m,) about an axis of the frame before a free joint [N m]."""
+        frames = turning_about(self.by_wrench.robot, self._frames(q), joint, axis)
+        torque = self.by_wrench.torque_of(frames, wrench)[joint]
+        for body, counts in ((self.links, 1.0), (self.payload, wrench.any(axis=1))):
+            if body is not None:
+                torque = torque + frames.folded(body.torque(frames))[joint] * counts
+        return np.asarray(torque)
 
     def of_wrench(self, q: Array, wrench: Array) -> Array:
         """Loads (m, s) of the free joints [N m or N] by wrenches (m, 6) alone."""

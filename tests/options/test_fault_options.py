@@ -13,6 +13,7 @@ import edtk
 from edtk.calibration.detect import Promised, detect, sized_faults
 from edtk.calibration.geometry_design.geometry_plan import visited
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.findings.causes.faults import FAULTS, cause_wording
 from edtk.findings.finding import Finding
 from edtk.findings.geometry.geometric_fit import geometric_findings
@@ -224,6 +225,20 @@ def test_growth_of_links_is_a_difference_of_drawings() -> None:
 
     expected = 1e3 * (points(1 + h) - points(1 - h)) / (2 * h) * time[:, None]
     np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize(("spring", "joint", "axis"), [("q3.rx", 2, 0), ("q2.rz", 1, 2)])
+def test_a_lateral_spring_is_the_parameter_of_that_name(spring: str, joint: int, axis: int) -> None:
+    """What the fault `lateral` adds to visits is the column of the spring across the joint."""
+    asked = SPRUNG.replace(parameters={"springs": ["q2", "q3", spring], "geometry": []})
+    setting = StudyGeometry.of(asked)
+    q = planned(6, 0).q
+    wrench = np.tile([0, 60.0, -100.0, 5.0, 0, 0], (6, 1))
+    rows = PositionRows(setting.model, setting.loads, setting.noise)(q, wrench)
+    own = rows[..., -1] / setting.model.scales[-1]
+    scene = visited(GeometryQuestion.of(SPRUNG), q, wrench, np.zeros(6))
+    np.testing.assert_allclose(scene.across(joint, axis), own, rtol=0, atol=1e-9 * own.max())
+    assert setting.model.parameters[-1].name == f"k_{spring}"
 
 
 def test_displacements_show_no_motion_of_the_frame() -> None:

@@ -322,7 +322,7 @@ def _lateral(scene: Scene) -> Iterator[Family]:
     is along the axis of another sprung joint, as in a wrist, is that joint's own spring.
     """
     joints = scene.robot.joints
-    if scene.in_frame or not (scene.soft > 0).any():
+    if not (scene.soft > 0).any():
         return
     every = np.zeros(scene.A.shape[:2])
     for j, joint in enumerate(joints):

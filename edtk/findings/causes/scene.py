@@ -18,7 +18,7 @@ from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.parameters import Parameter, all_parameters
 from edtk.measure.task import Task
-from edtk.robots.frames import Frames
+from edtk.robots.elastic_robot import turning_about
 from edtk.robots.joint import Joint
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array
@@ -501,33 +501,6 @@ def _of_unknown(family: Family, whole: Array, values: Array) -> Family:
     return replace(family, predict=predict)
 
 
-def turning_about(robot: Robot, frames: Frames, joint: int, axis: int) -> Frames:
-    """The chain as if a joint turned about an axis of the frame before it, and not about its own.
-
-    Only what that joint does is to be read of it. What follows the joint does not follow the turn.
-
-    Args:
-        robot: The robot.
-        frames: Its poses.
-        joint: Index of the free joint.
-        axis: Which axis, 0 to 2.
-    """
-    place = joint if frames.ties is None else frames.ties.free[joint]
-    own = robot.chain[place]
-    rotation, _ = robot.frames(np.moveaxis(frames.q, 0, -1), (place,)).bodies[place]
-    angle = np.zeros_like(frames.q[joint]) if own.kind == "prismatic" else frames.q[joint]
-    local = turned_by(-angle[:, None] * own.axis, np.eye(3)[axis])
-    axes, prismatic = frames.axes.copy(), frames.prismatic.copy()
-    axes[place] = np.einsum("kcm,mk->cm", rotation, local)
-    prismatic[place] = False
-    ties = frames.ties
-    if ties is not None:
-        alone = np.zeros_like(ties.matrix)
-        alone[ties.free, range(len(ties.free))] = 1.0
-        ties = replace(ties, matrix=alone)
-    return replace(frames, axes=axes, prismatic=prismatic, ties=ties)
-
-
 def turned_by(turn: Array, vectors: Array) -> Array:
     """Vectors (..., 3) turned by a rotation vector (3,), or one by several (m, 3) [rad]."""
     from scipy.spatial.transform import Rotation
@@ -552,6 +525,9 @@ class JointLoads(Protocol):
 
     def __call__(self, q: Array, wrench: Array) -> Array:
         """Loads (m, n) of the free joints [N m or N] in poses q (m, n) under wrenches (m, 6)."""
+
+    def across(self, q: Array, wrench: Array, joint: int, axis: int) -> Array:
+        """Loads (m,) about an axis of the frame before a free joint [N m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -686,7 +662,10 @@ class Positions:
 
     def across(self, joint: int, axis: int) -> Array:
         """A turn of the frame before a joint, times its load."""
-        raise NotImplementedError
+        if self.loads is None:
+            return np.zeros(self.A.shape[:2])
+        turned = self._before(self.robot.joints[joint])[..., 3 + axis]
+        return turned * self.loads.across(self.q, self.wrench, joint, axis)[:, None]
 
     def law(self, one: int, b: Callable[[Array], Array]) -> Array:
         """Of readings one by one."""

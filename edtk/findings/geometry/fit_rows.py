@@ -9,7 +9,7 @@ import numpy as np
 
 from edtk.findings.causes.faults import USUAL_DRIFT, USUAL_GROWTH
 from edtk.findings.causes.rarity import rarity
-from edtk.findings.causes.scene import Positions, link_length, since_first
+from edtk.findings.causes.scene import JointLoads, Positions, link_length, since_first
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, Loads
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.restricted_likelihood import Blocks, fit_model_error, fit_variances
@@ -50,10 +50,10 @@ class FitRows:
     motion: Array
     places: Array
     noise: PositionNoise
-    loads: Loads | None = None
+    loads: JointLoads | None = None
 
     @classmethod
-    def of(cls, fit: GeometricFit, loads: Loads | None = None) -> "FitRows":
+    def of(cls, fit: GeometricFit, loads: JointLoads | None = None) -> "FitRows":
         """Of a fit.
 
         Args:
