@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from edtk.calibration.calibration import Calibration, Origin
+from edtk.calibration.model_findings import model_findings
 from edtk.calibration.told_part import ToldPart, measured_known, told_part
 from edtk.findings.causes.faults import cause_of
 from edtk.findings.finding import Finding
@@ -113,6 +114,9 @@ def calibrate(study: Study, path: Table, how: HowFitted = AS_USUAL) -> Calibrati
     tasks = fitted.study.tasks
     budget = bare.propagation.budget(tasks, bare.rho0_bias or 0.0) if tasks else None
     named = spring_findings(fitted, bare.rho0_bias, budget)
+    if budget is not None and fitted.model_error is not None:
+        of_model = model_findings(bare.propagation, fitted.model_error, budget, tasks)
+        named = tuple(sorted((*named, *of_model), key=lambda one: -one.severity))
     if part is not None and study.interest is None:
         told = (len(fitted.fit.k), len(study.unknown))
         still = still_joints(study.robot, data.q)

@@ -140,6 +140,7 @@ def calibration_to_dict(found: "Calibration") -> dict[str, Any]:
         "rho0_bias": found.rho0_bias,
         "model": "nonlinear" if found.fitted.nonlinear else "linear",
         "budget_mm": None if found.budget is None else found.budget.to_dict(),
+        "model_error_mm": None if found.budget is None else 1e3 * found.budget.model,
         **_all_uncertain(found),
         "lack_of_fit": None if found.lack_of_fit is None else found.lack_of_fit.to_dict(),
         "noise": None if found.noise is None else found.noise.to_dict(),
@@ -152,7 +153,16 @@ def calibration_to_dict(found: "Calibration") -> dict[str, Any]:
         "k_bias": None if found.bias is None else _known(found.by_joint(found.bias)),
         **_of_interest(found),
         "prediction": found.springs.to_dict(found.study.robot),
+        **_model_error(found),
     }
+
+
+def _model_error(found: "Calibration") -> dict[str, Any]:
+    """What the model leaves out, and the springs that are possible with it."""
+    left, error = found.propagation.model, found.fitted.model_error
+    if left is None or error is None:
+        return {}
+    return {"model_error": error.to_dict(), "possible_springs": left.to_dict()}
 
 
 def _left_out(found: "Calibration") -> dict[str, float | None]:
@@ -189,7 +199,7 @@ def _rho0(found: "Calibration") -> dict[str, Any] | None:
     """The accuracy in the task with its interval; None without a task."""
     if found.study.target is None:
         return None
-    value, interval = found.fit.accuracy(found.study.target)
+    value, interval = found.fitted.noise_fit.accuracy(found.study.target)
     return {"value": value, "interval95": list(interval)}
 
 
@@ -255,7 +265,9 @@ class Calibration(Judged):
         rows = f"{len(self.data)} measurements of {self.data.pose.max() + 1} poses"
         accuracy = ""
         if self.study.target is not None:
-            accuracy = f", rho0 = {1e3 * self.fit.accuracy(self.study.target)[0]:.4g} mm"
+            accuracy = (
+                f", rho0 = {1e3 * self.fitted.noise_fit.accuracy(self.study.target)[0]:.4g} mm"
+            )
         return f"{len(self.fit.k)} compliances from {rows}{accuracy}; verdict: {self.verdict}"
 
     @property
@@ -334,7 +346,7 @@ class Calibration(Judged):
     def expected(self) -> ExpectedError | None:
         """Errors to expect in the test pose and around it; None without a test pose."""
         tasks = self.study.tasks
-        return expected_error(tasks, self.fit.covariance) if tasks else None
+        return expected_error(tasks, self.fitted.noise_covariance) if tasks else None
 
     @cached_property
     def tasks(self) -> TaskAccuracy | None:
@@ -344,7 +356,8 @@ class Calibration(Judged):
         """
         fit = self.fit
         tasks = self.study.tasks
-        found = accuracy_of_tasks(self.study, fit.covariance, fit.k, fit.covariance_dof)
+        noise = self.fitted.noise_covariance
+        found = accuracy_of_tasks(self.study, noise, fit.k, fit.covariance_dof)
         if found is None or self.budget is None:
             return found
         bias = np.zeros(len(fit.k)) if self.bias is None else self.bias

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from edtk.calibration.model_left import ModelLeft
+from edtk.calibration.prediction import POSSIBLE, model_of_result
 from edtk.calibration.tasks_in_use import (
     RefusedRow,
     RefusedRowsError,
@@ -51,6 +53,7 @@ from edtk.measure.task import RigidJoint, all_compliances, rigid_joints, rigid_j
 from edtk.robots.robot import Beyond, Robot
 from edtk.study.study import Study
 from edtk.study.study_model import assumed_joints
+from edtk.system.errors import UserError
 from edtk.system.files import write_text
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
@@ -308,7 +311,10 @@ def compensate(
             poses; or every desired or commanded pose is beyond a joint's limits, or buckles; names
             the first row.
     """
-    taken = _Taken.of(study, found)
+    try:
+        taken = _Taken.of(study, found)
+    except ValueError as error:
+        raise UserError(str(error), where="compliances", key=POSSIBLE) from error
     turned = any(one.lever for one in study.tasks)
     parts: list[Compensation] = []
     refused: list[RefusedRow] = []
@@ -330,19 +336,22 @@ class _Taken:
     """The compliances by which commands are made.
 
     Attributes:
-        identified: Those that were identified, with their covariance by the noise.
+        identified: Those that were identified, with their covariance by noise and model.
         every: The same with those of all other joints, and with all that is uncertain.
+        model: What errors of the model leave; None where nothing is known of them.
     """
 
     identified: Compliances
     every: Compliances
+    model: ModelLeft | None = None
 
     @classmethod
     def of(cls, study: Study, found: Compliances) -> "_Taken":
         """With what the study takes of joints that were not identified."""
         given = dict(zip(found.joints, found.k, strict=True))
         k = np.array([given.get(name, 0.0) for name in study.specification.joints.unknown])
-        return cls(found, found.including(assumed_joints(study, k)))
+        left = model_of_result(study, found.possible)
+        return cls(found, found.including(assumed_joints(study, k)), left)
 
 
 def _with_tool(
@@ -480,11 +489,40 @@ def _errors_after(
         )
         for j, one in enumerate(found.assumed)
     ]
+    if taken.model is not None:
+        return _with_model(model, task, taken, offset, tuple(each))
     dof = _degrees_of_freedom(found.covariance_dof, total, noise)
     if offset is None:
         return _After(total, error_quantiles(A, found.covariance, BAND, dof), noise, tuple(each))
     band = offset_error_quantiles(A, found.covariance, offset, BAND, dof)
     return _After(np.hypot(total, np.linalg.norm(offset, axis=-1)), band, noise, tuple(each))
+
+
+def _with_model(
+    model: ElastostaticModel,
+    task: Plan,
+    taken: _Taken,
+    offset: Array | None,
+    each: tuple[tuple[AssumedJoint, Array], ...],
+) -> _After:
+    """The errors that wrong compliances leave, and what the model leaves out."""
+    assert taken.model is not None
+    assert taken.every.covariance is not None
+    assert taken.identified.covariance is not None
+    left = taken.model
+    A = model.regressor(task.q, task.wrench)
+    transposed = np.swapaxes(A, -1, -2)
+    p, more = len(left.joints), A.shape[-1] - len(left.joints)
+    exact = taken.every.covariance + np.pad(left.noise - taken.identified.covariance, (0, more))
+    beside = left.beside if len(left.beside) == p + more else np.pad(left.beside[:p, :p], (0, more))
+    found = left.mixture(model, task.q, task.wrench).plus(A @ beside @ transposed, offset)
+    noise = compensation_accuracy(A[..., :p], left.noise)
+    # At least what the budget counts without errors of the model, see `Propagation.budget`.
+    without = np.einsum("trr->t", A @ exact @ transposed)
+    if offset is not None:
+        without = without + np.square(offset).sum(axis=-1)
+    size = np.sqrt(np.maximum(np.square(found.size), without))
+    return _After(size, found.quantiles(BAND), noise, each)
 
 
 def _degrees_of_freedom(dof: float, total: Array, noise: Array) -> float:

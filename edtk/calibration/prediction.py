@@ -8,11 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.calibration.calibration import Calibration
-from edtk.calibration.geometry.geometric_calibration import (
-    covariance_of,
-    not_negative_of,
-    numbers_of,
-)
+from edtk.calibration.geometry.geometric_calibration import covariance_of
+from edtk.calibration.model_left import ModelLeft
 from edtk.calibration.propagation import FittedSprings, root_of
 from edtk.design.plan import REPEATS
 from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
@@ -31,12 +28,14 @@ from edtk.robots.robot import Robot
 from edtk.study.study import Study
 from edtk.study.study_model import assumed_joints, study_sigma
 from edtk.system.errors import UserError
+from edtk.system.parsing import not_negative_of, numbers_of
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices, Mask
 
 if TYPE_CHECKING:
     import pandas as pd
 
+POSSIBLE = "possible_springs"  # key of what errors of the model leave possible
 MM = 1e3
 FAR = 5.0  # half bands: an error beyond them is no matter of chance
 MOST = 0.5  # of the readings: if as many are far off, what they have in common is wrong
@@ -260,7 +259,8 @@ def springs_of_result(
         message = "the result is of another robot or tool than the study's"
         raise UserError(message, where=where, key="prediction.robot")
     try:
-        return _springs_of_dict(study.robot, given), False
+        springs = _springs_of_dict(study.robot, given)
+        return replace(springs, model=model_of_result(study, result.get(POSSIBLE))), False
     except ValueError as error:
         raise UserError(str(error), where=where, key="prediction") from error
 
@@ -295,7 +295,31 @@ def _springs_of_dict(robot: Robot, given: Mapping[str, Any]) -> FittedSprings:
         dof=max(dof, LEAST_DOF),
         open=numbers_of(given, "open", (len(opened), a)).T,
         noise=ReadingNoise(float(not_negative_of(given, "noise_ratio", ())), joints),
+        beside=_beside(given, a),
     )
+
+
+def _beside(given: Mapping[str, Any], a: int) -> Array:
+    """Root (a, c) of what is neither noise nor model; nothing in files that do not tell them apart.
+
+    Raises:
+        ValueError: It is no covariance.
+    """
+    key = "covariance_beside"
+    return root_of(covariance_of(given, key, a)) if key in given else np.zeros((a, 0))
+
+
+def model_of_result(study: Study, given: object) -> ModelLeft | None:
+    """What errors of the model leave possible, as a file says it; None where it does not.
+
+    Raises:
+        ValueError: It is not valid.
+    """
+    if given is None:
+        return None
+    if not isinstance(given, Mapping):
+        raise ValueError(f"{POSSIBLE}: expected a table")
+    return ModelLeft.from_dict(given, study.model.unknown or (), study.robot.n)
 
 
 def _by_joint(
@@ -321,8 +345,9 @@ def _by_joint(
     a = len(every.k)
     joints = tuple(names.index(name) for name in every.joints)
     root = root_of(every.covariance)
+    none = np.zeros((a, 0))
     springs = FittedSprings(
-        joints, every.unbounded, root, found.covariance_dof, np.zeros((a, 0)), ReadingNoise()
+        joints, every.unbounded, root, found.covariance_dof, none, ReadingNoise(), none
     )
     return springs, not known
 
@@ -362,9 +387,7 @@ def predict_displacements(
         message = why_no_rest(study.robot, data.q[first], k)
         raise UserError(message, where=path_of(poses), key=f"row {row[first] + 1}") from error
     predicted = linear.constant + linear.A @ springs.k
-    spread = ((linear.A @ springs.root) ** 2).sum(axis=-1)
-    std = np.sqrt(spread + springs.noise.variance(study, data))
-    half = student_quantile(0.975, springs.dof) * std
+    half = _half_bands(study, springs, data, linear.A)
     moved = np.where(data.lengths[..., None], linear.A @ springs.open, 0.0)
     columns, of_columns = _columns(data)
     names = [sensor.name for sensor in study.model.sensors]
@@ -383,6 +406,17 @@ def predict_displacements(
         radians=like_radians(study, data.q),
         certain=certain,
     )
+
+
+def _half_bands(study: Study, springs: FittedSprings, data: Measurements, A: Array) -> Array:
+    """Half the width (m, rows) of 95 % bands of readings with regressors A (m, rows, a)."""
+    reading = springs.noise.variance(study, data)
+    if springs.model is None:
+        spread = ((A @ springs.root) ** 2).sum(axis=-1)
+        return np.asarray(student_quantile(0.975, springs.dof) * np.sqrt(spread + reading))
+    beside = ((A @ springs.beside) ** 2).sum(axis=-1) + reading
+    found = springs.model.of_readings(study.model, data, A).plus(beside.reshape(-1, 1, 1))
+    return found.quantiles([0.95])[:, 0].reshape(beside.shape)
 
 
 def _columns(data: Measurements) -> tuple[tuple[str, ...], Callable[[Array], Array]]:

@@ -6,6 +6,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from edtk.calibration.model_left import ModelLeft
 from edtk.calibration.told_part import LeastSquaresInverse
 from edtk.findings.causes.faults import FAULTS
 from edtk.findings.causes.scene import Displacements, Scene
@@ -78,6 +79,10 @@ class Propagation:
             not identified, by their noise, if these were unknown, one at a time [rad/(N m)].
         absolute: Whether displacements are counted from the rigid robot.
         visits: What else there is of visits of geometry; None for displacements.
+        beside: Root (p + a, c) of the errors by what a sheet cannot tell: the size of the load,
+            repeatability, and the joints that are not identified.
+        model: What noise, errors of the model, and what else a sheet can tell leave; None where
+            the model counts as exact.
     """
 
     unknown: tuple[int, ...]
@@ -87,6 +92,8 @@ class Propagation:
     told: tuple[float, ...] = ()
     absolute: bool = False
     visits: "OfVisits | None" = None
+    beside: Array | None = None
+    model: ModelLeft | None = None
 
     @classmethod
     def of(
@@ -143,6 +150,7 @@ class Propagation:
             "rigid_joints": told.rigid,
             "known_joints": told.known,
         }
+        untold = ("repeatability", "rigid_joints", "known_joints")
         return cls(
             unknown=tuple(int(j) for j in model.joints),
             assumed=told.joints,
@@ -150,6 +158,7 @@ class Propagation:
             roots=roots,
             told=tuple(map(inverse.told, told.columns)),
             absolute=data.absolute,
+            beside=np.hstack([*of_load, *(roots[name] for name in untold)]),
         )
 
     @property
@@ -199,6 +208,12 @@ class Propagation:
         parts = {name: float(np.linalg.norm(A0 @ E)) for name, E in self.roots.items()}
         for name, size in ({} if self.visits is None else self.visits.there(tasks)).items():
             parts[name] = float(np.hypot(parts.get(name, 0.0), size))
+        if self.model is not None and self.beside is not None:
+            # What all makes together, beside what it would make without errors of the model.
+            parts["model"] = 0.0
+            others = sum(part**2 for part in parts.values())
+            more = self.model.size(tasks) ** 2 + float(np.square(A0 @ self.beside).sum()) - others
+            parts["model"] = float(np.sqrt(max(more, 0.0)))
         parts["model"] = float(np.hypot(parts.get("model", 0.0), model_error))
         of_joints = np.linalg.norm(A0 @ self.of_joints, axis=0)
         own = slice(self.p, self.p + len(self.assumed))
@@ -277,6 +292,14 @@ def root_of(covariance: Array) -> Array:
     std = np.sqrt(np.diag(covariance))
     scale = np.where(std > 0, std, 1.0)
     values, vectors = np.linalg.eigh(covariance / scale / scale[:, None])
+    return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def root_of_difference(whole: Array, part: Array) -> Array:
+    """A root E (p, p) of what a covariance has beside a part of it."""
+    std = np.sqrt(np.diag(whole))
+    scale = np.where(std > 0, std, 1.0)
+    values, vectors = np.linalg.eigh((whole - part) / scale / scale[:, None])
     return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
@@ -427,16 +450,22 @@ def propagation_of(fitted: FittedData) -> Propagation:
     # An estimate that may as well be zero says nothing of its neighbours.
     told = np.where(k > fitted.fit.std, k, 0.0)
     uncertainty = uncertainty_of(fitted.study, told)
-    return Propagation.of(
+    found = Propagation.of(
         fitted.study.model,
         data,
         k,
-        fitted.fit.covariance,
+        fitted.noise_covariance,
         uncertainty,
         repeats,
         fitted.told_before if fitted.untold else None,
         payload_beside_load(fitted.study),
     )
+    left = ModelLeft.of(fitted, found.beside)
+    if left is None:
+        return found
+    own = root_of_difference(fitted.fit.covariance, fitted.noise_covariance)
+    roots = {**found.roots, "model": np.pad(own, ((0, len(found.assumed)), (0, 0)))}
+    return replace(found, roots=roots, model=left)
 
 
 @dataclass(frozen=True, eq=False)
@@ -451,6 +480,8 @@ class FittedSprings:
         dof: Degrees of freedom of the covariance.
         open: Errors (a, o) by what the calibration left open, which are a part of the root.
         noise: By how much a further reading scatters.
+        beside: Root (a, c) by what is neither noise nor model [rad/(N m)].
+        model: What errors of the model leave; None where the model counts as exact.
     """
 
     joints: tuple[int, ...]
@@ -459,6 +490,8 @@ class FittedSprings:
     dof: float
     open: Array
     noise: ReadingNoise
+    beside: Array
+    model: ModelLeft | None = None
 
     @classmethod
     def of(cls, fitted: FittedData, propagation: Propagation, rigid: Sequence[str]) -> Self:
@@ -469,17 +502,20 @@ class FittedSprings:
             propagation: How what is uncertain moves the estimates.
             rigid: Names of joints that count as rigid as the measurements leave them open.
         """
-        roots = [propagation.roots[name] for name in ("noise", "rigid_joints", "known_joints")]
+        beside = [propagation.roots[name] for name in ("rigid_joints", "known_joints")]
+        own = [propagation.roots[name] for name in ("noise", "model") if name in propagation.roots]
         left = [one.name in rigid for one in propagation.assumed]
         k = propagation.k.copy()
         k[: len(fitted.fit.k)] = fitted.fit.unbounded
         return cls(
             propagation.joints,
             k,
-            np.hstack(roots),
+            np.hstack([*own, *beside]),
             fitted.fit.covariance_dof,
             propagation.of_joints[:, left],
             ReadingNoise.of(fitted),
+            np.hstack(beside),
+            propagation.model,
         )
 
     def to_dict(self, robot: Robot) -> dict[str, Any]:
@@ -492,6 +528,7 @@ class FittedSprings:
             "joints": [robot.joint_names[j] for j in self.joints],
             "k": self.k.tolist(),
             "covariance": (self.root @ self.root.T).tolist(),
+            "covariance_beside": (self.beside @ self.beside.T).tolist(),
             "dof": self.dof if np.isfinite(self.dof) else None,
             "open": self.open.T.tolist(),
             "noise_ratio": noise.ratio,

@@ -10,6 +10,7 @@ from edtk.design.plan import Plan
 from edtk.findings.causes.family import NOISE, Cause
 from edtk.findings.causes.find_causes import FoundCauses, look_for_causes, most_outliers
 from edtk.findings.match_plan import EqualRows, PlanMatch, equal_rows, match_plan
+from edtk.findings.model_error import ModelErrorFound, with_model_error
 from edtk.findings.moving_joints import (
     joint_unit,
     own_of_visits,
@@ -234,6 +235,8 @@ class FittedData:
             on the prior, too.
         estimated: The noise that was estimated where joints move all markers of a visit; None
             where that of the measurements was believed.
+        model_error: What the sheet says of all that the model leaves out; None where the study says
+            that it is exact, or the sheet cannot tell.
     """
 
     study: Study
@@ -246,6 +249,7 @@ class FittedData:
     how: HowFitted = AS_USUAL
     untold: tuple[str, ...] = ()
     estimated: CorrelatedNoise | None = None
+    model_error: ModelErrorFound | None = None
 
     @classmethod
     def of(cls, study: Study, data: Measurements, how: HowFitted = AS_USUAL) -> "FittedData":
@@ -271,7 +275,7 @@ class FittedData:
         found = cls(study, data, A, unexplained, fit, how=how)
         if not how.linear and bends_much(study, data, A, fit):
             found = found._of_equilibrium()
-        return with_common_noise(found)
+        return with_model_error(found, with_common_noise(found))
 
     @classmethod
     def with_prior(
@@ -378,6 +382,17 @@ class FittedData:
     def noise(self) -> RowNoise:
         """The noise of A and measured."""
         return self.data.noise if self.estimated is None else self.estimated
+
+    @property
+    def noise_covariance(self) -> Array:
+        """Covariance (p, p) of the estimates by the noise alone, without errors of the model."""
+        found = self.model_error
+        return self.fit.covariance if found is None or not found.counts else found.noise
+
+    @property
+    def noise_fit(self) -> Identification:
+        """The fit with the covariance by the noise alone, which rho0 is of."""
+        return replace(self.fit, covariance=self.noise_covariance)
 
     @property
     def _complete(self) -> Array:

@@ -5,7 +5,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from edtk.fit.correlated_noise import CorrelatedNoise, NotPositiveDefiniteError, RowNoise, whiten
+from edtk.fit.correlated_noise import (
+    CorrelatedNoise,
+    NotPositiveDefiniteError,
+    RowNoise,
+    scaled,
+    whiten,
+)
 from edtk.fit.equilibrium import LinearisedData, fit_common_noise
 from edtk.fit.estimate_noise import NoiseEstimate, StatedSizes
 from edtk.fit.identify import Identification, identify
@@ -81,10 +87,14 @@ class ReadingNoise:
         if not fitted.common_noise:
             return cls(1.0 if fitted.fit.known else fitted.fit.scale)
         found = fitted.noise_estimate
+        # What repetitions share is no scatter of a reading where the model's errors count.
+        own = fitted.model_error is None
         if found is not None and fitted.estimated is not None:
             return cls(found.tracker, (found.joints, found.discrepancy))
         test = fitted.lack_of_fit
-        return cls(1.0 if test is None else float(np.hypot(test.pure_error, test.common)))
+        if test is None:
+            return cls()
+        return cls(float(np.hypot(test.pure_error, test.common if own else 0.0)))
 
     def variance(self, study: Study, data: Measurements) -> Array:
         """Variances (m, rows) of single readings, each by itself [m^2, rad^2].
@@ -105,6 +115,33 @@ class ReadingNoise:
             model = float(stated.discrepancy.max())
         moved = ((joint_motion(study.model, data) * moves) ** 2).sum(axis=-1)
         return self.ratio**2 * (own**2 + moved + np.where(data.lengths, model, 0.0) ** 2)
+
+
+def readings_alone(fitted: "FittedData") -> RowNoise:
+    """The noise of readings of a fit, without what repetitions of a pose share.
+
+    Where several markers tell a discrepancy by motions that no arm makes, it is a part of it.
+
+    Raises:
+        NotPositiveDefiniteError: The tracker errs next to nothing beside the joints.
+    """
+    data = fitted.data
+    found = fitted.noise_estimate
+    test = fitted.lack_of_fit
+    if not fitted.common_noise:
+        return scaled(data.noise, 1.0 if fitted.fit.known else fitted.fit.scale)
+    if found is not None and fitted.estimated is not None:
+        return _noise(fitted.study, data, found, found.discrepancy)
+    return scaled(data.noise, 1.0 if test is None else test.pure_error)
+
+
+def constant_error(fitted: "FittedData") -> float:
+    """The discrepancy of a coordinate that is the same in all poses, stated or estimated [m]."""
+    found = fitted.noise_estimate
+    if fitted.estimated is not None and found is not None:
+        return found.discrepancy
+    noise = fitted.study.noise
+    return 0.0 if noise is None else float(noise.discrepancy.max())
 
 
 def _model_errors(

@@ -52,6 +52,7 @@ def cause_findings(fitted: FittedData) -> Iterator[Finding]:
             "common": common,
             "used": fitted.common_noise,
             "is_noise": is_noise,
+            "of_model": fitted.model_error is not None,
         }
         severity = Severity.WARNING if is_noise else Severity.ALARM
         if is_noise and "discrepancy" in asked_of_sheets(fitted.study):
@@ -353,6 +354,8 @@ def _lack_of_fit(data: Data) -> str:
         return (
             f"{agree}: they share {common}, too much for noise; a row, a sign or the model is wrong"
         )
+    if data["of_model"]:
+        return f"{agree}: {common} that they share is an error of the model, and counts in tasks"
     return f"{agree}: {common} of noise that they share is taken into account"
 
 

@@ -196,7 +196,7 @@ def _linear_model(fitted: FittedData, rho0_bias: float | None) -> Iterator[Findi
     target = fitted.study.target
     if target is None or rho0_bias is None:
         return
-    if rho0_bias > fitted.fit.accuracy(target)[0]:
+    if rho0_bias > fitted.noise_fit.accuracy(target)[0]:
         tasks = fitted.study.tasks
         place = {"place": tasks.place} if len(tasks) > 1 else {}
         yield Finding.of(Severity.WARNING, WORDING, "linear_model", rho0_bias=rho0_bias, **place)

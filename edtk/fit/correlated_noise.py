@@ -320,6 +320,14 @@ def whiten(x: Array, noise: AnyNoise) -> Array:
     return np.asarray(x / np.asarray(noise, dtype=float))
 
 
+def scaled(noise: RowNoise, factor: float) -> RowNoise:
+    """The same noise with errors that are so many times as large."""
+    if not isinstance(noise, CorrelatedNoise):
+        return factor * noise
+    blocks = (replace(one, covariance=factor**2 * one.covariance) for one in noise.blocks)
+    return CorrelatedNoise(tuple(blocks), noise.shape)
+
+
 def whiten_columns(A: Array, noise: AnyNoise) -> Array:
     """The same for each column of regressors (m, rows, p)."""
     if isinstance(noise, CorrelatedNoise):

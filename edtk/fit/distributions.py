@@ -4,7 +4,7 @@ They are those of `scipy.stats`, to the last digit: the same special functions w
 import, which takes longer than most commands, and without its checks, which take longer than a fit.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -257,6 +257,83 @@ def offset_error_quantiles(
         along = z * np.sqrt(np.maximum(spectrum[i], 0.0)) + mean[i] @ axes[i]
         found[i] = np.quantile(np.linalg.norm(along, axis=1), levels)
     return found
+
+
+@dataclass(frozen=True, eq=False)
+class NormalMixture:
+    """Errors of several places that are normal, with one of several means and covariances.
+
+    Attributes:
+        weights: Probabilities (s,) of these.
+        mean: Means (s, t, r) of the errors in t places [m].
+        covariance: Their covariances (s, t, r, r) [m^2].
+        dof: Degrees of freedom by which the covariances are known; inf where they are.
+    """
+
+    weights: Array
+    mean: Array
+    covariance: Array
+    dof: float = np.inf
+
+    def plus(self, covariance: Array, mean: Array | None = None) -> "NormalMixture":
+        """The same with independent errors (t, r, r) besides, and an offset (t, r)."""
+        shifted = self.mean if mean is None else self.mean + mean
+        return replace(self, mean=shifted, covariance=self.covariance + covariance)
+
+    @property
+    def sizes(self) -> Array:
+        """Root mean squares (s, t) of the errors [m]."""
+        squares = np.square(self.mean).sum(axis=-1)
+        return np.asarray(np.sqrt(squares + np.einsum("strr->st", self.covariance)))
+
+    @property
+    def size(self) -> Array:
+        """Root mean squares (t,) that half of the probability is below [m].
+
+        A mean over all would be that of the few that are improbable and large.
+        """
+        return weighted_median(self.sizes, self.weights)
+
+    def quantiles(self, levels: ArrayLike) -> Array:
+        """Quantiles (t, c) of the lengths of the errors [m]."""
+        levels = np.asarray(levels, dtype=float)
+        found = np.empty((self.mean.shape[1], len(levels)))
+        for t in range(len(found)):
+            length, share = self._lengths(t)
+            order = np.argsort(length)
+            below = np.cumsum(share[order]) - 0.5 * share[order]
+            found[t] = np.interp(levels, below, length[order])
+        return found
+
+    def beyond(self, sizes: Array) -> Array:
+        """Probabilities (t,) of errors that are longer than some lengths (t,) [m]."""
+        pairs = ((self._lengths(t), size) for t, size in enumerate(sizes))
+        return np.array([float(share[length > size].sum()) for (length, share), size in pairs])
+
+    def _lengths(self, t: int) -> tuple[Array, Array]:
+        """Lengths of a fixed, evenly spread set of errors in a place, and their shares."""
+        from scipy.special import ndtri
+
+        rows = self.mean.shape[-1]
+        points = _lattice(rows + 1)[: POINTS // len(self.weights)]
+        z = ndtri(points[:, :rows])
+        if np.isfinite(self.dof):
+            z = z / np.sqrt(chi_square_quantile(points[:, rows:], self.dof) / self.dof)
+        spectrum, axes = np.linalg.eigh(self.covariance[:, t])
+        roots = axes * np.sqrt(np.maximum(spectrum, 0.0))[:, None]
+        errors = self.mean[:, t, None] + np.einsum("sri,ni->snr", roots, z)
+        share = np.repeat(self.weights / len(z), len(z))
+        return np.linalg.norm(errors, axis=-1).ravel(), share
+
+
+def weighted_median(values: Array, weights: Array) -> Array:
+    """Values (...) that half of the weights (s,) are below, of values (s, ...)."""
+    flat = values.reshape(len(values), -1)
+    order = np.argsort(flat, axis=0)
+    below = np.cumsum(weights[order], axis=0)
+    at = (below < 0.5 * below[-1]).sum(axis=0)
+    found = np.take_along_axis(flat, np.take_along_axis(order, at[None], axis=0), axis=0)
+    return np.asarray(found[0].reshape(values.shape[1:]))
 
 
 def _lattice(dimension: int) -> Array:

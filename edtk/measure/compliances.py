@@ -48,6 +48,8 @@ class Compliances:
         every: Covariance (p + a, p + a) of all of them by all that is uncertain; None likewise.
         compensators: Digest of those of the robot, empty without any; None where the file does not
             say.
+        possible: What errors of the model leave possible, as a calibration writes it; None
+            likewise.
     """
 
     joints: tuple[str, ...]
@@ -62,6 +64,7 @@ class Compliances:
     assumed: tuple[AssumedError, ...] = ()
     every: Array | None = None
     compensators: str | None = None
+    possible: Mapping[str, Any] | None = None
 
     def including(self, joints: Sequence[AssumedJoint]) -> "Compliances":
         """The same with the joints that are not identified, and with all that is uncertain.
@@ -154,6 +157,7 @@ class Compliances:
             assumed=assumed,
             every=_measured(rest, joints, where, "covariance_all", len(assumed)),
             compensators=str(robot.get("compensators", "")) if isinstance(robot, dict) else None,
+            possible=_table(rest, "possible_springs", where),
         )
 
 
@@ -219,6 +223,16 @@ def _check_joints(
             where=where,
             key=f"{prefix}{missing[0]}",
         )
+
+
+def _table(
+    content: Mapping[str, Any], key: str, where: Path | str | None
+) -> Mapping[str, Any] | None:
+    """A table; None where the file gives none."""
+    value = content.get(key)
+    if value is not None and not isinstance(value, Mapping):
+        raise UserError("expected a table", where=where, key=key)
+    return value
 
 
 def _by_joint(

@@ -34,7 +34,7 @@ WORD = "Calibration"
 # Words for the parts of an error budget.
 PARTS = {
     "noise": "the noise of the measurements",
-    "model": "the linear model",
+    "model": "what the model leaves out",
     "load": "an uncertain load",
     "tool": "an uncertain tool point",
     "rigid_joints": "joints that count as rigid",
@@ -100,7 +100,7 @@ def _parts(found: Calibration) -> list[str]:
     if budget is None or found.expected is None or found.study.target is None:
         return []
     largest = budget.largest
-    low, high = found.fit.accuracy(found.study.target)[1]
+    low, high = found.fitted.noise_fit.accuracy(found.study.target)[1]
     interval = "" if low == high else f" (95 %: {1e3 * low:.2g} to {1e3 * high:.2g} mm)"
     noise = f"{1e3 * budget.noise:.2g} mm{interval}"
     poses = "pose" if found.expected.poses == 1 else "poses"

@@ -257,6 +257,13 @@ def _noise(found: Calibration) -> str:
 
 def _model_of_budget(found: Calibration) -> str:
     """The model, and how far it is trusted."""
+    error = found.fitted.model_error
+    if error is not None:
+        across, held, turn = error.to_dict().values()
+        return (
+            f"of what the springs do, the sheet shows {across:.2g} % across the joints, {held:.2g} "
+            f"% held by friction and {turn:.2g} % by pose that the model lacks"
+        )
     if found.fitted.nonlinear:
         return "the loaded equilibrium was fitted: nothing is left"
     if found.rho0_bias is None:

@@ -4,14 +4,17 @@ import json
 import math
 import re
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.parsers import expat
 
+import numpy as np
+
 from edtk.system.errors import UserError
+from edtk.system.typing import Array
 
 MOST_WRITTEN = 500  # digits of a number in a file: reading more takes the square of their number
 MOST_DIGITS = 308  # of an integer, beyond which it is no finite number of double precision
@@ -21,6 +24,7 @@ PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
 LARGEST = 2**63  # integers beyond 64 bits are no TOML, although Python's parser reads them
 MOST_ELEMENTS = 200_000  # a robot with all its meshes has some thousand
 MOST_DEPTH = 100
+LARGEST_READ = 1e9  # number of a result: squares of larger ones lose all meaning
 
 
 def check_leaves(value: Any, check: Callable[[Any, str], None], key: str = "") -> None:
@@ -235,6 +239,37 @@ class _Builder:
     @property
     def _line(self) -> int:
         return self.parser.CurrentLineNumber
+
+
+def numbers_of(given: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> Array:
+    """Finite numbers of a shape.
+
+    Raises:
+        ValueError: The key has others.
+    """
+    try:
+        values = np.array(given.get(key), dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"{key}: expected numbers") from None
+    values = values.reshape(shape) if not values.size and 0 in shape else values
+    if values.shape != shape or not np.isfinite(values).all():
+        size = " by ".join(map(str, shape)) or "one"
+        raise ValueError(f"{key}: expected {size} finite numbers")
+    if (np.abs(values) > LARGEST_READ).any():
+        raise ValueError(f"{key}: expected numbers up to {LARGEST_READ:g}")
+    return values
+
+
+def not_negative_of(given: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> Array:
+    """Numbers of a shape, none below zero.
+
+    Raises:
+        ValueError: The key has others.
+    """
+    values = numbers_of(given, key, shape)
+    if (values < 0).any():
+        raise ValueError(f"{key}: expected numbers that are not negative")
+    return values
 
 
 def json_text(content: Any, indent: int = 2) -> str:

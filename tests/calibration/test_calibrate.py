@@ -90,6 +90,7 @@ def test_rotations_too(save, tmp_path):
 
 
 KEYS = {
+    "model_error_mm",
     "covariance_measured",
     "covariance_all",
     "assumed_joints",

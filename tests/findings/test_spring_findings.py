@@ -349,7 +349,7 @@ def test_noise_that_repetitions_share():
     assert fitted.common_noise
     found = spring_findings(fitted)
     assert [d.severity for d in found] == [WARNING]
-    assert "that they share is taken into account" in found[0].words
+    assert "that they share is an error of the model, and counts in tasks" in found[0].words
     alone = FittedData.of(STUDY, measured(repeats=4), HowFitted(plan=PLAN))
     # Means of four have the variance 1/4 + 1 instead of 1/4: standard deviations grow by sqrt(5).
     assert (fitted.fit.std / alone.fit.std).mean() == pytest.approx(np.sqrt(5), rel=0.25)

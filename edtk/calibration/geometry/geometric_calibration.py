@@ -40,7 +40,7 @@ from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry, study_marks
 from edtk.system.errors import UserError
 from edtk.system.files import read_text
-from edtk.system.parsing import parse_json
+from edtk.system.parsing import not_negative_of, numbers_of, parse_json
 from edtk.system.typing import Array
 
 if TYPE_CHECKING:
@@ -49,7 +49,6 @@ if TYPE_CHECKING:
     from edtk.calibration.extension import Extension
 
 MOST = 1000  # parameters or joints in a file
-LARGEST = 1e9  # number in a file, in any of its units: squares of larger ones lose all meaning
 RIGID = 1e-9
 ROUNDING = 1e-8  # of a covariance's entries, beside the standard deviations
 SAME = 1e-6  # relative difference of marks that rounding may leave
@@ -241,37 +240,6 @@ def _changes(given: Mapping[str, Any]) -> tuple[float, float]:
         return (0.0, 0.0)
     position, turn = not_negative_of(given, "model_change", (2,)).tolist()
     return (position, turn)
-
-
-def numbers_of(given: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> Array:
-    """Finite numbers of a shape.
-
-    Raises:
-        ValueError: The key has others.
-    """
-    try:
-        values = np.array(given.get(key), dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        raise ValueError(f"{key}: expected numbers") from None
-    values = values.reshape(shape) if not values.size and 0 in shape else values
-    if values.shape != shape or not np.isfinite(values).all():
-        size = " by ".join(map(str, shape)) or "one"
-        raise ValueError(f"{key}: expected {size} finite numbers")
-    if (np.abs(values) > LARGEST).any():
-        raise ValueError(f"{key}: expected numbers up to {LARGEST:g}")
-    return values
-
-
-def not_negative_of(given: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> Array:
-    """Numbers of a shape, none below zero.
-
-    Raises:
-        ValueError: The key has others.
-    """
-    values = numbers_of(given, key, shape)
-    if (values < 0).any():
-        raise ValueError(f"{key}: expected numbers that are not negative")
-    return values
 
 
 def covariance_of(given: Mapping[str, Any], key: str, order: int) -> Array:

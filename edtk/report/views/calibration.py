@@ -161,7 +161,7 @@ def _accuracy(found: Calibration) -> list[str]:
     if found.verdict == "bad":
         lines.append("if nothing else were wrong:")
     if found.study.target is not None:
-        value, (low, high) = found.fit.accuracy(found.study.target)
+        value, (low, high) = found.fitted.noise_fit.accuracy(found.study.target)
         interval = f", with 95 % between {1e3 * low:.5g} and {1e3 * high:.5g} mm"
         lines.append(f"rho0 {1e3 * value:.5g} mm{'' if low == high else interval}")
     if found.budget is not None:
@@ -229,7 +229,7 @@ def _title(found: Calibration) -> str:
     """The accuracy to expect, and the verdict."""
     if found.study.target is None:
         return f"verdict: {found.verdict}"
-    rho0 = 1e3 * found.fit.accuracy(found.study.target)[0]
+    rho0 = 1e3 * found.fitted.noise_fit.accuracy(found.study.target)[0]
     return f"rho0 = {rho0:.4g} mm, verdict: {found.verdict}"
 
 

@@ -1,0 +1,77 @@
+"""What is said of errors of the model, and of those that a sheet cannot tell."""
+
+from collections.abc import Iterator
+
+from edtk.calibration.propagation import Propagation
+from edtk.findings.finding import Data, Finding, Severity, Wording
+from edtk.findings.model_error import ModelErrorFound
+from edtk.measure.expected_error import ErrorBudget
+from edtk.measure.task import Tasks
+
+TWICE = 2.0  # the promised error, beyond which it is not kept
+# Of a single normal error 5 % is beyond twice its size. Where chances are twice that, what the
+# sheet leaves open is what the promise rests on.
+OFTEN = 0.1
+MOST = 0.975
+# Of the displacement. A compensation that takes away nine tenths is what an engineer expects;
+# where less is due to the model, more measurements do not help.
+LARGE = 0.1
+
+
+def model_findings(
+    propagation: Propagation, found: ModelErrorFound, budget: ErrorBudget, tasks: Tasks
+) -> Iterator[Finding]:
+    """Name errors of the model: those that are found, and those that the sheet leaves possible.
+
+    Args:
+        propagation: How errors move the compliances.
+        found: What the sheet says of the model.
+        budget: The errors in the test poses.
+        tasks: These.
+    """
+    left = propagation.model
+    if left is None:
+        return
+    if found.counts:
+        is_most = 2 * budget.model**2 > budget.total**2
+        large = is_most and budget.total > LARGE * budget.uncompensated
+        severity = Severity.WARNING if large else Severity.NOTE
+        data = {"model": budget.model, "place": tasks.place, **found.to_dict()}
+        yield Finding.of(severity, WORDING, "model_error", **data)
+    given = (tasks, propagation.joints)
+    chance = left.chance_beyond(*given, TWICE * budget.total)
+    if chance > OFTEN:
+        most = left.quantile(*given, MOST)
+        data = {"chance": chance, "most": most, "total": budget.total, "place": tasks.place}
+        yield Finding.of(Severity.WARNING, WORDING, "model_untold", **data)
+
+
+PARTS = {
+    "across_percent": "springs across the joints of {:.2g} % of their own",
+    "held_percent": "friction of {:.2g} % of the loads",
+    "turn_percent": "stiffnesses that vary by {:.2g} % from pose to pose",
+}
+
+
+def _model_error(data: Data) -> str:
+    """What was found."""
+    parts = [words.format(data[name]) for name, words in PARTS.items() if data[name]]
+    size = f"{1e3 * data['model']:.2g} mm {data['place']}"
+    return (
+        f"the robot is not what the model takes it for, which makes {size}: the residuals are as "
+        f"with {', '.join(parts)}"
+    )
+
+
+def _model_untold(data: Data) -> str:
+    """What these poses cannot tell."""
+    chance = f"{100 * data['chance']:.0f} %"
+    return (
+        f"these poses and loads do not tell friction and springs that the model lacks, so that "
+        f"usual ones are assumed: with a chance of {chance} the error {data['place']} is more than "
+        f"twice the {1e3 * data['total']:.2g} mm expected, and up to {1e3 * data['most']:.2g} mm; "
+        "poses that differ more, and loads of other sizes, would tell"
+    )
+
+
+WORDING: Wording = {"model_error": _model_error, "model_untold": _model_untold}

@@ -1,0 +1,233 @@
+"""How much a model of springs leaves out, as far as a sheet tells it: sizes by their likelihood."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from edtk.fit.correlated_noise import RowNoise, groups_by_size, whiten_columns
+from edtk.measure.missing_pieces import PossibleSprings
+from edtk.system.typing import Array, Indices
+
+# Shares that a piece may have: nothing, or a size on a scale of factors of two.
+SIZES = np.array([0.0, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32])
+# What is known before a sheet: one arm in two lacks a piece, and where it is there its share is a
+# tenth, exponentially distributed. Bearings and links add a tenth to a third to what gears give,
+# friction holds some per cent to a sixth of a load, and stiffnesses vary by a tenth with position.
+ABSENT = 0.5
+USUAL = 0.1
+# Sizes that stand for all that are left possible, each of the same probability, at most.
+KEPT = 24
+
+
+def prior_of_sizes(usual: float = USUAL) -> Array:
+    """Probabilities of `SIZES`: each stands for what is nearer to it, by logarithms."""
+    between = np.sqrt(SIZES[1:-1] * SIZES[2:])
+    edges = np.concatenate([[0.0], between, [np.inf]])
+    return np.append(ABSENT, (1 - ABSENT) * np.diff(-np.exp(-edges / usual)))
+
+
+@dataclass(frozen=True, eq=False)
+class MissingColumns:
+    """What readings show of all that a model may leave out, for shares of one.
+
+    Attributes:
+        shared: Columns (m, rows, c) of pieces whose shares are the same in all poses.
+        kinds: Which of two sizes each of them has (c,).
+        turns: Columns (m, rows, n) of the piece whose shares are others in each pose.
+        pose: Number (m,) of each measurement's pose and load, from 0.
+        known: Columns (m, rows, e) of what else is uncertain, by one standard deviation each.
+    """
+
+    shared: Array
+    kinds: Indices
+    turns: Array
+    pose: Indices
+    known: Array
+
+    def __getitem__(self, rows: Indices) -> "MissingColumns":
+        """Those of some measurements."""
+        pose = np.unique(self.pose[rows], return_inverse=True)[1]
+        some = (self.shared[rows], self.kinds, self.turns[rows], pose, self.known[rows])
+        return MissingColumns(*some)
+
+
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """Products of whitened columns and readings, with the turns of one size taken as noise.
+
+    Attributes:
+        G: Of shared columns, regressors, readings and what else is uncertain (w, w), in that
+            order.
+        log_V: Logarithm of the determinant of the noise.
+    """
+
+    G: Array
+    log_V: float
+
+
+@dataclass(frozen=True, eq=False)
+class SizeLikelihood:
+    """The restricted likelihood of what a model leaves out, and the springs for each size.
+
+    With the regressors A, errors of the model ``U u`` of shares u with variances S^2 and the
+    covariance R of noise and turns, Henderson's equations (1950) give springs and shares at once:
+
+        M = [[I + S U'R^-1 U S, S U'R^-1 A], [A'R^-1 U S, A'R^-1 A]],
+        -2 log L = log |R| + log |M| + y'R^-1 y - b'M^-1 b,   b = [S U'R^-1 y, A'R^-1 y],
+
+    which is the likelihood of Patterson and Thompson (1971), and ``M^-1`` is the covariance of
+    their errors. What else is uncertain of the day is a part of R, with its known size.
+
+    Attributes:
+        sums: One for each size of the turns.
+        kinds: Which of two sizes each shared column (c,) has.
+        scale: Sizes (p,) of the regressors, by which they are divided.
+        usual: Share that a piece has on average.
+    """
+
+    sums: tuple[_Sums, ...]
+    kinds: Indices
+    scale: Array
+    usual: float = USUAL
+
+    @classmethod
+    def of(
+        cls,
+        A: Array,
+        measured: Array,
+        noise: RowNoise,
+        columns: MissingColumns,
+        usual: float = USUAL,
+    ) -> "SizeLikelihood":
+        """Take the sums over all measurements, which is all that sizes need of them.
+
+        Args:
+            A: Regressors (m, rows, p).
+            measured: Deflections (m, rows) [m, rad].
+            noise: Their noise.
+            columns: What may be missing.
+            usual: Share that a piece has on average.
+        """
+        scale = np.sqrt(np.square(A).sum(axis=(0, 1)))
+        every = [columns.shared, A / scale, measured[..., None], columns.known]
+        X = whiten_columns(np.concatenate(every, axis=-1), noise)
+        T = whiten_columns(columns.turns, noise)
+        whole = np.einsum("mrc,mrd->cd", X, X, optimize=True)
+        of_pose = [_of_poses(X[rows], T[rows]) for rows in groups_by_size(columns.pose)]
+        values = np.concatenate([one[0] for one in of_pose])
+        shown = np.concatenate([one[1] for one in of_pose])
+        sums = []
+        for size in SIZES:
+            gain = size**2 * values
+            share = size**2 / (1 + gain)
+            less = np.einsum("bn,bnc,bnd->cd", share, shown, shown, optimize=True)
+            sums.append(_Sums(whole - less, float(np.log1p(gain).sum())))
+        return cls(tuple(sums), columns.kinds, scale, usual)
+
+    @cached_property
+    def posterior(self) -> "SizePosterior":
+        """Probabilities of all sizes, and springs and shares for each of them."""
+        c, p = len(self.kinds), len(self.scale)
+        sizes = np.stack(np.meshgrid(SIZES, SIZES, indexing="ij"), axis=-1).reshape(-1, 2)
+        S = np.concatenate([sizes[:, self.kinds], np.ones((len(sizes), p))], axis=1)
+        prior = np.log(prior_of_sizes(self.usual))
+        parts = []
+        for turn, sums in enumerate(self.sums):
+            fixed, log_V = _without(sums, c + p + 1)
+            M, b = _equations(fixed[: c + p, : c + p], fixed[: c + p, c + p], S, c)
+            mean = np.linalg.solve(M, b[..., None])[..., 0]
+            square = fixed[c + p, c + p] - (b * mean).sum(axis=1)
+            likelihood = -0.5 * (log_V + np.linalg.slogdet(M)[1] + square)
+            before = prior[turn] + prior[:, None] + prior
+            parts.append((likelihood + before.ravel(), mean, M, np.full(len(S), SIZES[turn])))
+        log, mean, M, turns = (np.concatenate(one) for one in zip(*parts, strict=True))
+        weights = np.exp(log - log.max())
+        every = np.tile(sizes, (len(self.sums), 1))
+        units = np.concatenate([every[:, self.kinds], np.tile(1 / self.scale, (len(M), 1))], axis=1)
+        shares = np.column_stack([every, turns])
+        return SizePosterior(shares, weights / weights.sum(), mean * units, M, units, c)
+
+
+def _of_poses(X: Array, T: Array) -> tuple[Array, Array]:
+    """Eigenvalues (g, n) of ``T'T`` of poses, and what columns show along each axis (g, n, w).
+
+    Args:
+        X: Columns (g, s, rows, w) of s measurements in each pose.
+        T: Turns (g, s, rows, n).
+    """
+    X = X.reshape(len(X), -1, X.shape[-1])
+    T = T.reshape(len(T), -1, T.shape[-1])
+    transposed = np.swapaxes(T, 1, 2)
+    values, axes = np.linalg.eigh(transposed @ T)
+    return np.maximum(values, 0.0), np.swapaxes(axes, 1, 2) @ (transposed @ X)
+
+
+def _without(sums: _Sums, first: int) -> tuple[Array, float]:
+    """Sums (first, first) with what else is uncertain taken as noise of variance one."""
+    G = sums.G
+    inner = np.eye(len(G) - first) + G[first:, first:]
+    across = G[:first, first:]
+    found = G[:first, :first] - across @ np.linalg.solve(inner, across.T)
+    return found, sums.log_V + float(np.linalg.slogdet(inner)[1])
+
+
+def _equations(G: Array, y: Array, S: Array, c: int) -> tuple[Array, Array]:
+    """M (s, c + p, c + p) and b (s, c + p) for sizes S (s, c + p)."""
+    M = S[:, :, None] * G * S[:, None]
+    M[:, range(c), range(c)] += 1.0
+    return M, S * y
+
+
+@dataclass(frozen=True, eq=False)
+class SizePosterior:
+    """What a sheet leaves possible of the sizes of what is missing.
+
+    Attributes:
+        sizes: Shares (s, 3) of the pieces: across, held, turn.
+        weights: Their probabilities (s,).
+        mean: Shares and springs (s, c + p) for each, by generalised least squares.
+        M: Inverses (s, c + p, c + p) of the covariance, over `units`.
+        units: Of these (s, c + p).
+        c: Number of shared columns.
+    """
+
+    sizes: Array
+    weights: Array
+    mean: Array
+    M: Array
+    units: Array
+    c: int
+
+    @property
+    def likeliest(self) -> Array:
+        """The likeliest shares (3,); all zero where the sheet does not speak for any."""
+        return np.asarray(self.sizes[int(self.weights.argmax())])
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether the sheet speaks for something that is missing."""
+        return bool(self.likeliest.any())
+
+    @cached_property
+    def kept(self) -> tuple[Indices, Array]:
+        """Some sizes that stand for all, and their weights."""
+        order = np.lexsort(self.sizes.T[[0, 2, 1]])
+        levels = (np.arange(KEPT) + 0.5) / KEPT
+        at = np.searchsorted(np.cumsum(self.weights[order]), levels)
+        chosen, counts = np.unique(order[np.minimum(at, len(order) - 1)], return_counts=True)
+        return chosen, counts / KEPT
+
+    def covariance(self, which: Indices) -> Array:
+        """Covariances (s, c + p, c + p) of shares and springs for some of the sizes."""
+        units = self.units[which]
+        inverse = np.linalg.inv(self.M[which])
+        return np.asarray(units[:, :, None] * inverse * units[:, None])
+
+    def possible(self, k: Array) -> PossibleSprings:
+        """What is left possible, beside the springs k (p,) by which commands are made."""
+        chosen, weights = self.kept
+        mean = self.mean[chosen].copy()
+        mean[:, self.c :] -= k
+        covariance = self.covariance(chosen)
+        return PossibleSprings(weights, self.sizes[chosen, 2], mean, covariance)

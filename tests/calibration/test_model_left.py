@@ -1,0 +1,239 @@
+"""Errors of the model: repeats do not average them out, tasks have them, and bands hold them."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from kr270 import REQUIRED, TEST_POSE
+
+import edtk
+from edtk.calibration.model_left import ModelLeft
+from edtk.design.candidate_source import sample_feasible
+from edtk.fit.distributions import NormalMixture, error_quantiles, weighted_median
+from edtk.fit.identify import identify
+from edtk.fit.measurements import Measurements
+from edtk.fit.missing import SIZES, MissingColumns, SizeLikelihood, prior_of_sizes
+from edtk.measure.missing_pieces import MissingPieces
+
+SURE = {"load_percent": 0, "load_direction_deg": 0, "tool_mm": 0, "rigid_rad_per_Nm": {"q1": 1e-15}}
+STUDY = edtk.Study(**REQUIRED, test_pose=TEST_POSE, uncertainty=SURE)
+K = np.array([3e-7, 4e-7, 2.8e-6, 2.8e-6, 2.1e-6])
+EXACT = STUDY.replace(noise={"model_error_percent": 0})
+# How large the pieces of a simulated robot are: springs across, friction, turns.
+ACROSS, HELD, TURN = np.eye(3)
+RNG = np.random.default_rng
+
+
+def day(number, sizes, poses=12, repeats=1):
+    """Readings of a robot with pieces of some sizes, and what it does in the test pose."""
+    rng = RNG((number, 5))
+    q = sample_feasible(STUDY.space, poses, number)[:, :6]
+    wrench = np.tile(STUDY.space.load.always, (poses, 1))
+    model = STUDY.model
+    every = np.append(0.0, K)
+    pieces = MissingPieces.of(STUDY.robot, every, model.torque_of(model.frames(q), wrench).T)
+    u = rng.standard_normal(len(pieces.kinds)) * np.asarray(sizes)[pieces.kinds]
+    task = replace(STUDY.task.model, unknown=model.unknown)
+
+    def moves(of, q, wrench):
+        turned = sizes[2] * rng.standard_normal((len(q), 6, 1))
+        turns = (pieces.turns(of, q, wrench) @ turned)[..., 0]
+        return of.regressor(q, wrench) @ K + pieces.shared(of, q, wrench) @ u + turns
+
+    there = moves(task, STUDY.task.q[None], STUDY.task.wrench[None])[0]
+    shown = np.repeat(moves(model, q, wrench), repeats, axis=0)
+    shown = shown + STUDY.sigma * rng.standard_normal(shown.shape)
+    q, wrench = np.repeat(q, repeats, axis=0), np.repeat(wrench, repeats, axis=0)
+    sigma = np.tile(STUDY.sigma, (len(q), 1))
+    return Measurements(q, wrench, shown, sigma, np.zeros((len(q), 3))), there
+
+
+def sheet(data):
+    """The table that a person fills in."""
+    table = pd.DataFrame(np.rad2deg(data.q), columns=[f"q{i}_deg" for i in range(1, 7)])
+    table[["dx_mm", "dy_mm", "dz_mm"]] = 1e3 * data.deflection
+    return table
+
+
+def found_of(data, study=STUDY):
+    """The calibration of a day."""
+    return edtk.identify(study, sheet(data))
+
+
+def test_an_exact_model_has_the_numbers_of_noise():
+    """Where the study says that nothing is missing, nothing is counted beside the noise."""
+    found = found_of(day(1, 0.1 * ACROSS)[0], EXACT)
+    assert found.fitted.model_error is None
+    assert found.budget.model == 0
+    assert found.to_dict()["model_error_mm"] == 0
+    assert "possible_springs" not in found.to_dict()
+    commands = edtk.compensate(EXACT, found)
+    A0 = EXACT.task.regressor
+    expected = error_quantiles(A0, found.fit.covariance, (0.025, 0.975), found.fit.covariance_dof)
+    np.testing.assert_allclose(commands.band[0], expected, rtol=1e-6)
+
+
+def test_ideal_springs_are_promised_what_they_do():
+    """Where a sheet shows nothing, estimate and noise stay, and little is promised beside."""
+    data, _ = day(2, 0 * ACROSS, poses=20)
+    found, exact = found_of(data), found_of(data, EXACT)
+    np.testing.assert_array_equal(found.fit.k, exact.fit.k)
+    np.testing.assert_array_equal(found.fit.covariance, exact.fit.covariance)
+    assert not found.fitted.model_error.counts
+    assert exact.budget.total <= found.budget.total < 2 * exact.budget.total
+
+
+@pytest.mark.parametrize(("piece", "name"), [(ACROSS, "across"), (HELD, "held"), (TURN, "turn")])
+def test_what_is_missing_is_named(piece, name):
+    """A large piece is found, with about its size, counts in the budget, and is said."""
+    found = found_of(day(3, 0.15 * piece, poses=30)[0])
+    sizes = found.to_dict()["model_error"]
+    assert 5 < sizes[f"{name}_percent"] < 40
+    assert max(sizes, key=sizes.__getitem__) == f"{name}_percent"
+    assert found.budget.model > found.budget.noise
+    assert found.to_dict()["model_error_mm"] == 1e3 * found.budget.model
+    (said,) = [one for one in found.findings if one.kind == "model_error"]
+    assert "the robot is not what the model takes it for" in said.words
+
+
+def test_repeats_do_not_average_errors_of_the_model():
+    """Sixteen visits of each pose leave what the model does to the springs; more poses do not."""
+    few, repeated, more = (
+        found_of(day(4, 0.1 * TURN, poses, repeats)[0])
+        for poses, repeats in ((8, 1), (8, 16), (64, 1))
+    )
+    assert repeated.budget.noise < 0.3 * few.budget.noise
+    assert repeated.budget.model > 0.5 * few.budget.model
+    assert np.median(repeated.fit.std / few.fit.std) > 0.5
+    assert np.median(more.fit.std / few.fit.std) < 0.5
+
+
+def test_bands_hold_errors_of_the_model():
+    """Of simulated robots that lack pieces nine in ten and more are inside, and few without."""
+    inside, without, ratio = [], [], []
+    for number in range(24):
+        sizes = 0.1 * np.eye(3)[number % 3]
+        data, there = day(number, sizes)
+        A = data.regressor(STUDY.model)
+        fit = identify(A, data.deflection, data.sigma, STUDY.model.parameters)
+        torque = STUDY.model.torque_of(STUDY.model.frames(data.q), data.wrench)
+        pieces = MissingPieces.of(STUDY.robot, np.append(0.0, fit.k), torque.T)
+        given = (STUDY.model, data.q, data.wrench)
+        none = np.zeros((*data.deflection.shape, 0))
+        shown = (pieces.shared(*given), pieces.kinds, pieces.turns(*given), data.pose, none)
+        seen = SizeLikelihood.of(A, data.deflection, data.sigma, MissingColumns(*shown))
+        possible = seen.posterior.possible(fit.unbounded)
+        error = np.linalg.norm(there - STUDY.task.regressor @ fit.unbounded)
+        left = ModelLeft((1, 2, 3, 4, 5), pieces, possible, fit.covariance, np.zeros((5, 5)))
+        own = left.mixture(STUDY.task.model, STUDY.task.q[None], STUDY.task.wrench)
+        low, high = own.quantiles([0.025, 0.975])[0]
+        inside.append(low <= error <= high)
+        alone = error_quantiles(STUDY.task.regressor, fit.covariance, [0.025, 0.975])
+        without.append(alone[0] <= error <= alone[1])
+        ratio.append(error / own.size[0])
+    assert np.mean(inside) >= 0.87
+    assert np.mean(without) < 0.5
+    assert 0.5 < np.median(ratio) < 2
+
+
+def test_compensate_and_predict_count_it_from_the_file(tmp_path):
+    """The band of `compensate`, and its total, are those of the budget; a file says the same."""
+    data, _ = day(5, 0.15 * ACROSS)
+    found = found_of(data)
+    file = tmp_path / "k.json"
+    file.write_text(json.dumps(found.to_dict()))
+    direct, read = edtk.compensate(STUDY, found), edtk.compensate(STUDY, file)
+    assert direct.remaining[0] == pytest.approx(found.budget.total, rel=1e-5)  # of six digits
+    np.testing.assert_allclose(read.band, direct.band, rtol=1e-9)
+    poses = sheet(day(6, 0 * ACROSS)[0])[[f"q{i}_deg" for i in range(1, 7)]]
+    wide = edtk.predict(STUDY, found, poses).half
+    narrow = edtk.predict(EXACT, found_of(data, EXACT), poses).half
+    assert (wide > narrow).all()
+    np.testing.assert_allclose(edtk.predict(STUDY, file, poses).half, wide, rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"weights": [0.0]}, "weights: expected a number that is not zero"),
+        ({"turn": [-1.0]}, "turn: expected"),
+        ({"noise": "x"}, "noise: expected"),
+    ],
+)
+def test_bad_files_are_one_line(change, message):
+    """What cannot be read of a file is refused by its name."""
+    result = found_of(day(5, 0.15 * ACROSS)[0]).to_dict()
+    result["possible_springs"] |= change
+    with pytest.raises(edtk.UserError, match=message):
+        edtk.compensate(STUDY, result)
+
+
+def test_untold_pieces_are_said_and_not_good():
+    """Four poses of largest loads, many times, cannot tell friction: that is assumed, and said."""
+    data, _ = day(8, 0 * ACROSS, poses=3, repeats=4)
+    found = found_of(data)
+    if "model_untold" in (kinds := [one.kind for one in found.findings]):
+        (said,) = [one for one in found.findings if one.kind == "model_untold"]
+        assert "do not tell friction and springs that the model lacks" in said.words
+        assert found.verdict != "good"
+    low, high = edtk.compensate(STUDY, found).band[0]
+    assert high > 3 * found.budget.total, kinds
+    assert low < found.budget.total
+
+
+def test_restricted_likelihood_of_sizes():
+    """Probabilities of sizes are those of dense matrices, and so are the springs for each."""
+    rng = RNG(9)
+    m, p, c, n = 5, 2, 3, 4
+    A, U, T = (rng.normal(size=(m, 3, w)) for w in (p, c, n))
+    E, y = rng.normal(size=(m, 3, 2)), rng.normal(size=(m, 3))
+    pose = np.array([0, 0, 1, 2, 3])
+    kinds = np.array([0, 1, 1])
+    sigma = np.full((m, 3), 0.3)
+    found = SizeLikelihood.of(A, y, sigma, MissingColumns(U, kinds, T, pose, E)).posterior
+    logs, means = [], []
+    flat = [x.reshape(3 * m, -1) for x in (A, U, T, E)]
+    same = np.kron(pose[:, None] == pose, np.ones((3, 3)))
+    prior = dict(zip(SIZES, np.log(prior_of_sizes()), strict=True))
+    for across, held, turn in found.sizes:
+        S = np.array([across, held])[kinds]
+        R = 0.09 * np.eye(3 * m) + turn**2 * same * (flat[2] @ flat[2].T) + flat[3] @ flat[3].T
+        V = R + (flat[1] * S**2) @ flat[1].T
+        P = np.linalg.inv(V)
+        M = flat[0].T @ P @ flat[0]
+        k = np.linalg.solve(M, flat[0].T @ P @ y.ravel())
+        r = y.ravel() - flat[0] @ k
+        log = -0.5 * (np.linalg.slogdet(V)[1] + np.linalg.slogdet(M)[1] + r @ P @ r)
+        logs.append(log + prior[across] + prior[held] + prior[turn])
+        means.append(k)
+    weights = np.exp(np.array(logs) - max(logs))
+    np.testing.assert_allclose(found.weights, weights / weights.sum(), rtol=1e-8, atol=1e-14)
+    np.testing.assert_allclose(found.mean[:, c:], means, rtol=1e-8, atol=1e-10)
+
+
+def test_prior_of_sizes():
+    """Half of the probability is that of nothing, and the mean size beside it as asked."""
+    prior = prior_of_sizes(0.1)
+    assert prior.sum() == pytest.approx(1)
+    assert prior[0] == 0.5
+    assert 2 * prior @ SIZES == pytest.approx(0.1, rel=0.15)
+
+
+def test_mixtures_of_normal_errors():
+    """Quantiles of one part are those of its normal errors; medians are by weight."""
+    rng = RNG(3)
+    V = np.diag([1.0, 4.0, 0.2])
+    one = NormalMixture(np.ones(1), np.zeros((1, 1, 3)), V[None, None])
+    expected = error_quantiles(np.eye(3), V, [0.1, 0.5, 0.9])
+    np.testing.assert_allclose(one.quantiles([0.1, 0.5, 0.9])[0], expected, rtol=0.03)
+    assert one.size[0] == pytest.approx(np.sqrt(5.2))
+    both = NormalMixture(np.array([0.9, 0.1]), np.zeros((2, 1, 3)), np.array([V, 100 * V])[:, None])
+    draws = np.sqrt(np.where(rng.random(20_000) < 0.1, 100, 1)) * np.linalg.norm(
+        rng.standard_normal((20_000, 3)) * np.sqrt(np.diag(V)), axis=1
+    )
+    assert both.beyond(np.array([5.0]))[0] == pytest.approx((draws > 5).mean(), abs=0.01)
+    assert both.size[0] == pytest.approx(np.sqrt(5.2))
+    values = np.array([[3.0], [1.0], [2.0]])
+    assert weighted_median(values, np.array([0.2, 0.2, 0.6]))[0] == 2.0
