@@ -10,10 +10,12 @@ from edtk.design.plan import Plan
 from edtk.findings.causes.family import NOISE, Cause
 from edtk.findings.causes.find_causes import FoundCauses, look_for_causes, most_outliers
 from edtk.findings.match_plan import EqualRows, PlanMatch, equal_rows, match_plan
-from edtk.findings.model_error import ModelErrorFound, with_model_error
+from edtk.findings.model_error import ModelErrorFound, find_model_error
 from edtk.findings.moving_joints import (
+    constant_error,
     joint_unit,
     own_of_visits,
+    readings_alone,
     repetitions_agree,
     sizes_beside,
     with_common_noise,
@@ -275,7 +277,7 @@ class FittedData:
         found = cls(study, data, A, unexplained, fit, how=how)
         if not how.linear and bends_much(study, data, A, fit):
             found = found._of_equilibrium()
-        return with_model_error(found, with_common_noise(found))
+        return with_common_noise(found)._with_model_error(found)
 
     @classmethod
     def with_prior(
@@ -351,6 +353,34 @@ class FittedData:
             # Such compliances are wrong in any case: the residuals of the linear fit tell why.
             return self
         return replace(self, A=seen.A, measured=seen.measured, fit=again, nonlinear=True)
+
+    def _with_model_error(self, alone: "FittedData") -> "FittedData":
+        """The same with what the sheet says of all that the model leaves out.
+
+        The estimate stays that of least squares: a spring that takes up a part of what is missing
+        serves a task better than its true compliance would. Where the sheet speaks for something
+        that is missing, the covariance is that of the true compliances about it.
+
+        Args:
+            alone: The fit with the noise of the readings alone.
+        """
+        if self.untold or self.how.linear:
+            return self  # what bends is no error of a linear model that was asked for
+        seen = LinearisedData(alone.A, alone.measured)
+        given = (readings_alone(self), self._sound_rows, constant_error(self))
+        found = find_model_error(self.study, self.data, seen, (alone.fit, self.fit), *given)
+        if found is None:
+            return self
+        fit = self.fit
+        if found.counts:
+            dof = np.inf if fit.known else fit.covariance_dof
+            spread = found.possible.spread(len(fit.k))
+            fit = replace(fit, covariance=spread, covariance_dof=dof)
+        same = replace(self, fit=fit, model_error=found)
+        # What was found of the residuals before took its time, and stays.
+        kept = ("found_causes", "noise_estimate", "lack_of_fit", "explanation")
+        vars(same).update({name: value for name, value in vars(self).items() if name in kept})
+        return same
 
     @cached_property
     def left_out(self) -> LeftOutReadings | None:
@@ -448,12 +478,18 @@ class FittedData:
         return repetitions_agree(self)
 
     @property
+    def _sound_rows(self) -> Indices:
+        """The measurements that are not off by themselves; all where these are too many."""
+        every = np.arange(len(self.data))
+        off = {*self.found_causes.outliers, *self.fit.outliers.tolist()}
+        return every if len(off) > most_outliers(len(every)) else np.delete(every, list(off))
+
+    @property
     def others(self) -> tuple[Measurements, LinearisedData]:
         """The measurements that are not off by themselves, and their linear model."""
-        off = {*self.found_causes.outliers, *self.fit.outliers.tolist()}
-        if not off or len(off) > most_outliers(len(self.data)):
+        rows = self._sound_rows
+        if len(rows) == len(self.data):
             return self.data, LinearisedData(self.A, self.measured)
-        rows = np.delete(np.arange(len(self.data)), list(off))
         return self.data[rows], LinearisedData(self.A[rows], self.measured[rows])
 
     @property

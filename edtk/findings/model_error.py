@@ -1,22 +1,20 @@
 """The fit where the model leaves something out: how much of what, and what that leaves possible."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from edtk.findings.causes.faults import FAULTS
-from edtk.findings.causes.find_causes import most_outliers
 from edtk.findings.causes.scene import AXES, Displacements
-from edtk.findings.moving_joints import constant_error, readings_alone
+from edtk.fit.correlated_noise import RowNoise
+from edtk.fit.equilibrium import LinearisedData
+from edtk.fit.identify import Identification
+from edtk.fit.measurements import Measurements
 from edtk.fit.missing import USUAL, MissingColumns, SizeLikelihood, SizePosterior
 from edtk.measure.missing_pieces import MissingPieces, PossibleSprings
 from edtk.measure.task import all_compliances
 from edtk.study.study import Study
 from edtk.system.typing import Array, Indices
-
-if TYPE_CHECKING:
-    from edtk.findings.fitted_data import FittedData
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,67 +46,47 @@ class ModelErrorFound:
         return {"across_percent": across, "held_percent": held, "turn_percent": turn}
 
 
-def with_model_error(plain: "FittedData", fitted: "FittedData") -> "FittedData":
-    """The same with what the sheet says of all that the model leaves out.
-
-    The estimate stays that of least squares: a spring that takes up a part of what is missing
-    serves a task better than its true compliance would. Where the sheet speaks for something that
-    is missing, the covariance is that of the true compliances about it.
+def find_model_error(
+    study: Study,
+    data: Measurements,
+    seen: LinearisedData,
+    fits: tuple[Identification, Identification],
+    noise: RowNoise,
+    rows: Indices,
+    constant: float,
+) -> ModelErrorFound | None:
+    """Tell from residuals what the model leaves out.
 
     Args:
-        plain: The fit with the noise of the readings alone.
-        fitted: The same with the noise that visits share.
+        study: The model, and what is uncertain of the day.
+        data: The measurements.
+        seen: Their linear model about the estimate.
+        fits: The fit with the noise of readings alone, and with what visits share.
+        noise: The noise of readings, without what visits share.
+        rows: The measurements that are not off by themselves.
+        constant: What is left out of a coordinate in any pose [m].
+
+    Returns:
+        What was found; None where nothing bends, or the study says that its model is exact.
     """
-    usual = usual_share(plain.study)
-    if not usual or plain.untold or plain.how.linear or fitted.fit.dof < 1:
-        return fitted  # what bends is no error of a linear model that was asked for
-    found = _found(plain, fitted, usual)
-    if found is None:
-        return fitted
-    fit = fitted.fit
-    noise = fit.covariance
-    possible = found.posterior.possible(fit.unbounded)
-    if found.posterior.is_seen:
-        noise = plain.fit.covariance
-        dof = np.inf if fit.known else fit.covariance_dof
-        fit = replace(fit, covariance=possible.spread(len(fit.k)), covariance_dof=dof)
-    constant = constant_error(fitted)
-    error = ModelErrorFound(found.pieces, found.posterior, possible, noise, constant)
-    same = replace(fitted, fit=fit, model_error=error)
-    # What was found of the residuals before took its time, and stays.
-    kept = ("found_causes", "noise_estimate", "lack_of_fit", "explanation")
-    vars(same).update({name: value for name, value in vars(fitted).items() if name in kept})
-    return same
-
-
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """Pieces, and their sizes."""
-
-    pieces: MissingPieces
-    posterior: SizePosterior
-
-
-def _found(plain: "FittedData", fitted: "FittedData", usual: float) -> _Found | None:
-    """Sizes of what the model leaves out; None where nothing bends, or rows hang together."""
-    study = plain.study
-    data = plain.data
+    usual = usual_share(study)
+    alone, fit = fits
     model = study.model
-    k = all_compliances(model, plain.fit.k, study.known)
-    if not (k > 0).any() or not np.isfinite(fitted.fit.scale):
+    k = all_compliances(model, alone.k, study.known)
+    if not usual or fit.dof < 1 or not (k > 0).any() or not np.isfinite(fit.scale):
         return None
     pieces = MissingPieces.of(study.robot, k, model.torque_of(model.frames(data.q), data.wrench).T)
-    rows = _sound_rows(fitted)
-    noise = readings_alone(fitted)
-    columns = _columns(plain, pieces)[rows]
-    seen = SizeLikelihood.of(plain.A[rows], plain.measured[rows], noise[rows], columns, usual)
+    columns = _columns(study, data, seen.A, alone, pieces)[rows]
+    likelihood = SizeLikelihood.of(seen.A[rows], seen.measured[rows], noise[rows], columns, usual)
     try:
-        posterior = seen.posterior
+        posterior = likelihood.posterior
     except np.linalg.LinAlgError:
         return None
     if not np.isfinite(posterior.weights).all():
         return None
-    return _Found(pieces, posterior)
+    possible = posterior.possible(fit.unbounded)
+    own = alone.covariance if posterior.is_seen else fit.covariance
+    return ModelErrorFound(pieces, posterior, possible, own, constant)
 
 
 def usual_share(study: Study) -> float:
@@ -122,46 +100,37 @@ def usual_share(study: Study) -> float:
     return float(table.model_error_percent) / 100
 
 
-def _sound_rows(fitted: "FittedData") -> Indices:
-    """The measurements that are not off by themselves."""
-    every = np.arange(len(fitted.data))
-    off = {*fitted.found_causes.outliers, *fitted.fit.outliers.tolist()}
-    return every if len(off) > most_outliers(len(every)) else np.delete(every, list(off))
-
-
-def _columns(plain: "FittedData", pieces: MissingPieces) -> MissingColumns:
+def _columns(
+    study: Study, data: Measurements, A: Array, fit: Identification, pieces: MissingPieces
+) -> MissingColumns:
     """What readings show of the pieces, and of what else is uncertain."""
-    study, data = plain.study, plain.data
     given = (study.model, data.q, data.wrench, lambda frames: data.motion_of(study.model, frames))
     return MissingColumns(
         shared=pieces.shared(*given),
         kinds=pieces.kinds,
         turns=pieces.turns(*given),
         pose=data.pose,
-        known=_circumstances(plain),
+        known=_circumstances(study, data, A, np.maximum(fit.k, 0.0)),
     )
 
 
-def _circumstances(plain: "FittedData") -> Array:
+def _circumstances(study: Study, data: Measurements, A: Array, k: Array) -> Array:
     """What readings (m, rows, e) show of what else is uncertain, by one standard deviation each.
 
     It is the direction of the loads, the tool point, and a drift: what a sheet may tell.
     """
-    study, data = plain.study, plain.data
-    k = np.maximum(plain.fit.k, 0.0)
-    scene = Displacements(study.model, data, plain.A, k, study.known, False)
+    scene = Displacements(study.model, data, A, k, study.known, False)
     given = study.specification.uncertainty
     tilt = np.deg2rad(given.load_direction_deg)
-    found = [given.drift_mm / 1e3 * scene.shift, tilt * _tilted(plain, k)]
+    found = [given.drift_mm / 1e3 * scene.shift, tilt * _tilted(study, data, k)]
     for axis in AXES:
         for family in scene.families(FAULTS[f"tool_{axis}"].models):
             found.append(given.tool_mm / 1e3 * family.derivative_at_zero(k))
     return np.concatenate(found, axis=-1)
 
 
-def _tilted(plain: "FittedData", k: Array) -> Array:
+def _tilted(study: Study, data: Measurements, k: Array) -> Array:
     """What readings (m, rows, 3) show of all loads turned about each axis of the world [1/rad]."""
-    study, data = plain.study, plain.data
     model = replace(study.model.by_wrench, unknown=(*study.model.joints, *study.known))
     every = np.append(k, list(study.known.values()))
     force, torque = data.wrench[:, :3], data.wrench[:, 3:]
