@@ -10,8 +10,9 @@ from edtk.fit.correlated_noise import RowNoise
 from edtk.fit.equilibrium import LinearisedData
 from edtk.fit.identify import Identification
 from edtk.fit.measurements import Measurements
-from edtk.fit.missing import USUAL, MissingColumns, SizeLikelihood, SizePosterior
+from edtk.fit.missing import MissingColumns, SizeLikelihood, SizePosterior
 from edtk.measure.missing_pieces import MissingPieces, PossibleSprings
+from edtk.measure.model_error import ASSUMED
 from edtk.measure.task import all_compliances
 from edtk.study.study import Study
 from edtk.system.typing import Array, Indices
@@ -95,9 +96,9 @@ def usual_share(study: Study) -> float:
     A study that states a share, `noise.model_error_percent`, states this one.
     """
     table = study.specification.noise
-    if table is None or "model_error_percent" not in table.model_fields_set:
-        return USUAL
-    return float(table.model_error_percent) / 100
+    if table is None or table.model_error_percent is None:
+        return ASSUMED
+    return table.model_error_percent / 100
 
 
 def _columns(

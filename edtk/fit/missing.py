@@ -7,6 +7,7 @@ import numpy as np
 
 from edtk.fit.correlated_noise import RowNoise, groups_by_size, whiten_columns
 from edtk.measure.missing_pieces import PossibleSprings
+from edtk.measure.model_error import ASSUMED
 from edtk.system.typing import Array, Indices
 
 # Shares that a piece may have: nothing, or a size on a scale of factors of two.
@@ -15,12 +16,11 @@ SIZES = np.array([0.0, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32])
 # tenth, exponentially distributed. Bearings and links add a tenth to a third to what gears give,
 # friction holds some per cent to a sixth of a load, and stiffnesses vary by a tenth with position.
 ABSENT = 0.5
-USUAL = 0.1
 # Sizes that stand for all that are left possible, each of the same probability, at most.
 KEPT = 24
 
 
-def prior_of_sizes(usual: float = USUAL) -> Array:
+def prior_of_sizes(usual: float = ASSUMED) -> Array:
     """Probabilities of `SIZES`: each stands for what is nearer to it, by logarithms."""
     between = np.sqrt(SIZES[1:-1] * SIZES[2:])
     edges = np.concatenate([[0.0], between, [np.inf]])
@@ -89,7 +89,7 @@ class SizeLikelihood:
     sums: tuple[_Sums, ...]
     kinds: Indices
     scale: Array
-    usual: float = USUAL
+    usual: float = ASSUMED
 
     @classmethod
     def of(
@@ -98,7 +98,7 @@ class SizeLikelihood:
         measured: Array,
         noise: RowNoise,
         columns: MissingColumns,
-        usual: float = USUAL,
+        usual: float = ASSUMED,
     ) -> "SizeLikelihood":
         """Take the sums over all measurements, which is all that sizes need of them.
 
