@@ -139,8 +139,8 @@ class NoiseTable(Table):
         description="What the model leaves out of the springs' displacement, as a share of it, "
         "half of the variance in the springs' turns and half in any direction; plans count it: "
         "repeats do not average it out, and tasks have it too. Springs are as [simulation] or "
-        "[prior] guesses; a sheet tells itself what they leave out, but for 0. Where nothing is said "
-        "of the model's errors the expected error of a plan assumes 10, and its poses 0 [%]",
+        "[prior] guesses; a sheet tells itself what they leave out, but for 0. Where nothing is "
+        "said of the model's errors the expected error of a plan assumes 10, and its poses 0 [%]",
     )
     discrepancy_within_deg: Positive = Field(
         5.0,
