@@ -14,6 +14,7 @@ import edtk
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.fit.geometry.fitted_geometry import loading_in
+from edtk.fit.geometry.geometry_posterior import many_seen
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry
 from edtk.system.errors import UserError
@@ -199,6 +200,29 @@ def test_spring_that_no_load_turns_says_what_would_tell_it() -> None:
     (words,) = plan.question.untold
     assert words.startswith("the spring of joint q2 about x moves no marker")
     assert "it needs a torque about x before joint q2 that no load there makes" in words
+
+
+def test_laws_of_springs_are_told_by_loads_of_two_sizes() -> None:
+    """A load along a direction has half of its size in plans too, where a spring is not linear."""
+    up_to = {"F_max_N": 100, "direction": [0, 0, -1]}
+    plain, cubic = (
+        GeometryQuestion.of(study_of(springs=springs, load=up_to, payload=None)).wrenches[:, 2]
+        for springs in (["joints"], ["joints", "q2.cubic"])
+    )
+    assert sorted(plain) == [-100, 0]
+    assert sorted(cubic) == [-100, -50, 0]
+
+
+def test_chains_see_what_the_model_sees() -> None:
+    """Many sets of springs at once, as posteriors need them, bend the arm as each alone does."""
+    model = StudyGeometry.of(study_of(KINDS["laws"])).model
+    rng = np.random.default_rng(0)
+    theta = model.scales * rng.normal(0, 1, (3, model.p))
+    q = rng.uniform(-1, 1, (4, 2))
+    torque = rng.normal(0, 100, (4, model.springs.width))
+    many = many_seen(model, theta, q, torque)
+    each = [model.see(one, q, torque, derivatives=False).points for one in theta]
+    np.testing.assert_allclose(many.points, each, rtol=0, atol=1e-13)
 
 
 def test_prior_of_a_spring_counts() -> None:

@@ -45,6 +45,7 @@ from edtk.system.errors import UserError
 from edtk.system.typing import Array
 
 POSES = 60  # poses under each load that show what any poses could tell
+HALF = 0.5  # of the largest load, at which laws of springs differ most from a line
 UNTOLD = 1e-6  # [mm] an error in a task that a unit of what no pose tells may make
 
 
@@ -57,10 +58,11 @@ def load_of(study: Study) -> Load:
     Without springs a load tells nothing, and none is alone. Rows A of a visit are affine in its
     load, so that ``<Z, A'A>`` is convex in it: it is largest at an end. Of forces along a direction
     the best weights need none but nothing and the largest one, and their bound holds for all.
+    Springs that are not linear are told by loads of several sizes: half of the largest is one more.
     """
     given = study.specification
-    springs = given.joints.unknown or other_springs(study)
-    if not springs or (given.load is None and given.payload is None):
+    others = other_springs(study)
+    if not (given.joints.unknown or others) or (given.load is None and given.payload is None):
         return FixedLoad(NONE)
     load = given.build_load()
     if isinstance(load, FixedLoad):
@@ -68,7 +70,8 @@ def load_of(study: Study) -> Load:
     elif isinstance(load, ListedLoad):
         own = load.wrenches
     elif isinstance(load, BoundedLoad):
-        own = load.largest[None]
+        sizes = np.array([1.0, HALF] if any(one.law for one in others) else [1.0])
+        own = sizes[:, None] * load.largest
     else:
         return load
     own = np.unique(own[own.any(axis=1)], axis=0)
