@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.fit.prior import PriorRows
+from edtk.fit.prior import Prior, PriorRows
 from edtk.measure.measured_model import MeasuredModel, Seen, Torque
 from edtk.measure.noise import white_kinds
 from edtk.robots.rotations import rotation_vectors
@@ -217,3 +217,10 @@ def least_squares_fit(
         max_nfev=most,
     )
     return LeastSquaresFit(found.x * scales, float(found.cost), bool(found.status > 0))
+
+
+def known_before(
+    prior: Prior, model: MeasuredModel, theta: Array, weight: float = 1.0
+) -> PriorRows:
+    """What is known of a model's parameters in their units, with errors of some size."""
+    return PriorRows.near(prior, theta).scaled(model.scales, weight)
