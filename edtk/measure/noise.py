@@ -494,6 +494,9 @@ class PositionNoise:
             where all are one.
         unknown: Whether residuals tell how large the instrument's errors are, of which T, r and
             `turn` say the shape: then w is part of them, as nothing tells both apart.
+        error: What springs leave out of a plan's visits, with compliances in mrad/(N m); None where
+            they leave nothing out, or a sheet tells it.
+        groups: Groups (r,) of coordinates that it treats alike, see `ModelError`.
     """
 
     reading: float
@@ -509,6 +512,8 @@ class PositionNoise:
     tracked: Mask | None = None
     ratios: Array | None = None
     unknown: bool = False
+    error: ModelError | None = None
+    groups: Indices = field(default_factory=lambda: np.zeros(0, dtype=int))
 
     def of_mean(self, readings: float) -> "PositionNoise":
         """The errors of a mean of readings, which lessens all but what the model leaves out."""
@@ -541,7 +546,8 @@ class PositionNoise:
     @property
     def is_white(self) -> bool:
         """Whether the errors of all coordinates are independent, and alike in all poses."""
-        return self.tracker is None and not (np.any(self.joints) or np.any(self.model_joints))
+        still = not (np.any(self.joints) or np.any(self.model_joints))
+        return self.tracker is None and self.error is None and still
 
     def of_markers(self, chosen: Indices) -> "PositionNoise":
         """The same of some of the instruments."""

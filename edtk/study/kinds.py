@@ -446,12 +446,10 @@ def _check_unused(study: Asked) -> None:
     unused = {
         "prior.sigma_factor": given.prior.sigma_factor != 1,
         "prior.nu": given.prior.nu != "normal",
-        "noise.model_error_percent": bool(given.noise and given.noise.model_error_percent),
     }
     instead = {
         "prior.sigma_factor": "the size of its errors is fitted anyway",
         "prior.nu": "--robust gives errors heavy tails",
-        "noise.model_error_percent": "give noise.discrepancy_mm",
     }
     for key, is_given in unused.items():
         if is_given:

@@ -9,7 +9,9 @@ import numpy as np
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.prior import Gaussian
 from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.instruments.pose_marker import COORDINATES
 from edtk.measure.measured_model import Kind, Load, MeasuredModel
+from edtk.measure.model_error import ModelError
 from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import Parameter, all_parameters
 from edtk.measure.springs import elastic_joints, sprung
@@ -23,6 +25,7 @@ from edtk.study.study_model import (
     compensator_numbers,
     distance_names,
     giving_way,
+    guessed_compliances,
     is_reference,
     likely_compliances,
     marker_names,
@@ -32,7 +35,7 @@ from edtk.study.study_model import (
     with_likely_sizes,
 )
 from edtk.study.tables_of_measurement import DistanceTable, MarkerTable
-from edtk.system.typing import Array, Mask
+from edtk.system.typing import Array, Indices, Mask
 
 STEP = 0.1  # [rad or m]: the mark's pose has its joints at 1, 2, 3, ... steps
 
@@ -310,8 +313,25 @@ def planned_noise(setting: StudyGeometry) -> PositionNoise:
     A sheet tells the second itself. In a difference of two readings it is as large as in one.
     """
     table = setting.study.specification.noise
-    size = 0.0 if table is None else table.discrepancy_mm
-    return replace(setting.noise, model_white=size, model_change=(size, 0.0))
+    if table is None:
+        return setting.noise
+    size = table.discrepancy_mm
+    share = (table.model_error_percent or 0.0) / 100 if setting.loads is not None else 0.0
+    k = 1e3 * guessed_compliances(setting.study) if share else np.zeros(0)
+    return replace(
+        setting.noise,
+        model_white=size,
+        model_change=(size, 0.0),
+        error=ModelError.of_share(k, share) if share else None,
+        groups=_groups(setting.model),
+    )
+
+
+def _groups(model: MeasuredModel) -> Indices:
+    """Groups (k r,) of rows: those of a position, of an orientation, or a distance by itself."""
+    rows = np.arange(model.row_count)
+    own = np.where(model.is_distance[:, None], rows, rows // COORDINATES)
+    return np.asarray(own + model.row_count * np.arange(len(own))[:, None]).reshape(-1)
 
 
 def alone_load(study: Study) -> Array | None:

@@ -85,6 +85,25 @@ def test_differences_and_markers_on_links_are_verified(criterion: str, tmp_path:
     assert not edtk.verify(content).valid
 
 
+@pytest.mark.cell("`[noise] model_error_percent`, of what springs do", "parameters")
+@pytest.mark.parametrize("reads", [{}, {"reference": "unloaded"}], ids=["positions", "changes"])
+def test_what_springs_leave_out_is_verified(reads: dict[str, str], tmp_path: Path) -> None:
+    """A share of what springs do lessens the information, by positions and by changes."""
+    wire = {"anchor_mm": [2000, 500, 0], "marker": "A"}
+    noise = {"repeatability_deg": 0.01, "model_error_percent": 8, "discrepancy_mm": 0.02}
+    study = RICH.replace(
+        measurement={"sigma_mm": 0.1, **reads},
+        distance=[wire],
+        noise=noise,
+        simulation={"compliance_rad_per_Nm": {"q1": 3e-5, "q2": 5e-5}},
+    )
+    content = written(study, "D", tmp_path / "c.json")
+    found = edtk.verify(content, study)
+    assert found.valid, found.summary()
+    content["setting"]["noise"]["model_error"]["anywhere"] *= 0.9
+    assert not edtk.verify(content).valid
+
+
 def test_a_search_over_all_poses_is_repeated(tmp_path: Path) -> None:
     """Another search finds no pose of larger sensitivity, and the stated bound holds."""
     content = written(STUDY, "rho0", tmp_path / "c.json", continuous=True)

@@ -266,13 +266,14 @@ def visits(repeats: int) -> Plan:
 
 
 @pytest.mark.cell("the error budget of a plan", "parameters")
-def test_springs_alone_have_one_budget() -> None:
-    """Noise, load, and joints that count as rigid do the same in a study and in its twin."""
+@pytest.mark.parametrize("share", [0, 7], ids=["ideal springs", "springs that err"])
+def test_springs_alone_have_one_budget(share: float) -> None:
+    """Noise, load, model and joints that count as rigid do the same in a study and in its twin."""
     robot = STUDY.to_dict()["robot"]
     nominal = {"sigma_mm": 0.05, "reference": "nominal"}
-    exact = {"model_error_percent": 0}
-    springs = SPRINGS.replace(simulation=SOFT, robot=robot, measurement=nominal, noise=exact)
-    question = GeometryQuestion.of(TWIN.replace(simulation=SOFT, robot=robot))
+    noise = {"model_error_percent": share}
+    springs = SPRINGS.replace(simulation=SOFT, robot=robot, measurement=nominal, noise=noise)
+    question = GeometryQuestion.of(TWIN.replace(simulation=SOFT, robot=robot, noise=noise))
     plan = visits(2)
     expected = plan_budget(springs, plan)
     found = GeometryDesigns(question.study, question).error_budget(plan)

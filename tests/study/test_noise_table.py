@@ -172,10 +172,3 @@ def test_base_far_away():
     away = type(robot)(robot.name, robot.joints, transform([20.0, 0, 0], [0, 0, 0]), robot.tool)
     near_origin = TRACKER | {"tracker_position_mm": [15000, 0, 1000]}
     assert arm(robot=away, measurement=WITHOUT_SIGMA, noise=near_origin).noise is not None
-
-
-@pytest.mark.cell("`[noise] model_error_percent`, of what springs do", "parameters")
-def test_a_model_error_of_positions_is_no_share_of_what_springs_do():
-    """A study of geometry refuses a share of the displacement, and says what it takes."""
-    with pytest.raises(UserError, match=r"model_error_percent: .* noise\.discrepancy_mm"):
-        arm(noise={"model_error_percent": 5}, parameters={"compliance": ["q1", "q2"]})

@@ -44,6 +44,7 @@ from edtk.measure.expected_error import (
 )
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import AXES, Identifiable, Parameter, all_parameters
+from edtk.measure.task import Columns, Task, Tasks
 from edtk.robots.workspace import neighbourhood
 from edtk.study.evaluate import criteria_frame, criterion_values, observability
 from edtk.study.plan_study import no_progress, study_errors
@@ -446,7 +447,26 @@ class GeometryDesigns(Designs):
     def error_budget(self, plan: Plan) -> ErrorBudget | None:
         """The error in the test poses by all that is uncertain; None where nothing tells it."""
         found = self.propagation(plan)
-        return None if found is None else found.budget(self.question.tasks)
+        if found is None:
+            return None
+        return found.budget(self.question.tasks, self._left_out(self.study.tasks))
+
+    def _left_out(self, tasks: Tasks) -> float:
+        """Root mean square of what the springs leave out of some tasks themselves [m]."""
+        error = self.question.space.errors.error
+        if error is None:
+            return 0.0
+        setting = self.question.setting
+        robot = self.study.robot
+        every = all_parameters(robot, (), (), robot.joint_names, base=False, tool=False)
+        model = setting.model.with_parameters(every)
+
+        def columns(task: Task) -> Columns:
+            own = setting.columns(task, model, setting.every_load_of(task))
+            return lambda q, turned: own(q, turned) / model.scales
+
+        exact = replace(error, k=error.k / MM)
+        return exact.remaining(tasks.with_columns(columns).target)
 
     def totals(self, plan: Plan) -> TaskAccuracy | None:
         """The errors in each of several test poses, with the total of each."""
@@ -454,7 +474,8 @@ class GeometryDesigns(Designs):
         if each is None or found is None:
             return each
         tasks = self.question.tasks
-        return replace(each, total=found.totals(tasks, np.zeros(len(tasks))))
+        left_out = np.array([self._left_out(Tasks([task])) for task in self.study.tasks])
+        return replace(each, total=found.totals(tasks, left_out))
 
     def propagation(self, plan: Plan) -> Propagation | None:
         """What is uncertain in a calibration by a plan; None without test poses, too."""

@@ -89,11 +89,17 @@ def visited(
     setting, model, study = question.setting, question.model, question.study
     bending = setting.loads if loads is None else loads
     shared = question.space.visits_of(Plan(q, wrench, np.ones(len(q), dtype=int)))
+    as_taken = PositionRows(model, setting.loads, question.space.errors)
+    root = np.linalg.cholesky(as_taken.covariance(q, wrench, shared))
 
     def columns(parameters: tuple[Parameter, ...], wrench: Array) -> Array:
         rows = PositionRows(replace(model, parameters=parameters), bending, question.space.errors)
         scales = np.array([one.scale for one in parameters])
-        return rows(q, wrench, shared) / scales
+        if question.space.errors.error is None:
+            return rows(q, wrench, shared) / scales
+        # Errors grow with the loads as they are taken, and not with those that are tried.
+        plain = replace(rows, noise=None)(q, wrench) / scales
+        return np.asarray(np.linalg.solve(root, plain))
 
     simulation = study.specification.simulation
     given = {} if simulation is None else simulation.compliance_rad_per_Nm

@@ -10,6 +10,7 @@ import criteria
 from edtk.calibration.geometry.told_before import design_prior
 from edtk.calibration.geometry_design.geometry_space import MM, GeometrySpace, PositionRows
 from edtk.certificate.certificate import (
+    error_to_dict,
     feasible_to_dict,
     gives_to_dict,
     place_to_dict,
@@ -22,6 +23,7 @@ from edtk.design.plan import Plan
 from edtk.fit.geometry.fit_geometry import told_apart
 from edtk.fit.prior import PriorRows
 from edtk.measure.measured_model import MeasuredModel
+from edtk.measure.model_error import ModelError
 from edtk.measure.parameters import (
     COMPONENTS,
     NUMBERS,
@@ -424,8 +426,14 @@ def _noise(question: GeometryQuestion) -> dict[str, Any]:
             "discrepancy": left_out[present.reshape(-1)].tolist(),
             "within": shared.within if shared is not None and shares else 0.0,
             "readings": 1,
+            **({} if noise.error is None else {"model_error": _error(noise.error)}),
         }
     }
+
+
+def _error(error: ModelError) -> dict[str, Any]:
+    """What springs leave out, in SI units."""
+    return error_to_dict(replace(error, k=error.k / 1e3))
 
 
 def _load(question: GeometryQuestion) -> dict[str, Any]:

@@ -83,6 +83,11 @@ class PositionRows:
             found[part] = self._block(q[part], wrench[part], _some(visits, part))
         return found
 
+    def covariance(self, q: Array, wrench: Array, visits: Array | None = None) -> Array:
+        """Covariances (m, k r, k r) [mm^2] by which rows are whitened, see `__call__`."""
+        bent = self._bent(q, wrench)
+        return self._covariance(self.columns.at(q), self._differs(wrench), visits, bent)
+
     def slopes(
         self, q: Array, wrench: Array, B: Array, changes: Array, visits: Array | None = None
     ) -> Array:
@@ -110,7 +115,7 @@ class PositionRows:
         rows = self._rows(placed, amplitudes, differs)
         if self.is_white:
             return np.asarray(rows / self._sigmas(differs, visits)[..., None])
-        return self._whitened(rows, placed, differs, visits)
+        return self._whitened(rows, placed, differs, visits, self._bent(q, wrench))
 
     def _differs(self, wrench: Array) -> Mask | None:
         """Which visits (m,) are differences of two readings; None for none."""
@@ -135,21 +140,45 @@ class PositionRows:
         return np.asarray(np.moveaxis(flat, (0, 1), (2, 1)) * self.scales)
 
     def _whitened(
-        self, rows: Array, placed: PlacedColumns, differs: Mask | None, visits: Array | None
+        self,
+        rows: Array,
+        placed: PlacedColumns,
+        differs: Mask | None,
+        visits: Array | None,
+        bent: Array | None,
     ) -> Array:
         """Rows (m, r, p) in units of correlated noise."""
-        L = np.linalg.cholesky(self._covariance(placed, differs, visits))
+        L = np.linalg.cholesky(self._covariance(placed, differs, visits, bent))
         return np.asarray(np.linalg.solve(L, rows))
 
     def _covariance(
-        self, placed: PlacedColumns, differs: Mask | None, visits: Array | None
+        self,
+        placed: PlacedColumns,
+        differs: Mask | None,
+        visits: Array | None,
+        bent: Array | None,
     ) -> Array:
         """Covariances (m, k r, k r) with which one of some visits of a pose counts."""
-        assert self.noise is not None
+        noise = self.noise
+        assert noise is not None
         motion = _motion(placed)
         places = np.moveaxis(placed.points, -1, 0)
-        R = _counts(differs, len(motion)) * self.noise.of_reading(motion, places)
-        return np.asarray(R + _lifted(visits) * self.noise.of_model(motion, differs))
+        R = _counts(differs, len(motion)) * noise.of_reading(motion, places)
+        D = noise.of_model(motion, differs)
+        if noise.error is not None and bent is not None:
+            bends = noise.error.bends(_by_component(motion), bent)
+            D = D + np.moveaxis(noise.error.covariance(bends, noise.groups), -1, 0)
+        return np.asarray(R + _lifted(visits) * D)
+
+    def _bent(self, q: Array, wrench: Array) -> Array | None:
+        """Loads (n, m) of the joints of which the model's error is a share; None without one.
+
+        They are changes where readings are differences.
+        """
+        if self.noise is None or self.noise.error is None:
+            return None
+        parts = [one.share * one.torque for one in self._loadings(q, wrench)]
+        return np.asarray(sum(parts))[: q.shape[1]]
 
     def _loadings(self, q: Array, wrench: Array) -> list["Loaded"]:
         """What loads the joints, whose springs have not given way; none without springs.
@@ -183,9 +212,11 @@ class PositionRows:
         differs = self._differs(wrench)
         if self.is_white:
             weights, of_noise = B / self._sigmas(differs, visits)[..., None], np.zeros(q.shape)
+            of_loads = np.zeros((q.shape[1], len(q)))
         else:
             rows = self._rows(placed, amplitudes, differs)
-            weights, of_noise = self._correlated(placed, rows, B, differs, visits)
+            bent = self._bent(q, wrench)
+            weights, of_noise, of_loads = self._correlated(placed, rows, B, differs, visits, bent)
         by_motion, by_amplitudes = placed.slope(
             _component_first(weights * self.scales, len(self.model.markers)),
             amplitudes,
@@ -199,6 +230,7 @@ class PositionRows:
             weights = one.share * by_amplitudes
             by_torque, by_joints = self.model.answers.pulled_back(q.T, one.torque, weights)
             own = np.ascontiguousarray(by_torque.T)
+            own[:, : q.shape[1]] += (one.share * of_loads).T
             found = found + by_joints.T + self.loads.slope(q, one.wrench, own)[:, : q.shape[1]]
             if one.wrench is wrench:
                 each = np.moveaxis(changes, -1, 0)
@@ -213,17 +245,19 @@ class PositionRows:
         B: Array,
         differs: Mask | None,
         visits: Array | None,
-    ) -> tuple[Array, Array]:
+        bent: Array | None,
+    ) -> tuple[Array, Array, Array]:
         """Weights (m, r, p) of the rows in millimetres, and what the noise adds (m, n).
 
         ``d<B, L^-1 A> = <W, dA> - <W A' V^-1, dV>/2`` with ``W = L^-T B``; the covariance changes
         by ``dV = dT + dJ S J' + J S dJ'``, with the errors T of the tracker, which follow the
-        markers, and the variances S of the joints.
+        markers, and the variances S of the joints. What springs leave out follows the loads of the
+        joints, too: the weights (n, m) with which it does so are the third.
         """
         noise = self.noise
         assert noise is not None
         motion = _motion(placed)
-        V = self._covariance(placed, differs, visits)
+        V = self._covariance(placed, differs, visits, bent)
         L = np.linalg.cholesky(V)
         W: Array = np.linalg.solve(np.swapaxes(L, 1, 2), B).astype(float, copy=False)
         Q = W @ np.swapaxes(np.linalg.solve(V, rows), 1, 2)
@@ -234,11 +268,18 @@ class PositionRows:
             each = np.where(differs[:, None, None], 2 * variances, each)
         S = -0.5 * (Q + np.swapaxes(Q, 1, 2))
         C = _component_first(S @ (motion * each), len(self.model.markers))
+        of_loads = np.zeros(C.shape[:1] + C.shape[-1:])
+        if noise.error is not None and bent is not None:
+            weights = np.moveaxis(_lifted(visits) * S / 2, 0, -1)
+            by_component = _by_component(motion)
+            given = noise.error.slope_weights(by_component, bent, weights, noise.groups)
+            C = C + given[0].reshape(C.shape)
+            of_loads = given[1]
         slope = placed.motion_slope(C).T
-        if noise.tracker is None:
-            return W, slope
-        readings = np.ones(len(S)) if differs is None else 1.0 + differs
-        return W, slope + self._tracked(placed, readings[:, None, None] * S / 2)
+        if noise.tracker is not None:
+            readings = np.ones(len(S)) if differs is None else 1.0 + differs
+            slope = slope + self._tracked(placed, readings[:, None, None] * S / 2)
+        return W, slope, of_loads
 
     def _tracked(self, placed: PlacedColumns, S: Array) -> Array:
         """Derivatives (m, n) of ``<S, T>`` by the joints, weights S (m, k r, k r) held fixed."""
@@ -285,6 +326,11 @@ def _motion(placed: PlacedColumns) -> Array:
     """Motions (m, k r, n) of all coordinates by the joints [mm/mrad]."""
     n, _, _, m = placed.by_joints.shape
     return np.moveaxis(placed.by_joints.reshape(n, -1, m), (0, 1), (2, 1))
+
+
+def _by_component(motion: Array) -> Array:
+    """Motions (n, k r, m), component first, of those (m, k r, n)."""
+    return np.ascontiguousarray(np.moveaxis(motion, (2, 1), (0, 1)))
 
 
 def _component_first(A: Array, markers: int) -> Array:

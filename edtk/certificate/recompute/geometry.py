@@ -15,6 +15,7 @@ from edtk.certificate.recompute.physics import (
     Place,
     Weight,
     read_weights,
+    weight_torque,
 )
 from edtk.certificate.recompute.plain_data import rows, table, text, whole
 from edtk.system.typing import Array
@@ -168,6 +169,13 @@ class Geometry:
         still = differs[:, None] & rigid
         size = np.where(differs, np.sqrt(0.5), 1.0)
         return np.asarray(np.concatenate(parts, axis=1) * (size[:, None] * ~still)[:, None])
+
+    def torque(self, chain: Chain, physics: Physics, q: Array, wrench: Array) -> Array:
+        """Loads (k, n) of the free joints, or their change where readings are differences."""
+        loaded = (wrench != 0).any(axis=1, keepdims=True)
+        found = physics.torque(chain, q, wrench) + loaded * weight_torque(chain, self.payload, q)
+        before = physics.torque(chain, q, np.zeros_like(wrench))
+        return np.asarray(found - (loaded & self.changes) * before)
 
     def readings(self, wrench: Array) -> Array:
         """How many readings (k,) the rows of visits under wrenches (k, 6) are made of."""

@@ -451,6 +451,8 @@ class Setting:
         """Loads (k, n) of the joints, by which the model errs; zeros where it does not."""
         if self.noise is None or self.noise.springs is None:
             return np.zeros(q.shape)
+        if self.geometry is not None:
+            return self.geometry.torque(self.chain, physics, q, wrench)
         return physics.torque(self.chain, q, wrench)
 
     def _left(self, A: Array, q: Array) -> Array:

@@ -7,7 +7,7 @@ from loaded_arm import LOAD, STUDY
 from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.measure.measured_model import Load, Loading
 from edtk.measure.noise import PositionNoise, Tracker
-from edtk.study.study_geometry import StudyGeometry
+from edtk.study.study_geometry import StudyGeometry, planned_noise
 from edtk.system.typing import Array
 
 RNG = np.random.default_rng(4)
@@ -93,11 +93,26 @@ def test_rows_are_whitened(name: str) -> None:
     np.testing.assert_allclose(np.swapaxes(A, 1, 2) @ A, expected, rtol=1e-9, atol=1e-9)
 
 
+SHARE = {"model_error_percent": 20, "discrepancy_mm": 0.01, "repeatability_deg": 0.002}
+GUESS = {"compliance_rad_per_Nm": {"q1": 4e-5, "q2": 9e-5}}
+
+
+def rows_that_err(name: str) -> PositionRows:
+    """Rows of a study that states a share of what springs do; of plain noises for other names."""
+    if not name.startswith("share of "):
+        return rows_with(name)
+    study = {"positions": HEAVY, "poses": FULL, "changes": CHANGES}[name.removeprefix("share of ")]
+    setting = StudyGeometry.of(study.replace(noise=SHARE, simulation=GUESS))
+    return PositionRows(setting.model, setting.loads, planned_noise(setting))
+
+
 @pytest.mark.parametrize("visits", [None, VISITS], ids=["one visit", "several"])
-@pytest.mark.parametrize("name", NOISES)
+@pytest.mark.parametrize(
+    "name", [*NOISES, "share of positions", "share of poses", "share of changes"]
+)
 def test_slopes_of_information(name: str, visits: Array | None) -> None:
     """Derivatives of <G, M> by the joints agree with differences, loads and noise included."""
-    rows = rows_with(name)
+    rows = rows_that_err(name)
     A = rows(Q, WRENCH, visits)
     G = RNG.normal(size=(A.shape[-1],) * 2)
     G = G + G.T
