@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from edtk.design.relaxation.relaxed_plan import RelaxedPlan as RelaxedPlan
     from edtk.design.relaxation.relaxed_region import RelaxedRegion as RelaxedRegion
     from edtk.fit.controller.find_controller import FoundController as FoundController
+    from edtk.robots.compensator import Compensator as Compensator
     from edtk.robots.joint import Joint as Joint
     from edtk.robots.load_robot import load_robot as load_robot
     from edtk.robots.robot import Robot as Robot
@@ -91,6 +92,7 @@ _HOME = {
     "Study": "edtk.study.study",
     "Robot": "edtk.robots.robot",
     "Joint": "edtk.robots.joint",
+    "Compensator": "edtk.robots.compensator",
     "RobotOverview": "edtk.robots.robot_overview",
     "FoundController": "edtk.fit.controller.find_controller",
     "load_robot": "edtk.robots.load_robot",
