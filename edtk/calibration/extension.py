@@ -526,7 +526,9 @@ def _study_of(study: Study, search: Search, chosen: frozenset[int]) -> Study:
             springs.append(name)
     given = study.to_dict()
     joints = {key: value for key, value in given.get("joints", {}).items() if key != "unknown"}
-    asked = {"springs": springs, "geometry": [], "base": False, "tool": False}
+    asked: dict[str, Any] = {"springs": springs, "geometry": [], "base": False, "tool": False}
+    if tables:
+        asked["compensators"] = [table["joint"] for table in tables]
     robot = given["robot"]
     if tables:
         table = {"file": robot} if isinstance(robot, str) else dict(robot)
