@@ -201,7 +201,7 @@ def _listed(load: Load) -> Array:
         ValueError: They are not listed.
     """
     if load.direction is not None:
-        return np.append(load.largest * load.direction, np.zeros(3))[None]
+        return load.wrench(np.ones((1, 1)))
     if load.listed is None:
         raise ValueError("day: expected loads that are listed")
     return load.listed

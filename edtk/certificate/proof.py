@@ -17,7 +17,7 @@ from edtk.certificate.recompute.candidates import (
     require,
 )
 from edtk.certificate.recompute.lower_bound import Multipliers
-from edtk.certificate.recompute.plain_data import numbers, rows, table, text, whole
+from edtk.certificate.recompute.plain_data import numbers, rows, table, text, whole, wrenches_of
 from edtk.certificate.recompute.setting import Setting
 from edtk.system.typing import Array, Mask
 
@@ -64,7 +64,7 @@ class Experiments:
             table(row, ("q", "wrench", amount), f"{where}[{i}]")
         return cls(
             numbers([row["q"] for row in found], (None, n), f"{where}.q"),
-            numbers([row["wrench"] for row in found], (None, 6), f"{where}.wrench"),
+            wrenches_of([row["wrench"] for row in found], f"{where}.wrench"),
             numbers([row[amount] for row in found], (None,), f"{where}.{amount}"),
         )
 

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.measure.cells import csv_text
-from edtk.measure.pose_table import WRENCH_COLUMNS, PoseTable, Table, in_file_units, pose_columns
+from edtk.measure.pose_table import (
+    PoseTable,
+    Table,
+    in_file_units,
+    pose_columns,
+    wrench_columns,
+    wrench_in_file_units,
+)
+from edtk.robots.frames import all_wrenches
 from edtk.robots.robot import Robot
 from edtk.system.files import write_text
 from edtk.system.presented import Presented
@@ -27,7 +35,8 @@ class Plan(Presented):
 
     Args:
         q: Joint variables (k, n) [rad or m].
-        wrench: Forces and torques (k, 6) [N, N m].
+        wrench: Forces and torques (k, 6) [N, N m], or (k, 9) where loads act at several places, see
+            `BodyPoint.of_load`.
         repeats: Measurements per pose (k,), at least one each.
 
     Raises:
@@ -40,7 +49,8 @@ class Plan(Presented):
 
     def __post_init__(self) -> None:
         k = len(self.q)
-        if self.q.ndim != 2 or self.wrench.shape != (k, 6) or self.repeats.shape != (k,) or not k:
+        loads = self.wrench.shape in ((k, 6), (k, 9))
+        if self.q.ndim != 2 or not loads or self.repeats.shape != (k,) or not k:
             raise ValueError("a plan needs q (k, n), wrench (k, 6) and repeats (k,), with k > 0")
         finite = np.isfinite(self.q).all() and np.isfinite(self.wrench).all()
         if not (finite and (self.repeats >= 1).all()):
@@ -63,7 +73,7 @@ class Plan(Presented):
         """The experiments of this plan, then those of another one."""
         return Plan(
             np.concatenate([self.q, more.q]),
-            np.concatenate([self.wrench, more.wrench]),
+            all_wrenches(self.wrench, more.wrench),
             np.concatenate([self.repeats, more.repeats]),
         )
 
@@ -101,7 +111,7 @@ class Plan(Presented):
 
         frame = pd.DataFrame(in_file_units(robot, self.q), columns=list(pose_columns(robot)))
         frame["repeats"] = self.repeats
-        frame[list(WRENCH_COLUMNS)] = self.wrench
+        frame[list(wrench_columns(self.wrench))] = wrench_in_file_units(self.wrench)
         return frame
 
     @classmethod

@@ -142,7 +142,7 @@ def _wrenches(data: Measurements) -> Iterator[Reading]:
 
 def _wrench_signs(data: Measurements) -> Iterator[Reading]:
     """A force or torque beside others has the opposite sign."""
-    acting = np.flatnonzero(data.wrench.any(axis=0))
+    acting = np.flatnonzero(data.wrench[:, :6].any(axis=0))
     for i in acting if len(acting) > 1 else ():
         wrench = data.wrench.copy()
         wrench[:, i] *= -1

@@ -14,6 +14,7 @@ from edtk.measure.instruments.sensor import Sensor
 from edtk.measure.parameters import parameter_names
 from edtk.robots.compensator import GivingWay
 from edtk.robots.frames import (
+    WRENCH,
     BodyPoint,
     Frames,
     columns_slope,
@@ -245,10 +246,11 @@ class ElastostaticModel:
             wrench: Forces and torques (..., 6) or (6,) at the load point [N, N m].
         """
         F, T = force_and_torque(wrench, frames)
-        reach = self.reach_of(self.load_point)
-        torque = dot(without_rounding(self.load_point.linear(frames), reach), F)
+        point = self.load_point.of_load(wrench)
+        reach = self.reach_of(point)
+        torque = dot(without_rounding(point.linear(frames), reach), F)
         if T.any():
-            torque += dot(self.load_point.angular(frames), T)
+            torque += dot(point.angular(frames), T)
         size = reach * np.abs(F).sum(axis=1) + np.abs(T).sum(axis=1)
         if self.weights is not None:
             torque += self.weights.torque(frames)
@@ -259,8 +261,9 @@ class ElastostaticModel:
         """Derivatives (n, ...) of ``sum_j s_j tau_j`` by all joints, weights s (n, ...) fixed."""
         s = frames.spread(s)
         F, T = force_and_torque(wrench, frames)
-        linear = self.load_point.linear(frames)
-        angular = self.load_point.angular(frames)
+        point = self.load_point.of_load(wrench)
+        linear = point.linear(frames)
+        angular = point.angular(frames)
         twist = s[:, None] * T if T.any() else None
         slope = columns_slope(linear, angular, s[:, None] * F, twist)
         if self.weights is not None:
@@ -295,7 +298,7 @@ class ElastostaticModel:
     def _by_loads(self, frames: Frames, wrench: ArrayLike) -> Array:
         """The same of joints without compensators."""
         joints = self.joints
-        if self.is_plain:
+        if self.is_plain and np.shape(wrench)[-1] == WRENCH:
             turns = self.rows == "pose"
             return regressor_at_tool_point(frames, wrench, joints, self.robot.reach, turns)
         return self.motion_of(frames)[joints] * self.torque_of(frames, wrench)[joints, None]
@@ -344,7 +347,7 @@ class ElastostaticModel:
             slope[joints] = by_joint[joints] * along
             B = B * factors[joints, None]
         # The slopes of folded columns are no longer those of one Jacobian.
-        if self.is_plain and frames.ties is None:
+        if self.is_plain and frames.ties is None and np.shape(wrench)[-1] == WRENCH:
             return slope + slope_at_tool_point(frames, wrench, joints, B)
         s = np.zeros_like(frames.q)
         s[joints] = dot(self.motion_of(frames)[joints], B)

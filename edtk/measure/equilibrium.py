@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.robots.frames import cross
+from edtk.robots.frames import WRENCH, cross, shared_load
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import rotation_vector
 from edtk.robots.weights import Loading
@@ -207,10 +207,11 @@ def torque_and_derivative(
         ``tau = J'W`` (N, n) [N m, or N if prismatic], and ``H_jl = dtau_j/dq_l`` (N, n, n).
     """
     frames = robot.frames(q, loading.bodies)
-    v = loading.point.linear(frames)
-    w = loading.point.angular(frames)
+    point = loading.point.of_load(wrench)
+    v = point.linear(frames)
+    w = point.angular(frames)
     F = wrench[:, :3].T
-    T = wrench[:, 3:].T
+    T = wrench[:, 3:WRENCH].T
     tau = np.einsum("jcN,cN->Nj", v, F) + np.einsum("jcN,cN->Nj", w, T)
     # (w_l x v_j).F = w_l.(v_j x F): n cross products, and a dot product for each pair.
     forced = np.einsum("lcN,jcN->Njl", w, cross(v, F[None]), optimize=True)
@@ -233,7 +234,7 @@ def _checked(
     q = np.asarray(q, dtype=float)
     W = np.asarray(wrench, dtype=float)
     k = np.asarray(k, dtype=float)
-    if q.shape[-1:] != (robot.n,) or k.shape[-1:] != (robot.n,) or W.shape[-1:] != (6,):
+    if q.shape[-1:] != (robot.n,) or k.shape[-1:] != (robot.n,) or W.shape[-1] not in (6, 9):
         raise ValueError(f"expected q (..., {robot.n}), wrench (..., 6) and k (..., {robot.n})")
     if not np.all(((k >= 0) | signed) & np.isfinite(k)):
         raise ValueError("compliances must be finite and not negative")
@@ -283,7 +284,8 @@ def _newton(
         if not len(moving):
             break
         loaded = q[moving] + theta[moving]
-        tau, H = torque_and_derivative(robot, loaded, part * W[moving], loading, part)
+        acting = shared_load(W[moving], part)
+        tau, H = torque_and_derivative(robot, loaded, acting, loading, part)
         slope = eye - k[moving, :, None] * H
         # At a buckling point the derivative is singular: such a pose is given up.
         regular = np.abs(np.linalg.det(slope)) > np.finfo(float).eps

@@ -94,7 +94,10 @@ MOST_DIGITS = 300  # of a cell of a column that is not all numbers
 LARGEST = 1e12  # number in a file; no quantity here comes near it in its unit
 ALIKE = 0.8  # of the letters of a header, from which another is taken for a slip of the pen
 WRENCH_COLUMNS = ("Fx_N", "Fy_N", "Fz_N", "Tx_Nm", "Ty_Nm", "Tz_Nm")
+# Where the load acts: offset from the tool point, in the tool frame. Behind a wrench in its array.
+LOAD_COLUMNS = ("load_x_mm", "load_y_mm", "load_z_mm")
 DIGITS = 3  # decimals of a degree or a millimetre that a controller takes
+DECIMALS = 9  # of a millimetre that a conversion to metres and back keeps
 CONVERSION = 1e-10  # [deg or mm]: more than the rounding of a conversion to SI units and back
 
 
@@ -111,7 +114,18 @@ RESERVED = (
     *PART_COLUMNS,
     UNCOMPENSATED_ROTATION_COLUMN,
     REMAINING_ROTATION_COLUMN,
+    *LOAD_COLUMNS,
 )
+
+
+def wrench_columns(wrench: Array) -> tuple[str, ...]:
+    """Headers of wrenches (k, 6), or (k, 9) where loads act at several places."""
+    return (*WRENCH_COLUMNS, *LOAD_COLUMNS)[: wrench.shape[1]]
+
+
+def wrench_in_file_units(wrench: Array) -> Array:
+    """Wrenches (k, 6 or 9) as files have them [N, N m, mm]."""
+    return np.concatenate([wrench[:, :6], np.round(1e3 * wrench[:, 6:], DECIMALS)], axis=1)
 
 
 def coordinate_columns(rows: int) -> tuple[str, ...]:
@@ -252,7 +266,7 @@ class PoseTable:
         """
         header = [str(column) for column in self.cells]
         columns = pose_columns(robot)
-        known = (*columns, *WRENCH_COLUMNS, *optional)
+        known = (*columns, *WRENCH_COLUMNS, *LOAD_COLUMNS, *optional)
         header = list(with_own_headers(header, robot, optional))
         twice = [column for i, column in enumerate(header) if column in header[:i]]
         if twice:
@@ -382,11 +396,13 @@ class PoseTable:
         return robot.of_shown(shown)
 
     def wrenches(self, default: Array | None) -> Array:
-        """Forces and torques (k, 6) [N, N m].
+        """Forces and torques (k, 6) [N, N m]; (k, 9) where the file says where each load acts.
 
         Args:
             default: Wrench (6,) of which a column of the file overrides a component. None where the
                 file must say which forces are applied; torques then default to zero.
+                With three numbers more the loads act at several places, and the file must say where
+                each does.
 
         Raises:
             PoseFileError: A force's column is missing, or a cell is not a number.
@@ -402,6 +418,12 @@ class PoseTable:
         for j, column in enumerate(WRENCH_COLUMNS):
             if column in self:
                 W[:, j] = self.numbers(column)
+        if any(column in self for column in LOAD_COLUMNS):
+            return np.concatenate([W[:, :6], self.vectors(LOAD_COLUMNS) / 1e3], axis=1)
+        if W.shape[1] > len(WRENCH_COLUMNS) and W.any():
+            raise self.error(
+                f"column {LOAD_COLUMNS[0]!r} is missing, and the study has loads at several places"
+            )
         return W
 
 

@@ -129,6 +129,7 @@ def cross(a: Array, b: Array) -> Array:
     return out
 
 
+WRENCH = 6  # components of a force and its torque
 Terms = tuple[tuple[int, float], ...]  # numbers of columns, and the weights that are not zero
 
 
@@ -231,6 +232,20 @@ class BodyPoint:
         """Joints whose bodies' frames the point needs, see `Robot.frames`."""
         return () if self.joint is None else (self.joint,)
 
+    def of_load(self, wrench: ArrayLike) -> "BodyPoint":
+        """The point at which loads act, where this is the study's load point.
+
+        Args:
+            wrench: Forces and torques (..., 6) at this point [N, N m]; or (..., 9), which end with
+                how far from it, in the frame of its body, each load acts [m].
+        """
+        W = np.asarray(wrench, dtype=float)
+        if W.shape[-1] == WRENCH:
+            return self
+        levers = np.moveaxis(W[..., WRENCH:], -1, 0)
+        offset = self.offset.reshape(3, *[1] * (levers.ndim - 1))
+        return BodyPoint(offset + levers, self.joint)
+
     def position(self, frames: Frames) -> Array:
         """Position (3, ...) in the world [m]."""
         if self.joint is None:
@@ -273,10 +288,22 @@ def force_and_torque(wrench: ArrayLike, frames: Frames) -> tuple[Array, Array]:
     """Force and torque (1, 3, ...), component first, aligned with the last axes of the frames.
 
     Args:
-        wrench: Forces and torques (..., 6) or (6,) [N, N m].
+        wrench: Forces and torques (..., 6) or (6,) [N, N m]; what a load at another place has
+            behind them, see `BodyPoint.of_load`, does not count here.
         frames: The poses.
     """
     W = np.asarray(wrench, dtype=float)
     W = W.transpose(-1, *range(W.ndim - 1))
     W = W[(slice(None),) + (None,) * (frames.position.ndim - W.ndim)]
-    return W[None, :3], W[None, 3:]
+    return W[None, :3], W[None, 3:WRENCH]
+
+
+def shared_load(wrench: Array, part: float) -> Array:
+    """A part of wrenches (..., 6 or 9), which acts where the whole of each does."""
+    return np.concatenate([part * wrench[..., :WRENCH], wrench[..., WRENCH:]], axis=-1)
+
+
+def all_wrenches(*wrenches: Array) -> Array:
+    """Wrenches (k, 6 or 9) one below the other; those that act at the load point say so."""
+    width = max(W.shape[1] for W in wrenches)
+    return np.concatenate([np.pad(W, ((0, 0), (0, width - W.shape[1]))) for W in wrenches])

@@ -147,9 +147,11 @@ class Compliances(Kind):
         raise study.error("parameters", "expected a study of geometry, with a table [parameters]")
 
     def wrench_of_pose(self, study: Asked) -> Array | None:
-        """The study's only load; None where it has several."""
+        """The study's only load; None where it has several, at one place."""
         load = study.specification.build_load()
-        return load.always if isinstance(load, FixedLoad) else None
+        if isinstance(load, FixedLoad):
+            return load.always
+        return np.full(9, np.nan) if _several_places(study) else None
 
     def visits(
         self, study: Asked, path: Table, table: PoseTable, made: bool
@@ -311,7 +313,7 @@ class Geometry(Kind):
 
     def wrench_of_pose(self, study: Asked) -> Array | None:
         """None at all."""
-        return np.zeros(6)
+        return np.zeros(9 if _several_places(study) else 6)
 
     def visits(
         self, study: Asked, path: Table, table: PoseTable, made: bool
@@ -454,3 +456,9 @@ def _check_unused(study: Asked) -> None:
     for key, is_given in unused.items():
         if is_given:
             raise study.error(key, f"a study of geometry does not heed this key; {instead[key]}")
+
+
+def _several_places(study: Asked) -> bool:
+    """Whether the loads of a study act at several places."""
+    load = study.specification.load
+    return load is not None and load.list_at_mm is not None

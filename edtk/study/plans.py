@@ -5,6 +5,7 @@ import numpy as np
 from edtk.design.plan import REPEATS, Plan
 from edtk.fit.correlated_noise import row_numbers
 from edtk.measure.pose_table import (
+    LOAD_COLUMNS,
     SHEET_COLUMNS,
     WRENCH_COLUMNS,
     PoseTable,
@@ -65,7 +66,7 @@ def _of_sheet(study: StudyObjects, path: Table, made: bool) -> Plan | None:
         UserError: Names the file and the row or column; or no row is filled in.
     """
     table = PoseTable.read(path, "plan")
-    own = {*pose_columns(study.robot), *WRENCH_COLUMNS, REPEATS}
+    own = {*pose_columns(study.robot), *WRENCH_COLUMNS, *LOAD_COLUMNS, REPEATS}
     header = with_own_headers([str(name) for name in table.cells], study.robot, SHEET_COLUMNS)
     if REPEATS in table or set(header) <= own:
         return None

@@ -158,6 +158,11 @@ class LoadChoice(Table):
         None, description="Forces of which each experiment takes one, in world axes [N]"
     )
 
+    list_at_mm: Annotated[tuple[Vector3, ...], Field(min_length=1)] | None = Field(
+        None,
+        description="Where each of list_F_N acts, in the place of at_mm: offsets from the tool "
+        "point, in the tool frame [mm]",
+    )
     at_mm: Vector3 = Field(
         ZERO,
         description="Where the load acts: offset from the tool point, in the tool frame [mm]",
@@ -170,6 +175,11 @@ class LoadChoice(Table):
             raise PydanticCustomError("load", "expected one of F_N, F_max_N and list_F_N")
         if any(self.T_Nm) and self.F_N is None:
             raise PydanticCustomError("load", "T_Nm goes with F_N only")
+        if self.list_at_mm is not None:
+            if self.list_F_N is None or len(self.list_at_mm) != len(self.list_F_N):
+                raise PydanticCustomError("load", "list_at_mm needs a place for each of list_F_N")
+            if any(self.at_mm):
+                raise PydanticCustomError("load", "expected one of at_mm and list_at_mm")
         if self.direction is not None and (self.F_max_N is None or not any(self.direction)):
             raise PydanticCustomError("load", "direction goes with F_max_N, and is not zero")
         return self
@@ -179,7 +189,10 @@ class LoadChoice(Table):
         if self.F_N is not None:
             return FixedLoad(np.array([*self.F_N, *self.T_Nm]))
         if self.list_F_N is not None:
-            return ListedLoad(np.array([[*F, 0, 0, 0] for F in self.list_F_N], dtype=float))
+            wrenches = np.array([[*F, 0, 0, 0] for F in self.list_F_N], dtype=float)
+            if self.list_at_mm is None:
+                return ListedLoad(wrenches)
+            return ListedLoad(np.hstack([wrenches, np.array(self.list_at_mm, dtype=float) / 1e3]))
         assert self.F_max_N is not None
         if self.direction is None:
             return FreeLoad(self.F_max_N)
@@ -195,6 +208,10 @@ class LoadChoice(Table):
         """The forces in words."""
         if self.F_N is not None:
             return f"load F = {_words(self.F_N)} N"
+        if self.list_F_N is not None and self.list_at_mm is not None:
+            pairs = zip(self.list_F_N, self.list_at_mm, strict=True)
+            loads = (f"{_words(F)} N at {_words(at)} mm" for F, at in pairs)
+            return f"loads {' or '.join(loads)} from the tool point"
         if self.list_F_N is not None:
             return f"loads {' or '.join(map(_words, self.list_F_N))} N"
         if self.direction is None:

@@ -32,7 +32,7 @@ from edtk.measure.parameters import (
     compensator_names,
 )
 from edtk.measure.task import Task, Tasks
-from edtk.robots.frames import BodyPoint
+from edtk.robots.frames import BodyPoint, all_wrenches
 from edtk.robots.loads.bounded_load import BoundedLoad
 from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.robots.loads.free_load import FreeLoad
@@ -77,7 +77,7 @@ def load_of(study: Study) -> Load:
     else:
         return load
     own = np.unique(own[own.any(axis=1)], axis=0)
-    return ListedLoad(np.concatenate([NONE[None], own])) if len(own) else FixedLoad(NONE)
+    return ListedLoad(all_wrenches(NONE[None], own)) if len(own) else FixedLoad(NONE)
 
 
 @dataclass(frozen=True, eq=False)

@@ -108,6 +108,6 @@ class Day:
         """Load changes of a plan under some wrenches (k, 6)."""
         kinds = {tuple(row) for row in wrench.tolist()}
         if self.paired and any(map(any, kinds)):
-            kinds.add((0.0,) * 6)
+            kinds.add((0.0,) * wrench.shape[1])
         least = len(kinds) - 1
         return least if least < 1 or self.changes is None else max(self.changes, least)

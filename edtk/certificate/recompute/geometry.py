@@ -14,6 +14,7 @@ from edtk.certificate.recompute.physics import (
     Physics,
     Place,
     Weight,
+    at_load_point,
     read_weights,
     weight_torque,
 )
@@ -224,9 +225,11 @@ class Geometry:
         """
         loaded = (wrench != 0).any(axis=1)
 
+        acting = at_load_point(chain, q, wrench, physics.load_point.joint)
+
         def torque(one: Parameter, end: int | None) -> Array:
             moved = _turned(one, end, chain, q, physics.load_point)
-            found = np.einsum("kr,kr->k", moved, wrench)
+            found = np.einsum("kr,kr->k", moved, acting)
             found = found + _by_weights(one, end, chain, q, physics.weights)
             return np.asarray(found + loaded * _by_weights(one, end, chain, q, self.payload))
 

@@ -107,7 +107,8 @@ class Physics:
     def torque(self, chain: Chain, q: Array, wrench: Array) -> Array:
         """Loads (k, n) of the free joints by wrenches (k, 6) and weights."""
         at_load = chain.jacobian(q, self.load_point.offset, self.load_point.joint)
-        by_wrench = np.einsum("krn,kr->kn", at_load, wrench)
+        acting = at_load_point(chain, q, wrench, self.load_point.joint)
+        by_wrench = np.einsum("krn,kr->kn", at_load, acting)
         return np.asarray(by_wrench + weight_torque(chain, self.weights, q))
 
     def motion(self, chain: Chain, q: Array) -> Array:
@@ -166,6 +167,19 @@ def weight_torque(chain: Chain, weights: Collection[Weight], q: Array) -> Array:
     return torque
 
 
+def at_load_point(chain: Chain, q: Array, wrench: Array, joint: int | None = None) -> Array:
+    """Wrenches (k, 6) at the load point that do what those at other places, (k, 9), do.
+
+    A force F at a lever d of the load point's body, whose axes are the columns of R, has the torque
+    ``R d x F`` about the load point.
+    """
+    if not wrench[:, 6:].any():
+        return wrench[:, :6]
+    R = chain.frames(q)[-1 if joint is None else joint][:, :3, :3]
+    moment = np.cross(np.einsum("kij,kj->ki", R, wrench[:, 6:]), wrench[:, :3])
+    return np.concatenate([wrench[:, :3], wrench[:, 3:6] + moment], axis=1)
+
+
 def regressors(
     chain: Chain, unknown: list[int], q: Array, wrench: Array, weights: Collection[Weight] = ()
 ) -> Array:
@@ -179,7 +193,7 @@ def regressors(
         weights: What loads the joints besides the wrench.
     """
     columns = chain.jacobian(q)[:, :, unknown]
-    torque = np.einsum("krp,kr->kp", columns, wrench)
+    torque = np.einsum("krp,kr->kp", columns, at_load_point(chain, q, wrench))
     if weights:
         torque = torque + weight_torque(chain, weights, q)[:, unknown]
     return np.asarray(columns * torque[:, None])

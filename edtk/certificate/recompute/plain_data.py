@@ -11,6 +11,8 @@ import numpy as np
 
 from edtk.system.typing import Array
 
+WRENCH = 9  # numbers of a wrench with its place
+
 
 def table(value: Any, required: Collection[str], where: str, optional: Collection[str] = ()) -> Any:
     """A table with all required keys, and no others but the optional ones.
@@ -88,3 +90,16 @@ def _is_nested(value: Any, depth: int) -> bool:
 def _words(shape: tuple[int | None, ...]) -> str:
     """A shape as a person writes it: (any, 6)."""
     return f"({', '.join('any' if length is None else str(length) for length in shape)})"
+
+
+def wrenches_of(value: Any, where: str) -> Array:
+    """Wrenches (k, 9): forces, torques, and how far from the load point each of them acts.
+
+    The last three may be left out, of all of them: then all act at the load point.
+    """
+    found = numbers(value, (None, None), where)
+    if len(found) and found.shape[1] not in (6, WRENCH):
+        raise ValueError(f"{where}: expected wrenches of 6 numbers, or of 9 with a place")
+    whole = np.zeros((len(found), WRENCH))
+    whole[:, : found.shape[1]] = found
+    return whole

@@ -10,11 +10,20 @@ from edtk.certificate.recompute.chain import Chain
 from edtk.certificate.recompute.compensator import Gives
 from edtk.certificate.recompute.geometry import Geometry
 from edtk.certificate.recompute.physics import Noise, Physics, regressors
-from edtk.certificate.recompute.plain_data import number, numbers, rows, table, text, whole
+from edtk.certificate.recompute.plain_data import (
+    WRENCH,
+    number,
+    numbers,
+    rows,
+    table,
+    text,
+    whole,
+    wrenches_of,
+)
 from edtk.certificate.recompute.tasks import Tasks, combinations
 from edtk.system.typing import Array, Mask
 
-LOAD_KEYS = ("F_N", "T_Nm", "F_max_N", "direction", "list_F_N", "wrenches")
+LOAD_KEYS = ("F_N", "T_Nm", "F_max_N", "direction", "list_F_N", "list_at_mm", "wrenches")
 CHOICES = ("F_N", "F_max_N", "list_F_N", "wrenches")
 MOST_LISTED = 1000  # loads to choose from
 TINY = 1e-9  # of a load, beside the largest one, that is rounding
@@ -66,21 +75,27 @@ class Load:
         torque = numbers(load.get("T_Nm", [0, 0, 0]), (3,), f"{where}.T_Nm")
         if given != ["F_N"] and torque.any():
             raise ValueError(f"{where}: T_Nm goes with F_N only")
+        if given != ["list_F_N"] and "list_at_mm" in load:
+            raise ValueError(f"{where}: list_at_mm goes with list_F_N only")
         if given != ["F_max_N"] and "direction" in load:
             raise ValueError(f"{where}: direction goes with F_max_N only")
         if given == ["F_N"]:
             force = numbers(load["F_N"], (3,), f"{where}.F_N")
-            listed = np.concatenate([force, torque])[None]
+            listed = np.concatenate([force, torque, np.zeros(3)])[None]
             return cls(listed, True, 0.0, None)
         if given == ["list_F_N"]:
             rows(load["list_F_N"], MOST_LISTED, f"{where}.list_F_N")
             forces = numbers(load["list_F_N"], (None, 3), f"{where}.list_F_N")
             if not len(forces):
                 raise ValueError(f"{where}.list_F_N: expected at least one force")
-            return cls(np.hstack([forces, np.zeros_like(forces)]), False, 0.0, None)
+            none = np.zeros_like(forces)
+            places = numbers(
+                load.get("list_at_mm", none.tolist()), forces.shape, f"{where}.list_at_mm"
+            )
+            return cls(np.hstack([forces, none, places / 1e3]), False, 0.0, None)
         if given == ["wrenches"]:
             rows(load["wrenches"], MOST_LISTED, f"{where}.wrenches")
-            wrenches = numbers(load["wrenches"], (None, 6), f"{where}.wrenches")
+            wrenches = wrenches_of(load["wrenches"], f"{where}.wrenches")
             if not len(wrenches):
                 raise ValueError(f"{where}.wrenches: expected at least one")
             return cls(wrenches, False, 0.0, None)
@@ -133,11 +148,11 @@ class Load:
         return np.asarray(inside if self.moves else inside & (u == np.rint(u)).all(axis=1))
 
     def wrench(self, u: Array) -> Array:
-        """Wrenches (k, 6) [N, N m] of variables (k, d)."""
+        """Wrenches (k, 9) with their places [N, N m, m] of variables (k, d)."""
         if self.listed is not None:
             index = np.zeros(len(u), dtype=int) if self.fixed else np.rint(u[:, 0]).astype(int)
             return self.listed[index]
-        found = np.zeros((len(u), 6))
+        found = np.zeros((len(u), WRENCH))
         if self.direction is not None:
             found[:, :3] = u * self.largest * self.direction
             return found
@@ -148,7 +163,7 @@ class Load:
         return found
 
     def excess(self, wrench: Array) -> Array:
-        """How far wrenches (k, 6) are from what is allowed, relative to the largest one (k,)."""
+        """How far wrenches (k, 9) are from what is allowed, relative to the largest one (k,)."""
         if self.listed is not None:
             away = np.full(len(wrench), np.inf)
             for one in self.listed:

@@ -12,6 +12,7 @@ from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.measure.pose_table import in_file_units
+from edtk.robots.frames import all_wrenches
 from edtk.robots.robot import Robot
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Indices
@@ -207,10 +208,12 @@ class PosesByLoad:
             wrenches: Loads that come first (s, 6); others of the plan follow.
             robot: The robot.
         """
-        every = np.concatenate([wrenches, plan.wrench])
+        every = all_wrenches(wrenches, plan.wrench)
         first = np.sort(np.unique(every, axis=0, return_index=True)[1])
         loads = every[first]
-        which = np.array([int(np.flatnonzero((loads == W).all(axis=1))[0]) for W in plan.wrench])
+        which = np.array(
+            [int(np.flatnonzero((loads == W).all(axis=1))[0]) for W in every[len(wrenches) :]]
+        )
         _, start, pose = np.unique(
             np.round(plan.q, DIGITS) + 0.0, axis=0, return_index=True, return_inverse=True
         )

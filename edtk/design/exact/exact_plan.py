@@ -18,7 +18,7 @@ from edtk.design.problem import Problem
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.findings.finding import Finding
 from edtk.measure.expected_error import ErrorBudget, ExpectedError, TaskAccuracy
-from edtk.measure.pose_table import WRENCH_COLUMNS, in_file_units
+from edtk.measure.pose_table import in_file_units, wrench_columns
 from edtk.robots.robot import Robot
 from edtk.robots.workspace import joints_on_limits
 from edtk.system.typing import Array, Indices
@@ -317,7 +317,8 @@ class ExactPlan(BoundedDesign):
         frame.insert(0, "repeats", frame.pop("repeats"))
         if self.kept is not None:
             return frame.assign(kept=np.arange(len(frame)) < len(self.kept.q))
-        return frame if self.shows_loads else frame.drop(columns=list(WRENCH_COLUMNS))
+        loads = list(wrench_columns(self.whole.wrench))
+        return frame if self.shows_loads else frame.drop(columns=loads)
 
     @property
     def shows_loads(self) -> bool:

@@ -15,7 +15,7 @@ from edtk.design.plan import Plan
 from edtk.design.relaxation.proof import normalised
 from edtk.design.relaxation.search_continuum import LargestSensitivities
 from edtk.measure.cells import csv_text
-from edtk.measure.pose_table import WRENCH_COLUMNS, pose_factors
+from edtk.measure.pose_table import pose_factors, wrench_columns
 from edtk.system.files import write_text
 from edtk.system.typing import Array, Indices
 
@@ -139,7 +139,7 @@ class RelaxedPlan(RelaxedDesign):
         """
         frame = self.plan.to_frame(self.space.workspace.robot).drop(columns="repeats")
         if not self.space.load.limits.size:
-            frame = frame.drop(columns=list(WRENCH_COLUMNS))
+            frame = frame.drop(columns=list(wrench_columns(self.plan.wrench)))
         return frame.assign(weight=self.weights[self._heaviest_first])
 
     def to_csv(self, path: Path | str) -> None:

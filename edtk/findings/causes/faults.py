@@ -23,6 +23,7 @@ from edtk.findings.causes.scene import (
 )
 from edtk.findings.finding import Finding, row_names
 from edtk.measure.parameters import ALONG
+from edtk.robots.frames import shared_load
 from edtk.robots.joint import Joint
 from edtk.system.typing import Array, Mask
 
@@ -136,7 +137,7 @@ def _joint(cause: Cause) -> str:
 def _load_size(scene: Scene) -> Iterator[Family]:
     """The load is larger or smaller than stated, by a share; weights of links are not."""
     if scene.shows_load:
-        predict = scene.under(lambda c: scene.wrench * (1 + c[0]))
+        predict = scene.under(lambda c: shared_load(scene.wrench, 1 + c[0]))
         yield Family("load_size", "%", PERCENT, 1, USUAL_SIZE, predict)
 
 
@@ -153,7 +154,8 @@ def _load_direction(scene: Scene) -> Iterator[Family]:
 
     def turned(c: Array) -> Array:
         turn = c @ turns
-        return np.hstack([turned_by(turn, part) for part in (wrench[:, :3], wrench[:, 3:])])
+        forces, torques = (turned_by(turn, part) for part in (wrench[:, :3], wrench[:, 3:6]))
+        return np.hstack([forces, torques, wrench[:, 6:]])
 
     yield Family("load_direction", "deg", DEGREES, len(turns), USUAL_TILT, scene.under(turned))
 

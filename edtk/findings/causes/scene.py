@@ -19,6 +19,7 @@ from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.parameters import Parameter, all_parameters
 from edtk.measure.task import Task
 from edtk.robots.elastic_robot import turning_about
+from edtk.robots.frames import WRENCH
 from edtk.robots.joint import Joint
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array
@@ -256,7 +257,7 @@ class Displacements:
     def torque(self) -> Array:
         """Loads (m, p) of the joints of the model [N m, or N if prismatic]."""
         model, data = self.model, self.data
-        if not model.is_plain:
+        if not model.is_plain or data.wrench.shape[-1] > WRENCH:
             return model.torque_of(model.frames(data.q), data.wrench)[model.joints].T
         J = np.swapaxes(model.robot.jacobian(data.q)[..., model.joints], 1, 2)
         return np.asarray((J @ data.wrench[..., None])[..., 0])

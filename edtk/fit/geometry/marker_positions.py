@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from edtk.measure.measured_model import ROWS_OF, Kind
+from edtk.robots.frames import all_wrenches
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices, Mask
 
@@ -82,7 +83,7 @@ class MarkerPositions(Presented):
         return replace(
             self,
             q=np.concatenate([self.q, others.q]),
-            wrench=np.concatenate([self.wrench, others.wrench]),
+            wrench=all_wrenches(self.wrench, others.wrench),
             measured=np.concatenate([self.measured, others.measured]),
             row=np.concatenate([self.row, others.row]),
             turns=turns,

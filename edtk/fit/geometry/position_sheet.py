@@ -15,6 +15,7 @@ from edtk.measure.pose_table import (
     CHANGE_COLUMN,
     DEFLECTION_COLUMNS,
     DISTANCE_COLUMN,
+    LOAD_COLUMNS,
     LOADED_COLUMNS,
     MARKER_NAME_COLUMN,
     ROTATION_COLUMNS,
@@ -53,7 +54,7 @@ def without_strange(table: PoseTable, robot: Robot, known: Sequence[str]) -> Pos
         robot: Names the joints.
         known: Columns that are read, besides those of joints and loads.
     """
-    columns = (*pose_columns(robot), *WRENCH_COLUMNS, *known)
+    columns = (*pose_columns(robot), *WRENCH_COLUMNS, *LOAD_COLUMNS, *known)
     written = [str(column) for column in table.cells]
     header = dict(zip(written, with_own_headers(written, robot, tuple(known)), strict=True))
     optional = set(SHEET_COLUMNS) - set(LOADED_COLUMNS)

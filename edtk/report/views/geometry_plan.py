@@ -116,10 +116,11 @@ def _wrench(W: Array) -> str:
     """A wrench (6,) in words."""
     parts = [
         f"{letter} = ({', '.join(f'{x:g}' for x in part)}) {unit}"
-        for letter, part, unit in (("F", W[:3], "N"), ("T", W[3:], "N m"))
+        for letter, part, unit in (("F", W[:3], "N"), ("T", W[3:6], "N m"))
         if part.any()
     ]
-    return ", ".join(parts)
+    where = f" at ({', '.join(f'{x:g}' for x in 1e3 * W[6:])}) mm" if len(W) > 6 else ""
+    return ", ".join(parts) + where
 
 
 def _table(found: GeometryPlan, poses: PosesByLoad) -> list[str]:

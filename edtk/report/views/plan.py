@@ -10,7 +10,12 @@ from edtk.design.detection import ENOUGH, Detection, Separation
 from edtk.design.exact.day import DayPlan
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.plan import Plan
-from edtk.measure.pose_table import WRENCH_COLUMNS, in_file_units, pose_columns
+from edtk.measure.pose_table import (
+    in_file_units,
+    pose_columns,
+    wrench_columns,
+    wrench_in_file_units,
+)
 from edtk.report.draw.plans import joint_variables
 from edtk.report.figures import panels
 from edtk.report.shown import plain
@@ -100,11 +105,11 @@ def plan_rows(result: Plan) -> tuple[list[str], list[list[str]]]:
     """Header and rows: pose, repetitions, joint variables [rad or m], loads that are not zero."""
     loaded = np.flatnonzero(result.wrench.any(axis=0))
     joints = [f"q{j + 1} [rad or m]" for j in range(result.q.shape[1])]
-    header = ["pose", "repeats", *joints, *(WRENCH_COLUMNS[i] for i in loaded)]
+    header = ["pose", "repeats", *joints, *(wrench_columns(result.wrench)[i] for i in loaded)]
     rows = []
     for i, (q, wrench) in enumerate(zip(result.q, result.wrench, strict=True)):
         variables = [f"{value:.4f}" for value in q]
-        loads = [f"{value:g}" for value in wrench[loaded]]
+        loads = [f"{value:g}" for value in wrench_in_file_units(wrench[None])[0][loaded]]
         rows.append([str(i + 1), str(result.repeats[i]), *variables, *loads])
     return header, rows
 
@@ -251,8 +256,8 @@ def experiments(found: ExactPlan) -> list[str]:
     names = list(pose_columns(found.robot))
     columns = in_file_units(found.robot, whole.q)
     if found.shows_loads:
-        names += WRENCH_COLUMNS
-        columns = np.hstack([columns, whole.wrench])
+        names += wrench_columns(whole.wrench)
+        columns = np.hstack([columns, wrench_in_file_units(whole.wrench)])
     kept_poses = 0 if found.kept is None else len(found.kept.q)
     numbers = [[f"{x:.3f}" for x in row] for row in columns]
     header, *rows = number_columns(names, numbers, 10)

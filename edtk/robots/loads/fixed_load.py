@@ -21,4 +21,4 @@ class FixedLoad(Load):
 
     def wrench(self, u: Array) -> Array:
         """The wrench, for any u (..., 0)."""
-        return np.broadcast_to(self.always, (*u.shape[:-1], 6))
+        return np.broadcast_to(self.always, (*u.shape[:-1], len(self.always)))
