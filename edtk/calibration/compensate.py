@@ -251,6 +251,7 @@ class Compensation(Presented):
             "uncompensated": self.uncompensated.tolist(),
             "left": self.left.tolist(),
             "remaining": _listed(self.remaining, len(self.command)),
+            "remaining_band": _listed(self.band, len(self.command)),
             "verdict": self.verdict,
             "rows": (self.rows + 1).tolist(),
             "left_out": [row.to_dict() for row in self.refused],

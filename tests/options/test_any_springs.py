@@ -239,6 +239,28 @@ def test_prior_of_a_spring_counts() -> None:
         edtk.identify(study_of(prior={"joints": {"q1.ry": known}}), measured(study))
 
 
+def test_band_of_commands_is_that_of_errors_as_the_fit_has_them() -> None:
+    """What a command leaves by the model, and errors of springs beside it: quantiles of draws."""
+    study = study_of()
+    found = edtk.compensate(study, edtk.identify(study, measured(study)))
+    fitted = edtk.identify(study, measured(study)).fit.fitted
+    setting = StudyGeometry.of(study)
+    task = setting.study.tasks[0]
+    robot = fitted.at_tool(task.tool)
+    loads = setting.loads_of(task)
+    wrench = task.wrench[None]
+    torque = robot.torque(found.command, wrench, loads)
+    there = robot.model.see(robot.theta, found.command, torque, derivatives=False).points[0, 0]
+    off = there - task.placed.forward(task.q)[:3, 3]
+    # A tool has rows of its orientation, too.
+    rows = 1e-3 * robot.columns(found.command, wrench, loads)[0][:3]
+    drawn = np.random.default_rng(0).multivariate_normal(np.zeros(len(off)), np.eye(3), 100_000)
+    spread = np.linalg.cholesky(rows @ robot.covariance @ rows.T + 1e-24 * np.eye(3))
+    lengths = np.linalg.norm(off + drawn @ spread.T, axis=1)
+    assert found.band is not None
+    np.testing.assert_allclose(found.band[0], np.quantile(lengths, [0.025, 0.975]), rtol=0.02)
+
+
 def test_words_of_the_study_name_all_springs() -> None:
     """Joints that are known stay known, and a study that is written and read again is the same."""
     study = study_of("lateral")

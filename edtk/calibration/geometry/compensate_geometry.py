@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from edtk.calibration.compensate import Compensation
+from edtk.calibration.compensate import BAND, Compensation
 from edtk.calibration.geometry.geometric_calibration import read_geometry
+from edtk.calibration.propagation import root_of
 from edtk.calibration.tasks_in_use import RefusedRow, ToolInUse, require_one, tools_of_task
 from edtk.design.plan import Plan
+from edtk.fit.distributions import offset_error_quantiles
 from edtk.fit.geometry.fitted_geometry import FittedGeometry, Loads
 from edtk.measure.equilibrium import why_no_rest
 from edtk.measure.measured_model import Seen
@@ -221,6 +223,29 @@ class _InPoses:
         turned = _remaining(std, known * 3 * ((noise.turn or 0.0) / MM) ** 2, left_turn)
         return at, lengths, np.stack([plain_turn, left_turn, turned])
 
+    def bands(self, command: Array, wrench: Array, rows: Indices) -> Array:
+        """The 95 % bands (r, 2) of the errors of positions that commands leave in some rows [m].
+
+        The error of a coordinate is what the command leaves by the identified model, and normal
+        beside that; of several markers the root mean square of their distances counts.
+        """
+        own = np.isin(self.rows, rows)
+        at = self.rows[own]
+        torque = self.fitted.torque(command[at], wrench[at], self.loads)
+        seen = self.fitted.model.see(self.fitted.theta, command[at], torque, derivatives=False)
+        off = seen.points - self.goal.of_poses(np.flatnonzero(own)).points
+        covariance, dof = self.fitted.lasting(command[at], wrench[at], self.loads)
+        count = np.sqrt(off.shape[1])
+        rest = np.where(np.abs(off) < SETTLED, 0.0, off).reshape(len(at), -1)
+        eye = np.eye(rest.shape[1])
+        roots = [root_of(one) for one in covariance]
+        return np.array(
+            [
+                offset_error_quantiles(root[None], eye, mean[None], BAND, float(own_dof))[0] / count
+                for root, mean, own_dof in zip(roots, rest, dof, strict=True)
+            ]
+        ).reshape(-1, len(BAND))
+
 
 def compensate_geometry(
     study: Study,
@@ -290,7 +315,7 @@ def compensate_geometry(
         command=counting.back(command[rows]),
         uncompensated=lengths[0],
         remaining=lengths[2],
-        band=None,
+        band=np.concatenate([part.bands(command, task.wrench, rows) for part in parts])[order],
         verdict=str(verdict) if isinstance(verdict, str) else None,
         rotation=turns[2],
         rows=rows,

@@ -287,6 +287,39 @@ class FittedGeometry:
             turn_half=half[..., 3:] if rows > 3 else None,
         )
 
+    def lasting(self, q: Array, wrench: Array, loads: Loads | None) -> tuple[Array, Array]:
+        """How far off markers really are in some poses, without the errors of readings.
+
+        Where the noise is unknown, readings and model are not told apart, and both count.
+
+        Returns:
+            Covariances (m, 3k, 3k) of the coordinates [m^2], and their degrees of freedom (m,),
+            those of the variances that were fitted.
+        """
+        seen, motion, columns, apart = self.moves(q, wrench, loads)
+        own = self.noise.of_model(motion)
+        if self.noise.unknown:
+            own = own + self.noise.of_reading(motion, seen.places)
+        open_ones = apart * np.array([one.spread for one in self.open_parameters])
+        C = columns @ self.covariance @ np.swapaxes(columns, 1, 2) + own
+        C = C + open_ones @ np.swapaxes(open_ones, 1, 2)
+        k, rows = seen.points.shape[1], self.model.row_count
+        kept = np.arange(k * rows).reshape(k, rows)[:, :3].ravel()
+        C = C[:, kept[:, None], kept]
+        fit = self.noise.model_fit
+        dof = np.full(len(q), np.inf)
+        if fit is not None:
+            slopes = self.slopes(motion, seen.places)
+            assert slopes is not None
+            slopes = slopes[:, kept].sum(axis=1)
+            # Only the part that was fitted is uncertain.
+            fitted = np.minimum(
+                slopes @ fit.variances, np.einsum("mrr->m", own[:, kept[:, None], kept])
+            )
+            share = fitted / np.einsum("mrr->m", C)
+            dof = np.maximum(fit.relative_dof(slopes) / np.maximum(share, 1e-6) ** 2, LEAST_DOF)
+        return C / MM**2, dof
+
     def _left(self, q: Array, torque: Torque, J: Array) -> Array:
         """Columns (m, r, o) of the open parameters, less what the others take of them [mm]."""
         if not self.open_parameters:

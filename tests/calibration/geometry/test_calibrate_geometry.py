@@ -24,6 +24,7 @@ from geometry_sheets import (
 from small_arm import ROBOT
 
 import edtk
+from edtk.measure.pose_table import BAND_COLUMNS
 from edtk.robots.rotations import transform
 from edtk.study.study_geometry import StudyGeometry
 
@@ -328,8 +329,12 @@ def test_commands_bring_the_markers_where_the_drawing_has_them(study: Path, tmp_
     assert (after < floor + 5e3 * told.remaining).all()
     header = out.read_text().splitlines()[0].split(",")
     assert header[:6] == NAMES
-    assert header[-2:] == ["uncompensated_mm", "remaining_rms_mm"]
-    assert "error of the markers [mm]   remaining rms [mm]" in told.summary()
+    assert header[-4:-2] == ["uncompensated_mm", "remaining_rms_mm"]
+    assert header[-2:] == list(BAND_COLUMNS)
+    assert "error of the markers [mm]   remaining rms (95 % band) [mm]" in told.summary()
+    low, high = told.band.T
+    assert ((low < told.remaining) & (told.remaining < high)).all()
+    assert json.loads(json.dumps(told.to_dict()))["remaining_band"] == told.band.tolist()
     assert told.plot().get_ylabel() == "error of the markers [mm]"
     assert "<table" in told._repr_html_()
     with pytest.raises(edtk.UserError, match="expected poses"):
