@@ -163,6 +163,24 @@ class Study(StudyObjects, Presented):
         name = self.main_criterion if criterion is None else criterion
         return self.designed if counts_known(name) else self
 
+    @property
+    def designs_at_guess(self) -> bool:
+        """Whether designs depend on how soft the springs are, which [simulation] guesses."""
+        noise = self.specification.noise
+        shares = noise is not None and bool(noise.model_error_percent)
+        return self.specification.simulation is not None and (
+            shares or bool(self.robot.compensators)
+        )
+
+    def with_guess_times(self, factor: float) -> "Study":
+        """The same with springs so many times as soft as [simulation] guesses."""
+        simulation = self.specification.simulation
+        assert simulation is not None
+        guess = simulation.compliance_rad_per_Nm
+        scaled = {name: factor * size for name, size in guess.items()}
+        own = simulation.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+        return self.replace(simulation=own | {"compliance_rad_per_Nm": scaled})
+
     @cached_property
     def warnings(self) -> tuple[Finding, ...]:
         """What the study says that is physically hard to believe."""

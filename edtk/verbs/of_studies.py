@@ -35,6 +35,9 @@ from edtk.verbs.inputs import (
 )
 from edtk.verbs.question import PlanCall, Question, RelaxCall
 
+FEW = 12  # parameters, up to which two more bounds take seconds
+OFF = (0.5, 1.5)  # times the guess of the springs, which may well be 50 % off
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -44,7 +47,7 @@ if TYPE_CHECKING:
     from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
     from edtk.calibration.prediction import Prediction
     from edtk.design.design_space import DesignSpace
-    from edtk.design.exact.exact_plan import ExactPlan
+    from edtk.design.exact.exact_plan import ExactPlan, OffGuess
     from edtk.design.relaxation.relaxed_plan import RelaxedPlan
     from edtk.findings.fitted_data import HowFitted
     from edtk.study.evaluate import Evaluation
@@ -138,8 +141,43 @@ class OfStudy(Question):
             if exchange is not None:
                 found = self._given_up(exchange, asked, criterion, call, options, found)
         found = self._judged(asked, found, faults)
+        found = replace(found, off_guess=self._off_guess(asked, criterion, call, found))
         files.write(lambda: found.whole.to_frame(asked.robot), lambda: self._proof(asked, found))
         return found
+
+    def _off_guess(
+        self, asked: Study, criterion: str | None, call: PlanCall, found: "ExactPlan"
+    ) -> tuple["OffGuess", ...]:
+        """How good a plan is where the springs are others than it was designed for.
+
+        Rows of springs are the same whatever these are; what the model leaves out is not, nor how
+        far joints with a compensator give way. Bounds are those of a search over all poses. Nothing
+        is said where that takes time that nobody gave, as with many parameters, or experiments cost
+        or exist already.
+        """
+        from edtk.design.exact.exact_plan import OffGuess
+        from edtk.study.plan_study import RunOptions
+
+        priced = asked.specification.costs is not None or call.cost_budget is not None
+        timed = call.budget is not None or found.ended == "interrupted"
+        timed = timed or found.relaxed.space.p > FEW
+        if found.kept is not None or priced or timed or not asked.designs_at_guess:
+            return ()
+        options = RunOptions(seed=call.seed, progress=call.progress)
+        size = found.plan.experiments if asked.specification.prior.in_design else None
+        each = []
+        for factor in OFF:
+            other = asked.with_guess_times(factor)
+            try:
+                relaxed = self._relaxation()(
+                    other, criterion, continuous=True, size=size, options=options
+                )
+            except KeyboardInterrupt:
+                return ()
+            M = self.designs(self._designed(other, criterion)).information(found.plan)
+            bound = relaxed.best_bound.scaled(found.plan.experiments)
+            each.append(OffGuess(factor, bound.efficiency(float(relaxed.criterion.cost(M)))))
+        return tuple(each)
 
     def _checked(self, call: PlanCall) -> PlanCall:
         """The arguments, whose whole numbers are whole.

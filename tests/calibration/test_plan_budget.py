@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
+from arm import arm
 from readings import PLAN, STUDY
 
+import criteria
+import edtk
 from edtk.calibration.planned import plan_budget
 from edtk.report.views.calibration import error_budget
 from edtk.study.evaluate import evaluate
@@ -52,6 +55,28 @@ def test_a_model_error_is_assumed_where_nothing_is_said_of_it():
     constant = plan_budget(STUDY.replace(noise={"discrepancy_mm": 0.02}), PLAN)
     assert constant.assumed_share is None
     assert constant.model > np.sqrt(3) * 2e-5
+
+
+@pytest.mark.slow
+def test_a_plan_says_what_a_wrong_guess_of_the_springs_costs():
+    """Springs half as soft, or half as soft again, have bounds of their own to be compared with."""
+    study = arm(
+        noise={"model_error_percent": 10},
+        simulation={"compliance_rad_per_Nm": {"q1": 3e-5, "q2": 5e-5}},
+    )
+    found = edtk.plan(study, 4, "D", seed=1)
+    assert [one.factor for one in found.off_guess] == [0.5, 1.5]
+    one = found.off_guess[1]
+    other = study.with_guess_times(one.factor)
+    bound = edtk.relax(other, "D", continuous=True).best_bound.scaled(4)
+    cost = criteria.create("D").cost(other.information(found.plan))
+    assert one.efficiency == pytest.approx(bound.cost / cost, rel=1e-3)
+    assert 0.5 < one.efficiency < 1 + 1e-6
+    assert "guess       of the springs, [simulation]; its efficiency is" in found.summary()
+    assert found.to_dict()["off_guess"][0]["factor"] == 0.5
+    # Without a model error rows and noise do not depend on the guess.
+    exact = study.replace(noise={"model_error_percent": 0})
+    assert not edtk.plan(exact, 4, "D", seed=1).off_guess
 
 
 def test_repeatability_averages_out():

@@ -153,6 +153,23 @@ class FoundPlan:
 
 
 @dataclass(frozen=True)
+class OffGuess:
+    """How good a plan is where the springs, at a guess of which it was designed, are others.
+
+    Attributes:
+        factor: Compliances over those that were guessed.
+        efficiency: Bound on all plans for such springs over the cost of this one.
+    """
+
+    factor: float
+    efficiency: float
+
+    def to_dict(self) -> dict[str, float]:
+        """Plain numbers for JSON."""
+        return {"factor": self.factor, "efficiency": self.efficiency}
+
+
+@dataclass(frozen=True)
 class Compromise:
     """What a plan gives up of its criterion for a second one, and what that brings.
 
@@ -236,6 +253,7 @@ class ExactPlan(BoundedDesign):
     with_prior: bool = False
     tasks: TaskAccuracy | None = None
     compromise: Compromise | None = None
+    off_guess: tuple[OffGuess, ...] = ()
 
     @classmethod
     def of(cls, relaxed: RelaxedPlan, found: FoundPlan, kept: Plan | None = None) -> "ExactPlan":
@@ -358,6 +376,7 @@ class ExactPlan(BoundedDesign):
             **({"with_prior": True} if self.with_prior else {}),
             **({} if self.tasks is None else {"tasks": self.tasks.to_dict()}),
             **({} if self.compromise is None else {"compromise": self.compromise.to_dict()}),
+            **({"off_guess": [one.to_dict() for one in self.off_guess]} if self.off_guess else {}),
             "plan": ([] if self.kept is None else self._rows(self.kept, kept=True))
             + self._rows(self.plan, kept=False),
             "exact": {

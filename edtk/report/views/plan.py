@@ -152,6 +152,7 @@ def exact_plan_text(found: ExactPlan) -> str:
         f"  bound       {factor * found.bound:.6g}{unit}  ({reach(found)})",
         f"  efficiency  {100 * found.efficiency:.2f} %{among(found)}",
         *exchanged(found),
+        *off_guess(found),
         *_budget(found),
         *([] if found.expected is None else [str(found.expected)]),
         *costs_of_day(found),
@@ -179,6 +180,17 @@ def exchanged(found: ExactPlan) -> list[str]:
         f"  gained      {one.second} = {values} instead of {before}, as by {one.times:.3g} times "
         "as many experiments",
     ]
+
+
+def off_guess(found: ExactPlan) -> list[str]:
+    """How good the plan is where springs are not as guessed, if that matters."""
+    if not found.off_guess:
+        return []
+    each = " and ".join(
+        f"{100 * one.efficiency:.1f} % if they are {one.factor:g} times as soft"
+        for one in found.off_guess
+    )
+    return [f"  guess       of the springs, [simulation]; its efficiency is {each}"]
 
 
 def on_limits(found: ExactPlan) -> list[str]:
