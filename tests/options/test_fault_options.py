@@ -18,6 +18,7 @@ from edtk.findings.causes.faults import FAULTS, cause_wording
 from edtk.findings.finding import Finding
 from edtk.findings.geometry.geometric_fit import geometric_findings
 from edtk.fit.geometry.fit_geometry import fit_geometry
+from edtk.fit.geometry.fitted_geometry import loading_in
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.study.study_geometry import StudyGeometry
 from edtk.system.errors import UserError
@@ -177,6 +178,31 @@ def test_a_fault_of_the_registry_is_the_cause_of_what_positions_leave(
     assert cause.size == pytest.approx(size, rel=0.2)
     assert cause.p < 1e-4
     assert cause_wording(cause) in found.words
+
+
+def test_a_bearing_that_bends_is_the_cause_of_what_positions_leave() -> None:
+    """A spring across joint 2 is named with its size, where loads from the side show it."""
+    loads = {"list_F_N": [[0, 0, -100], [0, 80, -60]]}
+    asked = {"springs": ["q2", "q3", "q2.rz"], "geometry": []}
+    bent = StudyGeometry.of(SPRUNG.replace(load=loads, parameters=asked))
+    model = replace(bent.model, offsets=OFFSETS, start=PLACE)
+    rng = np.random.default_rng(0)
+    q = rng.uniform(-1.7, 1.7, (36, 6))
+    wrench = np.zeros((36, 6))
+    wrench[12:24, 2] = -100.0
+    wrench[24:, 1:3] = [80.0, -60.0]
+    theta = np.zeros(model.p)
+    theta[-3:] = [3e-5, 4e-5, 2e-5]
+    rest = loading_in(model.bending(theta), q, wrench, bent.loads, np.zeros(36, dtype=bool))
+    x = model.see(theta, q, rest, derivatives=False).points
+    row = np.arange(36)[:, None] * np.ones(3, dtype=int)
+    data = MarkerPositions(q, wrench, x + rng.normal(0, 2e-5, x.shape), row, tuple("ABC"))
+    setting = StudyGeometry.of(SPRUNG.replace(load=loads))
+    fit = fit_geometry(setting.model, data, setting.noise, setting.loads)
+    (found,) = (one for one in geometric_findings(fit, setting) if one.kind == "cause")
+    cause = found.data["cause"]
+    assert (cause.cause, cause.joint) == ("lateral", "q2.rz")
+    assert cause.size == pytest.approx(2 / 3 * 100, rel=0.1)  # of what joint 2 gives way
 
 
 def test_a_sound_day_has_no_cause() -> None:

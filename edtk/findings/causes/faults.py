@@ -387,7 +387,7 @@ def _lateral_words(cause: Cause) -> str:
 def model_it(springs: Sequence[str]) -> str:
     """What to do about a missing spring."""
     asked = ", ".join(f'"{one}"' for one in springs)
-    return f"ask for springs = [{asked}] in [parameters], or see --extend"
+    return f"ask for springs = [{asked}] in [parameters], as --extend does of displacements"
 
 
 def _compensator(scene: Scene) -> Iterator[Family]:
@@ -429,7 +429,7 @@ def _pull(q: Array, r: float) -> Pull:
 
 def _compensator_words(cause: Cause) -> str:
     pull = f"something pulls at joint {cause.joint} by up to {_size(cause)} as it turns"
-    cure = "state it as [[robot.compensator]], or see --extend"
+    cure = "state it as [[robot.compensator]], as --extend does of displacements"
     return f"{pull}, like a gravity compensator: {cure}"
 
 
