@@ -256,7 +256,7 @@ def variables_by_drives(joints: Sequence[Joint], couplings: Sequence[Coupling]) 
         which = ", ".join(dict.fromkeys(one.joint for one in couplings))
         raise ValueError(f"joints are coupled in a circle, among {which}; expected none")
     powers = (np.linalg.matrix_power(factors, k) for k in range(len(names)))
-    return np.asarray(sum(powers))
+    return sum(powers, np.zeros_like(factors))
 
 
 def _require_coupled(name: str, joints: Sequence[Joint]) -> None:

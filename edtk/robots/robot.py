@@ -62,7 +62,7 @@ class Robot(Presented):
                     raise ValueError(
                         f"joint {tied.name}: follows {master!r}; the free joints are {has}"
                     )
-        names = self.body_names
+        names = [joint.name for joint in self.chain]
         if not self.joints or len(set(names)) < len(names):
             raise ValueError(
                 f"robot {self.name}: needs at least one joint, each with a name of its own"

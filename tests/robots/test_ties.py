@@ -115,6 +115,15 @@ def test_ties_are_written_and_read():
     assert robot_to_dict(again) == content
 
 
+@pytest.mark.parametrize("wrong", [{"name": "#4"}, {"axis": [0, 0, 0]}])
+def test_a_joint_that_follows_is_checked_as_any_other(wrong):
+    """A name that heads no column and an axis of no length are refused where they are read."""
+    content = robot_to_dict(ROBOT)
+    content["joints"][3] |= wrong
+    with pytest.raises(RobotFileError, match=r"^joint (name '#4'|q4: the axis must be)"):
+        robot_from_dict(content)
+
+
 @pytest.mark.parametrize(
     ("mimic", "key", "message"),
     [
