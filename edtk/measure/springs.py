@@ -124,6 +124,12 @@ class Bending:
         """Number s of coordinates."""
         return self.springs.width
 
+    @property
+    def play(self) -> float:
+        """How far a joint may rest anywhere, where its load is zero within a dead zone [rad]."""
+        gaps = np.array(self.springs.laws) == "gap"
+        return float(2 * np.abs(self.sizes[gaps]).max(initial=0.0))
+
     def scaled(self, factor: float) -> "Bending":
         """With springs that are softer by a factor."""
         return replace(self, sizes=factor * self.sizes, known=factor * self.known)

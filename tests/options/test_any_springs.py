@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import edtk
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import PositionRows
-from edtk.fit.geometry.fitted_geometry import loading_in
+from edtk.fit.geometry.fitted_geometry import loading_in, no_rest, resting_torque
 from edtk.fit.geometry.geometry_posterior import many_seen
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry
@@ -213,6 +213,18 @@ def test_spring_that_no_load_turns_says_what_would_tell_it() -> None:
     (words,) = question.untold
     assert words.startswith("the spring of joint q2 about x moves no marker")
     assert "it needs a torque about x before joint q2 that no load there makes" in words
+
+
+def test_joint_within_its_dead_zone_is_no_arm_that_snaps() -> None:
+    """Where the load changes its sign within the dead zone, the joint rests anywhere in it."""
+    setting = StudyGeometry.of(study_of(["q1", "q2", "q2.gap"]))
+    theta = np.array([4e-6, 4e-6, 5e-3])
+    bending = setting.model.bending(theta)
+    q = np.stack([np.zeros(2001), np.linspace(-2.0, -1.0, 2001)], axis=1)
+    wrench = np.tile([0.0, 0, -100, 0, 0, 0], (len(q), 1))
+    torque = resting_torque(bending, q, wrench, setting.loads)[:, 1]
+    assert (np.sign(torque[1:]) != np.sign(torque[:-1])).any()
+    assert not no_rest(bending, q, wrench, setting.loads).any()
 
 
 def test_laws_of_springs_are_told_by_loads_of_two_sizes() -> None:

@@ -465,7 +465,8 @@ def no_rest(bending: Bending, q: Array, wrench: Array, loads: Loads | None) -> M
 def _is_stable(bending: Bending, start: Array, wrench: Array, loads: Loads, turn: Array) -> Mask:
     """Whether the arm rests at some turns (m, s), and comes back to them when it is pushed."""
     torque = loads(start + turn, wrench)
-    rests = np.abs(bending.turn(torque) - turn).max(axis=-1, initial=0.0) <= RESTS
+    apart = np.abs(bending.turn(torque) - turn).max(axis=-1, initial=0.0)
+    rests = apart <= RESTS + bending.play
     H = _by_turns(start + turn, wrench, loads)
     slope = np.eye(bending.width) - bending.tangent(torque) @ H
     least = np.linalg.eigvals(slope).real.min(axis=-1, initial=np.inf)

@@ -18,6 +18,7 @@ from edtk.measure.nominal_columns import NominalColumns
 from edtk.measure.parameters import all_parameters, springs_asked
 from edtk.measure.springs import elastic_joints, sprung
 from edtk.robots.frames import BodyPoint, force_and_torque
+from edtk.robots.joint import Joint
 from edtk.robots.load_robot import load_robot
 from edtk.robots.robot import Robot
 from edtk.robots.weights import DeadWeights
@@ -230,6 +231,19 @@ def test_wrong_lists_are_refused(springs: list[str], message: str) -> None:
     """A spring that is named twice, and one of no joint, axis or law, is one line."""
     with pytest.raises(ValueError, match=message):
         springs_asked(load_robot("kuka_kr270"), springs)
+
+
+def test_joint_that_slides_has_its_own_axis_once() -> None:
+    """Along the axis of a prismatic joint the spring is the joint's own, however it is named."""
+    slide = Joint("q1", np.eye(4), np.array([0.0, 0.0, 1.0]), (0.0, 1.0), "prismatic")
+    robot = Robot("slide", (slide,))
+    assert [one.unit for one in springs_asked(robot, ["q1", "q1.rz", "q1.z.rz"])] == [
+        "1e-6 m/N",
+        "1e-6 rad/(N m)",
+        "1e-6 rad/N",
+    ]
+    with pytest.raises(ValueError, match=r"'q1\.z' is listed twice, which is 'q1'"):
+        springs_asked(robot, ["q1", "q1.z"])
 
 
 def test_tied_joint_has_no_spring_of_its_own() -> None:
