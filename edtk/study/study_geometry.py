@@ -300,6 +300,20 @@ class StudyGeometry:
 
         return ErringColumns(model, np.zeros(model.p), task.tool, torque)
 
+    def as_positions(self, data: MarkerPositions) -> MarkerPositions:
+        """Displacements from the nominal robot as absolute positions; all others stay."""
+        if data.differs is None or not self.study.is_absolute:
+            return data
+        drawn = self.model.see(np.zeros(self.model.p), data.q, derivatives=False)
+        k = len(self.markers)
+        own = data.is_difference[:, None, None]
+        measured, turns = data.measured.copy(), data.turns
+        measured[:, :k] += np.where(own, drawn.points, 0.0)
+        if turns is not None:
+            turns = turns.copy()
+            turns[:, :k] = np.where(own[..., None], turns[:, :k] @ drawn.turns, turns[:, :k])
+        return replace(data, measured=measured, turns=turns, differs=None)
+
     def split(self, data: MarkerPositions) -> tuple[MarkerPositions, MarkerPositions]:
         """Positions of the markers on the tool, and of the references."""
         k = len(self.markers)

@@ -274,19 +274,10 @@ def _from_instrument(setting: StudyGeometry, data: MarkerPositions, where: Path)
     Raises:
         UserError: Displacements under a load have no compliance to tell.
     """
+    data = setting.as_positions(data)
     if data.differs is None:
         return data
     given = setting.study.specification
-    if given.measurement.reference == "nominal":
-        drawn = setting.model.see(np.zeros(setting.model.p), data.q, derivatives=False)
-        k = len(setting.markers)
-        own = data.is_difference[:, None, None]
-        measured, turns = data.measured.copy(), data.turns
-        measured[:, :k] += np.where(own, drawn.points, 0.0)
-        if turns is not None:
-            turns = turns.copy()
-            turns[:, :k] = np.where(own[..., None], turns[:, :k] @ drawn.turns, turns[:, :k])
-        return replace(data, measured=measured, turns=turns, differs=None)
     if not given.joints.unknown and not setting.springs:
         raise UserError(
             "displacements under a load tell compliances alone, and the study asks for none; "

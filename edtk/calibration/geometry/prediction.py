@@ -65,6 +65,7 @@ def predict_positions(
         turned=setting.turned,
         distances=tuple(setting.distances),
     )
+    data = setting.as_positions(data)
     beyond = beyond_limits(study.robot, data.q, data.row)
     radians = like_radians(study, data.q)
     data = counting.of(setting.split(data.without_lost())[0])

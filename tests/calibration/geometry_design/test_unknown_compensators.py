@@ -140,6 +140,17 @@ def test_unknown_numbers_are_found_with_the_springs():
     assert 0.6 < sum(away) < 24.3  # chi-square of 7: 0.1 % are outside either end
 
 
+def test_another_day_is_predicted(tmp_path):
+    """Displacements from the nominal robot, by a result that was written and read again."""
+    asked = study()
+    found = edtk.identify(asked, day(asked, 0))
+    (tmp_path / "k.json").write_text(json.dumps(found.to_dict()))
+    seen = edtk.predict(asked, tmp_path / "k.json", day(asked, 5, m=10))
+    errors = np.linalg.norm(seen.apart, axis=1)
+    assert errors.max() < 2e-4
+    assert (np.abs(seen.apart) <= seen.half).mean() > 0.85
+
+
 @pytest.mark.cell("`[parameters] compensators`", "springs")
 def test_springs_by_displacements_have_the_compensator_as_it_is_stated():
     """Its numbers are unknown with [parameters] alone, which may be springs alone."""
