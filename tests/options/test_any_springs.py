@@ -220,7 +220,7 @@ def test_joint_within_its_dead_zone_is_no_arm_that_snaps() -> None:
     setting = StudyGeometry.of(study_of(["q1", "q2", "q2.gap"]))
     theta = np.array([4e-6, 4e-6, 5e-3])
     bending = setting.model.bending(theta)
-    q = np.stack([np.zeros(2001), np.linspace(-2.0, -1.0, 2001)], axis=1)
+    q = np.stack([np.zeros(2001), np.linspace(1.0, 2.0, 2001)], axis=1)
     wrench = np.tile([0.0, 0, -100, 0, 0, 0], (len(q), 1))
     torque = resting_torque(bending, q, wrench, setting.loads)[:, 1]
     assert (np.sign(torque[1:]) != np.sign(torque[:-1])).any()
