@@ -1,7 +1,7 @@
 """Gravity compensators: springs and gas cylinders across a joint, by their potentials."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -72,6 +72,10 @@ class Compensator:
     def numbers(self) -> list[float]:
         """All numbers (8,): anchors [m], stiffness [N/m] and preload [N]."""
         return [*self.before.tolist(), *self.behind.tolist(), self.stiffness, self.preload]
+
+    def times(self, factor: float) -> "Compensator":
+        """One at the same places that pulls so many times as much."""
+        return replace(self, stiffness=factor * self.stiffness, preload=factor * self.preload)
 
     def with_numbers(self, numbers: Array) -> "Compensator":
         """The same with other numbers (8,).

@@ -17,11 +17,13 @@ from edtk.study.kinds import kind_of
 from edtk.study.plans import load_plan
 from edtk.study.plausibility import plausibility
 from edtk.study.schema import Specification, read_specification
+from edtk.study.study_model import compensator_numbers
 from edtk.study.study_objects import StudyObjects
 from edtk.study.study_parts import counts_known, designed_keys, study_robot, with_springs
 from edtk.study.study_toml import StudyKeys, keys_signature, plain_keys, read_toml, study_toml
 from edtk.system.presented import Presented
 
+SPRINGS, COMPENSATORS = "springs", "compensators"  # what designs may depend on a guess of
 DIGITS = 12  # of the SHA-256 that names a study in results
 
 
@@ -172,8 +174,22 @@ class Study(StudyObjects, Presented):
             shares or bool(self.robot.compensators)
         )
 
-    def with_guess_times(self, factor: float) -> "Study":
-        """The same with springs so many times as soft as [simulation] guesses."""
+    @property
+    def guesses(self) -> tuple[str, ...]:
+        """What designs depend on and is guessed: springs, and compensators of unknown numbers."""
+        springs = (SPRINGS,) if self.designs_at_guess else ()
+        return (*springs, COMPENSATORS) if compensator_numbers(self) else springs
+
+    def with_guess_times(self, factor: float, of: str = SPRINGS) -> "Study":
+        """The same with springs so many times as soft as [simulation] guesses, or compensators that
+        pull so many times as much as the robot's file states.
+
+        Raises:
+            UserError: There is no such robot: the arm would snap.
+        """
+        if of == COMPENSATORS:
+            found = tuple(one.times(factor) for one in self.robot.compensators)
+            return self.replace(robot=replace(self.robot, compensators=found))
         simulation = self.specification.simulation
         assert simulation is not None
         guess = simulation.compliance_rad_per_Nm

@@ -4,6 +4,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Union
@@ -151,9 +152,9 @@ class OfStudy(Question):
         """How good a plan is where the springs are others than it was designed for.
 
         Rows of springs are the same whatever these are; what the model leaves out is not, nor how
-        far joints with a compensator give way. Bounds are those of a search over all poses. Nothing
-        is said where that takes time that nobody gave, as with many parameters, or experiments cost
-        or exist already.
+        far joints with a compensator give way, nor what one of unknown numbers does. Bounds are
+        those of a search over all poses. Nothing is said where that takes time that nobody gave, as
+        with many parameters, or experiments cost or exist already.
         """
         from edtk.design.exact.exact_plan import OffGuess
         from edtk.study.plan_study import RunOptions
@@ -161,13 +162,17 @@ class OfStudy(Question):
         priced = asked.specification.costs is not None or call.cost_budget is not None
         timed = call.budget is not None or found.ended == "interrupted"
         timed = timed or found.relaxed.space.p > FEW
-        if found.kept is not None or priced or timed or not asked.designs_at_guess:
+        if found.kept is not None or priced or timed:
             return ()
         options = RunOptions(seed=call.seed, progress=call.progress)
         size = found.plan.experiments if asked.specification.prior.in_design else None
         each = []
-        for factor in OFF:
-            other = asked.with_guess_times(factor)
+        for of, factor in product(asked.guesses, OFF):
+            try:
+                other = asked.with_guess_times(factor, of)
+            except UserError as error:
+                each.append(OffGuess(factor, 0.0, of, error.message))
+                continue
             try:
                 relaxed = self._relaxation()(
                     other, criterion, continuous=True, size=size, options=options
@@ -176,7 +181,8 @@ class OfStudy(Question):
                 return ()
             M = self.designs(self._designed(other, criterion)).information(found.plan)
             bound = relaxed.best_bound.scaled(found.plan.experiments)
-            each.append(OffGuess(factor, bound.efficiency(float(relaxed.criterion.cost(M)))))
+            cost = float(relaxed.criterion.cost(M))
+            each.append(OffGuess(factor, bound.efficiency(cost), of))
         return tuple(each)
 
     def _checked(self, call: PlanCall) -> PlanCall:

@@ -157,16 +157,22 @@ class OffGuess:
     """How good a plan is where the springs, at a guess of which it was designed, are others.
 
     Attributes:
-        factor: Compliances over those that were guessed.
-        efficiency: Bound on all plans for such springs over the cost of this one.
+        factor: Compliances over those that were guessed, or pulls of compensators over theirs.
+        efficiency: Bound on all plans for such a robot over the cost of this one; zero where there
+            is no such robot.
+        of: What was guessed: "springs" or "compensators".
+        why: Why there is no such robot; empty where there is one.
     """
 
     factor: float
     efficiency: float
+    of: str = "springs"
+    why: str = ""
 
-    def to_dict(self) -> dict[str, float]:
+    def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""
-        return {"factor": self.factor, "efficiency": self.efficiency}
+        efficiency = None if self.why else self.efficiency
+        return {"factor": self.factor, "efficiency": efficiency, "of": self.of}
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,11 @@ from edtk.robots.workspace import on_limits_in_words
 from edtk.system.typing import Array
 
 NO_BUDGET = "no error budget: it needs [simulation], and a plan that tells all compliances"
+# Guesses at which plans are local: where they stand, and what is other if they are off.
+GUESSES = {
+    "springs": ("[simulation]", "are {} times as soft"),
+    "compensators": ("in the robot", "pull {} times as much"),
+}
 CUT_OFF = 1e-3  # relative gap of a bound beyond which a person is told
 
 
@@ -184,13 +189,16 @@ def exchanged(found: ExactPlan) -> list[str]:
 
 def off_guess(found: ExactPlan) -> list[str]:
     """How good the plan is where springs are not as guessed, if that matters."""
-    if not found.off_guess:
-        return []
-    each = " and ".join(
-        f"{100 * one.efficiency:.1f} % if they are {one.factor:g} times as soft"
-        for one in found.off_guess
-    )
-    return [f"  guess       of the springs, [simulation]; its efficiency is {each}"]
+    lines = []
+    for of, (where, what) in GUESSES.items():
+        own = [one for one in found.off_guess if one.of == of]
+        each = " and ".join(
+            one.why or f"{100 * one.efficiency:.1f} % if they {what.format(f'{one.factor:g}')}"
+            for one in own
+        )
+        if own:
+            lines.append(f"  guess       of the {of}, {where}; its efficiency is {each}")
+    return lines
 
 
 def on_limits(found: ExactPlan) -> list[str]:

@@ -198,3 +198,51 @@ def test_compensator_of_a_rigid_joint_is_one_line():
     table = study().to_dict()["parameters"] | {"compliance": ["q3"]}
     with pytest.raises(edtk.UserError, match="joint q2 counts as rigid"):
         study(parameters=table, simulation=None)
+
+
+@pytest.mark.slow
+def test_a_plan_says_what_a_wrong_guess_of_the_compensator_costs(monkeypatch):
+    """What it pulls is off by a half, and bounds are those of then."""
+    monkeypatch.setattr("edtk.design.relaxation.search_continuum.SCREEN", 200)
+    monkeypatch.setattr("edtk.design.relaxation.search_continuum.STARTS", 4)
+    monkeypatch.setattr("edtk.study.plan_study.STARTS", 1)
+    table = {
+        "compliance": ["q2"],
+        "geometry": [],
+        "base": False,
+        "tool": False,
+        "compensators": ["q2.stiffness"],
+    }
+    held = {"fixed_deg": {"q1": 0, "q4": 30, "q5": 40, "q6": 0}}
+    joints = study(candidates=60, parameters=table, joints=held, simulation=None)
+    found = edtk.plan(joints, 4, "D", seed=1, workers=1)
+    guesses = [(one.of, one.factor) for one in found.off_guess]
+    assert guesses == [("compensators", 0.5), ("compensators", 1.5)]
+    weaker = joints.with_guess_times(0.5, "compensators")
+    (own,), (weak,) = joints.robot.compensators, weaker.robot.compensators
+    assert (weak.stiffness, weak.preload) == (own.stiffness / 2, own.preload / 2)
+    question = GeometryQuestion.of(weaker)
+    cost = question.criterion("D").cost(question.information(found.plan))
+    bound = edtk.relax(weaker, "D", continuous=True).best_bound.scaled(4)
+    assert found.off_guess[0].efficiency == pytest.approx(bound.cost / cost, rel=1e-3)
+    assert "of the compensators, in the robot; its efficiency is" in found.summary()
+
+
+def test_a_guess_that_is_off_may_be_of_no_robot():
+    """A plan is given all the same, and says why."""
+    upside = {
+        "joint": "q2",
+        "anchors_mm": [[0, 200, 650], [-180, 200, 0]],
+        "stiffness_N_per_mm": 150,
+        "preload_N": 70000,
+    }
+    keys = {"robot": {"file": "kuka_kr270", "compensator": [upside]}, "compensators": []}
+    asked = None
+    for size in np.geomspace(1e-8, 1e-3, 60):  # up to where the guess itself would snap
+        try:
+            asked = study("unloaded", simulation={"compliance_rad_per_Nm": {"q2": size}}, **keys)
+        except edtk.UserError:
+            break
+    assert asked is not None
+    with pytest.raises(edtk.UserError, match="the arm would snap"):
+        asked.with_guess_times(1.5)
