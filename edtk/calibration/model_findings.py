@@ -1,7 +1,8 @@
 """What is said of errors of the model, and of those that a sheet cannot tell."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
+from edtk.calibration.geometry.pieces_left import MOST, LeftInTasks, PiecesLeft
 from edtk.calibration.propagation import Propagation
 from edtk.findings.finding import Data, Finding, Severity, Wording
 from edtk.findings.model_error import ModelErrorFound
@@ -12,7 +13,6 @@ TWICE = 2.0  # the promised error, beyond which it is not kept
 # Of a single normal error 5 % is beyond twice its size. Where chances are twice that, what the
 # sheet leaves open is what the promise rests on.
 OFTEN = 0.1
-MOST = 0.975
 # Of the displacement. A compensation that takes away nine tenths is what an engineer expects;
 # where less is due to the model, more measurements do not help.
 LARGE = 0.1
@@ -32,18 +32,41 @@ def model_findings(
     left = propagation.model
     if left is None:
         return
+    sizes = (budget.model, budget.total, budget.uncompensated)
     if found.counts:
-        is_most = 2 * budget.model**2 > budget.total**2
-        large = is_most and budget.total > LARGE * budget.uncompensated
-        severity = Severity.WARNING if large else Severity.NOTE
-        data = {"model": budget.model, "place": tasks.place, **found.to_dict()}
-        yield Finding.of(severity, WORDING, "model_error", **data)
+        yield _found(sizes, tasks.place, found.to_dict())
     given = (tasks, propagation.joints)
     chance = left.chance_beyond(*given, TWICE * budget.total)
     if chance > OFTEN:
-        most = left.quantile(*given, MOST)
-        data = {"chance": chance, "most": most, "total": budget.total, "place": tasks.place}
-        yield Finding.of(Severity.WARNING, WORDING, "model_untold", **data)
+        yield _untold(chance, left.quantile(*given, MOST), budget.total, tasks.place)
+
+
+def pieces_findings(pieces: PiecesLeft, left: LeftInTasks) -> Iterator[Finding]:
+    """The same of a study with [parameters].
+
+    Args:
+        pieces: What the sheet says of the model.
+        left: What it leaves in the tasks.
+    """
+    if pieces.counts:
+        sizes = (left.model, left.total, left.before)
+        yield _found(sizes, left.place, pieces.shares)
+    if left.chance > OFTEN:
+        yield _untold(left.chance, left.most, left.total, left.place)
+
+
+def _found(sizes: tuple[float, float, float], place: str, shares: Mapping[str, float]) -> Finding:
+    """What is missing, by what it makes, the total, and the error without compensation [m]."""
+    model, total, before = sizes
+    large = 2 * model**2 > total**2 and total > LARGE * before
+    severity = Severity.WARNING if large else Severity.NOTE
+    return Finding.of(severity, WORDING, "model_error", model=model, place=place, **shares)
+
+
+def _untold(chance: float, most: float, total: float, place: str) -> Finding:
+    """What these poses cannot tell."""
+    data = {"chance": chance, "most": most, "total": total, "place": place}
+    return Finding.of(Severity.WARNING, WORDING, "model_untold", **data)
 
 
 PARTS = {
@@ -64,7 +87,7 @@ def _model_error(data: Data) -> str:
 
 
 def _model_untold(data: Data) -> str:
-    """What these poses cannot tell."""
+    """What is assumed."""
     chance = f"{100 * data['chance']:.0f} %"
     return (
         f"these poses and loads do not tell friction and springs that the model lacks, so that "

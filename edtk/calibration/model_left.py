@@ -132,15 +132,8 @@ class ModelLeft:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers in SI units, and shares, in the order of the joints."""
-        possible = self.possible
-        lower = np.tril_indices(possible.mean.shape[1])
         return {
-            "compliance": self.pieces.k.tolist(),
-            "load": self.pieces.load.tolist(),
-            "weights": possible.weights.tolist(),
-            "turn": possible.turn.tolist(),
-            "mean": [_short(row) for row in possible.mean],
-            "covariance": [_short(one[lower]) for one in possible.covariance],
+            **possible_to_dict(self.pieces, self.possible),
             "noise": self.noise.tolist(),
             "constant": self.constant,
             "beside": self.beside.tolist(),
@@ -159,25 +152,7 @@ class ModelLeft:
         Raises:
             ValueError: A number is missing, or none.
         """
-        pieces = MissingPieces(
-            not_negative_of(given, "compliance", (n,)), not_negative_of(given, "load", (n,))
-        )
-        rows = given.get("weights")
-        s = len(rows) if isinstance(rows, list) else 0
-        p = len(pieces.kinds) + len(joints)
-        weights = not_negative_of(given, "weights", (s,))
-        if not weights.sum() > 0:
-            raise ValueError("weights: expected a number that is not zero")
-        lower = np.tril_indices(p)
-        covariance = np.zeros((s, p, p))
-        covariance[:, lower[0], lower[1]] = numbers_of(given, "covariance", (s, len(lower[0])))
-        whole = covariance + np.swapaxes(np.tril(covariance, -1), 1, 2)
-        possible = PossibleSprings(
-            weights / weights.sum(),
-            not_negative_of(given, "turn", (s,)),
-            numbers_of(given, "mean", (s, p)),
-            whole,
-        )
+        pieces, possible = possible_from_dict(given, len(joints), n)
         dof = np.inf if given.get("dof") is None else float(not_negative_of(given, "dof", ()))
         order = given.get("beside")
         a = len(order) if isinstance(order, list) else 0
@@ -185,6 +160,45 @@ class ModelLeft:
         noise = numbers_of(given, "noise", (len(joints), len(joints)))
         constant = float(not_negative_of(given, "constant", ()))
         return cls(joints, pieces, possible, noise, beside, constant, dof)
+
+
+def possible_to_dict(pieces: MissingPieces, possible: PossibleSprings) -> dict[str, Any]:
+    """Pieces and what is possible of them, as plain numbers in SI units, and shares."""
+    lower = np.tril_indices(possible.mean.shape[1])
+    return {
+        "compliance": pieces.k.tolist(),
+        "load": pieces.load.tolist(),
+        "weights": possible.weights.tolist(),
+        "turn": possible.turn.tolist(),
+        "mean": [_short(row) for row in possible.mean],
+        "covariance": [_short(one[lower]) for one in possible.covariance],
+    }
+
+
+def possible_from_dict(
+    given: Mapping[str, Any], p: int, n: int
+) -> tuple[MissingPieces, PossibleSprings]:
+    """What a file says of p parameters and n joints, see `possible_to_dict`.
+
+    Raises:
+        ValueError: A number is missing, or none.
+    """
+    pieces = MissingPieces(
+        not_negative_of(given, "compliance", (n,)), not_negative_of(given, "load", (n,))
+    )
+    rows = given.get("weights")
+    s = len(rows) if isinstance(rows, list) else 0
+    order = len(pieces.kinds) + p
+    weights = not_negative_of(given, "weights", (s,))
+    if not weights.sum() > 0:
+        raise ValueError("weights: expected a number that is not zero")
+    lower = np.tril_indices(order)
+    covariance = np.zeros((s, order, order))
+    covariance[:, lower[0], lower[1]] = numbers_of(given, "covariance", (s, len(lower[0])))
+    whole = covariance + np.swapaxes(np.tril(covariance, -1), 1, 2)
+    turn = not_negative_of(given, "turn", (s,))
+    mean = numbers_of(given, "mean", (s, order))
+    return pieces, PossibleSprings(weights / weights.sum(), turn, mean, whole)
 
 
 def _short(numbers: Array) -> list[float]:

@@ -43,8 +43,7 @@ class ModelErrorFound:
 
     def to_dict(self) -> dict[str, float]:
         """The likeliest shares of the pieces [%]."""
-        across, held, turn = (100 * self.posterior.likeliest).tolist()
-        return {"across_percent": across, "held_percent": held, "turn_percent": turn}
+        return self.posterior.shares
 
 
 def find_model_error(

@@ -205,6 +205,12 @@ class SizePosterior:
         return np.asarray(self.sizes[int(self.weights.argmax())])
 
     @property
+    def shares(self) -> dict[str, float]:
+        """The likeliest shares of the pieces [%]."""
+        across, held, turn = (100 * self.likeliest).tolist()
+        return {"across_percent": across, "held_percent": held, "turn_percent": turn}
+
+    @property
     def is_seen(self) -> bool:
         """Whether the sheet speaks for something that is missing."""
         return bool(self.likeliest.any())

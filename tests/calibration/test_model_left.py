@@ -237,3 +237,28 @@ def test_mixtures_of_normal_errors():
     assert both.size[0] == pytest.approx(np.sqrt(5.2))
     values = np.array([[3.0], [1.0], [2.0]])
     assert weighted_median(values, np.array([0.2, 0.2, 0.6]))[0] == 2.0
+
+
+VISITS = STUDY.replace(
+    joints={"fixed_deg": {"q1": 0}},
+    parameters={"compliance": ["q2", "q3", "q4", "q5", "q6"], "geometry": [], "base": False}
+    | {"tool": False},
+    marker=[{"name": "A"}],
+    measurement={"sigma_mm": 0.02, "reference": "unloaded"},
+    uncertainty={"load_direction_deg": 0},
+)
+
+
+@pytest.mark.parametrize("size", [0.0, 0.15], ids=["ideal", "across"])
+def test_visits_under_loads_tell_pieces_too(size):
+    """A study with [parameters] that reads differences has the same keys, bands and findings."""
+    data, _ = day(7, size * ACROSS, poses=16)
+    found = edtk.identify(VISITS, sheet(data).assign(marker="A"))
+    result = found.to_dict()
+    commands = edtk.compensate(VISITS, found)
+    low, high = commands.band[0]
+    assert low < commands.remaining[0] < high
+    assert ("model_error" in [one.kind for one in found.findings]) == (size > 0)
+    assert (result["model_error"]["across_percent"] > 5) == (size > 0)
+    alone = found_of(data).budget
+    assert 1e-3 * result["model_error_mm"] == pytest.approx(alone.model, rel=0.5, abs=1e-5)

@@ -7,7 +7,9 @@ import numpy as np
 
 from edtk.calibration.calibration import Origin
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.calibration.geometry.pieces_left import PiecesLeft
 from edtk.calibration.geometry.told_before import told_before
+from edtk.calibration.model_findings import pieces_findings
 from edtk.design.plan import Plan
 from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
 from edtk.findings.fitted_data import AS_USUAL, HowFitted
@@ -99,6 +101,10 @@ def calibrate_geometry(
         *gross_findings(sound.data, gross),
         *geometric_findings(fit, setting),
     ]
+    pieces = PiecesLeft.of(setting, fit)
+    left = None if pieces is None else pieces.in_tasks(setting, fit.fitted)
+    if pieces is not None and left is not None:
+        findings += pieces_findings(pieces, left)
     return GeometricCalibration(
         setting,
         fit,
@@ -108,6 +114,7 @@ def calibrate_geometry(
         tuple(gross.visits),
         how.robust,
         Origin.of(path),
+        pieces=pieces,
     )
 
 

@@ -9,11 +9,13 @@ import numpy as np
 
 from edtk.calibration.compensate import BAND, Compensation
 from edtk.calibration.geometry.geometric_calibration import read_geometry
+from edtk.calibration.geometry.pieces_left import PiecesLeft
 from edtk.calibration.propagation import root_of
 from edtk.calibration.tasks_in_use import RefusedRow, ToolInUse, require_one, tools_of_task
 from edtk.design.plan import Plan
-from edtk.fit.distributions import offset_error_quantiles
+from edtk.fit.distributions import NormalMixture, offset_error_quantiles
 from edtk.fit.geometry.fitted_geometry import FittedGeometry, Loads
+from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.equilibrium import why_no_rest
 from edtk.measure.measured_model import Seen
 from edtk.measure.parameters import TURNS, Parameter
@@ -31,6 +33,7 @@ REACHED = 1e-6  # [m, rad] a last step that moves one by more leads nowhere: a s
 SINGULAR = 1e-4  # of the largest singular value: smaller ones of a Jacobian are not used
 FAR = 0.2  # [rad or m] a correction is never so large
 MM = 1e3
+POSITION = 3  # rows of a marker, ahead of those of its orientation
 DIGITS = 1e-4  # [rad or m] that a controller's display leaves out
 
 
@@ -157,22 +160,33 @@ class _InPoses:
         loads: What loads its joints.
         goal: Where the drawing carries tool or markers in the poses.
         rows: Rows (t,) of the task that these are.
+        model: The drawing under a wrench alone; None where nothing bends it.
+        pieces: What its springs lack; None where nothing tells it.
     """
 
     fitted: FittedGeometry
     loads: Loads | None
     goal: MarkerGoal
     rows: Indices
+    model: ElastostaticModel | None = None
+    pieces: PiecesLeft | None = None
 
     @classmethod
     def of(
-        cls, setting: StudyGeometry, fitted: FittedGeometry, tool: ToolInUse, every: Array
+        cls,
+        setting: StudyGeometry,
+        fitted: FittedGeometry,
+        tool: ToolInUse,
+        every: Array,
+        pieces: PiecesLeft | None,
     ) -> "_InPoses":
         """With the tool of some poses, of all (t, n)."""
         task = tool.task
         robot = fitted if task.tool is None else fitted.at_tool(task.tool)
         goal = MarkerGoal.of(robot, every[tool.rows])
-        return cls(robot, setting.loads_of(task), goal, tool.rows)
+        loads = setting.loads_of(task)
+        model = None if loads is None else loads.by_wrench
+        return cls(robot, loads, goal, tool.rows, model, pieces)
 
     def commands(self, every: Array, wrench: Array) -> Array:
         """Commands (t, n) in these poses, of all (m, n) with their wrenches (m, 6)."""
@@ -216,6 +230,9 @@ class _InPoses:
         known = 0.0 if noise.unknown else 1.0  # else readings and model are not told apart
         reading = known * noise.squared_reading(predicted.points).mean(axis=1) / MM**2
         remaining = _remaining(predicted.std, reading, left)
+        with_pieces = self._with_pieces(command[at], wrench[at], goal)
+        if with_pieces is not None:
+            remaining = with_pieces.size
         lengths = np.stack([plain, left, remaining])
         if plain_turn is None or left_turn is None or predicted.turn_std is None:
             return at, lengths, None
@@ -231,9 +248,13 @@ class _InPoses:
         """
         own = np.isin(self.rows, rows)
         at = self.rows[own]
+        goal = self.goal.of_poses(np.flatnonzero(own))
+        with_pieces = self._with_pieces(command[at], wrench[at], goal)
+        if with_pieces is not None:
+            return with_pieces.quantiles(BAND)
         torque = self.fitted.torque(command[at], wrench[at], self.loads)
         seen = self.fitted.model.see(self.fitted.theta, command[at], torque, derivatives=False)
-        off = seen.points - self.goal.of_poses(np.flatnonzero(own)).points
+        off = seen.points - goal.points
         covariance, dof = self.fitted.lasting(command[at], wrench[at], self.loads)
         count = np.sqrt(off.shape[1])
         rest = np.where(np.abs(off) < SETTLED, 0.0, off).reshape(len(at), -1)
@@ -245,6 +266,25 @@ class _InPoses:
                 for root, mean, own_dof in zip(roots, rest, dof, strict=True)
             ]
         ).reshape(-1, len(BAND))
+
+    def _with_pieces(self, q: Array, wrench: Array, goal: MarkerGoal) -> NormalMixture | None:
+        """Errors in commanded poses (t, n) where the sheet tells pieces that the springs lack.
+
+        Joints and model err in each pose besides. None where nothing tells pieces.
+        """
+        fitted = self.fitted
+        if self.pieces is None or self.model is None:
+            return None
+        seen, motion, J, _ = fitted.moves(q, wrench, self.loads)
+        rows = fitted.model.row_count
+        lengths = np.arange(J.shape[1]) % rows < POSITION
+        J, motion = J[:, lengths], motion[:, lengths]
+        root = np.sqrt(len(fitted.model.markers))
+        V = replace(fitted.noise, turn=None, model_turn=0.0).of_model(motion)
+        V = V + (motion * np.square(np.asarray(fitted.noise.joints))) @ np.swapaxes(motion, 1, 2)
+        still = (seen.points - goal.points).reshape(len(q), -1) / root
+        found = self.pieces.mixture(fitted, self.model, q, wrench, J)
+        return found.plus(V / (MM * root) ** 2, still)
 
 
 def compensate_geometry(
@@ -288,8 +328,9 @@ def compensate_geometry(
     if not len(on_tool) and any(tool.task.tool is None for tool in tools):
         message = "no marker is on the tool, and no task says where another tool is; expected one"
         raise UserError(message, where=where)
+    pieces = _pieces_of(result, fitted, where)
     fitted = fitted.of_markers(on_tool)
-    parts = [_InPoses.of(setting, fitted, tool, every) for tool in tools]
+    parts = [_InPoses.of(setting, fitted, tool, every, pieces) for tool in tools]
     command = np.empty_like(every)
     for part in parts:
         command[part.rows] = part.commands(every, task.wrench)
@@ -324,6 +365,24 @@ def compensate_geometry(
         rotation_before=turns[0],
         rotation_left=turns[1],
     )
+
+
+def _pieces_of(
+    result: Mapping[str, Any], fitted: FittedGeometry, where: Path | str
+) -> PiecesLeft | None:
+    """What a result says of pieces that its springs lack; None where it does not.
+
+    Raises:
+        UserError: It is not valid.
+    """
+    given = result.get("possible_springs")
+    if given is None:
+        return None
+    names = tuple(one.name for one in fitted.model.parameters)
+    try:
+        return PiecesLeft.from_dict(given, names, fitted.model.robot.n)
+    except (ValueError, AttributeError) as error:
+        raise UserError(str(error), where=where, key="possible_springs") from error
 
 
 def _of_markers(study: Study, poses: int) -> tuple[ToolInUse, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from criteria.linalg.spectrum import is_semidefinite
 from edtk.calibration.calibration import Judged, Origin
+from edtk.calibration.geometry.pieces_left import LeftInTasks, PiecesLeft
 from edtk.calibration.posterior_check import PosteriorCheck, compared_with_fit, pose_error
 from edtk.findings.finding import Finding, Severity
 from edtk.findings.geometry.counting import Counting
@@ -328,6 +329,7 @@ class GeometricCalibration(Judged):
         origin: The file as it was read, and what was asked for.
         check: The posterior by the nonlinear model; None where it was not sampled.
         extension: The models of which this is the likeliest; None where nobody asked for them.
+        pieces: What the springs lack, where readings under loads tell it; None elsewhere.
     """
 
     setting: StudyGeometry
@@ -340,6 +342,7 @@ class GeometricCalibration(Judged):
     origin: Origin = field(default_factory=Origin)
     check: PosteriorCheck | None = None
     extension: "Extension | None" = None
+    pieces: PiecesLeft | None = None
 
     @property
     def base(self) -> Array:
@@ -489,6 +492,24 @@ class GeometricCalibration(Judged):
                 **self._told_before(),
                 "study": self._marks(),
             },
+            **self._model_error(),
+        }
+
+    @cached_property
+    def left(self) -> LeftInTasks | None:
+        """Errors in the tasks by parameters and pieces; None where nothing tells these."""
+        if self.pieces is None:
+            return None
+        return self.pieces.in_tasks(self.setting, self.fit.fitted)
+
+    def _model_error(self) -> dict[str, Any]:
+        """What the springs lack, and what is possible with it."""
+        if self.pieces is None:
+            return {}
+        return {
+            "model_error_mm": None if self.left is None else MM * self.left.model,
+            "model_error": dict(self.pieces.shares),
+            "possible_springs": self.pieces.to_dict(),
         }
 
     def _told_before(self) -> dict[str, list[str]]:
