@@ -409,7 +409,7 @@ def test_limits_of_numbers_can_be_read():
 def test_the_help_names_every_fault_with_its_unit():
     """A fault that is added to the registry is in the help of --detect at once."""
     text = " ".join(CliRunner().invoke(main, ["plan", "--help"]).output.split())
-    units = text.partition("Units: ")[2].partition(". --json")[0].split("; ")
+    units = text.partition("Units: ")[2].partition(". --")[0].split("; ")
     named = {
         name: unit
         for unit, _, names in (u.partition(" of ") for u in units)
