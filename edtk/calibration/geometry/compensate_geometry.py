@@ -258,14 +258,10 @@ class _InPoses:
         covariance, dof = self.fitted.lasting(command[at], wrench[at], self.loads)
         count = np.sqrt(off.shape[1])
         rest = np.where(np.abs(off) < SETTLED, 0.0, off).reshape(len(at), -1)
+        roots = np.stack([root_of(one) for one in covariance])
         eye = np.eye(rest.shape[1])
-        roots = [root_of(one) for one in covariance]
-        return np.array(
-            [
-                offset_error_quantiles(root[None], eye, mean[None], BAND, float(own_dof))[0] / count
-                for root, mean, own_dof in zip(roots, rest, dof, strict=True)
-            ]
-        ).reshape(-1, len(BAND))
+        # Of the least degrees of freedom the bands are the widest.
+        return offset_error_quantiles(roots, eye, rest, BAND, float(dof.min())) / count
 
     def _with_pieces(self, q: Array, wrench: Array, goal: MarkerGoal) -> NormalMixture | None:
         """Errors in commanded poses (t, n) where the sheet tells pieces that the springs lack.
