@@ -16,7 +16,7 @@ from edtk.system.parsing import not_negative_of, numbers_of
 from edtk.system.typing import Array
 
 LENGTHS = 3  # rows of a task that are a position, ahead of a rotation
-DIGITS = 6  # of what is written: more would say nothing of so rough a guess
+DIGITS = 12  # of what is written, to print predictions as they are
 
 
 @dataclass(frozen=True, eq=False)
