@@ -54,6 +54,7 @@ USUAL_BALANCE = 0.5  # torque of a compensator, over the largest that the load m
 LEVERS = 0.25  # the levers of its anchors, the shorter over the longer one
 USUAL_LAW = 0.2  # of a compliance, by which it differs between no load and the largest one
 USUAL_VARIES = 0.1  # of a compliance, by which it changes to either side as the joint turns
+VARYING_RARELY = 4.0  # gears are as stiff in all positions: it takes so many times the evidence
 USUAL_LOSS = 0.1  # of a joint's load, which friction holds: gears lose so much
 # Of the zero of a joint: a mark that was not met, a mastering by another convention [rad, m].
 USUAL_ZERO = {"revolute": np.deg2rad(1.0), "prismatic": 1e-3}
@@ -477,7 +478,8 @@ def _varying(scene: Scene) -> Iterator[Family]:
 
         name = scene.robot.joint_names[scene.sprung[i]]
         predict = scene.stretched(factor)
-        yield Family("varying", "%", PERCENT, 2, USUAL_VARIES, predict, len(turning), name)
+        tries = VARYING_RARELY * len(turning)
+        yield Family("varying", "%", PERCENT, 2, USUAL_VARIES, predict, tries, name)
 
 
 def _varying_words(cause: Cause) -> str:
