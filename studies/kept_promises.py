@@ -11,7 +11,8 @@ tool point, and the noise (`--exact`: the noise alone). Springs differ from day 
 `--visits` springs are parameters of a study with [parameters], read loaded minus unloaded.
 
 FOLDER keeps plans and days, so that a run goes on where it was stopped. One table a run is printed,
-and written to FOLDER/table.md; `--page` writes kept_promises.md beside this file, with three.
+and written to FOLDER/table.md; `--page` writes kept_promises.md beside this file, of the days in
+FOLDER/drawn, FOLDER/exact and FOLDER/visits.
 """
 
 import json
@@ -483,22 +484,28 @@ def table(folder: Path, cases: Sequence[Case], way: Way) -> str:
     return rows
 
 
-def page(folder: Path, days: int) -> str:
-    """All tables as a page, as Markdown."""
-    cases = all_cases(days, ())
-    tables = [f"## {way.words}\n\n{table(folder / name, cases, way)}" for name, way in WAYS.items()]
-    return f"{INTRODUCTION.format(days=days, size=SIZE, poses=POSES)}\n\n" + "\n\n".join(tables)
+def page(folder: Path) -> str:
+    """Tables of the days that are there as a page, as Markdown."""
+    parts = [INTRODUCTION.format(size=SIZE, poses=POSES)]
+    for name, way in WAYS.items():
+        found = read_days(folder / name / "days.jsonl")
+        if found:
+            most = 1 + max(int(key.rsplit("/", 1)[1]) for key in found)
+            rows = markdown_table(HEAD, list(rows_of(found, all_cases(most, ()))))
+            parts.append(f"## {way.words} ({most} days of each)\n\n{rows}")
+    return "\n\n".join(parts) + "\n"
 
 
 INTRODUCTION = """# Promises, kept and broken
 
-Written by `python studies/kept_promises.py FOLDER --page`.
+Written by `python studies/kept_promises.py FOLDER --page` of days in FOLDER/drawn, FOLDER/exact and
+FOLDER/visits.
 
 A robot is calibrated with a model of six springs, and is not six springs: joints 2 and 3 give way
 about the axes across their own too, by a share of their own compliance; links bend and twist;
-stiffnesses vary with the angle; friction holds a part of the load. Each row has {days} simulated
-days, from the plan of {size} experiments, or as many random poses, to the robot that is compensated
-in the test pose. The simulated robot shares no code with edtk.
+stiffnesses vary with the angle; friction holds a part of the load. Each row has simulated days,
+from the plan of {size} experiments, or as many random poses, to the robot that is compensated in
+the test pose. The simulated robot shares no code with edtk.
 
 - *promise*: the error that `edtk compensate` expects in the test pose, a root mean square (median
   of the days);
@@ -516,14 +523,14 @@ in the test pose. The simulated robot shares no code with edtk.
 @click.option("--only", multiple=True, help="Part of the names of cases to look at; repeat it.")
 @click.option("--exact", is_flag=True, help="Draw the noise alone.")
 @click.option("--visits", is_flag=True, help="Ask studies with [parameters].")
-@click.option("--page", "whole", is_flag=True, help="Write kept_promises.md, of all ways.")
+@click.option("--page", "whole", is_flag=True, help="Write kept_promises.md, of days at hand.")
 def main(
     folder: Path, days: int, only: Sequence[str], exact: bool, visits: bool, whole: bool
 ) -> None:
     """Simulate what is missing, and print the table."""
     os.nice(10)
     if whole:
-        write_text(HERE / "kept_promises.md", page(folder, days) + "\n")
+        write_text(HERE / "kept_promises.md", page(folder))
         return
     click.echo(table(folder, all_cases(days, only), Way(exact, visits)))
 
