@@ -315,7 +315,7 @@ def compensate(
     try:
         taken = _Taken.of(study, found)
     except ValueError as error:
-        raise UserError(str(error), where="compliances", key=POSSIBLE) from error
+        raise UserError(str(error), where=found.where, key=POSSIBLE) from error
     turned = any(one.lever for one in study.tasks)
     parts: list[Compensation] = []
     refused: list[RefusedRow] = []

@@ -50,6 +50,7 @@ class Compliances:
             say.
         possible: What errors of the model leave possible, as a calibration writes it; None
             likewise.
+        where: The file that they are from, for messages.
     """
 
     joints: tuple[str, ...]
@@ -65,6 +66,7 @@ class Compliances:
     every: Array | None = None
     compensators: str | None = None
     possible: Mapping[str, Any] | None = None
+    where: Path | str | None = "compliances"
 
     def including(self, joints: Sequence[AssumedJoint]) -> "Compliances":
         """The same with the joints that are not identified, and with all that is uncertain.
@@ -158,6 +160,7 @@ class Compliances:
             every=_measured(rest, joints, where, "covariance_all", len(assumed)),
             compensators=str(robot.get("compensators", "")) if isinstance(robot, dict) else None,
             possible=_table(rest, "possible_springs", where),
+            where=where,
         )
 
 

@@ -162,12 +162,16 @@ def test_compensate_and_predict_count_it_from_the_file(tmp_path):
         ({"noise": "x"}, "noise: expected"),
     ],
 )
-def test_bad_files_are_one_line(change, message):
+def test_bad_files_are_one_line(change, message, tmp_path):
     """What cannot be read of a file is refused by its name."""
     result = found_of(day(5, 0.15 * ACROSS)[0]).to_dict()
     result["possible_springs"] |= change
     with pytest.raises(edtk.UserError, match=message):
         edtk.compensate(STUDY, result)
+    path = tmp_path / "k.json"
+    path.write_text(json.dumps(result), encoding="utf-8")
+    with pytest.raises(edtk.UserError, match=rf"k\.json: possible_springs: {message}"):
+        edtk.compensate(STUDY, path)
 
 
 def test_untold_pieces_are_said_and_not_good():
