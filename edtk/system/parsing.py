@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.parsers import expat
 
-import numpy as np
-
 from edtk.system.errors import UserError
-from edtk.system.typing import Array
+
+if TYPE_CHECKING:
+    from edtk.system.typing import Array
 
 MOST_WRITTEN = 500  # digits of a number in a file: reading more takes the square of their number
 MOST_DIGITS = 308  # of an integer, beyond which it is no finite number of double precision
@@ -241,12 +241,14 @@ class _Builder:
         return self.parser.CurrentLineNumber
 
 
-def numbers_of(given: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> Array:
+def numbers_of(given: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> "Array":
     """Finite numbers of a shape.
 
     Raises:
         ValueError: The key has others.
     """
+    import numpy as np  # commands that read no numbers start without it
+
     try:
         values = np.array(given.get(key), dtype=float)
     except (TypeError, ValueError, OverflowError):
@@ -260,7 +262,7 @@ def numbers_of(given: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> Ar
     return values
 
 
-def not_negative_of(given: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> Array:
+def not_negative_of(given: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> "Array":
     """Numbers of a shape, none below zero.
 
     Raises:
