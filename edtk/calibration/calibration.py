@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from edtk.calibration.extension import Extension
 from edtk.calibration.posterior_check import PosteriorCheck, check_posterior
 from edtk.calibration.propagation import (
     FittedSprings,
@@ -41,8 +42,6 @@ from edtk.system.typing import Array
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from edtk.calibration.extension import Extension
 
 
 @dataclass(frozen=True)
@@ -86,7 +85,7 @@ class Judged(Presented):
 
     findings: tuple[Finding, ...]
     check: PosteriorCheck | None
-    extension: "Extension | None"
+    extension: Extension | None
 
     @property
     @abstractmethod
@@ -258,7 +257,7 @@ class Calibration(Judged):
     check: PosteriorCheck | None = None
     origin: Origin = Origin()
     part: ToldPart | None = None
-    extension: "Extension | None" = None
+    extension: Extension | None = None
 
     def headline(self) -> str:
         """Number of measurements, the accuracy to expect, and the verdict."""

@@ -84,7 +84,8 @@ class Compensation(Presented):
             (17), whatever made them wrong, by joints that are not identified, by the linear model
             where that is known, and by what a model of geometry leaves out [m]; None if it is not
             known.
-        band: Its 2.5 % and 97.5 % quantiles (t, 2) [m]; None if they are not known.
+        band: From the 2.5 % quantile of the error by the noise alone to the 97.5 % quantile of that
+            by all (t, 2) [m]; None if they are not known.
         rows: Rows (t,) of the task that these are, counted from 0.
         linear: Length (t,) of the mean error by which identifying with the linear model is off
             [m]; None if it is not known, and then not part of the others.
@@ -493,10 +494,26 @@ def _errors_after(
     if taken.model is not None:
         return _with_model(model, task, taken, offset, tuple(each))
     dof = _degrees_of_freedom(found.covariance_dof, total, noise)
+    band = _band(A, found.covariance, offset, dof)
+    least = _band(A[..., :p], identified.covariance, offset, found.covariance_dof)
+    off = np.zeros_like(total) if offset is None else np.linalg.norm(offset, axis=-1)
+    return _After(np.hypot(total, off), _from_least(least, band), noise, tuple(each))
+
+
+def _band(A: Array, covariance: Array, offset: Array | None, dof: float) -> Array:
+    """The 95 % band (t, 2) of errors by wrong compliances, and by an offset (t, 3) [m]."""
     if offset is None:
-        return _After(total, error_quantiles(A, found.covariance, BAND, dof), noise, tuple(each))
-    band = offset_error_quantiles(A, found.covariance, offset, BAND, dof)
-    return _After(np.hypot(total, np.linalg.norm(offset, axis=-1)), band, noise, tuple(each))
+        return error_quantiles(A, covariance, BAND, dof)
+    return offset_error_quantiles(A, covariance, offset, BAND, dof)
+
+
+def _from_least(least: Array, band: Array) -> Array:
+    """A band (t, 2) that begins where that of the noise alone does.
+
+    What load, tool, joints and model may be off by is assumed. On the day they may as well be as
+    the study states them: then the noise alone is left.
+    """
+    return np.column_stack([np.minimum(least[:, 0], band[:, 0]), band[:, 1]])
 
 
 def _with_model(
@@ -523,7 +540,8 @@ def _with_model(
     if offset is not None:
         without = without + np.square(offset).sum(axis=-1)
     size = np.sqrt(np.maximum(np.square(found.size), without))
-    return _After(size, found.quantiles(BAND), noise, each)
+    least = _band(A[..., :p], left.noise, offset, left.dof)
+    return _After(size, _from_least(least, found.quantiles(BAND)), noise, each)
 
 
 def _degrees_of_freedom(dof: float, total: Array, noise: Array) -> float:

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from edtk.calibration.extension import Extension
 from edtk.report.page import paragraph, section, table
 from edtk.report.tables import percent, text_table
 from edtk.study.study_toml import toml_in
@@ -10,14 +11,13 @@ from edtk.system.files import Content
 
 if TYPE_CHECKING:
     from edtk.calibration.calibration import Judged
-    from edtk.calibration.extension import Extension
 
 HEADER = ["model", "log evidence", "weight", "left out [mm]"]
 IN_TASKS = "expected [mm]"
 NAME = "extended.toml"  # the study of the chosen model
 
 
-def extension_lines(found: "Extension | None") -> list[str]:
+def extension_lines(found: Extension | None) -> list[str]:
     """Lines for terminals; none where nobody asked for models."""
     if found is None:
         return []
@@ -29,7 +29,7 @@ def extension_lines(found: "Extension | None") -> list[str]:
     ]
 
 
-def extension_section(found: "Extension | None") -> list[str]:
+def extension_section(found: Extension | None) -> list[str]:
     """A section of a report; none likewise."""
     if found is None:
         return []

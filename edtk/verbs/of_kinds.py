@@ -143,7 +143,7 @@ class OfCompliances(OfStudy):
 
     def _calibrated(self, sheet: Table, how: "HowFitted") -> "Calibration | GeometricCalibration":
         from edtk.calibration.calibrate import calibrate
-        from edtk.calibration.extension import extend
+        from edtk.calibration.extend import extend
 
         return extend(self.study, sheet, how) if how.extended else calibrate(self.study, sheet, how)
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from criteria.linalg.spectrum import is_semidefinite
 from edtk.calibration.calibration import Judged, Origin
+from edtk.calibration.extension import Extension
 from edtk.calibration.geometry.pieces_left import LeftInTasks, PiecesLeft
 from edtk.calibration.posterior_check import PosteriorCheck, compared_with_fit, pose_error
 from edtk.findings.finding import Finding, Severity
@@ -47,7 +48,6 @@ from edtk.system.typing import Array
 if TYPE_CHECKING:
     import pandas as pd
 
-    from edtk.calibration.extension import Extension
 
 MOST = 1000  # parameters or joints in a file
 RIGID = 1e-9
@@ -341,7 +341,7 @@ class GeometricCalibration(Judged):
     robust: bool = False
     origin: Origin = field(default_factory=Origin)
     check: PosteriorCheck | None = None
-    extension: "Extension | None" = None
+    extension: Extension | None = None
     pieces: PiecesLeft | None = None
 
     @property
