@@ -321,15 +321,26 @@ def test_degrees_of_freedom_and_bias_of_the_file_count(given):
     k.write_text(json.dumps(content | {"covariance_dof": 4, "rho0_bias": 1e-6}), encoding="utf-8")
     after = json.loads(edtk(study, k, task, "--json").stdout)[0]["remaining_band"]
     assert after[1] > 1.3 * before[1]
-    # Where an assumed joint is nearly all of the total, degrees of freedom hardly count.
+    # Where an assumed joint is nearly all of the total, degrees of freedom hardly count above.
     of_joint = json.loads(edtk(PATH, k, task, "--json").stdout)[0]["remaining_band"]
     k.write_text(json.dumps(content), encoding="utf-8")
     sure = json.loads(edtk(PATH, k, task, "--json").stdout)[0]["remaining_band"]
-    np.testing.assert_allclose(of_joint, sure, rtol=1e-3)
+    np.testing.assert_allclose(of_joint[1], sure[1], rtol=1e-3)
     k.write_text(json.dumps(content | {"covariance_dof": 4, "rho0_bias": 1e-6}), encoding="utf-8")
     assert "the linear model left 0.001 mm in the test pose" in edtk(PATH, k, task).stdout
     k.write_text(json.dumps(content | {"covariance_dof": 0}), encoding="utf-8")
     assert edtk(PATH, k, task).exit_code == 2
+
+
+def test_the_band_begins_at_what_the_noise_alone_leaves(given):
+    """What is assumed may be absent on the day: it moves the band's upper end, not its lower."""
+    k, task, _ = given
+    study = k.parent / "surely.toml"
+    STUDY.replace(uncertainty=SURE, published=None).to_toml(study)
+    sure = json.loads(edtk(study, k, task, "--json").stdout)[0]["remaining_band"]
+    assumed = json.loads(edtk(PATH, k, task, "--json").stdout)[0]["remaining_band"]
+    assert assumed[1] > 10 * sure[1]
+    assert assumed[0] <= sure[0]
 
 
 def _plan_3():
