@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from edtk.findings.causes.faults import cause_wording
+from edtk.findings.causes.faults import FAULTS, cause_wording
 from edtk.findings.causes.find_causes import UNEXPLAINED
 from edtk.findings.causes.try_faults import NO_NOISE
 from edtk.findings.causes.wrong_pose import FITS
@@ -225,12 +225,13 @@ def noise_findings(fitted: FittedData) -> Iterator[Finding]:
     unexplained = explanation is not None and not explanation.refits
     found = fitted.found_causes
     caused = bool(fitted.structural_causes or found.outliers or found.unexplained)
+    counted = _is_counted(fitted)
     data = {"scale": scale, "p": p, "unexplained": unexplained, "caused": caused}
     large = p < UNLIKELY_NOISE if fit.known else p < IMPOSSIBLE
     small = p > 1 - IMPOSSIBLE
     if large and fit.known:
-        severity = Severity.ALARM if p < IMPOSSIBLE else Severity.WARNING
-        yield Finding.of(severity, WORDING, "noise_above_sigma", **data)
+        severity = Severity.ALARM if p < IMPOSSIBLE and not counted else Severity.WARNING
+        yield Finding.of(severity, WORDING, "noise_above_sigma", counted=counted, **data)
     elif large:
         yield Finding.of(Severity.WARNING, WORDING, "noise_estimated_large", **data)
     elif small and fit.known:
@@ -239,6 +240,16 @@ def noise_findings(fitted: FittedData) -> Iterator[Finding]:
         # Where sigma is estimated everything scales with the unit of the displacements: only the
         # size of the noise can tell that it is another one.
         yield Finding.of(Severity.ALARM, WORDING, "noise_estimated_small", **data)
+
+
+def _is_counted(fitted: FittedData) -> bool:
+    """Whether the misfit is the robot's own, and counts in what is expected of its commands.
+
+    Then the result can be used as far as it promises: its covariance, the expected error and the
+    bands have what the model leaves out. A sheet that is wrong itself has another cause, or none.
+    """
+    causes = fitted.structural_causes
+    return fitted.model_error is not None and bool(causes) and FAULTS[causes[0].cause].in_tasks
 
 
 def left_out_findings(
@@ -283,6 +294,11 @@ def _noise_above_sigma(data: Data) -> str:
     p = data["p"]
     likely = f"p {shown_probability(p, 1)}"
     scale = f"{data['scale']:.3g}"
+    if data.get("counted"):
+        return (
+            f"the residuals are {scale} times what the stated noise allows ({likely}); what the "
+            "robot has beside its springs counts in the expected error"
+        )
     if data["caused"]:
         return f"the residuals are {scale} times what the stated noise allows ({likely})"
     if data["unexplained"]:
