@@ -266,3 +266,21 @@ def test_visits_under_loads_tell_pieces_too(size):
     assert (result["model_error"]["across_percent"] > 5) == (size > 0)
     alone = found_of(data).budget
     assert 1e-3 * result["model_error_mm"] == pytest.approx(alone.model, rel=0.5, abs=1e-5)
+
+
+def test_a_robot_that_bends_is_usable_and_a_wrong_sheet_is_not():
+    """Springs across that are named and counted make no alarm; a column of the wrong sign does."""
+    data, _ = day(4, 0 * ACROSS, poses=20)
+    model = STUDY.model
+    torque = model.torque_of(model.frames(data.q), data.wrench).T
+    pieces = MissingPieces.of(STUDY.robot, np.append(0.0, K), torque)
+    softer = 0.2 * (pieces.kinds == 0)
+    more = pieces.shared(model, data.q, data.wrench) @ softer
+    table = sheet(replace(data, deflection=data.deflection + more))
+    bends = edtk.identify(STUDY, table)
+    assert bends.causes[0].cause == "lateral"
+    assert bends.fit.p_value < 1e-6
+    assert bends.verdict == "usable"
+    assert edtk.identify(EXACT, table).verdict == "bad"
+    wrong = table.assign(dx_mm=-table["dx_mm"])
+    assert edtk.identify(STUDY, wrong).verdict == "bad"
