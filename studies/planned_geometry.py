@@ -70,7 +70,7 @@ def truth(rng: np.random.Generator) -> tuple[MeasuredModel, Array]:
 def positions(model: MeasuredModel, theta: Array, q: Array, wrench: Array) -> Array:
     """Where the markers are (m, k, 3) [mm], loads at rest."""
     loads = StudyGeometry.of(STUDY).loads
-    torque = resting_torque(model.compliances(theta), q, wrench, loads)
+    torque = resting_torque(model.bending(theta), q, wrench, loads)
     return 1e3 * model.see(theta, q, torque, derivatives=False).points
 
 

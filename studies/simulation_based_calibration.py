@@ -322,7 +322,7 @@ def _sheet(
     if of.robust:
         scale = np.sqrt(NU / rng.chisquare(NU, (of.poses, 1)))
     turned = q + errs * 1e-3 * JOINTS_MRAD * scale * rng.standard_normal(q.shape)
-    torque = loading_of(model.compliances(theta), blank, of.setting.loads)
+    torque = loading_of(model.bending(theta), blank, of.setting.loads)
     points = model.see(theta, turned, torque, derivatives=False).points
     white = 1e-3 * WHITE_MM * scale[..., None] * rng.standard_normal(points.shape)
     return replace(blank, measured=points + errs * white)

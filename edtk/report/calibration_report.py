@@ -244,7 +244,8 @@ def _left_out(found: Calibration) -> list[str]:
     out = found.fitted.left_out
     if out is None or not np.isfinite(out.rms):
         return []
-    return [paragraph(f"{left_out_sentence(out.share_inside)} It is {1e3 * out.rms:.3g} mm (rms).")]
+    sentence = left_out_sentence(out.share_inside, found.fitted.model_errs)
+    return [paragraph(f"{sentence} It is {1e3 * out.rms:.3g} mm (rms).")]
 
 
 def _worst(found: Calibration) -> str:
