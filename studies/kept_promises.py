@@ -517,8 +517,8 @@ the test pose. The simulated robot shares no code with edtk.
 - *named first*: the cause that `edtk identify` names first on most days, and on how many.
 
 Where the noise alone is drawn, the load is exactly as stated, and the part of the promise that is
-its 1 % does not happen: of ideal springs the real error is then far below the promise, and below
-the band's lower end, too. Of few days a share is rough; one day in six is 17 %."""
+its 1 % does not happen: of ideal springs the real error is then far below the promise.
+Of few days a share is rough; one day in six is 17 %."""
 
 
 @click.command(help=__doc__)

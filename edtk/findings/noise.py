@@ -22,6 +22,15 @@ TOO_MANY = 3  # of so many rows one outlier is the most for a result that can be
 UNLIKELY_NOISE = 0.01  # p-value of the residuals that is worth a warning
 IMPOSSIBLE = 0.001  # and an alarm
 RARE = 5e-3  # of sound days leave as few coordinates inside their bands as make a finding
+# What [uncertainty] states of the size of a cause, and how many times as much is still that.
+STATED = {
+    "load_size": "load_percent",
+    "load_direction": "load_direction_deg",
+    "tool_x": "tool_mm",
+    "tool_y": "tool_mm",
+    "tool_z": "tool_mm",
+}
+AS_STATED = 2.5  # standard deviations: of two axes, 4 % are longer
 HELD = 0.75  # of the coordinates: below it bands are no bands
 TINY = 0.2  # estimated noise over the stated one that looks like another unit
 
@@ -243,13 +252,20 @@ def noise_findings(fitted: FittedData) -> Iterator[Finding]:
 
 
 def _is_counted(fitted: FittedData) -> bool:
-    """Whether the misfit is the robot's own, and counts in what is expected of its commands.
+    """Whether what explains the misfit counts in what is expected of commands.
 
-    Then the result can be used as far as it promises: its covariance, the expected error and the
-    bands have what the model leaves out. A sheet that is wrong itself has another cause, or none.
+    It is the robot's own, which expected error and bands have as an error of the model; or a load
+    or tool that is off by no more than the study says that it may be. Then the result can be used
+    as far as it promises. A sheet that is wrong itself has another cause, or none.
     """
     causes = fitted.structural_causes
-    return fitted.model_error is not None and bool(causes) and FAULTS[causes[0].cause].in_tasks
+    if not causes:
+        return False
+    first = causes[0]
+    if first.cause in STATED:
+        stated = getattr(fitted.study.specification.uncertainty, STATED[first.cause])
+        return first.size <= AS_STATED * stated
+    return fitted.model_error is not None and FAULTS[first.cause].in_tasks
 
 
 def left_out_findings(
@@ -296,8 +312,8 @@ def _noise_above_sigma(data: Data) -> str:
     scale = f"{data['scale']:.3g}"
     if data.get("counted"):
         return (
-            f"the residuals are {scale} times what the stated noise allows ({likely}); what the "
-            "robot has beside its springs counts in the expected error"
+            f"the residuals are {scale} times what the stated noise allows ({likely}); the "
+            "expected error counts what they come from"
         )
     if data["caused"]:
         return f"the residuals are {scale} times what the stated noise allows ({likely})"

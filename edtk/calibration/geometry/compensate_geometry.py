@@ -244,14 +244,18 @@ class _InPoses:
         """The 95 % bands (r, 2) of the errors of positions that commands leave in some rows [m].
 
         The error of a coordinate is what the command leaves by the identified model, and normal
-        beside that; of several markers the root mean square of their distances counts.
+        beside that; of several markers the root mean square of their distances counts. Where pieces
+        that the springs lack are possible, a band begins at what the noise alone leaves: the robot
+        may as well lack none.
         """
         own = np.isin(self.rows, rows)
         at = self.rows[own]
         goal = self.goal.of_poses(np.flatnonzero(own))
         with_pieces = self._with_pieces(command[at], wrench[at], goal)
         if with_pieces is not None:
-            return with_pieces.quantiles(BAND)
+            band = with_pieces.quantiles(BAND)
+            band[:, 0] = np.minimum(band[:, 0], self._least(command[at], wrench[at], goal))
+            return band
         torque = self.fitted.torque(command[at], wrench[at], self.loads)
         seen = self.fitted.model.see(self.fitted.theta, command[at], torque, derivatives=False)
         off = seen.points - goal.points
@@ -262,6 +266,17 @@ class _InPoses:
         eye = np.eye(rest.shape[1])
         # Of the least degrees of freedom the bands are the widest.
         return offset_error_quantiles(roots, eye, rest, BAND, float(dof.min())) / count
+
+    def _least(self, q: Array, wrench: Array, goal: MarkerGoal) -> Array:
+        """The 2.5 % quantiles (t,) of errors by the noise of the calibration alone [m]."""
+        fitted = self.fitted
+        seen, _, J, _ = fitted.moves(q, wrench, self.loads)
+        lengths = np.arange(J.shape[1]) % fitted.model.row_count < POSITION
+        root = np.sqrt(len(fitted.model.markers))
+        still = (seen.points - goal.points).reshape(len(q), -1) / root
+        columns = J[:, lengths] / (MM * root)
+        found = offset_error_quantiles(columns, fitted.covariance, still, BAND[:1])
+        return np.asarray(found[:, 0])
 
     def _with_pieces(self, q: Array, wrench: Array, goal: MarkerGoal) -> NormalMixture | None:
         """Errors in commanded poses (t, n) where the sheet tells pieces that the springs lack.
