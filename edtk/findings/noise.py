@@ -63,7 +63,7 @@ def cause_findings(fitted: FittedData) -> Iterator[Finding]:
             "is_noise": is_noise,
             "of_model": fitted.model_error is not None,
         }
-        severity = Severity.WARNING if is_noise else Severity.ALARM
+        severity = Severity.WARNING if is_noise or _is_counted(fitted) else Severity.ALARM
         if is_noise and "discrepancy" in asked_of_sheets(fitted.study):
             severity = Severity.NOTE
         yield Finding.of(severity, WORDING, "lack_of_fit", **data)
