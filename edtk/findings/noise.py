@@ -30,6 +30,7 @@ STATED = {
     "tool_y": "tool_mm",
     "tool_z": "tool_mm",
 }
+MOSTLY = 0.5  # of the misfit: what explains less leaves a sheet or a robot that nobody knows
 AS_STATED = 2.5  # standard deviations: of two axes, 4 % are longer
 HELD = 0.75  # of the coordinates: below it bands are no bands
 TINY = 0.2  # estimated noise over the stated one that looks like another unit
@@ -259,7 +260,7 @@ def _is_counted(fitted: FittedData) -> bool:
     as far as it promises. A sheet that is wrong itself has another cause, or none.
     """
     causes = fitted.structural_causes
-    if not causes:
+    if not causes or causes[0].explained < MOSTLY:
         return False
     first = causes[0]
     if first.cause in STATED:
