@@ -67,7 +67,7 @@ class ModelLeft:
             wrench: Loads (t, 6) or (6,) [N, N m].
         """
         identified = replace(model, unknown=self.joints)
-        wrench = np.broadcast_to(wrench, (len(q), 6))
+        wrench = np.broadcast_to(wrench, (len(q), np.shape(wrench)[-1]))
         A = np.concatenate(
             [self.pieces.shared(model, q, wrench), identified.regressor(q, wrench)], axis=-1
         )

@@ -14,6 +14,7 @@ from edtk.fit.missing import MissingColumns, SizeLikelihood, SizePosterior
 from edtk.measure.missing_pieces import MissingPieces, PossibleSprings
 from edtk.measure.model_error import ASSUMED
 from edtk.measure.task import all_compliances
+from edtk.robots.frames import load_turns
 from edtk.study.study import Study
 from edtk.system.typing import Array, Indices
 
@@ -78,11 +79,8 @@ def find_model_error(
     pieces = MissingPieces.of(study.robot, k, model.torque_of(model.frames(data.q), data.wrench).T)
     columns = _columns(study, data, seen.A, alone, pieces)[rows]
     likelihood = SizeLikelihood.of(seen.A[rows], seen.measured[rows], noise[rows], columns, usual)
-    try:
-        posterior = likelihood.posterior
-    except np.linalg.LinAlgError:
-        return None
-    if not np.isfinite(posterior.weights).all():
+    posterior = likelihood.posterior
+    if posterior is None:
         return None
     possible = posterior.possible(fit.unbounded)
     own = alone.covariance if posterior.is_seen else fit.covariance
@@ -133,7 +131,6 @@ def _tilted(study: Study, data: Measurements, k: Array) -> Array:
     """What readings (m, rows, 3) show of all loads turned about each axis of the world [1/rad]."""
     model = replace(study.model.by_wrench, unknown=(*study.model.joints, *study.known))
     every = np.append(k, list(study.known.values()))
-    force, torque = data.wrench[:, :3], data.wrench[:, 3:]
-    turned = (np.hstack([np.cross(axis, force), np.cross(axis, torque)]) for axis in np.eye(3))
+    turned = load_turns(data.wrench)
     shown = [replace(data, wrench=wrench).regressor(model) @ every for wrench in turned]
     return np.stack(shown, axis=-1)

@@ -126,8 +126,23 @@ class SizeLikelihood:
         return cls(tuple(sums), columns.kinds, scale, usual)
 
     @cached_property
-    def posterior(self) -> "SizePosterior":
-        """Probabilities of all sizes, and springs and shares for each of them."""
+    def posterior(self) -> "SizePosterior | None":
+        """Probabilities of all sizes, and springs and shares for each of them.
+
+        None where the readings tell no springs, or say nothing of any size.
+        """
+        try:
+            found = self._posterior()
+        except np.linalg.LinAlgError:
+            return None
+        return found if np.isfinite(found.weights).all() else None
+
+    def _posterior(self) -> "SizePosterior":
+        """The same, of springs that the readings tell.
+
+        Raises:
+            numpy.linalg.LinAlgError: They do not.
+        """
         c, p = len(self.kinds), len(self.scale)
         sizes = np.stack(np.meshgrid(SIZES, SIZES, indexing="ij"), axis=-1).reshape(-1, 2)
         S = np.concatenate([sizes[:, self.kinds], np.ones((len(sizes), p))], axis=1)

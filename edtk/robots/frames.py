@@ -303,6 +303,18 @@ def shared_load(wrench: Array, part: float) -> Array:
     return np.concatenate([part * wrench[..., :WRENCH], wrench[..., WRENCH:]], axis=-1)
 
 
+def load_turns(wrench: Array) -> Array:
+    """Derivatives (3, m, 6 or 9) of wrenches (m, 6 or 9) that turn about each axis of the world.
+
+    Each acts where the whole does, which does not turn: ``e x F`` and ``e x T`` for a unit vector
+    e [N/rad, N m/rad].
+    """
+    parts = (wrench[:, : WRENCH // 2], wrench[:, WRENCH // 2 : WRENCH])
+    turned = [np.cross(np.eye(3)[:, None], part) for part in parts]
+    places = np.broadcast_to(wrench[:, WRENCH:], (3, len(wrench), wrench.shape[1] - WRENCH))
+    return np.concatenate([*turned, places], axis=-1)
+
+
 def all_wrenches(*wrenches: Array) -> Array:
     """Wrenches (k, 6 or 9) one below the other; those that act at the load point say so."""
     width = max(W.shape[1] for W in wrenches)

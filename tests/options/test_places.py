@@ -11,9 +11,10 @@ from loaded_arm import STUDY
 import edtk
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.design.plan import Plan
+from edtk.findings.causes.scene import turned_by
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.equilibrium import torque_and_derivative
-from edtk.robots.frames import BodyPoint, all_wrenches
+from edtk.robots.frames import BodyPoint, all_wrenches, load_turns
 from edtk.robots.load_robot import load_robot
 from edtk.robots.weights import Loading
 from edtk.study.study import Study
@@ -45,6 +46,19 @@ def test_a_load_beside_the_tool_is_a_force_and_its_torque(rows: str) -> None:
     every = all_wrenches(FORCE, WRENCH)
     both = model.regressor(np.vstack([Q, Q]), every)
     np.testing.assert_allclose(both, np.vstack([model.regressor(Q, FORCE), A]), atol=1e-9)
+
+
+def test_loads_that_turn_keep_their_places() -> None:
+    """Derivatives by a turn of the loads about the world's axes are those of turned ones."""
+    model = ElastostaticModel(ROBOT)
+    h = 1e-5
+    for e, found in zip(np.eye(3), load_turns(WRENCH), strict=True):
+        ahead, behind = (
+            np.hstack([*(turned_by(s * h * e, W) for W in (FORCE[:, :3], FORCE[:, 3:])), LEVERS])
+            for s in (1, -1)
+        )
+        rows = (model.regressor(Q, ahead) - model.regressor(Q, behind)) / (2 * h)
+        np.testing.assert_allclose(model.regressor(Q, found), rows, rtol=1e-6, atol=1e-3)
 
 
 @pytest.mark.parametrize("rows", ["position", "pose"])

@@ -15,7 +15,7 @@ from edtk.fit.missing import MissingColumns, SizeLikelihood
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.instruments.marker import Marker
 from edtk.measure.missing_pieces import MissingPieces, PossibleSprings
-from edtk.robots.frames import BodyPoint
+from edtk.robots.frames import BodyPoint, load_turns
 from edtk.study.study_geometry import StudyGeometry
 from edtk.system.typing import Array
 
@@ -83,11 +83,8 @@ class PiecesLeft:
         likelihood = SizeLikelihood.of(
             rows.design, rows.residual, CorrelatedNoise.by_row(V), columns
         )
-        try:
-            posterior = likelihood.posterior
-        except np.linalg.LinAlgError:
-            return None
-        if not np.isfinite(posterior.weights).all():
+        posterior = likelihood.posterior
+        if posterior is None:
             return None
         possible = posterior.possible(np.zeros(fitted.model.p))
         names = tuple(one.name for one in fitted.model.parameters)
@@ -205,9 +202,7 @@ class LeftInTasks:
 def _tilted(model: ElastostaticModel, q: Array, wrench: Array) -> Array:
     """Regressors (3, m, 3k, n) under loads turned about each axis of the world [1/rad]."""
     every = replace(model, unknown=None)
-    force, torque = wrench[:, :3], wrench[:, 3:]
-    turned = (np.hstack([np.cross(axis, force), np.cross(axis, torque)]) for axis in np.eye(3))
-    return np.stack([every.regressor(q, one) for one in turned])
+    return np.stack([every.regressor(q, one) for one in load_turns(wrench)])
 
 
 def _markers(fitted: FittedGeometry) -> tuple[Marker, ...]:
