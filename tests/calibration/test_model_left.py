@@ -284,3 +284,11 @@ def test_a_robot_that_bends_is_usable_and_a_wrong_sheet_is_not():
     assert edtk.identify(EXACT, table).verdict == "bad"
     wrong = table.assign(dx_mm=-table["dx_mm"])
     assert edtk.identify(STUDY, wrong).verdict == "bad"
+
+
+def test_visits_of_a_robot_that_is_said_to_be_exact_tell_no_pieces():
+    """What the study says of its model holds in studies with [parameters], too."""
+    table = sheet(day(7, 0.15 * ACROSS, poses=16)[0]).assign(marker="A")
+    exact = edtk.identify(VISITS.replace(noise={"model_error_percent": 0}), table)
+    assert exact.pieces is None
+    assert "model_error" not in [one.kind for one in exact.findings]

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from edtk.calibration.model_left import possible_from_dict, possible_to_dict
+from edtk.findings.model_error import usual_share
 from edtk.fit.correlated_noise import CorrelatedNoise
 from edtk.fit.distributions import NormalMixture
 from edtk.fit.geometry.fitted_geometry import MM, FittedGeometry, GeometricFit, loading_of
@@ -53,14 +54,17 @@ class PiecesLeft:
 
         Returns:
             What is left; None where nothing is read as a difference, or other springs than those of
-            the joints are among the parameters.
+            the joints are among the parameters, or the study says that its model is exact.
         """
         fitted, means, loads = fit.fitted, fit.data.means, setting.loads
         differs = means.is_difference
         plain = fitted.model.row_count == ROWS and not fitted.model.is_distance.any()
         told = fit.told_before is None and not fitted.noise.unknown and not fitted.open_parameters
         k = fitted.compliances
-        if loads is None or setting.elastic or not (differs.any() and plain and told and k.any()):
+        usual = usual_share(setting.study)
+        if loads is None or setting.elastic or not usual:
+            return None
+        if not (differs.any() and plain and told and k.any()):
             return None
         rows = PoseRows.of(
             fitted.model, fitted.theta, means, loading_of(fitted.bending, means, loads)
@@ -81,7 +85,7 @@ class PiecesLeft:
         tilted = MM * tilt * _in_frame(fitted, np.moveaxis(shown, 0, -1)) * seen
         columns = MissingColumns(shared, pieces.kinds, turns, own, tilted)
         likelihood = SizeLikelihood.of(
-            rows.design, rows.residual, CorrelatedNoise.by_row(V), columns
+            rows.design, rows.residual, CorrelatedNoise.by_row(V), columns, usual
         )
         posterior = likelihood.posterior
         if posterior is None:
