@@ -4,6 +4,7 @@ import sys
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -28,3 +29,24 @@ def script():
         return module
 
     return load
+
+
+@pytest.fixture(scope="session")
+def simulation(script):
+    """Simulated arms, by a code of their own."""
+    return script("simulated_arm.py")
+
+
+@pytest.fixture(scope="session")
+def ideal_arm(simulation):
+    """A function that simulates a robot, with its tool, whose joints have ideal springs k (n,)."""
+
+    def simulated(robot, k):
+        return simulation.SimulatedArm(
+            origins=np.array([joint.origin for joint in robot.chain]),
+            axes=np.array([joint.axis for joint in robot.chain]),
+            compliance=k,
+            tool=robot.tool,
+        )
+
+    return simulated

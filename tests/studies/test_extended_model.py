@@ -35,25 +35,15 @@ LOADS = np.tile(np.pad([[0, 0, -2500.0], [0, 1500, 0], [0, 0, -1000]], ((0, 0), 
 
 
 @pytest.fixture(scope="module")
-def module(script):
-    return script("simulated_arm.py")
-
-
-@pytest.fixture(scope="module")
-def plain(module):
+def plain(ideal_arm):
     """A KR 270 of ideal springs, of which joint 1 is rigid."""
-    return module.SimulatedArm(
-        origins=np.array([joint.origin for joint in ROBOT.chain]),
-        axes=np.array([joint.axis for joint in ROBOT.chain]),
-        compliance=K,
-        tool=STUDY.robot.tool,
-    )
+    return ideal_arm(STUDY.robot, K)
 
 
-def tips(module, arm, q, wrench=None):
+def tips(simulation, arm, q, wrench=None):
     """Tool points (m, 3) of a bent arm; of a rigid one without a wrench."""
     rest = None if wrench is None else arm.rest(q, wrench)
-    return arm.points(q, [module.Point()], rest)[:, 0]
+    return arm.points(q, [simulation.Point()], rest)[:, 0]
 
 
 def sheet_of(moved, seed=0):
@@ -65,19 +55,19 @@ def sheet_of(moved, seed=0):
     return table
 
 
-def day(module, arm, seed=0):
+def day(simulation, arm, seed=0):
     """A sheet of loaded less unloaded positions."""
-    before = tips(module, arm, POSES, np.zeros_like(LOADS))
-    return sheet_of(tips(module, arm, POSES, LOADS) - before, seed)
+    before = tips(simulation, arm, POSES, np.zeros_like(LOADS))
+    return sheet_of(tips(simulation, arm, POSES, LOADS) - before, seed)
 
 
 @pytest.mark.slow
 @pytest.mark.cell("`identify --extend`", "springs")
-def test_the_true_model_is_found_and_its_springs(module, plain):
+def test_the_true_model_is_found_and_its_springs(simulation, plain):
     """Of a bearing that bends and a spring that stiffens both are found, with their sizes."""
-    stiffer = module.Law(1, "cubic", -4e-15)
+    stiffer = simulation.Law(1, "cubic", -4e-15)
     arm = plain.replace(compliance=np.append(K, 1.2e-7), elastic=((2, "rx"),), laws=(stiffer,))
-    found = edtk.identify(STUDY, day(module, arm), extend=True)
+    found = edtk.identify(STUDY, day(simulation, arm), extend=True)
     models = found.extension
     assert set(models.chosen.pieces) == {"q3.rx", "q2.cubic"}
     assert models.chosen.weight > 0.5
@@ -92,16 +82,16 @@ def test_the_true_model_is_found_and_its_springs(module, plain):
     task = STUDY.tasks[0]
     commands = edtk.compensate(models.study, found)
     at_tool = arm.replace(tool=task.placed.tool)
-    there = tips(module, at_tool, np.atleast_2d(commands.command), task.wrench[None])
+    there = tips(simulation, at_tool, np.atleast_2d(commands.command), task.wrench[None])
     wanted = task.placed.forward(task.q)[:3, 3]
     assert np.linalg.norm(there[0] - wanted) < 2.5 * models.expected
     assert models.undecided < models.expected
 
 
 @pytest.mark.slow
-def test_ideal_springs_are_enough_for_ideal_springs(module, plain):
+def test_ideal_springs_are_enough_for_ideal_springs(simulation, plain):
     """The plain model is chosen, and the error of the headline has what remains undecided."""
-    sheet = day(module, plain)
+    sheet = day(simulation, plain)
     found = edtk.identify(STUDY, sheet, extend=True)
     alone = edtk.identify(STUDY, sheet)
     assert found.extension.chosen.pieces == ()
@@ -112,20 +102,21 @@ def test_ideal_springs_are_enough_for_ideal_springs(module, plain):
 
 
 @pytest.mark.slow
-def test_files_of_an_extended_result_command_the_robot(module, plain, tmp_path):
+def test_files_of_an_extended_result_command_the_robot(simulation, plain, tmp_path):
     """A sheet of positions needs a compensator: its files say so, and commands are right by it."""
     masses = tuple(
-        module.Mass(link.mass, module.Point(j, link.center)) for j, link in enumerate(ROBOT.links)
+        simulation.Mass(link.mass, simulation.Point(j, link.center))
+        for j, link in enumerate(ROBOT.links)
     )
     (pull,) = ROBOT.pulls
     given = pull.given
-    spring = module.Compensator(
+    spring = simulation.Compensator(
         pull.place, given.before, given.behind, given.preload, given.stiffness
     )
     arm = plain.replace(masses=masses, compensators=(spring,))
     bare = replace(ROBOT, compensators=())
     study = STUDY.replace(robot=bare, measurement={"sigma_mm": SIGMA, "reference": "nominal"})
-    moved = tips(module, arm, POSES, LOADS) - tips(module, arm, POSES)
+    moved = tips(simulation, arm, POSES, LOADS) - tips(simulation, arm, POSES)
     study.to_toml(tmp_path / "study.toml")
     sheet_of(moved).to_csv(tmp_path / "day.csv", index=False)
     out = tmp_path / "out"
@@ -141,7 +132,7 @@ def test_files_of_an_extended_result_command_the_robot(module, plain, tmp_path):
     task = STUDY.tasks[0]
     commands = edtk.compensate(out / "extended.toml", out / "k.json")
     at_tool = arm.replace(tool=task.placed.tool)
-    there = tips(module, at_tool, np.atleast_2d(commands.command), task.wrench[None])
+    there = tips(simulation, at_tool, np.atleast_2d(commands.command), task.wrench[None])
     off = np.linalg.norm(there[0] - task.placed.forward(task.q)[:3, 3])
     assert 1e3 * off < 2.5 * said["expected_mm"]
     assert off < 1e-4  # the plain model leaves 0.8 mm

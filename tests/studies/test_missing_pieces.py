@@ -26,19 +26,9 @@ LIGHT = 1e-3  # of these loads nothing but first orders remains
 
 
 @pytest.fixture(scope="module")
-def module(script):
-    return script("simulated_arm.py")
-
-
-@pytest.fixture(scope="module")
-def plain(module):
+def plain(ideal_arm):
     """A KR 270 of ideal springs."""
-    return module.SimulatedArm(
-        origins=np.array([joint.origin for joint in ROBOT.chain]),
-        axes=np.array([joint.axis for joint in ROBOT.chain]),
-        compliance=K,
-        tool=ROBOT.tool,
-    )
+    return ideal_arm(ROBOT, K)
 
 
 def across(arm, share):
@@ -46,22 +36,22 @@ def across(arm, share):
     return arm.replace(compliance=np.append(K, [share * K[2]] * 2), elastic=((2, "rx"), (2, "rz")))
 
 
-def stiffer(module, arm, share, most):
+def stiffer(simulation, arm, share, most):
     """The arm whose second joint is stiffer by a share under a load than under none."""
-    return arm.replace(laws=(module.Law(1, "cubic", -share * K[1] / most**2),))
+    return arm.replace(laws=(simulation.Law(1, "cubic", -share * K[1] / most**2),))
 
 
-def balanced(module, arm, torque):
+def balanced(simulation, arm, torque):
     """The arm with a coil across joint 2 that is unloaded at no length, of so much torque."""
     before, after = np.array([-0.5, 0.0, -0.5]), np.array([0.2, 0.0, 0.0])
     rate = torque / np.linalg.norm(before) / np.linalg.norm(after)
-    one = module.Compensator(1, before, after, rate * np.linalg.norm(after - before), rate)
+    one = simulation.Compensator(1, before, after, rate * np.linalg.norm(after - before), rate)
     return arm.replace(compensators=(one,))
 
 
-def shown(module, arm, wrench, absolute=False, tool=None, poses=POSES):
+def shown(simulation, arm, wrench, absolute=False, tool=None, poses=POSES):
     """Displacements (m, 3) of the tool point."""
-    point = [module.Point()]
+    point = [simulation.Point()]
     arm = arm if tool is None else arm.replace(tool=tool)
     loaded = arm.points(poses, point, arm.rest(poses, wrench))
     rest = None if absolute else arm.rest(poses, np.zeros_like(wrench))
@@ -88,35 +78,35 @@ def assert_same(found, made):
     np.testing.assert_allclose(found, made, rtol=0, atol=2e-5 * np.abs(made).max())
 
 
-def test_a_bearing_that_bends_moves_as_its_column_says(module, plain):
+def test_a_bearing_that_bends_moves_as_its_column_says(simulation, plain):
     """The column of springs across joint 3 is the difference of two simulated arms."""
     wrench = LIGHT * LOADS
     scene, family = family_of(data_of(np.zeros((14, 3)), wrench), "lateral", "q3")
     arms = [across(plain, share) for share in (-1.0, 1.0)]
-    less, more = (shown(module, arm, wrench) for arm in arms)
+    less, more = (shown(simulation, arm, wrench) for arm in arms)
     assert_same(family.derivative_at_zero(scene.k)[..., 0], (more - less) / 2)
 
 
-def test_a_stiffening_spring_moves_as_its_column_says(module, plain):
+def test_a_stiffening_spring_moves_as_its_column_says(simulation, plain):
     """So is that of a spring with a cube of its torque."""
     wrench = LIGHT * LOADS
     scene, family = family_of(data_of(np.zeros((14, 3)), wrench), "stiffening", "q2", shape=1)
     most = np.abs(scene.torque[:, 0]).max()
     less, more = (
-        shown(module, stiffer(module, plain, share, most), wrench) for share in (1.0, -1.0)
+        shown(simulation, stiffer(simulation, plain, share, most), wrench) for share in (1.0, -1.0)
     )
     assert_same(family.derivative_at_zero(scene.k)[..., 0], (more - less) / 2)
 
 
 @pytest.mark.parametrize("absolute", [True, False])
-def test_a_compensator_moves_as_its_column_says(module, plain, absolute):
+def test_a_compensator_moves_as_its_column_says(simulation, plain, absolute):
     """So is that of a coil across joint 2: of its torque, and of the stiffness that it adds."""
     wrench = LIGHT * LOADS
     data = data_of(np.zeros((14, 3)), wrench, absolute)
     scene, family = family_of(data, "compensator", "q2")
     size = 10.0 if absolute else 1000.0
     less, more = (
-        shown(module, balanced(module, plain, s * size), wrench, absolute) for s in (-1, 1)
+        shown(simulation, balanced(simulation, plain, s * size), wrench, absolute) for s in (-1, 1)
     )
     columns = family.derivative_at_zero(scene.k)
     made = (more - less) / (2 * size)
@@ -126,23 +116,23 @@ def test_a_compensator_moves_as_its_column_says(module, plain, absolute):
     np.testing.assert_allclose(columns @ c, made, rtol=0, atol=1e-3 * np.abs(made).max())
 
 
-def test_springs_that_vary_move_as_their_columns_say(module, plain):
+def test_springs_that_vary_move_as_their_columns_say(simulation, plain):
     """All joints that are softer by the sine of their angles are the sum of their columns."""
     wrench = LIGHT * LOADS
     data = data_of(np.zeros((14, 3)), wrench)
     h = 1e-3
-    less, more = (shown(module, plain.replace(varying=s), wrench) for s in (h, -h))
+    less, more = (shown(simulation, plain.replace(varying=s), wrench) for s in (h, -h))
     each = [family_of(data, "varying", name) for name in ROBOT.joint_names[1:]]
-    q1 = shown(module, plain.replace(compliance=np.append(0, K[1:])), wrench)
-    own = shown(module, plain, wrench) - q1  # that of joint 1, which varies too
+    q1 = shown(simulation, plain.replace(compliance=np.append(0, K[1:])), wrench)
+    own = shown(simulation, plain, wrench) - q1  # that of joint 1, which varies too
     total = sum(one.derivative_at_zero(scene.k)[..., 1] for scene, one in each)
     made = (more - less) / (2 * h) - own * np.sin(POSES[:, :1])
     assert_same(total, made)
 
 
-def named(module, arm, seed, absolute=False):
+def named(simulation, arm, seed, absolute=False):
     """The causes of a day."""
-    clean = shown(module, arm, LOADS, absolute)
+    clean = shown(simulation, arm, LOADS, absolute)
     data = data_of(clean, LOADS, absolute, times=2)
     noise = STUDY.sigma * np.random.default_rng(seed).standard_normal(data.deflection.shape)
     data = replace(data, deflection=data.deflection + noise)
@@ -155,7 +145,7 @@ def named(module, arm, seed, absolute=False):
     ("piece", "joint", "size"),
     [("lateral", "q3", 30.0), ("stiffening", "q2", -40.0), ("compensator", "q2", 12e3)],
 )
-def test_the_missing_piece_is_named_with_its_size_and_effect(module, plain, piece, joint, size):
+def test_the_missing_piece_is_named_with_its_size_and_effect(simulation, plain, piece, joint, size):
     """It comes first, with its joint, its size, and how far it puts the test pose off."""
     rigid = plain.replace(compliance=np.append(0, K[1:]))
     arm = {
@@ -163,17 +153,17 @@ def test_the_missing_piece_is_named_with_its_size_and_effect(module, plain, piec
             compliance=np.append(rigid.compliance, [0.3 * K[2]] * 2),
             elastic=((2, "rx"), (2, "rz")),
         ),
-        "stiffening": stiffer(module, rigid, 0.4, 5e3),
-        "compensator": balanced(module, rigid, 12e3),
+        "stiffening": stiffer(simulation, rigid, 0.4, 5e3),
+        "compensator": balanced(simulation, rigid, 12e3),
     }[piece]
     absolute = piece == "compensator"
-    cause = named(module, arm, 0, absolute)[0]
+    cause = named(simulation, arm, 0, absolute)[0]
     assert (cause.cause, cause.joint) == (piece, joint)
     if piece != "stiffening":  # whose size is that under the largest load of the sheet
         assert cause.size == pytest.approx(size, abs=4 * cause.std)
     task = STUDY.tasks[0]
-    moved = shown(module, arm, task.wrench[None], absolute, task.placed.tool, task.q[None])
-    clean = shown(module, arm, LOADS, absolute)
+    moved = shown(simulation, arm, task.wrench[None], absolute, task.placed.tool, task.q[None])
+    clean = shown(simulation, arm, LOADS, absolute)
     A = data_of(clean, LOADS).regressor(MODEL).reshape(-1, MODEL.p)
     k = np.linalg.lstsq(A, clean.ravel(), rcond=None)[0]
     off = np.linalg.norm(moved[0] - task.regressor @ k)
@@ -182,10 +172,10 @@ def test_the_missing_piece_is_named_with_its_size_and_effect(module, plain, piec
 
 
 @pytest.mark.slow
-def test_plain_arms_lack_nothing(module, plain):
+def test_plain_arms_lack_nothing(simulation, plain):
     """Of ideal springs no piece is named."""
     rigid = plain.replace(compliance=np.append(0, K[1:]))
-    assert [named(module, rigid, seed) for seed in range(3)] == [()] * 3
+    assert [named(simulation, rigid, seed) for seed in range(3)] == [()] * 3
 
 
 @pytest.mark.slow
