@@ -21,6 +21,7 @@ FLOORS = (
     ("edtk.design.interior_point",),
     ("edtk.design.relaxation",),
     ("edtk.design.exact",),
+    ("edtk.design.enclosure",),
     ("edtk.study",),
     ("edtk.findings",),
     ("edtk.certificate",),
