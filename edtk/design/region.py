@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike
 
 from criteria.linalg.inverse import root
 from edtk.design.design_space import weighted_information
+from edtk.design.expansion import Expansion, NotPolynomialError, expand
 from edtk.design.information import Rows, nearly_equal, pack_gram
 from edtk.design.problem import Problem, as_names, variable_names
-from edtk.system.errors import ArgumentError
+from edtk.system.errors import ArgumentError, whole_number
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Mask
 
@@ -52,7 +53,8 @@ class UserFunction:
                 values = np.asarray(self.function(x.copy()))
                 if np.iscomplexobj(values):
                     raise TypeError("values are complex; expected real ones")
-                values = values.astype(float)
+                # What runs on polynomials has them as its values, see `expand`.
+                values = values.astype(x.dtype)
         except (TypeError, ValueError, IndexError) as error:
             message = f"fails for points of shape {x.shape}: {error}"
             raise ArgumentError(message, argument=self.name) from error
@@ -111,6 +113,19 @@ def box_limits(low: ArrayLike, high: ArrayLike) -> Array:
             argument="low, high",
         )
     return limits
+
+
+def degrees_of(given: int | Sequence[int], d: int) -> tuple[int, ...]:
+    """The degree by each of d variables, from one for all or from as many.
+
+    Raises:
+        ArgumentError: It is neither.
+    """
+    each = [given] * d if np.ndim(given) == 0 else list(given)  # type: ignore[arg-type]
+    if len(each) != d:
+        message = f"{len(each)} numbers; expected one, or one for each of {d} variables"
+        raise ArgumentError(message, argument="degree")
+    return tuple(whole_number(one, "degree", 0) for one in each)
 
 
 # Distance of the nodes in parts of a variable's range. A second-order difference errs by its square
@@ -235,6 +250,9 @@ class Region(Presented):
             depends on the point belongs into the rows.
         prior: Prior information M0 (p, p) per single experiment, see `Problem`.
         variables: Names (d,) of the variables; they default to x1 .. xd, or x for one.
+        degree: Degree of rows and constraints by each variable, at most, where they are
+            polynomials: a number, or one for each variable (d,). It is needed only where the
+            functions do not run on polynomials themselves, see `expand`.
 
     Raises:
         ArgumentError: A bound, name or shape does not fit, or the model is not as described.
@@ -265,6 +283,7 @@ class Region(Presented):
         sigma: ArrayLike = 1.0,
         prior: ArrayLike | None = None,
         variables: Sequence[str] | None = None,
+        degree: int | Sequence[int] | None = None,
     ) -> None:
         self.limits = box_limits(low, high)
         self.variables = variable_names(variables, self.size)
@@ -289,6 +308,9 @@ class Region(Presented):
         self.p = problem.p
         self._row_shape = A.shape[1:]
         self._require_model()
+        self._degree = None if degree is None else degrees_of(degree, self.size)
+        if degree is not None:
+            _ = self._row_polynomials, self._slack_polynomials  # it is refused here and now
         self._variable_first = gradient is not None and self._is_variable_first()
 
     def headline(self) -> str:
@@ -378,6 +400,45 @@ class Region(Presented):
             return np.zeros((*x.shape[:-1], 0, self.size))
         G = inside_differences(self.slack_at, self._inside(x), self.limits)
         return np.asarray(G.reshape(x.shape[:-1] + G.shape[1:]))
+
+    def polynomial_rows(self) -> Expansion:
+        """The whitened rows (rows, p) as polynomials.
+
+        Raises:
+            ArgumentError: They are none.
+        """
+        rows = self._row_polynomials.reshaped((len(self._sigma), -1))
+        return rows.divided(self._sigma).times(self._T)
+
+    def polynomial_slacks(self) -> tuple[Expansion, ...]:
+        """The slacks of the constraints as polynomials, those of each function (c,) together.
+
+        Raises:
+            ArgumentError: They are none.
+        """
+        return tuple(slack.reshaped((-1,)) for slack in self._slack_polynomials)
+
+    @cached_property
+    def _row_polynomials(self) -> Expansion:
+        """What the user's function of rows is; regions in other parameters share it."""
+        return self._expanded(self._rows)
+
+    @cached_property
+    def _slack_polynomials(self) -> tuple[Expansion, ...]:
+        """What each function of constraints is."""
+        return tuple(self._expanded(constraint) for constraint in self._constraints)
+
+    def _expanded(self, given: UserFunction) -> Expansion:
+        """A function as polynomials.
+
+        Raises:
+            ArgumentError: It is none, or none of the degree that is stated.
+        """
+        try:
+            return expand(given, self.limits, self._degree)
+        except NotPolynomialError as error:
+            where = "" if error.x is None else f" at {self.point_text(error.x)}"
+            raise ArgumentError(f"{error}{where}", argument=given.name) from error
 
     def point_text(self, x: Array) -> str:
         """A point (d,) in words, for messages."""

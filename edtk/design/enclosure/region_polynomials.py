@@ -1,0 +1,136 @@
+"""The sensitivity over a region as a polynomial, whose largest value proves a bound."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from criteria import Criterion
+from edtk.design.enclosure.polynomial import ROUNDOFF, Axis, Enclosed, Objective, Polynomial
+from edtk.design.expansion import Expansion
+from edtk.design.region import FEASIBLE, Region
+from edtk.design.relaxation.proof import is_normalised
+from edtk.system.typing import Array, Indices
+
+
+@dataclass(frozen=True, eq=False)
+class RegionPolynomials:
+    """Rows and slacks of a region as polynomials: ``a_ri(x) = sum_k c_rik u^k``.
+
+    Args:
+        region: The region.
+        axes: Its variables.
+        rows: Coefficients (rows, p, n) of all products of powers u^k.
+        errors: What the rows (rows, p) differ from these by, at most, anywhere in the box.
+        sizes: Numbers (d,) of powers of each variable; n is their product.
+        slacks: The slacks, raised by what a point may violate them by and count as feasible.
+    """
+
+    region: Region
+    axes: tuple[Axis, ...]
+    rows: Array
+    errors: Array
+    sizes: tuple[int, ...]
+    slacks: tuple[Polynomial, ...]
+
+    @classmethod
+    def of(cls, region: Region) -> "RegionPolynomials":
+        """Those of a region.
+
+        Raises:
+            ArgumentError: Its functions are no polynomials, or not known to be.
+        """
+        low, high = region.limits.tolist()
+        axes = tuple(Axis("length", a, b) for a, b in zip(low, high, strict=True))
+        found = region.polynomial_rows()
+        sizes = tuple(n + 1 for n in found.degrees)
+        rows = found.coefficients.reshape(*found.errors.shape, -1)
+        slacks = [
+            slack for each in region.polynomial_slacks() for slack in _polynomials(each, axes)
+        ]
+        return cls(
+            region,
+            axes,
+            rows,
+            found.errors + rounding(rows),
+            sizes,
+            tuple(slack + FEASIBLE for slack in slacks),
+        )
+
+    def enclosed(self, Z: Array, criterion: Criterion) -> Enclosed:
+        """The maximum of the sensitivity ``<Z, M(x)>``, per trace of M(x) for a degree of zero.
+
+        Args:
+            Z: A multiplier (p, p).
+            criterion: What it belongs to.
+        """
+        below = None
+        if is_normalised(criterion):
+            B = criterion.trace_root
+            below = self.quadratic(np.eye(self.region.p) if B is None else B @ B.T)
+        d = self.region.size
+        return Enclosed(
+            self.axes,
+            (Objective(self.quadratic(Z), below),),
+            self.slacks,
+            np.zeros((1, d)),
+            np.eye(d),
+        )
+
+    def quadratic(self, Z: Array) -> Polynomial:
+        """``<Z, M0 + A(x)'A(x)>`` with a bound on its error.
+
+        The coefficient of ``u^m`` is the sum of ``Z_ab c_rak c_rbl`` over all ``k + l = m``: a sum
+        in which no path has more than ``2p + rows + n + 3`` roundings, so that it is wrong by
+        ``gamma`` of that number times the sum of sizes (Higham, Accuracy and Stability of Numerical
+        Algorithms, 2002, section 3.1), and the polynomial by their sum. Rows that are wrong by e
+        add ``sum |Z_ab| (|a_ra| e_rb + e_ra |a_rb| + e_ra e_rb)``, with ``|a_ra| <= sum |c_rak|``.
+
+        Args:
+            Z: A symmetric matrix (p, p).
+        """
+        R, p, n = self.rows.shape
+        together = np.einsum("rak,ab,rbl->kl", self.rows, Z, self.rows, optimize=True)
+        total = np.zeros(int(np.prod(np.multiply(2, self.sizes) - 1)))
+        np.add.at(total, self._sums(), together)
+        size = np.abs(self.rows).sum(axis=2)
+        most = size + self.errors
+        rounded = gamma(2 * p + R + n + 3) * _product(size, np.abs(Z), size)
+        error = _product(most, np.abs(Z), most) - _product(size, np.abs(Z), size)
+        shape = np.multiply(2, self.sizes) - 1
+        error = (error + rounded) * (1 + gamma(4 * p * p * R + 8))
+        found = Polynomial(self.axes, total.reshape(shape), max(error, 0.0))
+        prior = self.region.prior
+        if prior is None:
+            return found
+        constant = float((Z * prior).sum())
+        of_prior = gamma(p * p + 1) * float(np.abs(Z * prior).sum())
+        return found + Polynomial(self.axes, np.full((1,) * len(self.axes), constant), of_prior)
+
+    def _sums(self) -> Indices:
+        """Where products (n, n) of two powers lie in a tensor of all sums of their exponents."""
+        each = np.indices(self.sizes).reshape(len(self.sizes), -1)
+        sums = each[:, :, None] + each[:, None]
+        return np.ravel_multi_index(tuple(sums), tuple(np.multiply(2, self.sizes) - 1))
+
+
+def gamma(steps: int) -> float:
+    """Relative error of so many roundings, at most."""
+    return steps * ROUNDOFF / (1 - steps * ROUNDOFF)
+
+
+def rounding(coefficients: Array) -> Array:
+    """What polynomials (..., n) change by, at most, where each coefficient was rounded once."""
+    size = np.abs(coefficients).sum(axis=-1)
+    return np.asarray(size * gamma(2))
+
+
+def _product(left: Array, Z: Array, right: Array) -> float:
+    """``sum_r left_r' Z right_r`` of numbers that are not negative."""
+    return float(np.einsum("ra,ab,rb->", left, Z, right))
+
+
+def _polynomials(found: Expansion, axes: tuple[Axis, ...]) -> list[Polynomial]:
+    """The entries (k,) of an expansion, each with its error."""
+    c = found.coefficients
+    errors = found.errors + rounding(c.reshape(len(c), -1))
+    return [Polynomial(axes, own, error) for own, error in zip(c, errors.tolist(), strict=True)]
