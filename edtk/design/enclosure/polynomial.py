@@ -221,7 +221,8 @@ class Polynomial:
         largest = float(np.abs(values).max())
         steps = sum(one.rounding / one.noise for one in samplings)
         error = float(np.prod([one.noise for one in samplings])) * (rounding + steps * largest)
-        return cls(tuple(axes), _along(values, [one.analysis for one in samplings]), error)
+        coefficients = _along(values, [one.analysis for one in samplings])
+        return cls(tuple(axes), coefficients, float(error))
 
     @property
     def degrees(self) -> tuple[int, ...]:
@@ -284,14 +285,7 @@ class Polynomial:
             rounded = ROUNDOFF * abs(other) * self.size
             error = abs(other) * self.error + rounded
             return Polynomial(self.axes, self.coefficients * other, error)
-        degrees = np.add(self.degrees, other.degrees)
-        f, g = self.samples(degrees), other.samples(degrees)
-        rounding = f.largest * g.rounding + (g.largest + g.rounding) * f.rounding
-        product = Polynomial.of_samples(
-            self.axes, f.values * g.values, rounding + ROUNDOFF * f.largest * g.largest
-        )
-        error = self.error * other.size + self.size * other.error
-        return replace(product, error=product.error + error)
+        return sum_of_products([(1.0, self, other)])
 
     def __rmul__(self, other: float) -> "Polynomial":
         """A number times f."""
@@ -341,20 +335,40 @@ class Polynomial:
         rest[tuple(slice(size) for size in sizes)] = 0.0
         return Polynomial(self.axes, kept, self.error + _total(rest))
 
-    def trimmed(self, tolerance: float) -> "Polynomial":
-        """`cut` to the lowest degrees that drop at most the tolerance along each axis."""
+    def trimmed(self) -> "Polynomial":
+        """`cut` to degrees above which no more is left, along each axis, than the error anyway.
+
+        What vanishes by symmetry of a chain is left as rounding by the interpolation of a higher
+        degree, and so is proved to vanish, up to this rounding, which counts.
+        """
         degrees = []
         for j, axis in enumerate(self.axes):
             others = tuple(i for i in range(len(self.axes)) if i != j)
             sums = np.abs(self.coefficients).sum(axis=others)
             above = np.cumsum(sums[::-1])[::-1]  # of functions from this one on
-            kept = int((above > tolerance).sum())
-            degrees.append(axis.degree(kept) + (axis.kind == "angle" and kept % 2 == 0 < kept))
-        found = [
-            max(0, min(n, axis.degree(size)))
-            for n, axis, size in zip(degrees, self.axes, self.coefficients.shape, strict=True)
-        ]
-        return self.cut(found)
+            kept = int((above > self.error).sum())
+            degrees.append(kept // 2 if axis.kind == "angle" else max(kept - 1, 0))
+        return self.cut(degrees)
+
+    def over(self, axes: Sequence[Axis], kept: Sequence[int]) -> "Polynomial":
+        """The same in some of the variables, of the others it is of degree zero.
+
+        Args:
+            axes: The variables that are kept, angles perhaps with other intervals.
+            kept: Their indices among those of today, in order.
+
+        Raises:
+            ValueError: It depends on another variable.
+        """
+        shape = self.coefficients.shape
+        if any(size > 1 for j, size in enumerate(shape) if j not in kept):
+            raise ValueError("a polynomial depends on a variable that is to be dropped")
+        coefficients = self.coefficients.reshape([shape[j] for j in kept])
+        return Polynomial(tuple(axes), coefficients, self.error)
+
+
+class NotEnclosedError(ValueError):
+    """What has no enclosure, and why, in one line."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -372,17 +386,24 @@ class Samples:
 
 def sum_of_squares(terms: Sequence[Polynomial]) -> Polynomial:
     """``sum_i f_i^2``, by values on one grid; at least one term."""
-    degrees = 2 * np.max([f.degrees for f in terms], axis=0)
-    total = np.zeros(1)
-    rounding = 0.0
-    for f in terms:
-        one = f.samples(degrees)
-        total = total + np.square(one.values)
-        by_sum = len(terms) * ROUNDOFF * one.largest
-        rounding += (2 * one.largest + one.rounding) * one.rounding + by_sum * one.largest
-    squares = Polynomial.of_samples(terms[0].axes, total, rounding)
-    errors = sum((2 * f.size + f.error) * f.error for f in terms)
-    return replace(squares, error=squares.error + errors)
+    return sum_of_products([(1.0, f, f) for f in terms])
+
+
+def sum_of_products(terms: Sequence[tuple[float, Polynomial, Polynomial]]) -> Polynomial:
+    """``sum_i w_i f_i g_i``, by values on one grid; at least one term."""
+    axes = terms[0][1].axes
+    degrees = np.max([np.add(f.degrees, g.degrees) for _, f, g in terms], axis=0)
+    values = np.zeros([axis.size(int(n)) for axis, n in zip(axes, degrees, strict=True)])
+    rounding = error = 0.0
+    for weight, f, g in terms:
+        one, other = f.samples(degrees), g.samples(degrees)
+        values += weight * one.values * other.values
+        of_terms = (len(terms) + 2) * ROUNDOFF * one.largest * other.largest
+        of_one = (other.largest + other.rounding) * one.rounding
+        rounding += abs(weight) * (of_terms + of_one + one.largest * other.rounding)
+        error += abs(weight) * (f.size * g.error + g.size * f.error)
+    total = Polynomial.of_samples(axes, values, rounding)
+    return replace(total, error=total.error + error)
 
 
 def _samplings(axes: Sequence[Axis], shape: Sequence[int]) -> list[Sampling]:

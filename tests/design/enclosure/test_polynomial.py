@@ -1,5 +1,7 @@
 """Polynomials in angles and lengths: arithmetic is that of their values, errors are bounded."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -109,14 +111,18 @@ def test_what_is_cut_off_counts_as_error(rng: np.random.Generator, places: Array
     degrees that hold more than roundings.
     """
     f, g = drawn(rng, 1, 0, 2), 1e-16 * drawn(rng, 4, 3, 3)
-    high = f + g
-    low = high.trimmed(1e-12)
+    high = replace(f + g, error=1e-13)
+    low = high.trimmed()
     assert low.degrees == (1, 0, 2)
-    assert 0 < low.error < 1e-12
+    assert 1e-13 < low.error < 1e-12
     assert np.abs(low(places) - high(places)).max() < low.error
     kept = f.cut((1, 0, 1))
     assert np.abs(kept(places) - f(places)).max() < kept.error
-    assert Polynomial.constant(AXES, 0.0).trimmed(1e-12).degrees == (0, 0, 0)
+    left = low.over([AXES[0], AXES[2]], [0, 2])
+    assert np.abs(left(places[:, [0, 2]]) - low(places)).max() < EXACT * low.size
+    with pytest.raises(ValueError, match="to be dropped"):
+        low.over([AXES[0]], [0])
+    assert Polynomial.constant(AXES, 0.0).trimmed().degrees == (0, 0, 0)
 
 
 def test_a_quotient_is_that_of_values(rng: np.random.Generator, places: Array) -> None:

@@ -1,0 +1,159 @@
+"""What half of a box tells of the other half: turns and mirrors that change no polynomial."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from edtk.design.enclosure.polynomial import ROUNDOFF, Axis, Polynomial
+from edtk.system.typing import Indices, Mask
+
+TURN = 2 * np.pi
+SAME = 1e-12  # [rad] of ends of intervals
+NOISE = 1e-10  # of the largest coefficient: less is no reason against a symmetry, and counts anyway
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion of angles, each of which it leaves, mirrors or turns by half: ``s t + pi h``.
+
+    It multiplies ``cos kt`` by ``(-1)^(hk)`` and ``sin kt`` by ``s (-1)^(hk)``: each coefficient of
+    a polynomial keeps its size.
+
+    Attributes:
+        mirrors: Whether s = -1 for each axis (d,).
+        turns: Whether h = 1 for each axis (d,).
+    """
+
+    mirrors: tuple[bool, ...]
+    turns: tuple[bool, ...]
+
+    def keeps(self, axes: Sequence[Axis]) -> bool:
+        """Whether it maps the box onto itself, but for whole turns."""
+        each = zip(axes, self.mirrors, self.turns, strict=True)
+        return all(_keeps(axis, mirror, turn) for axis, mirror, turn in each)
+
+    def moves(self, j: int) -> bool:
+        """Whether it changes the j-th angle."""
+        return self.mirrors[j] or self.turns[j]
+
+    def half(self, j: int, axis: Axis) -> Axis:
+        """A half of the j-th interval whose image is the other half."""
+        width = axis.high - axis.low
+        if not self.mirrors[j]:
+            return replace(axis, high=axis.low + width / 2)
+        # A mirror has two fixed angles; of a whole circle one half begins at either.
+        if width < TURN - SAME:
+            return replace(axis, low=axis.middle)
+        fixed = np.pi / 2 if self.turns[j] else 0.0
+        low = fixed + np.pi * np.ceil((axis.low - fixed) / np.pi)
+        return replace(axis, low=low, high=low + np.pi)
+
+    def changed(self, f: Polynomial) -> float:
+        """``sup |f(moved t) - f(t)|``, at most: twice the coefficients whose sign changes."""
+        changes = _odd(_kinds(f) & self.code)
+        total = float(np.abs(f.coefficients[changes]).sum())
+        return 2 * total * (1 + f.coefficients.size * ROUNDOFF) + 2 * f.error
+
+    @property
+    def code(self) -> int:
+        """Two bits an axis: whether the sign of sines, and of odd orders, changes."""
+        each = enumerate(zip(self.mirrors, self.turns, strict=True))
+        return sum((mirror + 2 * turn) << 2 * j for j, (mirror, turn) in each)
+
+
+def _kinds(f: Polynomial) -> Indices:
+    """Two bits an axis, for each coefficient: whether its function is a sine, and of odd order."""
+    kinds = np.zeros((1,) * len(f.axes), dtype=int)
+    for j, axis in enumerate(f.axes):
+        place = np.arange(f.coefficients.shape[j])
+        order = (place + 1) // 2
+        own = ((place % 2 == 0) & (order > 0)) + 2 * (order % 2)
+        own = own * (axis.kind == "angle")
+        kinds = kinds + (own << 2 * j).reshape([-1 if i == j else 1 for i in range(len(f.axes))])
+    return kinds
+
+
+def _odd(codes: Indices) -> Mask:
+    """Whether the number of bits of each is odd."""
+    found = codes
+    for shift in (16, 8, 4, 2, 1):
+        found = found ^ (found >> shift)
+    return (found & 1).astype(bool)
+
+
+def _keeps(axis: Axis, mirror: bool, turn: bool) -> bool:
+    """Whether a motion maps an interval onto itself, but for whole turns."""
+    if not mirror and not turn:
+        return True
+    if axis.kind == "length":
+        return False
+    if axis.high - axis.low >= TURN - SAME:
+        return True
+    # A turn by half moves every shorter interval; a mirror keeps it where it moves its middle by
+    # whole turns.
+    shift = 2 * axis.middle - (np.pi if turn else 0.0)
+    return mirror and abs(shift - TURN * np.round(shift / TURN)) <= SAME
+
+
+@dataclass(frozen=True)
+class Halving:
+    """A part of a box that stands for all of it.
+
+    Attributes:
+        whole: The intervals before any was halved.
+        motions: The motions that map what was cut off to what was left, one after another.
+        steps: The intervals that each of them left.
+    """
+
+    whole: tuple[Axis, ...]
+    motions: tuple[Motion, ...]
+    steps: tuple[tuple[Axis, ...], ...]
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """The intervals that are left."""
+        return self.steps[-1] if self.steps else self.whole
+
+    def of(self, f: Polynomial) -> Polynomial:
+        """A polynomial on what is left: by what its motions change it counts as error."""
+        error = f.error + sum(motion.changed(f) for motion in self.motions)
+        return Polynomial(self.axes, f.coefficients, error)
+
+
+def halved(axes: Sequence[Axis], functions: Sequence[Polynomial]) -> Halving:
+    """Halve a box as often as motions leave all functions as they are.
+
+    Args:
+        axes: The box.
+        functions: Polynomials on it; up to `NOISE` of each they are to stay.
+    """
+    left = tuple(axes)
+    kinds = np.unique(np.concatenate([np.zeros(1, dtype=int), *map(_present, functions)]))
+    motions = [one for one in _motions(left) if not _odd(kinds & one.code).any()]
+    used = []
+    steps = []
+    for j in range(len(left)):
+        while own := [one for one in motions if one.moves(j) and one.keeps(left)]:
+            # A turn by half leaves no interval on which a mirror could act; so mirrors come first.
+            one = max(own, key=lambda motion: motion.mirrors[j])
+            left = (*left[:j], one.half(j, left[j]), *left[j + 1 :])
+            used.append(one)
+            steps.append(left)
+    return Halving(tuple(axes), tuple(used), tuple(steps))
+
+
+def _motions(axes: Sequence[Axis]) -> list[Motion]:
+    """All motions but the identity that keep a box."""
+    each = [
+        [both for both in product((False, True), repeat=2) if _keeps(axis, *both)] for axis in axes
+    ]
+    every = (Motion(*zip(*choice, strict=True)) for choice in product(*each))
+    return [one for one in every if any(one.moves(j) for j in range(len(axes)))]
+
+
+def _present(f: Polynomial) -> Indices:
+    """What kinds of functions a polynomial has, but for `NOISE`."""
+    sizes = np.abs(f.coefficients)
+    return np.unique(_kinds(f)[sizes > NOISE * sizes.max()])
