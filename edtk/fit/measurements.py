@@ -175,13 +175,24 @@ class Measurements(Presented):
         ``d + r x o``, so that its column is ``J_marker,j (J_tool,j' W)``. That a compensator takes
         a part of that is left to the loaded equilibrium.
         """
+        return self.regressor_of(model, model.frames(self.q), self.wrench)
+
+    def regressor_of(self, model: ElastostaticModel, frames: Frames, wrench: Array) -> Array:
+        """The same of another chain under other loads.
+
+        Args:
+            model: Says what is measured.
+            frames: The chain in the pose of each row.
+            wrench: Forces and torques (m, 6) at the load point [N, N m].
+        """
         if self.sensor is not None or not model.is_plain:
-            return self._regressor_of_sensors(model)
+            return self._regressor_of_sensors(model, frames, wrench)
         if not self.marker.any():
-            return replace(model, gives=None).regressor(self.q, self.wrench)
-        frames = model.robot.frames(self.q)
+            plain = model if model.gives is None else replace(model, gives=None)
+            A = plain.regressor_of(frames, wrench)
+            return np.moveaxis(A, (0, 1), (-1, -2))
         whole = ElastostaticModel(model.robot, model.unknown, "pose")
-        A = whole.regressor_of(frames, self.wrench)  # (p, 6, m)
+        A = whole.regressor_of(frames, wrench)  # (p, 6, m)
         linear = A[:, :3]
         angular = A[:, 3:]
         offset = (frames.rotation * self.marker.T[:, None]).sum(axis=0)
@@ -195,10 +206,11 @@ class Measurements(Presented):
             moved = np.concatenate([moved, angular], axis=1)
         return np.moveaxis(moved, (0, 1), (-1, -2))
 
-    def _regressor_of_sensors(self, model: ElastostaticModel) -> Array:
+    def _regressor_of_sensors(
+        self, model: ElastostaticModel, frames: Frames, wrench: Array
+    ) -> Array:
         """Regressors (m, rows, p): each row's own motion, times the joint loads."""
-        frames = model.frames(self.q)
-        torque = model.torque_of(frames, self.wrench)[model.joints]
+        torque = model.torque_of(frames, wrench)[model.joints]
         motion = self.motion_of(model, frames)[model.joints]
         # Poses stay contiguous, as the model makes them: another layout sums in another order.
         return np.moveaxis(motion * torque[:, None], (0, 1), (-1, -2))
@@ -219,7 +231,10 @@ class Measurements(Presented):
 
     def rigid(self, model: ElastostaticModel) -> Array:
         """What the rigid robot would show: positions (m, 3), or lengths (m, 1), else zero [m]."""
-        frames = model.frames(self.q)
+        return self.rigid_of(model, model.frames(self.q))
+
+    def rigid_of(self, model: ElastostaticModel, frames: Frames) -> Array:
+        """The same of another chain in the pose of each row."""
         found = np.zeros((len(self), min(self.deflection.shape[1], COORDINATES)))
         for rows, sensor in self.instruments(model):
             if sensor.lengths.any():

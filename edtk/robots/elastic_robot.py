@@ -171,7 +171,10 @@ def turning_about(robot: Robot, frames: Frames, joint: int, axis: int) -> Frames
     """
     place = joint if frames.ties is None else frames.ties.free[joint]
     own = robot.chain[place]
-    turned, _ = robot.frames(np.moveaxis(frames.q, 0, -1), (place,)).bodies[place]
+    bodies = frames.bodies
+    if place not in bodies:
+        bodies = robot.frames(np.moveaxis(frames.q, 0, -1), (place,)).bodies
+    turned, _ = bodies[place]
     variables = frames.q if frames.ties is None else frames.ties.variables(frames.q)
     angle = variables[place] * (own.kind == "revolute")
     local = rotation(-angle[:, None] * own.axis) @ np.eye(3)[axis]

@@ -60,6 +60,21 @@ class Frames:
         }
         return replace(self, **arrays, bodies=bodies)
 
+    def shifted(self, place: int, shift: Array) -> "Frames":
+        """The chain from a joint on, moved without a turn: the link before that joint is another.
+
+        Args:
+            place: Index of the joint among all of the chain; their number for the tool alone.
+            shift: By how much it moves in the world (3, ...) [m].
+        """
+        origins = self.origins.copy()
+        origins[place:] += shift
+        bodies = {
+            joint: (rotation, origin + shift if joint >= place else origin)
+            for joint, (rotation, origin) in self.bodies.items()
+        }
+        return replace(self, origins=origins, position=self.position + shift, bodies=bodies)
+
     def variables(self, joints: list[int]) -> Array:
         """Variables (k, ...) of joints, by their indices among all of the chain [rad or m]."""
         q = self.q if self.ties is None else self.ties.variables(self.q)

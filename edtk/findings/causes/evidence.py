@@ -1,7 +1,8 @@
 """How likely pieces that a model lacks are, beside what it leaves out at random in each pose."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +20,7 @@ USUAL_SHARE = 0.03
 LEAST_SHARE = 1e-4  # below it nothing is left out
 LOG_SHARES = np.log(LEAST_SHARE) + 0.5 * np.arange(20)  # up to one, in steps of a factor of 1.6
 AROUND = np.linspace(-5.0, 5.0, 21)  # standard deviations about the likeliest, at most a step apart
+MOST_PRODUCTS = 4_000_000  # numbers of products that are kept at once
 ORDER = 1e-12  # of a root of columns, beside its length, that is rounding
 
 
@@ -182,7 +184,7 @@ class Evidence:
         return cls(rows, rows.turned(measured), rows.turned(A))
 
     @cached_property
-    def _factored(self) -> tuple[Array, Array, Array]:
+    def factored(self) -> tuple[Array, Array, Array]:
         """Q (N, p) and R (p, p) of the regressors, and lengths (p,) of their columns."""
         length = np.linalg.norm(self.X, axis=0)
         Q, R = np.linalg.qr(self.X / length)
@@ -195,57 +197,96 @@ class Evidence:
 
     def weigh(self, pieces: Pieces) -> Weighed:
         """Weigh some pieces beside the model."""
-        length = np.linalg.norm(pieces.columns, axis=0)
-        length = np.where(length > 0, length, 1.0)
-        Q, R, own = self._factored
-        D = self.rows.turned(pieces.columns) / length
-        # What regressors take up is left out beforehand: of columns alike nothing else remains.
-        taken = Q.T @ D
-        D = D - Q @ taken
-        B = np.concatenate([Q, D, self.y[:, None]], axis=1)
-        products = (B[:, :, None] * B[:, None]).reshape(len(B), -1)
-        at = _Node(products, self.rows.e, Q.shape[1], pieces.usual * length, pieces.positive)
-        coarse = at.scores(LOG_SHARES)
-        log_s = LOG_SHARES[int(np.argmin(coarse.min(axis=1)))]
-        grid = log_s + AROUND * min(at.width(log_s), LOG_SHARES[1] - LOG_SHARES[0])
-        scores = at.scores(grid)
-        least = float(scores.min())
-        nodes = np.exp(-(scores - least) / 2)
-        nodes[[0, -1]] /= 2  # by the trapezoidal rule
-        total = float(nodes.sum()) * (grid[1] - grid[0])
-        at_share, at_width = np.unravel_index(int(scores.argmin()), scores.shape)
-        share = float(np.exp(grid[at_share]))
-        chosen = nodes > nodes.max() * 1e-4
-        weights = nodes[chosen] / nodes[chosen].sum()
-        means, covariances = at.posterior(grid, chosen)
-        # Back to units of parameters and of pieces: k = R^-1 (u - Q'D c) / length.
-        p = Q.shape[1]
-        U = np.eye(means.shape[-1])
-        U[:p, p:] = -taken
-        U[:p] = np.linalg.solve(R, U[:p]) / own[:, None]
-        U[p:] /= length[:, None]
-        chance = at.chance(np.log(share))
-        return Weighed(
-            least - 2 * math.log(total),
-            share,
-            float(FACTORS[at_width]),
-            chance,
-            weights,
-            means @ U.T,
-            U @ covariances @ U.T,
+        return weigh_each([self], [pieces])[0]
+
+
+def weigh_each(models: Sequence[Evidence], pieces: Sequence[Pieces]) -> list[Weighed]:
+    """Weigh pieces, of each number of them all at once, each beside a model of the same readings.
+
+    Args:
+        models: One for each of the pieces, with the same rows and number of parameters.
+        pieces: The pieces.
+    """
+    found: dict[int, Weighed] = {}
+    counts = np.array([len(one.usual) for one in pieces])
+    for c in np.unique(counts):
+        same = np.flatnonzero(counts == c)
+        N, p = models[same[0]].X.shape
+        some = max(1, MOST_PRODUCTS // (N * (p + c + 1) ** 2))
+        for first in range(0, len(same), some):
+            chosen = same[first : first + some]
+            parts = _weigh([models[i] for i in chosen], [pieces[i] for i in chosen])
+            found.update(zip(chosen.tolist(), parts, strict=True))
+    return [found[i] for i in range(len(pieces))]
+
+
+def _weigh(models: Sequence[Evidence], pieces: Sequence[Pieces]) -> list[Weighed]:
+    """Weigh pieces (h of them, of the same number c each) beside their models."""
+    rows = models[0].rows
+    columns = np.stack([one.columns for one in pieces])
+    length = np.linalg.norm(columns, axis=1)
+    length = np.where(length > 0, length, 1.0)
+    Q, R, own = (np.stack(parts) for parts in zip(*(one.factored for one in models), strict=True))
+    D = np.stack([rows.turned(one) for one in columns]) / length[:, None]
+    # What regressors take up is left out beforehand: of columns alike nothing else remains.
+    taken = np.swapaxes(Q, 1, 2) @ D
+    D = D - Q @ taken
+    y = np.stack([one.y for one in models])
+    B = np.concatenate([Q, D, y[..., None]], axis=2)
+    products = (B[..., None] * B[..., None, :]).reshape(*B.shape[:2], -1)
+    usual = np.stack([one.usual for one in pieces]) * length
+    positive = np.stack([one.positive for one in pieces])
+    at = _Node(products, rows.e, Q.shape[2], usual, positive)
+    coarse = at.scores(np.broadcast_to(LOG_SHARES, (len(models), len(LOG_SHARES))))
+    log_s = LOG_SHARES[coarse.min(axis=2).argmin(axis=1)]
+    step = np.minimum(at.width(log_s), LOG_SHARES[1] - LOG_SHARES[0])
+    grid = log_s[:, None] + AROUND * step[:, None]
+    scores = at.scores(grid)
+    least = scores.min(axis=(1, 2))
+    nodes = np.exp(-(scores - least[:, None, None]) / 2)
+    nodes[:, [0, -1]] /= 2  # by the trapezoidal rule
+    total = nodes.sum(axis=(1, 2)) * (grid[:, 1] - grid[:, 0])
+    best = scores.reshape(len(models), -1).argmin(axis=1)
+    at_share, at_width = np.unravel_index(best, scores.shape[1:])
+    log_share = grid[np.arange(len(models)), at_share]
+    chance = at.chance(log_share)
+    share = np.exp(log_share)
+    # Back to units of parameters and of pieces: k = R^-1 (u - Q'D c) / length.
+    p = Q.shape[2]
+    U = np.zeros((len(models), B.shape[2] - 1, B.shape[2] - 1))
+    U[:, :p, :p] = np.eye(p)
+    U[:, :p, p:] = -taken
+    U[:, :p] = np.linalg.solve(R, U[:, :p]) / own[..., None]
+    U[:, range(p, U.shape[1]), range(p, U.shape[1])] = 1 / length
+    found = []
+    for i, own_nodes in enumerate(nodes):
+        chosen = own_nodes > own_nodes.max() * 1e-4
+        weights = own_nodes[chosen] / own_nodes[chosen].sum()
+        means, covariances = at.posterior(i, grid[i], chosen)
+        found.append(
+            Weighed(
+                float(least[i]) - 2 * math.log(float(total[i])),
+                float(share[i]),
+                float(FACTORS[at_width[i]]),
+                float(chance[i]),
+                weights,
+                means @ U[i].T,
+                U[i] @ covariances @ U[i].T,
+            )
         )
+    return found
 
 
 @dataclass(frozen=True, eq=False)
 class _Node:
-    """Sums of products at any size of the model's error.
+    """Sums of products at any size of the model's error, of h models with pieces.
 
     Attributes:
-        products: Of each two columns of parameters, pieces and readings (N, (p + c + 1)^2).
+        products: Of each two columns of parameters, pieces and readings (h, N, (p + c + 1)^2).
         e: Variances (N,) of the model's errors.
         p: Number of parameters.
-        usual: Widths (c,) of the pieces.
-        positive: Which (c,) are never negative.
+        usual: Widths (h, c) of the pieces.
+        positive: Which (h, c) are never negative.
     """
 
     products: Array
@@ -255,80 +296,84 @@ class _Node:
     positive: Mask
 
     def _sums(self, log_s: Array) -> tuple[Array, Array]:
-        """Weighted sums (S, k, k), and sums (S,) of the logarithms of variances."""
-        v = 1 + np.exp(2 * log_s)[:, None] * self.e
-        k = round(math.sqrt(self.products.shape[1]))
-        return ((1 / v) @ self.products).reshape(-1, k, k), np.log(v).sum(axis=1)
+        """Weighted sums (h, S, k, k), and sums (h, S) of the logarithms of variances."""
+        v = 1 + np.exp(2 * log_s)[..., None] * self.e
+        k = round(math.sqrt(self.products.shape[2]))
+        return ((1 / v) @ self.products).reshape(*log_s.shape, k, k), np.log(v).sum(axis=-1)
 
     def _beside(self, G: Array) -> tuple[Array, Array, Array, Array]:
-        """M (S, c, c), r (S, c), y'Py (S,) and log det X'WX (S,)."""
+        """M (h, S, c, c), r (h, S, c), y'Py (h, S) and log det X'WX (h, S)."""
         p = self.p
-        X = G[:, :p, :p]
-        taken = np.linalg.solve(X, G[:, :p, p:])
-        left = G[:, p:, p:] - np.swapaxes(G[:, :p, p:], 1, 2) @ taken
-        return left[:, :-1, :-1], left[:, :-1, -1], left[:, -1, -1], np.linalg.slogdet(X)[1]
-
-    def _kernel(self, M: Array) -> tuple[Array, Array]:
-        """Widths T (F, c), and ``I + T M T`` (S, F, c, c)."""
-        T = FACTORS[:, None] * self.usual
-        inner = T[:, :, None] * M[:, None] * T[:, None, :]
-        return T, np.eye(len(self.usual)) + inner
+        X = G[..., :p, :p]
+        taken = np.linalg.solve(X, G[..., :p, p:])
+        left = G[..., p:, p:] - np.swapaxes(G[..., :p, p:], -1, -2) @ taken
+        return left[..., :-1, :-1], left[..., :-1, -1], left[..., -1, -1], np.linalg.slogdet(X)[1]
 
     def scores(self, log_s: Array) -> Array:
-        """Twice the negative logarithm (S, F) of the likelihood with both prior densities."""
+        """Twice the negative logarithm (h, S, F) of the likelihood with both prior densities.
+
+        With widths ``T = f U`` and ``U M U = V diag(m) V'``, all factors f have the inverse
+        ``(I + T M T)^-1 = V diag(1 / (1 + f^2 m)) V'`` of one decomposition.
+        """
         G, log_v = self._sums(log_s)
         M, r, rest, log_X = self._beside(G)
         density = -2 * (_log_density(log_s))
         base = log_v + log_X + rest + density
-        if not len(self.usual):
-            return np.asarray(base[:, None])
-        T, K = self._kernel(M)
-        Tr = T * r[:, None]
-        solved = np.linalg.solve(K, Tr[..., None])[..., 0]
-        score = np.linalg.slogdet(K)[1] - (Tr * solved).sum(axis=-1)
+        if not self.usual.shape[1]:
+            return np.asarray(base[..., None])
+        usual = self.usual[:, None]  # (h, 1, c)
+        m, V = np.linalg.eigh(usual[..., None] * M * usual[..., None, :])
+        f = FACTORS[:, None]
+        grown = 1 + f**2 * np.maximum(m, 0.0)[..., None, :]  # (h, S, F, c)
+        along = ((usual * r)[..., None, :] @ V) * f
+        score = (np.log(grown) - along**2 / grown).sum(axis=-1)
         if self.positive.any():
-            std = np.sqrt(np.diagonal(np.linalg.inv(K), axis1=-2, axis2=-1))
-            above = math.log(2) + log_normal_below(solved / std)
-            score = score - 2 * np.where(self.positive, above, 0.0).sum(axis=-1)
-        return np.asarray(base[:, None] + score - 2 * np.log(WEIGHTS))
+            back = np.swapaxes(V, -1, -2)
+            std = np.sqrt((1 / grown) @ back**2)
+            above = math.log(2) + log_normal_below(((along / grown) @ back) / std)
+            score = score - 2 * np.where(self.positive[:, None, None], above, 0.0).sum(axis=-1)
+        return np.asarray(base[..., None] + score - 2 * np.log(WEIGHTS))
 
-    def width(self, log_s: float) -> float:
-        """About one standard deviation of the logarithm of the share."""
-        v = 1 + np.exp(2 * log_s) * self.e
-        information = 2 * float((((v - 1) / v) ** 2).sum())
-        return 1 / math.sqrt(max(information, 1.0))
+    def width(self, log_s: Array) -> Array:
+        """About one standard deviation (h,) of the logarithm of the share."""
+        v = 1 + np.exp(2 * log_s)[:, None] * self.e
+        information = 2 * (((v - 1) / v) ** 2).sum(axis=1)
+        return np.asarray(1 / np.sqrt(np.maximum(information, 1.0)))
 
-    def posterior(self, log_s: Array, chosen: Mask) -> tuple[Array, Array]:
-        """Means and covariances of parameters and pieces at some shares and widths (S, F)."""
-        G, _ = self._sums(log_s)
-        p, c = self.p, len(self.usual)
+    def posterior(self, i: int, log_s: Array, chosen: Mask) -> tuple[Array, Array]:
+        """Means and covariances of model i at some of the shares and widths (S, F)."""
+        one = replace(self, products=self.products[[i]])
+        G = one._sums(log_s[None])[0][0]
+        p, c = self.p, self.usual.shape[1]
         at, width = np.nonzero(chosen)
         whole = G[at, :-1, :-1].copy()
         if c:
-            T = FACTORS[width, None] * self.usual
+            T = FACTORS[width, None] * self.usual[i]
             whole[:, p + np.arange(c), p + np.arange(c)] += T**-2.0
         covariance = np.linalg.inv(whole)
         return (covariance @ G[at, :-1, -1, None])[..., 0], np.asarray(covariance)
 
-    def chance(self, log_s: float) -> float:
-        """Probability that chance explains as much as the pieces do, at a size of the error.
+    def chance(self, log_s: Array) -> Array:
+        """Probability (h,) that chance explains as much as the pieces, at a size of the error.
 
         The error was found beside them, from as many readings as it makes: Fisher's law.
         """
-        c = len(self.usual)
+        c = self.usual.shape[1]
         if not c:
-            return 1.0
-        G, _ = self._sums(np.array([log_s]))
+            return np.ones(len(log_s))
+        G, _ = self._sums(log_s[:, None])
         M, r, rest, _ = self._beside(G)
-        drop = float(r[0] @ np.linalg.lstsq(M[0], r[0], rcond=None)[0])
-        v = np.exp(2 * log_s) * self.e
-        by_model = float((v / (1 + v)).sum())
+        r = r[:, 0]
+        inverse = np.linalg.pinv(M[:, 0], rcond=c * np.finfo(float).eps, hermitian=True)
+        drop = (r * (inverse @ r[..., None])[..., 0]).sum(axis=1)
+        v = np.exp(2 * log_s)[:, None] * self.e
+        by_model = (v / (1 + v)).sum(axis=1)
         N = len(self.e)
-        if by_model < 1:
-            return float(chi_square_tail(max(drop, 0.0), c))
-        dof = max(by_model * (N - self.p - c) / N, 1.0)
-        scale = max(float(rest[0] - drop) / max(N - self.p - c, 1), 1e-300)
-        return float(fisher_tail(max(drop, 0.0) / c / scale, c, dof))
+        dof = np.maximum(by_model * (N - self.p - c) / N, 1.0)
+        scale = np.maximum((rest[:, 0] - drop) / max(N - self.p - c, 1), 1e-300)
+        drop = np.maximum(drop, 0.0)
+        beside = fisher_tail(drop / c / scale, c, dof)
+        return np.where(by_model < 1, chi_square_tail(drop, c), beside)
 
 
 def _log_density(log_s: Array) -> Array:

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from edtk.fit.correlated_noise import RowNoise, whiten
-from edtk.fit.least_squares import SingularPlanError, Whitened
+from criteria.linalg.inverse import ROUNDING
+from edtk.fit.correlated_noise import RowNoise, whiten, whiten_columns
+from edtk.fit.least_squares import Whitened
 from edtk.system.typing import Array
 
 NOISE = "sigma"  # the cause that is no fault: a noise of another size
@@ -191,21 +192,17 @@ def fit_family(
         return first
     c = np.zeros(family.dims)
     p = len(k)
-    names = tuple(map(str, range(p + family.dims)))
     A, b = family.predict(c)
     without = float((whiten(measured - b - A @ k, sigma) ** 2).sum())
     for _ in range(ITERATIONS):
         columns = np.concatenate([A, family.derivative(c, k)], axis=-1)
-        try:
-            whitened = Whitened.of(columns, sigma, names)
-        except SingularPlanError:
+        solved = _solved(columns, measured - b, sigma)
+        if solved is None:
             return None
-        solution = whitened.solve(measured - b)
+        solution, root = solved
         k = solution[:p]
         c = c + solution[p:]
-        covariance = whitened.covariance[p:, p:]
-        if not np.isfinite(solution).all():
-            return None
+        covariance = root[p:] @ root[p:].T
         if np.abs(solution[p:] / np.sqrt(np.diag(covariance))).max() < CONVERGED:
             break
         left = float((whiten(measured - b - columns @ solution, sigma) ** 2).sum())
@@ -214,6 +211,25 @@ def fit_family(
         A, b = family.predict(c)
     z = whiten(measured - b - A @ k, sigma)
     return FamilyFit(c, covariance, float((z**2).sum()))
+
+
+def _solved(columns: Array, measured: Array, sigma: RowNoise) -> tuple[Array, Array] | None:
+    """Least squares of columns (m, rows, n), of unit length as ``U S V'`` in units of the noise.
+
+    Returns:
+        The solution (n,) and a root of its covariance (n, n); None where that is lost in rounding,
+        as in `guarded_inverse`, of whose eigenvalues the singular values are roots.
+    """
+    n = columns.shape[-1]
+    X = whiten_columns(columns, sigma).reshape(-1, n)
+    scale = np.linalg.norm(X, axis=0)
+    if not (np.isfinite(scale).all() and scale.all()):
+        return None
+    U, s, Vt = np.linalg.svd(X / scale, full_matrices=False)
+    if len(s) < n or s[-1] ** 2 <= n * ROUNDING:
+        return None
+    root = Vt.T / s / scale[:, None]
+    return root @ (U.T @ whiten(measured, sigma).ravel()), root
 
 
 def _first_step(family: Family, whitened: Whitened, measured: Array, k: Array) -> FamilyFit | None:

@@ -19,7 +19,7 @@ from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.parameters import Parameter, all_parameters
 from edtk.measure.task import Task
 from edtk.robots.elastic_robot import turning_about
-from edtk.robots.frames import WRENCH
+from edtk.robots.frames import WRENCH, Frames
 from edtk.robots.joint import Joint
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array
@@ -254,11 +254,21 @@ class Displacements:
         return self.A
 
     @cached_property
+    def frames(self) -> Frames:
+        """The chain in the poses, with the frames of all bodies."""
+        robot = self.model.robot
+        return robot.frames(self.data.q, range(len(robot.chain)))
+
+    def _regressor(self, frames: Frames) -> Array:
+        """Regressors (m, rows, p) of another chain."""
+        return self.data.regressor_of(self.model, frames, self.data.wrench)
+
+    @cached_property
     def torque(self) -> Array:
         """Loads (m, p) of the joints of the model [N m, or N if prismatic]."""
         model, data = self.model, self.data
         if not model.is_plain or data.wrench.shape[-1] > WRENCH:
-            return model.torque_of(model.frames(data.q), data.wrench)[model.joints].T
+            return model.torque_of(self.frames, data.wrench)[model.joints].T
         J = np.swapaxes(model.robot.jacobian(data.q)[..., model.joints], 1, 2)
         return np.asarray((J @ data.wrench[..., None])[..., 0])
 
@@ -287,7 +297,8 @@ class Displacements:
     def under(self, wrench: Callable[[Array], Array]) -> Predict:
         """The same displacements under other loads."""
         nothing = np.zeros(self.data.deflection.shape)
-        return lambda c: (replace(self.data, wrench=wrench(c)).regressor(self.model), nothing)
+        frames = self.frames
+        return lambda c: (self.data.regressor_of(self.model, frames, wrench(c)), nothing)
 
     def stretched(self, factor: Callable[[Array], Array]) -> Predict:
         """Regressors that are larger by factors."""
@@ -331,7 +342,7 @@ class Displacements:
         model, data = self.model, self.data
         if not data.absolute:
             return np.zeros((*data.deflection.shape, 3))
-        axes = np.moveaxis(model.frames(data.q).rotation, -1, 0)  # (m, axis of the tool, 3)
+        axes = np.moveaxis(self.frames.rotation, -1, 0)  # (m, axis of the tool, 3)
         found = np.einsum("mrc,mac->mra", self.shift, axes)
         for rows, sensor in data.instruments(model):
             if sensor.point.joint is not None:
@@ -340,13 +351,12 @@ class Displacements:
 
     def tool(self, axis: int) -> Predict:
         """Other lever arms of the load."""
-        model, shown = self.model, self._shown_by_tool[..., axis]
+        frames, shown = self.frames, self._shown_by_tool[..., axis]
+        tip = len(frames.axes)
 
         def predict(c: Array) -> tuple[Array, Array]:
-            tool = model.robot.tool.copy()
-            tool[:3, 3] += c[0] * tool[:3, axis]
-            other = replace(model, robot=replace(model.robot, tool=tool))
-            return self.data.regressor(other), c[0] * shown
+            other = frames.shifted(tip, c[0] * frames.rotation[axis])
+            return self._regressor(other), c[0] * shown
 
         return predict
 
@@ -356,28 +366,38 @@ class Displacements:
 
     def longer(self, lengths: Mapping[str, float]) -> Predict:
         """A robot with other links."""
-        model, data = self.model, self.data
+        links = [
+            (place, lengths[joint.name] * self._along(place))
+            for place, joint in enumerate(self.model.robot.chain)
+            if joint.name in lengths
+        ]
 
         def predict(c: Array) -> tuple[Array, Array]:
-            joints = list(model.robot.joints)
-            for j, joint in enumerate(joints):
-                if joint.name in lengths:
-                    origin = joint.origin.copy()
-                    origin[:3, 3] *= 1 + lengths[joint.name] * c[0] / link_length(joint)
-                    joints[j] = replace(joint, origin=origin)
-            other = replace(model, robot=replace(model.robot, joints=tuple(joints)))
-            return data.regressor(other), _shown(model, data, other, data)
+            other = self.frames
+            for place, along in links:
+                other = other.shifted(place, c[0] * along)
+            return self._regressor(other), _shown(self.model, self.data, other)
 
         return predict
 
+    def _along(self, place: int) -> Array:
+        """Direction (3, m) of the link before a joint of the chain, in the world."""
+        robot = self.model.robot
+        joint = robot.chain[place]
+        link = joint.origin[:3, 3] / link_length(joint)
+        if place == 0:
+            return (robot.base[:3, :3] @ link)[:, None]
+        return np.asarray(np.einsum("kcm,k->cm", self.frames.bodies[place - 1][0], link))
+
     def compliant(self, joint: int) -> Array:
         """The column of Eq. (4) of a joint."""
-        return self.data.regressor(replace(self.model, unknown=(joint,)))[..., 0]
+        model = replace(self.model, unknown=(joint,))
+        return self.data.regressor_of(model, self.frames, self.data.wrench)[..., 0]
 
     def across(self, joint: int, axis: int) -> Array:
         """The column of a spring that nobody drives: ``dy/de tau_e`` of its axis e."""
         model, data = self.model, self.data
-        frames = turning_about(model.robot, model.frames(data.q), joint, axis)
+        frames = turning_about(model.robot, self.frames, joint, axis)
         torque = model.torque_of(frames, data.wrench)[joint]
         return np.asarray((data.motion_of(model, frames)[joint] * torque).T)
 
@@ -468,19 +488,17 @@ def counted_from(model: ElastostaticModel, data: Measurements, j: int) -> Predic
     def predict(c: Array) -> tuple[Array, Array]:
         shown = model.robot.shown(data.q).copy()
         shown[:, j] += c[0]
-        other = replace(data, q=model.robot.of_shown(shown))
-        return other.regressor(model), _shown(model, data, model, other)
+        frames = model.frames(model.robot.of_shown(shown))
+        return data.regressor_of(model, frames, data.wrench), _shown(model, data, frames)
 
     return predict
 
 
-def _shown(
-    model: ElastostaticModel, data: Measurements, other: ElastostaticModel, moved: Measurements
-) -> Array:
-    """What readings (m, rows) show of another rigid robot, or of other poses: nothing, or all."""
+def _shown(model: ElastostaticModel, data: Measurements, other: Frames) -> Array:
+    """What readings (m, rows) show of another rigid chain, or of other poses: nothing, or all."""
     found = np.zeros(data.deflection.shape)
     if data.absolute:
-        change = moved.rigid(other) - data.rigid(model)
+        change = data.rigid_of(model, other) - data.rigid(model)
         found[:, : change.shape[1]] = change
     return found
 

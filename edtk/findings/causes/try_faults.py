@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from edtk.findings.causes.evidence import ErringRows, Evidence, Pieces
+from edtk.findings.causes.evidence import ErringRows, Evidence, Pieces, Weighed, weigh_each
 from edtk.findings.causes.family import (
     NOISE,
     OUTLIER,
@@ -334,37 +334,59 @@ def _moved(plain: PlainFit) -> Array | None:
 
 def _smooth(plain: PlainFit) -> Iterator[Tried]:
     """Faults of any size."""
-    misfits = plain.misfits
-    for family in families(plain.scene):
-        found = try_family(
+    tried = [
+        try_family(
             plain.below(family), plain.whitened, plain.measured, plain.noise, plain.k, plain.chi2
         )
-        if found is not None:
-            yield beside_error(plain, found) if misfits else found
+        for family in families(plain.scene)
+    ]
+    found = [one for one in tried if one is not None]
+    yield from beside_error(plain, found) if plain.misfits else found
 
 
-def beside_error(plain: PlainFit, found: Tried) -> Tried:
-    """A fault beside what the model leaves out in each pose at random, where it is likely then.
+def beside_error(plain: PlainFit, found: Sequence[Tried]) -> list[Tried]:
+    """Faults beside what the model leaves out in each pose at random, where they are likely then.
 
     A robot that lacks one piece mostly lacks others, too: what the likeliest fault leaves is more
     than noise, and a model that errs in each pose by itself explains all that any fault does. So
     both are weighed with such an error, see `Evidence`; a fault is to be likelier than none.
     """
+    likelier = list(found)
+    at, models, pieces = [], [], []
+    for i, one in enumerate(found):
+        if plain.chi2 - one.deviance < BESIDE_ERROR:
+            continue
+        if plain.probability(one.deviance, plain.dof - one.dims) > LEVEL:
+            continue  # it leaves nothing
+        if (both := _as_pieces(plain, one)) is None:
+            continue
+        at.append(i)
+        models.append(both[0])
+        pieces.append(both[1])
+    for i, weighed in zip(at, weigh_each(models, pieces), strict=True):
+        if weighed.score + 2 * math.log(found[i].tries) <= plain.alone_beside_error:
+            likelier[i] = _as_weighed(plain, found[i], weighed)
+    return likelier
+
+
+def _as_pieces(plain: PlainFit, found: Tried) -> tuple[Evidence, Pieces] | None:
+    """The model about a fault of its size, and the fault as pieces; None for none of any size."""
     family, c = found.family, found.size
-    if family is None or c is None or plain.chi2 - found.deviance < BESIDE_ERROR:
-        return found
-    if plain.probability(found.deviance, plain.dof - found.dims) > LEVEL:
-        return found  # it leaves nothing
+    if family is None or c is None:
+        return None
     A, b = family.predict(c)
     columns = family.derivative(c, plain.k)
     measured = plain.measured - b + columns @ c
-    evidence = plain.evidence(A, measured)
     whitened = whiten_columns(columns, plain.noise).reshape(measured.size, -1)
     usual = np.full(family.dims, family.usual / math.sqrt(family.dims))
     positive = np.full(family.dims, family.only_positive)
-    weighed = evidence.weigh(Pieces(whitened, usual, positive))
-    if weighed.score + 2 * math.log(found.tries) > plain.alone_beside_error:
-        return found
+    return plain.evidence(A, measured), Pieces(whitened, usual, positive)
+
+
+def _as_weighed(plain: PlainFit, found: Tried, weighed: Weighed) -> Tried:
+    """A fault with the size and score that it has beside an error of the model."""
+    family = found.family
+    assert family is not None
     size = weighed.mean[len(plain.k) :]
     covariance = weighed.covariance[len(plain.k) :, len(plain.k) :]
     length = float(np.linalg.norm(size)) if family.dims > 1 else float(size[0])
