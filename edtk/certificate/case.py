@@ -10,6 +10,7 @@ from edtk.certificate.day_bound import DayBound, read_proofs
 from edtk.certificate.proof import Experiments, LargestSensitivities, Proof
 from edtk.certificate.recompute import values
 from edtk.certificate.recompute.candidates import of_rows, require
+from edtk.certificate.recompute.covering import largest_sensitivities
 from edtk.certificate.recompute.day import Day
 from edtk.certificate.recompute.lower_bound import Multipliers, lower_bound
 from edtk.certificate.recompute.plain_data import table, text, whole
@@ -176,7 +177,29 @@ class Case:
         if self.day is not None:
             return values.printed(self.name, self.of_day.cost(searched))
         found = self.largest
-        cost = self._least_cost(found.searched if searched else found.proved)
+        t = found.searched if searched else found.proved
+        cost = self._least_cost(found.multipliers.Z, t, self.proof.task_weights)
+        if self.kind == "plan":
+            cost *= self.made.amount.sum() ** -self.degree
+        return values.printed(self.name, cost)
+
+    @cached_property
+    def bound_proved(self) -> float:
+        """The printed value that no design, or no plan of so many experiments, in any poses beats.
+
+        Raises:
+            ValueError: The coverings prove nothing, or there are none.
+        """
+        self._require_sound()
+        if self.proof.continuum is None or self.day is not None:
+            raise ValueError("there is no covering of all poses")
+        where = "proof.continuum"
+        given = table(self.proof.continuum, ("multipliers", "coverings"), where, ("task_weights",))
+        Z = Multipliers.from_list(given["multipliers"], self.name, self.setting.p)
+        t = largest_sensitivities(
+            given["coverings"], self.setting, Z, self._prior, per_trace=self.degree == 0
+        )
+        cost = self._least_cost(Z.Z, t, given.get("task_weights"))
         if self.kind == "plan":
             cost *= self.made.amount.sum() ** -self.degree
         return values.printed(self.name, cost)
@@ -196,7 +219,9 @@ class Case:
         largest = self.largest
         if self.degree:
             return largest.excess
-        return self._least_cost(largest.searched) / self._least_cost(largest.climbed) - 1
+        Z, shares = largest.multipliers.Z, self.proof.task_weights
+        searched = self._least_cost(Z, largest.searched, shares)
+        return searched / self._least_cost(Z, largest.climbed, shares) - 1
 
     @cached_property
     def of_day(self) -> DayBound:
@@ -220,13 +245,13 @@ class Case:
             interest=self.interest,
         )
 
-    def _least_cost(self, t: Array) -> float:
-        """The cost that no design of one experiment beats whose sensitivities are t (r,)."""
+    def _least_cost(self, Z: Array, t: Array, task_weights: Any) -> float:
+        """The cost that no design of one experiment beats whose sensitivities to Z are t (r,)."""
         rows = self.made.stacked(self.setting)
         # Only G needs the matrix itself, to find good weights; bad ones would prove less, not more.
         M = rows.T @ rows / self.made.amount.sum() + self._prior
-        targets = self.setting.tasks.proving(self.name, self.proof.task_weights, len(t))
-        return lower_bound(self.name, self.largest.multipliers.Z, t, targets, M, self.interest)
+        targets = self.setting.tasks.proving(self.name, task_weights, len(t))
+        return lower_bound(self.name, Z, t, targets, M, self.interest)
 
     @property
     def interest(self) -> Array | None:

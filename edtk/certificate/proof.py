@@ -114,6 +114,7 @@ class Proof:
         multipliers: The multipliers as they are written, which only a bound needs.
         task_weights: Weights of the tasks to each multiplier as they are written, which only the
             bound of rho_max needs; None without any.
+        continuum: Multipliers and coverings of all poses, as they are written; None without any.
     """
 
     candidates: int
@@ -123,6 +124,7 @@ class Proof:
     searched: Array
     multipliers: Any
     task_weights: Any
+    continuum: Any = None
 
     @classmethod
     def from_dict(cls, content: Any, setting: Setting) -> "Proof":
@@ -132,7 +134,7 @@ class Proof:
             ValueError: A part is missing, or is not what it should be.
         """
         keys = ("candidates", "seed", "sampling", "multipliers", "support", "searched")
-        content = table(content, keys, "proof", ("task_weights",))
+        content = table(content, keys, "proof", ("task_weights", "continuum"))
         seed = rows(content["seed"], MOST_SEEDS, "proof.seed")
         if not seed:
             raise ValueError("proof.seed: expected at least one number")
@@ -153,6 +155,7 @@ class Proof:
             searched=points["searched"],
             multipliers=content["multipliers"],
             task_weights=content.get("task_weights"),
+            continuum=content.get("continuum"),
         )
 
 

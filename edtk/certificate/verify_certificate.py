@@ -22,7 +22,7 @@ from edtk.system.presented import Presented
 AGREE = 1e-8  # relative difference that two ways of rounding may make; 1e-13 is the rule
 ABSOLUTE = 1e-8  # difference of a gap or an efficiency, which are of order one
 EXCESS = 1e-3  # relative excess of a sensitivity found here over those that a search rests on
-BOUNDS = ("bound", "bound_searched")
+BOUNDS = ("bound", "bound_searched", "bound_proved")
 ORDER = ("value", *BOUNDS, "gap", "efficiency")
 
 
@@ -70,6 +70,7 @@ class Verification(Presented):
         of: Combinations of the compliances that the criterion is about; none if about all.
         sampling: How the candidates are drawn: "random" or "sobol"; empty where they are given.
         searched: Whether a bound over all poses is stated.
+        covered: Whether a proved one is.
         experiments: Number of experiments of a plan, the kept ones not counted.
         budget: What a plan may cost; None without a budget.
         of_study: Whether a study stood beside the certificate, so that its setting is not the
@@ -87,6 +88,7 @@ class Verification(Presented):
     prior: bool = False
     sampling: str = ""
     searched: bool = False
+    covered: bool = False
     experiments: int = 0
     budget: float | None = None
     of_study: bool = False
@@ -113,14 +115,18 @@ class Verification(Presented):
             return "nothing is proved"
         where = "for this study" if self.of_study else "in a setting that is the file's own word"
         searched = "searched over all poses, not proved"
+        if self.kind == "plan" and self.covered:
+            return f"{where}; its efficiency beside {self._plans}, in any poses, is proved"
         if self.kind == "plan" and self.searched:
             return f"{where}; its efficiency beside {self._plans} is {searched}"
         plural = "" if self.candidates == 1 else "s"
         drawn = f"{self.candidates:,} {self.sampling} candidate pose{plural} alone"
         of = f" on {self._plans}" if self.kind == "plan" else ""
-        beyond = (
-            f"over all poses it is {searched}" if self.searched else "other poses may be better"
-        )
+        beyond = "other poses may be better"
+        if self.searched:
+            beyond = f"over all poses it is {searched}"
+        if self.covered:
+            beyond = "another one is proved over all poses"
         return f"{where}; the bound{of} is proved on {drawn}: {beyond}"
 
     @property
@@ -206,6 +212,7 @@ def verify_certificate(content: dict[str, Any]) -> Verification:
         prior=case.setting.prior is not None,
         sampling=case.proof.sampling,
         searched="bound_searched" in case.stated,
+        covered="bound_proved" in case.stated,
         experiments=int(case.made.amount.sum()) if case.amounts_are_sound else 0,
         budget=None if case.day is None else case.day.budget,
     )
@@ -279,6 +286,7 @@ def _numbers(case: Case) -> list[Claim]:
         "value": lambda: case.value,
         "bound": lambda: case.bound(searched=False),
         "bound_searched": lambda: case.bound(searched=True),
+        "bound_proved": lambda: case.bound_proved,
         "gap": lambda: _gap(case, recomputed, BOUNDS),
         "efficiency": lambda: 1.0 - _gap(case, recomputed, BOUNDS[::-1]),
     }
@@ -306,6 +314,8 @@ def _mandatory(case: Case) -> tuple[str, ...]:
     """
     if case.kind == "relaxation":
         return ("value", "bound", "gap")
+    if "bound_proved" in case.stated:
+        return ("value", "bound_proved", "efficiency")
     if "bound" in case.stated and not {"bound_searched", "efficiency"} & set(case.stated):
         return ("value", "bound")
     return ("value", "bound_searched", "efficiency")
@@ -320,7 +330,7 @@ def _gap(case: Case, recomputed: dict[str, float], order: tuple[str, ...]) -> fl
 
 def _compared(case: Case, name: str, source: Callable[[], float]) -> Claim:
     """Compare a stated number with a recomputed one; a proof that proves nothing does not hold."""
-    candidates = case.candidates if name in BOUNDS else None
+    candidates = case.candidates if name in BOUNDS[:2] else None
     number = _number(case.stated.get(name))
     try:
         found = source()

@@ -6,7 +6,8 @@ import criteria
 from criteria.registry import BUILTINS
 from edtk.certificate.verify_certificate import Claim, Verification
 
-IN_UNITS = ("value", "bound", "bound_searched")  # claims whose numbers are the criterion's
+# Claims whose numbers are the criterion's.
+IN_UNITS = ("value", "bound", "bound_searched", "bound_proved")
 DIGITS = 10
 RECOMPUTED = "recomputed in a second implementation"
 # What each claim says, for a person.
@@ -23,6 +24,7 @@ MEANING = {
     "value": "of these experiments together",
     "bound": "proved on {candidates}: no design of them is better",
     "bound_searched": "searched, not proved: no design over all poses is better",
+    "bound_proved": "proved: no design over all poses is better, by boxes that cover all of them",
     "search": "a second search finds no pose whose sensitivity is 0.1 % larger",
     "gap": "relative distance from the bound to the value",
     "efficiency": "share of the best possible cost, as the bound has it",

@@ -1,0 +1,438 @@
+"""Sensitivity and constraints as polynomials of the joints, from their values on a grid of poses.
+
+The page "A bound over every pose" of the documentation has the theorems and their proofs.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from edtk.certificate.recompute.compensator import Pull
+from edtk.certificate.recompute.lower_bound import EPS, Multipliers
+from edtk.certificate.recompute.physics import GRAVITY
+from edtk.certificate.recompute.plain_data import number, rows, table, whole
+from edtk.certificate.recompute.setting import Setting
+from edtk.system.typing import Array, Mask
+
+U = EPS / 2  # of one operation
+DEGREE = 4  # of a sensitivity in each joint, at most
+TURN = 2 * np.pi
+MOST_JOINTS = 6  # whose grid fits in memory
+SAME = 1e-12  # of ends of intervals [rad]; boxes overlap by more
+# Roundings of kinematics for each joint of the chain, from above; see `_rounding`.
+OF_JOINT = 150.0
+NEGLIGIBLE = 1e-13  # sum of coefficients beside all of them, that is dropped and counted as error
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A motion of angles that maps a box to itself, ``t -> s t + pi h``, s = 1 or -1.
+
+    Where it leaves all polynomials as they are, what is left of an interval stands for all of it.
+
+    Attributes:
+        mirrors: Whether s = -1, for each joint (v,).
+        turns: Whether h = 1 (v,).
+        joint: The joint whose interval is cut.
+        low: What is left of it.
+        high: Its upper end.
+    """
+
+    mirrors: Mask
+    turns: Mask
+    joint: int
+    low: float
+    high: float
+
+    @classmethod
+    def from_dict(cls, content: Any, slides: Mask, where: str) -> "Motion":
+        """Read a motion.
+
+        Raises:
+            ValueError: It is none.
+        """
+        table(content, ("mirrors", "turns", "joint", "low", "high"), where)
+        v = len(slides)
+        mirrors, turns = (
+            np.array([whole(one, 0, 1, where) for one in rows(content[key], v, where)], dtype=bool)
+            for key in ("mirrors", "turns")
+        )
+        if len(mirrors) < v or len(turns) < v or ((mirrors | turns) & slides).any():
+            raise ValueError(f"{where}: expected motions of all angles, and of angles alone")
+        low, high = number(content["low"], where), number(content["high"], where)
+        return cls(mirrors, turns, whole(content["joint"], 0, v - 1, where), low, high)
+
+    def image(self, j: int, interval: tuple[float, float]) -> tuple[float, float]:
+        """What an interval of joint j is mapped to."""
+        low, high = interval
+        shift = np.pi if self.turns[j] else 0.0
+        return (shift - high, shift - low) if self.mirrors[j] else (low + shift, high + shift)
+
+    def left(self, box: list[tuple[float, float]], where: str) -> list[tuple[float, float]]:
+        """The box (v,) with what is left of the interval that is cut.
+
+        A place of the box is in what is left, or its image is: the motion maps the other intervals
+        into themselves, and this one into itself by whole turns.
+
+        Raises:
+            ValueError: It is not so.
+        """
+        kept = (self.low, self.high)
+        stays = all(
+            _covers(self.image(j, one), [one]) for j, one in enumerate(box) if j != self.joint
+        )
+        # The image of a place is in what is left where the place is in the image of that: a
+        # mirror, and a turn by half, is its own inverse but for whole turns.
+        if not stays or not _covers(box[self.joint], [kept, self.image(self.joint, kept)]):
+            raise ValueError(f"{where}: a motion that does not take what is left to the whole box")
+        return [kept if j == self.joint else one for j, one in enumerate(box)]
+
+
+def _covers(interval: tuple[float, float], parts: list[tuple[float, float]]) -> bool:
+    """Whether parts cover an interval of angles, but for whole turns, and for rounding."""
+    low, high = interval
+    turns = TURN * np.arange(-4, 5)
+    shifted = sorted((a + turn, b + turn) for a, b in parts for turn in turns if a <= b)
+    reached = low
+    for a, b in shifted:
+        if a <= reached + SAME:
+            reached = max(reached, b)
+    return bool(reached >= high - SAME)
+
+
+@dataclass(frozen=True, eq=False)
+class Form:
+    """A polynomial by coefficients (n_1, ..., n_v), one axis a joint.
+
+    Attributes:
+        values: Coefficients by ``1, cos t, sin t, cos 2t, ...`` of an angle, by powers of
+            ``(x - middle)/half`` of a length.
+        error: By how much it may differ from what it stands for, anywhere.
+    """
+
+    values: Array
+    error: float
+
+    @property
+    def size(self) -> float:
+        """The sum of absolute coefficients, which no value is above."""
+        return float(np.abs(self.values).sum()) * (1 + self.values.size * U)
+
+    def trimmed(self) -> "Form":
+        """Without the highest degrees that hardly count; what they add is error.
+
+        So no degree is believed: that of a sensitivity is at most four, and often less.
+        """
+        kept = self.values
+        dropped = 0.0
+        least = NEGLIGIBLE * self.size
+        for j in range(kept.ndim):
+            others = tuple(i for i in range(kept.ndim) if i != j)
+            sums = np.abs(kept).sum(axis=others)
+            above = np.flatnonzero(sums > least)
+            n = int(above[-1]) + 1 if len(above) else 1
+            n += (n + 1) % 2  # cosine and sine stay together; a length keeps one power more
+            n = min(n, kept.shape[j])
+            dropped += float(sums[n:].sum())
+            kept = np.take(kept, np.arange(n), axis=j)
+        return Form(kept, self.error + dropped * (1 + self.values.size * U))
+
+    def padded(self, shape: tuple[int, ...]) -> Array:
+        """The coefficients, with zeros for higher degrees."""
+        missing = [(0, n - own) for n, own in zip(shape, self.values.shape, strict=True)]
+        return np.pad(self.values, missing)
+
+    def over(self, joints: list[int]) -> "Form":
+        """The same in some of the joints.
+
+        Raises:
+            ValueError: It depends on another one.
+        """
+        others = [j for j in range(self.values.ndim) if j not in joints]
+        if any(self.values.shape[j] > 1 for j in others):
+            raise ValueError("a covering leaves out a joint that counts")
+        kept = self.values.reshape([n for j, n in enumerate(self.values.shape) if j in joints])
+        return replace(self, values=kept)
+
+    def moved(self, motions: "list[Motion]") -> "Form":
+        """The same, where what motions change of it counts as error."""
+        error = self.error
+        for motion in motions:
+            signs = np.ones(())
+            of_joints = zip(self.values.shape, motion.mirrors, motion.turns, strict=True)
+            for n, mirror, turn in of_joints:
+                k = (np.arange(n) + 1) // 2
+                sine = (np.arange(n) % 2 == 0) & (k > 0)
+                own = np.where(turn & (k % 2 == 1), -1, 1) * np.where(mirror & sine, -1, 1)
+                signs = signs[..., None] * own
+            changed = float(np.abs(self.values[signs < 0]).sum())
+            error += 2 * changed * (1 + self.values.size * U) + 2 * self.error
+        return replace(self, error=error)
+
+
+@dataclass(frozen=True, eq=False)
+class Domain:
+    """The joints that a covering is about, and the intervals that it must cover.
+
+    Attributes:
+        joints: Indices (v,) of free joints.
+        limits: Intervals (2, v) [rad or m], of angles at most one turn.
+        slides: Which joints (v,) are prismatic.
+    """
+
+    joints: list[int]
+    limits: Array
+    slides: Mask
+
+    @classmethod
+    def of(cls, setting: Setting) -> "Domain":
+        """All joints that are designed.
+
+        Raises:
+            ValueError: There are too many, or none.
+        """
+        if not setting.free:
+            raise ValueError("no joint is designed")
+        if len(setting.free) > MOST_JOINTS:
+            raise ValueError(f"a covering of more than {MOST_JOINTS} joints is not checked")
+        low, high = setting.limits[:, setting.free]
+        slides = setting.chain.prismatic[setting.free]
+        high = np.where(slides, high, np.minimum(high, low + TURN))
+        return cls(list(setting.free), np.stack([low, high]), slides)
+
+    def grid(self, degree: int) -> list[Array]:
+        """Places along each joint that determine a polynomial of this degree."""
+        found = []
+        for (low, high), slides in zip(self.limits.T, self.slides, strict=True):
+            if slides:
+                x = np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
+                found.append((low + high) / 2 + (high - low) / 2 * x)
+            else:
+                found.append(TURN * np.arange(2 * degree + 1) / (2 * degree + 1))
+        return found
+
+    def form(self, values: Array, degree: int, error: float) -> Form:
+        """The polynomial with these values on the grid, each of which may be off by so much.
+
+        With functions scaled so that their squares have the sum N anywhere, the analysis of N
+        values is orthogonal but for ``sqrt(N)``. By Cauchy and Schwarz, errors e of values move
+        the polynomial by ``sqrt(prod N) e`` at most, and each of v products rounds by ``sqrt(N)``
+        times its own roundings. Along a length the inverse is taken as it is, norm by norm.
+        """
+        largest = float(np.abs(values).max())
+        gain = 1.0
+        rounds = 0.0
+        for j, slides in enumerate(self.slides):
+            B = _analysis(degree, bool(slides))
+            n = len(B)
+            size = float(np.linalg.norm(np.abs(B), 2))
+            gain *= n * size if slides else np.sqrt(n)
+            rounds += (n + 20) * U * (size * n if slides else np.sqrt(n))
+            values = np.moveaxis(np.tensordot(B, values, (1, j)), 0, j)
+        return Form(values, 1.01 * gain * (error + rounds * largest)).trimmed()
+
+
+def _analysis(degree: int, slides: bool) -> Array:
+    """From values on the grid to coefficients (n, n)."""
+    if slides:
+        x = np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
+        return np.linalg.inv(np.vander(x, increasing=True))
+    n = 2 * degree + 1
+    turns = TURN / n * (np.outer(np.arange(1, degree + 1), np.arange(n)) % n)
+    both = np.stack([np.cos(turns), np.sin(turns)], axis=1).reshape(-1, n)
+    return np.concatenate([np.ones((1, n)), 2 * both]) / n
+
+
+@dataclass(frozen=True, eq=False)
+class Polynomials:
+    """What a covering of one multiplier and one load is about.
+
+    Attributes:
+        domain: The joints.
+        sensitivity: d, or ``<Z, M>`` where it counts per trace.
+        trace: The trace of M then; None where it does not.
+        slacks: Feasible poses have none below zero; by their letter in `SLACKS`.
+    """
+
+    domain: Domain
+    sensitivity: Form
+    trace: Form | None
+    slacks: dict[str, Form]
+
+    @classmethod
+    def of(
+        cls, setting: Setting, Z: Multipliers, prior: Array, wrench: Array, per_trace: bool
+    ) -> "Polynomials":
+        """Those of one multiplier (1, p, p), under one load (9,).
+
+        Raises:
+            ValueError: What is measured is no polynomial of the joints, or has not been derived.
+        """
+        _require_polynomial(setting)
+        domain = Domain.of(setting)
+        q = _poses(setting, domain, DEGREE)
+        A = setting.whitened_rows(q, np.broadcast_to(wrench, (len(q), 9)))
+        shape = [len(x) for x in domain.grid(DEGREE)]
+        error, most = _rounding(setting, Z.scale[0], A, wrench)
+        found = np.einsum("kra,ab,krb->k", A, Z.Z[0], A) + float((Z.Z[0] * prior).sum())
+        # A multiplier that is not semidefinite by rounding is lifted; that adds so much at most.
+        lifted = float(Z.lift[0]) * (most + float(Z.scale[0] @ np.sqrt(np.diag(prior))) ** 2)
+        own = 8 * U * abs(float(np.abs(Z.Z[0] * prior).sum()))
+        d = domain.form(found.reshape(shape), DEGREE, error + lifted + own)
+        trace = None
+        if per_trace:
+            ones = np.ones(setting.p)
+            error, _ = _rounding(setting, ones, A, wrench)
+            squares = np.einsum("kra,kra->k", A, A) + np.trace(prior)
+            own = 8 * U * np.trace(prior)
+            trace = domain.form(squares.reshape(shape), DEGREE, error + float(own))
+        return cls(domain, d, trace, _slacks(setting, domain))
+
+    def seen(self, joints: list[int], motions: list[Motion]) -> "Polynomials":
+        """The same in some of the joints, where motions take a part to the whole."""
+
+        def one(form: Form) -> Form:
+            return form.over(joints).moved(motions)
+
+        kept = Domain(
+            [self.domain.joints[j] for j in joints],
+            self.domain.limits[:, joints],
+            self.domain.slides[joints],
+        )
+        trace = None if self.trace is None else one(self.trace)
+        slacks = {letter: one(form) for letter, form in self.slacks.items()}
+        return Polynomials(kept, one(self.sensitivity), trace, slacks)
+
+    def tested(self, limit: float) -> Form:
+        """A polynomial that is at most zero where the sensitivity is at most the limit."""
+        d = self.sensitivity
+        values = d.values.copy()
+        if self.trace is None:
+            values[(0,) * values.ndim] -= limit
+            return Form(values, d.error + 2 * U * (limit + d.size))
+        shape = tuple(np.maximum(values.shape, self.trace.values.shape))
+        both = d.padded(shape) - limit * self.trace.padded(shape)
+        error = d.error + abs(limit) * (self.trace.error + 4 * U * self.trace.size)
+        return Form(both, error + 4 * U * d.size)
+
+
+def _require_polynomial(setting: Setting) -> None:
+    """Refuse a setting whose sensitivity has not been shown to be of degree four in each joint.
+
+    Columns of the Jacobian are of degree one in each joint, and so are loads of wrenches and
+    weights: their product is of degree two.
+
+    Raises:
+        ValueError: It has noise of another kind, compensators, wires, or joints that follow.
+    """
+    physics = setting.physics
+    chain = setting.chain
+    tied = len(chain.axes) > chain.n or not np.array_equal(chain.ties[0], np.eye(chain.n))
+    wires = physics is not None and any(kind == "distance" for kind, _, _ in physics.sensors)
+    pulls = physics is not None and any(isinstance(one, Pull) for one in physics.weights)
+    for given, what in (
+        (setting.geometry is not None, "parameters of geometry"),
+        (setting.noise is not None, "noise that is not white"),
+        (setting.gives is not None or pulls, "compensators"),
+        (setting.price is not None, "costs"),
+        (tied, "joints that follow others"),
+        (wires, "distances"),
+    ):
+        if given:
+            raise ValueError(f"a covering of poses is not checked here with {what}")
+
+
+def _poses(setting: Setting, domain: Domain, degree: int) -> Array:
+    """All poses (k, n) of the grid."""
+    mesh = np.meshgrid(*domain.grid(degree), indexing="ij")
+    q = np.tile(setting.fixed, (mesh[0].size, 1))
+    q[:, domain.joints] = np.stack([one.ravel() for one in mesh], axis=1)
+    return q
+
+
+def _lengths(setting: Setting) -> Array:
+    """How far points of tool, load and instruments are at most (1 + n,) [m].
+
+    First from the base, then from each joint. At least one, as directions count like lengths.
+    """
+    chain = setting.chain
+    travel = np.maximum(np.abs(setting.limits).max(axis=0), np.abs(setting.fixed))
+    steps = np.linalg.norm(chain.origins[:, :3, 3], axis=1) + np.where(chain.slides, travel, 0.0)
+    behind = np.append(np.cumsum(steps[::-1])[::-1][1:], 0.0)
+    base, tool = (float(np.linalg.norm(one[:3, 3])) for one in (chain.base, chain.tool))
+    places = []
+    if setting.physics is not None:
+        places = [place for _, place, _ in setting.physics.sensors]
+        places += [one[1] for one in setting.physics.weights if not isinstance(one, Pull)]
+        places.append(setting.physics.load_point)
+    tool += max((float(np.linalg.norm(place.offset)) for place in places), default=0.0)
+    return (
+        np.maximum(np.append(base + steps.sum(), behind + np.where(chain.slides, travel, 0)), 1.0)
+        + tool
+    )
+
+
+def _rounding(setting: Setting, scale: Array, A: Array, wrench: Array) -> tuple[float, float]:
+    """By how much ``sum_r A_r'Z A_r`` may be off, and a bound on ``sum_r (sum_a s_a |A_ra|)^2``.
+
+    One product of rotations rounds by 12 units in Frobenius norm, Rodrigues' formula by 15, so that
+    a frame behind N joints is off by 40 N units, a point by 44 N times the length of the arm L, and
+    a column of the Jacobian by 130 N L. With a column of size c, and a load of the joint of size t,
+    which is off as the column is, an entry is off by ``OF_JOINT N`` units of ``L t + c T``, where T
+    is what the load does at the length L.
+
+    Args:
+        setting: Robot and instruments.
+        scale: Numbers s (p,) so large that ``|Z_ab|`` is at most ``s_a s_b``.
+        A: Whitened rows (k, rows, p) that were computed.
+        wrench: The load (9,).
+    """
+    force, moment, lever = (float(np.linalg.norm(part)) for part in wrench.reshape(3, 3))
+    if setting.physics is not None:
+        force += GRAVITY * sum(
+            one[0] for one in setting.physics.weights if not isinstance(one, Pull)
+        )
+    lengths = _lengths(setting) + lever
+    torques = force * lengths + moment
+    of_all, of_each = lengths[0], lengths[1:][setting.unknown]
+    loads = torques[1:][setting.unknown]
+    units = OF_JOINT * len(setting.chain.axes) * U
+    off = units * float(scale @ (of_all * loads + of_each * torques[0])) / setting.sigma
+    bound = float(scale @ (of_each * loads)) / setting.sigma
+    computed = np.abs(A) @ scale
+    own = (4 * setting.p + len(setting.sigma) + 8) * U * np.square(computed).sum(axis=1)
+    error = 2 * (computed * off).sum(axis=1) + own
+    return float(error.max() + 2 * np.square(off).sum()), float(np.square(bound + off).sum())
+
+
+def _slacks(setting: Setting, domain: Domain) -> dict[str, Form]:
+    """The constraints as polynomials of degree one and two, at least zero where they hold.
+
+    Poses to stay away from are left out: without them more poses count.
+    """
+    workspace = setting.workspace
+    chain = setting.chain
+    joints = len(chain.axes)
+    length = float(_lengths(setting)[0])
+    of_point = OF_JOINT * joints * U * length
+    given: dict[str, tuple[Callable[[Array, Array], Array], int, float]] = {}
+    if workspace.height is not None:
+        height = workspace.height
+        given["h"] = (lambda point, axis: point[:, 2] - height, 1, of_point + 2 * U * abs(height))
+    if workspace.radius is not None:
+        squared = workspace.radius**2
+        error = 3 * length * of_point + 8 * U * squared
+        given["r"] = (lambda point, axis: (point[:, :2] ** 2).sum(axis=1) - squared, 2, error)
+    if workspace.tilt is not None and workspace.tilt < np.pi / 2:
+        steepest = float(np.sin(workspace.tilt))
+        error = OF_JOINT * joints * U
+        given["u"] = (lambda point, axis: steepest - axis[:, 2], 1, error)
+        given["d"] = (lambda point, axis: steepest + axis[:, 2], 1, error)
+    found = {}
+    for letter, (slack, degree, error) in given.items():
+        values = slack(*chain.tool_point_and_axis(_poses(setting, domain, degree)))
+        shape = [len(x) for x in domain.grid(degree)]
+        found[letter] = domain.form(values.reshape(shape), degree, error)
+    return found

@@ -1,0 +1,257 @@
+"""Coverings of all poses: true ones are confirmed without the prover, false ones are refused."""
+
+import copy
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from edtk.certificate.certificate import certificate
+from edtk.certificate.recompute.covering import Covering, largest_sensitivities
+from edtk.certificate.recompute.lower_bound import Multipliers
+from edtk.certificate.recompute.pose_polynomials import DEGREE, Form, Polynomials
+from edtk.certificate.recompute.setting import Setting
+from edtk.certificate.verify_certificate import verify_certificate
+from edtk.study.plan_study import relax_study
+from edtk.study.study import load_study
+from edtk.system.typing import Array
+
+ROOT = Path(__file__).parents[2]
+Content = dict[str, Any]
+
+
+@pytest.fixture(scope="module")
+def honest() -> Content:
+    """A certificate of weights on a few poses, with a covering in two halves of each first box."""
+    study = load_study(ROOT / "studies" / "kr270_milling.toml")
+    content = json.loads(json.dumps(certificate(study, relax_study(study, "D", candidates=100))))
+    setting = Setting.from_dict(content["setting"])
+    polynomials = about(setting, content["proof"]["multipliers"])
+    limit = polynomials.sensitivity.size * 3
+    content["proof"]["continuum"] = {
+        "multipliers": content["proof"]["multipliers"],
+        "coverings": [of_first_boxes(polynomials, limit, "3..")],
+    }
+    # The weakest of true bounds.
+    content["claims"]["bound_proved"] = 0.0
+    for claim in verify_certificate(content).claims:
+        if claim.claim == "bound_proved":
+            content["claims"]["bound_proved"] = claim.recomputed
+    return content  # type: ignore[no-any-return]
+
+
+def about(setting: Setting, multipliers: Any) -> Polynomials:
+    """Sensitivity and slacks under the study's load."""
+    Z = Multipliers.from_list(multipliers, "D", setting.p)
+    wrench = np.asarray(setting.load.wrench(np.ones((1, setting.load.size))))[0]
+    return Polynomials.of(setting, Z, np.zeros((setting.p, setting.p)), wrench, False)
+
+
+def of_first_boxes(polynomials: Polynomials, limit: float, tree: str) -> Content:
+    """A covering with the same tree below each first box of a right angle at most."""
+    low, high = polynomials.domain.limits
+    parts = np.where(polynomials.domain.slides, 1, np.ceil((high - low) / (np.pi / 2))).astype(int)
+    return {
+        "limit": limit,
+        "joints": list(range(len(low))),
+        "low": low.tolist(),
+        "high": high.tolist(),
+        "motions": [],
+        "parts": parts.tolist(),
+        "slacks": "hru",
+        "tree": tree * int(parts.prod()),
+        "factors": [],
+    }
+
+
+def values(form: Form, polynomials: Polynomials, x: Array) -> Array:
+    """Values (k,) of a polynomial at places (k, v), one function after the other."""
+    found = np.broadcast_to(form.values, (len(x), *form.values.shape))
+    low, high = polynomials.domain.limits
+    for j, slides in enumerate(polynomials.domain.slides):
+        n = found.shape[1]
+        if slides:
+            functions = np.vander((2 * x[:, j] - low[j] - high[j]) / (high[j] - low[j]), n, True)
+        else:
+            turns = np.arange(1, n // 2 + 1) * x[:, j, None]
+            both = np.stack([np.cos(turns), np.sin(turns)], axis=-1).reshape(len(x), -1)
+            functions = np.concatenate([np.ones((len(x), 1)), both], axis=1)
+        found = np.einsum("kn,kn...->k...", functions, found)
+    return found
+
+
+def scara() -> Setting:
+    """An arm with three parallel axes and one that slides, under a slanted force."""
+    study = load_study(ROOT / "studies" / "kr270_milling.toml")
+    content = certificate(study, relax_study(study, "D", candidates=50))["setting"]
+    frame = np.eye(4)
+    frame[:3, 3] = [0.4, 0.0, 0.1]
+    turning = {"kind": "revolute", "origin": frame.tolist(), "axis": [0, 0, 1], "limits": [-2, 2.5]}
+    sliding = turning | {"kind": "prismatic", "limits": [-0.3, 0.2], "axis": [0, 0.6, 0.8]}
+    joints = [turning | {"name": f"q{j}"} for j in (1, 2, 3)] + [sliding | {"name": "q4"}]
+    robot = content["robot"] | {"joints": json.loads(json.dumps(joints))}
+    changed = {
+        "robot": robot,
+        "unknown": [0, 1, 3],
+        "free": [0, 1, 2, 3],
+        "fixed": [0.0] * 4,
+        "load": {"F_N": [30.0, -20.0, 90.0]},
+        "test_pose": None,
+    }
+    return Setting.from_dict(content | changed)
+
+
+def kr270(content: Content) -> Setting:
+    """The paper's robot."""
+    return Setting.from_dict(content["setting"])
+
+
+def largest(form: Form, polynomials: Polynomials, low: Array, high: Array) -> float:
+    """The largest coefficient of a polynomial on one box."""
+    v = len(low)
+    one = np.zeros((1, v), dtype=int)
+    covering = Covering(
+        limit=0.0,
+        joints=list(range(v)),
+        motions=[],
+        low=low,
+        high=high,
+        parts=np.ones(v, dtype=int),
+        depth=one,
+        place=one,
+        reasons=np.array(["."]),
+        factors=np.zeros((1, 0)),
+        slacks="",
+    )
+    found = covering._largest(polynomials.domain, [form], np.zeros(1, dtype=int), np.ones((1, 1)))
+    return float(found[0])
+
+
+@pytest.mark.parametrize("arm", ["kr270", "scara"])
+def test_polynomials_are_what_poses_say(arm: str, honest: Content) -> None:
+    """Sensitivity and slacks are those of the poses, within the rounding that is counted."""
+    setting = kr270(honest) if arm == "kr270" else scara()
+    p = setting.p
+    rng = np.random.default_rng(3)
+    R = rng.normal(size=(p, p)) / np.arange(1, p + 1)
+    Z = Multipliers.of((R @ R.T)[None], False)
+    wrench = setting.load.wrench(np.zeros((1, 0)))[0]
+    found = Polynomials.of(setting, Z, np.eye(p), wrench, False)
+    x = rng.uniform(*found.domain.limits, (300, len(found.domain.joints)))
+    q = np.tile(setting.fixed, (300, 1))
+    q[:, found.domain.joints] = x
+    A = setting.whitened_rows(q, np.broadcast_to(wrench, (300, 9)))
+    own = np.einsum("kra,ab,krb->k", A, Z.Z[0], A) + np.trace(Z.Z[0])
+    away = np.abs(values(found.sensitivity, found, x) - own).max()
+    assert away <= found.sensitivity.error
+    assert found.sensitivity.error <= 1e-7 * np.abs(own).max()
+    assert max(found.sensitivity.values.shape) <= 2 * DEGREE + 1
+    point, axis = setting.chain.tool_point_and_axis(q)
+    slacks = {
+        "h": point[:, 2] - (setting.workspace.height or 0.0),
+        "r": (point[:, :2] ** 2).sum(axis=1) - (setting.workspace.radius or 0.0) ** 2,
+        "u": np.sin(setting.workspace.tilt or 0.0) - axis[:, 2],
+        "d": np.sin(setting.workspace.tilt or 0.0) + axis[:, 2],
+    }
+    for letter, form in found.slacks.items():
+        assert np.abs(values(form, found, x) - slacks[letter]).max() <= form.error, letter
+
+
+@pytest.mark.parametrize("arm", ["kr270", "scara"])
+def test_no_value_in_a_box_is_above_the_largest_coefficient(arm: str, honest: Content) -> None:
+    """Theorem 2: and in small boxes the excess is small, by the square of the box."""
+    setting = kr270(honest) if arm == "kr270" else scara()
+    found = about(setting, np.eye(setting.p)[None].tolist())
+    rng = np.random.default_rng(8)
+    low, high = found.domain.limits
+    excess = []
+    for size in (1.0, 0.25):
+        middle = low + (high - low) * rng.uniform(0.4, 0.6, len(low))
+        half = np.minimum(0.4, (high - low) / 4) * size
+        top = largest(found.sensitivity, found, middle - half, middle + half)
+        ends = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * len(low)), axis=-1).reshape(-1, len(low))
+        x = middle + half * np.concatenate([ends, rng.uniform(-1, 1, (500, len(low)))])
+        best = values(found.sensitivity, found, x).max()
+        assert best <= top
+        excess.append(top - best)
+    assert excess[1] < excess[0] / 4
+
+
+def failure(content: Content) -> str:
+    """Why the proved bound does not hold; empty if it does."""
+    claims = {claim.claim: claim for claim in verify_certificate(content).claims}
+    return claims["bound_proved"].reason
+
+
+def changed(content: Content, **changes: Any) -> Content:
+    """A certificate whose first covering says something else."""
+    found = copy.deepcopy(content)
+    found["proof"]["continuum"]["coverings"][0].update(changes)
+    return found
+
+
+@pytest.mark.slow
+def test_a_true_covering_is_confirmed(honest: Content) -> None:
+    """All claims hold, and the words say that the bound is proved over all poses."""
+    found = verify_certificate(honest)
+    assert found.valid, found.claims
+    assert "proved over all poses" in found.proved
+
+
+@pytest.mark.slow
+def test_coverings_that_an_enemy_has_changed(honest: Content) -> None:
+    """A leaf less or more, a lower limit, false reasons, limits or motions are refused."""
+    given = honest["proof"]["continuum"]["coverings"][0]
+    tree = given["tree"]
+    whole = [0] * 5
+    mirror = {"mirrors": [0, 0, 0, 0, 1], "turns": whole, "joint": 4, "low": 0.0, "high": 3.1}
+    low, high = given["low"], given["high"]
+    refused = {
+        "a leaf is missing": {"tree": tree[:-1]},
+        "after its last leaf": {"tree": tree + "."},
+        "boxes are open": {"limit": given["limit"] * 1e-3},
+        "are open": {"tree": "h" + tree[3:]},
+        "do not cover the limits": {"low": [low[0] + 1e-3, *low[1:]]},
+        "does not take what is left": {"motions": [mirror | {"high": 2.0}]},
+        "leaves out a joint": {
+            "joints": [0, 1, 2, 3],
+            "low": low[:4],
+            "high": high[:4],
+            "parts": given["parts"][:4],
+            "tree": "." * int(np.prod(given["parts"][:4])),
+        },
+        "factors from zero": {"tree": "+" + tree[3:], "factors": [[-1.0, 0.0, 0.0]]},
+        "expected digits": {"tree": "?" + tree[3:]},
+        "unknown key": {"wider": 1},
+    }
+    for reason, changes in refused.items():
+        assert reason in failure(changed(honest, **changes)), reason
+    lowered = copy.deepcopy(honest)
+    lowered["claims"]["bound_proved"] *= 1 + 1e-6
+    assert failure(lowered) == "the recomputed number differs"
+    none = copy.deepcopy(honest)
+    none["proof"]["continuum"]["coverings"] = []
+    assert "expected one for each multiplier and load" in failure(none)
+    del none["proof"]["continuum"]
+    assert "no covering" in failure(none)
+
+
+def test_a_motion_counts_what_it_changes(honest: Content) -> None:
+    """A mirror that changes the sensitivity leaves no box closed at a limit near its maximum."""
+    setting = kr270(honest)
+    found = about(setting, honest["proof"]["multipliers"])
+    limit = float(np.abs(found.sensitivity.values).sum())
+    half = of_first_boxes(found, limit * 3, ".")
+    motion = {"mirrors": [0, 0, 1, 0, 0], "turns": [0] * 5, "joint": 2, "low": 0.0, "high": np.pi}
+    cut = copy.deepcopy(half) | {"motions": [motion]}
+    low, high = -np.pi, np.pi
+    cut["low"][2], cut["high"][2] = low, high
+    cut["tree"] = "." * int(np.prod(cut["parts"]))
+    Z = Multipliers.from_list(honest["proof"]["multipliers"], "D", setting.p)
+    none = np.zeros((setting.p, setting.p))
+    straight = largest_sensitivities([half], setting, Z, none, False)
+    mirrored = largest_sensitivities([cut], setting, Z, none, False)
+    assert straight[0] == pytest.approx(limit * 3, rel=1e-6)
+    assert mirrored[0] > straight[0]
