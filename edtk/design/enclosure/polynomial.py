@@ -324,6 +324,11 @@ class Polynomial:
         values = _along(self.coefficients, matrices)
         return Samples(values, steps * (self.size - self.error))
 
+    def raised(self, degrees: Sequence[int]) -> "Polynomial":
+        """The same with zeros for functions up to these degrees."""
+        sizes = [axis.size(n) for axis, n in zip(self.axes, degrees, strict=True)]
+        return replace(self, coefficients=self._padded(np.array(sizes)))
+
     def cut(self, degrees: Sequence[int]) -> "Polynomial":
         """Without the functions above these degrees, whose coefficients count as error.
 

@@ -1,0 +1,798 @@
+"""An upper bound of polynomials over a box and constraints, by halving: branch and bound.
+
+A box is closed, that is not halved any more, where one of these holds of its coefficients in the
+basis of `basis.py`, to a level u:
+
+- *below*: those of ``N - u D`` are at most zero, of an objective N/D;
+- *infeasible*: those of a slack c are negative;
+- *penalised*: those of ``N - u D + sum_i mu_i c_i`` are at most zero, for some ``mu >= 0``: where
+  the box is feasible, ``c_i >= 0``.
+
+Then no feasible place of the box has an objective above u. Levels fall from far above the largest
+value that is known towards it; each begins with the boxes that the last one has closed, so that a
+run that is stopped keeps the bound of all that was closed.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from functools import cached_property, lru_cache
+from time import perf_counter
+
+import numpy as np
+
+from edtk.design.enclosure import basis
+from edtk.design.enclosure.polynomial import ROUNDOFF, Axis, Enclosed, Objective, Polynomial
+from edtk.system.time_limit import out_of_time
+from edtk.system.typing import Array, Indices, Mask
+
+CHUNK = 64  # boxes at a time: their tensors stay in the cache
+DEEPEST = 60  # halvings along an axis, which leave a box of the size of rounding
+# Levels above the largest known value, of which the next one is reached from the leaves of the
+# last: each costs about as much as all before it.
+FIRST_LEVEL = 0.3
+NEXT_LEVEL = 0.1**0.5
+PENALTIES = 6  # factors of a slack that are tried
+SINGLE = np.float32
+UNIT = float(np.finfo(SINGLE).eps) / 2
+PART_OF_GAP = 0.25  # rounding of a tensor, in parts of the gap, from which on it is made anew
+FRESH = 4  # an error of so many times the least one is not made smaller by making a tensor anew
+WIDER = 2.0**-40  # part by which first boxes overlap, far above the rounding of their middles
+STEP = 2  # places of a tensor that are left out where an axis is chosen
+# A search for a large value that begins nowhere: places that are drawn, and rounds around the best.
+DRAWN = 4096
+ROUNDS = 30
+AROUND = 64
+
+
+class Reason(IntEnum):
+    """Why a box is closed."""
+
+    OPEN = 0
+    BELOW = 1
+    INFEASIBLE = 2
+    PENALISED = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Boxes:
+    """Dyadic boxes: along each axis one of ``2^depth`` parts of an interval of a grid.
+
+    Attributes:
+        depth: How often each was halved along each axis (b, d).
+        place: Number of the part (b, d), counted through all intervals of the grid.
+    """
+
+    depth: Indices
+    place: Indices
+
+    def __len__(self) -> int:
+        return len(self.depth)
+
+    def __getitem__(self, which: Indices | Mask | slice) -> "Boxes":
+        return Boxes(self.depth[which], self.place[which])
+
+    @classmethod
+    def joined(cls, parts: "list[Boxes]") -> "Boxes":
+        """All of them."""
+        return cls(
+            np.concatenate([part.depth for part in parts]),
+            np.concatenate([part.place for part in parts]),
+        )
+
+    def half(self, axis: int, side: int) -> "Boxes":
+        """The lower (0) or upper (1) halves along an axis."""
+        depth = self.depth.copy()
+        place = self.place.copy()
+        depth[:, axis] += 1
+        place[:, axis] = 2 * place[:, axis] + side
+        return Boxes(depth, place)
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """The first boxes: intervals of equal width along each axis, narrow enough for the basis."""
+
+    axes: tuple[Axis, ...]
+
+    @cached_property
+    def parts(self) -> Indices:
+        """Number of intervals along each axis (d,)."""
+        return np.array(
+            [
+                max(1, int(np.ceil((axis.high - axis.low) / basis.WIDEST - WIDER)))
+                if axis.kind == "angle"
+                else 1
+                for axis in self.axes
+            ]
+        )
+
+    @cached_property
+    def widest(self) -> Array:
+        """Half widths (d,) of the intervals, which overlap a little."""
+        low = np.array([axis.low for axis in self.axes])
+        high = np.array([axis.high for axis in self.axes])
+        return np.asarray((high - low) / (2 * self.parts) * (1 + WIDER))
+
+    def first(self) -> Boxes:
+        """All boxes of the grid."""
+        places = np.indices(tuple(self.parts)).reshape(len(self.axes), -1).T
+        return Boxes(np.zeros_like(places), places)
+
+    def halves(self, boxes: Boxes) -> Array:
+        """Half widths (b, d)."""
+        return np.asarray(np.ldexp(self.widest, -boxes.depth))
+
+    def middles(self, boxes: Boxes) -> Array:
+        """Middles (b, d)."""
+        interval = boxes.place >> boxes.depth
+        inside = boxes.place - (interval << boxes.depth)
+        low = np.array([axis.low for axis in self.axes])
+        high = np.array([axis.high for axis in self.axes])
+        centre = low + (high - low) * (2 * interval + 1) / (2 * self.parts)
+        return np.asarray(centre + self.widest * (np.ldexp(2.0 * inside + 1, -boxes.depth) - 1))
+
+
+@dataclass(frozen=True, eq=False)
+class Leaves:
+    """Boxes that cover the domain, and what is known of each.
+
+    Attributes:
+        boxes: The boxes (b).
+        reason: Why each is closed (b,), see `Reason`.
+        bound: No feasible place of it has an objective above (b,).
+        penalties: The factors mu of the slacks (b, c) that prove it.
+    """
+
+    boxes: Boxes
+    reason: Indices
+    bound: Array
+    penalties: Array
+
+    def __len__(self) -> int:
+        return len(self.boxes)
+
+    def __getitem__(self, which: Indices | Mask | slice) -> "Leaves":
+        return Leaves(
+            self.boxes[which], self.reason[which], self.bound[which], self.penalties[which]
+        )
+
+    @classmethod
+    def unknown(cls, boxes: Boxes, bound: Array, slacks: int) -> "Leaves":
+        """Open boxes."""
+        b = len(boxes)
+        return cls(boxes, np.zeros(b, dtype=int), bound, np.zeros((b, slacks)))
+
+    @classmethod
+    def joined(cls, parts: "list[Leaves]") -> "Leaves":
+        """All of them."""
+        return cls(
+            Boxes.joined([part.boxes for part in parts]),
+            np.concatenate([part.reason for part in parts]),
+            np.concatenate([part.bound for part in parts]),
+            np.concatenate([part.penalties for part in parts]),
+        )
+
+
+class CoveringInterrupted(KeyboardInterrupt):
+    """The user has interrupted a covering; `best` is the covering so far, which is one."""
+
+    def __init__(self, best: "Covering") -> None:
+        super().__init__("interrupted")
+        self.best = best
+
+
+@dataclass(frozen=True, eq=False)
+class Covering:
+    """An upper bound of the objectives over all feasible places, and what proves it.
+
+    Attributes:
+        enclosed: What is bounded.
+        grid: The first boxes.
+        leaves: Of each objective the boxes that cover the domain.
+        lower: The largest objective that is known of a place that is feasible, within the errors of
+            slacks; -inf where none is known.
+        place: That place (d,).
+        seconds: Time that it took [s].
+        boxes: Number of boxes that were looked at.
+    """
+
+    enclosed: Enclosed
+    grid: Grid
+    leaves: tuple[Leaves, ...]
+    lower: float
+    place: Array
+    seconds: float
+    boxes: int
+
+    @property
+    def upper(self) -> float:
+        """No feasible place has an objective above; -inf where no place is feasible."""
+        return max(float(leaves.bound.max()) for leaves in self.leaves)
+
+
+Progress = Callable[[float, float], object]
+
+
+def _ignore_progress(level: float, done: float) -> None:
+    """Show nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Chunk:
+    """Open boxes with their coefficients.
+
+    Attributes:
+        boxes: The boxes (b).
+        bound: What is known from the boxes around them (b,).
+        values: Coefficients (b, ...) of ``N - u D``.
+        error: By how much these may be off (b,).
+        rounding: How much of that each halving adds (b,).
+        slacks: Coefficients (b, ...) of each slack.
+    """
+
+    boxes: Boxes
+    bound: Array
+    values: Array
+    error: Array
+    rounding: Array
+    slacks: tuple[Array, ...]
+
+    @property
+    def leaves(self) -> Leaves:
+        """The boxes as leaves."""
+        return Leaves.unknown(self.boxes, self.bound, len(self.slacks))
+
+    def __len__(self) -> int:
+        return len(self.boxes)
+
+    def __getitem__(self, which: Indices | Mask | slice) -> "_Chunk":
+        return _Chunk(
+            self.boxes[which],
+            self.bound[which],
+            self.values[which],
+            self.error[which],
+            self.rounding[which],
+            tuple(slack[which] for slack in self.slacks),
+        )
+
+
+def coefficients(polynomial: Polynomial, middles: Array, halves: Array) -> tuple[Array, float]:
+    """Coefficients (b, ...) of a polynomial on boxes, and by how much they may be off.
+
+    With matrices F of the axes and sizes f of the sums of terms of their entries, a coefficient is
+    a sum of sizes of at most ``prod f |c|_1``, to which all roundings are relative.
+    """
+    found = polynomial.coefficients[None]
+    size = polynomial.size
+    units = 0.0
+    for j, (axis, n) in enumerate(zip(polynomial.axes, polynomial.degrees, strict=True)):
+        F = basis.from_functions(axis, n, middles[:, j], halves[:, j])
+        found = _along(F, found, j)
+        size *= basis.largest_entry(axis, n, float(halves[:, j].max()))
+        units += basis.rounding_of_entry(axis, n)
+    return found, size * units * (1 + units) + polynomial.error
+
+
+def limits_on(polynomial: Polynomial, grid: Grid) -> tuple[float, float]:
+    """A lower and an upper bound of a polynomial over all boxes of a grid."""
+    boxes = grid.first()
+    found, error = coefficients(polynomial, grid.middles(boxes), grid.halves(boxes))
+    return float(found.min()) - error, float(found.max()) + error
+
+
+def rounding_of_halves(polynomial: Polynomial, unit: float = ROUNDOFF) -> float:
+    """Rounding of one halving along any axis, relative to the largest coefficient."""
+    return basis.rounding_of_half(max(polynomial.coefficients.shape), unit)
+
+
+def rounding_of_slack(slack: Polynomial) -> float:
+    """Rounding of coefficients after all halvings, by which a slack may miss being feasible."""
+    halvings = DEEPEST * len(slack.axes)
+    size = slack.size
+    for axis, n in zip(slack.axes, slack.degrees, strict=True):
+        size *= basis.largest_entry(axis, n, basis.WIDEST / 2)
+    return halvings * rounding_of_halves(slack) * size
+
+
+@lru_cache(maxsize=1024)
+def _by_depth(
+    matrix: Callable[..., Array], kind: str, degrees: tuple[int, ...], widest: float
+) -> Array:
+    """A matrix of `basis` for the half width at each depth (DEEPEST + 1, ...)."""
+    return np.stack([matrix(kind, *degrees, widest / 2**k) for k in range(DEEPEST + 1)])
+
+
+def _along(matrices: Array, values: Array, axis: int) -> Array:
+    """A matrix for each box (b, k, n), or one for all, times coefficients (b, ..., n, ...)."""
+    shape = values.shape
+    before = int(np.prod(shape[1 : axis + 1]))
+    if axis == len(shape) - 2:
+        flat = values.reshape(shape[0], before, shape[-1])
+        found: Array = flat @ np.swapaxes(matrices, -1, -2)
+    else:
+        deep = values.reshape(shape[0], before, shape[axis + 1], -1)
+        found = matrices[..., None, :, :] @ deep
+    return found.reshape(len(found), *shape[1 : axis + 1], matrices.shape[-2], *shape[axis + 2 :])
+
+
+class _Stage:
+    """One level u of one objective, at which boxes are closed or halved.
+
+    Attributes:
+        tested: ``N - u D``, in degrees no lower than those of slacks.
+        least: A lower bound of D; its upper one is `most`.
+    """
+
+    def __init__(self, enclosed: Enclosed, objective: Objective, grid: Grid, level: float) -> None:
+        self.enclosed = enclosed
+        self.grid = grid
+        self.level = level
+        D = objective.denominator
+        tested = objective.numerator - (level if D is None else level * D)
+        degrees = np.max([tested.degrees, *(c.degrees for c in enclosed.slacks)], axis=0)
+        self.tested = tested.raised(degrees.tolist())
+        self.least = self.most = 1.0
+        if D is not None:
+            self.least, self.most = limits_on(D, grid)
+        self.degrees = self.tested.degrees
+        self.least_error = 0.0  # of coefficients that are made anew
+
+    def opened(self, leaves: Leaves) -> _Chunk:
+        """Boxes with their coefficients, made from the polynomials."""
+        middles = self.grid.middles(leaves.boxes)
+        halves = self.grid.halves(leaves.boxes)
+        values, error = coefficients(self.tested, middles, halves)
+        largest = np.abs(values).reshape(len(values), -1).max(axis=1)
+        self.least_error = error
+        slacks = []
+        for slack in self.enclosed.slacks:
+            found, wrong = coefficients(slack, middles, halves)
+            slacks.append(found + wrong + rounding_of_slack(slack))
+        return _Chunk(
+            leaves.boxes,
+            leaves.bound,
+            values.astype(SINGLE),
+            error + UNIT * largest,
+            rounding_of_halves(self.tested, UNIT) * largest,
+            tuple(slacks),
+        )
+
+    def bound(self, top: Array) -> Array:
+        """What ``N - u D <= top`` says of N/D."""
+        if self.least <= 0:
+            return np.where(top <= 0, self.level, np.inf)
+        return self.level + top / np.where(top > 0, self.least, self.most)
+
+    def halved(self, chunk: _Chunk, axis: int) -> _Chunk:
+        """Both halves of boxes along one axis, lower ones first."""
+        depth = chunk.boxes.depth[:, axis]
+        kind = self.enclosed.axes[axis].kind
+        widest = float(self.grid.widest[axis])
+
+        def cut(values: Array, degree: int) -> Array:
+            H = _by_depth(basis.halves, kind, (degree,), widest)[depth].astype(values.dtype)
+            return np.concatenate([_along(H[:, side], values, axis) for side in (0, 1)])
+
+        return _Chunk(
+            Boxes.joined([chunk.boxes.half(axis, 0), chunk.boxes.half(axis, 1)]),
+            np.tile(chunk.bound, 2),
+            cut(chunk.values, self.degrees[axis]),
+            np.tile(chunk.error + chunk.rounding, 2),
+            np.tile(chunk.rounding, 2),
+            tuple(
+                cut(values, slack.degrees[axis])
+                for values, slack in zip(chunk.slacks, self.enclosed.slacks, strict=True)
+            ),
+        )
+
+    def elevated(self, values: Array, degrees: tuple[int, ...], depth: Indices) -> Array:
+        """Coefficients (b, ...) of a slack in the degrees of the objective."""
+        # The last axis comes first: its products are the narrowest, while the tensor is small.
+        for j in reversed(range(len(degrees))):
+            if degrees[j] == self.degrees[j]:
+                continue
+            kind = self.enclosed.axes[j].kind
+            E = _by_depth(
+                basis.elevation, kind, (degrees[j], self.degrees[j]), float(self.grid.widest[j])
+            )
+            values = _along(E[depth[:, j]].astype(values.dtype), values, j)
+        return values
+
+    def close(self, chunk: _Chunk, shift: float) -> tuple[Leaves, Mask, Array]:
+        """What is known of open boxes at ``level + shift``, and which of them are closed.
+
+        Returns:
+            What is known, whether each is closed, and the coefficients (b, ...) with penalties.
+        """
+        b = len(chunk)
+        top = chunk.values.reshape(b, -1).max(axis=1) + chunk.error
+        reason = np.where(top <= shift, Reason.BELOW, Reason.OPEN)
+        cut = np.zeros((b, len(chunk.slacks)), dtype=bool)
+        for i, slack in enumerate(chunk.slacks):
+            own = slack.reshape(b, -1)
+            reason[own.max(axis=1) < 0] = Reason.INFEASIBLE
+            cut[:, i] = own.min(axis=1) < 0
+        values = chunk.values
+        penalties = np.zeros((b, len(chunk.slacks)))
+        some = np.flatnonzero((reason == Reason.OPEN) & cut.any(axis=1))
+        if len(some):
+            values = values.copy()
+            penalised = _Penalised(self, chunk[some], top[some], shift)
+            for i in range(len(chunk.slacks)):
+                penalised.add(i, cut[some, i])
+            top[some] = penalised.top
+            penalties[some] = penalised.penalties
+            values[some] = penalised.values
+            reason[some[penalised.top <= shift]] = Reason.PENALISED
+        # Where errors of the polynomials alone keep a box open, no halving will close it.
+        hidden = (top - chunk.error <= shift) & (chunk.error <= FRESH * self.least_error)
+        hidden |= (chunk.boxes.depth >= DEEPEST - 1).any(axis=1)
+        hidden &= reason == Reason.OPEN
+        reason[hidden] = np.where(penalties[hidden].any(axis=1), Reason.PENALISED, Reason.BELOW)
+        bound = np.minimum(chunk.bound, self.bound(top))
+        bound[reason == Reason.INFEASIBLE] = -np.inf
+        leaves = Leaves(chunk.boxes, reason, bound, penalties)
+        return leaves, reason != Reason.OPEN, values
+
+    def split(self, chunk: _Chunk, values: Array) -> list[_Chunk]:
+        """Halves of boxes, each along the axis of the largest second difference of coefficients.
+
+        What coefficients are above the values of a polynomial comes from second differences, of
+        which a few tell.
+        """
+        axes = _largest_second_difference(values)
+        parts = []
+        for axis in np.unique(axes).tolist():
+            both = self.halved(chunk[axes == axis], axis)
+            parts += [both[i : i + CHUNK] for i in range(0, len(both), CHUNK)]
+        return parts
+
+    def is_coarse(self, chunk: _Chunk, gap: float) -> bool:
+        """Whether rounding in single precision takes too much of a gap, and much that is new."""
+        if not (chunk.error > PART_OF_GAP * gap).any():
+            return False
+        largest = np.abs(chunk.values).reshape(len(chunk), -1).max(axis=1)
+        anew = rounding_of_halves(self.tested, UNIT) * largest
+        return bool((chunk.error > FRESH * (self.least_error + anew)).any())
+
+
+def _largest_second_difference(values: Array) -> Indices:
+    """The axis (b,) of the largest second difference of some of the coefficients (b, ...)."""
+    found = np.full((values.ndim - 1, len(values)), -1.0)
+    for j in range(1, values.ndim):
+        if values.shape[j] < 3:
+            # A degree of one by a length: first differences are all there is.
+            if values.shape[j] == 2:
+                found[j - 1] = 0.0
+            continue
+        every: list[slice] = [slice(None)] + [slice(None, None, STEP)] * (values.ndim - 1)
+        every[j] = slice(None)
+        some = np.moveaxis(values[tuple(every)], j, 1)
+        second = some[:, :-2] - 2 * some[:, 1:-1] + some[:, 2:]
+        found[j - 1] = np.abs(second).reshape(len(values), -1).max(axis=1)
+    return found.argmax(axis=0)
+
+
+class _Penalised:
+    """Coefficients of some boxes with those of slacks added, so that the largest one falls.
+
+    Attributes:
+        values: Coefficients (b, ...) of ``N - u D + sum_i mu_i c_i``.
+        top: The largest of each (b,), with its error.
+        penalties: Factors mu (b, c).
+    """
+
+    def __init__(self, stage: _Stage, chunk: _Chunk, top: Array, shift: float) -> None:
+        self.stage = stage
+        self.chunk = chunk
+        self.shift = shift
+        self.values = chunk.values.copy()
+        self.top = top.copy()
+        self.error = chunk.error.copy()
+        self.penalties = np.zeros((len(chunk), len(chunk.slacks)))
+
+    def add(self, i: int, cut: Mask) -> None:
+        """Add the best factor of a slack, where it cuts a box that is still open.
+
+        ``max_k (f_k + mu c_k)`` is convex in mu, and each trial tells one of its lines. The next
+        trial is where the best falling and the best rising line meet, whose height no factor can
+        go below: a box that it leaves open is given up.
+        """
+        which = np.flatnonzero(cut & (self.top > self.shift))
+        if not len(which):
+            return
+        slack = self.stage.enclosed.slacks[i]
+        f = self.values[which].reshape(len(which), -1)
+        c = self.stage.elevated(
+            self.chunk.slacks[i][which].astype(f.dtype),
+            slack.degrees,
+            self.chunk.boxes.depth[which],
+        ).reshape(f.shape)
+        rows = np.arange(len(which))
+        at = f.argmax(axis=1)
+        falling = np.stack([f[rows, at], c[rows, at]])
+        at = c.argmax(axis=1)
+        rising = np.stack([f[rows, at], c[rows, at]])
+        best = np.zeros(len(which))
+        top = self.top[which]
+        size = np.abs(c).max(axis=1)
+        unit = 4 * float(np.finfo(f.dtype).eps)
+        live = np.flatnonzero(falling[1] < 0)
+        for _ in range(PENALTIES):
+            apart = rising[1, live] - falling[1, live]
+            mu = np.maximum((falling[0, live] - rising[0, live]) / apart, 0.0)
+            height = falling[0, live] + mu * falling[1, live]
+            hopeful = height <= self.shift
+            live, mu = live[hopeful], mu[hopeful]
+            if not len(live):
+                break
+            total = c[live] * mu[:, None]
+            total += f[live]
+            k = total.argmax(axis=1)
+            line = np.stack([f[live, k], c[live, k]])
+            wrong = self.error[which[live]] + unit * (np.abs(line[0]) + mu * size[live])
+            found = total[np.arange(len(live)), k] + wrong
+            better = found < top[live]
+            top[live[better]] = found[better]
+            best[live[better]] = mu[better]
+            falls = line[1] < 0
+            falling[:, live[falls]] = line[:, falls]
+            rising[:, live[~falls]] = line[:, ~falls]
+            live = live[top[live] > self.shift]
+        gained = best > 0
+        if not gained.any():
+            return
+        f[gained] += best[gained, None] * c[gained]
+        self.values[which] = f.reshape(self.values[which].shape)
+        self.error[which] += unit * (np.abs(f).max(axis=1) + best * size) * gained
+        self.top[which] = top
+        self.penalties[which, i] = best
+
+
+class _Search:
+    """The trees of a covering as they grow, and the largest value that is known.
+
+    Args:
+        enclosed: What is bounded.
+        tolerance: How far U may be above the largest value, in parts of it.
+        progress: Called with the level and the part of the domain that is closed at it.
+    """
+
+    def __init__(self, enclosed: Enclosed, tolerance: float, progress: Progress) -> None:
+        self.enclosed = enclosed
+        self.grid = Grid(enclosed.axes)
+        self.tolerance = tolerance
+        self.progress = progress
+        self.lower = -np.inf
+        self.place = np.full(len(enclosed.axes), np.nan)
+        self.boxes = 0
+
+    def see(self, places: Array) -> bool:
+        """Remember the feasible place of the largest objective, if it is larger than the known."""
+        axes = self.enclosed.axes
+        low = np.array([axis.low for axis in axes])
+        high = np.array([axis.high for axis in axes])
+        places = np.clip(places, low, high)
+        feasible = np.ones(len(places), dtype=bool)
+        for slack in self.enclosed.slacks:
+            # What may be feasible counts: boxes around it cannot be closed as infeasible.
+            feasible &= slack(places) >= -slack.error - rounding_of_slack(slack)
+        places = places[feasible]
+        if not len(places):
+            return False
+        values = np.max([objective(places) for objective in self.enclosed.objectives], axis=0)
+        best = int(values.argmax())
+        if not values[best] > self.lower:
+            return False
+        self.lower = float(values[best])
+        self.place = places[best]
+        return True
+
+    def draw(self) -> None:
+        """Look for a large value: places all over the box, then ever closer to the best one."""
+        rng = np.random.default_rng(0)
+        axes = self.enclosed.axes
+        low = np.array([axis.low for axis in axes])
+        width = np.array([axis.high for axis in axes]) - low
+        if not np.isfinite(self.lower):
+            self.see(low + width * rng.random((DRAWN, len(axes))))
+        if not np.isfinite(self.lower):
+            return
+        radius = 0.1
+        for _ in range(ROUNDS):
+            around = radius * width * rng.normal(size=(AROUND, len(axes)))
+            if not self.see(self.place + around):
+                radius /= 2
+
+    @property
+    def unit(self) -> float:
+        """What tolerances are relative to: the largest known value."""
+        return abs(self.lower) or 1.0
+
+    def first(self, index: int, earlier: Covering | None) -> Leaves:
+        """Open boxes that cover the domain, with the bound that follows from the first of all."""
+        objective = self.enclosed.objectives[index]
+        slacks = len(self.enclosed.slacks)
+        D = objective.denominator
+        bound = limits_on(objective.numerator, self.grid)[1]
+        if D is not None:
+            least, most = limits_on(D, self.grid)
+            if least <= 0:
+                bound = np.inf
+            else:
+                bound /= least if bound > 0 else most
+        if earlier is None:
+            boxes = self.grid.first()
+            return Leaves.unknown(boxes, np.full(len(boxes), bound), slacks)
+        # What is infeasible stays so; of the others nothing is known for another objective.
+        known = earlier.leaves[min(index, len(earlier.leaves) - 1)]
+        infeasible = known.reason == Reason.INFEASIBLE
+        fresh = Leaves.unknown(known.boxes, np.full(len(known), bound), slacks)
+        return replace(
+            fresh,
+            reason=np.where(infeasible, Reason.INFEASIBLE, Reason.OPEN),
+            bound=np.where(infeasible, -np.inf, bound),
+        )
+
+    def run(self, index: int, leaves: Leaves) -> Leaves:
+        """Cover one objective at lower and lower levels, from leaves that cover the domain.
+
+        Raises:
+            _Stopped: Time is up, or Ctrl-C; the exception has the leaves so far.
+        """
+        objective = self.enclosed.objectives[index]
+        above = max(FIRST_LEVEL, self.tolerance)
+        while True:
+            level = self.lower + above * self.unit
+            stage = _Stage(self.enclosed, objective, self.grid, level)
+            leaves = self._descend(stage, leaves, above)
+            if above <= self.tolerance:
+                return leaves
+            above = max(above * NEXT_LEVEL, self.tolerance)
+
+    def _descend(self, stage: _Stage, leaves: Leaves, above: float) -> Leaves:
+        """Halve boxes until all are closed at a level, which rises where a value is above it.
+
+        Raises:
+            _Stopped: See `run`.
+        """
+        is_open = leaves.bound > stage.level
+        closed = [leaves[~is_open]]
+        # Ctrl-C finds every box in one of both lists, or in both: one statement takes a box from
+        # the second one, after it has got into the first.
+        stack: list[Leaves | _Chunk] = [leaves[is_open]]
+        done = _volume(closed[0].boxes)
+        gap = above * self.unit * stage.least
+        try:
+            while stack:
+                if out_of_time():
+                    raise _Stopped(_joined(closed, stack))
+                item = stack[-1]
+                if isinstance(item, Leaves):
+                    stack[-1:] = self._opened(stage, item)
+                    continue
+                shift = max(0.0, self.lower + above * self.unit - stage.level) * stage.least
+                known, is_closed, values = stage.close(item, shift)
+                self.boxes += len(item)
+                rest = np.flatnonzero(~is_closed)
+                parts: list[_Chunk | Leaves] = []
+                if len(rest):
+                    self._see_corners(stage, item, rest, shift)
+                    own = replace(item[rest], bound=known.bound[rest])
+                    for part in stage.split(own, values[rest]):
+                        parts.append(part.leaves if stage.is_coarse(part, gap) else part)
+                closed.append(known[is_closed])
+                stack[-1:] = parts
+                done += _volume(known.boxes[is_closed])
+                self.progress(above, done / self.grid.parts.prod())
+        except KeyboardInterrupt as interrupt:
+            raise _Stopped(_joined(closed, stack), interrupt) from None
+        return Leaves.joined(closed)
+
+    def _opened(self, stage: _Stage, leaves: Leaves) -> "list[Leaves | _Chunk]":
+        """The first boxes with their coefficients, above the others in a stack."""
+        if not len(leaves):
+            return []
+        rest = leaves[CHUNK:]
+        chunk = stage.opened(leaves[:CHUNK])
+        return [rest, chunk] if len(rest) else [chunk]
+
+    def _see_corners(self, stage: _Stage, chunk: _Chunk, which: Indices, shift: float) -> None:
+        """Look at the corners of boxes, whose coefficients are values."""
+        values = _corners(chunk.values[which])
+        feasible = np.ones(values.shape, dtype=bool)
+        for slack in chunk.slacks:
+            feasible &= _corners(slack[which]) >= 0
+        values = np.where(feasible, values, -np.inf)
+        box, corner = divmod(int(values.argmax()), values.shape[1])
+        wanted = self.lower - stage.level
+        if not values[box, corner] > wanted * (stage.most if wanted < 0 else stage.least):
+            return
+        own = chunk.boxes[which[box : box + 1]]
+        side = np.array(np.unravel_index(corner, (2,) * own.depth.shape[1]))
+        self.see(self.grid.middles(own) + (2 * side - 1) * self.grid.halves(own))
+
+
+class _Stopped(Exception):
+    """A run over boxes has ended early: with leaves, and with Ctrl-C, if that was why."""
+
+    def __init__(self, leaves: Leaves, by: KeyboardInterrupt | None = None) -> None:
+        super().__init__("stopped")
+        self.leaves = leaves
+        self.by = by
+
+
+def _volume(boxes: Boxes) -> float:
+    """Volume of boxes, in boxes of the grid."""
+    return float(np.ldexp(1.0, -boxes.depth.sum(axis=1)).sum())
+
+
+def _corners(values: Array) -> Array:
+    """Coefficients (b, 2^d) at the corners of boxes."""
+    for j in range(1, values.ndim):
+        values = values.take([0, -1], axis=j)
+    return values.reshape(len(values), -1)
+
+
+def _joined(closed: list[Leaves], stack: "list[Leaves | _Chunk]") -> Leaves:
+    """All boxes, once each: those that an interruption has left in both lists are closed."""
+    parts = [item if isinstance(item, Leaves) else item.leaves for item in stack]
+    leaves = Leaves.joined(closed + parts)
+    which = np.concatenate([leaves.boxes.depth, leaves.boxes.place], axis=1)
+    _, first = np.unique(which, axis=0, return_index=True)
+    return leaves[np.sort(first)]
+
+
+def cover(
+    enclosed: Enclosed,
+    tolerance: float,
+    known: Array | None = None,
+    earlier: Covering | None = None,
+    progress: Progress = _ignore_progress,
+) -> Covering:
+    """Bound objectives over all feasible places of a box, as sharply as the time allows.
+
+    Args:
+        enclosed: Objectives, constraints and the box.
+        tolerance: Relative excess of the bound over the largest value that is known, at most.
+        known: Places (k, d) where large values are known; without any they are searched.
+        earlier: A covering of other objectives over the same box and constraints, whose boxes are
+            where this one begins.
+        progress: Called with the relative excess of the present level, and the part of the box that
+            is closed at it.
+
+    Raises:
+        ValueError: No feasible place was found, or one denominator is not positive.
+        CoveringInterrupted: Ctrl-C; the exception has the covering so far.
+    """
+    began = perf_counter()
+    search = _Search(enclosed, tolerance, progress)
+    if known is not None:
+        search.see(known)
+    search.draw()
+    if not np.isfinite(search.lower):
+        raise ValueError("no feasible place was found; expected one to begin with")
+    found: list[Leaves] = []
+    stopped: KeyboardInterrupt | None = None
+    for index in range(len(enclosed.objectives)):
+        leaves = search.first(index, earlier)
+        if stopped is None:
+            try:
+                leaves = search.run(index, leaves)
+            except _Stopped as early:
+                leaves = early.leaves
+                stopped = early.by
+        found.append(leaves)
+    covering = Covering(
+        enclosed,
+        search.grid,
+        tuple(found),
+        search.lower,
+        search.place,
+        perf_counter() - began,
+        search.boxes,
+    )
+    if stopped is not None:
+        raise CoveringInterrupted(covering) from stopped
+    return covering
