@@ -19,7 +19,7 @@ from edtk.measure.task import ErringColumns, Task
 from edtk.robots.elastic_robot import ElasticJoint, point_of, turning_about, weights_of
 from edtk.robots.frames import Frames
 from edtk.robots.loads.fixed_load import FixedLoad
-from edtk.robots.weights import DeadWeights
+from edtk.robots.weights import GRAVITY, DeadWeights
 from edtk.study.study import Study
 from edtk.study.study_model import (
     compensator_numbers,
@@ -396,6 +396,23 @@ class StudyLoads:
         if self.payload is not None:
             torque = torque + frames.folded(self.payload.torque(frames)) * loaded
         return np.ascontiguousarray(torque.T)
+
+    @property
+    def pulls(self) -> bool:
+        """Whether compensators load the joints in what is read."""
+        return not self.reads_changes and self.links is not None and bool(self.links.pulls)
+
+    def largest(self, wrenches: Array) -> float:
+        """A bound of the load of any joint, in any pose, under wrenches (s, 6 or 9) [N m or N]."""
+        levers = np.linalg.norm(wrenches[:, 6:], axis=1)
+        reach = self.by_wrench.reach_of(self.by_wrench.load_point)
+        forces, torques = (np.abs(part).sum(axis=1) for part in (wrenches[:, :3], wrenches[:, 3:6]))
+        found = float(((reach + levers) * forces + torques + forces).max())
+        weights = [one for one in (self.links, self.payload) if one is not None]
+        for one in weights:
+            arms = [1.0 + self.by_wrench.reach_of(center) for center in one.centers]
+            found += GRAVITY * sum(m * arm for m, arm in zip(one.masses, arms, strict=True))
+        return found
 
     def across(self, q: Array, wrench: Array, joint: int, axis: int) -> Array:
         """Loads (m,) about an axis of the frame before a free joint [N m]."""

@@ -6,11 +6,16 @@ from functools import cached_property
 import numpy as np
 
 from edtk.design.design_space import DesignSpace, Experiments
+from edtk.design.enclosure.polynomial import NotEnclosedError
+from edtk.design.enclosure.robot_polynomials import RowPolynomials
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem, rows_of_blocks
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.noise import MM2, PositionNoise, shared_visits
 from edtk.measure.nominal_columns import NominalColumns, PlacedColumns
+from edtk.measure.parameters import LINEAR
+from edtk.robots.loads.listed_load import ListedLoad
+from edtk.robots.loads.load import Load
 from edtk.study.study_geometry import StudyLoads
 from edtk.system.typing import Array, Indices, Mask
 
@@ -82,6 +87,39 @@ class PositionRows:
             part = slice(first, first + BLOCK)
             found[part] = self._block(q[part], wrench[part], _some(visits, part))
         return found
+
+    def enclosable(self, wrenches: Array) -> tuple[int, Array, float]:
+        """What a bound over all poses needs to know of rows, whose errors are white.
+
+        Args:
+            wrenches: Loads (s, 6 or 9), no other is larger [N, N m].
+
+        Returns:
+            How many vectors of the chain an entry multiplies; how large entries (p,) can be at
+            most, with all vectors of their full lengths; and the largest length [m].
+
+        Raises:
+            NotEnclosedError: An entry is no polynomial.
+        """
+        model = self.model
+        if model.is_distance.any():
+            raise NotEnclosedError("the direction of a wire is no polynomial of the joints")
+        answers = model.answers
+        if answers.gives is not None or len(answers.numbers.of):
+            raise NotEnclosedError("a joint gives way to its compensator by no polynomial")
+        curved = sorted(set(answers.springs.laws) - {LINEAR})
+        if curved:
+            raise NotEnclosedError(f"springs of the law {curved[0]!r} are no polynomials")
+        if self.loads is not None and len(answers.of) and self.loads.pulls:
+            raise NotEnclosedError("a compensator's load is no polynomial of its joint's angle")
+        lever = model.robot.reach + float(np.linalg.norm(model.offsets, axis=1).max())
+        torque = 0.0 if self.loads is None else self.loads.largest(wrenches)
+        largest = np.zeros(model.p)
+        for one in self.columns.elements:
+            loaded = 1.0 if one.term is None else torque * abs(one.factor)
+            largest[one.parameter] += max(lever, 1.0) * loaded
+        order = 1 if self.loads is None or not len(answers.of) else 2
+        return order, largest * self.scales / self._sigma.min(), lever
 
     def covariance(self, q: Array, wrench: Array, visits: Array | None = None) -> Array:
         """Covariances (m, k r, k r) [mm^2] by which rows are whitened, see `__call__`."""
@@ -417,10 +455,46 @@ class GeometrySpace(DesignSpace):
         changes = self.load.derivative(x[:, q.shape[1] :])
         return self._rows.slopes(q, wrench, B * self.shares(x)[:, None, None], changes, visits)
 
+    def polynomials(self) -> RowPolynomials:
+        """Rows as polynomials, with errors that are no larger than those in any pose.
+
+        Raises:
+            NotEnclosedError: A row is no polynomial.
+        """
+        errors = _least_errors(self.errors, self.geometry)
+        rows = PositionRows(self.geometry, self.loads, errors)
+        order, largest, lever = rows.enclosable(self.load.wrench(_largest_load(self.load)))
+        return RowPolynomials(self, replace(self, errors=errors).rows, order, largest, lever)
+
     def _visits(self, x: Array) -> tuple[Array, Array]:
         """Poses (m, n) and wrenches (m, 6) of experiments."""
         n = len(self.fixed)
         return x[:, :n], np.array(self.load.wrench(x[:, n:]))
+
+
+def _least_errors(errors: PositionNoise, model: MeasuredModel) -> PositionNoise:
+    """White errors that are no larger than those of any pose.
+
+    Of a tracker that sees all markers they are those along the shorter axis of its ellipsoid, where
+    it stands nearest.
+    """
+    white = replace(
+        errors, joints=0.0 * errors.joints, model_joints=np.zeros(0), tracker=None, error=None
+    )
+    tracker = errors.tracker
+    if tracker is None or len(errors.sees(len(model.markers))) < len(model.markers):
+        return white
+    lever = model.robot.reach + float(np.linalg.norm(model.offsets, axis=1).max())
+    nearest = max(0.0, float(np.linalg.norm(tracker.position)) - lever)
+    least = MM * min(a + b * nearest for a, b in (tracker.along, tracker.across))
+    return replace(white, reading=float(np.hypot(errors.reading, least)))
+
+
+def _largest_load(load: Load) -> Array:
+    """Variables (s, d) of loads, than which no other is larger."""
+    if isinstance(load, ListedLoad):
+        return np.arange(len(load.wrenches), dtype=float)[:, None]
+    return np.eye(1, load.limits.shape[1])
 
 
 @dataclass(frozen=True, eq=False)
