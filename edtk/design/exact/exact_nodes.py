@@ -1,0 +1,300 @@
+"""Many nodes of a proof at once: their groups of candidates, and what multipliers tell of them."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from criteria import Criterion, Relaxable
+from criteria.linalg.typing import triangle
+from edtk.system.typing import Array, Indices, Mask
+
+EPS = float(np.finfo(float).eps)
+# Part of its trace that is added to the information at which a multiplier is taken: a node of few
+# experiments may be singular. The bound holds for any multiplier.
+RIDGE = 1e-6
+LARGE = 48  # candidates of a node from which on a product of its own is quicker
+SHARPNESS = (8.0, 32.0, 128.0, 1024.0)  # of soft maxima, one step after the other
+
+
+@dataclass(frozen=True, eq=False)
+class Nodes:
+    """Nodes (b,), each with its groups of candidates; groups without experiments are left out.
+
+    Attributes:
+        candidates: Positions (s,) of the candidates, group after group, ascending in each.
+        weights: Weights (s,), not whole, that sum to the counts in each group.
+        heads: Where each group (g,) begins.
+        counts: Experiments (g,) in each.
+        numbers: Number (g,) of each in its node, see `ExactTree`.
+        first_groups: The first group (b,) of each node.
+        depths: Depth (b,) of each node, which is the number of its latest group.
+    """
+
+    candidates: Indices
+    weights: Array
+    heads: Indices
+    counts: Indices
+    numbers: Indices
+    first_groups: Indices
+    depths: Indices
+
+    @cached_property
+    def n(self) -> int:
+        """Number of nodes."""
+        return len(self.first_groups)
+
+    @cached_property
+    def starts(self) -> Indices:
+        """Where each node (b,) begins among the candidates."""
+        return self.heads[self.first_groups]
+
+    @cached_property
+    def lengths(self) -> Indices:
+        """Candidates (g,) of each group."""
+        return np.diff(self.heads, append=len(self.candidates))
+
+    @cached_property
+    def sizes(self) -> Indices:
+        """Candidates (b,) of each node."""
+        return np.diff(self.starts, append=len(self.candidates))
+
+    @cached_property
+    def group_of(self) -> Indices:
+        """The group (s,) of each candidate."""
+        return np.repeat(np.arange(len(self.heads)), self.lengths)
+
+    @cached_property
+    def node_of(self) -> Indices:
+        """The node (s,) of each candidate."""
+        return np.repeat(np.arange(self.n), self.sizes)
+
+    @cached_property
+    def node_of_group(self) -> Indices:
+        """The node (g,) of each group."""
+        number = np.diff(self.first_groups, append=len(self.heads))
+        return np.repeat(np.arange(self.n), number)
+
+    def kept(self, keep: Mask, alive: Mask) -> "Nodes":
+        """Some candidates (s,) of some nodes (b,); each of their groups keeps at least one."""
+        keep = keep & alive[self.node_of]
+        groups = alive[self.node_of_group]
+        lengths = np.add.reduceat(keep.astype(int), self.heads)[groups]
+        number = np.diff(self.first_groups, append=len(self.heads))[alive]
+        return Nodes(
+            candidates=self.candidates[keep],
+            weights=self.weights[keep],
+            heads=np.cumsum(lengths) - lengths,
+            counts=self.counts[groups],
+            numbers=self.numbers[groups],
+            first_groups=np.cumsum(number) - number,
+            depths=self.depths[alive],
+        )
+
+    def with_weights(self, weights: Array) -> "Nodes":
+        """Other weights (s,), scaled to the counts of the groups; equal ones where all are zero."""
+        sums = np.add.reduceat(weights, self.heads)
+        if not sums.all():
+            weights = np.where((sums == 0)[self.group_of], 1.0, weights)
+            sums = np.add.reduceat(weights, self.heads)
+        return replace(self, weights=weights * (self.counts / sums)[self.group_of])
+
+    def apart(self) -> list["Nodes"]:
+        """Each node alone."""
+        ends = np.append(self.starts, len(self.candidates))
+        group_ends = np.append(self.first_groups, len(self.heads))
+        alone = np.zeros(1, dtype=int)
+        return [
+            Nodes(
+                self.candidates[ends[i] : ends[i + 1]],
+                self.weights[ends[i] : ends[i + 1]],
+                self.heads[group_ends[i] : group_ends[i + 1]] - ends[i],
+                self.counts[group_ends[i] : group_ends[i + 1]],
+                self.numbers[group_ends[i] : group_ends[i + 1]],
+                alone,
+                self.depths[i : i + 1],
+            )
+            for i in range(self.n)
+        ]
+
+    @classmethod
+    def joined(cls, nodes: list["Nodes"]) -> "Nodes":
+        """Nodes one after another."""
+        sizes = np.array([len(own.candidates) for own in nodes])
+        groups = np.array([len(own.heads) for own in nodes])
+        heads = np.concatenate([own.heads for own in nodes])
+        return cls(
+            candidates=np.concatenate([own.candidates for own in nodes]),
+            weights=np.concatenate([own.weights for own in nodes]),
+            heads=heads + np.repeat(np.cumsum(sizes) - sizes, groups),
+            counts=np.concatenate([own.counts for own in nodes]),
+            numbers=np.concatenate([own.numbers for own in nodes]),
+            first_groups=np.cumsum(groups) - groups,
+            depths=np.concatenate([own.depths for own in nodes]),
+        )
+
+
+class Told(NamedTuple):
+    """What multipliers tell of nodes (b,).
+
+    Attributes:
+        merit: No plan of a node has a larger merit (b,).
+        sensitivities: Sensitivities (s,) of the candidates.
+        marginal: What an experiment of each group (g,) adds at least to `merit`.
+    """
+
+    merit: Array
+    sensitivities: Array
+    marginal: Array
+
+    def kept(self, nodes: Nodes, keep: Mask, alive: Mask) -> "Told":
+        """The same of some candidates of some nodes, see `Nodes.kept`."""
+        return Told(
+            self.merit[alive],
+            self.sensitivities[keep & alive[nodes.node_of]],
+            self.marginal[alive[nodes.node_of_group]],
+        )
+
+    def fixed(self, nodes: Nodes, least: float) -> tuple[Mask, Mask]:
+        """The candidates (s,) that stay, and the nodes (b,) that do, for a merit above `least`."""
+        alive = self.merit > least
+        slack = (self.merit - least)[nodes.node_of_group] - self.marginal
+        return slack[nodes.group_of] + self.sensitivities > 0, alive
+
+
+@dataclass(frozen=True, eq=False)
+class Merits:
+    """Merits of plans of candidates in parameters of order one, and multipliers that bound them.
+
+    Attributes:
+        criterion: The criterion of these parameters.
+        F: Information (n, q) of the candidates, packed, entries off the diagonal twice.
+        K: The same of what every plan has (q,).
+        error: Bound on the rounding of a candidate's information, its largest (Frobenius).
+        m: Number of experiments.
+        most: How often each candidate may be chosen (n,); None for no limit.
+    """
+
+    criterion: Relaxable
+    F: Array
+    K: Array
+    error: float
+    m: int
+    most: Indices | None = None
+
+    @cached_property
+    def p(self) -> int:
+        """Number of parameters."""
+        return int((np.sqrt(8 * self.F.shape[1] + 1) - 1) / 2)
+
+    @cached_property
+    def twice(self) -> Array:
+        """How often each entry (q,) of a triangle stands in a matrix."""
+        rows, columns = triangle(self.p)
+        return np.where(rows == columns, 1.0, 2.0)
+
+    @cached_property
+    def largest(self) -> float:
+        """The largest information of a candidate (Frobenius)."""
+        return float(np.sqrt((np.square(self.F) / self.twice).sum(axis=1).max()))
+
+    def __getitem__(self, chosen: Indices) -> "Merits":
+        """Those of some candidates."""
+        most = None if self.most is None else self.most[chosen]
+        return replace(self, F=np.ascontiguousarray(self.F[chosen]), most=most)
+
+    def merit_of(self, cost: float) -> float:
+        """The merit of a cost."""
+        return float(cost ** (-1.0 / self.criterion.degree))
+
+    def cost_of(self, merit: float) -> float:
+        """The cost of a merit; inf where it is zero."""
+        return float(merit**-self.criterion.degree) if merit > 0 else np.inf
+
+    def unpacked(self, triangles: Array) -> Array:
+        """Matrices (b, p, p) of triangles (b, q) that have each entry once."""
+        rows, columns = triangle(self.p)
+        M = np.empty((len(triangles), self.p, self.p))
+        M[:, rows, columns] = triangles
+        M[:, columns, rows] = triangles
+        return M
+
+    def information(self, nodes: Nodes, counts: Array) -> Array:
+        """Information (b, p, p) of counts (s,), whole or not, of the nodes' candidates."""
+        from scipy.sparse import csr_array
+
+        some = np.flatnonzero(counts)
+        starts = np.searchsorted(some, np.append(nodes.starts, len(counts)))
+        shape = (nodes.n, len(self.F))
+        chosen = csr_array((counts[some], nodes.candidates[some], starts), shape=shape)
+        return self.unpacked((chosen @ self.F + self.K) / self.twice)
+
+    def sensitivities(self, nodes: Nodes, Z: Array) -> Array:
+        """``<Z, M_i>`` (s,) of the candidates of nodes with multipliers (b, q)."""
+        found = np.empty(len(nodes.candidates))
+        starts = nodes.starts
+        large = np.flatnonzero(nodes.sizes >= LARGE)
+        for i in large:
+            part = slice(starts[i], starts[i] + nodes.sizes[i])
+            found[part] = self.F[nodes.candidates[part]] @ Z[i]
+        if len(large) < nodes.n:
+            rest = np.flatnonzero((nodes.sizes < LARGE)[nodes.node_of])
+            own = self.F[nodes.candidates[rest]]
+            found[rest] = np.einsum("ij,ij->i", own, Z[nodes.node_of[rest]])
+        return found
+
+    def tell(self, nodes: Nodes, Z: Array) -> Told:
+        """What multipliers (b, q) tell of nodes (b,), rounding included.
+
+        Every product of a multiplier and information errs by less than ``p^2 eps`` times the
+        lengths of both, and by what the information itself does.
+        """
+        z = self.sensitivities(nodes, Z)
+        marginal = np.maximum.reduceat(z, nodes.heads)
+        tops = np.add.reduceat(nodes.counts * marginal, nodes.first_groups)
+        length = np.sqrt((np.square(Z) * self.twice).sum(axis=1))
+        of_products = 4 * self.p**2 * EPS * (np.linalg.norm(self.K) + self.m * self.largest)
+        merit = Z @ self.K + tops + length * (of_products + self.m * self.error)
+        return Told(np.where(np.isfinite(merit), merit, np.inf), z, marginal)
+
+    def multipliers(self, X: Array, sharpness: float = np.inf) -> Array:
+        """Multipliers (b, q) that bound merits best at information X (b, p, p).
+
+        Of a convex cost f of degree d the gradient -Z at X has ``<Z, X> = d f(X)``, and every Y
+        with ``<Z, Y> <= <Z, X>`` costs f(X) at least. So ``Z/d f^(-1/d-1)`` bounds the merit. At
+        kinks the gradient of a smoothed cost is closer to the best multiplier; its polar then
+        takes the place of this formula. Either errs by ``p^2 eps`` times the condition number.
+        """
+        p = self.p
+        size = np.trace(X, axis1=1, axis2=2)
+        X = X + (RIDGE * size / p)[:, None, None] * np.eye(p)
+        rows, columns = triangle(p)
+        if self.criterion.smooth:
+            scale, G = _by_convexity(self.criterion, X)
+        else:
+            scale, G = self._by_polar(X, sharpness)
+        error = 8 * p * p * EPS * size * np.trace(np.linalg.inv(X), axis1=1, axis2=2)
+        return -G[:, rows, columns] * (scale * (1.0 + error))[:, None]
+
+    def _by_polar(self, X: Array, sharpness: float) -> tuple[Array, Array]:
+        """Factors (b,), and gradients (b, p, p) of the smoothed cost, as `_by_convexity` has it."""
+        criterion = self.criterion
+        _, G = criterion.smoothed(sharpness).cost_and_gradient(X)
+        one = np.ones(1)
+        trials = zip(-G[:, None], X, strict=True)
+        polars = np.array([criterion.lower_bound(Z, one, M) for Z, M in trials])
+        # A multiplier that proves nothing is none: it is no number, and bounds no merit.
+        proves = np.where(polars > 0, polars, np.nan)
+        return np.asarray(proves ** (-1.0 / criterion.degree)), G
+
+    def merits(self, X: Array) -> Array:
+        """Merits (b,) of information X (b, p, p); zero where it is singular."""
+        return np.asarray(self.criterion.cost(X) ** (-1.0 / self.criterion.degree))
+
+
+def _by_convexity(criterion: Criterion, X: Array) -> tuple[Array, Array]:
+    """Factors (b,) that scale minus the gradients to multipliers, and the gradients (b, p, p)."""
+    cost, G = criterion.cost_and_gradient(X)
+    d = criterion.degree
+    return np.asarray(cost ** (-1.0 / d - 1.0) / d), G

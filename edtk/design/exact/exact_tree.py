@@ -1,0 +1,136 @@
+"""The tree of a proof that no plan of whole experiments is better, as flat arrays."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from edtk.system.typing import Array, Indices
+
+
+@dataclass(frozen=True, eq=False)
+class ExactTree:
+    """Why no plan of m experiments on n candidates costs less than a number: nodes and multipliers.
+
+    *Merit.* A criterion of degree d has the merit ``cost^(-1/d)``, which is concave and grows as M
+    does. A multiplier Z, positive semidefinite, bounds it: ``merit(X) <= <Z, X> / polar(Z)^(1/d)``
+    for every information X, by `ConvexCriterion.polar`. The multipliers here are scaled so that the
+    divisor is one, as far as rounding lets them be.
+
+    *Parameters.* Multipliers are those of parameters k' with ``k = T k'``: the sensitivity of
+    candidate i is ``z_i = <Z, T' M_i T>``, which of rows is the sum of the squares of
+    ``A_i T B`` with ``B B' = Z``. What every plan has, ``K = size M0 + kept``, enters as
+    ``<Z, T' K T>``. A criterion's polar of the parameters k is that of ``T Z T'``.
+
+    *Nodes.* A node is a part of all plans. It divides some of the candidates into groups, and
+    says of each group how many of the m experiments are made in it; candidates in no group are
+    not measured. Node 0 has one group, number 0: all candidates, with m experiments. Every other
+    node is its parent with one group divided in two: the candidates of group `group` whose position
+    is from `first` to below `stop` become a new group, which gets `count` of the experiments; its
+    number is the number of groups that the parent has ever had, so that a node at depth h has the
+    groups 0 .. h. The other candidates of the group keep its number, and the rest of its
+    experiments. All children of a node divide the same group at the same positions. A group of no
+    experiments has no candidates any more. A child that is not listed has a count that no plan can
+    have: more experiments than the part has candidates, each counted as often as it may be chosen.
+
+    *Fixing.* In a node a plan of information X has ``<Z, X> <= u`` with
+    ``u = <Z, T' K T> + sum over groups of count * (largest z of the group)``. A plan whose cost is
+    below `target` has a merit above ``target^(-1/d)``. So where u is not above that, no plan of the
+    node is better, and the node is closed. Else a candidate of a group is left out where
+    ``u - (largest z of its group) + z_i`` is not above it. A node inherits what its parent left,
+    divides it, leaves out by its parent's multiplier and then by its own: `multiplier` is the
+    index of that, and equals the parent's where no other was needed. A node that is not closed, and
+    whose groups have one candidate each, is one plan: what it costs can be computed, and is not
+    below the target. Any other that has no children is open: its plans cost at least ``u^-d``, with
+    the smallest u of its own multiplier and of those of its ancestors.
+
+    The largest sensitivity with limits on how often a candidate is chosen is the largest sum of
+    count experiments of the group. With costs of experiments, the gain ``z_i - price c_i`` takes
+    the place of z_i, and ``price * funds`` joins u; the multiplier zero with a price tells that the
+    experiments cost more than the funds.
+
+    A check needs the parents before their children, which the order of nodes grants, and two
+    products of the candidates' rows a node. It may leave out less than was left out here: bounds
+    have a margin of 1e-9 for that.
+
+    Attributes:
+        T: Regular matrix (p, p) of the parameters in which multipliers are written.
+        order: Candidate (n,) at each position. Equal candidates stand for one another: only one of
+            them has a position, and they may be chosen as often as all of them.
+        multipliers: Z (r, p, p), symmetric.
+        prices: Price (r,) that goes with each; zeros where there are no costs.
+        multiplier: Index of the multiplier of each node.
+        parent: Parent of each node; -1 of the root.
+        group: Number of the group that is divided; -1 of the root.
+        first: Position at which the new group begins.
+        stop: Position before which it ends.
+        count: Number of experiments in the new group.
+        target: No plan that the tree closes costs less [of the criterion].
+    """
+
+    T: Array
+    order: Indices
+    multipliers: Array
+    prices: Array
+    multiplier: Indices
+    parent: Indices
+    group: Indices
+    first: Indices
+    stop: Indices
+    count: Indices
+    target: float
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes."""
+        return len(self.parent)
+
+
+class TreeRecord:
+    """A tree that grows, batch of nodes by batch of nodes."""
+
+    def __init__(self) -> None:
+        self._nodes: list[Indices] = []
+        self._multipliers: list[Array] = []
+        self.nodes = 0
+        self.multipliers = 0
+
+    def add_multipliers(self, packed: Array) -> Indices:
+        """Keep multipliers (b, q); their indices (b,)."""
+        self._multipliers.append(packed)
+        self.multipliers += len(packed)
+        return np.arange(self.multipliers - len(packed), self.multipliers)
+
+    def add(
+        self,
+        parent: Indices,
+        group: Indices,
+        first: Indices,
+        stop: Indices,
+        count: Indices,
+        multiplier: Indices,
+    ) -> Indices:
+        """Add nodes (b,), each described as `ExactTree` has it; their indices (b,)."""
+        columns = np.array([parent, group, first, stop, count, multiplier])
+        self._nodes.append(columns)
+        self.nodes += columns.shape[1]
+        return np.arange(self.nodes - columns.shape[1], self.nodes)
+
+    def tree(
+        self, T: Array, order: Indices, unpack: Callable[[Array], Array], target: float
+    ) -> ExactTree:
+        """The tree as it is."""
+        parent, group, first, stop, count, multiplier = np.concatenate(self._nodes, axis=1)
+        return ExactTree(
+            T=T,
+            order=order,
+            multipliers=unpack(np.concatenate(self._multipliers)),
+            prices=np.zeros(self.multipliers),
+            multiplier=multiplier,
+            parent=parent,
+            group=group,
+            first=first,
+            stop=stop,
+            count=count,
+            target=target,
+        )

@@ -1,0 +1,433 @@
+"""A proof that no plan of whole experiments on some candidates is better, by branch and bound."""
+
+import heapq
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from time import monotonic
+
+import numpy as np
+
+from criteria import Criterion, Relaxable
+from criteria.linalg.inverse import whitener
+from criteria.linalg.typing import triangle
+from edtk.design.exact.counts.counts_bound import RelaxedCounts, relaxed_counts
+from edtk.design.exact.counts.limits import Limits
+from edtk.design.exact.exact_nodes import SHARPNESS, Merits, Nodes, Told
+from edtk.design.exact.exact_split import Division, halved_order, parts
+from edtk.design.exact.exact_tree import ExactTree, TreeRecord
+from edtk.design.information import Rows
+from edtk.design.problem import Problem
+from edtk.system.errors import UserError
+from edtk.system.time_limit import out_of_time, time_limit
+from edtk.system.typing import Array, Indices
+
+# Relative distance of two costs that a proof does not tell apart; one half of it is for the
+# rounding of whoever checks.
+MARGIN = 1e-9
+AT_ONCE = 256  # nodes
+MOST_AT_ONCE = 200_000  # candidates of them
+STEPS = 4  # of the weights of a node
+ROOT_STEPS = 3
+FRESH = 1e-4  # weight that candidates get which had none, in parts of all
+
+Progress = Callable[[int, float, float], object]
+
+
+class UnprovableError(UserError):
+    """There is no proof for this criterion or these limits; the message is the reason."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExactProof:
+    """What is proved about all plans of whole experiments on some candidates within limits.
+
+    Attributes:
+        cost: No plan costs less.
+        counts: The best plan known (n,): how often each candidate is chosen anew.
+        best: Its cost.
+        proved: Whether that is the best of all: `cost` is 2e-9 of it below, or less.
+        tree: Why.
+        seconds: Duration [s].
+        ended: Why it ended: "proved", "budget" or "interrupted".
+    """
+
+    cost: float
+    counts: Indices
+    best: float
+    proved: bool
+    tree: ExactTree
+    seconds: float
+    ended: str
+
+
+def require_provable(criterion: Criterion, limits: Limits) -> None:
+    """Check that multipliers can prove something about whole plans.
+
+    Raises:
+        UnprovableError: They cannot.
+    """
+    if not isinstance(criterion, Relaxable) or not criterion.convex or not criterion.monotone:
+        raise UnprovableError(f"{criterion.label} has no convex form, and no proof of whole plans")
+    if criterion.degree <= 0:
+        raise UnprovableError(
+            f"{criterion.label} does not depend on the length of the information: no multiplier "
+            "leaves a candidate out"
+        )
+    if limits.blocks:
+        raise UnprovableError("plans in blocks have no proof yet")
+
+
+def prove_exact(
+    problem: Problem,
+    criterion: Criterion,
+    limits: Limits,
+    incumbent: Indices | None = None,
+    *,
+    seconds: float = np.inf,
+    relaxed: RelaxedCounts | None = None,
+    progress: Progress = lambda nodes, cost, bound: None,
+) -> ExactProof:
+    """Prove that no plan within limits is better than the best that is known, or how much better.
+
+    Branch and bound over multisets of candidates. A node says how many experiments are made in
+    each of some groups of candidates; its multiplier closes it, or leaves candidates out
+    (`ExactTree`). Groups of several candidates are divided where the best weights, not whole, are:
+    so plans of near candidates are bounded together. The node of the largest bound is divided
+    first, so that the bound so far is that of the best node left. Weights that are rounded give
+    plans, which become the incumbent where they are better. Ctrl-C, the end of `seconds`, and a
+    `time_limit` around leave the bound so far.
+
+    Args:
+        problem: The candidates; a prior is part of `Limits.base` already.
+        criterion: Convex, monotone, of positive degree.
+        limits: What plans must obey.
+        incumbent: A plan (n,) within the limits.
+        seconds: Time to spend [s].
+        relaxed: The relaxation of the same limits.
+        progress: Called with the number of nodes, the best cost, and the bound so far.
+
+    Raises:
+        UnprovableError: Nothing can be proved about this criterion or these limits.
+        RelaxationError: No weights were found to begin with.
+    """
+    require_provable(criterion, limits)
+    assert isinstance(criterion, Relaxable)
+    since = monotonic()
+    bare = problem.with_prior(None)
+    if relaxed is None:
+        relaxed = relaxed_counts(bare, criterion, limits)
+    with time_limit(seconds):
+        search = _Search.of(bare, criterion, limits, relaxed.counts, incumbent)
+        ended = search.run(progress)
+    return search.proof(monotonic() - since, ended)
+
+
+@dataclass(frozen=True, eq=False)
+class _Working:
+    """Candidates in parameters of order one, equal ones together.
+
+    Attributes:
+        merits: Merits of plans of them.
+        T: The parameters.
+        members: One candidate (n,) for each of them.
+    """
+
+    merits: Merits
+    T: Array
+    members: Indices
+
+    @classmethod
+    def of(
+        cls, problem: Problem, criterion: Relaxable, limits: Limits, weights: Array
+    ) -> "_Working":
+        """Whiten the mean of the best weights and of all candidates."""
+        M = 0.5 * (problem.mean + problem.information(weights) / limits.m) + limits.base / limits.m
+        T = whitener(M)
+        transformed = criterion.transformed(T)
+        assert isinstance(transformed, Relaxable)
+        kept = problem.kept.times(T)
+        error = problem.kept.rounding_of_times(T)
+        packed = kept.packed()
+        if isinstance(kept, Rows):
+            error = 2.0 * error * np.sqrt(np.square(kept.A).sum(axis=(1, 2)))
+        _, members = np.unique(problem.packed, axis=1, return_index=True)
+        rows, columns = triangle(problem.p)
+        twice = np.where(rows == columns, 1.0, 2.0)
+        K = T.T @ limits.base @ T
+        merits = Merits(
+            criterion=transformed,
+            F=np.ascontiguousarray((twice[:, None] * packed[:, members]).T),
+            K=twice * K[rows, columns],
+            error=float(error.max()),
+            m=limits.m,
+        )
+        return cls(merits, T, members)
+
+
+@dataclass(frozen=True, eq=False, order=False)
+class _Open:
+    """A node that is left to be divided.
+
+    Attributes:
+        bound: No plan of it has a larger merit.
+        index: Its number in the tree.
+        nodes: The node itself.
+        Z: Its multiplier (q,).
+        multiplier: The number of that in the tree.
+    """
+
+    bound: float
+    index: int
+    nodes: Nodes
+    Z: Array
+    multiplier: int
+
+    def __lt__(self, other: "_Open") -> bool:
+        """Whether it is divided first: the one of the largest bound, and of these the last one."""
+        return (self.bound, self.index) > (other.bound, other.index)
+
+
+class _Search:
+    """Open nodes, the best first, and the tree so far.
+
+    Attributes:
+        best: Cost of the best plan so far.
+        counts: That plan (n,).
+    """
+
+    def __init__(
+        self, working: _Working, weights: Array, m: int, best: float, counts: Indices
+    ) -> None:
+        self.working = working
+        self.merits = working.merits
+        self.m = m
+        self.record = TreeRecord()
+        self.open: list[_Open] = []
+        self.best = best
+        self.counts = counts
+        self._plant(weights[working.members])
+
+    @classmethod
+    def of(
+        cls,
+        problem: Problem,
+        criterion: Relaxable,
+        limits: Limits,
+        weights: Array,
+        incumbent: Indices | None,
+    ) -> "_Search":
+        """A search with its root."""
+        working = _Working.of(problem, criterion, limits, weights)
+        if incumbent is None:
+            return cls(working, weights, limits.m, np.inf, np.zeros(problem.n, dtype=int))
+        M = working.T.T @ (problem.information(incumbent) + limits.base) @ working.T
+        best = float(working.merits.criterion.cost(M))
+        return cls(working, weights, limits.m, best, incumbent)
+
+    @property
+    def target(self) -> float:
+        """The cost below which a plan is better by more than the margin."""
+        return self.best * (1.0 - MARGIN)
+
+    @property
+    def least(self) -> float:
+        """The merit of that cost."""
+        return self.merits.merit_of(self.target)
+
+    @property
+    def bound(self) -> float:
+        """No plan costs less."""
+        if not self.open:
+            return self.target
+        return min(self.target, self.merits.cost_of(self.open[0].bound))
+
+    def _plant(self, weights: Array) -> None:
+        """The root, and an order of the candidates that it leaves."""
+        alone = np.zeros(1, dtype=int)
+        n = len(weights)
+        self.order = np.arange(n)
+        whole = Nodes(np.arange(n), weights, alone, np.array([self.m]), alone, alone, alone)
+        whole = whole.with_weights(weights + FRESH / n)
+        Z = self.merits.multipliers(self.merits.information(whole, whole.weights))
+        root, told, Z = self._settled(whole, ROOT_STEPS, self.merits.tell(whole, Z), Z)
+        self._round(root)
+        keep, alive = told.fixed(root, self.least)
+        left = np.flatnonzero(keep & alive[0])
+        points = self._points(root, left)
+        inside = halved_order(points) if len(left) else alone[:0]
+        self.order = np.concatenate([left[inside], np.flatnonzero(~(keep & alive[0]))])
+        self.merits = self.merits[self.order]
+        self.points = points[inside]
+        nothing = -np.ones(1, dtype=int)
+        index = self.record.add_multipliers(Z)
+        self.record.add(nothing, nothing, alone, np.array([n]), np.array([self.m]), index)
+        if len(left):
+            kept = replace(
+                whole, candidates=np.arange(len(left)), weights=root.weights[left[inside]]
+            )
+            self._push(kept.with_weights(kept.weights), told.merit, Z, alone, index)
+
+    def _points(self, root: Nodes, left: Indices) -> Array:
+        """Information (k, q) of candidates, in parameters that whiten the best weights."""
+        if not len(left):
+            return np.zeros((0, 1))
+        R = whitener(self.merits.information(root, root.weights)[0])
+        rows, columns = triangle(self.merits.p)
+        blocks = self.merits.unpacked(self.merits.F[left] / self.merits.twice)
+        return np.asarray((R.T @ blocks @ R)[:, rows, columns] * np.sqrt(self.merits.twice))
+
+    def run(self, progress: Progress) -> str:
+        """Divide node after node until none is left; why it ended."""
+        try:
+            while self.open:
+                if out_of_time():
+                    return "budget"
+                progress(self.record.nodes, self.best, self.bound)
+                self._divide()
+        except KeyboardInterrupt:
+            return "interrupted"
+        return "proved"
+
+    def _divide(self) -> None:
+        """Divide the best nodes together; an interruption leaves them as they were."""
+        some: list[_Open] = []
+        size = 0
+        least = self.least
+        while self.open and len(some) < AT_ONCE and size < MOST_AT_ONCE:
+            if self.open[0].bound <= least:  # a better plan has closed it, and all others
+                self.open.clear()
+                break
+            some.append(heapq.heappop(self.open))
+            size += len(some[-1].nodes.candidates)
+        try:
+            if some:
+                self._branch(some)
+        except KeyboardInterrupt:
+            for own in some:
+                heapq.heappush(self.open, own)
+            raise
+
+    def _branch(self, some: list[_Open]) -> None:
+        """Divide nodes, and bound their children."""
+        parents = Nodes.joined([own.nodes for own in some])
+        Z = np.array([own.Z for own in some])
+        index = np.array([own.index for own in some])
+        inherited = np.array([own.bound for own in some])
+        multiplier = np.array([own.multiplier for own in some])
+        division = Division.of(parents, parts(parents, self.points), self.merits, Z, self.least)
+        part, of = division.part, division.parent
+        # First the parent's multiplier: it closes most children that there are.
+        children = division.children
+        Z = Z[division.of_children]
+        told = self.merits.tell(children, Z)
+        keep, alive = told.fixed(children, self.least)
+        bound = np.minimum(inherited[division.of_children], told.merit)[alive]
+        open_ = division.built[alive]
+        own = multiplier[of]
+        left = children.kept(keep, alive)
+        if left.n:
+            first = told.kept(children, keep, alive)
+            left, told, Z = self._settled(left, STEPS, first, Z[alive])
+            self._round(left)
+            better = told.merit < first.merit
+            own[open_[better]] = self.record.add_multipliers(Z[better])
+        nodes = self.record.add(
+            index[of], parents.numbers[part.group][of], part.first[of], part.stop[of],
+            division.counts, own,
+        )  # fmt: skip
+        if left.n:
+            keep, alive = told.fixed(left, self.least)
+            bound = np.minimum(bound, told.merit)[alive]
+            open_ = open_[alive]
+            self._push(left.kept(keep, alive), bound, Z[alive], nodes[open_], own[open_])
+
+    def _push(
+        self, nodes: Nodes, bound: Array, Z: Array, index: Indices, multiplier: Indices
+    ) -> None:
+        """Keep nodes that are left to be divided; one plan alone is known by its bound already."""
+        for i, own in enumerate(nodes.apart()):
+            if len(own.candidates) == len(own.heads):
+                continue  # `_round` knows it
+            entry = _Open(float(bound[i]), int(index[i]), own, Z[i], int(multiplier[i]))
+            heapq.heappush(self.open, entry)
+
+    def _settled(self, nodes: Nodes, steps: int, told: Told, Z: Array) -> tuple[Nodes, Told, Array]:
+        """Improve the weights of nodes a few times, and keep the multipliers that bound them best.
+
+        Weights become larger in proportion to sensitivities (Silvey, Titterington, Torsney 1978).
+
+        Args:
+            nodes: The nodes (b,).
+            steps: How often their weights are improved.
+            told: What known multipliers tell of them.
+            Z: These multipliers (b, q).
+
+        Returns:
+            The nodes with the weights of the best multipliers, what these tell, and they.
+        """
+        best = (nodes.weights, told, Z)
+        weights = nodes.weights
+        for step in range(steps):
+            current = replace(nodes, weights=weights)
+            X = self.merits.information(current, weights)
+            Z = self.merits.multipliers(X, SHARPNESS[min(step, len(SHARPNESS) - 1)])
+            told = self.merits.tell(nodes, Z)
+            best = _better(nodes, best, (weights, told, Z))
+            if step < steps - 1:
+                marginal = told.marginal[nodes.group_of]
+                # Without a number, or a positive one, weights stay as they are.
+                ratio = np.divide(
+                    told.sensitivities, marginal, out=np.ones(len(weights)), where=marginal > 0
+                )
+                weights = nodes.with_weights(weights * np.maximum(ratio, 0.0)).weights
+        weights, told, Z = best
+        return replace(nodes, weights=weights), told, Z
+
+    def _round(self, nodes: Nodes) -> None:
+        """Round the weights of nodes to whole experiments, and take over the best plan."""
+        whole = np.floor(nodes.weights + 1e-6)
+        missing = nodes.counts - np.add.reduceat(whole, nodes.heads)
+        order = np.lexsort((whole - nodes.weights, nodes.group_of))
+        rank = np.empty(len(order), dtype=int)
+        rank[order] = np.arange(len(order))
+        rank -= nodes.heads[nodes.group_of]
+        counts = whole + (rank < missing[nodes.group_of])
+        costs = self.merits.criterion.cost(self.merits.information(nodes, counts))
+        least = int(costs.argmin())
+        if costs[least] < self.best:
+            own = np.flatnonzero((nodes.node_of == least) & (counts > 0))
+            self.best = float(costs[least])
+            self.counts = np.zeros_like(self.counts)
+            members = self.working.members[self.order[nodes.candidates[own]]]
+            self.counts[members] = counts[own].astype(int)
+
+    def proof(self, seconds: float, ended: str) -> ExactProof:
+        """What is proved so far."""
+        bound = self.bound
+        order = self.working.members[self.order]
+        tree = self.record.tree(self.working.T, order, self.merits.unpacked, bound)
+        return ExactProof(
+            cost=bound * (1.0 - MARGIN),
+            counts=self.counts,
+            best=self.best,
+            proved=not self.open,
+            tree=tree,
+            seconds=seconds,
+            ended=ended,
+        )
+
+
+Settled = tuple[Array, Told, Array]
+
+
+def _better(nodes: Nodes, one: Settled, other: Settled) -> Settled:
+    """Of each node the multiplier that bounds it better, and the weights that it is of."""
+    better = other[1].merit < one[1].merit
+    of_candidates = better[nodes.node_of]
+    told = Told(
+        np.where(better, other[1].merit, one[1].merit),
+        np.where(of_candidates, other[1].sensitivities, one[1].sensitivities),
+        np.where(better[nodes.node_of_group], other[1].marginal, one[1].marginal),
+    )
+    weights = np.where(of_candidates, other[0], one[0])
+    return weights, told, np.where(better[:, None], other[2], one[2])

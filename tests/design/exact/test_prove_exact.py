@@ -1,0 +1,194 @@
+"""Proofs that no plan of whole experiments is better, against all plans that there are."""
+
+from itertools import combinations_with_replacement
+
+import numpy as np
+import pytest
+
+import criteria
+from criteria import Relaxable
+from edtk.design.exact.counts.limits import Limits
+from edtk.design.exact.exact_tree import ExactTree
+from edtk.design.exact.prove_exact import ExactProof, UnprovableError, prove_exact
+from edtk.design.problem import Problem
+from edtk.system.typing import Array
+
+NAMES = ("A", "D", "E", "G", "O1", "O3", "c", "Ds", "rho0")
+
+
+def criterion_of(name: str, p: int, rng: np.random.Generator) -> Relaxable:
+    """A criterion of p parameters."""
+    own: dict[str, object] = {"name": name}
+    if name == "c":
+        own["c"] = rng.normal(size=p).tolist()
+    if name == "Ds":
+        own["interest"] = np.eye(p)[:, :1].tolist()
+    if name == "rho0":
+        own["target"] = rng.normal(size=(2, p)).tolist()
+    found = criteria.from_dict(own)
+    assert isinstance(found, Relaxable)
+    return found
+
+
+def least_cost(problem: Problem, criterion: Relaxable, limits: Limits) -> float:
+    """The least cost of all plans."""
+    plans = np.array(list(combinations_with_replacement(range(problem.n), limits.m)))
+    return float(
+        criterion.cost(problem.plan_information(plans, np.ones(plans.shape)) + limits.base).min()
+    )
+
+
+def drawn(seed: int) -> tuple[Problem, Limits, np.random.Generator]:
+    """A small problem with several rows, every fourth with a prior, every third of two levels."""
+    rng = np.random.default_rng(seed)
+    p, r, n = rng.integers(2, 5), rng.integers(1, 4), rng.integers(5, 11)
+    A = rng.normal(size=(n, r, p))
+    B = rng.normal(size=(2, p)) if seed % 4 == 1 else np.zeros((1, p))
+    problem = Problem(np.sign(A) if seed % 3 == 0 else A)
+    return problem, Limits(int(rng.integers(p, 6)), B.T @ B), rng
+
+
+@pytest.mark.parametrize("seed", range(27))
+def test_what_is_proved_is_the_best_of_all_plans(seed: int) -> None:
+    """The best plan is found and proved, and the bound is not above it."""
+    problem, limits, rng = drawn(seed)
+    criterion = criterion_of(NAMES[seed % len(NAMES)], problem.p, rng)
+    best = least_cost(problem, criterion, limits)
+    found = prove_exact(problem, criterion, limits, seconds=60)
+    assert found.proved
+    assert found.ended == "proved"
+    assert found.counts.sum() == limits.m
+    assert found.best == pytest.approx(best, rel=1e-9)
+    assert best * (1 - 3e-9) <= found.cost <= best
+
+
+def parabola(n: int = 101) -> Problem:
+    """Rows (1, x, x^2) of points from -1 to 1."""
+    x = np.linspace(-1, 1, n)
+    return Problem(np.stack([np.ones(n), x, x**2], axis=-1)[:, None])
+
+
+def test_a_proof_without_time_bounds_all_plans() -> None:
+    """No time is left after the root: the bound is that of weights, and not above the best plan."""
+    limits = Limits(7, np.zeros((3, 3)))
+    whole = prove_exact(parabola(), criteria.create("A"), limits)
+    brief = prove_exact(parabola(), criteria.create("A"), limits, seconds=0.0)
+    assert whole.proved
+    assert brief.ended == "budget"
+    assert not brief.proved
+    assert 0.9 * whole.best < brief.cost < whole.best
+
+
+def test_an_interrupted_proof_keeps_its_bound() -> None:
+    """Ctrl-C after some nodes leaves a bound that is sharper than that of the root."""
+    limits = Limits(7, np.zeros((3, 3)))
+    criterion = criteria.create("A")
+
+    def interrupt(nodes: int, cost: float, bound: float) -> None:
+        if nodes > 1:
+            raise KeyboardInterrupt
+
+    brief = prove_exact(parabola(), criterion, limits, seconds=0.0)
+    found = prove_exact(parabola(), criterion, limits, progress=interrupt)
+    whole = prove_exact(parabola(), criterion, limits)
+    assert found.ended == "interrupted"
+    assert brief.cost <= found.cost <= whole.best
+
+
+def test_a_worse_incumbent_is_replaced() -> None:
+    """A proof that begins with a bad plan finds the best one."""
+    limits = Limits(6, np.zeros((3, 3)))
+    bad = np.zeros(101, dtype=int)
+    bad[[50, 51, 52]] = 2
+    found = prove_exact(parabola(), criteria.create("D"), limits, bad)
+    assert found.proved
+    np.testing.assert_array_equal(np.flatnonzero(found.counts), [0, 50, 100])
+
+
+def test_equal_candidates_stand_for_one_another() -> None:
+    """Rows and their opposites tell the same: half of the candidates have a position."""
+    rows = np.random.default_rng(1).normal(size=(20, 1, 3))
+    limits = Limits(5, np.zeros((3, 3)))
+    both = prove_exact(Problem(np.concatenate([rows, -rows])), criteria.create("D"), limits)
+    assert len(both.tree.order) == 20
+    assert both.best == pytest.approx(prove_exact(Problem(rows), criteria.create("D"), limits).best)
+
+
+@pytest.mark.parametrize("name", ["O4", "O2"])
+def test_a_criterion_without_a_proof_says_why(name: str) -> None:
+    """Criteria that are not convex, or of degree zero, are refused in one line."""
+    with pytest.raises(UnprovableError, match=name):
+        prove_exact(parabola(), criteria.create(name), Limits(6, np.zeros((3, 3))))
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 5, 6])
+@pytest.mark.parametrize("seconds", [60.0, 0.0])
+def test_the_tree_can_be_recomputed(seed: int, seconds: float) -> None:
+    """Nodes, groups and multipliers prove the bound by the rules that `ExactTree` states."""
+    problem, limits, rng = drawn(seed)
+    criterion = criterion_of(NAMES[seed % len(NAMES)], problem.p, rng)
+    found = prove_exact(problem, criterion, limits, seconds=seconds)
+    assert recomputed(found, problem, criterion, limits) >= found.cost
+
+
+def test_a_tree_with_other_multipliers_proves_less() -> None:
+    """Multipliers that leave plans open, or nodes without a child, do not prove the bound."""
+    problem, limits, _ = drawn(0)
+    criterion = criteria.create("A")
+    assert isinstance(criterion, Relaxable)
+    found = prove_exact(problem, criterion, limits)
+    found.tree.multipliers[:] = np.eye(problem.p)
+    assert recomputed(found, problem, criterion, limits) < found.cost
+
+
+def recomputed(found: ExactProof, problem: Problem, criterion: Relaxable, limits: Limits) -> float:
+    """The bound of a tree, step by step as its docstring has it."""
+    tree = found.tree
+    z_of, u_of = sensitivities(tree, problem, criterion, limits)
+    least = found.cost ** (-1 / criterion.degree)
+    groups: dict[int, Array] = {-1: np.zeros(len(tree.order), dtype=int)}
+    counts: dict[int, list[int]] = {-1: [limits.m]}
+    merit = {-1: np.inf}
+    parents = set(tree.parent.tolist())
+    worst = 0.0
+    for i in range(tree.nodes):
+        parent = int(tree.parent[i])
+        own = groups[parent].copy()
+        number = list(counts[parent])
+        if i:
+            at = np.arange(len(own))
+            own[(own == tree.group[i]) & (at >= tree.first[i]) & (at < tree.stop[i])] = len(number)
+            number[tree.group[i]] -= tree.count[i]
+            number.append(int(tree.count[i]))
+        own[(own >= 0) & (np.array([*number, 0])[own] == 0)] = -1
+        top = merit[parent]
+        for k in [tree.multiplier[i]] if not i else [tree.multiplier[parent], tree.multiplier[i]]:
+            z = z_of[k]
+            tops = np.array([z[own == g].max(initial=-np.inf) for g in range(len(number))])
+            u = u_of[k] + sum(c * t for c, t in zip(number, tops, strict=True) if c)
+            top = min(top, u)
+            inside = np.flatnonzero(own >= 0)
+            own[inside[u - tops[own[inside]] + z[inside] <= least]] = -1
+        if top > least:
+            groups[i], counts[i], merit[i] = own, number, top
+            chosen = np.flatnonzero(own >= 0)
+            if len(chosen) == len(set(own[chosen])):  # one plan
+                plan = np.bincount(tree.order[chosen], np.array(number)[own[chosen]], problem.n)
+                cost = float(criterion.cost(problem.information(plan) + limits.base))
+                top = cost ** (-1 / criterion.degree)
+            worst = worst if i in parents else max(worst, top)
+    return min(found.cost, worst**-criterion.degree if worst else np.inf)
+
+
+def sensitivities(
+    tree: ExactTree, problem: Problem, criterion: Relaxable, limits: Limits
+) -> tuple[Array, Array]:
+    """Sensitivities (r, n) of the positions, and those of what all plans have (r,)."""
+    own = criterion.transformed(tree.T)
+    assert isinstance(own, Relaxable)
+    white = problem.in_units(tree.T)
+    one = np.ones(1)
+    polars = np.array([own.lower_bound(Z[None], one, white.mean) for Z in tree.multipliers])
+    Z = tree.multipliers * (polars ** (-1 / criterion.degree))[:, None, None]
+    K = tree.T.T @ limits.base @ tree.T
+    return white.sensitivities(Z)[:, tree.order], np.einsum("kij,ij->k", Z, K)
