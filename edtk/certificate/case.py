@@ -196,8 +196,11 @@ class Case:
         where = "proof.continuum"
         given = table(self.proof.continuum, ("multipliers", "coverings"), where, ("task_weights",))
         Z = Multipliers.from_list(given["multipliers"], self.name, self.setting.p)
+        # Multipliers are read at unit size, by a power of two; limits are for the given ones.
+        written = np.abs(np.array(given["multipliers"], dtype=float)).max(axis=(1, 2))
+        size = np.abs(Z.Z).max(axis=(1, 2)) / written
         t = largest_sensitivities(
-            given["coverings"], self.setting, Z, self._prior, per_trace=self.degree == 0
+            given["coverings"], self.setting, Z, size, self._prior, per_trace=self.degree == 0
         )
         cost = self._least_cost(Z.Z, t, given.get("task_weights"))
         if self.kind == "plan":

@@ -8,12 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+import criteria
 from edtk.certificate.certificate import certificate
+from edtk.certificate.coverings import coverings_to_list
 from edtk.certificate.recompute.covering import Covering, largest_sensitivities
 from edtk.certificate.recompute.lower_bound import Multipliers
 from edtk.certificate.recompute.pose_polynomials import DEGREE, Form, Polynomials
 from edtk.certificate.recompute.setting import Setting
 from edtk.certificate.verify_certificate import verify_certificate
+from edtk.design.enclosure.cover import cover
+from edtk.design.enclosure.robot_polynomials import RobotPolynomials
 from edtk.study.plan_study import relax_study
 from edtk.study.study import load_study
 from edtk.system.typing import Array
@@ -29,7 +33,9 @@ def honest() -> Content:
     content = json.loads(json.dumps(certificate(study, relax_study(study, "D", candidates=100))))
     setting = Setting.from_dict(content["setting"])
     polynomials = about(setting, content["proof"]["multipliers"])
-    limit = polynomials.sensitivity.size * 3
+    written = np.abs(content["proof"]["multipliers"]).max()
+    Z = Multipliers.from_list(content["proof"]["multipliers"], "D", setting.p)
+    limit = polynomials.sensitivity.size * 3 * written / np.abs(Z.Z).max()
     content["proof"]["continuum"] = {
         "multipliers": content["proof"]["multipliers"],
         "coverings": [of_first_boxes(polynomials, limit, "3..")],
@@ -251,7 +257,28 @@ def test_a_motion_counts_what_it_changes(honest: Content) -> None:
     cut["tree"] = "." * int(np.prod(cut["parts"]))
     Z = Multipliers.from_list(honest["proof"]["multipliers"], "D", setting.p)
     none = np.zeros((setting.p, setting.p))
-    straight = largest_sensitivities([half], setting, Z, none, False)
-    mirrored = largest_sensitivities([cut], setting, Z, none, False)
+    straight = largest_sensitivities([half], setting, Z, np.ones(1), none, False)
+    mirrored = largest_sensitivities([cut], setting, Z, np.ones(1), none, False)
     assert straight[0] == pytest.approx(limit * 3, rel=1e-6)
     assert mirrored[0] > straight[0]
+
+
+@pytest.mark.slow
+def test_what_the_prover_covers_is_confirmed(honest: Content) -> None:
+    """Boxes of the search for a bound, its symmetries and its factors hold in the second way."""
+    study = load_study(ROOT / "studies" / "kr270_milling.toml").designed
+    Z = np.array(honest["proof"]["multipliers"])
+    robot = RobotPolynomials(study.space)
+    covering = cover(robot.enclosed(Z[0]), 0.3)
+    content = copy.deepcopy(honest)
+    content["proof"]["continuum"]["coverings"] = coverings_to_list(robot, covering, 0.0)
+    claims = {claim.claim: claim for claim in verify_certificate(content).claims}
+    assert claims["bound_proved"].reason == "the recomputed number differs"
+    told = criteria.get("D")().lower_bound(Z, np.array([covering.upper]), np.eye(len(Z[0])))
+    assert claims["bound_proved"].recomputed == pytest.approx(1 / told, rel=1e-7)
+    given = content["proof"]["continuum"]["coverings"][0]
+    assert len(given["motions"]) == 2
+    assert {".", "+"} <= set(given["tree"])
+    # Closed by its factors alone: without them the box stays open.
+    given["factors"] = np.zeros_like(given["factors"]).tolist()
+    assert "boxes are open" in failure(content)

@@ -6,7 +6,7 @@ nowhere negative and has the sum one, so that their largest coefficient is above
 "A bound over every pose" of the documentation has the theorems, by number, and their proofs.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import comb, prod
 from typing import Any
@@ -311,7 +311,12 @@ def _power(factor: Array, n: int) -> Array:
 
 
 def largest_sensitivities(
-    content: Any, setting: Setting, multipliers: Multipliers, prior: Array, per_trace: bool
+    content: Any,
+    setting: Setting,
+    multipliers: Multipliers,
+    size: Array,
+    prior: Array,
+    per_trace: bool,
 ) -> Array:
     """Bounds (r,) on the sensitivities of all poses, to each of r multipliers.
 
@@ -319,6 +324,7 @@ def largest_sensitivities(
         content: A covering for each multiplier and load, as a certificate lists them.
         setting: Robot, load, noise and constraints.
         multipliers: The multipliers.
+        size: Their lengths (r,) in parts of those for which limits and factors are stated.
         prior: Prior information M0 (p, p).
         per_trace: Whether sensitivities are per trace of ``M + M0``.
 
@@ -341,8 +347,9 @@ def largest_sensitivities(
         Z = Multipliers(multipliers.Z[j : j + 1], multipliers.indefinite)
         about = Polynomials.of(setting, Z, prior, loads[load], per_trace)
         seen = about.seen(covering.joints, covering.motions)
-        limit = covering.limit * (1 + LIFTED) + 2 * seen.sensitivity.error
-        left = covering.open_leaves(seen, limit)
+        limit = covering.limit * size[j] * (1 + LIFTED) + 2 * seen.sensitivity.error
+        scaled = replace(covering, factors=covering.factors * size[j])
+        left = scaled.open_leaves(seen, limit)
         if left:
             raise ValueError(f"{where}[{k}]: {left} of {len(covering.reasons)} boxes are open")
         found[j] = max(found[j], limit)

@@ -516,8 +516,13 @@ class _Penalised:
         rising = np.stack([f[rows, at], c[rows, at]])
         best = np.zeros(len(which))
         top = self.top[which]
-        size = np.abs(c).max(axis=1)
         unit = 4 * float(np.finfo(f.dtype).eps)
+        # Each axis along which a slack is raised adds the roundings of a sum of products to those
+        # of the sum; averages are not larger than what they are of. A unit is eight roundings.
+        raised = [j for j, n in enumerate(slack.degrees) if n != self.stage.degrees[j]]
+        rounds = 24 + sum(slack.coefficients.shape[j] + 3 for j in raised)
+        own = self.chunk.slacks[i][which].reshape(len(which), -1)
+        size = np.abs(own).max(axis=1) * rounds / 8
         live = np.flatnonzero(falling[1] < 0)
         for _ in range(PENALTIES):
             apart = rising[1, live] - falling[1, live]

@@ -1,0 +1,151 @@
+"""Coverings of all poses as plain data: the boxes as a tree of halvings, and why each is closed."""
+
+from typing import Any
+
+import numpy as np
+
+from edtk.design.enclosure.cover import Covering, Leaves, Reason, coefficients
+from edtk.design.enclosure.polynomial import Polynomial
+from edtk.design.enclosure.robot_polynomials import RobotPolynomials
+from edtk.robots.constraints.constraint import Constraint
+from edtk.robots.constraints.height import Height
+from edtk.robots.constraints.radius import Radius
+from edtk.robots.constraints.tilt import Tilt
+from edtk.system.typing import Array, Indices
+
+LETTERS: dict[type[Constraint], str] = {Height: "h", Radius: "r", Tilt: "ud"}
+BOUNDED = "."
+COMBINED = "+"
+AT_ONCE = 256  # boxes
+
+
+def coverings_to_list(
+    robot: RobotPolynomials, covering: Covering, prior: float
+) -> list[dict[str, Any]]:
+    """The covering of one multiplier, for each of its objectives, see `recompute.covering`.
+
+    Args:
+        robot: The polynomials that were enclosed.
+        covering: The boxes.
+        prior: ``<Z, M0>``, which all sensitivities have besides.
+
+    Raises:
+        ValueError: A certificate has no words for a constraint, or for what joints do.
+    """
+    slacks = _letters(robot)
+    halving = robot.halving
+    places = _places(robot)
+    motions = []
+    before = halving.whole
+    for motion, after in zip(halving.motions, halving.steps, strict=True):
+        joint = next(j for j, axis in enumerate(after) if axis != before[j])
+        motions.append(
+            {
+                "mirrors": [int(one) for one in motion.mirrors],
+                "turns": [int(one) for one in motion.turns],
+                "joint": joint,
+                "low": float(after[joint].low),
+                "high": float(after[joint].high),
+            }
+        )
+        before = after
+    found = []
+    for leaves in covering.leaves:
+        letters = _reasons(leaves, covering, slacks)
+        tree, order = _tree(leaves, letters, covering.grid.parts)
+        combined = order[np.array([letters[k] == COMBINED for k in order], dtype=bool)]
+        found.append(
+            {
+                "limit": float(leaves.bound.max()) + prior,
+                "joints": places,
+                "low": [float(axis.low) for axis in halving.whole],
+                "high": [float(axis.high) for axis in halving.whole],
+                "motions": motions,
+                "parts": covering.grid.parts.tolist(),
+                "slacks": slacks,
+                "tree": tree,
+                "factors": leaves.penalties[combined].tolist(),
+            }
+        )
+    return found
+
+
+def _places(robot: RobotPolynomials) -> list[int]:
+    """The joints that count, by their place among those that are designed.
+
+    Raises:
+        ValueError: Polynomials are in other variables than joints.
+    """
+    chart = robot.chart
+    free = robot.space.free
+    plain = np.array_equal(chart.matrix[free][:, : len(free)], np.eye(len(free)))
+    if not plain or any(j >= len(free) for j in robot.kept):
+        raise ValueError("a certificate of all poses has no words for tied joints or free forces")
+    return list(robot.kept)
+
+
+def _letters(robot: RobotPolynomials) -> str:
+    """A letter for each slack.
+
+    Raises:
+        ValueError: A constraint has none.
+    """
+    found = ""
+    for constraint in robot.space.workspace.beside_limits:
+        letters = LETTERS.get(type(constraint))
+        if letters is None:
+            name = ", ".join(constraint.labels(robot.space.workspace.robot))
+            raise ValueError(f"a certificate of all poses has no words for the constraint {name}")
+        if isinstance(constraint, Tilt) and constraint.maximum >= np.pi / 2:
+            raise ValueError("a tilt of 90 deg or more is no constraint; leave it out")
+        found += letters
+    return found
+
+
+def _reasons(leaves: Leaves, covering: Covering, slacks: str) -> list[str]:
+    """A letter (b,) for each leaf; of infeasible ones that of the slack that is below zero."""
+    names = {Reason.BELOW: BOUNDED, Reason.PENALISED: COMBINED}
+    found = [names.get(Reason(reason), "") for reason in leaves.reason.tolist()]
+    infeasible = np.flatnonzero(leaves.reason == Reason.INFEASIBLE)
+    tops = [_largest(one, leaves, covering, infeasible) for one in covering.enclosed.slacks]
+    for at, which in zip(infeasible, np.argmin(tops, axis=0) if tops else [], strict=True):
+        found[at] = slacks[which]
+    return found
+
+
+def _largest(slack: Polynomial, leaves: Leaves, covering: Covering, which: Indices) -> Array:
+    """The largest coefficient of a slack on some of the boxes (k,)."""
+    found = np.empty(len(which))
+    for first in range(0, len(which), AT_ONCE):
+        boxes = leaves.boxes[which[first : first + AT_ONCE]]
+        values, _ = coefficients(slack, covering.grid.middles(boxes), covering.grid.halves(boxes))
+        found[first : first + AT_ONCE] = values.reshape(len(values), -1).max(axis=1)
+    return found
+
+
+def _tree(leaves: Leaves, letters: list[str], parts: Indices) -> tuple[str, Indices]:
+    """The text of a tree whose leaves are given, and their order in it.
+
+    A box that is no leaf is halved along an axis along which all leaves in it are finer: one is, as
+    the leaves come from halvings, and any such axis leads to the same leaves.
+    """
+    depth, place = leaves.boxes.depth, leaves.boxes.place
+    v = len(parts)
+    first = np.indices(tuple(parts)).reshape(v, -1).T
+    interval = np.ravel_multi_index(tuple((place >> depth).T), tuple(parts))
+    text: list[str] = []
+    order: list[int] = []
+    for box, _ in enumerate(first):
+        stack = [(np.flatnonzero(interval == box), (0,) * v)]
+        while stack:
+            inside, halved = stack.pop()
+            if len(inside) == 1:
+                text.append(letters[inside[0]])
+                order.append(int(inside[0]))
+                continue
+            axis = int(np.argmax((depth[inside] - halved).min(axis=0)))
+            finer = (*halved[:axis], halved[axis] + 1, *halved[axis + 1 :])
+            side = (place[inside, axis] >> (depth[inside, axis] - finer[axis])) & 1
+            text.append(str(axis))
+            stack += [(inside[side == 1], finer), (inside[side == 0], finer)]
+    return "".join(text), np.array(order, dtype=int)
