@@ -1,6 +1,8 @@
 """A bound on every plan within limits, from weights within the same limits."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -12,12 +14,13 @@ from edtk.design.problem import Problem
 from edtk.design.relaxation.relax import RelaxationInterrupted, relax
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.restricted_master import RelaxationError
+from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices
 
 EQUAL = 1e-9  # relative gap at which equal weights are the best
 WITHIN = 1e-6  # experiments by which counts may exceed a limit and count as within
 GAP = 1e-4  # relative gap at which the bound is good enough
-MASTER_GAP = 1e-5  # of the programs over some plans
+MASTER = 0.1  # of that gap, in the programs over some plans
 ROUNDS = 60
 
 
@@ -155,6 +158,10 @@ class RelaxedCounts:
     basis: str
     kind: BoundKind = BoundKind.PROVED_ON_CANDIDATES
     interrupted: bool = False
+
+    def is_near(self, cost: float) -> bool:
+        """Whether a plan of this cost may well be the best."""
+        return self.cost >= cost * (1 - GAP)
 
     def exceeds(self, limits: Limits) -> bool:
         """Whether these counts break a limit, so that a better bound may be proved."""
@@ -298,32 +305,75 @@ def counts_bound(
         start: Counts (n,) of a plan within the limits, regular.
         multipliers: Multipliers (r, p, p) of a like program.
     """
-    reachable = Reachable(limits, problem.n)
-    search = _Decomposition(problem, criterion, reachable, [start])
-    search.prove(multipliers, search.information(start))
-    for _ in range(ROUNDS):
-        known = len(search.plans)
-        try:
-            search.improve()
-        except RelaxationError:
-            break
-        if search.gap <= GAP or len(search.plans) == known:
-            break
-    return CountsBound(search.bound, search.counts, search.gap)
+    plans = CountsPlans(problem, limits)
+    M = plans.information(start)
+    search = Decomposition(plans, criterion, [start], M)
+    search.prove(multipliers, M)
+    search.run()
+    counts = np.tensordot(search.weights, np.array(search.plans), axes=1)
+    return CountsBound(search.bound, counts, search.gap)
 
 
-class _Decomposition:
-    """Whole plans, their best mixture, and the best bound so far."""
+class Plans(Protocol):
+    """All plans of a kind, each an array of whole numbers or not: their mixtures have a bound."""
 
-    def __init__(
-        self, problem: Problem, criterion: Relaxable, reachable: Reachable, plans: list[Array]
-    ) -> None:
+    def information(self, plan: Any) -> Array:
+        """Information (p, p) of a plan."""
+        ...
+
+    def largest(self, Z: Array) -> tuple[float, Sequence[Any]]:
+        """What ``<Z, M>`` of a plan is at most, and plans that come near it."""
+        ...
+
+
+class CountsPlans:
+    """Counts (n,) of candidates within limits.
+
+    Args:
+        problem: The candidates, without a prior.
+        limits: What plans must obey, and what every plan has.
+    """
+
+    def __init__(self, problem: Problem, limits: Limits) -> None:
         self.problem = problem
+        self.reachable = Reachable(limits, problem.n)
+
+    def information(self, plan: Array) -> Array:
+        """Information (p, p) of counts (n,), with what every plan has."""
+        return self.problem.information(plan) + self.reachable.limits.base
+
+    def largest(self, Z: Array) -> tuple[float, Sequence[Array]]:
+        """The plan of the largest sensitivities."""
+        top, counts = self.reachable.largest(self.problem.sensitivities(Z[None])[0])
+        return top + float(np.sum(Z * self.reachable.limits.base)), [counts]
+
+
+class Decomposition:
+    """Some plans of a kind, their best mixture, and the best bound so far (Dantzig and Wolfe).
+
+    Args:
+        of: All plans.
+        criterion: What is minimised.
+        plans: Plans to begin with.
+        M: Information (p, p) of a mixture of plans, regular.
+
+    Attributes:
+        plans: The plans so far.
+        weights: Weights of the best mixture; those behind the last one are zero.
+        cost: The cost of the best mixture.
+        bound: No plan costs less.
+    """
+
+    def __init__(self, of: Plans, criterion: Relaxable, plans: Sequence[Any], M: Array) -> None:
+        self.of = of
         self.criterion = criterion
-        self.reachable = reachable
-        self.plans = plans
-        self.counts = plans[0]
-        self.cost = float(criterion.cost(self.information(plans[0])))
+        self.plans: list[Any] = []
+        self.columns: list[Array] = []
+        self.known: set[bytes] = set()
+        for plan in plans:
+            self._join(plan)
+        self.weights = np.full(len(self.plans), 1.0 / len(self.plans))
+        self.cost = float(criterion.cost(M))
         self.bound = 0.0
 
     @property
@@ -331,19 +381,29 @@ class _Decomposition:
         """Relative gap between the best bound and the best mixture."""
         return 1.0 - self.bound / self.cost
 
-    def information(self, counts: Array) -> Array:
-        """Information (p, p) of counts (n,), with what every plan has."""
-        return self.problem.information(counts) + self.reachable.limits.base
+    def run(self, gap: float = GAP) -> None:
+        """Mix the plans, and let those join that the mixture asks for, until the gap is small."""
+        for _ in range(ROUNDS):
+            known = len(self.plans)
+            if self.gap <= gap or out_of_time():
+                break
+            try:
+                self.improve(MASTER * gap)
+            except RelaxationError:
+                break
+            if len(self.plans) == known:
+                break
+        self.weights = np.append(self.weights, np.zeros(len(self.plans) - len(self.weights)))
 
-    def improve(self) -> None:
+    def improve(self, gap: float) -> None:
         """Mix the plans, and add those that the mixture's multipliers ask for."""
-        columns = np.array([self.information(plan) for plan in self.plans])
-        mixed = relax(Problem(root(columns)), self.criterion, MASTER_GAP)
+        columns = np.array(self.columns)
+        mixed = relax(Problem(root(columns)), self.criterion, gap)
         M = np.tensordot(mixed.weights, columns, axes=1)
         cost = float(self.criterion.cost(M))
         if cost < self.cost:
             self.cost = cost
-            self.counts = np.tensordot(mixed.weights, np.array(self.plans), axes=1)
+            self.weights = mixed.weights
         Z = mixed.multipliers
         if self.criterion.smooth:
             Z = np.concatenate([Z, -self.criterion.gradient(M)[None]])
@@ -351,13 +411,12 @@ class _Decomposition:
 
     def prove(self, multipliers: Array, M: Array) -> None:
         """Take over what multipliers (r, p, p) prove near M (p, p), and the plans they ask for."""
-        base = self.reachable.limits.base
         tops = []
-        for Z, each in zip(multipliers, self.problem.sensitivities(multipliers), strict=True):
-            top, counts = self.reachable.largest(each)
-            tops.append(top + float(np.sum(Z * base)))
-            if not any(np.allclose(counts, plan, rtol=0, atol=1e-9) for plan in self.plans):
-                self.plans.append(counts)
+        for Z in multipliers:
+            top, plans = self.of.largest(Z)
+            tops.append(top)
+            for plan in plans:
+                self._join(plan)
         largest = np.array(tops)
         proofs = [
             self.criterion.lower_bound(multipliers[i : i + 1], largest[i : i + 1], M)
@@ -365,3 +424,11 @@ class _Decomposition:
         ]
         proofs.append(self.criterion.lower_bound(multipliers, largest, M))
         self.bound = max(self.bound, *(proof for proof in proofs if np.isfinite(proof)))
+
+    def _join(self, plan: Any) -> None:
+        """Take in a plan that is not there."""
+        name = np.round(plan, 9).tobytes()
+        if name not in self.known:
+            self.known.add(name)
+            self.plans.append(plan)
+            self.columns.append(self.of.information(plan))

@@ -50,6 +50,9 @@ def draw_places(rng: np.random.Generator, limits: Limits, chances: Sequence[Arra
         return np.array([rng.choice(n, size=limits.m, p=own / own.sum()) for own in chances])
     order = rng.random((len(chances), limits.m)).argsort(axis=1)
     places = np.tile(_cheapest(limits, n), (len(chances), 1))
+    if limits.blocks:
+        # Where the limits leave nothing to draw, what is left is who is in which block.
+        places = rng.permuted(places, axis=1)
     return _redrawn(rng, limits, places, order, chances)
 
 

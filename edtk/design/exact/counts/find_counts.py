@@ -8,6 +8,7 @@ import numpy as np
 
 from criteria import Criterion, Relaxable
 from edtk.design.bound import Bound, BoundKind
+from edtk.design.exact.counts.blocks_bound import blocks_bound
 from edtk.design.exact.counts.counts_bound import (
     Question,
     RelaxedCounts,
@@ -84,19 +85,25 @@ def find_counts(
     search = _search(bare, plain, limits, relaxed)
     if not thorough:
         search = replace(search, pricing=search.pricing.brief())
+    try:
+        relaxed, needs_plan = _of_blocks(relaxed, search, seed)
+    except KeyboardInterrupt:
+        interrupted, needs_plan = True, False
+    search = replace(search, bound=0.0 if relaxed is None else relaxed.cost)
     with time_limit(0.0 if interrupted else np.inf):
         found = search.run(seed, 1 if interrupted else starts, progress)
     cost = float(search.criterion.cost(search.scatter.information(found.places[None])[0]))
     _require_regular(cost, limits, problem, criterion)
-    cost = sized.cost(cost, criterion)
     counts = limits.counts(found.places[None], problem.n)[0]
     if relaxed is not None and question is not None and not interrupted:
         relaxed = within_limits(relaxed, *question, counts.astype(float))
+        if needs_plan or relaxed.is_near(cost):
+            relaxed = blocks_bound(relaxed, search.scatter, search.criterion, found.places)
     return ProblemPlan(
         problem=problem,
         criterion=criterion,
         counts=counts + kept,
-        cost=cost,
+        cost=sized.cost(cost, criterion),
         lower_bound=_bound(criterion, relaxed, sized),
         basis=f"no bound: {reason}" if relaxed is None else relaxed.basis,
         starts=found.starts,
@@ -108,6 +115,21 @@ def find_counts(
         block_counts=_by_block(found.places, limits, problem.n),
         spent=None if limits.costs is None else float(limits.costs @ counts),
     )
+
+
+def _of_blocks(
+    relaxed: RelaxedCounts | None, search: CountsSearch, seed: int
+) -> tuple[RelaxedCounts | None, bool]:
+    """The bound of weights of blocks beside a first plan; and whether only a better plan gives it.
+
+    A plan from one start is regular in all but rare cases.
+    """
+    if relaxed is None or not search.limits.blocks:
+        return relaxed, False
+    first = search.run(seed, 1, lambda starts, cost: None)
+    if not np.isfinite(first.cost):
+        return relaxed, True
+    return blocks_bound(relaxed, search.scatter, search.criterion, first.places), False
 
 
 def _require_beside_blocks(question: Question | None, limits: Limits, problem: Problem) -> None:
