@@ -20,6 +20,7 @@ from edtk.certificate.recompute.setting import TINY as TINY_LOAD
 from edtk.system.presented import Presented
 
 AGREE = 1e-8  # relative difference that two ways of rounding may make; 1e-13 is the rule
+AGREE_ON_BOXES = 1e-7  # the same where all roundings of both are counted, from above
 ABSOLUTE = 1e-8  # difference of a gap or an efficiency, which are of order one
 EXCESS = 1e-3  # relative excess of a sensitivity found here over those that a search rests on
 BOUNDS = ("bound", "bound_searched", "bound_proved")
@@ -339,7 +340,8 @@ def _compared(case: Case, name: str, source: Callable[[], float]) -> Claim:
         return Claim(name, False, number, None, reason, candidates)
     # A gap near zero has no digits of its own, so that only its size can be compared.
     absolute = ABSOLUTE if name in ("gap", "efficiency") else 0.0
-    agrees = math.isclose(number, found, rel_tol=AGREE, abs_tol=absolute)
+    relative = AGREE_ON_BOXES if name == "bound_proved" else AGREE
+    agrees = math.isclose(number, found, rel_tol=relative, abs_tol=absolute)
     holds = math.isfinite(number) and math.isfinite(found) and agrees
     reason = "" if holds else _why(case, name, number, found)
     return Claim(name, holds, number, found, reason, candidates)

@@ -22,7 +22,7 @@ TURN = 2 * np.pi
 MOST_JOINTS = 6  # whose grid fits in memory
 SAME = 1e-12  # of ends of intervals [rad]; boxes overlap by more
 # Roundings of kinematics for each joint of the chain, from above; see `_rounding`.
-OF_JOINT = 150.0
+OF_JOINT = 135.0
 NEGLIGIBLE = 1e-13  # sum of coefficients beside all of them, that is dropped and counted as error
 
 
@@ -168,7 +168,7 @@ class Form:
                 own = np.where(turn & (k % 2 == 1), -1, 1) * np.where(mirror & sine, -1, 1)
                 signs = signs[..., None] * own
             changed = float(np.abs(self.values[signs < 0]).sum())
-            error += 2 * changed * (1 + self.values.size * U) + 2 * self.error
+            error += 2 * changed * (1 + self.values.size * U)
         return replace(self, error=error)
 
 
@@ -216,22 +216,30 @@ class Domain:
     def form(self, values: Array, degree: int, error: float) -> Form:
         """The polynomial with these values on the grid, each of which may be off by so much.
 
+        Errors of values move it by Lebesgue's constant of each joint at most; of N angles it is
+        ``sum_k 1/(N sin((2k + 1) pi/2N))``, taken between two of them (Ehlich and Zeller, 1966).
         With functions scaled so that their squares have the sum N anywhere, the analysis of N
-        values is orthogonal but for ``sqrt(N)``. By Cauchy and Schwarz, errors e of values move
-        the polynomial by ``sqrt(prod N) e`` at most, and each of v products rounds by ``sqrt(N)``
-        times its own roundings. Along a length the inverse is taken as it is, norm by norm.
+        values is orthogonal but for ``sqrt(N)``, so that by Cauchy and Schwarz a product rounds by
+        ``sqrt(N)`` times its own roundings, in the norm of all values. Along a length the inverse
+        is taken as it is, norm by norm.
         """
-        largest = float(np.abs(values).max())
-        gain = 1.0
+        norm = float(np.linalg.norm(values))
+        lebesgue = gain = 1.0
         rounds = 0.0
         for j, slides in enumerate(self.slides):
             B = _analysis(degree, bool(slides))
             n = len(B)
-            size = float(np.linalg.norm(np.abs(B), 2))
-            gain *= n * size if slides else np.sqrt(n)
-            rounds += (n + 20) * U * (size * n if slides else np.sqrt(n))
+            if slides:
+                size = n * float(np.linalg.norm(np.abs(B), 2))
+                lebesgue *= size
+                gain *= size / np.sqrt(n)
+                rounds += (n + 20) * U * size
+            else:
+                places = np.pi * (2 * np.arange(n) + 1) / (2 * n)
+                lebesgue *= float((1 / np.sin(places)).sum()) / n
+                rounds += (n + 20) * U * np.sqrt(n)
             values = np.moveaxis(np.tensordot(B, values, (1, j)), 0, j)
-        return Form(values, 1.01 * gain * (error + rounds * largest)).trimmed()
+        return Form(values, 1.01 * (lebesgue * error + gain * rounds * norm)).trimmed()
 
 
 def _analysis(degree: int, slides: bool) -> Array:
@@ -378,10 +386,11 @@ def _rounding(setting: Setting, scale: Array, A: Array, wrench: Array) -> tuple[
     """By how much ``sum_r A_r'Z A_r`` may be off, and a bound on ``sum_r (sum_a s_a |A_ra|)^2``.
 
     One product of rotations rounds by 12 units in Frobenius norm, Rodrigues' formula by 15, so that
-    a frame behind N joints is off by 40 N units, a point by 44 N times the length of the arm L, and
-    a column of the Jacobian by 130 N L. With a column of size c, and a load of the joint of size t,
-    which is off as the column is, an entry is off by ``OF_JOINT N`` units of ``L t + c T``, where T
-    is what the load does at the length L.
+    a frame behind N joints is off by 40 N units, and a point by 44 N times the length of the arm L.
+    A column of the Jacobian has the errors of an axis and of two points, 128 N L, and few of its
+    own. With a column of size c, and a load of the joint of size t, which is off as the column is,
+    an entry is off by ``OF_JOINT N`` units of ``L t + c T``, where T is what the load does at the
+    length L.
 
     Args:
         setting: Robot and instruments.
