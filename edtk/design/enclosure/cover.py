@@ -517,10 +517,11 @@ class _Penalised:
         best = np.zeros(len(which))
         top = self.top[which]
         unit = 4 * float(np.finfo(f.dtype).eps)
-        # Each axis along which a slack is raised adds the roundings of a sum of products to those
-        # of the sum; averages are not larger than what they are of. A unit is eight roundings.
+        # A slack is rounded to single precision, and three terms, none above f, the sum or the
+        # slack, by three operations. Each axis along which it is raised adds a sum of products;
+        # averages are not larger than what they are of. A unit is eight roundings.
         raised = [j for j, n in enumerate(slack.degrees) if n != self.stage.degrees[j]]
-        rounds = 24 + sum(slack.coefficients.shape[j] + 3 for j in raised)
+        rounds = 12 + sum(slack.coefficients.shape[j] + 3 for j in raised)
         own = self.chunk.slacks[i][which].reshape(len(which), -1)
         size = np.abs(own).max(axis=1) * rounds / 8
         live = np.flatnonzero(falling[1] < 0)
