@@ -2,7 +2,10 @@
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 import criteria
+from edtk.design.enclosure.prove_region import prove_region
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.plan_region import RegionPlan
 from edtk.design.problem import Problem
@@ -12,7 +15,7 @@ from edtk.design.relaxation.relax_region import relax_region
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.relaxed_region import RelaxedRegion
 from edtk.design.relaxation.search_region import POINTS
-from edtk.system.errors import whole_number
+from edtk.system.errors import ArgumentError, whole_number
 from edtk.system.parsing import json_text
 from edtk.verbs.inputs import TableAndCertificate, given_size
 from edtk.verbs.plan_problem import plan_problem, plan_region
@@ -85,6 +88,7 @@ class OfRegion(Question):
             call.starts,
             call.keep,
             call.progress,
+            _gap(call.prove_bound, "prove_bound"),
         )
         files.write(found.to_frame, str)
         return found
@@ -98,9 +102,26 @@ class OfRegion(Question):
         given = call.candidates
         points = POINTS if given is None else whole_number(given, "candidates", 2)
         of_one = criterion.for_size(_number(call.size))
-        found = relax_region(self.region, of_one, points, progress=call.progress)
+        eps = _gap(call.prove, "prove")
+        if eps is None:
+            found = relax_region(self.region, of_one, points, progress=call.progress)
+        else:
+            found = prove_region(self.region, of_one, eps, points, call.progress)
         files.write(found.to_frame, lambda: json_text(found.on_grid().to_dict()) + "\n")
         return found
+
+
+def _gap(given: object, argument: str) -> float | None:
+    """A relative gap to prove, or None.
+
+    Raises:
+        ArgumentError: It is no such number.
+    """
+    if given is None:
+        return None
+    if isinstance(given, int | float | np.number) and given is not True and 0 < given < 1:
+        return float(given)
+    raise ArgumentError("expected a relative gap between 0 and 1", argument=argument, given=given)
 
 
 def _number(size: int | None) -> int:

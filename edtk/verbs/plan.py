@@ -71,6 +71,7 @@ def plan(
     keep: Problem | None = None,
     out: Path | str | None = None,
     progress: Progress = ...,
+    prove_bound: float | None = None,
 ) -> "RegionPlan": ...
 
 
@@ -97,6 +98,7 @@ def plan(
     detect: Mapping[str, str] | None = None,
     second: CriterionLike | None = None,
     give_up: float | None = None,
+    prove_bound: float | None = None,
     progress: Progress = no_progress,
 ) -> "ExactPlan | ProblemPlan | RegionPlan":
     """Search for the best plan of `size` experiments, and bound how much better any plan can be.
@@ -107,7 +109,8 @@ def plan(
     A `Problem` of arrays is searched over its candidates: plans from random places and from the
     weights of the relaxation are improved by exchanges. The second list of arguments is about such
     plans, the third about those of studies. In a `Region`, exchanges on a grid come first, and then
-    all points of a plan move together; of the options it takes `starts` (32 by default) and `keep`.
+    all points of a plan move together; of the options it takes `starts` (32 by default),
+    `keep` and `prove_bound`.
 
     Args:
         study: A study, the path of a study file, a `Problem`, or a `Region`.
@@ -151,6 +154,8 @@ def plan(
         give_up: The part in percent, 5 by default: the plan is the best for the second criterion
             among those whose cost is at most 1 / (1 - give_up/100) times that of the plan for the
             first one alone.
+        prove_bound: Relative gap to which the bound of a region is proved for all of its points,
+            see `edtk.relax`: `.efficiency` is against that bound then.
 
     Returns:
         The plan with its `.value`, its `.bound`, and its `.efficiency` between 0 and 1. That of a
@@ -196,6 +201,7 @@ def plan(
         detect=detect,
         second=second,
         give_up=give_up,
+        prove_bound=prove_bound,
     )
     question.require("plan", **vars(call))
     return question.plan(call)

@@ -1,12 +1,14 @@
 """`edtk.plan` of a problem of arrays or of a region: its arguments, checked."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 import criteria
+from edtk.design.enclosure.prove_region import prove_region
 from edtk.design.exact import plan_region as exact
 from edtk.design.exact.counts.find_counts import find_counts
 from edtk.design.exact.counts.limits import ROUNDING, Limits
@@ -15,6 +17,7 @@ from edtk.design.exact.plan_region import RegionPlan
 from edtk.design.information import Rows
 from edtk.design.problem import Problem
 from edtk.design.region import Region
+from edtk.design.relaxation.relax_region import relax_region
 from edtk.study.plan_study import Progress
 from edtk.system.errors import ArgumentError, whole_number
 from edtk.system.typing import Array, Indices
@@ -31,6 +34,7 @@ def plan_region(
     starts: int | None,
     keep: object,
     progress: Progress,
+    prove_bound: float | None = None,
 ) -> RegionPlan:
     """Search for the best plan in a region; the arguments are those of `edtk.plan`.
 
@@ -50,6 +54,7 @@ def plan_region(
         number,
         keep,
         progress,
+        relax_region if prove_bound is None else partial(prove_region, eps=prove_bound),
     )
 
 

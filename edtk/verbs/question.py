@@ -52,9 +52,9 @@ def _none_of(options: Sequence[str], message: str) -> dict[str, str]:
 # By kind and verb: the options that are not answered, and why.
 REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
     "problem": {
-        "plan": _none_of(OF_STUDIES, "not for plans of a problem of arrays"),
+        "plan": _none_of((*OF_STUDIES, "prove_bound"), "not for plans of a problem of arrays"),
         "relax": _none_of(
-            ("candidates", "seed", *OF_WORKERS),
+            ("candidates", "seed", *OF_WORKERS, "prove"),
             "not for the relaxation of a problem of arrays",
         ),
     },
@@ -65,7 +65,8 @@ REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
         "relax": _none_of(("seed", *OF_WORKERS), "not for the relaxation of a region"),
     },
     "compliances": {
-        "plan": _none_of(OF_PROBLEMS, "not for plans of a study"),
+        "plan": _none_of((*OF_PROBLEMS, "prove_bound"), "not for plans of a study"),
+        "relax": _none_of(("prove",), "not for the relaxation of a study"),
         "predict": {
             "tool_rows": "where a marker sits on the tool is no part of a displacement but in "
             "marker_x_mm marker_y_mm marker_z_mm; leave this out",
@@ -73,8 +74,9 @@ REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
     },
     "geometry": {
         "plan": {
-            **_none_of(OF_PROBLEMS, "not for plans of a study"),
+            **_none_of((*OF_PROBLEMS, "prove_bound"), "not for plans of a study"),
         },
+        "relax": _none_of(("prove",), "not for the relaxation of a study"),
         "template": {
             "markers": "the markers of a study of geometry are its [[marker]]; leave this out",
             "positions": "a sheet of a study of geometry has positions anyway; leave this out",
@@ -109,6 +111,7 @@ class PlanCall:
     detect: Mapping[str, str] | None = None
     second: "CriterionLike | None" = None
     give_up: float | None = None
+    prove_bound: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,6 +129,7 @@ class RelaxCall:
     out: Path | str | None
     certificate: Path | str | None
     progress: Callable[[str, float], object]
+    prove: float | None = None
 
 
 class Question(ABC):

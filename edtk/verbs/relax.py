@@ -57,6 +57,7 @@ def relax(
     out: Path | str | None = None,
     certificate: Path | str | None = None,
     progress: Progress = ...,
+    prove: float | None = None,
 ) -> "RelaxedRegion": ...
 
 
@@ -74,6 +75,7 @@ def relax(
     out: Path | str | None = None,
     certificate: Path | str | None = None,
     progress: Progress = lambda stage, gap: None,
+    prove: float | None = None,
 ) -> "RelaxedPlan | Relaxation | RelaxedRegion":
     """Minimise a criterion over weights instead of whole experiments, and prove a bound.
 
@@ -95,6 +97,9 @@ def relax(
         out: File to write poses and weights to (CSV); "-" is standard output.
         certificate: File to write what proves the numbers to (JSON), for `edtk.verify`; likewise.
         progress: Called with the stage and its relative gap.
+        prove: Relative gap to which the bound is proved for all points of a region whose rows and
+            constraints are polynomials: no design over the whole region is better. It is
+            `.bound_proved`, beside `.bound_searched`.
 
     Returns:
         Weights with `.value`, `.bound` and `.gap`.
@@ -124,6 +129,7 @@ def relax(
         out=out,
         certificate=certificate,
         progress=progress,
+        prove=prove,
     )
     asked.require("relax", **vars(call))
     return asked.relax(call)

@@ -441,7 +441,10 @@ class _Stage:
         What coefficients are above the values of a polynomial comes from second differences, of
         which a few tell.
         """
-        axes = _largest_second_difference(values)
+        axes, differences = _largest_second_difference(values)
+        # Differences of rounding alone would always choose the same axis.
+        lost = differences <= 4 * chunk.error
+        axes[lost] = chunk.boxes.depth[lost].argmin(axis=1)
         parts = []
         for axis in np.unique(axes).tolist():
             both = self.halved(chunk[axes == axis], axis)
@@ -457,8 +460,8 @@ class _Stage:
         return bool((chunk.error > FRESH * (self.least_error + anew)).any())
 
 
-def _largest_second_difference(values: Array) -> Indices:
-    """The axis (b,) of the largest second difference of some of the coefficients (b, ...)."""
+def _largest_second_difference(values: Array) -> tuple[Indices, Array]:
+    """The axis (b,) of the largest second difference of some coefficients, and its size (b,)."""
     found = np.full((values.ndim - 1, len(values)), -1.0)
     for j in range(1, values.ndim):
         if values.shape[j] < 3:
@@ -471,7 +474,7 @@ def _largest_second_difference(values: Array) -> Indices:
         some = np.moveaxis(values[tuple(every)], j, 1)
         second = some[:, :-2] - 2 * some[:, 1:-1] + some[:, 2:]
         found[j - 1] = np.abs(second).reshape(len(values), -1).max(axis=1)
-    return found.argmax(axis=0)
+    return found.argmax(axis=0), found.max(axis=0)
 
 
 class _Penalised:

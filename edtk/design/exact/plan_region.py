@@ -91,7 +91,7 @@ class RegionPlan(BoundedDesign):
     def lower_bound(self) -> Bound:
         """The bound on the cost of every plan of so many experiments."""
         # What was kept is part of the relaxation's prior, in equal parts for each new experiment.
-        return self.relaxed.searched_bound.scaled(int(self.counts.sum()))
+        return self.relaxed.told_bound.scaled(int(self.counts.sum()))
 
     @property
     def told_bound(self) -> Bound:
@@ -119,6 +119,7 @@ def plan_region(
     starts: int | None = None,
     keep: Problem | None = None,
     progress: Callable[[str, float], object] = lambda stage, number: None,
+    relaxed_by: Callable[..., RelaxedRegion] = relax_region,
 ) -> RegionPlan:
     """Find the best plan of some experiments in a region, and bound how much better any can be.
 
@@ -136,6 +137,7 @@ def plan_region(
         starts: Number of starts; defaults to 32.
         keep: Experiments that were made already, once each.
         progress: Called with the stage, and its gap or its best cost.
+        relaxed_by: What finds the relaxation: `relax_region`, or what proves its bound besides.
 
     Raises:
         ArgumentError: Size or starts are not positive, or kept experiments do not fit.
@@ -146,7 +148,7 @@ def plan_region(
     _require(region, size, number, keep)
     since = monotonic()
     beside = region if keep is None else region.with_prior(_share(region, m, keep))
-    relaxed = relax_region(beside, criterion.for_size(m), progress=progress)
+    relaxed = relaxed_by(beside, criterion.for_size(m), progress=progress)
     judged = relaxed.judged
     search = _Search(judged.region, judged.criterion, np.random.default_rng(seed))
     x = np.concatenate([relaxed.points, RegionGrid.of(region, GRID).x])

@@ -15,7 +15,14 @@ from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.relax_poses import ActiveSet
 from edtk.design.relaxation.relaxed_region import JudgedRegion, RelaxedRegion
 from edtk.design.relaxation.search_continuum import LargestSensitivities
-from edtk.design.relaxation.search_region import POINTS, RegionGrid, polish, search_region
+from edtk.design.relaxation.search_region import (
+    MARGIN,
+    POINTS,
+    RegionGrid,
+    polish,
+    search_region,
+    with_cost,
+)
 from edtk.system.typing import Array
 
 GAP = 1e-7
@@ -30,12 +37,18 @@ SLOW = 0.7
 SHARPER = 0.05  # gap of the next relaxation, in parts of the present one
 
 
+# A look beyond the search: made for region and criterion as they are judged, it is asked with the
+# search and its relaxation whether that is the end. It may know more points by then.
+Closing = Callable[[JudgedRegion], Callable[["RegionSearch", ActiveSet], bool]]
+
+
 def relax_region(
     region: Region,
     criterion: Criterion,
     candidates: int = POINTS,
     gap: float = GAP,
     progress: Callable[[str, float], object] = lambda stage, gap: None,
+    closing: Closing | None = None,
 ) -> RelaxedRegion:
     """Find the best weights over all points of a region, with a bound on every design.
 
@@ -52,6 +65,7 @@ def relax_region(
         gap: Relative gap between cost and bound at which to stop. The gap of the result may be
             larger.
         progress: Called with the stage and its relative gap.
+        closing: What is asked before the end, see `Closing`; by default nothing.
 
     Raises:
         NotImplementedError: The criterion cannot be relaxed.
@@ -63,11 +77,13 @@ def relax_region(
     relaxation = relax(first.problem, judged.criterion)
     progress("grid", relaxation.gap)
     active = ActiveSet(Candidates(first.x, first.problem), relaxation, relaxation.iterations)
-    search = _Search(RegionGrid.of(judged.region, candidates), judged.criterion)
+    grid = RegionGrid.of(judged.region, candidates)
+    search = RegionSearch(grid, judged.criterion, closing is None)
+    ends = (lambda search, active: True) if closing is None else closing(judged)
     for turn in range(ROUNDS):
         away = search.after(active, gap)
         progress("region", away)
-        if away <= gap or search.stuck(turn):
+        if (away <= gap or search.stuck(turn)) and ends(search, active):
             break
         around = np.concatenate(
             [search.points, active.support.x, search.found, search.near(active)]
@@ -90,21 +106,24 @@ def _first_grid(
     return judged, RegionGrid(judged.region, x)
 
 
-class _Search:
+class RegionSearch:
     """The best design and the best proof so far; they may come from different rounds.
 
     Args:
         grid: Where ascents begin.
         criterion: What is minimised.
+        alone: Whether nobody looks beyond the search: then points and weights of each design are
+            polished, and the largest sensitivities are raised by a margin.
     """
 
-    def __init__(self, grid: RegionGrid, criterion: Relaxable) -> None:
+    def __init__(self, grid: RegionGrid, criterion: Relaxable, alone: bool = True) -> None:
         self.grid = grid
         self.criterion = criterion
+        self.alone = alone
         self.points = np.empty((0, grid.region.size))
         self.weights = np.empty(0)
         self.cost = np.inf
-        self.proof: _Proof | None = None
+        self.proof: RegionProof | None = None
         self.found = self.points
         self._gaps: list[float] = []
 
@@ -124,7 +143,8 @@ class _Search:
             The gap that remains.
         """
         support = active.support.x
-        x, weights, cost = polish(self.grid.region, self.criterion, support, active.weights)
+        design = polish if self.alone else with_cost
+        x, weights, cost = design(self.grid.region, self.criterion, support, active.weights)
         # The first design of a few points is better than an equal one of many.
         if cost < self.cost * (1 - LOSS) or (len(x) < len(self.points) and cost <= self.cost):
             self.points, self.weights, self.cost = x, weights, cost
@@ -132,7 +152,8 @@ class _Search:
         known = np.concatenate([x, support])
         ends = []
         for Z in self._trials(active, M):
-            proof, found = _Proof.of(self.grid, self.criterion, Z, known, M)
+            margin = MARGIN if self.alone else 0.0
+            proof, found = RegionProof.of(self.grid, self.criterion, Z, known, M, margin)
             ends.append(found)
             if self.proof is None or proof.cost > self.proof.cost:
                 self.proof = proof
@@ -155,6 +176,11 @@ class _Search:
             return [of_solver]
         return [-self.criterion.gradient(M)[None], of_solver]
 
+    def refuted(self, x: Array) -> None:
+        """Forget the proof: points x (n, d) are known where the sensitivity is larger."""
+        self.proof = None
+        self.found = np.concatenate([x, self.found])
+
     def near(self, active: ActiveSet) -> Array:
         """Points of the grid that are all but in the design.
 
@@ -171,7 +197,8 @@ class _Search:
 
     def stuck(self, turn: int) -> bool:
         """Whether the last rounds have hardly closed the gap: a solver's accuracy is reached."""
-        return turn >= PATIENCE and self._gaps[-1] > SLOW * self._gaps[-1 - PATIENCE]
+        slow = turn >= PATIENCE and self._gaps[-1] > SLOW * self._gaps[-1 - PATIENCE]
+        return slow or turn == ROUNDS - 1
 
     def result(self, active: ActiveSet, judged: JudgedRegion) -> RelaxedRegion:
         """The best design with the best bound, and what the same multipliers prove on the grid.
@@ -216,7 +243,7 @@ class _Search:
 
 
 @dataclass(frozen=True, eq=False)
-class _Proof:
+class RegionProof:
     """What multipliers prove over the whole region.
 
     Attributes:
@@ -233,15 +260,21 @@ class _Proof:
 
     @classmethod
     def of(
-        cls, grid: RegionGrid, criterion: Relaxable, Z: Array, known: Array, M: Array
-    ) -> "tuple[_Proof, Array]":
+        cls,
+        grid: RegionGrid,
+        criterion: Relaxable,
+        Z: Array,
+        known: Array,
+        M: Array,
+        margin: float = MARGIN,
+    ) -> "tuple[RegionProof, Array]":
         """Search the region with multipliers Z.
 
         Returns:
             The proof, and the points (n, d) where the ascents have ended.
         """
         Z = _lifted(Z) if criterion.monotone else Z
-        largest, found = search_region(grid, criterion, Z, known)
+        largest, found = search_region(grid, criterion, Z, known, margin)
         bound = float(criterion.lower_bound(Z, largest.values, M))
         return cls(bound if np.isfinite(bound) else 0.0, Z, largest, M), found.x
 

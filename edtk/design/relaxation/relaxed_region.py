@@ -155,6 +155,11 @@ class RelaxedRegion(RelaxedDesign):
         return self.proved_bound
 
     @property
+    def bound_searched(self) -> float:
+        """The searched bound over the region as the criterion's formula prints it."""
+        return self.searched_bound.value
+
+    @property
     def places(self) -> Array:
         """The points (k, d)."""
         return self.points

@@ -215,7 +215,11 @@ def _cube(d: int, n: int) -> Array:
 
 
 def search_region(
-    grid: RegionGrid, criterion: Criterion, multipliers: Array, known: Array
+    grid: RegionGrid,
+    criterion: Criterion,
+    multipliers: Array,
+    known: Array,
+    margin: float = MARGIN,
 ) -> tuple[LargestSensitivities, Candidates]:
     """Ascend the sensitivity from every local maximum on the grid, and from known points.
 
@@ -224,9 +228,10 @@ def search_region(
         criterion: What the multipliers belong to.
         multipliers: Multipliers (r, p, p).
         known: Points (k, d) that the design rests on.
+        margin: Part by which the largest sensitivities are raised.
 
     Returns:
-        The largest sensitivities of grid and ascents, raised by `MARGIN`, and the points where the
+        The largest sensitivities of grid and ascents, raised by a margin, and the points where the
         ascents ended. A search proves nothing: a peak between the points of the grid may be missed.
     """
     region = grid.region
@@ -243,7 +248,7 @@ def search_region(
     found = Candidates(x, region.problem(x))
     ends = LargestSensitivities.over(found, criterion, multipliers)
     largest = ends.or_larger(LargestSensitivities.of(of_grid, grid.x))
-    raised = largest.values + MARGIN * np.abs(largest.values)
+    raised = largest.values + margin * np.abs(largest.values)
     return LargestSensitivities(raised, largest.x), found
 
 
@@ -325,6 +330,13 @@ def polish(
             if found <= cost * (1 + LOSS):
                 break
     return _without_light(region, criterion, best)
+
+
+def with_cost(
+    region: Region, criterion: Criterion, x: Array, weights: Array
+) -> tuple[Array, Array, float]:
+    """A design as `polish` gives one back, of which nothing moves."""
+    return x, weights, _cost(region, criterion, x, weights)
 
 
 def _cost(region: Region, criterion: Criterion, x: Array, weights: Array) -> float:

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from edtk.design.enclosure.prove_region import ProvedRegion
 from edtk.design.exact.plan_region import RegionPlan
 from edtk.design.region import Region
 from edtk.design.relaxation.relaxed_region import RelaxedRegion
@@ -35,15 +36,26 @@ def relaxed_region_text(found: RelaxedRegion) -> str:
 
 
 def region_bounds(found: RelaxedRegion) -> list[str]:
-    """The bound over the region and the one over the grid, a line each."""
+    """The bounds over the region and the one over the grid, a line each."""
     searched = found.searched_bound
     proved = found.grid_bound
+    first = [continuum_bound(found)] if isinstance(found, ProvedRegion) else []
     return [
+        *first,
         f"bound {searched.value:.7g} over the region ({searched.kind.value}), relative gap "
         f"{searched.gap:.1e}",
         f"bound {proved.value:.7g} over {len(found.grid)} points of a grid ({proved.kind.value}), "
         f"relative gap {proved.gap:.1e}",
     ]
+
+
+def continuum_bound(found: ProvedRegion) -> str:
+    """The bound over all points of the region, and what proves it."""
+    bound = found.continuum_bound
+    return (
+        f"bound {bound.value:.10g} over the region ({bound.kind.value}), relative gap "
+        f"{bound.gap:.1e}; {found.covering.boxes} boxes in {found.covering.seconds:.1f} s"
+    )
 
 
 def region_rows(found: RelaxedRegion) -> tuple[list[str], list[list[str]]]:
