@@ -100,12 +100,12 @@ def verify_problem(content: Any, problem: Problem) -> ProblemVerification:
         duals = _shares(content.get("dual_weights"), len(multipliers))
         stated = {name: number(content[name], name) for name in ("value", "bound", "gap")}
         given = content["criterion"]
-        _require_table(given)
+        require_table(given)
         plug_in = unknown(given)
-        candidates = _candidates(problem)
+        candidates = candidates_of(problem)
         require_little_work(given, candidates, len(multipliers))
-        criterion = _criterion(given)
-        claims = [_same_candidates(content["candidates"], problem, candidates.sha256)]
+        criterion = criterion_of(given)
+        claims = [same_candidates(content["candidates"], problem, candidates.sha256)]
         claims.append(_sound(places, shares))
         found = Found(math.nan, math.inf, math.nan)
         if claims[1].holds and not plug_in:
@@ -123,7 +123,7 @@ def verify_problem(content: Any, problem: Problem) -> ProblemVerification:
     )
 
 
-def _candidates(problem: Problem) -> Candidates:
+def candidates_of(problem: Problem) -> Candidates:
     """The arrays that a problem keeps."""
     kept = problem.kept
     if isinstance(kept, Rows):
@@ -131,7 +131,7 @@ def _candidates(problem: Problem) -> Candidates:
     return Candidates.of(None, kept.triangles, problem.prior)
 
 
-def _require_table(given: Any) -> None:
+def require_table(given: Any) -> None:
     """Refuse a criterion that is no table, or whose parts are none."""
     parts = given.get("criteria", []) if isinstance(given, dict) else []
     names = [given, *(parts if isinstance(parts, list) else [None])]
@@ -141,7 +141,7 @@ def _require_table(given: Any) -> None:
             raise ValueError("criterion: expected a table with a name")
 
 
-def _criterion(given: Any) -> criteria.Criterion:
+def criterion_of(given: Any) -> criteria.Criterion:
     """The criterion, for its name and its label."""
     try:
         found = criteria.from_dict(given)
@@ -196,7 +196,7 @@ def _shares(given: Any, multipliers: int) -> list[Array | None]:
     return found
 
 
-def _same_candidates(given: Any, problem: Problem, sha256: str) -> Claim:
+def same_candidates(given: Any, problem: Problem, sha256: str) -> Claim:
     """The claim that the certificate is about these candidates."""
     table(given, ("number", "parameters", "sha256"), "candidates")
     own = {"number": problem.n, "parameters": list(problem.parameters), "sha256": sha256}

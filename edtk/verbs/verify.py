@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.certificate.verify_certificate import Claim, Verification, verify_certificate
+from edtk.certificate.verify_exact import KIND as EXACT
+from edtk.certificate.verify_exact import verify_exact
 from edtk.certificate.verify_problem import KIND, verify_problem
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 # A certificate has some hundred lines; one of 20,000 experiments has 20 MB. A larger file is
 # rejected before it fills the memory.
 MOST_MB = 30.0
+OF_PROBLEMS = {KIND: verify_problem, EXACT: verify_exact}
 
 
 def verify(
@@ -71,7 +74,7 @@ def verify(
     else:
         where = str(certificate)
         content = parse_json(read_text(certificate, MOST_MB), where)
-    if isinstance(content, dict) and content.get("kind") == KIND:
+    if isinstance(content, dict) and str(content.get("kind")) in OF_PROBLEMS:
         return _of_problem(content, study, where)
     if not isinstance(content, dict) or "proof" not in content:
         raise UserError("not a certificate; expected a file written by --certificate", where=where)
@@ -107,7 +110,7 @@ def _of_problem(content: dict[str, Any], problem: object, where: str) -> Verific
             where=where,
         )
     try:
-        return verify_problem(content, problem)
+        return OF_PROBLEMS[content["kind"]](content, problem)
     except ValueError as error:
         raise UserError(f"not a certificate: {error}", where=where) from error
 

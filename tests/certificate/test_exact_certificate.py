@@ -1,0 +1,225 @@
+"""Certificates of plans of whole experiments: the second implementation, and forged files."""
+
+import copy
+import json
+import time
+
+import numpy as np
+import pytest
+
+import criteria
+import edtk
+from edtk.design.exact.counts.limits import Limits
+from edtk.design.exact.prove_exact import prove_exact
+from edtk.design.exact.store_exact import store_exact
+from edtk.design.problem import Problem
+from edtk.system.errors import UserError
+
+CRITERIA = (
+    {"name": "A"},
+    {"name": "D"},
+    {"name": "E"},
+    {"name": "G"},
+    {"name": "O1"},
+    {"name": "O3"},
+    {"name": "O5"},
+    {"name": "phi", "q": 2.0},
+    {"name": "c", "c": [1.0, -0.5, 2.0]},
+    {"name": "Ds", "interest": [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]]},
+    {"name": "rho0", "target": [[1.0, 0.2, 0.0], [0.0, 1.0, -0.4]]},
+)
+
+
+def stored(problem, criterion, m, kept=(), seconds=60.0):
+    """The certificate of a proof, as a file has it."""
+    counts = np.bincount(np.array(kept, dtype=int), minlength=problem.n)
+    base = problem.with_prior(None).information(counts)
+    if problem.prior is not None:
+        base = base + (m + len(kept)) * problem.prior
+    limits = Limits(m, base)
+    proof = prove_exact(problem, criterion, limits, seconds=seconds)
+    return json.loads(json.dumps(store_exact(problem, criterion, limits, counts, proof)))
+
+
+def drawn(seed, rows=1):
+    """Candidates with three parameters, every second with a prior."""
+    rng = np.random.default_rng(seed)
+    B = rng.normal(size=(2, 3))
+    prior = 0.1 * B.T @ B if seed % 2 else None
+    return Problem(rng.normal(size=(9, rows, 3)), prior=prior)
+
+
+PROBLEM = drawn(0)
+CERTIFICATE = stored(PROBLEM, criteria.create("A"), 4)
+
+
+@pytest.mark.parametrize("given", CRITERIA, ids=lambda given: given["name"])
+def test_a_proof_is_confirmed_without_the_code_of_the_search(given):
+    """All claims hold for every criterion, with priors, several rows, and kept experiments."""
+    for seed, rows, kept in [(0, 1, ()), (1, 2, (3, 3))]:
+        problem = drawn(seed, rows)
+        found = edtk.verify(stored(problem, criteria.from_dict(given), 4, kept), problem)
+        assert found.valid, found.summary()
+        assert "the best of all plans of" in found.proved
+
+
+def test_information_in_place_of_rows():
+    """Candidates that are known by their information alone are judged, too."""
+    problem = Problem.of_information(PROBLEM.packed)
+    assert edtk.verify(stored(problem, criteria.create("D"), 5), problem).valid
+
+
+def test_a_proof_that_was_not_ended_proves_its_bound():
+    """Without time the bound of the root holds, and the plan is not said to be the best."""
+    rows = np.random.default_rng(3).normal(size=(60, 1, 4))
+    content = stored(Problem(rows), criteria.create("A"), 9, seconds=0.0)
+    assert not content["proved_exact"]
+    found = edtk.verify(content, Problem(rows))
+    assert found.valid
+    assert "the bound holds for all plans of 9 experiments" in found.proved
+
+
+def test_equal_candidates_need_one_position():
+    """Rows and their opposites stand for one another; a candidate that differs does not."""
+    rows = np.random.default_rng(4).normal(size=(7, 1, 2))
+    problem = Problem(np.concatenate([rows, -rows]))
+    content = stored(problem, criteria.create("D"), 4)
+    assert len(content["tree"]["order"]) == 7
+    assert edtk.verify(content, problem).valid
+
+
+def forged(change):
+    """The certificate after a change; its claims that do not hold."""
+    content = copy.deepcopy(CERTIFICATE)
+    change(content)
+    return edtk.verify(content, PROBLEM).failed
+
+
+def holds(content):
+    """Whether a file is a certificate all of whose claims hold."""
+    try:
+        return edtk.verify(content, PROBLEM).valid
+    except UserError:
+        return False
+
+
+def without(node):
+    """A change that takes a node out of the tree; those behind it move up."""
+
+    def change(content):
+        tree = content["tree"]
+        for name in ("multiplier", "parent", "group", "first", "stop", "count"):
+            del tree[name][node]
+        tree["parent"] = [own - (own > node) for own in tree["parent"]]
+
+    return change
+
+
+def leaves():
+    """Nodes without children."""
+    parents = set(CERTIFICATE["tree"]["parent"])
+    return [i for i in range(len(CERTIFICATE["tree"]["parent"])) if i not in parents]
+
+
+def test_a_tree_without_a_leaf_is_refused():
+    """Every leaf is needed: none may be left out, whatever its multiplier says."""
+    assert len(leaves()) > 5
+    for node in leaves():
+        assert "bound_exact" in forged(without(node))
+
+
+def test_a_tree_without_all_children_is_refused():
+    """A node whose children are left out is open."""
+    tree = CERTIFICATE["tree"]
+    inner = max(own for own in tree["parent"])
+
+    def change(content):
+        for node in sorted(np.flatnonzero(np.array(tree["parent"]) == inner), reverse=True):
+            without(int(node))(content)
+
+    assert forged(change) == ("bound_exact", "proved_exact")
+
+
+@pytest.mark.parametrize("factor", [1.0 + 1e-6, 1.1])
+def test_a_bound_that_is_too_good_is_refused(factor):
+    """A bound above the cost of the best plan does not hold; a weaker one does."""
+    assert "bound_exact" in forged(lambda own: own.update(bound_exact=own["value"] * factor))
+    weaker = own_bound(0.9)
+    assert weaker == ("proved_exact",)
+
+
+def own_bound(factor):
+    """The claims that fail of a bound so many times as large."""
+    return forged(lambda own: own.update(bound_exact=own["bound_exact"] * factor))
+
+
+def test_a_multiplier_that_is_not_semidefinite_is_refused():
+    """A negative eigenvalue would make sensitivities small that are not."""
+
+    def change(content):
+        content["tree"]["multipliers"][0][0] -= 10.0
+
+    with pytest.raises(UserError, match="positive semidefinite"):
+        forged(change)
+
+
+def test_multipliers_are_not_believed_to_be_scaled():
+    """A multiplier proves the same at any length; another one proves less."""
+
+    def times(factor):
+        def change(content):
+            tree = content["tree"]
+            tree["multipliers"] = (factor * np.array(tree["multipliers"])).tolist()
+
+        return change
+
+    assert forged(times(1e-3)) == ()
+
+    def identity(content):
+        tree = content["tree"]
+        tree["multipliers"] = [[1.0, 0, 0, 1.0, 0, 1.0]] * len(tree["multipliers"])
+
+    assert "bound_exact" in forged(identity)
+    assert "bound_exact" in forged(times(0.0))
+
+
+CHANGES = {
+    "a worse plan": lambda own: own["plan"].update(candidate=[0, 1], count=[2, 2]),
+    "fewer experiments": lambda own: own["plan"].update(candidate=[0], count=[1]),
+    "another size": lambda own: own.update(size=5),
+    "other candidates": lambda own: own["candidates"].update(sha256="0" * 64),
+    "another value": lambda own: own.update(value=own["value"] * 0.99),
+    "the root is a part": lambda own: own["tree"]["stop"].__setitem__(0, 8),
+    "a candidate is missing": lambda own: own["tree"]["order"].pop(),
+    "counts do not add up": lambda own: own["tree"]["count"].__setitem__(2, 9),
+    "a group that is not there": lambda own: own["tree"]["group"].__setitem__(1, 7),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_forged_entries_fail(name):
+    """No entry can be changed to another claim: it fails, or the file is none."""
+    content = copy.deepcopy(CERTIFICATE)
+    CHANGES[name](content)
+    assert not holds(content)
+
+
+def test_kept_experiments_of_another_problem_have_no_certificate():
+    """What every plan has must follow from the problem: else the file would have to be believed."""
+    criterion = criteria.create("A")
+    limits = Limits(4, np.eye(3))
+    proof = prove_exact(PROBLEM, criterion, limits, seconds=0.0)
+    with pytest.raises(UserError, match="no certificate yet"):
+        store_exact(PROBLEM, criterion, limits, np.zeros(9, dtype=int), proof)
+
+
+def test_the_check_takes_less_time_than_the_proof():
+    """A tree of some hundred nodes is replayed faster than it was found."""
+    problem = Problem(np.random.default_rng(5).normal(size=(120, 1, 4)))
+    since = time.process_time()
+    content = stored(problem, criteria.create("A"), 7)
+    proving = time.process_time() - since
+    assert len(content["tree"]["parent"]) > 500
+    since = time.process_time()
+    assert edtk.verify(content, problem).valid
+    assert time.process_time() - since < proving
