@@ -122,7 +122,7 @@ def calibrate(study: Study, path: Table, how: HowFitted = AS_USUAL) -> Calibrati
         still = still_joints(study.robot, data.q)
         named = (untold_finding(told, part.words, still, "; or a [prior], with --bayes"), *named)
         named = tuple(sorted(named, key=lambda one: -one.severity))
-    if study.designed is not study:
+    if study.with_known is not study:
         left = {one.name: one for one in bare.propagation.assumed}
         more = (*named, *known_findings(study, left))
         named = tuple(sorted(more, key=lambda one: -one.severity))

@@ -27,6 +27,7 @@ from edtk.measure.task import Tasks
 from edtk.study.evaluate import accuracy_of_tasks, plan_covariance
 from edtk.study.study import Study
 from edtk.study.study_model import payload_beside_load, promised_noise, study_sigma
+from edtk.study.study_objects import friction_of
 from edtk.system.errors import UserError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
@@ -199,6 +200,27 @@ def _left_out(study: Study, tasks: Tasks) -> float:
     return float(np.hypot(constant, noise.error.remaining(columns)))
 
 
+def _held(study: Study, tasks: Tasks, plan: Plan) -> float:
+    """Root mean square of what friction adds in tasks that it may hold a share of all loads [m].
+
+    It is in the tasks, and in estimates that a plan cannot tell from it.
+    """
+    noise = promised_noise(study, study.model)
+    if noise is None or noise.error is None:
+        return 0.0
+    friction = friction_of(study, noise.error.share)
+    if friction is None:
+        return 0.0
+    with_friction = study.with_friction(friction)
+    known = with_friction.prior_information
+    assert known is not None
+    M = replace(with_friction.space, noise=noise).information(plan) + known
+    every = np.asarray(covariance(M, with_friction.model.parameters))
+    beside = compensation_accuracy(tasks.with_friction(friction).target, every)
+    alone = compensation_accuracy(tasks.target, _covariance_with(study, plan, noise))
+    return float(np.sqrt(np.maximum(beside**2 - alone**2, 0.0)))
+
+
 def plan_budget(study: Study, plan: Plan) -> ErrorBudget | None:
     """Propagate what is uncertain in a calibration by a plan to the study's task.
 
@@ -217,7 +239,8 @@ def plan_budget(study: Study, plan: Plan) -> ErrorBudget | None:
     propagation = None if study.target is None else plan_propagation(study, plan)
     if propagation is None:
         return None
-    budget = propagation.budget(study.tasks, _left_out(study, study.tasks))
+    left_out = np.hypot(_left_out(study, study.tasks), _held(study, study.tasks, plan))
+    budget = propagation.budget(study.tasks, float(left_out))
     table = study.specification.noise
     if table is not None and table.says_of_model:
         return budget
@@ -245,7 +268,8 @@ def plan_tasks(study: Study, plan: Plan) -> TaskAccuracy | None:
     propagation = None if found is None else plan_propagation(study, plan)
     if found is None or propagation is None:
         return found
-    left_out = np.array([_left_out(study, Tasks([task])) for task in study.tasks])
+    each = [Tasks([task]) for task in study.tasks]
+    left_out = np.array([np.hypot(_left_out(study, one), _held(study, one, plan)) for one in each])
     return replace(found, total=propagation.totals(study.tasks, left_out))
 
 

@@ -155,7 +155,7 @@ def measured_known(study: Study, data: Measurements, how: HowFitted) -> Study:
         The same study with other values; itself where nothing is uncertain, or where the
         measurements leave an unknown compliance open.
     """
-    joint = study.designed
+    joint = study.with_known
     names = joint.specification.joints.unknown[len(study.unknown) :]
     if not names:
         return study

@@ -16,6 +16,7 @@ from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.friction import Friction
 from edtk.measure.instruments.distance import Distance
 from edtk.measure.instruments.marker import Marker
 from edtk.measure.instruments.pose_marker import PoseMarker
@@ -382,9 +383,18 @@ def setting_to_dict(study: Study, space: DesignSpace) -> dict[str, Any]:
         "test_pose": _test_pose(study),
         **physics_to_dict(study.model),
         **gives_to_dict(study.model.gives),
+        **_friction(study.friction),
         **({} if study.interest is None else {"interest": study.interest.tolist()}),
         **({} if study.prior_information is None else {"prior": _prior(study.prior_information)}),
     }
+
+
+def _friction(friction: Friction | None) -> dict[str, Any]:
+    """What friction may hold, in SI units: one key; none where it counts for nothing."""
+    if friction is None:
+        return {}
+    sizes = {"k": friction.k.tolist(), "load": friction.load.tolist()}
+    return {"friction": sizes | {"share": friction.share}}
 
 
 def _prior(information: Array) -> list[list[float]]:

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from edtk.measure.friction import Friction
 from edtk.measure.instruments.marker import Marker
 from edtk.measure.instruments.one_row import whole_instruments
 from edtk.measure.instruments.pose_marker import PoseMarker
@@ -123,6 +124,8 @@ class ElastostaticModel:
             see them to the second order only, at a loaded equilibrium; None for none.
         gives: How joints with compensators give way about a guess of their compliances, which the
             columns of regressors are times; None where none does, or for the joints alone.
+        friction: What friction of the unknown joints holds, whose shares are parameters behind the
+            compliances; None where it counts for nothing.
 
     Raises:
         ValueError: An index is out of range or repeated.
@@ -136,6 +139,7 @@ class ElastostaticModel:
     weights: DeadWeights | None = None
     own_weights: DeadWeights | None = None
     gives: GivingWay | None = None
+    friction: Friction | None = None
 
     def __post_init__(self) -> None:
         unknown = tuple(range(self.robot.n)) if self.unknown is None else tuple(self.unknown)
@@ -154,8 +158,13 @@ class ElastostaticModel:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of the parameters: k2 for joint q2, and k_NAME for a joint of another name."""
-        return parameter_names([self.robot.joint_names[j] for j in self.joints])
+        """Names of the parameters: k2 for joint q2, and k_NAME for a joint of another name.
+
+        Those of friction come last.
+        """
+        names = [self.robot.joint_names[j] for j in self.joints]
+        held = () if self.friction is None else self.friction.names(names)
+        return (*parameter_names(names), *held)
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -171,7 +180,7 @@ class ElastostaticModel:
     @property
     def p(self) -> int:
         """Number of parameters."""
-        return len(self.joints)
+        return len(self.joints) + (0 if self.friction is None else len(self.friction))
 
     @cached_property
     def instruments(self) -> tuple[Sensor, ...]:
@@ -290,6 +299,14 @@ class ElastostaticModel:
 
     def regressor_of(self, frames: Frames, wrench: ArrayLike) -> Array:
         """Regressors (p, rows, ...) of poses whose frames are at hand, component first."""
+        A = self._of_springs(frames, wrench)
+        if self.friction is None:
+            return A
+        factors = self.friction.factors(self.torque_of(frames, wrench)[self.joints])
+        return np.concatenate([A, A * factors[:, None]])
+
+    def _of_springs(self, frames: Frames, wrench: ArrayLike) -> Array:
+        """The columns of the compliances alone."""
         A = self._by_loads(frames, wrench)
         if self.gives is None:
             return A
@@ -339,6 +356,18 @@ class ElastostaticModel:
         Returns:
             Derivatives (n, ...).
         """
+        if self.friction is None:
+            return self._spring_slope(frames, wrench, B)
+        # Columns of friction are those of springs, times a factor of the load.
+        own, held = np.split(B, 2)
+        torque = self.torque_of(frames, wrench)[self.joints]
+        weights = own + self.friction.factors(torque)[:, None] * held
+        s = np.zeros_like(frames.q)
+        s[self.joints] = dot(self._of_springs(frames, wrench), held) * self.friction.slopes(torque)
+        return self._spring_slope(frames, wrench, weights) + self.torque_slope_of(frames, wrench, s)
+
+    def _spring_slope(self, frames: Frames, wrench: ArrayLike, B: Array) -> Array:
+        """The slopes of the columns of the compliances alone."""
         joints = self.joints
         slope = np.zeros_like(frames.q)
         if self.gives is not None:

@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.friction import GIVES, together
 from edtk.robots.frames import Frames
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array, Indices
 
-# Of a joint's mean load: friction holds a load whole that is smaller than that.
-GIVES = 0.1
 SIDES = 2  # axes across that of a joint
 
 Motion = Callable[[Frames], Array]
@@ -34,7 +33,8 @@ class MissingPieces:
        Bearings tilt, and links bend, like that.
     2. *Held*: friction of joint j holds its mean load m_j in calibration, of either sign:
        ``y_j k_j m_j sign(tau_j)`` with ``y_j = dy/dq_j``; where ``|tau_j|`` is less than a tenth
-       of m_j it is in proportion to that.
+       of m_j it is in proportion to that, see `Friction`. Its shares go together, and columns are
+       of uncorrelated ones, see `together`.
     3. *Turn*: joint j turns by ``k_j tau_j`` once more, ``y_j k_j tau_j``, by another share in
        each pose, as where its stiffness varies with its position.
 
@@ -91,7 +91,7 @@ class MissingPieces:
         torque = model.torque_of(frames, wrench)
         some = np.where(load > 0, GIVES * load, 1.0)
         held = self.k.reshape(soft.shape) * load * np.clip(torque / some, -1.0, 1.0)
-        parts.append(motion_of(frames) * held[:, None])
+        parts.append(together(motion_of(frames) * held[:, None]))
         return np.moveaxis(np.concatenate(parts), (0, 1), (-1, -2))
 
     @cached_property

@@ -63,6 +63,11 @@ class ModelError:
         return cls(k, half, half)
 
     @property
+    def share(self) -> float:
+        """What is left out of a position in all, as a share of what the springs move it."""
+        return float(np.hypot(self.turn, self.anywhere))
+
+    @property
     def is_zero(self) -> bool:
         """Whether the model is taken as exact."""
         return not (self.k.any() and (self.turn or self.anywhere))
@@ -108,7 +113,7 @@ class ModelError:
         Args:
             columns: Their columns (rows, n), of all free joints: ``y_i tau_i`` [m/(rad/(N m))].
         """
-        return float(np.hypot(self.turn, self.anywhere) * np.linalg.norm(columns * self.k))
+        return self.share * float(np.linalg.norm(columns * self.k))
 
     def slope_weights(
         self, motion: Array, torque: Array, S: Array, groups: Indices

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.friction import Friction
 from edtk.measure.measured_model import Load, MeasuredModel, Seen
 from edtk.robots.compensator import GivingWay
 from edtk.robots.robot import Robot
@@ -211,6 +212,8 @@ class Task:
         own_weights: Weights that bend the robot with and without the task's load; None for none,
             or where displacements do not see them.
         gives: How joints with compensators give way where the load is; None where none does.
+        friction: What friction of these joints holds, whose shares do harm, too; None where it
+            counts for nothing.
     """
 
     q: Array
@@ -226,6 +229,7 @@ class Task:
     columns: Columns | None = None
     own_weights: DeadWeights | None = None
     gives: GivingWay | None = None
+    friction: Friction | None = None
 
     @cached_property
     def placed(self) -> Robot:
@@ -241,6 +245,7 @@ class Task:
             weights=self.dead_weights,
             own_weights=self.own_weights,
             gives=self.gives,
+            friction=self.friction,
         )
 
     @cached_property
@@ -368,7 +373,11 @@ class Tasks(tuple[Task, ...]):
 
     def with_unknown(self, unknown: tuple[int, ...]) -> "Tasks":
         """The same tasks of a robot of which other compliances are unknown."""
-        return Tasks(replace(task, unknown=unknown) for task in self)
+        return Tasks(replace(task, unknown=unknown, friction=None) for task in self)
+
+    def with_friction(self, friction: Friction) -> "Tasks":
+        """The same tasks, in which what friction of the unknown joints holds does harm, too."""
+        return Tasks(replace(task, friction=friction) for task in self)
 
     def with_columns(self, columns: Callable[[Task], Columns]) -> "Tasks":
         """The same tasks, in which other parameters do harm."""

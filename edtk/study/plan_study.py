@@ -187,7 +187,7 @@ def relax_study(
         PlanInterrupted: Ctrl-C after a first certified plan, which it carries.
     """
     study = study.designed_for(criterion)
-    if size is not None and not study.specification.prior.in_design:
+    if size is not None and study.prior_information is None:
         message = "has no effect without a prior in the design; expected none"
         raise ArgumentError(message, argument="size", given=size)
     with study_errors(study):

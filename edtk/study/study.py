@@ -9,6 +9,7 @@ from typing import Any, Unpack
 
 from edtk.design.plan import Plan
 from edtk.findings.finding import Finding
+from edtk.measure.friction import Friction
 from edtk.measure.pose_table import Table
 from edtk.robots.robot import Robot
 from edtk.robots.robot_file import robot_to_dict
@@ -18,7 +19,7 @@ from edtk.study.plans import load_plan
 from edtk.study.plausibility import plausibility
 from edtk.study.schema import Specification, read_specification
 from edtk.study.study_model import compensator_numbers
-from edtk.study.study_objects import StudyObjects
+from edtk.study.study_objects import StudyObjects, friction_of
 from edtk.study.study_parts import counts_known, designed_keys, study_robot, with_springs
 from edtk.study.study_toml import StudyKeys, keys_signature, plain_keys, read_toml, study_toml
 from edtk.system.presented import Presented
@@ -115,6 +116,7 @@ class Study(StudyObjects, Presented):
         removed = {key for key, value in keys.items() if value is None}
         kept = {key: value for key, value in self._given.items() if key not in removed}
         other = Study.__new__(Study)
+        other._set(friction=self.friction)
         other._fill(kept | _plain(keys), self.folder if folder is None else Path(folder))
         return other.excluding(self.excluded)
 
@@ -126,7 +128,7 @@ class Study(StudyObjects, Presented):
                 were given to `excluding` before.
         """
         other = Study.__new__(Study)
-        names = ("specification", "robot", "folder", "path", "digest", "kind", "_given")
+        names = ("specification", "robot", "folder", "path", "digest", "kind", "friction", "_given")
         other._set(**{name: getattr(self, name) for name in names})
         other._set(excluded=Path(poses) if isinstance(poses, str) else poses)
         return other
@@ -155,10 +157,29 @@ class Study(StudyObjects, Presented):
         )
 
     @cached_property
-    def designed(self) -> "Study":
-        """The study by which plans are designed: uncertain known compliances are parameters."""
+    def with_known(self) -> "Study":
+        """The study in which uncertain known compliances are parameters."""
         changed = designed_keys(self)
         return self.replace(**changed) if changed else self
+
+    @cached_property
+    def designed(self) -> "Study":
+        """The study by which plans are designed, of which more is a parameter.
+
+        Uncertain known compliances are; and so is what friction holds, where the study says how
+        much its model leaves out.
+        """
+        study = self.with_known
+        noise = self.specification.noise
+        share = 0.0 if noise is None else (noise.model_error_percent or 0.0) / 100
+        friction = None if self.friction is not None else friction_of(study, share)
+        return study if friction is None else study.with_friction(friction)
+
+    def with_friction(self, friction: Friction) -> "Study":
+        """The same study, in which shares of the joints' loads that friction holds are unknown."""
+        other = self.excluding(self.excluded)
+        other._set(friction=friction)
+        return other
 
     def designed_for(self, criterion: str | None = None) -> "Study":
         """The study by which plans for a criterion are designed, by default the main one."""

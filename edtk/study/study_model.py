@@ -432,7 +432,7 @@ def _visit_noise(
         repeatability=table.repeatability(pose_factors(study.robot)),
         white=study_sigma(study),
         discrepancy=np.where(lengths, table.discrepancy_mm / 1e3, 0.0),
-        within=float(np.deg2rad(table.discrepancy_within_deg)),
+        within=float(np.deg2rad(table.within(bool(share)))),
         readings=READINGS[study.specification.measurement.reference],
         error=error,
         groups=groups_of(model.whole_instruments),

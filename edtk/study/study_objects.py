@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -9,10 +10,12 @@ import numpy as np
 
 import criteria
 from criteria.linalg.estimable import combination
+from edtk.design.candidate_source import CandidateSource, EmptyFeasibleSetError
 from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
 from edtk.findings.finding import Finding
 from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.friction import Friction
 from edtk.measure.noise import VisitNoise
 from edtk.measure.pose_table import PoseTable, Table
 from edtk.measure.task import Task, Tasks
@@ -20,7 +23,7 @@ from edtk.robots.loads.load import Load
 from edtk.robots.robot import Robot
 from edtk.robots.workspace import Workspace
 from edtk.study.asked import Asked
-from edtk.study.study_model import study_model, study_noise, study_sigma
+from edtk.study.study_model import guessed_compliances, study_model, study_noise, study_sigma
 from edtk.study.study_parts import (
     TaskDefaults,
     prior_information,
@@ -32,6 +35,7 @@ from edtk.study.tables_of_task import CriterionTable, InterestTable
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
 
+POSES = 200  # whose loads are usual
 COORDINATES = 3  # of the first marker; or a distance, in any number of rows
 
 
@@ -161,9 +165,12 @@ class StudyObjects(Asked):
 
     Attributes:
         kind: What a study of these unknowns says otherwise than others.
+        friction: What friction holds of the joints' loads, where it is unknown, too; None where it
+            counts for nothing, as in all but designs.
     """
 
     kind: Kind
+    friction: Friction | None = None
 
     @cached_property
     def model(self) -> ElastostaticModel:
@@ -171,7 +178,8 @@ class StudyObjects(Asked):
 
         A study of geometry without springs has one of all joints: it tells motions and loads.
         """
-        return study_model(self, self.unknown or tuple(range(self.robot.n)))
+        found = study_model(self, self.unknown or tuple(range(self.robot.n)))
+        return found if self.friction is None else replace(found, friction=self.friction)
 
     @property
     def sigma(self) -> Array:
@@ -191,7 +199,8 @@ class StudyObjects(Asked):
     @cached_property
     def tasks(self) -> Tasks:
         """The poses in which the robot shall be accurate, with their tools and loads."""
-        return study_tasks(self, self.kind.task)
+        found = study_tasks(self, self.kind.task)
+        return found if self.friction is None else found.with_friction(self.friction)
 
     @cached_property
     def noise(self) -> VisitNoise | None:
@@ -220,9 +229,13 @@ class StudyObjects(Asked):
         None, too, where the geometry is unknown, whose interest is told by names of parameters.
         """
         table = self.specification.interest
-        if table is None:
-            return None
-        return self.kind.interest(table, self.specification.joints.unknown)
+        unknown = self.specification.joints.unknown
+        found = None if table is None else self.kind.interest(table, unknown)
+        if self.friction is None:
+            return found
+        # What friction holds is nuisance.
+        own = np.eye(len(unknown)) if found is None else found
+        return np.pad(own, ((0, len(self.friction)), (0, 0)))
 
     @property
     def interest_names(self) -> tuple[str, ...]:
@@ -268,8 +281,19 @@ class StudyObjects(Asked):
 
     @cached_property
     def prior_information(self) -> Array | None:
-        """Information (p, p) that counts beside every plan; None unless `[prior] in_design`."""
-        return prior_information(self)
+        """Information (p, p) that counts beside every plan; None where nothing is known.
+
+        That is of a prior with `in_design`, and of how much friction holds at most.
+        """
+        known = prior_information(self)
+        if self.friction is None:
+            return known
+        p = len(self.unknown)
+        M = np.zeros((self.model.p, self.model.p))
+        M[p:, p:] = self.friction.information
+        if known is not None:
+            M[:p, :p] = known
+        return M
 
     def information(self, plan: Plan) -> Array:
         """Information matrix (p, p) of a plan, and of the prior if that counts in designs."""
@@ -341,3 +365,32 @@ class StudyObjects(Asked):
                     "simulation.compliance_rad_per_Nm", f"expected a value for joint {name!r}"
                 )
         return np.array([given[name] for name in self.specification.joints.unknown])
+
+
+def friction_of(study: StudyObjects, share: float) -> Friction | None:
+    """What friction of the unknown joints may hold of their loads.
+
+    Usual loads are means over feasible poses.
+
+    Args:
+        study: The study.
+        share: Standard deviation of what each joint holds of its usual load.
+
+    Returns:
+        The friction; None for no share, or where a study is about geometry.
+
+    Raises:
+        UserError: No pose is feasible, or the study guesses no compliance of a joint.
+    """
+    if not share or study.specification.parameters:
+        return None
+    k = guessed_compliances(study)[list(study.unknown)]
+    try:
+        x = CandidateSource(study.space, 0, workers=1).take(POSES).x
+    except EmptyFeasibleSetError as error:
+        raise study.error("workspace", str(error)) from error
+    plan = study.space.plan(x, np.ones(len(x), dtype=int))
+    torque = study.model.torque_of(study.model.frames(plan.q), plan.wrench)
+    load = np.abs(torque[study.model.joints]).mean(axis=1)
+    # Of a joint that nothing loads friction holds nothing, and it has no load for a unit.
+    return Friction(k, np.where(load > 0, load, 1.0), share)

@@ -93,6 +93,9 @@ class DistanceTable(Table):
 
 
 # Within limits +-MPE, of which nothing else is known, errors are uniform: JCGM 100:2008, 4.3.7.
+# Poses nearer than this share what the model leaves out [deg]. Where it is of springs, which give
+# way otherwise in another position, it varies once in a turn of a joint, and cos 60 deg is a half.
+NEAR, OF_SPRINGS = 5.0, 60.0
 MPE_OVER_SIGMA = math.sqrt(3)
 
 # Trackers with more than a millimetre, or a millimetre a metre, are not sold.
@@ -142,10 +145,11 @@ class NoiseTable(Table):
         "[prior] guesses; a sheet tells itself what they leave out, but for 0. Where nothing is "
         "said of the model's errors the expected error of a plan assumes 10, and its poses 0 [%]",
     )
-    discrepancy_within_deg: Positive = Field(
-        5.0,
+    discrepancy_within_deg: Positive | None = Field(
+        None,
         description="Poses nearer than this share what the model leaves out, Euclidean over the "
-        "revolute joints [deg]",
+        "revolute joints; 5, or 60 with model_error_percent: what varies once in a turn of a joint "
+        "is correlated by a half over so much [deg]",
     )
 
     estimated: tuple[Literal["joints", "discrepancy"], ...] = Field(
@@ -197,6 +201,16 @@ class NoiseTable(Table):
         """Whether the model leaves something out."""
         return bool(self.discrepancy_mm or self.model_error_percent)
 
+    def within(self, springs_err: bool) -> float:
+        """How far poses are apart that do not share what the model leaves out [deg].
+
+        Args:
+            springs_err: Whether that grows with what the springs do.
+        """
+        if self.discrepancy_within_deg is not None:
+            return self.discrepancy_within_deg
+        return OF_SPRINGS if springs_err else NEAR
+
     @property
     def says_of_model(self) -> bool:
         """Whether it is said how much the model leaves out, be it nothing."""
@@ -240,7 +254,8 @@ class NoiseTable(Table):
         if self.model_error_percent:
             sizes.append(f"model error {self.model_error_percent:g} % of the displacement")
         if sizes:
-            shared = f"shared by poses within {self.discrepancy_within_deg:g} deg"
+            within = self.within(bool(self.model_error_percent))
+            shared = f"shared by poses within {within:g} deg"
             parts.append(f"{' and '.join(sizes)}, {shared}")
         return ", ".join(parts)
 

@@ -165,7 +165,10 @@ class OfStudy(Question):
         if found.kept is not None or priced or timed:
             return ()
         options = RunOptions(seed=call.seed, progress=call.progress)
-        size = found.plan.experiments if asked.specification.prior.in_design else None
+        before = asked.specification.prior.in_design or (
+            self._designed(asked, criterion).prior_information is not None
+        )
+        size = found.plan.experiments if before else None
         each = []
         for of, factor in product(asked.guesses, OFF):
             try:

@@ -5,7 +5,6 @@ import pytest
 from arm import arm
 from readings import PLAN, STUDY
 
-import criteria
 import edtk
 from edtk.calibration.planned import plan_budget
 from edtk.report.views.calibration import error_budget
@@ -68,8 +67,9 @@ def test_a_plan_says_what_a_wrong_guess_of_the_springs_costs():
     assert [one.factor for one in found.off_guess] == [0.5, 1.5]
     one = found.off_guess[1]
     other = study.with_guess_times(one.factor)
-    bound = edtk.relax(other, "D", continuous=True).best_bound.scaled(4)
-    cost = criteria.create("D").cost(other.information(found.plan))
+    bound = edtk.relax(other, "D", continuous=True, size=4).best_bound.scaled(4)
+    designed = other.designed
+    cost = designed.criterion("D").cost(designed.information(found.plan))
     assert one.efficiency == pytest.approx(bound.cost / cost, rel=1e-3)
     assert 0.5 < one.efficiency < 1 + 1e-6
     assert "guess       of the springs, [simulation]; its efficiency is" in found.summary()

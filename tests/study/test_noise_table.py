@@ -72,7 +72,7 @@ def test_model_error():
     np.testing.assert_allclose(before.k, error.k)
     assert arm(noise={"model_error_percent": 0}).noise is None
     text = study_text(arm(noise=noise, simulation=springs))
-    assert "model error 4 % of the displacement, shared by poses within 5 deg" in text
+    assert "model error 4 % of the displacement, shared by poses within 60 deg" in text
     with pytest.raises(UserError, match=r"noise\.model_error_percent: is a share of what the spr"):
         arm(noise=noise)
 

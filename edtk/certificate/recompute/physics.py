@@ -20,6 +20,7 @@ KEYS = ("tracker", "repeatability", "discrepancy", "within", "readings")
 SPRINGS = ("k", "turn", "anywhere")
 SAME = 1e-9  # [rad]: poses nearer than this are one pose, and distances are compared as exactly
 COORDINATES = 3  # of a marker that the tracker sees
+HELD = 0.1  # of a usual load: friction holds less than that in proportion
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,6 +198,52 @@ def regressors(
     if weights:
         torque = torque + weight_torque(chain, weights, q)[:, unknown]
     return np.asarray(columns * torque[:, None])
+
+
+def loads(
+    chain: Chain, unknown: list[int], q: Array, wrench: Array, weights: Collection[Weight] = ()
+) -> Array:
+    """Loads (k, p) of joints by wrenches at the tool point, and weights; see `regressors`."""
+    columns = chain.jacobian(q)[:, :, unknown]
+    torque = np.einsum("krp,kr->kp", columns, at_load_point(chain, q, wrench))
+    return np.asarray(torque + weight_torque(chain, weights, q)[:, unknown])
+
+
+@dataclass(frozen=True, eq=False)
+class Friction:
+    """What friction holds of the loads of the unknown joints, by a share of a usual load.
+
+    A joint whose load is ``t`` turns less by ``k m`` for a share of one, or by ``10 k t`` where
+    that is less: its column is that of the compliance, times ``k m / |t|`` but ``10 k`` at most.
+
+    Attributes:
+        k: Compliances (p,) [rad/(N m)].
+        load: Usual loads (p,) [N m or N].
+    """
+
+    k: Array
+    load: Array
+
+    @classmethod
+    def from_dict(cls, content: Any, p: int) -> "Friction":
+        """Read the part `setting.friction` of a certificate; what is known of shares is a prior.
+
+        Raises:
+            ValueError: A part is missing, or is not positive.
+        """
+        where = "setting.friction"
+        content = table(content, ("k", "load", "share"), where)
+        k, load = (numbers(content[key], (p,), f"{where}.{key}") for key in ("k", "load"))
+        if not (k >= 0).all() or not (load > 0).all():
+            raise ValueError(f"{where}: expected compliances from zero, and loads above zero")
+        if not number(content["share"], f"{where}.share") > 0:
+            raise ValueError(f"{where}.share: expected a number above zero")
+        return cls(k, load)
+
+    def beside(self, A: Array, torque: Array) -> Array:
+        """Columns (k, rows, 2p): those A of compliances, and of friction under loads (k, p)."""
+        size = np.maximum(np.abs(torque), HELD * self.load)
+        return np.concatenate([A, A * (self.k * self.load / size)[:, None]], axis=2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 from edtk.certificate.recompute.chain import Chain
 from edtk.certificate.recompute.compensator import Gives
 from edtk.certificate.recompute.geometry import Geometry
-from edtk.certificate.recompute.physics import Noise, Physics, regressors
+from edtk.certificate.recompute.physics import Friction, Noise, Physics, regressors
 from edtk.certificate.recompute.plain_data import (
     WRENCH,
     number,
@@ -39,7 +39,7 @@ SETTING_KEYS = (
 )
 OPTIONAL = (
     *("physics", "noise", "interest", "prior", "geometry"),
-    *("margin", "coupled_margin", "gives"),
+    *("margin", "coupled_margin", "gives", "friction"),
 )
 
 
@@ -330,6 +330,8 @@ class Setting:
         margin: How far poses keep away from the limits of each joint (n,) [rad or m]; None for no
             margin.
         gives: How joints with compensators give way; None without any.
+        friction: What friction holds of the joints' loads, whose shares are parameters behind the
+            compliances; None where it counts for nothing.
     """
 
     name: str
@@ -349,6 +351,7 @@ class Setting:
     price: Callable[[Array], Array] | None = None
     margin: Array | None = None
     gives: Gives | None = None
+    friction: Friction | None = None
 
     @classmethod
     def from_dict(cls, content: Any) -> "Setting":
@@ -378,7 +381,13 @@ class Setting:
             if physics is None:
                 raise ValueError("setting: the key 'physics' is missing")
             geometry = Geometry.from_dict(content["geometry"], chain, physics, gives)
-        p = len(unknown) if geometry is None else geometry.p
+        friction = None
+        if "friction" in content:
+            if geometry is not None:
+                raise ValueError("setting.friction: goes with compliances alone")
+            friction = Friction.from_dict(content["friction"], len(unknown))
+            physics = physics or Physics.at_tool_point(kind)
+        p = geometry.p if geometry is not None else len(unknown) * (1 if friction is None else 2)
         white = (sigma > 0).all() or (noise is not None and (sigma >= 0).all())
         if not p or not white:
             raise ValueError("setting: expected an unknown joint, and sigmas above zero")
@@ -396,7 +405,7 @@ class Setting:
             load=Load.from_dict(content["load"]),
             free=_indices(content["free"], n, "setting.free"),
             fixed=numbers(content["fixed"], (n,), "setting.fixed"),
-            tasks=_tasks(content, chain, physics, geometry, unknown, gives),
+            tasks=_tasks(content, chain, physics, geometry, unknown, gives, friction),
             physics=physics,
             interest=_interest(content, p),
             prior=_prior(content, p),
@@ -404,6 +413,7 @@ class Setting:
             geometry=geometry,
             margin=_margin(content, chain),
             gives=gives,
+            friction=friction,
         )
 
     @property
@@ -417,13 +427,16 @@ class Setting:
     @property
     def p(self) -> int:
         """Number of parameters."""
-        return len(self.unknown) if self.geometry is None else self.geometry.p
+        if self.geometry is not None:
+            return self.geometry.p
+        return len(self.unknown) * (1 if self.friction is None else 2)
 
     @property
     def parameters(self) -> tuple[str, ...]:
         """Names of the parameters (p,)."""
         if self.geometry is None:
-            return tuple(f"k{j + 1}" for j in self.unknown)
+            held = [] if self.friction is None else [f"friction {j + 1}" for j in self.unknown]
+            return (*(f"k{j + 1}" for j in self.unknown), *held)
         return tuple(one.name for one in self.geometry.parameters)
 
     def whitened_rows(self, q: Array, wrench: Array, visits: Array | None = None) -> Array:
@@ -484,7 +497,10 @@ class Setting:
         """Regressors (k, rows, p) of what is measured."""
         if self.geometry is not None:
             return self.geometry.rows(self.chain, physics, q, wrench)
-        return self._left(physics.regressors(self.chain, self.unknown, q, wrench), q)
+        A = self._left(physics.regressors(self.chain, self.unknown, q, wrench), q)
+        if self.friction is None:
+            return A
+        return self.friction.beside(A, physics.torque(self.chain, q, wrench)[:, self.unknown])
 
     def violation(self, q: Array) -> Array:
         """By how much each pose (k,) violates its worst constraint [m or rad].
@@ -518,10 +534,12 @@ def _tasks(
     geometry: Geometry | None,
     unknown: list[int],
     gives: Gives | None,
+    friction: Friction | None,
 ) -> Tasks:
     """The tasks, by compliances alone or by all that is unknown."""
     if geometry is None or physics is None:
-        return Tasks.from_content(content["test_pose"], content["robot"], unknown, gives)
+        robot = content["robot"]
+        return Tasks.from_content(content["test_pose"], robot, unknown, gives, friction)
     return Tasks.of_geometry(content["test_pose"], content["robot"], chain, physics, geometry)
 
 

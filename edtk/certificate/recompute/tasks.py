@@ -9,9 +9,11 @@ from edtk.certificate.recompute.chain import Chain
 from edtk.certificate.recompute.compensator import Gives
 from edtk.certificate.recompute.geometry import Geometry
 from edtk.certificate.recompute.physics import (
+    Friction,
     Physics,
     Place,
     Weight,
+    loads,
     read_weights,
     regressors,
 )
@@ -138,7 +140,12 @@ class Tasks:
 
     @classmethod
     def from_content(
-        cls, content: Any, robot: Any, unknown: list[int], gives: Gives | None = None
+        cls,
+        content: Any,
+        robot: Any,
+        unknown: list[int],
+        gives: Gives | None = None,
+        friction: Friction | None = None,
     ) -> "Tasks":
         """Read the part `setting.test_pose`: nothing, a task, or a list of tasks.
 
@@ -147,18 +154,20 @@ class Tasks:
             robot: The part `setting.robot`, which has the chain.
             unknown: Indices (p,) of the joints whose compliances are the parameters.
             gives: How joints with compensators give way; None without any.
+            friction: What friction of these joints holds; None where it counts for nothing.
 
         Raises:
             ValueError: A part is missing, or is not what it should be.
         """
         if content is None:
             return cls([], np.empty(0))
-        _require_few(content, len(Chain.from_dict(robot).axes), len(unknown))
+        of = (robot, unknown, gives, friction)
+        p = len(unknown) * (1 if friction is None else 2)
+        _require_few(content, len(Chain.from_dict(robot).axes), p)
         if not isinstance(content, list):
-            return cls([_harm(content, robot, unknown, gives, WHERE)], np.ones(1))
+            return cls([_harm(content, *of, WHERE)], np.ones(1))
         places = [f"{WHERE}.{i}" for i in range(len(rows(content, MOST_TASKS, WHERE)))]
-        given = zip(content, places, strict=True)
-        each = [_harm(task, robot, unknown, gives, place) for task, place in given]
+        each = [_harm(task, *of, place) for task, place in zip(content, places, strict=True)]
         return cls(each, _shares(content, places))
 
     @classmethod
@@ -298,7 +307,14 @@ class _Place:
 OPTIONAL = ("within", "lever", "weight", "weights")
 
 
-def _harm(content: Any, robot: Any, unknown: list[int], gives: Gives | None, where: str) -> Array:
+def _harm(
+    content: Any,
+    robot: Any,
+    unknown: list[int],
+    gives: Gives | None,
+    friction: Friction | None,
+    where: str,
+) -> Array:
     """Rows (r, p) of a task with its tool: their squares are the harm.
 
     For a test pose alone it is the regressor A0. Over a neighbourhood it has the rows of all its
@@ -310,6 +326,8 @@ def _harm(content: Any, robot: Any, unknown: list[int], gives: Gives | None, whe
     A = regressors(at.chain, unknown, at.poses, at.wrench, at.weights or [])
     if gives is not None:
         A = A * gives.factors(at.chain, at.poses)[:, None, unknown]
+    if friction is not None:
+        A = friction.beside(A, loads(at.chain, unknown, at.poses, at.wrench, at.weights or []))
     return at.mean(A[:, :3], A[:, 3:])
 
 

@@ -1,0 +1,119 @@
+"""What friction holds of joints' loads: its columns and slopes, and the plans that count it."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from arm import arm
+from short_search import short_search
+
+from edtk.certificate.certificate import certificate, setting_to_dict
+from edtk.certificate.recompute.setting import Setting
+from edtk.certificate.verify_certificate import verify_certificate
+from edtk.design.plan import Plan
+from edtk.measure.friction import GIVES, Friction, correlated, together
+from edtk.study.evaluate import evaluate
+from edtk.study.plan_study import plan_study
+
+K = {"q1": 3e-6, "q2": 5e-6}
+STUDY = arm(
+    measurement={"sigma_mm": 0.01},
+    load={"list_F_N": [[0, 0, -100], [100, 0, 0]]},
+    simulation={"compliance_rad_per_Nm": K},
+    test_pose={
+        "q_deg": [10, 40],
+        "tool": {"position_mm": [400, 0, 0]},
+        "load": {"F_N": [0, 0, -50]},
+    },
+    optimise=["rho0"],
+)
+ERRING = STUDY.replace(noise={"model_error_percent": 10})
+
+
+def poses(count):
+    """Random poses, and a load each."""
+    q = np.random.default_rng(2).uniform(-1.4, 1.4, (count, 2))
+    return q, np.array([100.0, 0, 0, 0, 0, 0]) * np.ones((count, 1))
+
+
+def test_columns_are_what_is_held_of_a_usual_load():
+    """A column is the joint's motion times ``k m``, by its load's sign; less if that is small."""
+    model = ERRING.designed.model
+    friction = model.friction
+    q, wrench = poses(50)
+    torque = model.torque_of(model.frames(q), wrench)
+    share = torque / friction.load[:, None]
+    assert (np.abs(share) < GIVES).any()
+    assert (np.abs(share) > GIVES).any()
+    turned = (friction.k * friction.load)[:, None] * np.clip(share / GIVES, -1, 1)
+    expected = np.moveaxis(model.motion_of(model.frames(q)) * turned[:, None], (0, 1), (-1, -2))
+    A = model.regressor(q, wrench)
+    assert A.shape[-1] == model.p == 4
+    assert model.parameters == ("k1", "k2", "friction of q1", "friction of q2")
+    np.testing.assert_allclose(A[..., 2:], expected, rtol=1e-9, atol=1e-15)
+    np.testing.assert_array_equal(A[..., :2], STUDY.model.regressor(q, wrench))
+
+
+@pytest.mark.parametrize("size", [100.0, 3.0])
+def test_slopes_are_derivatives_of_the_rows(size):
+    """Slopes of whitened rows agree with differences, where friction holds all and where a part."""
+    space = ERRING.designed.space
+    rng = np.random.default_rng(0)
+    q, wrench = poses(6)
+    wrench = wrench * size / 100
+    B = rng.standard_normal((6, 3, 4)) * [1, 1, 1e-6, 1e-6]
+    model = space.model
+
+    def value(at):
+        return (B * model.regressor(at, wrench)).sum(axis=(1, 2))
+
+    step = 1e-6
+    slopes = model.regressor_slope(q, wrench, B)
+    for j in range(2):
+        moved = step * np.eye(2)[j]
+        difference = (value(q + moved) - value(q - moved)) / (2 * step)
+        np.testing.assert_allclose(slopes[:, j], difference, rtol=1e-5, atol=1e-12)
+
+
+def test_shares_that_go_together():
+    """The root by which columns go together has the covariance of correlated shares."""
+    root = together(np.eye(5))
+    np.testing.assert_allclose(root @ root.T, correlated(5), atol=1e-14)
+    known = Friction(np.ones(5), np.ones(5), 0.2).information
+    np.testing.assert_allclose(np.linalg.inv(known), 0.04 * correlated(5), rtol=1e-12)
+
+
+def test_a_plan_that_counts_friction_tells_it():
+    """Its error in the task is below that of the plan for the noise alone, friction counted."""
+    with short_search():
+        plain, counted = (plan_study(one, 6) for one in (STUDY, ERRING))
+    values = [evaluate(ERRING, one.whole).criteria["rho0"] for one in (plain, counted)]
+    assert values[1] == pytest.approx(counted.value, rel=1e-9)
+    assert values[1] < 0.8 * values[0]
+    assert counted.efficiency <= 1 + 1e-9
+    torque = STUDY.model.torque_of(STUDY.model.frames(counted.plan.q), counted.plan.wrench)
+    sizes = np.abs(torque) / np.abs(torque).max(axis=1, keepdims=True)
+    assert sizes.min() < 0.7  # loads of several sizes
+    # Estimates, and studies that say nothing, know no friction.
+    assert ERRING.model.friction is None
+    assert STUDY.designed is STUDY
+
+
+def test_a_certificate_counts_friction():
+    """The second implementation has the same rows, target and value."""
+    designed = ERRING.designed
+    setting = Setting.from_dict(json.loads(json.dumps(setting_to_dict(ERRING, designed.space))))
+    q, wrench = poses(5)
+    A = setting.whitened_rows(q, wrench)
+    M = np.einsum("kri,krj->ij", A, A)
+    plan = Plan(q, wrench, np.ones(5, dtype=int))
+    alone = replace(designed.space, noise=designed.noise.alone)
+    np.testing.assert_allclose(M, alone.information(plan), rtol=1e-9)
+    target = setting.tasks.targets("rho0")[0]
+    np.testing.assert_allclose(target.T @ target, designed.target.T @ designed.target, rtol=1e-9)
+    with short_search():
+        content = certificate(ERRING, plan_study(ERRING, 4, "rho0"))
+    assert verify_certificate(json.loads(json.dumps(content))).valid
+    content["setting"]["friction"]["load"][0] *= 1.5
+    assert not verify_certificate(json.loads(json.dumps(content))).valid
