@@ -259,8 +259,12 @@ class ErrorBudget(Presented):
 
     @property
     def assumed(self) -> float:
-        """The parts of the total that rest on assumed compliances, together [m]."""
-        return float(np.hypot(self.rigid_joints, self.known_joints))
+        """The parts of the total that rest on what is assumed, together [m].
+
+        They are of compliances, and of what springs leave out where nothing is known of that.
+        """
+        of_model = self.model if self.assumed_share is not None else 0.0
+        return float(np.linalg.norm([self.rigid_joints, self.known_joints, of_model]))
 
     @property
     def measured(self) -> float:

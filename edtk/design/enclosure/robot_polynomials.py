@@ -46,6 +46,11 @@ class RobotPolynomials(SpacePolynomials):
                 "a compensator's load is a root of a polynomial of its joint's angle, and no "
                 "polynomial"
             )
+        if model.friction is not None:
+            raise NotEnclosedError(
+                "what friction holds grows with a joint's load to a tenth of a usual one and no "
+                "further: no polynomial"
+            )
         if self.space.noise is not None and not self._variances.all():
             raise NotEnclosedError(
                 "errors of some rows vanish in some poses; expected a part that is white"

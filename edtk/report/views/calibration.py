@@ -37,6 +37,8 @@ ADVICE = {
     "drift": "measure unloaded and loaded readings shortly after each other",
     "repeatability": "repeat the measurements",
 }
+# Where nothing is known of what springs leave out.
+UNSTATED = "plan with [noise] model_error_percent = {percent:g}, which tells friction from springs"
 # What differs where visits tell geometry: nothing is linear, and joints miss the tasks themselves.
 ADVICE_OF_VISITS = ADVICE | {
     "model": "ask for more parameters, as the model leaves that much out of a coordinate",
@@ -47,6 +49,8 @@ ADVICE_OF_VISITS = ADVICE | {
 def error_budget(found: ErrorBudget, of_visits: bool = False) -> str:
     """The expected error in the task, with its parts; by displacements, or by visits."""
     advice = ADVICE_OF_VISITS if of_visits else ADVICE
+    if found.assumed_share and not of_visits:
+        advice = advice | {"model": UNSTATED.format(percent=100 * found.assumed_share)}
     by = "by the load and " if of_visits else ""
     parts = ", ".join(
         f"{name.replace('_', ' ')} {1e3 * part:.2g}" for name, part in found.parts.items()
@@ -67,7 +71,8 @@ def assumed_joints(found: ErrorBudget) -> list[str]:
     if found.assumed_share and found.model > SHARE * found.total:
         lines.append(
             f"{1e3 * found.model:.2g} mm by what springs leave out: {100 * found.assumed_share:g} "
-            "% of what they do, assumed; [noise] model_error_percent states a share, or 0"
+            "% of what they do, and of loads by friction, assumed; [noise] model_error_percent "
+            "states a share, or 0"
         )
     return lines
 

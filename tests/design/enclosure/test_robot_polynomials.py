@@ -9,6 +9,7 @@ from edtk.design.design_space import DesignSpace
 from edtk.design.enclosure.polynomial import NotEnclosedError
 from edtk.design.enclosure.robot_polynomials import RobotPolynomials
 from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.friction import Friction
 from edtk.measure.instruments.marker import Marker
 from edtk.measure.instruments.pose_marker import PoseMarker
 from edtk.measure.noise import Tracker, VisitNoise
@@ -228,6 +229,7 @@ def test_a_looser_noise_counts_more() -> None:
     ("make", "message"),
     [
         (lambda: with_pull(), "a compensator's load"),
+        (lambda: with_friction(), "what friction holds"),
         (lambda: geared(0.123), "q1 turns a joint by the ratio 0.123; expected one of whole"),
         (lambda: geared(11.0), "coefficients; expected at most 6e.06"),
         (lambda: replace(KR270, load=Odd()), "loads of the kind Odd: no polynomial is known"),
@@ -237,6 +239,13 @@ def test_what_is_no_polynomial_says_why(make: object, message: str) -> None:
     """A space without an enclosure ends in one line."""
     with pytest.raises(NotEnclosedError, match=message):
         RobotPolynomials(make()).enclosed(np.eye(7))  # type: ignore[operator]
+
+
+def with_friction() -> DesignSpace:
+    """A robot whose friction holds a part of its loads."""
+    p = KR270.model.p
+    friction = Friction(np.full(p, 1e-6), np.full(p, 1e3), 0.1)
+    return replace(KR270, model=replace(KR270.model, friction=friction))
 
 
 def with_pull() -> DesignSpace:
