@@ -37,6 +37,12 @@ MOST_CANDIDATES = 10**9  # as in a study: no machine would end with more
     "--continuous", is_flag=True, help="Search all feasible poses, beyond the candidates."
 )
 @click.option(
+    "--prove",
+    metavar="EPS",
+    type=Range(min=0, max=1, min_open=True, max_open=True),
+    help="Prove a bound for all feasible poses, up to this relative gap, such as 0.01.",
+)
+@click.option(
     "--size",
     type=Number(MOST_EXPERIMENTS),
     help="Experiments that share a prior with in_design [default: the study's first size].",
@@ -59,6 +65,7 @@ def command(
     criterion: str | None,
     candidates: int | None,
     continuous: bool,
+    prove: float | None,
     size: int | None,
     seed: int | None,
     memory: float,
@@ -88,6 +95,7 @@ def command(
                 criterion,
                 candidates,
                 continuous=continuous,
+                prove=prove,
                 size=size,
                 seed=seed,
                 memory_mb=memory,

@@ -10,6 +10,8 @@ import numpy as np
 
 from edtk.design.candidate_source import CandidateSource, EmptyFeasibleSetError
 from edtk.design.design_space import DesignSpace
+from edtk.design.enclosure.polynomial import NotEnclosedError
+from edtk.design.enclosure.prove_continuum import prove_poses
 from edtk.design.exact.day import MOST_LOADS, DayCosts
 from edtk.design.exact.exact_plan import (
     ExactPlan,
@@ -72,7 +74,7 @@ def study_errors(study: "Study") -> Iterator[None]:
         raise study.error(key, str(error)) from error
     except MemoryLimitError as error:
         raise ArgumentError(str(error), argument="memory_mb") from error
-    except (NotImplementedError, RelaxationError) as error:
+    except (NotImplementedError, NotEnclosedError, RelaxationError) as error:
         raise UserError(str(error), where=study.where) from error
     except WorkersLostError as error:
         raise UserError(str(error)) from error
@@ -164,6 +166,7 @@ def relax_study(
     *,
     candidates: int | None = None,
     continuous: bool = False,
+    prove: float | None = None,
     size: int | None = None,
     tolerance: float = TOLERANCE,
     memory_mb: float = DEFAULT_MB,
@@ -176,6 +179,7 @@ def relax_study(
         criterion: Name of a criterion; defaults to the one that the study is about.
         candidates: Number of candidate poses; defaults to the study's.
         continuous: Whether to search over all feasible poses, beyond the candidates.
+        prove: Relative gap up to which the bound is proved for all feasible poses; None for none.
         size: Number of experiments that share a prior which counts in designs; defaults to the
             first of the study's sizes.
         tolerance: Relative gap at which that search ends.
@@ -192,18 +196,18 @@ def relax_study(
         raise ArgumentError(message, argument="size", given=size)
     with study_errors(study):
         space = planning_space(study, size or study.specification.sizes[0])
-        return relax_poses(
-            source_of(study, options.seed, space, options.threads),
-            study.specification.candidates if candidates is None else candidates,
-            study.criterion(criterion),
-            continuous,
-            RelaxOptions(
-                tolerance=tolerance,
-                memory_mb=memory_mb,
-                workers=options.workers,
-                progress=options.progress,
-            ),
+        how = RelaxOptions(
+            tolerance=tolerance,
+            memory_mb=memory_mb,
+            workers=options.workers,
+            progress=options.progress,
         )
+        source = source_of(study, options.seed, space, options.threads)
+        number = study.specification.candidates if candidates is None else candidates
+        asked = study.criterion(criterion)
+        if prove is not None:
+            return prove_poses(source, number, asked, prove, how)
+        return relax_poses(source, number, asked, continuous, how)
 
 
 def plan_study(

@@ -235,6 +235,19 @@ def _same(first: Path | str, second: Path | str) -> bool:
 CriterionLike = criteria.Criterion | str | Mapping[str, Any]
 
 
+def proved_gap(given: object, argument: str) -> float | None:
+    """A relative gap that is to be proved; None where none is asked for.
+
+    Raises:
+        ArgumentError: It is no number between 0 and 1.
+    """
+    if given is None:
+        return None
+    if isinstance(given, (int, float)) and 0 < given < 1:
+        return float(given)
+    raise ArgumentError("expected a relative gap between 0 and 1", argument=argument, given=given)
+
+
 def given_size(size: int | None) -> int:
     """The number of experiments, which nothing else says.
 

@@ -30,6 +30,7 @@ from edtk.verbs.inputs import (
     files_of,
     name_of,
     plan_of,
+    proved_gap,
     require_folder,
     require_output,
     workers_for,
@@ -337,6 +338,7 @@ class OfStudy(Question):
 
         files = TableAndCertificate(call.out, call.certificate)
         files.require(*self.study.reads)
+        prove = proved_gap(call.prove, "prove")
         asked, criterion = self.asked_for(call.criterion)
         if call.certificate is not None:
             from edtk.certificate.certificate import require_certifiable
@@ -354,6 +356,7 @@ class OfStudy(Question):
                     criterion,
                     candidates=call.candidates,
                     continuous=call.continuous,
+                    prove=prove,
                     size=call.size,
                     memory_mb=call.memory_mb,
                     options=replace(options, workers=pool),

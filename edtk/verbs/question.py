@@ -66,7 +66,6 @@ REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
     },
     "compliances": {
         "plan": _none_of((*OF_PROBLEMS, "prove_bound"), "not for plans of a study"),
-        "relax": _none_of(("prove",), "not for the relaxation of a study"),
         "predict": {
             "tool_rows": "where a marker sits on the tool is no part of a displacement but in "
             "marker_x_mm marker_y_mm marker_z_mm; leave this out",
@@ -76,7 +75,6 @@ REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
         "plan": {
             **_none_of((*OF_PROBLEMS, "prove_bound"), "not for plans of a study"),
         },
-        "relax": _none_of(("prove",), "not for the relaxation of a study"),
         "template": {
             "markers": "the markers of a study of geometry are its [[marker]]; leave this out",
             "positions": "a sheet of a study of geometry has positions anyway; leave this out",

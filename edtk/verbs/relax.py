@@ -33,6 +33,7 @@ def relax(
     out: Path | str | None = None,
     certificate: Path | str | None = None,
     progress: Progress = ...,
+    prove: float | None = None,
 ) -> "RelaxedPlan": ...
 
 
@@ -97,9 +98,9 @@ def relax(
         out: File to write poses and weights to (CSV); "-" is standard output.
         certificate: File to write what proves the numbers to (JSON), for `edtk.verify`; likewise.
         progress: Called with the stage and its relative gap.
-        prove: Relative gap to which the bound is proved for all points of a region whose rows and
-            constraints are polynomials: no design over the whole region is better. It is
-            `.bound_proved`, beside `.bound_searched`.
+        prove: Relative gap, such as 0.01, to which the bound is proved for all feasible poses of a
+            study, or for all points of a region whose rows and constraints are polynomials: no
+            design is better. It is `.bound_proved`, beside `.bound_searched`.
 
     Returns:
         Weights with `.value`, `.bound` and `.gap`.

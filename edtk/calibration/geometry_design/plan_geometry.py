@@ -5,6 +5,7 @@ import numpy as np
 from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.design.candidate_source import CandidateSource
+from edtk.design.enclosure.prove_continuum import prove_poses
 from edtk.design.exact.day import MOST_VISITS, DayPlan
 from edtk.design.exact.day_search import DaySearch
 from edtk.design.exact.exact_plan import NoPlanError, TooFewExperimentsError, require_enough
@@ -40,6 +41,7 @@ def relax_geometry(
     *,
     candidates: int | None = None,
     continuous: bool = False,
+    prove: float | None = None,
     size: int | None = None,
     memory_mb: float = DEFAULT_MB,
     options: RunOptions = DEFAULTS,
@@ -51,6 +53,7 @@ def relax_geometry(
         criterion: Name of a criterion; defaults to the one that the study is about.
         candidates: Number of candidate visits; defaults to the study's.
         continuous: Whether to search over all feasible poses, beyond the candidates.
+        prove: Relative gap up to which the bound is proved for all feasible poses; None for none.
         size: Number of visits that share what is known besides, where that counts in designs;
             defaults to the first of the study's sizes.
         memory_mb: Limit on memory [MB].
@@ -67,18 +70,17 @@ def relax_geometry(
             raise ArgumentError(message, argument="size", given=size)
         space = question.space_for(size or study.specification.sizes[0])
         source: CandidateSource = source_of(study, options.seed, space, options.threads)
-        return relax_poses(
-            source,
-            study.specification.candidates if candidates is None else candidates,
-            question.criterion(criterion),
-            continuous,
-            RelaxOptions(
-                tolerance=TOLERANCE,
-                memory_mb=memory_mb,
-                workers=options.workers,
-                progress=options.progress,
-            ),
+        how = RelaxOptions(
+            tolerance=TOLERANCE,
+            memory_mb=memory_mb,
+            workers=options.workers,
+            progress=options.progress,
         )
+        number = study.specification.candidates if candidates is None else candidates
+        asked = question.criterion(criterion)
+        if prove is not None:
+            return prove_poses(source, number, asked, prove, how)
+        return relax_poses(source, number, asked, continuous, how)
 
 
 def plan_geometry(

@@ -37,6 +37,7 @@ SINGLE = np.float32
 UNIT = float(np.finfo(SINGLE).eps) / 2
 PART_OF_GAP = 0.25  # rounding of a tensor, in parts of the gap, from which on it is made anew
 FRESH = 4  # an error of so many times the least one is not made smaller by making a tensor anew
+SMALL = 1e-3  # part of the largest denominator
 WIDER = 2.0**-40  # part by which first boxes overlap, far above the rounding of their middles
 STEP = 2  # places of a tensor that are left out where an axis is chosen
 # A search for a large value that begins nowhere: places that are drawn, and rounds around the best.
@@ -564,14 +565,25 @@ class _Search:
 
     Args:
         enclosed: What is bounded.
-        tolerance: How far U may be above the largest value, in parts of it.
+        tolerance: How far U may be above the largest value, in units.
+        unit: The unit; None for the largest known value.
+        most: A value above which the search ends.
         progress: Called with the level and the part of the domain that is closed at it.
     """
 
-    def __init__(self, enclosed: Enclosed, tolerance: float, progress: Progress) -> None:
+    def __init__(
+        self,
+        enclosed: Enclosed,
+        tolerance: float,
+        unit: float | None,
+        most: float,
+        progress: Progress,
+    ) -> None:
         self.enclosed = enclosed
         self.grid = Grid(enclosed.axes)
         self.tolerance = tolerance
+        self.given_unit = unit
+        self.most = most
         self.progress = progress
         self.lower = -np.inf
         self.place = np.full(len(enclosed.axes), np.nan)
@@ -616,10 +628,10 @@ class _Search:
 
     @property
     def unit(self) -> float:
-        """What tolerances are relative to: the largest known value."""
-        return abs(self.lower) or 1.0
+        """What tolerances are in parts of."""
+        return self.given_unit or abs(self.lower) or 1.0
 
-    def first(self, index: int, earlier: Covering | None) -> Leaves:
+    def first(self, index: int, earlier: Covering | None, ceiling: float) -> Leaves:
         """Open boxes that cover the domain, with the bound that follows from the first of all."""
         objective = self.enclosed.objectives[index]
         slacks = len(self.enclosed.slacks)
@@ -631,6 +643,7 @@ class _Search:
                 bound = np.inf
             else:
                 bound /= least if bound > 0 else most
+        bound = min(bound, ceiling)
         if earlier is None:
             boxes = self.grid.first()
             return Leaves.unknown(boxes, np.full(len(boxes), bound), slacks)
@@ -672,16 +685,17 @@ class _Search:
         # the second one, after it has got into the first.
         stack: list[Leaves | _Chunk] = [leaves[is_open]]
         done = _volume(closed[0].boxes)
-        gap = above * self.unit * stage.least
+        # Where D is small, coefficients and their rounding are.
+        gap = above * self.unit * max(stage.least, SMALL * stage.most)
         try:
             while stack:
-                if out_of_time():
+                if out_of_time() or self.lower > self.most:
                     raise _Stopped(_joined(closed, stack))
                 item = stack[-1]
                 if isinstance(item, Leaves):
                     stack[-1:] = self._opened(stage, item)
                     continue
-                shift = max(0.0, self.lower + above * self.unit - stage.level) * stage.least
+                shift = max(0.0, self.lower + above * self.unit - stage.level) * max(stage.least, 0.0)
                 known, is_closed, values = stage.close(item, shift)
                 self.boxes += len(item)
                 rest = np.flatnonzero(~is_closed)
@@ -758,34 +772,39 @@ def cover(
     tolerance: float,
     known: Array | None = None,
     earlier: Covering | None = None,
+    unit: float | None = None,
+    most: float = np.inf,
+    ceiling: float = np.inf,
     progress: Progress = _ignore_progress,
 ) -> Covering:
     """Bound objectives over all feasible places of a box, as sharply as the time allows.
 
     Args:
         enclosed: Objectives, constraints and the box.
-        tolerance: Relative excess of the bound over the largest value that is known, at most.
+        tolerance: Excess of the bound over the largest value that is known, at most.
         known: Places (k, d) where large values are known; without any they are searched.
         earlier: A covering of other objectives over the same box and constraints, whose boxes are
             where this one begins.
-        progress: Called with the relative excess of the present level, and the part of the box that
-            is closed at it.
+        unit: What the tolerance is in parts of; the largest known value by default.
+        most: A value above which nobody wants to know more: the covering ends with what it has.
+        ceiling: What no objective is above anyway.
+        progress: Called with the excess of the present level, and the part of the box that is
+            closed at it.
 
     Raises:
         ValueError: No feasible place was found, or one denominator is not positive.
         CoveringInterrupted: Ctrl-C; the exception has the covering so far.
     """
     began = perf_counter()
-    search = _Search(enclosed, tolerance, progress)
-    if known is not None:
-        search.see(known)
-    search.draw()
+    search = _Search(enclosed, tolerance, unit, most, progress)
+    if known is None or not search.see(known):
+        search.draw()
     if not np.isfinite(search.lower):
         raise ValueError("no feasible place was found; expected one to begin with")
     found: list[Leaves] = []
     stopped: KeyboardInterrupt | None = None
     for index in range(len(enclosed.objectives)):
-        leaves = search.first(index, earlier)
+        leaves = search.first(index, earlier, ceiling)
         if stopped is None:
             try:
                 leaves = search.run(index, leaves)

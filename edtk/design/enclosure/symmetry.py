@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 
 from edtk.design.enclosure.polynomial import ROUNDOFF, Axis, Polynomial
-from edtk.system.typing import Indices, Mask
+from edtk.system.typing import Array, Indices, Mask
 
 TURN = 2 * np.pi
 SAME = 1e-12  # [rad] of ends of intervals
@@ -38,6 +38,10 @@ class Motion:
         """Whether it changes the j-th angle."""
         return self.mirrors[j] or self.turns[j]
 
+    def moved(self, places: Array) -> Array:
+        """Where it moves places (m, d)."""
+        return np.where(self.mirrors, -1.0, 1.0) * places + np.pi * np.array(self.turns)
+
     def half(self, j: int, axis: Axis) -> Axis:
         """A half of the j-th interval whose image is the other half."""
         width = axis.high - axis.low
@@ -61,6 +65,23 @@ class Motion:
         """Two bits an axis: whether the sign of sines, and of odd orders, changes."""
         each = enumerate(zip(self.mirrors, self.turns, strict=True))
         return sum((mirror + 2 * turn) << 2 * j for j, (mirror, turn) in each)
+
+
+def _folded(places: Array, axes: Sequence[Axis]) -> Array:
+    """Places (m, d) with angles moved by whole turns to where intervals may have them."""
+    folded = places.copy()
+    for j, axis in enumerate(axes):
+        if axis.kind == "angle":
+            turns = np.round((places[:, j] - axis.middle) / TURN)
+            folded[:, j] -= TURN * turns
+    return folded
+
+
+def _within(places: Array, axes: Sequence[Axis]) -> Mask:
+    """Whether places (m, d) are in a box, but for rounding."""
+    low = np.array([axis.low for axis in axes]) - SAME
+    high = np.array([axis.high for axis in axes]) + SAME
+    return np.asarray(((places >= low) & (places <= high)).all(axis=1))
 
 
 def _kinds(f: Polynomial) -> Indices:
@@ -120,6 +141,14 @@ class Halving:
         """A polynomial on what is left: by what its motions change it counts as error."""
         error = f.error + sum(motion.changed(f) for motion in self.motions)
         return Polynomial(self.axes, f.coefficients, error)
+
+    def inside(self, places: Array) -> Array:
+        """Places (m, d) of the whole box as places of what is left, of the same values."""
+        places = _folded(places, self.whole)
+        for motion, axes in zip(self.motions, self.steps, strict=True):
+            beyond = ~_within(places, axes)
+            places = np.where(beyond[:, None], _folded(motion.moved(places), axes), places)
+        return places
 
 
 def halved(axes: Sequence[Axis], functions: Sequence[Polynomial]) -> Halving:

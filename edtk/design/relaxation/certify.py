@@ -87,11 +87,7 @@ def _bound(setting: Setting, Z: Array, weights: Array) -> float:
     length = np.abs(Z).max(axis=(1, 2))
     Z = Z[length > 0] / length[length > 0, None, None]
     if criterion.monotone:
-        least = least_scaled_eigenvalue(Z)
-        proves = least >= -NEGATIVE * problem.p
-        lift = 2 * problem.p * EPS + np.maximum(-least[proves], 0.0)
-        own = np.diagonal(Z[proves], axis1=1, axis2=2)
-        Z = Z[proves] + (lift[:, None] * own)[:, :, None] * np.eye(problem.p)
+        Z = semidefinite(Z)
         t = judged.sensitivities(Z).max(axis=-1)
     else:
         t = (judged.sensitivities(Z) + _cancelled(judged, Z)).max(axis=-1)
@@ -101,6 +97,19 @@ def _bound(setting: Setting, Z: Array, weights: Array) -> float:
     _, error = setting.errors(weights, Z)
     lowered = found * (1 - error)
     return max(lowered, 0.0) if np.isfinite(lowered) else 0.0
+
+
+def semidefinite(Z: Array) -> Array:
+    """Those of multipliers (r, p, p) that are positive semidefinite but for rounding, lifted to be.
+
+    With ``Z + (e + 2 p eps) diag(Z)``, e the largest negative eigenvalue at unit diagonal.
+    """
+    p = Z.shape[-1]
+    least = least_scaled_eigenvalue(Z)
+    proves = least >= -NEGATIVE * p
+    lift = 2 * p * EPS + np.maximum(-least[proves], 0.0)
+    own = np.diagonal(Z[proves], axis1=1, axis2=2)
+    return np.asarray(Z[proves] + (lift[:, None] * own)[:, :, None] * np.eye(p))
 
 
 def _cancelled(problem: Problem, Z: Array) -> Array:

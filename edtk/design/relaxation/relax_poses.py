@@ -320,6 +320,7 @@ def relax_poses(
     criterion: Criterion,
     continuous: bool = False,
     options: RelaxOptions = RelaxOptions(),
+    known: Array | None = None,
 ) -> RelaxedPlan:
     """Find the best weights over candidate poses, and on request over all feasible poses.
 
@@ -334,6 +335,7 @@ def relax_poses(
         criterion: A criterion that can be relaxed.
         continuous: Whether to search over all feasible poses as well.
         options: Accuracies, limits and callbacks.
+        known: Feasible experiments (k, v) with which the search over all poses begins besides.
 
     Raises:
         MemoryLimitError, EmptyFeasibleSetError: There is no room for candidates, or there are none.
@@ -347,7 +349,7 @@ def relax_poses(
     relaxable = require_relaxable(criterion)
     run = _Run(source, n, relaxable, options, BestPlan(source, relaxable))
     try:
-        run.all_stages(min(n, fit), continuous)
+        run.all_stages(min(n, fit), continuous, known)
     except KeyboardInterrupt as interrupt:
         if run.best.plan is None:
             raise
@@ -384,7 +386,7 @@ class _Run:
     options: RelaxOptions
     best: BestPlan
 
-    def all_stages(self, fit: int, continuous: bool) -> None:
+    def all_stages(self, fit: int, continuous: bool, known: Array | None = None) -> None:
         """Carry out the stages that are needed where so many candidates fit in memory."""
         head = self.take(fit)
         active = self.solve(head)
@@ -396,6 +398,9 @@ class _Run:
         if beyond_memory:
             active = self.solve_beyond_memory(active)
         if continuous:
+            if known is not None:
+                joining = Candidates(known, self.source.space.problem(known))
+                active = active.over(active.poses + joining, self.options.gap)
             self.solve_continuum(active, head)
 
     def take(self, n: int) -> Candidates:

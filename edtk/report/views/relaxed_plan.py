@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from edtk.design.enclosure.prove_continuum import ProvedPlan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.report.draw.bars import weight_bars
 from edtk.report.figures import panels
@@ -20,6 +21,9 @@ def relaxed_plan_text(plan: RelaxedPlan) -> str:
     bounds = [(proved, plan.proved_bound, word)]
     if plan.searched_bound is not None:
         bounds.append(("bound, searched over all poses", plan.searched_bound, "; not proved"))
+    if isinstance(plan, ProvedPlan):
+        boxes = f"; {plan.boxes:,} boxes cover all poses{word}"
+        bounds.append((f"bound, {plan.continuum_bound.kind.value}", plan.continuum_bound, boxes))
     width = max(len(label) for label, *_ in bounds)
     lines = [
         f"{criterion.name}, {criterion.title}, for a single experiment's worth of weight"
@@ -57,6 +61,8 @@ def relaxed_plan_notebook(plan: RelaxedPlan) -> str:
     bounds = [plan.proved_bound]
     if plan.searched_bound is not None:
         bounds.append(plan.searched_bound)
+    if isinstance(plan, ProvedPlan):
+        bounds.append(plan.continuum_bound)
     notes = [
         f"bound {bound.value:.6g} ({bound.kind.value}), relative gap {bound.gap:.1e}"
         for bound in bounds
