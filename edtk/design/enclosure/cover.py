@@ -695,7 +695,9 @@ class _Search:
                 if isinstance(item, Leaves):
                     stack[-1:] = self._opened(stage, item)
                     continue
-                shift = max(0.0, self.lower + above * self.unit - stage.level) * max(stage.least, 0.0)
+                shift = max(0.0, self.lower + above * self.unit - stage.level) * max(
+                    stage.least, 0.0
+                )
                 known, is_closed, values = stage.close(item, shift)
                 self.boxes += len(item)
                 rest = np.flatnonzero(~is_closed)

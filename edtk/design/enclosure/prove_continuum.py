@@ -340,4 +340,4 @@ def _spectrum(criterion: Relaxable, Z: Array) -> Array:
     if B is not None:
         S = np.linalg.inv(B)
         Z = S @ Z @ S.T
-    return np.linalg.eigvalsh(Z)
+    return np.asarray(np.linalg.eigvalsh(Z), dtype=float)
