@@ -62,6 +62,13 @@ def found_of(data, study=STUDY):
     return edtk.identify(study, sheet(data))
 
 
+@pytest.fixture(scope="module")
+def bent():
+    """A day of a robot with springs across, and its calibration."""
+    data, _ = day(5, 0.15 * ACROSS)
+    return data, found_of(data)
+
+
 def test_an_exact_model_has_the_numbers_of_noise():
     """Where the study says that nothing is missing, nothing is counted beside the noise."""
     found = found_of(day(1, 0.1 * ACROSS)[0], EXACT)
@@ -138,10 +145,9 @@ def test_bands_hold_errors_of_the_model():
     assert 0.5 < np.median(ratio) < 2
 
 
-def test_compensate_and_predict_count_it_from_the_file(tmp_path):
+def test_compensate_and_predict_count_it_from_the_file(tmp_path, bent):
     """The band of `compensate`, and its total, are those of the budget; a file says the same."""
-    data, _ = day(5, 0.15 * ACROSS)
-    found = found_of(data)
+    data, found = bent
     file = tmp_path / "k.json"
     file.write_text(json.dumps(found.to_dict()))
     direct, read = edtk.compensate(STUDY, found), edtk.compensate(STUDY, file)
@@ -162,9 +168,9 @@ def test_compensate_and_predict_count_it_from_the_file(tmp_path):
         ({"noise": "x"}, "noise: expected"),
     ],
 )
-def test_bad_files_are_one_line(change, message, tmp_path):
+def test_bad_files_are_one_line(change, message, tmp_path, bent):
     """What cannot be read of a file is refused by its name."""
-    result = found_of(day(5, 0.15 * ACROSS)[0]).to_dict()
+    result = bent[1].to_dict()
     result["possible_springs"] |= change
     with pytest.raises(edtk.UserError, match=message):
         edtk.compensate(STUDY, result)

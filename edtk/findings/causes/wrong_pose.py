@@ -1,6 +1,6 @@
 """Poses that are off, mistyped joints, and groups of rows that are off together."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -212,26 +212,50 @@ def shifted(
         units: What each unit of the shift adds to the measurements (m, rows, c); defaults to a unit
             of each coordinate.
     """
-    residual = whitened.residual(measured)
     numbers = np.unique(group)
-    for number in numbers:
-        at = np.flatnonzero(group == number)
-        seen_in, shift = whitened.shift(at, units)
-        onto = np.einsum("mrp,mrs->ps", whitened.Q[seen_in], shift)
-        gram = np.einsum("mrs,mrt->st", shift, shift) - onto.T @ onto
-        along = np.einsum("mrs,mr->s", shift, residual[seen_in])
-        values, vectors = np.linalg.eigh(gram)
-        seen = values > SEEN * np.trace(gram)
-        parts = vectors.T @ along
-        drop = float((parts[seen] ** 2 / values[seen]).sum())
-        dims = int(seen.sum())
-        p = float(chi_square_tail(drop, max(dims, 1)))
-        c = vectors[:, seen] @ (parts[seen] / values[seen])
+    rows = [np.flatnonzero(group == number) for number in numbers]
+    gram, along = _by_shifts(whitened, whitened.residual(measured), rows, units)
+    values, vectors = np.linalg.eigh(gram)
+    seen = values > SEEN * np.trace(gram, axis1=1, axis2=2)[:, None]
+    parts = (along[:, None] @ vectors)[:, 0]
+    back = np.divide(parts, values, out=np.zeros_like(parts), where=seen)
+    drops = (parts * back).sum(axis=1)
+    counts = seen.sum(axis=1)
+    tails = chi_square_tail(drops, np.maximum(counts, 1))
+    shifts = (vectors @ back[..., None])[..., 0]
+    for i, at in enumerate(rows):
+        c, dims = shifts[i], int(counts[i])
         size = 1e3 * float(np.linalg.norm(c[:3]))
-        found = Cause(cause, size, "mm", None, p, rows=tuple(at.tolist()))
+        found = Cause(cause, size, "mm", None, float(tails[i]), rows=tuple(at.tolist()))
         cost = None
         if dims == len(usual):
-            own = np.linalg.inv(gram) / np.outer(usual, usual)
+            own = np.linalg.inv(gram[i]) / np.outer(usual, usual)
             cost_of = rarity if len(at) > 1 else reading_rarity
             cost = cost_of(c / usual, own, float(np.sqrt(dims)))
-        yield Tried(found, chi2 - drop, dims, len(numbers), cost)
+        yield Tried(found, chi2 - float(drops[i]), dims, len(numbers), cost)
+
+
+def _by_shifts(
+    whitened: Whitened, residual: Array, groups: Sequence[Indices], units: Array | None
+) -> tuple[Array, Array]:
+    """What the parameters leave of each group's shift.
+
+    Returns:
+        Products (g, c, c) of the columns of the shifts, and of them with the residuals (g, c).
+    """
+    if whitened.correlated is not None or len(groups) < len(residual):
+        parts = []
+        for at in groups:
+            seen_in, shift = whitened.shift(at, units)
+            onto = np.einsum("mrp,mrs->ps", whitened.Q[seen_in], shift)
+            gram = np.einsum("mrs,mrt->st", shift, shift) - onto.T @ onto
+            parts.append((gram, np.einsum("mrs,mr->s", shift, residual[seen_in])))
+        grams, alongs = zip(*parts, strict=True)
+        return np.stack(grams), np.stack(alongs)
+    # Single rows with errors of their own: all at once.
+    at = np.concatenate(groups)
+    _, shift = whitened.shift(at, units)
+    turned = np.swapaxes(shift, 1, 2)
+    onto = turned @ whitened.Q[at]
+    gram = turned @ shift - onto @ np.swapaxes(onto, 1, 2)
+    return gram, (turned @ residual[at][..., None])[..., 0]

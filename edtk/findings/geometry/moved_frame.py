@@ -1,6 +1,6 @@
 """Whether the frame moved, or a weight hangs that nobody told, by the residuals of a fit."""
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -85,10 +85,10 @@ def _best(day: "_Day", white: bool) -> MovedFrame | None:
         return None
     sums = day.sums(None if white else day.rows.noise)
     total = float((sums.z**2).sum())
-    ends = [(s, m) for s in range(FEWEST_IN_FRAME, m - FEWEST_IN_FRAME + 1)]
-    best = max((sums.fall(s, t), s, t) for s, t in ends)
-    between = max(((sums.fall(s, t), s, t) for s, t in _pairs(m)), default=best)
-    between = max((sums.fall(s, t), s, t) for s, t in _near(between[1], between[2], m))
+    best = sums.best([(s, m) for s in range(FEWEST_IN_FRAME, m - FEWEST_IN_FRAME + 1)])
+    pairs = _pairs(m)
+    between = sums.best(pairs) if pairs else best
+    between = sums.best(_near(between[1], between[2], m))
     independent = max(dof / FRAME_COORDINATES[white], 1.0)
     judged = [
         (_probability(fall, total, independent) * count, fall, s, t)
@@ -109,22 +109,20 @@ def _beside_noise(day: "_Day") -> MovedFrame | None:
     m = len(day)
     if m < 2 * SIDE or day.dof < 4:
         return None
-    ends = range(SIDE, m - SIDE + 1)
-    before = day.sums(day.rows.noise)
-    s = max(ends, key=lambda s: before.fall(s, m))
+    _, s, _ = day.sums(day.rows.noise).best([(s, m) for s in range(SIDE, m - SIDE + 1)])
     after = day.sums(day.noise_beside(s))
     total = float((after.z**2).sum())
-    fall = after.fall(s, m)
+    fall, _, _ = after.best([(s, m)])
     independent = max(day.dof / FRAME_COORDINATES[False], 1.0)
     if _probability(fall, total, independent) * m > RARE or fall < FRAME_EXPLAINS[False] * total:
         return None
     return day.moved_between(s, m, after.motion(s, m), fall / total)
 
 
-def _pairs(m: int) -> Iterator[tuple[int, int]]:
+def _pairs(m: int) -> list[tuple[int, int]]:
     """Some poses between which a motion is tried, the day's ends left out."""
     breaks = np.unique(np.linspace(FEWEST_IN_FRAME, m - 1, BREAKS).astype(int)).tolist()
-    return ((s, t) for s in breaks for t in breaks if t - s >= FEWEST_IN_FRAME)
+    return [(s, t) for s in breaks for t in breaks if t - s >= FEWEST_IN_FRAME]
 
 
 def _near(s: int, t: int, m: int) -> list[tuple[int, int]]:
@@ -177,16 +175,24 @@ class _Sums:
             H,
         )
 
+    def _motions(self, s: Indices, t: Indices) -> tuple[Array, Array]:
+        """Motions (k, 6) from poses s to poses t (k,) that lower the squares most; how much (k,)."""
+        cross = self.cross[t] - self.cross[s]
+        taken = np.swapaxes(cross, 1, 2) @ self.inverse @ cross
+        inner = self.square[t] - self.square[s] - taken
+        gradient = self.gradient[t] - self.gradient[s]
+        inverse = np.linalg.pinv(inner, rcond=1e-8, hermitian=True)
+        motions = (inverse @ gradient[..., None])[..., 0]
+        return motions, (gradient * motions).sum(axis=1)
+
     def motion(self, s: int, t: int) -> Array:
         """The motion (6,) from pose s to pose t that lowers the squares most."""
-        cross = self.cross[t] - self.cross[s]
-        inner = self.square[t] - self.square[s] - cross.T @ self.inverse @ cross
-        gradient = self.gradient[t] - self.gradient[s]
-        return np.asarray(np.linalg.pinv(inner, rcond=1e-8, hermitian=True) @ gradient)
+        return self._motions(np.array([s]), np.array([t]))[0][0]
 
-    def fall(self, s: int, t: int) -> float:
-        """How much that lowers them."""
-        return float((self.gradient[t] - self.gradient[s]) @ self.motion(s, t))
+    def best(self, pairs: Sequence[tuple[int, int]]) -> tuple[float, int, int]:
+        """The pair of poses between which a motion lowers the squares most: how much, and it."""
+        s, t = np.array(pairs).T
+        return max(zip(self._motions(s, t)[1].tolist(), s.tolist(), t.tolist(), strict=True))
 
 
 @dataclass(frozen=True, eq=False)
