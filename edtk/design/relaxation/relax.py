@@ -18,6 +18,7 @@ from edtk.design.relaxation.restricted_master import NEWTON, RelaxationError, So
 from edtk.design.relaxation.setting import OrderOne, Setting, proved_on, without_open_directions
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices
+from edtk.system.workers import one_thread
 
 # The bounds of a family's members only hold together, so that each must be sharper than the whole.
 MEMBER_GAP = 0.25
@@ -194,7 +195,10 @@ def relax(
         return replace(found, criterion=criterion)
     sized = OrderOne.of(problem)
     try:
-        return sized.outward(_relax(sized.problem, criterion, gap, options, progress, multipliers))
+        # Products with small matrices gain nothing by threads, which wait for each other, spinning.
+        with one_thread():
+            found = _relax(sized.problem, criterion, gap, options, progress, multipliers)
+        return sized.outward(found)
     except RelaxationInterrupted as interrupt:
         raise RelaxationInterrupted(sized.outward(interrupt.best)) from interrupt
 
