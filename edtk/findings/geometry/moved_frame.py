@@ -176,7 +176,7 @@ class _Sums:
         )
 
     def _motions(self, s: Indices, t: Indices) -> tuple[Array, Array]:
-        """Motions (k, 6) from poses s to poses t (k,) that lower the squares most; how much (k,)."""
+        """Motions (k, 6) from poses s to t (k,) that lower the squares most, and how much (k,)."""
         cross = self.cross[t] - self.cross[s]
         taken = np.swapaxes(cross, 1, 2) @ self.inverse @ cross
         inner = self.square[t] - self.square[s] - taken
