@@ -5,11 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from criteria import Criterion
+from edtk.design.enclosure.cover import cover
 from edtk.design.enclosure.polynomial import ROUNDOFF, Axis, Enclosed, Objective, Polynomial
 from edtk.design.expansion import Expansion
 from edtk.design.region import FEASIBLE, Region
 from edtk.design.relaxation.proof import is_normalised
 from edtk.system.typing import Array, Indices
+
+SHARP = 1e-9  # relative excess of the largest value of a slack, which costs some hundred boxes
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +26,8 @@ class RegionPolynomials:
         errors: What the rows (rows, p) differ from these by, at most, anywhere in the box.
         sizes: Numbers (d,) of powers of each variable; n is their product.
         slacks: The slacks, raised by what a point may violate them by and count as feasible.
+        products: ``c (C - c)`` of each slack c of degree two or more, where C is a bound of it. It
+            is not negative either, and says more: over a disc of radius one ``C - c`` is r^2.
     """
 
     region: Region
@@ -31,6 +36,7 @@ class RegionPolynomials:
     errors: Array
     sizes: tuple[int, ...]
     slacks: tuple[Polynomial, ...]
+    products: tuple[Polynomial, ...]
 
     @classmethod
     def of(cls, region: Region) -> "RegionPolynomials":
@@ -45,7 +51,9 @@ class RegionPolynomials:
         sizes = tuple(n + 1 for n in found.degrees)
         rows = found.coefficients.reshape(*found.errors.shape, -1)
         slacks = [
-            slack for each in region.polynomial_slacks() for slack in _polynomials(each, axes)
+            slack + FEASIBLE
+            for each in region.polynomial_slacks()
+            for slack in _polynomials(each, axes)
         ]
         return cls(
             region,
@@ -53,7 +61,8 @@ class RegionPolynomials:
             rows,
             found.errors + rounding(rows),
             sizes,
-            tuple(slack + FEASIBLE for slack in slacks),
+            tuple(slacks),
+            tuple(_product_with_rest(slack) for slack in slacks if max(slack.degrees) > 1),
         )
 
     def enclosed(self, Z: Array, criterion: Criterion) -> Enclosed:
@@ -67,11 +76,14 @@ class RegionPolynomials:
         if is_normalised(criterion):
             B = criterion.trace_root
             below = self.quadratic(np.eye(self.region.p) if B is None else B @ B.T)
+        above = self.quadratic(Z)
         d = self.region.size
+        # Those of higher degrees than the sensitivity would make every box dearer.
+        fit = (c for c in self.products if np.less_equal(c.degrees, above.degrees).all())
         return Enclosed(
             self.axes,
-            (Objective(self.quadratic(Z), below),),
-            self.slacks,
+            (Objective(above, below),),
+            (*self.slacks, *fit),
             np.zeros((1, d)),
             np.eye(d),
         )
@@ -111,6 +123,17 @@ class RegionPolynomials:
         each = np.indices(self.sizes).reshape(len(self.sizes), -1)
         sums = each[:, :, None] + each[:, None]
         return np.ravel_multi_index(tuple(sums), tuple(np.multiply(2, self.sizes) - 1))
+
+
+def _product_with_rest(slack: Polynomial) -> Polynomial:
+    """``c (C - c)`` of a slack c, with its largest value C over the box, rounded up.
+
+    Where a sensitivity is the same along a curved wall, as a circle's by symmetry, it is a constant
+    less a multiple of this; factors of c alone leave a term of second order.
+    """
+    d = len(slack.axes)
+    alone = Enclosed(slack.axes, (Objective(slack),), (), np.zeros((1, d)), np.eye(d))
+    return slack * (cover(alone, SHARP).upper - slack)
 
 
 def gamma(steps: int) -> float:

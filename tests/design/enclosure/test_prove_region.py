@@ -127,6 +127,18 @@ def test_the_plane_on_the_disc(name, cost):
     check(Region(plane, [-1, -1], [1, 1], constraints=disc), name, cost, eps=1e-6)
 
 
+def test_the_quadratic_on_the_disc():
+    """D: a sixth in the centre and the rest on the circle, all of which is equally sensitive.
+
+    With s = 5/6 the determinant is ``(s/2)^2 (s/8) (s/4) (s/2 - s^2/2)`` (Kiefer 1960). The product
+    of the constraint with its rest closes boxes along the circle, some hundred instead of 1e5.
+    """
+    s = 5 / 6
+    det = (s / 2) ** 2 * (s / 8) * (s / 4) * (s / 2 - s**2 / 2)
+    region = Region(quadratic, [-1, -1], [1, 1], constraints=disc)
+    assert check(region, "D", det ** (-1 / 6), eps=1e-6).covering.boxes < 1000
+
+
 def test_a_scaled_variable_far_from_the_origin():
     """A parabola over the years 2000 to 2030: powers are told in other parameters."""
     check(Region(powers(2), 2000, 2030), "D", 3 * (15.0**3 * 2) ** (-2 / 3), [2000, 2015, 2030])
