@@ -27,6 +27,7 @@ from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices, Mask
 
 CHUNK = 64  # boxes at a time: their tensors stay in the cache
+LARGE = 32_000  # numbers of a tensor of which as many do
 DEEPEST = 60  # halvings along an axis, which leave a box of the size of rounding
 # Levels above the largest known value, of which the next one is reached from the leaves of the
 # last: each costs about as much as all before it.
@@ -278,8 +279,19 @@ def coefficients(polynomial: Polynomial, middles: Array, halves: Array) -> tuple
 def limits_on(polynomial: Polynomial, grid: Grid) -> tuple[float, float]:
     """A lower and an upper bound of a polynomial over all boxes of a grid."""
     boxes = grid.first()
-    found, error = coefficients(polynomial, grid.middles(boxes), grid.halves(boxes))
-    return float(found.min()) - error, float(found.max()) + error
+    step = at_once(polynomial)
+    least, most = np.inf, -np.inf
+    for i in range(0, len(boxes), step):
+        part = boxes[i : i + step]
+        found, error = coefficients(polynomial, grid.middles(part), grid.halves(part))
+        least = min(least, float(found.min()) - error)
+        most = max(most, float(found.max()) + error)
+    return least, most
+
+
+def at_once(polynomial: Polynomial) -> int:
+    """How many boxes to treat at a time: `CHUNK`, and fewer of tensors that fill the cache."""
+    return max(1, CHUNK * LARGE // max(LARGE, polynomial.coefficients.size))
 
 
 def rounding_of_halves(polynomial: Polynomial, unit: float = ROUNDOFF) -> float:
@@ -337,6 +349,7 @@ class _Stage:
         if D is not None:
             self.least, self.most = limits_on(D, grid)
         self.degrees = self.tested.degrees
+        self.chunk = at_once(self.tested)
         self.least_error = 0.0  # of coefficients that are made anew
 
     def opened(self, leaves: Leaves) -> _Chunk:
@@ -449,7 +462,7 @@ class _Stage:
         parts = []
         for axis in np.unique(axes).tolist():
             both = self.halved(chunk[axes == axis], axis)
-            parts += [both[i : i + CHUNK] for i in range(0, len(both), CHUNK)]
+            parts += [both[i : i + self.chunk] for i in range(0, len(both), self.chunk)]
         return parts
 
     def is_coarse(self, chunk: _Chunk, gap: float) -> bool:
@@ -719,8 +732,8 @@ class _Search:
         """The first boxes with their coefficients, above the others in a stack."""
         if not len(leaves):
             return []
-        rest = leaves[CHUNK:]
-        chunk = stage.opened(leaves[:CHUNK])
+        rest = leaves[stage.chunk :]
+        chunk = stage.opened(leaves[: stage.chunk])
         return [rest, chunk] if len(rest) else [chunk]
 
     def _see_corners(self, stage: _Stage, chunk: _Chunk, which: Indices, shift: float) -> None:

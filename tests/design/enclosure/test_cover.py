@@ -6,7 +6,19 @@ from functools import partial
 import numpy as np
 import pytest
 
-from edtk.design.enclosure.cover import Boxes, Covering, CoveringInterrupted, Grid, Reason, cover
+from edtk.design.enclosure import cover as module
+from edtk.design.enclosure.cover import (
+    CHUNK,
+    Boxes,
+    Covering,
+    CoveringInterrupted,
+    Grid,
+    Reason,
+    at_once,
+    coefficients,
+    cover,
+    limits_on,
+)
 from edtk.design.enclosure.polynomial import Axis, Enclosed, Objective, Polynomial
 from edtk.system.time_limit import time_limit
 from edtk.system.typing import Array
@@ -173,3 +185,25 @@ def test_errors_of_polynomials_widen_the_bound(rng: np.random.Generator) -> None
     wide = cover(enclosed(replace(f, error=0.5), slacks=(replace(slack, error=0.2),)), 1e-2)
     loose = enclosed(f + 0.5, slacks=(slack + 0.2,))
     assert wide.upper >= max(largest(loose, places(rng)), exact.lower + 0.5)
+
+
+def test_tensors_that_fill_the_cache_are_treated_a_few_at_a_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of large tensors few boxes are held at once, and the bounds over all first boxes stay."""
+    axes = [Axis("angle", -np.pi, np.pi), Axis("angle", 0.0, 6.0), Axis("length", -1.0, 1.0)]
+    rng = np.random.default_rng(3)
+    small = Polynomial(tuple(axes), rng.normal(size=(3, 3, 2)))
+    large = small.raised([3, 2, 4])
+    monkeypatch.setattr(module, "LARGE", 20)
+    grid = Grid(tuple(axes))
+    few = at_once(large)
+    assert 1 < few < len(grid.first()) < CHUNK == at_once(small)
+    assert limits_on(large, grid) == pytest.approx(whole_limits(large, grid), abs=1e-12)
+
+
+def whole_limits(polynomial: Polynomial, grid: Grid) -> tuple[float, float]:
+    """The same of all first boxes at once."""
+    boxes = grid.first()
+    found, error = coefficients(polynomial, grid.middles(boxes), grid.halves(boxes))
+    return float(found.min()) - error, float(found.max()) + error
