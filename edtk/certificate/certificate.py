@@ -10,8 +10,13 @@ import numpy as np
 import criteria
 from criteria.linalg.inverse import ROUNDING, unit_spectrum
 from criteria.worst_task_accuracy import WorstTaskAccuracy
+from edtk.certificate.coverings import coverings_to_list
+from edtk.certificate.recompute.pose_polynomials import require_checkable
+from edtk.certificate.recompute.setting import Setting
 from edtk.design.bound import BoundKind
 from edtk.design.design_space import DesignSpace
+from edtk.design.enclosure.prove_continuum import ProvedPlan
+from edtk.design.enclosure.robot_polynomials import polynomials_of
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
@@ -30,7 +35,7 @@ from edtk.robots.frames import BodyPoint
 from edtk.robots.robot import Robot
 from edtk.robots.weights import DeadWeights
 from edtk.study.study import Study
-from edtk.system.errors import UserError
+from edtk.system.errors import UserError, note
 from edtk.system.parsing import json_text
 from edtk.system.typing import Array
 from edtk.version import __version__
@@ -64,10 +69,11 @@ def certificate(
     relaxed = found.relaxed if isinstance(found, ExactPlan) else found
     if setting is None:
         setting = setting_to_dict(study, relaxed.space)
+    continuum = _continuum(relaxed, setting)
     if isinstance(found, ExactPlan):
         answer = {
             "kind": "plan",
-            "claims": _plan_claims(found),
+            "claims": _plan_claims(found, bool(continuum)),
             "experiments": _repeated(found.plan),
             "kept": [] if found.kept is None else _repeated(found.kept),
         }
@@ -76,7 +82,7 @@ def certificate(
     else:
         answer = {
             "kind": "relaxation",
-            "claims": _relaxation_claims(found),
+            "claims": _relaxation_claims(found, bool(continuum)),
             "experiments": _weighted(found),
             "kept": [],
         }
@@ -86,7 +92,7 @@ def certificate(
         "study_sha256": study.digest,
         "criterion": relaxed.criterion.name,
         **answer,
-        "proof": _proof(relaxed) if day is None else _proofs(proofs),
+        "proof": _proof(relaxed) | continuum if day is None else _proofs(proofs),
         "setting": setting,
         **_sharing(setting, found),
     }
@@ -164,26 +170,57 @@ def _proof(relaxed: RelaxedPlan) -> dict[str, Any]:
     }
 
 
-def _relaxation_claims(found: RelaxedPlan) -> dict[str, float]:
+def _continuum(relaxed: RelaxedPlan, setting: dict[str, Any]) -> dict[str, Any]:
+    """Multipliers and boxes that prove the bound over all poses: one key.
+
+    There is none without a proof, or for a setting whose boxes `edtk verify` cannot check.
+    """
+    if not isinstance(relaxed, ProvedPlan):
+        return {}
+    robot = polynomials_of(relaxed.space)
+    try:
+        require_checkable(Setting.from_dict(setting))
+        coverings = [coverings_to_list(robot, one) for one in relaxed.coverings]
+    except ValueError as error:
+        note(f"the certificate has no bound over all poses: {error}", setting["robot"]["name"])
+        return {}
+    found: dict[str, Any] = {"multipliers": relaxed.continuum_multipliers.tolist()}
+    criterion = relaxed.criterion
+    if isinstance(criterion, WorstTaskAccuracy):
+        M = relaxed.information
+        found["task_weights"] = [
+            criterion.dual_weights(Z, M).tolist() for Z in relaxed.continuum_multipliers
+        ]
+    return {"continuum": found | {"coverings": [one for each in coverings for one in each]}}
+
+
+def _relaxation_claims(found: RelaxedPlan, covered: bool) -> dict[str, float]:
     """Value, bounds and proved gap; a bound that says nothing is no claim."""
     claims = {"value": found.value, "bound": found.bound, "gap": found.gap}
     if found.searched_bound is not None:
         claims["bound_searched"] = found.searched_bound.value
+    if isinstance(found, ProvedPlan) and covered:
+        claims["bound_proved"] = found.continuum_bound.value
     return {name: float(number) for name, number in claims.items() if np.isfinite(number)}
 
 
-def _plan_claims(found: ExactPlan) -> dict[str, float]:
+def _plan_claims(found: ExactPlan, covered: bool) -> dict[str, float]:
     """Value, bound of its kind, and the efficiency beside a bound over all poses.
 
     A plan's poses need not be among the candidates: beside a bound over these alone, its efficiency
     says as much about them as about the plan.
     """
     claims = {"value": found.value, "bound": found.bound}
-    if found.lower_bound.kind is BoundKind.SEARCHED:
+    bound = found.lower_bound
+    searched = found.relaxed.searched_bound
+    if bound.kind is BoundKind.PROVED and not covered and searched is not None:
+        bound = searched.scaled(found.plan.experiments)
+    names = {BoundKind.SEARCHED: "bound_searched", BoundKind.PROVED: "bound_proved"}
+    if bound.kind in names:
         claims = {
             "value": found.value,
-            "bound_searched": found.bound,
-            "efficiency": found.efficiency,
+            names[bound.kind]: bound.value,
+            "efficiency": bound.efficiency(found.cost),
         }
     return {name: float(number) for name, number in claims.items() if np.isfinite(number)}
 

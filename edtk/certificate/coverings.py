@@ -6,7 +6,7 @@ import numpy as np
 
 from edtk.design.enclosure.cover import Covering, Leaves, Reason, coefficients
 from edtk.design.enclosure.polynomial import Polynomial
-from edtk.design.enclosure.robot_polynomials import RobotPolynomials
+from edtk.design.enclosure.space_polynomials import SpacePolynomials
 from edtk.robots.constraints.constraint import Constraint
 from edtk.robots.constraints.height import Height
 from edtk.robots.constraints.radius import Radius
@@ -19,15 +19,12 @@ COMBINED = "+"
 AT_ONCE = 256  # boxes
 
 
-def coverings_to_list(
-    robot: RobotPolynomials, covering: Covering, prior: float
-) -> list[dict[str, Any]]:
+def coverings_to_list(robot: SpacePolynomials, covering: Covering) -> list[dict[str, Any]]:
     """The covering of one multiplier, for each of its objectives, see `recompute.covering`.
 
     Args:
         robot: The polynomials that were enclosed.
         covering: The boxes.
-        prior: ``<Z, M0>``, which all sensitivities have besides.
 
     Raises:
         ValueError: A certificate has no words for a constraint, or for what joints do.
@@ -56,7 +53,7 @@ def coverings_to_list(
         combined = order[np.array([letters[k] == COMBINED for k in order], dtype=bool)]
         found.append(
             {
-                "limit": float(leaves.bound.max()) + prior,
+                "limit": float(leaves.bound.max()),
                 "joints": places,
                 "low": [float(axis.low) for axis in halving.whole],
                 "high": [float(axis.high) for axis in halving.whole],
@@ -70,7 +67,7 @@ def coverings_to_list(
     return found
 
 
-def _places(robot: RobotPolynomials) -> list[int]:
+def _places(robot: SpacePolynomials) -> list[int]:
     """The joints that count, by their place among those that are designed.
 
     Raises:
@@ -84,7 +81,7 @@ def _places(robot: RobotPolynomials) -> list[int]:
     return list(robot.kept)
 
 
-def _letters(robot: RobotPolynomials) -> str:
+def _letters(robot: SpacePolynomials) -> str:
     """A letter for each slack.
 
     Raises:

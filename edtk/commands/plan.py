@@ -23,6 +23,7 @@ from edtk.commands.shared import (
 from edtk.system.errors import ArgumentError
 
 HELP_OF_FAULTS = "How likely faults would be noticed, and told apart, like tool_z=5mm,drift=0.05mm."
+PROVED_GAP = 1e-3  # between a bound over all poses and the best weights
 MOST_EXPERIMENTS = 10**12  # as in a study: beyond them numbers of repetitions are not exact
 
 
@@ -86,6 +87,11 @@ class _FaultOption(click.Option):
     type=Range(min=0, max=100, min_open=True, max_open=True),
     help="With --for: how much of the criterion at most, in percent [default: 5].",
 )
+@click.option(
+    "--prove-bound",
+    is_flag=True,
+    help="Prove the bound for all feasible poses, to 0.1 % of the best weights.",
+)
 @json_option
 @click.option("--out", type=FilePath, help="Write all experiments (CSV, - to print).")
 @certificate_option
@@ -104,6 +110,7 @@ def command(
     detect: str | None,
     second: str | None,
     give_up: float | None,
+    prove_bound: bool,
     as_json: bool,
     out: Path | None,
     certificate: Path | None,
@@ -134,6 +141,7 @@ def command(
             detect=_faults(detect) or None,
             second=second,
             give_up=give_up,
+            prove_bound=PROVED_GAP if prove_bound else None,
             progress=lambda label, number: say(label),
         )
     show(found, as_json, out, certificate)

@@ -130,6 +130,7 @@ class OfStudy(Question):
             without = replace(self, study=self.study.excluding(call.exclude))
             return without.plan(replace(call, exclude=None))
         asked, criterion = self.asked_for(call.criterion)
+        gap = proved_gap(call.prove_bound, "prove_bound")
         faults = self._faults(call.detect or {})
         exchange = self._exchange(asked, criterion, call)
         kept = None if call.keep is None else as_plan(asked, call.keep, "keep", made=True)
@@ -142,10 +143,30 @@ class OfStudy(Question):
             found = self._best_plan(asked, criterion, kept, call, options)
             if exchange is not None:
                 found = self._given_up(exchange, asked, criterion, call, options, found)
+            if gap is not None and found.ended != "interrupted":
+                found = self._proved(found, gap, call)
         found = self._judged(asked, found, faults)
         found = replace(found, off_guess=self._off_guess(asked, criterion, call, found))
         files.write(lambda: found.whole.to_frame(asked.robot), lambda: self._proof(asked, found))
         return found
+
+    def _proved(self, found: "ExactPlan", gap: float, call: PlanCall) -> "ExactPlan":
+        """The plan with a bound that is proved for all poses."""
+        from edtk.design.enclosure.prove_continuum import prove_plan
+        from edtk.study.plan_study import study_errors
+
+        said = ""
+
+        def say(stage: str, level: float) -> None:
+            nonlocal said
+            line = f"{stage} {max(level, 0.0):.1e}"
+            if line != said:
+                said = line
+                call.progress(line, level)
+
+        with study_errors(self.study):
+            relaxed = prove_plan(found.relaxed, gap, say)
+        return found.beside(relaxed)
 
     def _off_guess(
         self, asked: Study, criterion: str | None, call: PlanCall, found: "ExactPlan"
@@ -207,6 +228,11 @@ class OfStudy(Question):
             if not 0 < call.give_up < 100:
                 message = "expected percent between 0 and 100"
                 raise ArgumentError(message, argument="give_up", given=call.give_up)
+        costs = self.study.specification.costs
+        limited = call.cost_budget is not None or (costs is not None and costs.budget is not None)
+        if call.prove_bound is not None and limited:
+            message = "plans within a budget of costs have no bound over all poses; leave this out"
+            raise ArgumentError(message, argument="prove_bound")
         return replace(
             call,
             size=whole("size", 1),

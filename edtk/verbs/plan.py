@@ -37,6 +37,7 @@ def plan(
     detect: Mapping[str, str] | None = None,
     second: CriterionLike | None = None,
     give_up: float | None = None,
+    prove_bound: float | None = None,
     progress: Progress = ...,
 ) -> ExactPlan: ...
 
@@ -154,8 +155,10 @@ def plan(
         give_up: The part in percent, 5 by default: the plan is the best for the second criterion
             among those whose cost is at most 1 / (1 - give_up/100) times that of the plan for the
             first one alone.
-        prove_bound: Relative gap to which the bound of a region is proved for all of its points,
-            see `edtk.relax`: `.efficiency` is against that bound then.
+        prove_bound: Relative gap between the bound and the best weights, such as 0.001, up to which
+            the bound is proved for all feasible poses, or for all points of a region; `.efficiency`
+            is against that bound then. It takes its time after the search of a study; Ctrl-C leaves
+            the best bound so far.
 
     Returns:
         The plan with its `.value`, its `.bound`, and its `.efficiency` between 0 and 1. That of a

@@ -65,7 +65,7 @@ REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
         "relax": _none_of(("seed", *OF_WORKERS), "not for the relaxation of a region"),
     },
     "compliances": {
-        "plan": _none_of((*OF_PROBLEMS, "prove_bound"), "not for plans of a study"),
+        "plan": _none_of(OF_PROBLEMS, "not for plans of a study"),
         "predict": {
             "tool_rows": "where a marker sits on the tool is no part of a displacement but in "
             "marker_x_mm marker_y_mm marker_z_mm; leave this out",
@@ -73,7 +73,7 @@ REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
     },
     "geometry": {
         "plan": {
-            **_none_of((*OF_PROBLEMS, "prove_bound"), "not for plans of a study"),
+            **_none_of(OF_PROBLEMS, "not for plans of a study"),
         },
         "template": {
             "markers": "the markers of a study of geometry are its [[marker]]; leave this out",

@@ -271,7 +271,7 @@ def test_what_the_prover_covers_is_confirmed(honest: Content) -> None:
     robot = RobotPolynomials(study.space)
     covering = cover(robot.enclosed(Z[0]), 0.3)
     content = copy.deepcopy(honest)
-    content["proof"]["continuum"]["coverings"] = coverings_to_list(robot, covering, 0.0)
+    content["proof"]["continuum"]["coverings"] = coverings_to_list(robot, covering)
     claims = {claim.claim: claim for claim in verify_certificate(content).claims}
     assert claims["bound_proved"].reason == "the recomputed number differs"
     told = criteria.get("D")().lower_bound(Z, np.array([covering.upper]), np.eye(len(Z[0])))

@@ -278,7 +278,7 @@ class Polynomials:
         Raises:
             ValueError: What is measured is no polynomial of the joints, or has not been derived.
         """
-        _require_polynomial(setting)
+        require_checkable(setting)
         domain = Domain.of(setting)
         q = _poses(setting, domain, DEGREE)
         A = setting.whitened_rows(q, np.broadcast_to(wrench, (len(q), 9)))
@@ -326,7 +326,7 @@ class Polynomials:
         return Form(both, error + 4 * U * d.size)
 
 
-def _require_polynomial(setting: Setting) -> None:
+def require_checkable(setting: Setting) -> None:
     """Refuse a setting whose sensitivity has not been shown to be of degree four in each joint.
 
     Columns of the Jacobian are of degree one in each joint, and so are loads of wrenches and
@@ -347,6 +347,11 @@ def _require_polynomial(setting: Setting) -> None:
         (setting.price is not None, "costs"),
         (tied, "joints that follow others"),
         (wires, "distances"),
+        (len(setting.free) > MOST_JOINTS, f"more than {MOST_JOINTS} joints"),
+        (
+            setting.load.listed is None and setting.load.direction is None,
+            "forces in all directions",
+        ),
     ):
         if given:
             raise ValueError(f"a covering of poses is not checked here with {what}")

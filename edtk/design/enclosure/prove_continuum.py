@@ -23,7 +23,12 @@ from edtk.design.enclosure.space_polynomials import SpacePolynomials
 from edtk.design.relaxation.certify import semidefinite
 from edtk.design.relaxation.proof import errors, is_normalised, normalised
 from edtk.design.relaxation.relax import require_relaxable
-from edtk.design.relaxation.relax_poses import PlanInterrupted, RelaxOptions, relax_poses
+from edtk.design.relaxation.relax_poses import (
+    PlanInterrupted,
+    RelaxOptions,
+    ignore_progress,
+    relax_poses,
+)
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.system.time_limit import out_of_time, time_limit
 from edtk.system.typing import Array
@@ -129,6 +134,29 @@ def prove_poses(
         known = columns if known is None else np.concatenate([known, columns])
     assert best is not None
     return best
+
+
+def prove_plan(
+    plan: RelaxedPlan,
+    accuracy: float,
+    progress: Callable[[str, float], object] = ignore_progress,
+) -> ProvedPlan:
+    """A relaxed design as it is, with the bound that its own multipliers prove over all poses.
+
+    Args:
+        plan: The design, of a search over all poses.
+        accuracy: Relative gap between the bound and the design, at most, as far as the multipliers
+            allow. Where time is up, or after Ctrl-C, the bound is the best that was proved.
+        progress: Called with the part of the poses that is closed, and the gap.
+
+    Raises:
+        NotEnclosedError: The sensitivities of the space are no polynomials; says why.
+    """
+    attempt = _Attempt(plan, polynomials_of(plan.space), accuracy, True, progress)
+    try:
+        return attempt.proved(())
+    except CoveringInterrupted as interrupt:
+        return attempt.rest((), interrupt.best)
 
 
 def _better(first: ProvedPlan | None, second: ProvedPlan) -> ProvedPlan:

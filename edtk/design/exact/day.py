@@ -1,7 +1,7 @@
 """What a day costs and what its budget leaves, a plan for it, and its poses by load."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Any
 
@@ -264,6 +264,11 @@ class DayPlan(ExactPlan):
     tried: dict[tuple[int, ...], float] = field(default_factory=dict)
     asked: int | None = None
     proofs: dict[tuple[int, ...], RelaxedPlan] = field(default_factory=dict)
+
+    def beside(self, relaxed: RelaxedPlan) -> "DayPlan":
+        """The same plan, with another relaxation of the same question and its bound."""
+        bound = relaxed.best_bound.scaled(self.plan.experiments)
+        return replace(self, relaxed=relaxed, bound_of_all=bound)
 
     @property
     def lower_bound(self) -> Bound:

@@ -1,7 +1,7 @@
 """A plan of whole experiments with its value, its bound, and the sizes that it may have."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -276,6 +276,10 @@ class ExactPlan(BoundedDesign):
             ended=found.ended,
         )
 
+    def beside(self, relaxed: RelaxedPlan) -> "ExactPlan":
+        """The same plan, with another relaxation of the same question and its bound."""
+        return replace(self, relaxed=relaxed)
+
     @property
     def robot(self) -> Robot:
         """The robot, with the calibration tool."""
@@ -365,6 +369,7 @@ class ExactPlan(BoundedDesign):
             "value": self.value,
             "bound": bound if np.isfinite(bound) else None,
             "bound_searched": self.lower_bound.kind is BoundKind.SEARCHED,
+            "bound_proved": self.lower_bound.kind is BoundKind.PROVED,
             "bound_gap": gap if np.isfinite(gap) else None,
             "efficiency": self.efficiency,
             "starts": self.starts,

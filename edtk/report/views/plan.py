@@ -216,18 +216,20 @@ def _budget(found: ExactPlan) -> list[str]:
 
 def among(found: ExactPlan) -> str:
     """What the efficiency is among, where that is not all poses."""
-    if found.lower_bound.kind is BoundKind.SEARCHED:
+    if found.lower_bound.kind in (BoundKind.SEARCHED, BoundKind.PROVED):
         return ""
     return " of the best on these poses; other poses may be better"
 
 
 def reach(found: ExactPlan) -> str:
     """Which plans the bound speaks of."""
-    searched = found.lower_bound.kind is BoundKind.SEARCHED
-    reach = (
-        "searched over all poses, not proved"
-        if searched
-        else "over the candidates and these poses alone, for want of time to search all poses"
+    kinds = {
+        BoundKind.PROVED: "proved for all poses",
+        BoundKind.SEARCHED: "searched over all poses, not proved",
+    }
+    reach = kinds.get(
+        found.lower_bound.kind,
+        "over the candidates and these poses alone, for want of time to search all poses",
     )
     if found.bound_gap <= CUT_OFF:
         return reach

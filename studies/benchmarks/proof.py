@@ -1,0 +1,156 @@
+"""What a bound over every pose costs: boxes and seconds against the gap that is proved.
+
+    python studies/benchmarks/proof.py [PART OF A NAME]
+
+writes proof.md beside this file. A row is one `edtk.relax(study, criterion, prove=GAP)`: the
+relaxation, the search over all poses and the boxes together, in a process of its own, in seconds of
+processor time. Its certificate is then checked by `edtk.verify`. With a part of a name, only those
+cases run and are printed.
+"""
+
+import sys
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import process_time
+
+from measure import Measured, machine, measure
+
+import edtk
+from edtk import Study, load_study
+from edtk.report.tables import markdown_table
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE.parent))
+
+from fault_robots import robots  # noqa: E402, from the studies
+
+TEN = ("rho0", "A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5")
+LIMIT = 900.0  # seconds for a row
+FIELDS = ("robot", "criterion", "asked gap", "proved gap", "boxes", "seconds", "check")
+
+
+def kr270(**changes: object) -> Study:
+    """The paper's study, with some of its tables changed."""
+    study = load_study(HERE.parent / "kr270_milling.toml")
+    return study.replace(**changes) if changes else study
+
+
+def small(kind: str) -> Study:
+    """A 3R arm, or a SCARA with its prismatic joint, that holds 5 kg."""
+    turning = {"axis": [0, 0, 1], "limits_deg": [-150, 150]}
+    if kind == "3R":
+        axes = ([0, 0, 1], [0, 1, 0], [0, 1, 0])
+        places = ([0, 0, 0.4], [0, 0, 0], [0.5, 0, 0])
+        joints = [
+            turning | {"name": f"q{j + 1}", "axis": axis, "origin_m": place}
+            for j, (axis, place) in enumerate(zip(axes, places, strict=True))
+        ]
+        force, unknown = [20.0, 0.0, -50.0], ["q1", "q2", "q3"]
+    else:
+        joints = [
+            turning | {"name": f"q{j + 1}", "origin_m": place}
+            for j, place in enumerate(([0, 0, 0.4], [0.4, 0, 0], [0.3, 0, 0]))
+        ]
+        joints.insert(
+            2,
+            {
+                "name": "z",
+                "kind": "prismatic",
+                "axis": [0, 0, 1],
+                "origin_m": [0.3, 0, 0],
+                "limits_m": [-0.2, 0.0],
+            },
+        )
+        force, unknown = [40.0, 10.0, -50.0], ["q1", "q2", "q3"]
+    return Study(
+        title=kind,
+        robot={
+            "name": kind,
+            "source": "made up",
+            "joints": joints,
+            "tool": {"position_m": [0.3, 0, 0]},
+        },
+        tool={"position_mm": [300, 0, 0]},
+        load={"F_N": force},
+        measurement={"sigma_mm": 0.03},
+        joints={"unknown": unknown},
+        workspace={},
+    )
+
+
+def cases() -> dict[str, tuple[object, tuple[str, ...], tuple[float, ...]]]:
+    """Studies, criteria and gaps."""
+    return {
+        "KR 270": (kr270, TEN, (1e-2, 1e-3)),
+        "KR 270, sharper": (kr270, ("rho0", "A", "D", "E"), (1e-4, 1e-6)),
+        "KR 270, tool beside its plane": (
+            partial(kr270, tool={"position_mm": [611.5, 150.0, -460.0]}),
+            ("rho0", "D"),
+            (1e-2, 1e-3),
+        ),
+        "UR10": (partial(of_faults, "UR10, 10 kg"), ("D", "A"), (1e-2, 1e-3)),
+        "7R arm": (partial(of_faults, "7R arm, 14 kg"), ("D",), (0.3, 0.1)),
+        "3R arm": (partial(small, "3R"), ("D", "A"), (1e-3, 1e-6)),
+        "SCARA": (partial(small, "SCARA"), ("D", "A"), (1e-3, 1e-6)),
+    }
+
+
+def of_faults(name: str) -> Study:
+    """A study of another robot, as faults are tried on it."""
+    return robots()[name]
+
+
+def proved(make: partial[Study], criterion: str, gap: float) -> tuple[float, int, float, str]:
+    """Proved gap, boxes, seconds, and the seconds of the check or why there is none."""
+    study = make()
+    start = process_time()
+    found = edtk.relax(study, criterion, prove=gap)
+    seconds = process_time() - start
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "certificate.json"
+        try:
+            from edtk.certificate.certificate import certificate_text
+
+            path.write_text(certificate_text(study, found), encoding="utf-8")
+            start = process_time()
+            claims = {one.claim: one for one in edtk.verify(path).claims}
+            claim = claims["bound_proved"]
+            check = f"{process_time() - start:.0f} s" if claim.holds else claim.reason
+        except ValueError as error:
+            check = str(error)
+    return found.continuum_bound.gap, found.boxes, seconds, check
+
+
+def row(name: str, criterion: str, gap: float, told: Measured) -> tuple[str, ...]:
+    """A row of the table."""
+    if told.failure:
+        return (name, criterion, f"{gap:.0e}", told.failure, "", "", "")
+    reached, boxes, seconds, check = told.answer
+    return (name, criterion, f"{gap:.0e}", f"{reached:.1e}", f"{boxes:,}", f"{seconds:.0f}", check)
+
+
+def main() -> None:
+    """Run all cases, and write the page; or print some."""
+    wanted = sys.argv[1] if len(sys.argv) > 1 else ""
+    rows = []
+    for name, (make, criteria, gaps) in cases().items():
+        if wanted not in name:
+            continue
+        for criterion in criteria:
+            for gap in gaps:
+                told = measure(proved, make, criterion, gap, limit=LIMIT)
+                rows.append(row(name, criterion, gap, told))
+                print(*rows[-1], sep=" | ", flush=True)
+    if not wanted:
+        text = f"""# Bounds over every pose: boxes and seconds against the gap
+
+Written by `python studies/benchmarks/proof.py`, which says what a row is. {machine()}
+
+{markdown_table(FIELDS, rows)}
+"""
+        (HERE / "proof.md").write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
