@@ -56,6 +56,7 @@ def plan(
     cost_budget: float | None = None,
     blocks: Sequence[int] | None = None,
     block_variance: float = ...,
+    prove: float | None = None,
     out: Path | str | None = None,
     progress: Progress = ...,
 ) -> "ProblemPlan": ...
@@ -88,6 +89,7 @@ def plan(
     cost_budget: float | None = None,
     blocks: Sequence[int] | None = None,
     block_variance: float = FIXED,
+    prove: float | None = None,
     keep: PlanLike | ArrayLike | Problem | None = None,
     distinct: int | None = None,
     exclude: Path | str | None = None,
@@ -136,6 +138,9 @@ def plan(
             of its own on all its readings. It is nuisance: only what differs within blocks counts.
         block_variance: Variance of random effects of blocks, in units of the noise; infinite, the
             default, are fixed effects, of which nothing is known.
+        prove: Seconds in which to prove that no plan of these candidates is better, by branch and
+            bound; the search ends when that is proved. `.proved_exact` tells whether it is, and
+            `.bound_exact` how much better any plan can be.
 
         distinct: Distinct new poses at most; defaults to p(p+1)/2 + 1 for p parameters.
         exclude: A plan (CSV file) of poses to stay away from.
@@ -195,6 +200,7 @@ def plan(
         cost_budget=cost_budget,
         blocks=blocks,
         block_variance=None if block_variance == FIXED else block_variance,
+        prove=prove,
         distinct=distinct,
         exclude=exclude,
         budget=budget,

@@ -71,6 +71,7 @@ def plan_problem(
     cost_budget: float | None = None,
     blocks: Sequence[int] | None = None,
     block_variance: float = np.inf,
+    prove: float | None = None,
     progress: Callable[[str, float], object] = lambda label, cost: None,
 ) -> ProblemPlan:
     """Search for the best plan of whole experiments on the candidates of a problem.
@@ -111,7 +112,8 @@ def plan_problem(
         number - int(kept.sum()),
         seed,
         starts,
-        lambda number, cost: progress(f"start {number}", cost),
+        progress,
+        prove=None if prove is None else seconds_for(prove),
     )
 
 
@@ -201,6 +203,17 @@ def _funds(
     if not (_is_number(budget) and np.isfinite(budget) and budget > 0):
         raise ArgumentError("expected above 0", argument="cost_budget", given=budget)
     return prices, float(budget)
+
+
+def seconds_for(prove: object) -> float:
+    """The time for a proof [s].
+
+    Raises:
+        ArgumentError: It is no number of seconds.
+    """
+    if isinstance(prove, bool) or not isinstance(prove, Real) or not float(prove) >= 0:
+        raise ArgumentError("expected seconds, zero or more", argument="prove", given=prove)
+    return float(prove)
 
 
 def _is_number(given: object) -> bool:

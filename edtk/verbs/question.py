@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from edtk.verbs.inputs import CriterionLike, StudyLike
 
 FIXED = float("inf")  # variance of effects of blocks of which nothing is known
-OF_PROBLEMS = ("starts", "most", "costs", "blocks", "block_variance")
+OF_PROBLEMS = ("starts", "most", "costs", "blocks", "block_variance", "prove")
 OF_WORKERS = ("workers", "dask")
 OF_STUDIES = (
     "distinct",
@@ -100,6 +100,7 @@ class PlanCall:
     cost_budget: float | None = None
     blocks: Sequence[int] | None = None
     block_variance: float | None = None
+    prove: float | None = None
     distinct: int | None = None
     exclude: Path | str | None = None
     budget: float | None = None

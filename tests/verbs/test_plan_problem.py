@@ -424,3 +424,50 @@ def test_a_size_that_is_no_number(size):
     problem = edtk.Problem(RNG.normal(size=(8, 1, 3)))
     with pytest.raises(edtk.UserError, match=f"size {size}: expected a whole number"):
         edtk.plan(problem, size=size)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-100, 1e100])
+def test_a_plan_is_proved_to_be_the_best(scale):
+    """The proof closes the gap that weights leave, in any units, and the plan says so."""
+    x = np.linspace(-1, 1, 101)
+    problem = edtk.Problem(scale * np.stack([np.ones(101), x, x**2], axis=-1)[:, None])
+    found = edtk.plan(problem, size=7, criterion="A", prove=60)
+    weighted = edtk.plan(problem, size=7, criterion="A", starts=4)
+    assert found.proved_exact
+    assert found.ended == "proved"
+    assert found.efficiency == pytest.approx(1.0, abs=3e-9)
+    assert weighted.efficiency < 1 - 1e-3
+    assert found.cost == pytest.approx(weighted.cost, rel=1e-9)
+    assert found.bound_exact == pytest.approx(found.value, rel=3e-9)
+    assert "proved: no plan of these candidates is better" in str(found)
+
+
+def test_without_a_proof_nothing_is_said_of_one():
+    """A search alone has no bound of whole plans."""
+    found = edtk.plan(edtk.Problem(quadratic(3, 2)[:, None]), size=8, starts=1)
+    assert not found.proved_exact
+    assert found.bound_exact is None
+
+
+def test_a_proof_without_time_keeps_the_sharper_bound():
+    """Without time the bound of whole plans is that of the root, and efficiency takes the best."""
+    found = edtk.plan(edtk.Problem(quadratic(3, 2)[:, None]), size=8, criterion="A", prove=0)
+    assert found.ended == "budget"
+    assert not found.proved_exact
+    assert found.bound_exact <= found.value
+    assert found.efficiency == max(found.bound_exact, found.lower_bound.value) / found.value
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({"prove": -1}, "prove"),
+        ({"prove": True}, "prove"),
+        ({"prove": 1, "criterion": "O4"}, "O4"),
+        ({"prove": 1, "blocks": (4, 4)}, "blocks"),
+    ],
+)
+def test_a_proof_that_there_is_not_says_why(more, said):
+    """Wrong seconds, criteria and limits without a proof are one line."""
+    with pytest.raises(UserError, match=said):
+        edtk.plan(edtk.Problem(quadratic(3, 2)[:, None]), **{"size": 8, **more})

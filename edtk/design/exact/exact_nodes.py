@@ -15,6 +15,7 @@ EPS = float(np.finfo(float).eps)
 # experiments may be singular. The bound holds for any multiplier.
 RIDGE = 1e-6
 LARGE = 48  # candidates of a node from which on a product of its own is quicker
+DENSE = 4  # positions for each candidate up to which the product is one of all of them
 SHARPNESS = (8.0, 32.0, 128.0, 1024.0)  # of soft maxima, one step after the other
 
 
@@ -237,12 +238,20 @@ class Merits:
         large = np.flatnonzero(nodes.sizes >= LARGE)
         for i in large:
             part = slice(starts[i], starts[i] + nodes.sizes[i])
-            found[part] = self.F[nodes.candidates[part]] @ Z[i]
+            found[part] = self._of_one(nodes.candidates[part], Z[i])
         if len(large) < nodes.n:
             rest = np.flatnonzero((nodes.sizes < LARGE)[nodes.node_of])
             own = self.F[nodes.candidates[rest]]
             found[rest] = np.einsum("ij,ij->i", own, Z[nodes.node_of[rest]])
         return found
+
+    def _of_one(self, chosen: Indices, z: Array) -> Array:
+        """``<z, M_i>`` (k,) of candidates; of a dense range a copy would take most of the time."""
+        low = chosen.min()
+        high = chosen.max() + 1
+        if high - low <= DENSE * len(chosen):
+            return (self.F[low:high] @ z)[chosen - low]
+        return self.F[chosen] @ z
 
     def tell(self, nodes: Nodes, Z: Array) -> Told:
         """What multipliers (b, q) tell of nodes (b,), rounding included.

@@ -72,7 +72,8 @@ def parts(nodes: Nodes, points: Array) -> Part:
     and D the distance between the means of the part and of the rest of its group, either costs
     about ``f (1 - f) D^2`` of the merit, to second order. Parts are tried of two kinds: single
     candidates that have weight, and, of each group, one of the two blocks of `halved_order`
-    between which the weight, or else the group, is divided at the highest level.
+    between which the weight, or else the group, is divided at the highest level. A single candidate
+    that has another nearby gains little: its weight goes there. So D is its distance to that.
 
     Args:
         nodes: The nodes, with their weights.
@@ -92,9 +93,11 @@ def parts(nodes: Nodes, points: Array) -> Part:
     of_left = np.bincount(group[left], weight[left], groups).astype(float)
     sum_left = _sums(own[left] * weight[left, None], group[left], groups)
     blocks = _gains(of_left, sum_left, whole, total)
-    # Where no weight is divided, the group still may have to be.
-    blocks = np.where(divides, blocks + SETTLED * WHOLE, -1.0)
-    singles = _gains(weight, own * weight[:, None], whole[group], total[group])
+    # Where no weight is divided, or only whole experiments are, the group still may have to be.
+    apart = _distances(of_left, sum_left, whole, total)
+    blocks = np.where(divides, blocks + SETTLED * apart + WHOLE, -1.0)
+    near = _nearest(nodes, points, some)
+    singles = np.minimum(_gains(weight, own * weight[:, None], whole[group], total[group]), near)
     gains = np.concatenate([blocks, singles])
     group_of = np.concatenate([np.arange(groups), group])
     node_of = nodes.node_of_group[group_of]
@@ -114,13 +117,31 @@ def _sums(values: Array, group: Indices, groups: int) -> Array:
 
 def _gains(weight: Array, own: Array, whole: Array, total: Array) -> Array:
     """What setting apart parts of a weight and a sum of points brings, of wholes with theirs."""
+    part = np.clip(weight - np.floor(weight + WHOLE), 0.0, 1.0)
+    return part * (1 - part) * _distances(weight, own, whole, total)
+
+
+def _distances(weight: Array, own: Array, whole: Array, total: Array) -> Array:
+    """Squares (k,) of the distances between the means of parts and rests, if there are both."""
     rest = whole - weight
     divides = (weight > WHOLE) & (rest > WHOLE)
     safe = np.where(divides, weight, 1.0)
     safe_rest = np.where(divides, rest, 1.0)
     apart = own / safe[:, None] - (total - own) / safe_rest[:, None]
-    part = np.clip(weight - np.floor(weight + WHOLE), 0.0, 1.0)
-    return np.where(divides, (part * (1 - part) + SETTLED) * np.square(apart).sum(axis=1), 0.0)
+    return np.where(divides, np.square(apart).sum(axis=1), 0.0)
+
+
+def _nearest(nodes: Nodes, points: Array, some: Indices) -> Array:
+    """What setting apart some candidates (k,) brings, whose weights go to a neighbour in order."""
+    end = len(nodes.candidates) - 1
+    part = np.clip(nodes.weights[some] - np.floor(nodes.weights[some] + WHOLE), 0.0, 1.0)
+    own = points[nodes.candidates[some]]
+    found = np.full(len(some), np.inf)
+    for other in (np.maximum(some - 1, 0), np.minimum(some + 1, end)):
+        distance = np.square(own - points[nodes.candidates[other]]).sum(axis=1)
+        near = (nodes.group_of[other] == nodes.group_of[some]) & (other != some)
+        found = np.minimum(found, np.where(near, distance, np.inf))
+    return part * (1 - part) * np.where(np.isfinite(found), found, 0.0)
 
 
 def _cuts(nodes: Nodes, place: Indices, group: Indices) -> tuple[Indices, Mask]:

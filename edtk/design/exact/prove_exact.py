@@ -15,6 +15,7 @@ from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.exact_nodes import SHARPNESS, Merits, Nodes, Told
 from edtk.design.exact.exact_split import Division, halved_order, parts
 from edtk.design.exact.exact_tree import ExactTree, TreeRecord
+from edtk.design.exact.exchange import exchange
 from edtk.design.information import Rows
 from edtk.design.problem import Problem
 from edtk.system.errors import UserError
@@ -28,6 +29,9 @@ AT_ONCE = 256  # nodes
 MOST_AT_ONCE = 200_000  # candidates of them
 STEPS = 4  # of the weights of a node
 ROOT_STEPS = 3
+POWER = 1.0
+LIGHT = 1e-3  # experiments that are not rounded up
+ROUNDED = 1e-6  # distance to a whole number that counts as none
 FRESH = 1e-4  # weight that candidates get which had none, in parts of all
 
 Progress = Callable[[int, float, float], object]
@@ -74,7 +78,9 @@ def require_provable(criterion: Criterion, limits: Limits) -> None:
             "leaves a candidate out"
         )
     if limits.blocks:
-        raise UnprovableError("plans in blocks have no proof yet")
+        raise UnprovableError("plans in blocks have no proof")
+    if limits.restricts or not limits.sized:
+        raise UnprovableError("plans within limits of candidates or costs have no proof")
 
 
 def prove_exact(
@@ -117,7 +123,7 @@ def prove_exact(
     if relaxed is None:
         relaxed = relaxed_counts(bare, criterion, limits)
     with time_limit(seconds):
-        search = _Search.of(bare, criterion, limits, relaxed.counts, incumbent)
+        search = _Search(bare, criterion, limits, relaxed.counts, incumbent)
         ended = search.run(progress)
     return search.proof(monotonic() - since, ended)
 
@@ -196,33 +202,27 @@ class _Search:
     """
 
     def __init__(
-        self, working: _Working, weights: Array, m: int, best: float, counts: Indices
-    ) -> None:
-        self.working = working
-        self.merits = working.merits
-        self.m = m
-        self.record = TreeRecord()
-        self.open: list[_Open] = []
-        self.best = best
-        self.counts = counts
-        self._plant(weights[working.members])
-
-    @classmethod
-    def of(
-        cls,
+        self,
         problem: Problem,
         criterion: Relaxable,
         limits: Limits,
         weights: Array,
         incumbent: Indices | None,
-    ) -> "_Search":
-        """A search with its root."""
-        working = _Working.of(problem, criterion, limits, weights)
-        if incumbent is None:
-            return cls(working, weights, limits.m, np.inf, np.zeros(problem.n, dtype=int))
-        M = working.T.T @ (problem.information(incumbent) + limits.base) @ working.T
-        best = float(working.merits.criterion.cost(M))
-        return cls(working, weights, limits.m, best, incumbent)
+    ) -> None:
+        self.limits = limits
+        self.criterion = criterion
+        self.beside = problem.with_prior(limits.base / limits.m)
+        self.working = _Working.of(problem, criterion, limits, weights)
+        self.merits = self.working.merits
+        self.m = limits.m
+        self.record = TreeRecord()
+        self.open: list[_Open] = []
+        self.best = np.inf
+        self.counts = np.zeros(problem.n, dtype=int)
+        if incumbent is not None:
+            self.counts = incumbent
+            self.best = float(criterion.cost(problem.information(incumbent) + limits.base))
+        self._plant(weights[self.working.members])
 
     @property
     def target(self) -> float:
@@ -363,43 +363,63 @@ class _Search:
             Z: These multipliers (b, q).
 
         Returns:
-            The nodes with the weights of the best multipliers, what these tell, and they.
+            The nodes with their last weights, what the best multipliers tell, and these.
         """
-        best = (nodes.weights, told, Z)
+        best = (told, Z)
         weights = nodes.weights
         for step in range(steps):
             current = replace(nodes, weights=weights)
             X = self.merits.information(current, weights)
             Z = self.merits.multipliers(X, SHARPNESS[min(step, len(SHARPNESS) - 1)])
             told = self.merits.tell(nodes, Z)
-            best = _better(nodes, best, (weights, told, Z))
+            best = _better(nodes, best, told, Z)
             if step < steps - 1:
                 marginal = told.marginal[nodes.group_of]
                 # Without a number, or a positive one, weights stay as they are.
                 ratio = np.divide(
                     told.sensitivities, marginal, out=np.ones(len(weights)), where=marginal > 0
                 )
-                weights = nodes.with_weights(weights * np.maximum(ratio, 0.0)).weights
-        weights, told, Z = best
-        return replace(nodes, weights=weights), told, Z
+                weights = nodes.with_weights(weights * np.maximum(ratio, 0.0) ** POWER).weights
+        # The weights go on where their multipliers are no better yet, too.
+        return replace(nodes, weights=weights), *best
 
     def _round(self, nodes: Nodes) -> None:
         """Round the weights of nodes to whole experiments, and take over the best plan."""
-        whole = np.floor(nodes.weights + 1e-6)
-        missing = nodes.counts - np.add.reduceat(whole, nodes.heads)
-        order = np.lexsort((whole - nodes.weights, nodes.group_of))
+        some = np.flatnonzero(nodes.weights > LIGHT)
+        group = nodes.group_of[some]
+        weights = nodes.weights[some]
+        whole = np.floor(weights + ROUNDED)
+        groups = len(nodes.heads)
+        missing = nodes.counts - np.bincount(group, whole, groups)
+        order = np.lexsort((whole - weights, group))
         rank = np.empty(len(order), dtype=int)
         rank[order] = np.arange(len(order))
-        rank -= nodes.heads[nodes.group_of]
-        counts = whole + (rank < missing[nodes.group_of])
+        rank -= np.searchsorted(group, np.arange(groups))[group]
+        own = whole + (rank < missing[group])
+        counts = np.zeros(len(nodes.weights))
+        counts[some] = own
         costs = self.merits.criterion.cost(self.merits.information(nodes, counts))
+        # Some have more experiments than candidates of any weight.
+        short = np.bincount(group, own, groups) != nodes.counts
+        costs[nodes.node_of_group[short]] = np.inf
         least = int(costs.argmin())
         if costs[least] < self.best:
-            own = np.flatnonzero((nodes.node_of == least) & (counts > 0))
+            chosen = np.flatnonzero((nodes.node_of == least) & (counts > 0))
+            members = self.working.members[self.order[nodes.candidates[chosen]]]
             self.best = float(costs[least])
             self.counts = np.zeros_like(self.counts)
-            members = self.working.members[self.order[nodes.candidates[own]]]
-            self.counts[members] = counts[own].astype(int)
+            self.counts[members] = counts[chosen].astype(int)
+            self._exchange()
+
+    def _exchange(self) -> None:
+        """Improve the best plan by exchanges, where no limits forbid some."""
+        if self.limits.restricts:
+            return
+        places = np.repeat(np.arange(len(self.counts)), self.counts)
+        found, cost = exchange(self.beside, self.criterion, places, thorough=False)
+        if cost < self.best:
+            self.best = float(cost)
+            self.counts = np.bincount(found, minlength=len(self.counts))
 
     def proof(self, seconds: float, ended: str) -> ExactProof:
         """What is proved so far."""
@@ -417,17 +437,12 @@ class _Search:
         )
 
 
-Settled = tuple[Array, Told, Array]
-
-
-def _better(nodes: Nodes, one: Settled, other: Settled) -> Settled:
-    """Of each node the multiplier that bounds it better, and the weights that it is of."""
-    better = other[1].merit < one[1].merit
-    of_candidates = better[nodes.node_of]
-    told = Told(
-        np.where(better, other[1].merit, one[1].merit),
-        np.where(of_candidates, other[1].sensitivities, one[1].sensitivities),
-        np.where(better[nodes.node_of_group], other[1].marginal, one[1].marginal),
+def _better(nodes: Nodes, best: tuple[Told, Array], told: Told, Z: Array) -> tuple[Told, Array]:
+    """Of each node the multiplier that bounds it better, and what it tells."""
+    better = told.merit < best[0].merit
+    chosen = Told(
+        np.where(better, told.merit, best[0].merit),
+        np.where(better[nodes.node_of], told.sensitivities, best[0].sensitivities),
+        np.where(better[nodes.node_of_group], told.marginal, best[0].marginal),
     )
-    weights = np.where(of_candidates, other[0], one[0])
-    return weights, told, np.where(better[:, None], other[2], one[2])
+    return chosen, np.where(better[:, None], Z, best[1])

@@ -21,6 +21,7 @@ from edtk.design.exact.counts.counts_search import CountsSearch
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.pricing_for import pricing_for, working_parameters
 from edtk.design.exact.counts.problem_plan import ProblemPlan
+from edtk.design.exact.prove_exact import ExactProof, prove_exact, require_provable
 from edtk.design.problem import Problem, RankDeficientError
 from edtk.design.relaxation.restricted_master import RelaxationError
 from edtk.design.relaxation.setting import OrderOne
@@ -28,7 +29,8 @@ from edtk.system.errors import UserError
 from edtk.system.time_limit import time_limit
 from edtk.system.typing import Indices
 
-Progress = Callable[[int, float], object]
+Progress = Callable[[str, float], object]
+PROVED_STARTS = 1  # of a search that a proof continues
 
 
 def find_counts(
@@ -39,8 +41,9 @@ def find_counts(
     elsewhere: int = 0,
     seed: int = 0,
     starts: int | None = None,
-    progress: Progress = lambda starts, cost: None,
+    progress: Progress = lambda step, cost: None,
     thorough: bool = True,
+    prove: float | None = None,
 ) -> ProblemPlan:
     """Search for the best plan within limits, and bound how much better any plan can be.
 
@@ -57,11 +60,14 @@ def find_counts(
         elsewhere: Number of kept experiments that are none of the candidates.
         seed: Seed.
         starts: Number of starts; None to go on until nothing better is found.
-        progress: Called with the number of starts so far and the best cost.
+        progress: Called with a line about the current step, and the best cost.
         thorough: Whether no exchange of one place for any candidate shall improve the plan, which
             is wasted on places that move afterwards.
+        prove: Seconds for a proof that no plan is better [s]. It goes on where a first start ends,
+            finds better plans, and ends the search. None for no proof.
 
     Raises:
+        UnprovableError: A proof was asked for, and multipliers can prove nothing about such plans.
         UserError: No plan of so few experiments was found that identifies all parameters.
         RankDeficientError: No plan of these candidates identifies all parameters.
     """
@@ -74,6 +80,9 @@ def find_counts(
     sized.problem.require_identifiable(plain)
     bare = sized.problem.with_prior(None)
     limits = replace(limits, base=sized.information(limits.base))
+    if prove is not None:
+        require_provable(plain, limits)
+        starts = PROVED_STARTS if starts is None else starts
     question = beside_blocks(bare, plain, limits)
     _require_beside_blocks(question, limits, problem)
     try:
@@ -91,10 +100,30 @@ def find_counts(
         interrupted, needs_plan = True, False
     search = replace(search, bound=0.0 if relaxed is None else relaxed.cost)
     with time_limit(0.0 if interrupted else np.inf):
-        found = search.run(seed, 1 if interrupted else starts, progress)
+        found = search.run(
+            seed,
+            1 if interrupted else starts,
+            lambda number, cost: progress(f"start {number}", cost),
+        )
     cost = float(search.criterion.cost(search.scatter.information(found.places[None])[0]))
-    _require_regular(cost, limits, problem, criterion)
     counts = limits.counts(found.places[None], problem.n)[0]
+    ended = "interrupted" if interrupted else found.ended
+    proof = None
+    if prove is not None and relaxed is not None and not interrupted:
+        proof = prove_exact(
+            bare,
+            plain,
+            limits,
+            counts,
+            seconds=prove,
+            relaxed=relaxed,
+            progress=lambda nodes, best, bound: progress(f"node {nodes}", best),
+        )
+        counts = proof.counts
+        cost = proof.best
+        ended = proof.ended
+        proof = _outward(proof, sized, criterion)
+    _require_regular(cost, limits, problem, criterion)
     if relaxed is not None and question is not None and not interrupted:
         relaxed = within_limits(relaxed, *question, counts.astype(float))
         if needs_plan or relaxed.is_near(cost):
@@ -108,12 +137,14 @@ def find_counts(
         basis=f"no bound: {reason}" if relaxed is None else relaxed.basis,
         starts=found.starts,
         found=found.found,
-        ended="interrupted" if interrupted else found.ended,
+        ended=ended,
         seconds=monotonic() - since,
         kept=kept,
         elsewhere=elsewhere,
         block_counts=_by_block(found.places, limits, problem.n),
         spent=None if limits.costs is None else float(limits.costs @ counts),
+        exact_bound=None if proof is None else _exact_bound(criterion, proof),
+        proof=proof,
     )
 
 
@@ -130,6 +161,29 @@ def _of_blocks(
     if not np.isfinite(first.cost):
         return relaxed, True
     return blocks_bound(relaxed, search.scatter, search.criterion, first.places), False
+
+
+def _outward(proof: ExactProof, sized: OrderOne, criterion: Criterion) -> ExactProof:
+    """A proof about the candidates as given: merits and costs have other units there."""
+    tree = replace(
+        proof.tree,
+        T=np.ldexp(proof.tree.T, sized.power),
+        multipliers=np.ldexp(proof.tree.multipliers, -2 * sized.power),
+        target=sized.cost(proof.tree.target, criterion),
+    )
+    return replace(
+        proof,
+        cost=sized.cost(proof.cost, criterion),
+        best=sized.cost(proof.best, criterion),
+        tree=tree,
+    )
+
+
+def _exact_bound(criterion: Criterion, proof: ExactProof) -> Bound:
+    """The bound of a proof of plans as an object; its gap is that to the best plan known."""
+    gap = 1.0 - proof.cost / proof.best
+    kind = BoundKind.PROVED_ON_CANDIDATES
+    return Bound(proof.cost, kind, criterion.degree, criterion.sense, gap)
 
 
 def _require_beside_blocks(question: Question | None, limits: Limits, problem: Problem) -> None:

@@ -14,6 +14,8 @@ from edtk.system.typing import Indices
 if TYPE_CHECKING:
     import pandas as pd
 
+    from edtk.design.exact.prove_exact import ExactProof
+
 
 @dataclass(frozen=True, eq=False)
 class ProblemPlan(BoundedDesign):
@@ -34,6 +36,9 @@ class ProblemPlan(BoundedDesign):
         elsewhere: Number of kept experiments that are none of the candidates.
         block_counts: Counts (b, n) of each block; None without blocks.
         spent: What the new experiments cost; None where costs do not matter.
+        exact_bound: No plan of whole experiments within the limits costs less, and which bound that
+            is; None where no proof of plans was asked for.
+        proof: Why, of the new experiments (`ExactProof`); likewise.
     """
 
     problem: Problem
@@ -50,6 +55,8 @@ class ProblemPlan(BoundedDesign):
     elsewhere: int = 0
     block_counts: Indices | None = None
     spent: float | None = None
+    exact_bound: Bound | None = None
+    proof: "ExactProof | None" = None
 
     def headline(self) -> str:
         """Criterion, value, size and efficiency."""
@@ -60,15 +67,28 @@ class ProblemPlan(BoundedDesign):
 
     @property
     def told_bound(self) -> Bound:
-        """That of every plan of so many experiments."""
-        return self.lower_bound
+        """That of every plan of so many experiments: the sharper one of weights and of plans."""
+        exact = self.exact_bound
+        return self.lower_bound if exact is None or exact.cost < self.lower_bound.cost else exact
+
+    @property
+    def proved_exact(self) -> bool:
+        """Whether it is proved that no plan of these candidates is better, within the limits."""
+        return self.proof is not None and self.proof.proved
+
+    @property
+    def bound_exact(self) -> float | None:
+        """The bound on whole plans as the criterion's formula prints it; None without a proof."""
+        return None if self.exact_bound is None else self.exact_bound.value
 
     @property
     def _bounded(self) -> str:
         """The efficiency, and what it rests on if that is not a proof; or why there is none."""
-        if not self.lower_bound.cost:
+        if self.proved_exact:
+            return "proved: no plan of these candidates is better"
+        if not self.told_bound.cost:
             return self.basis
-        word = " by a solver's word" if self.lower_bound.kind is BoundKind.SOLVED else ""
+        word = " by a solver's word" if self.told_bound.kind is BoundKind.SOLVED else ""
         return f"efficiency {100 * self.efficiency:.2f} %{word}"
 
     @property
