@@ -16,6 +16,8 @@ EPS = float(np.finfo(float).eps)
 RIDGE = 1e-6
 LARGE = 48  # candidates of a node from which on a product of its own is quicker
 DENSE = 4  # positions for each candidate up to which the product is one of all of them
+EVEN = 1e-2  # part of a group's experiments that all its candidates get evenly
+HEAVY = 2.0  # times such a weight from which on one tells something
 SHARPNESS = (8.0, 32.0, 128.0, 1024.0)  # of soft maxima, one step after the other
 
 
@@ -100,6 +102,12 @@ class Nodes:
             weights = np.where((sums == 0)[self.group_of], 1.0, weights)
             sums = np.add.reduceat(weights, self.heads)
         return replace(self, weights=weights * (self.counts / sums)[self.group_of])
+
+    def heavy(self, z: Array) -> Mask:
+        """The candidates (s,) that have more than the least weights, and those of the largest z."""
+        even = (HEAVY * EVEN * self.counts / self.lengths)[self.group_of]
+        top = np.maximum.reduceat(z, self.heads)[self.group_of]
+        return np.asarray((self.weights > even) | (z >= top))
 
     def apart(self) -> list["Nodes"]:
         """Each node alone."""
@@ -243,7 +251,8 @@ class Merits:
             rest = np.flatnonzero((nodes.sizes < LARGE)[nodes.node_of])
             own = self.F[nodes.candidates[rest]]
             found[rest] = np.einsum("ij,ij->i", own, Z[nodes.node_of[rest]])
-        return found
+        # Of a multiplier that is no number; what it tells is that.
+        return np.nan_to_num(found, copy=False)
 
     def _of_one(self, chosen: Indices, z: Array) -> Array:
         """``<z, M_i>`` (k,) of candidates; of a dense range a copy would take most of the time."""
@@ -259,7 +268,10 @@ class Merits:
         Every product of a multiplier and information errs by less than ``p^2 eps`` times the
         lengths of both, and by what the information itself does.
         """
-        z = self.sensitivities(nodes, Z)
+        return self.told(nodes, Z, self.sensitivities(nodes, Z))
+
+    def told(self, nodes: Nodes, Z: Array, z: Array) -> Told:
+        """What they tell with the sensitivities (s,) that are known."""
         marginal = np.maximum.reduceat(z, nodes.heads)
         tops = np.add.reduceat(nodes.counts * marginal, nodes.first_groups)
         length = np.sqrt((np.square(Z) * self.twice).sum(axis=1))

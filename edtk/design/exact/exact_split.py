@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from edtk.design.exact.exact_nodes import Merits, Nodes
+from edtk.design.exact.exact_nodes import EVEN, Merits, Nodes
 from edtk.system.typing import Array, Indices, Mask
 
 LIGHT = 1e-3  # part of a group's experiments below which a weight tells nothing
@@ -174,6 +174,7 @@ class Division:
         children: Those children that a first look leaves.
         built: Which of all (k,) they are.
         of_children: Their parents (k,).
+        sensitivities: Sensitivities of their candidates to their parents' multipliers.
     """
 
     part: Part
@@ -182,6 +183,7 @@ class Division:
     children: Nodes
     built: Indices
     of_children: Indices
+    sensitivities: Array
 
     @classmethod
     def of(cls, nodes: Nodes, part: Part, merits: Merits, Z: Array, least: float) -> "Division":
@@ -205,10 +207,13 @@ class Division:
         built = np.flatnonzero(merit > least)
         # The part's candidates come first in its group.
         order = np.argsort(2 * nodes.group_of + outside, kind="stable")
-        children = _built(
-            nodes, order, inside[order], outside[order], z[order], parent[built], counts[built]
+        children, source = _built(
+            nodes, order, inside[order], outside[order], parent[built], counts[built]
         )
-        return cls(part, parent, counts, children, built, parent[built])
+        own = z[order][source]
+        if children.n:
+            children = with_some_weight(children, own, FEW)
+        return cls(part, parent, counts, children, built, parent[built], own)
 
 
 def _times(counts: Indices, values: Array) -> Array:
@@ -221,11 +226,10 @@ def _built(
     order: Indices,
     inside: Mask,
     outside: Mask,
-    z: Array,
     parent: Indices,
     counts: Indices,
-) -> Nodes:
-    """The children of parents (k,) with counts (k,) in their parts."""
+) -> tuple[Nodes, Indices]:
+    """The children of parents (k,) with counts (k,) in their parts; where candidates are there."""
     sizes = nodes.sizes[parent]
     child = np.repeat(np.arange(len(parent)), sizes)
     source = np.arange(len(child)) + (nodes.starts[parent] - (np.cumsum(sizes) - sizes))[child]
@@ -249,11 +253,14 @@ def _built(
         first_groups=np.searchsorted(child[heads], np.arange(len(parent))),
         depths=nodes.depths[parent] + 1,
     )
-    return _with_some_weight(made, z[source]) if len(some) else made
+    return made, source
 
 
-def _with_some_weight(nodes: Nodes, z: Array) -> Nodes:
-    """Weights that follow the parents', and that leave no candidate of large z (s,) without."""
+def with_some_weight(nodes: Nodes, z: Array, few: float = 0.0) -> Nodes:
+    """Weights that leave no candidate without, and give more to those of the largest z (s,).
+
+    Groups whose weights are below the part `few` of their experiments get new ones by z alone.
+    """
     group = nodes.group_of
     sums = np.add.reduceat(nodes.weights, nodes.heads)
     share = np.divide(
@@ -262,6 +269,6 @@ def _with_some_weight(nodes: Nodes, z: Array) -> Nodes:
     top = np.maximum.reduceat(z, nodes.heads)
     near = z >= (top - NEAR * np.abs(top))[group]
     number = np.add.reduceat(near.astype(float), nodes.heads)
-    more = np.where(sums < FEW * nodes.counts, 1.0, MORE) * nodes.counts / number
+    more = np.where(sums < few * nodes.counts, 1.0, MORE) * nodes.counts / number
     even = EVEN * nodes.counts / nodes.lengths
     return nodes.with_weights(nodes.weights * share[group] + more[group] * near + even[group])

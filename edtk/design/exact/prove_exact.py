@@ -13,7 +13,7 @@ from criteria.linalg.typing import triangle
 from edtk.design.exact.counts.counts_bound import RelaxedCounts, relaxed_counts
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.exact_nodes import SHARPNESS, Merits, Nodes, Told
-from edtk.design.exact.exact_split import Division, halved_order, parts
+from edtk.design.exact.exact_split import Division, halved_order, parts, with_some_weight
 from edtk.design.exact.exact_tree import ExactTree, TreeRecord
 from edtk.design.exact.exchange import exchange
 from edtk.design.information import Rows
@@ -27,9 +27,8 @@ from edtk.system.typing import Array, Indices
 MARGIN = 1e-9
 AT_ONCE = 256  # nodes
 MOST_AT_ONCE = 200_000  # candidates of them
-STEPS = 4  # of the weights of a node
-ROOT_STEPS = 3
-POWER = 1.0
+LOOKS = 2  # at all candidates of a node
+STEPS = 2  # of its weights before each
 LIGHT = 1e-3  # experiments that are not rounded up
 ROUNDED = 1e-6  # distance to a whole number that counts as none
 FRESH = 1e-4  # weight that candidates get which had none, in parts of all
@@ -249,7 +248,7 @@ class _Search:
         whole = Nodes(np.arange(n), weights, alone, np.array([self.m]), alone, alone, alone)
         whole = whole.with_weights(weights + FRESH / n)
         Z = self.merits.multipliers(self.merits.information(whole, whole.weights))
-        root, told, Z = self._settled(whole, ROOT_STEPS, self.merits.tell(whole, Z), Z)
+        root, told, Z = self._settled(whole, self.merits.tell(whole, Z), Z)
         self._round(root)
         keep, alive = told.fixed(root, self.least)
         left = np.flatnonzero(keep & alive[0])
@@ -319,7 +318,7 @@ class _Search:
         # First the parent's multiplier: it closes most children that there are.
         children = division.children
         Z = Z[division.of_children]
-        told = self.merits.tell(children, Z)
+        told = self.merits.told(children, Z, division.sensitivities)
         keep, alive = told.fixed(children, self.least)
         bound = np.minimum(inherited[division.of_children], told.merit)[alive]
         open_ = division.built[alive]
@@ -327,7 +326,7 @@ class _Search:
         left = children.kept(keep, alive)
         if left.n:
             first = told.kept(children, keep, alive)
-            left, told, Z = self._settled(left, STEPS, first, Z[alive])
+            left, told, Z = self._settled(left, first, Z[alive])
             self._round(left)
             better = told.merit < first.merit
             own[open_[better]] = self.record.add_multipliers(Z[better])
@@ -351,14 +350,14 @@ class _Search:
             entry = _Open(float(bound[i]), int(index[i]), own, Z[i], int(multiplier[i]))
             heapq.heappush(self.open, entry)
 
-    def _settled(self, nodes: Nodes, steps: int, told: Told, Z: Array) -> tuple[Nodes, Told, Array]:
+    def _settled(self, nodes: Nodes, told: Told, Z: Array) -> tuple[Nodes, Told, Array]:
         """Improve the weights of nodes a few times, and keep the multipliers that bound them best.
 
-        Weights become larger in proportion to sensitivities (Silvey, Titterington, Torsney 1978).
+        Weights become larger in proportion to sensitivities (Silvey, Titterington, Torsney 1978),
+        those of the candidates that have some; now and then all candidates are looked at.
 
         Args:
             nodes: The nodes (b,).
-            steps: How often their weights are improved.
             told: What known multipliers tell of them.
             Z: These multipliers (b, q).
 
@@ -366,22 +365,29 @@ class _Search:
             The nodes with their last weights, what the best multipliers tell, and these.
         """
         best = (told, Z)
-        weights = nodes.weights
-        for step in range(steps):
-            current = replace(nodes, weights=weights)
-            X = self.merits.information(current, weights)
-            Z = self.merits.multipliers(X, SHARPNESS[min(step, len(SHARPNESS) - 1)])
+        everywhere = np.ones(nodes.n, dtype=bool)
+        for look in range(LOOKS):
+            heavy = nodes.heavy(told.sensitivities)
+            some = nodes.kept(heavy, everywhere)
+            some = some.with_weights(some.weights)
+            for step in range(STEPS):
+                Z = self._multipliers(some, LOOKS * look + step)
+                z = self.merits.sensitivities(some, Z)
+                some = some.with_weights(some.weights * _ratios(some, z))
+            weights = np.zeros(len(nodes.weights))
+            weights[heavy] = some.weights
+            nodes = replace(nodes, weights=weights)
+            Z = self._multipliers(some, LOOKS * look + STEPS)
             told = self.merits.tell(nodes, Z)
             best = _better(nodes, best, told, Z)
-            if step < steps - 1:
-                marginal = told.marginal[nodes.group_of]
-                # Without a number, or a positive one, weights stay as they are.
-                ratio = np.divide(
-                    told.sensitivities, marginal, out=np.ones(len(weights)), where=marginal > 0
-                )
-                weights = nodes.with_weights(weights * np.maximum(ratio, 0.0) ** POWER).weights
-        # The weights go on where their multipliers are no better yet, too.
-        return replace(nodes, weights=weights), *best
+            if look < LOOKS - 1:
+                nodes = with_some_weight(nodes, told.sensitivities)
+        return nodes, *best
+
+    def _multipliers(self, nodes: Nodes, step: int) -> Array:
+        """The best multipliers (b, q) of the weights of nodes."""
+        X = self.merits.information(nodes, nodes.weights)
+        return self.merits.multipliers(X, SHARPNESS[min(step, len(SHARPNESS) - 1)])
 
     def _round(self, nodes: Nodes) -> None:
         """Round the weights of nodes to whole experiments, and take over the best plan."""
@@ -435,6 +441,12 @@ class _Search:
             seconds=seconds,
             ended=ended,
         )
+
+
+def _ratios(nodes: Nodes, z: Array) -> Array:
+    """Sensitivities (s,) in parts of the largest of each group; one where that is no number."""
+    marginal = np.maximum.reduceat(z, nodes.heads)[nodes.group_of]
+    return np.maximum(np.divide(z, marginal, out=np.ones(len(z)), where=marginal > 0), 0.0)
 
 
 def _better(nodes: Nodes, best: tuple[Told, Array], told: Told, Z: Array) -> tuple[Told, Array]:
