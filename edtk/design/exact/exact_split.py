@@ -12,9 +12,6 @@ LIGHT = 1e-3  # part of a group's experiments below which a weight tells nothing
 WHOLE = 1e-9  # distance from a whole number that is rounding
 # What a part of whole experiments counts: to divide a group of one experiment may be all there is.
 SETTLED = 1e-4
-EVEN = (
-    1e-2  # part of a group's experiments that its candidates get evenly, so that none has no weight
-)
 NEAR = 1e-3  # relative distance to the largest sensitivity of candidates that get more
 MORE = 2e-2  # such a part, of them
 FEW = 0.5  # part of a group's experiments below which its weights tell little
