@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from edtk.robots.constraints.constraint import Constraint, Inequality
 from edtk.robots.constraints.joint_limits import CoupledLimits, JointLimits
 from edtk.robots.joint import Coupling
-from edtk.robots.robot import Robot
+from edtk.robots.robot import Bounds, Robot
 from edtk.system.typing import Array, Mask
 
 PAIRS = 127  # pairs of mirrored poses; with the test pose itself, 255 poses
@@ -123,7 +123,9 @@ def neighbourhood(robot: Robot, q: Array, within: float) -> Array:
     ``within / 2 pi`` of its range; joint limits cut both. The box that is left is filled by
     Korobov's lattice, which is more even than random points: point i = 1 .. 127 has the share
     ``u_ij = ((i 45^(j-1) mod 127) + 1/2) / 127`` of the way for joint j = 1 .. n. Each point comes
-    with its mirror image 1 - u, which makes the mean of everything linear exact.
+    with its mirror image 1 - u, which makes the mean of everything linear exact. A pose in which a
+    joint that is coupled is beyond its own limits is drawn back to the nearest one within, on the
+    straight line to the test pose.
 
     Args:
         robot: The chain, with its limits.
@@ -145,7 +147,25 @@ def neighbourhood(robot: Robot, q: Array, within: float) -> Array:
     high = np.maximum(q, np.minimum(upper, q + travel))
     steps = np.array([pow(GENERATOR, j, PAIRS) for j in range(robot.n)])
     u = (np.arange(1, PAIRS + 1)[:, None] * steps % PAIRS + 0.5) / PAIRS
-    return np.concatenate([q[None], low + (high - low) * u, high - (high - low) * u])
+    poses = np.concatenate([q[None], low + (high - low) * u, high - (high - low) * u])
+    return _drawn_back(robot.bounds.coupled, q, poses)
+
+
+def _drawn_back(bounds: Bounds, q: Array, poses: Array) -> Array:
+    """Poses (N, n), as near to a pose q (n,) on straight lines as bounds want it.
+
+    A bound that q is beyond is where q is.
+    """
+    at, reach = bounds.values(q), bounds.values(poses - q)
+    lower, upper = bounds.limits
+    room = np.where(reach > 0, np.maximum(upper - at, 0.0), np.maximum(at - lower, 0.0))
+    beyond = np.abs(reach) > room
+    share = np.divide(room, np.abs(reach), out=np.ones_like(reach), where=beyond)
+    back = share.min(axis=1, initial=1.0)
+    moved = back < 1
+    found = poses.copy()
+    found[moved] = q + back[moved, None] * (poses[moved] - q)
+    return found
 
 
 ON_LIMIT = {"revolute": np.deg2rad(0.05), "prismatic": 5e-5}  # [rad, m], as people read a display

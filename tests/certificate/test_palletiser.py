@@ -4,6 +4,7 @@ What is measured comes from the arm's own mechanics, in which nothing of the mod
 """
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,12 @@ import pytest
 from palletiser import at_rest, point
 
 import edtk
+from edtk.certificate.certificate import setting_to_dict
+from edtk.certificate.recompute.chain import Chain
+from edtk.certificate.recompute.tasks import neighbourhood as around
 from edtk.design.plan import Plan
 from edtk.robots.robot_file import robot_to_dict
+from edtk.robots.workspace import neighbourhood
 from edtk.system.errors import Note, UserError
 
 STUDY = edtk.load_study(Path(__file__).parents[2] / "studies/palletiser.toml")
@@ -183,3 +188,21 @@ def test_wrong_couplings_of_a_study_are_one_line(table, message):
         STUDY.replace(robot={"file": "kuka_kr270", "coupling": [table]}).robot  # noqa: B018
     assert str(caught.value).startswith(message)
     assert "\n" not in str(caught.value)
+
+
+def test_a_neighbourhood_keeps_to_the_limits_of_coupled_joints():
+    """Poses beyond those of the elbow itself are drawn back to them; a certificate has the same."""
+    robot = STUDY.robot
+    within = np.deg2rad(40)
+    q = np.deg2rad([0.0, 60.0, 0.0, 0.0])  # of the elbow, -60 where -70 is the limit
+    poses = neighbourhood(robot, q, within)
+    assert robot.bounds.excess(poses).max() < 1e-12
+    free = neighbourhood(replace(robot, couplings=()), q, within)
+    back = ~np.isclose(poses, free, rtol=0, atol=1e-12).all(axis=1)
+    np.testing.assert_array_equal(back, robot.bounds.coupled.excess(free).max(axis=1) > 1e-12)
+    assert back.any()
+    shortened = (poses - q)[back] / (free - q)[back]
+    np.testing.assert_allclose(shortened, shortened[:, :1] * np.ones(4), rtol=1e-9)
+    chain = Chain.from_dict(setting_to_dict(STUDY, STUDY.space)["robot"])
+    both = [np.array(sorted(one.round(9).tolist())) for one in (poses, around(chain, q, within))]
+    np.testing.assert_allclose(*both, rtol=0, atol=2e-9)

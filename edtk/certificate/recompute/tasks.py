@@ -38,7 +38,8 @@ def neighbourhood(chain: Chain, q: Array, within: float) -> Array:
 
     They are the points of a lattice in the box ``[lower, upper]`` and their mirror images in turn.
     Each joint takes 127 levels once: point i has level i for the first joint, and for each further
-    joint 45 times the level of the joint before, modulo 127.
+    joint 45 times the level of the joint before, modulo 127. A step from the test pose by which a
+    coupled joint would pass its own limits is shortened until it ends there.
 
     Args:
         chain: The robot, whose limits cut the box.
@@ -58,6 +59,14 @@ def neighbourhood(chain: Chain, q: Array, within: float) -> Array:
         share = (np.array(levels) + 0.5) / LEVELS
         poses.append(lower * (1 - share) + upper * share)
         poses.append(lower * share + upper * (1 - share))
+    sums, (least, most) = chain.coupled
+    for row, low, high in zip(sums, least, most, strict=True):
+        own = row @ q
+        for i, pose in enumerate(poses):
+            step = row @ (pose - q)
+            room = max(high - own, 0.0) if step > 0 else max(own - low, 0.0)
+            if abs(step) > room:
+                poses[i] = q + room / abs(step) * (pose - q)
     return np.array(poses)
 
 
