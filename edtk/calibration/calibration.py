@@ -169,7 +169,7 @@ def _left_out(found: "Calibration") -> dict[str, float | None]:
     out = found.fitted.left_out
     sizes = {
         "loo_rms_mm": np.nan if out is None else 1e3 * out.rms,
-        "share_inside_left_out": np.nan if out is None else out.share_inside,
+        "share_inside_left_out": np.nan if out is None else out.share_with_model,
     }
     if not found.data.lengths.all():
         sizes["turn_loo_rms_deg"] = np.nan if out is None else float(np.rad2deg(out.turn_rms))

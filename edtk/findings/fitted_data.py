@@ -103,6 +103,8 @@ class LeftOutReadings:
         a: Regressors (m, rows, p) in these coordinates.
         own: Noise of the readings, and by how much larger it is than that.
         scaled: Whether the size of the noise was fitted to the residuals.
+        model: Variances (m, rows) of the errors by what the model leaves out [m^2, rad^2]; `half`
+            is without them.
     """
 
     data: Measurements
@@ -113,11 +115,18 @@ class LeftOutReadings:
     a: Array
     own: tuple[RowNoise, float]
     scaled: bool
+    model: Array
 
     @property
     def share_inside(self) -> float:
-        """Share of coordinates that, left out, are within their 95 % bands; NaN without any."""
+        """Share of coordinates that, left out, are within 95 % bands of the noise alone, or NaN."""
         return share_inside(self.errors, self.half)
+
+    @property
+    def share_with_model(self) -> float:
+        """The same within bands that count what the model leaves out, too."""
+        of_model = student_quantile(0.975, np.inf) * np.sqrt(self.model)
+        return share_inside(self.errors, np.hypot(self.half, of_model))
 
     @property
     def rms(self) -> float:
@@ -204,7 +213,41 @@ def left_out_readings(fitted: "FittedData") -> LeftOutReadings | None:
     variance = variance + np.einsum("mrp,mpq,mrq->mr", a, out.C[data.pose], a)
     half = student_quantile(0.975, fit.covariance_dof) * np.sqrt(variance)
     scaled = not fit.known or fitted.common_noise
-    return LeftOutReadings(data, errors, half, out, unit, a, own, scaled)
+    model = _by_model(fitted, raw, a, Q * root[..., None], out)
+    return LeftOutReadings(data, errors, half, out, unit, a, own, scaled, model)
+
+
+def _by_model(fitted: "FittedData", raw: Array, a: Array, Q: Array, out: LeftOut) -> Array:
+    """Variances (m, rows) of readings, left out, by what the model leaves out; zero for nothing.
+
+    Its columns U of a reading's own pose are in the reading, and those of all others in the fit
+    without that pose: ``U_b - a_b (I - G_b)^-1 sum_(c != b) Q_c' U_c``.
+
+    Args:
+        fitted: The fit.
+        raw: Regressors (m, rows, p) of the readings themselves.
+        a: The same in the coordinates of Q.
+        Q: Weighted and whitened rows (m, rows, p).
+        out: The fits without each pose.
+    """
+    found, pose = fitted.model_error, fitted.data.pose
+    if found is None or not found.counts:
+        return np.zeros(raw.shape[:2])
+    # Rows that were freed of what repeats share are parts of the readings.
+    squares = np.einsum("mrp,mrp->mr", raw, raw)
+    along = np.einsum("mrp,mrp->mr", fitted.A, raw)
+    part = np.divide(along, squares, out=np.ones_like(squares), where=squares > 0)[..., None]
+    transposed = np.swapaxes(Q, 1, 2)
+    shared, turns = found.columns
+    in_fit, turns_in_fit = (
+        _sums(transposed @ whiten_columns(part * one, fitted.noise), pose)
+        for one in (shared, turns)
+    )
+    together = shared - a @ out.by_others(in_fit)[pose]
+    S = turns_in_fit @ np.swapaxes(turns_in_fit, 1, 2)
+    C = out.inverse @ (S.sum(axis=0) - S) @ out.inverse
+    each = np.square(turns).sum(axis=-1) + np.einsum("mrp,mpq,mrq->mr", a, C[pose], a)
+    return np.asarray(np.square(together).sum(axis=-1) + each)
 
 
 def _sums(values: Array, pose: Indices) -> Array:

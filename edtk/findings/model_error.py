@@ -28,6 +28,7 @@ class ModelErrorFound:
         posterior: Its sizes.
         possible: What that leaves possible of the springs.
         noise: Covariance (p, p) of the springs by the noise alone.
+        shown: What all readings show of the pieces.
         constant: What is left out of a coordinate in any pose, whatever loads it [m].
     """
 
@@ -35,12 +36,23 @@ class ModelErrorFound:
     posterior: SizePosterior
     possible: PossibleSprings
     noise: Array
+    shown: MissingColumns
     constant: float = 0.0
 
     @property
     def counts(self) -> bool:
         """Whether the sheet speaks for something that is missing, so that estimates count it."""
         return self.posterior.is_seen
+
+    @property
+    def columns(self) -> tuple[Array, Array]:
+        """What readings show of shares of variance one: of all poses (m, rows, c), of each (.., n).
+
+        Sizes are root mean squares of those that are possible.
+        """
+        across, held, turn = np.sqrt(self.posterior.weights @ np.square(self.posterior.sizes))
+        sizes = np.array([across, held])[self.shown.kinds]
+        return self.shown.shared * sizes, self.shown.turns * turn
 
     def to_dict(self) -> dict[str, float]:
         """The likeliest shares of the pieces [%]."""
@@ -77,14 +89,15 @@ def find_model_error(
     if not usual or fit.dof < 1 or not (k > 0).any() or not np.isfinite(fit.scale):
         return None
     pieces = MissingPieces.of(study.robot, k, model.torque_of(model.frames(data.q), data.wrench).T)
-    columns = _columns(study, data, seen.A, alone, pieces)[rows]
-    likelihood = SizeLikelihood.of(seen.A[rows], seen.measured[rows], noise[rows], columns, usual)
+    columns = _columns(study, data, seen.A, alone, pieces)
+    some = (seen.A[rows], seen.measured[rows], noise[rows], columns[rows])
+    likelihood = SizeLikelihood.of(*some, usual)
     posterior = likelihood.posterior
     if posterior is None:
         return None
     possible = posterior.possible(fit.unbounded)
     own = alone.covariance if posterior.is_seen else fit.covariance
-    return ModelErrorFound(pieces, posterior, possible, own, constant)
+    return ModelErrorFound(pieces, posterior, possible, own, columns, constant)
 
 
 def usual_share(study: Study) -> float:

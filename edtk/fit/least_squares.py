@@ -271,12 +271,14 @@ class LeftOut:
         C: Covariances (b, p, p), in these coordinates.
         S: That of the fit of all (p, p).
         alone: Projectors (b, p, p) on the directions that only the group tells.
+        inverse: ``(I - G_b)^-1`` (b, p, p) in all others.
     """
 
     u: Array
     C: Array
     S: Array
     alone: Array
+    inverse: Array
 
     @classmethod
     def of(cls, G: Array, h: Array, S: Array) -> "LeftOut":
@@ -292,7 +294,11 @@ class LeftOut:
         inverse = np.linalg.inv(left + alone) - alone
         whole = S.sum(axis=0)
         C = inverse @ (whole - S) @ inverse
-        return cls((inverse @ h[..., None])[..., 0], C, whole, alone)
+        return cls((inverse @ h[..., None])[..., 0], C, whole, alone, inverse)
+
+    def by_others(self, h: Array) -> Array:
+        """Shifts (b, p, c) that columns with the sums h (b, p, c) make in the fits without each."""
+        return np.asarray(self.inverse @ (h.sum(axis=0) - h))
 
 
 def share_inside(errors: Array, half: Array) -> float:

@@ -244,7 +244,7 @@ def _left_out(found: Calibration) -> list[str]:
     out = found.fitted.left_out
     if out is None or not np.isfinite(out.rms):
         return []
-    sentence = left_out_sentence(out.share_inside, found.fitted.model_errs)
+    sentence = left_out_sentence(out.share_with_model)
     return [paragraph(f"{sentence} It is {1e3 * out.rms:.3g} mm (rms).")]
 
 

@@ -136,27 +136,25 @@ def _label(plan: str, size: int) -> str:
     return f"published ({file})" if file else "published"
 
 
-def left_out_line(rms_mm: float, inside: float, of_noise: bool = False) -> str:
+def left_out_line(rms_mm: float, inside: float) -> str:
     """How well poses are predicted that are left out one by one, for a terminal.
 
     Args:
         rms_mm: Root mean square of the errors [mm].
         inside: Share of the coordinates inside their bands.
-        of_noise: Whether the bands are of the noise alone, beside which the model errs.
     """
-    bands = "the 95 % bands of the noise alone" if of_noise else "their 95 % bands"
     return (
         f"each pose predicted without it: {rms_mm:.4g} mm rms, "
-        f"{100 * inside:.1f} % of the coordinates inside {bands}"
+        f"{100 * inside:.1f} % of the coordinates inside their 95 % bands"
     )
 
 
-def left_out_sentence(inside: float, of_noise: bool = False) -> str:
+def left_out_sentence(inside: float) -> str:
     """What the errors of poses mean that are left out one by one, for a report."""
-    bands = "the 95 % bands of the noise alone" if of_noise else "their 95 % bands"
     return (
         "Each pose is predicted by a fit of all others: that error is the one to expect of new "
-        f"poses of the same kind. {100 * inside:.0f} % of the coordinates were inside {bands}."
+        f"poses of the same kind. {100 * inside:.0f} % of the coordinates were inside their 95 % "
+        "bands."
     )
 
 

@@ -298,3 +298,32 @@ def test_visits_of_a_robot_that_is_said_to_be_exact_tell_no_pieces():
     exact = edtk.identify(VISITS.replace(noise={"model_error_percent": 0}), table)
     assert exact.pieces is None
     assert "model_error" not in [one.kind for one in exact.findings]
+
+
+@pytest.mark.parametrize(
+    ("piece", "poses", "repeats"), [(ACROSS, 14, 1), (HELD, 14, 2), (TURN, 14, 1)]
+)
+def test_poses_left_out_are_inside_bands_that_count_the_model(piece, poses, repeats):
+    """Bands of the noise alone miss poses that are predicted without themselves; these do not."""
+    found = found_of(day(6, 0.15 * piece, poses, repeats)[0])
+    out = found.fitted.left_out
+    assert out.share_inside < 0.8
+    assert out.share_with_model > 0.9
+    assert found.to_dict()["share_inside_left_out"] == out.share_with_model
+
+
+def test_the_part_of_the_model_in_poses_left_out():
+    """It is that of fits which were made anew without each pose, column by column."""
+    fitted = found_of(day(7, 0.15 * ACROSS)[0]).fitted
+    shared, turns = fitted.model_error.columns
+    A, rows = fitted.A, np.arange(len(fitted.data))
+    expected = np.zeros(A.shape[:2])
+    for b in rows:
+        others = rows[rows != b]
+        X = A[others].reshape(-1, 5)
+        every = np.zeros((len(rows), 3, len(rows), 6))
+        every[rows, :, rows] = turns
+        for U in (shared, every.reshape(len(rows), 3, -1)):
+            k = np.linalg.lstsq(X, U[others].reshape(len(X), -1), rcond=None)[0]
+            expected[b] += np.square(U[b] - A[b] @ k).sum(axis=-1)
+    np.testing.assert_allclose(fitted.left_out.model, expected, rtol=1e-6)

@@ -143,7 +143,7 @@ def _fit(found: Calibration) -> list[str]:
         lines.append(f"sigma from the residuals {1e3 * found.sigma_hat:.4g} mm")
     out = found.fitted.left_out
     if out is not None and np.isfinite(out.rms):
-        lines.append(left_out_line(1e3 * out.rms, out.share_inside, found.fitted.model_errs))
+        lines.append(left_out_line(1e3 * out.rms, out.share_with_model))
     if found.noise is not None:
         lines.append(_parts_of_noise(found.noise))
     return lines
