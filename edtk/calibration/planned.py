@@ -200,7 +200,7 @@ def _left_out(study: Study, tasks: Tasks) -> float:
     return float(np.hypot(constant, noise.error.remaining(columns)))
 
 
-def _held(study: Study, tasks: Tasks, plan: Plan) -> float:
+def held_in_tasks(study: Study, tasks: Tasks, plan: Plan) -> float:
     """Root mean square of what friction adds in tasks that it may hold a share of all loads [m].
 
     It is in the tasks, and in estimates that a plan cannot tell from it.
@@ -239,7 +239,7 @@ def plan_budget(study: Study, plan: Plan) -> ErrorBudget | None:
     propagation = None if study.target is None else plan_propagation(study, plan)
     if propagation is None:
         return None
-    left_out = np.hypot(_left_out(study, study.tasks), _held(study, study.tasks, plan))
+    left_out = np.hypot(_left_out(study, study.tasks), held_in_tasks(study, study.tasks, plan))
     budget = propagation.budget(study.tasks, float(left_out))
     table = study.specification.noise
     if table is not None and table.says_of_model:
@@ -269,7 +269,9 @@ def plan_tasks(study: Study, plan: Plan) -> TaskAccuracy | None:
     if found is None or propagation is None:
         return found
     each = [Tasks([task]) for task in study.tasks]
-    left_out = np.array([np.hypot(_left_out(study, one), _held(study, one, plan)) for one in each])
+    left_out = np.array(
+        [np.hypot(_left_out(study, one), held_in_tasks(study, one, plan)) for one in each]
+    )
     return replace(found, total=propagation.totals(study.tasks, left_out))
 
 

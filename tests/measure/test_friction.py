@@ -8,6 +8,7 @@ import pytest
 from arm import arm
 from short_search import short_search
 
+from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.certificate.certificate import certificate, setting_to_dict
 from edtk.certificate.recompute.setting import Setting
 from edtk.certificate.verify_certificate import verify_certificate
@@ -15,6 +16,7 @@ from edtk.design.plan import Plan
 from edtk.measure.friction import GIVES, Friction, correlated, together
 from edtk.study.evaluate import evaluate
 from edtk.study.plan_study import plan_study
+from edtk.study.study_objects import friction_of
 
 K = {"q1": 3e-6, "q2": 5e-6}
 STUDY = arm(
@@ -84,6 +86,23 @@ def test_shares_that_go_together():
     np.testing.assert_allclose(np.linalg.inv(known), 0.04 * correlated(5), rtol=1e-12)
 
 
+@pytest.mark.cell("`[noise] model_error_percent`, friction of the joints in plans", "parameters")
+def test_parameters_have_no_friction_but_a_gap():
+    """A study with [parameters] has the springs that it names, and no friction beside them."""
+    named = arm(
+        parameters={"springs": ["q1", "q2", "q2.gap"], "geometry": [], "base": False},
+        marker=[{"name": "A"}],
+        measurement={"sigma_mm": 0.01, "reference": "unloaded"},
+        simulation={"compliance_rad_per_Nm": K},
+        noise={"model_error_percent": 10},
+        joints={"unknown": []},
+    )
+    assert named.designed.friction is None
+    assert friction_of(named, 0.1) is None
+    assert [one.name for one in GeometryQuestion.of(named).model.parameters][-1] == "k_q2.gap"
+
+
+@pytest.mark.cell("`[noise] model_error_percent`, friction of the joints in plans", "springs")
 def test_a_plan_that_counts_friction_tells_it():
     """Its error in the task is below that of the plan for the noise alone, friction counted."""
     with short_search():
