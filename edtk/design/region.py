@@ -69,6 +69,40 @@ class UserFunction:
         return ArgumentError(message, argument=self.name)
 
 
+@dataclass(frozen=True, eq=False)
+class UserEnclosure:
+    """Bounds of a model's rows over boxes, as a user's function gives them.
+
+    Args:
+        function: Maps lower and upper ends (b, d) of boxes to two arrays (b, ...).
+        shape: Shape of the rows of one point.
+    """
+
+    function: Callable[[Array, Array], tuple[ArrayLike, ArrayLike]]
+    shape: tuple[int, ...]
+
+    def __call__(self, low: Array, high: Array) -> Array:
+        """Least and largest rows (2, b, ...) over boxes (b, d).
+
+        Raises:
+            ArgumentError: The function fails, or its values are none.
+        """
+        try:
+            least, most = self.function(low.copy(), high.copy())
+            ends = np.stack([np.asarray(least, dtype=float), np.asarray(most, dtype=float)])
+        except (TypeError, ValueError, IndexError) as error:
+            message = f"fails for boxes of shape {low.shape}: {error}"
+            raise ArgumentError(message, argument="enclosure") from error
+        expected = (2, len(low), *self.shape)
+        if ends.shape != expected:
+            message = f"values have the shape {ends.shape}; expected two of {expected[1:]}"
+            raise ArgumentError(message, argument="enclosure")
+        if not (ends[0] <= ends[1]).all():  # also where one is not a number
+            message = "a least value is above the largest one, or not a number"
+            raise ArgumentError(message, argument="enclosure")
+        return ends
+
+
 def user_functions(given: object, name: str) -> tuple[UserFunction, ...]:
     """One function or a list of them.
 
@@ -253,6 +287,9 @@ class Region(Presented):
         degree: Degree of rows and constraints by each variable, at most, where they are
             polynomials: a number, or one for each variable (d,). It is needed only where the
             functions do not run on polynomials themselves, see `expand`.
+        enclosure: Bounds of the rows over boxes: lower and upper ends (b, d) of many boxes to
+            arrays of least and of largest regressors, each (b, rows, p) or (b, p). It is needed
+            only for proofs of a model that runs neither on polynomials nor on intervals.
 
     Raises:
         ArgumentError: A bound, name or shape does not fit, or the model is not as described.
@@ -284,6 +321,7 @@ class Region(Presented):
         prior: ArrayLike | None = None,
         variables: Sequence[str] | None = None,
         degree: int | Sequence[int] | None = None,
+        enclosure: Callable[[Array, Array], tuple[ArrayLike, ArrayLike]] | None = None,
     ) -> None:
         self.limits = box_limits(low, high)
         self.variables = variable_names(variables, self.size)
@@ -308,6 +346,7 @@ class Region(Presented):
         self.p = problem.p
         self._row_shape = A.shape[1:]
         self._require_model()
+        self.enclosure = None if enclosure is None else UserEnclosure(enclosure, A.shape[1:])
         self._degree = None if degree is None else degrees_of(degree, self.size)
         if degree is not None:
             _ = self._row_polynomials, self._slack_polynomials  # it is refused here and now
@@ -400,6 +439,19 @@ class Region(Presented):
             return np.zeros((*x.shape[:-1], 0, self.size))
         G = inside_differences(self.slack_at, self._inside(x), self.limits)
         return np.asarray(G.reshape(x.shape[:-1] + G.shape[1:]))
+
+    @property
+    def functions(self) -> tuple[UserFunction, ...]:
+        """The function of rows as they are given, and those of constraints."""
+        return (self._rows, *self._constraints)
+
+    @property
+    def judged_by(self) -> tuple[Array, Array | None]:
+        """What makes whitened rows of given ones: sigma (rows,), by which they are divided, and T.
+
+        They are multiplied with T (p, p), or with nothing where it is None.
+        """
+        return self._sigma, self._T
 
     def polynomial_rows(self) -> Expansion:
         """The whitened rows (rows, p) as polynomials.

@@ -99,8 +99,8 @@ def relax(
         certificate: File to write what proves the numbers to (JSON), for `edtk.verify`; likewise.
         progress: Called with the stage and its relative gap.
         prove: Relative gap, such as 0.01, to which the bound is proved for all feasible poses of a
-            study, or for all points of a region whose rows and constraints are polynomials: no
-            design is better. It is `.bound_proved`, beside `.bound_searched`.
+            study, or for all points of a region whose functions can be enclosed, see the how-to of
+            regions: no design is better. It is `.bound_proved`, beside `.bound_searched`.
 
     Returns:
         Weights with `.value`, `.bound` and `.gap`.

@@ -7,10 +7,11 @@ import numpy as np
 
 from criteria import Criterion
 from edtk.design.bound import BLURRED, Bound, BoundKind
-from edtk.design.enclosure.cover import Covering, CoveringInterrupted, cover
-from edtk.design.enclosure.polynomial import Enclosed
+from edtk.design.enclosure.cover import Covering, CoveringInterrupted
+from edtk.design.enclosure.region_intervals import RegionIntervals, Spans
 from edtk.design.enclosure.region_polynomials import RegionPolynomials
 from edtk.design.region import Region
+from edtk.design.relaxation.proof import is_normalised
 from edtk.design.relaxation.relax_poses import ActiveSet
 from edtk.design.relaxation.relax_region import RegionProof, RegionSearch, relax_region
 from edtk.design.relaxation.relaxed_region import JudgedRegion, RelaxedRegion
@@ -25,9 +26,9 @@ EPS = float(np.finfo(float).eps)
 OF_SEARCH = 0.6
 OF_REST = 0.9
 LEAST_REST = 0.1
+TRIALS = 12  # tolerances that are tried
 HIGHER = 1e-12  # part by which a place is larger than what ascents have found, beyond rounding
 FEW = 60  # variables of a design up to which all are moved together in a second
-ROOM = 4.0
 LOSS = 0.1  # part of the gap that a design of fewer points may cost
 
 
@@ -38,14 +39,17 @@ class RegionCovering:
     Attributes:
         multipliers: Multipliers (r, p, p), in the judged parameters.
         upper: No point of the region has a larger sensitivity to each (r,).
-        coverings: What proves these.
+        lower: The largest sensitivity that is known to each (r,).
+        coverings: What proves these; for a criterion of degree zero of a sensitivity to which a
+            constant was added.
         cost: The bound on the cost that follows.
         is_stopped: Whether Ctrl-C or the time has ended the last covering early.
     """
 
     multipliers: Array
     upper: Array
-    coverings: tuple[Covering, ...]
+    lower: Array
+    coverings: tuple[Covering | Spans, ...]
     cost: float
     is_stopped: bool
 
@@ -98,19 +102,20 @@ def prove_region(
     ascent has found, it joins the design's points, and the search goes on.
 
     Args:
-        region: The region; its rows and constraints are polynomials.
+        region: The region; rows and constraints run on polynomials or intervals, are polynomials
+            of a stated degree, or have a stated enclosure.
         criterion: A criterion that can be relaxed, with a polar of its own.
         eps: Relative gap to prove. The gap of the result may be larger.
         candidates: Number of points of the grid, about.
         progress: Called with the stage and its relative gap.
 
     Raises:
-        ArgumentError: The rows are no polynomials, or the bound rests on a solver's word.
+        ArgumentError: Rows or constraints cannot be enclosed, or the bound is a solver's word.
         NotImplementedError: The criterion cannot be relaxed.
         RankDeficientError: The region cannot identify all parameters.
         UserError: No point is feasible, or the model fails.
     """
-    RegionPolynomials.of(region)  # what cannot be enclosed is refused before the work
+    enclosure_of(region)  # what cannot be enclosed is refused before the work
     proofs: list[_Prover] = []
 
     def closing(judged: JudgedRegion) -> Callable[[RegionSearch, ActiveSet], bool]:
@@ -120,6 +125,20 @@ def prove_region(
     found = relax_region(region, criterion, candidates, OF_SEARCH * eps, progress, closing)
     (prover,) = proofs
     return prover.proved(found)
+
+
+def enclosure_of(region: Region) -> RegionPolynomials | RegionIntervals:
+    """What encloses the sensitivity over boxes of a region: polynomials where there are some.
+
+    Raises:
+        ArgumentError: Its functions run neither on polynomials nor on intervals.
+    """
+    if region.enclosure is not None:
+        return RegionIntervals.of(region)
+    try:
+        return RegionPolynomials.of(region)
+    except ArgumentError:
+        return RegionIntervals.of(region)
 
 
 class _Prover:
@@ -137,7 +156,7 @@ class _Prover:
         self.judged = judged
         self.eps = eps
         self.progress = progress
-        self.polynomials = RegionPolynomials.of(judged.region)
+        self.enclosure = enclosure_of(judged.region)
         self.best: RegionCovering | None = None
 
     def ends(self, search: RegionSearch, active: ActiveSet) -> bool:
@@ -163,8 +182,10 @@ class _Prover:
         self.progress("proof", gap)
         higher = [
             covering.place
-            for covering, largest in zip(found.coverings, proof.largest.values, strict=True)
-            if covering.lower > largest + HIGHER * abs(largest)
+            for covering, lower, largest in zip(
+                found.coverings, found.lower, proof.largest.values, strict=True
+            )
+            if lower > largest + HIGHER * abs(largest)
         ]
         if gap <= self.eps or found.is_stopped or not higher or out_of_time():
             self._tidy(search, active)
@@ -176,21 +197,37 @@ class _Prover:
         """What the multipliers of a search prove, with coverings that leave a gap."""
         criterion = self.judged.criterion
         Z = _semidefinite(proof.multipliers) if criterion.monotone else proof.multipliers
-        coverings: list[Covering] = []
+        raised, lift = _lifted(criterion, Z)
+        largest = proof.largest.values + lift
+        tolerance = self._tolerance(proof, largest, gap)
+        coverings: list[Covering | Spans] = []
         is_stopped = False
-        for z, largest in zip(Z, proof.largest.values, strict=True):
-            enclosed = self.polynomials.enclosed(z, criterion)
-            earlier = coverings[-1] if coverings else None
-            tolerance = max(gap / (criterion.degree or 1.0), _blurred(enclosed, largest))
+        for z, own in zip(raised, largest.tolist(), strict=True):
             try:
-                coverings.append(cover(enclosed, tolerance, proof.largest.x, earlier))
+                coverings.append(
+                    self.enclosure.cover(z, criterion, tolerance, proof.largest.x, own)
+                )
             except CoveringInterrupted as interrupt:
                 coverings.append(interrupt.best)
                 is_stopped = True
         upper = np.array([covering.upper for covering in coverings])
+        # What is subtracted is rounded, and so was what was added before.
+        upper = upper - lift + 8 * EPS * np.abs(lift)
+        lower = np.array([covering.lower for covering in coverings]) - lift
         bound = float(criterion.lower_bound(Z, upper, proof.M))
         cost = bound if np.isfinite(bound) else 0.0
-        return RegionCovering(Z, upper, tuple(coverings), cost, is_stopped)
+        return RegionCovering(Z, upper, lower, tuple(coverings), cost, is_stopped)
+
+    def _tolerance(self, proof: RegionProof, largest: Array, gap: float) -> float:
+        """Relative excess of the largest sensitivities (r,) that leaves a gap of the bound."""
+        criterion = self.judged.criterion
+        tolerance = gap / (criterion.degree or 1.0)
+        for _ in range(TRIALS):
+            values = proof.largest.values + tolerance * np.abs(largest)
+            if criterion.lower_bound(proof.multipliers, values, proof.M) >= proof.cost * (1 - gap):
+                break
+            tolerance /= 4
+        return tolerance
 
     def _tidy(self, search: RegionSearch, active: ActiveSet) -> None:
         """Take a design of fewer points, if it costs hardly more.
@@ -222,10 +259,19 @@ class _Prover:
         return ProvedRegion(**given, continuum_bound=bound, covering=self.best)
 
 
-def _blurred(enclosed: Enclosed, largest: float) -> float:
-    """What the error of a polynomial is of its largest value, with room: no level is below it."""
-    numerator = enclosed.objectives[0].numerator
-    return float(ROOM * numerator.error / (abs(largest) or 1.0))
+def _lifted(criterion: Criterion, Z: Array) -> tuple[Array, Array]:
+    """Multipliers (r, p, p) with a constant (r,) added to each sensitivity.
+
+    Sensitivities per trace, of criteria of degree zero, are nearly zero where they are largest:
+    nothing can be relative to them. With the matrix P of the trace, ``<Z + s P, M>`` per trace is
+    larger by s.
+    """
+    if not is_normalised(criterion):
+        return Z, np.zeros(len(Z))
+    B = criterion.trace_root
+    P = np.eye(Z.shape[-1]) if B is None else B @ B.T
+    lift = np.array([np.abs(np.linalg.eigvals(np.linalg.solve(P, z))).max() for z in Z])
+    return Z + lift[:, None, None] * P, lift
 
 
 def _semidefinite(Z: Array) -> Array:

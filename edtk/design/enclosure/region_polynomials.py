@@ -5,13 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from criteria import Criterion
-from edtk.design.enclosure.cover import cover
+from edtk.design.enclosure.cover import Covering, cover
 from edtk.design.enclosure.polynomial import ROUNDOFF, Axis, Enclosed, Objective, Polynomial
 from edtk.design.expansion import Expansion
 from edtk.design.region import FEASIBLE, Region
 from edtk.design.relaxation.proof import is_normalised
 from edtk.system.typing import Array, Indices
 
+ROOM = 4.0
 SHARP = 1e-9  # relative excess of the largest value of a slack, which costs some hundred boxes
 
 
@@ -87,6 +88,26 @@ class RegionPolynomials:
             np.zeros((1, d)),
             np.eye(d),
         )
+
+    def cover(
+        self, Z: Array, criterion: Criterion, tolerance: float, known: Array, largest: float
+    ) -> Covering:
+        """Bound the sensitivity to a multiplier over all feasible points.
+
+        Args:
+            Z: A multiplier (p, p).
+            criterion: What it belongs to.
+            tolerance: Relative excess of the bound over the largest value that is known, at most.
+            known: Points (k, d) where large values are known.
+            largest: The largest of these.
+
+        Raises:
+            CoveringInterrupted: Ctrl-C; the exception has the covering so far.
+        """
+        enclosed = self.enclosed(Z, criterion)
+        # No level can be reached that is below the error of the polynomial itself.
+        blurred = ROOM * enclosed.objectives[0].numerator.error / (abs(largest) or 1.0)
+        return cover(enclosed, max(tolerance, blurred), known)
 
     def quadratic(self, Z: Array) -> Polynomial:
         """``<Z, M0 + A(x)'A(x)>`` with a bound on its error.

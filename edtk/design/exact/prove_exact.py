@@ -343,15 +343,10 @@ class _Search:
     def _push(
         self, nodes: Nodes, bound: Array, Z: Array, index: Indices, multiplier: Indices
     ) -> None:
-        """Keep nodes that are left to be divided; those that are one plan alone are tried now."""
-        nodes = nodes.with_weights(nodes.weights)
-        is_plan = nodes.sizes == np.bincount(nodes.node_of_group, minlength=nodes.n)
-        if is_plan.any():
-            plans = nodes.kept(np.ones(len(nodes.candidates), dtype=bool), is_plan)
-            self._round(plans)
+        """Keep nodes that are left to be divided; one plan alone is known by its bound already."""
         for i, own in enumerate(nodes.apart()):
-            if is_plan[i]:
-                continue
+            if len(own.candidates) == len(own.heads):
+                continue  # `_round` knows it
             entry = _Open(float(bound[i]), int(index[i]), own, Z[i], int(multiplier[i]))
             heapq.heappush(self.open, entry)
 

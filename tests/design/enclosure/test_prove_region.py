@@ -69,7 +69,6 @@ def test_d_optimal_polynomials(degree):
     check(Region(powers(degree), -1, 1), "D", (degree + 1) * np.exp(-log_det), support)
 
 
-@pytest.mark.slow
 def test_e_and_c_optimal_polynomials_of_degree_five():
     """E, and the value beyond the end, rest on the extrema of Chebyshev's polynomial.
 
@@ -85,7 +84,6 @@ def test_e_and_c_optimal_polynomials_of_degree_five():
     check(region, beyond, wave(1.2) ** 2, extrema)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["A", "G", "O5", "I"])
 def test_degree_five_by_other_criteria(name):
     """A gap of 1e-9 for every criterion with a closed polar; 1e4 points are no more sensitive."""
@@ -107,7 +105,6 @@ def test_the_quadratic_on_the_square():
     np.testing.assert_allclose(sums, [0.5832, 0.3206, 0.0962], atol=1e-4)
 
 
-@pytest.mark.slow
 def test_the_quadratic_on_the_cube():
     """D: cost and bound enclose det(M) of three levels, by symmetry a program of two moments.
 
@@ -154,7 +151,7 @@ def test_a_stated_degree_does_as_well():
         return powers(2)(np.asarray(x, dtype=float))
 
     region = Region(floats, -1, 1)
-    with pytest.raises(ArgumentError, match="rows: it does not run on polynomials"):
+    with pytest.raises(ArgumentError, match="rows: it runs neither on polynomials nor on interv"):
         edtk.relax(region, prove=GAP)
     check(Region(floats, -1, 1, degree=2), "D", 3 * 4 ** (-1 / 3), [-1, 0, 1])
 
@@ -189,7 +186,6 @@ def test_a_narrow_peak_is_found_from_far_away():
     assert largest <= found.upper <= largest * (1 + 1e-5)
 
 
-@pytest.mark.slow
 def test_a_blind_search_is_led_by_the_proof(monkeypatch):
     """Without any ascent, places that boxes find refute each bound that is too good."""
 
@@ -214,7 +210,6 @@ def pieces(x):
     return 1e-4 - first * second
 
 
-@pytest.mark.slow
 def test_constraints_that_leave_small_pieces():
     """Two ovals, 2e-4 of the square: a plane rests on both, and no point of them is above."""
     region = Region(plane, [-1, -1], [1, 1], constraints=pieces)
@@ -273,14 +268,6 @@ def test_wrong_gaps_are_refused(options, message):
         edtk.relax(Region(powers(2), -1, 1), **options)
 
 
-def test_what_cannot_be_enclosed_says_why_before_the_work():
-    """A model with an exponential is no polynomial."""
-    region = Region(lambda x: np.exp(-x * [1.0, 2.0]), 0, 1)
-    with pytest.raises(ArgumentError, match=r"rows: it does not run on polynomials .*exp"):
-        edtk.relax(region, prove=1e-3)
-
-
-@pytest.mark.slow
 def test_time_that_is_up_leaves_an_honest_bound():
     """Without time for boxes the bound is the one of the whole box, lower and still proved."""
     with time_limit(0.0):

@@ -9,7 +9,7 @@ import criteria
 from criteria import Relaxable
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.exact_tree import ExactTree
-from edtk.design.exact.prove_exact import ExactProof, UnprovableError, _Search, prove_exact
+from edtk.design.exact.prove_exact import ExactProof, UnprovableError, prove_exact
 from edtk.design.problem import Problem
 from edtk.system.typing import Array
 
@@ -60,23 +60,6 @@ def test_what_is_proved_is_the_best_of_all_plans(seed: int) -> None:
     assert found.counts.sum() == limits.m
     assert found.best == pytest.approx(best, rel=1e-9)
     assert best * (1 - 3e-9) <= found.cost <= best
-
-
-@pytest.mark.parametrize("seed", [4, 7, 9])
-def test_a_plan_that_fixing_leaves_alone_is_tried(
-    seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Where no exchange and no rounding finds a plan, the node that is this plan alone does."""
-    rng = np.random.default_rng(seed)
-    p, n = rng.integers(2, 4), rng.integers(8, 16)
-    m = rng.integers(p, 5)
-    problem = Problem(rng.normal(size=(n, 1, p)))
-    limits = Limits(int(m), np.zeros((p, p)))
-    criterion = criterion_of("ADE"[seed % 3], p, rng)
-    monkeypatch.setattr(_Search, "_exchange", lambda self: None)
-    found = prove_exact(problem, criterion, limits, seconds=60)
-    assert found.proved
-    assert found.best == pytest.approx(least_cost(problem, criterion, limits), rel=1e-9)
 
 
 def parabola(n: int = 101) -> Problem:
