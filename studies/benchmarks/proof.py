@@ -9,6 +9,7 @@ cases run and are printed.
 """
 
 import sys
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,7 +27,7 @@ sys.path.insert(0, str(HERE.parent))
 from fault_robots import robots  # noqa: E402, from the studies
 
 TEN = ("rho0", "A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5")
-LIMIT = 900.0  # seconds for a row
+LIMIT = 3600.0  # seconds for a row
 FIELDS = ("robot", "criterion", "asked gap", "proved gap", "boxes", "seconds", "check")
 
 
@@ -79,20 +80,17 @@ def small(kind: str) -> Study:
     )
 
 
-def cases() -> dict[str, tuple[object, tuple[str, ...], tuple[float, ...]]]:
+def cases() -> dict[str, tuple[Callable[[], Study], tuple[str, ...], tuple[float, ...]]]:
     """Studies, criteria and gaps."""
+    beside = partial(kr270, tool={"position_mm": [611.5, 150.0, -460.0]})
     return {
-        "KR 270": (kr270, TEN, (1e-2, 1e-3)),
-        "KR 270, sharper": (kr270, ("rho0", "A", "D", "E"), (1e-4, 1e-6)),
-        "KR 270, tool beside its plane": (
-            partial(kr270, tool={"position_mm": [611.5, 150.0, -460.0]}),
-            ("rho0", "D"),
-            (1e-2, 1e-3),
-        ),
-        "UR10": (partial(of_faults, "UR10, 10 kg"), ("D", "A"), (1e-2, 1e-3)),
-        "7R arm": (partial(of_faults, "7R arm, 14 kg"), ("D",), (0.3, 0.1)),
+        "KR 270": (kr270, TEN, (1e-2,)),
+        "KR 270, closed polar": (kr270, ("rho0", "A", "D", "E"), (1e-3,)),
+        "KR 270, tool beside its plane": (beside, ("D",), (1e-2,)),
+        "UR10": (partial(of_faults, "UR10, 10 kg"), ("D", "A"), (1e-2,)),
         "3R arm": (partial(small, "3R"), ("D", "A"), (1e-3, 1e-6)),
         "SCARA": (partial(small, "SCARA"), ("D", "A"), (1e-3, 1e-6)),
+        "7R arm": (partial(of_faults, "7R arm, 14 kg"), ("D",), (0.3,)),
     }
 
 
@@ -101,7 +99,7 @@ def of_faults(name: str) -> Study:
     return robots()[name]
 
 
-def proved(make: partial[Study], criterion: str, gap: float) -> tuple[float, int, float, str]:
+def proved(make: Callable[[], Study], criterion: str, gap: float) -> tuple[float, int, float, str]:
     """Proved gap, boxes, seconds, and the seconds of the check or why there is none."""
     study = make()
     start = process_time()

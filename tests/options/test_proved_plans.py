@@ -7,34 +7,13 @@ import pytest
 from click.testing import CliRunner
 from loaded_arm import STUDY as ARM
 from short_search import short_search
+from three_joints import THREE
 
 import edtk
 from edtk.cli import main
 from edtk.design.bound import BoundKind
 from edtk.study.study import Study
 from edtk.system.errors import Note, UserError
-
-TURNING = {"axis": [0, 1, 0], "limits_deg": [-150, 150], "origin_m": [0.5, 0, 0]}
-JOINTS = [
-    TURNING | {"name": "q1", "axis": [0, 0, 1], "origin_m": [0, 0, 0.4]},
-    TURNING | {"name": "q2", "origin_m": [0, 0, 0]},
-    TURNING | {"name": "q3"},
-]
-THREE = {
-    "title": "Three joints",
-    "robot": {
-        "name": "3R",
-        "source": "made up",
-        "joints": JOINTS,
-        "tool": {"position_m": [0, 0, 0]},
-    },
-    "tool": {"position_mm": [300, 0, 0]},
-    "load": {"F_N": [20, 0, -50]},
-    "measurement": {"sigma_mm": 0.03},
-    "joints": {"unknown": ["q1", "q2", "q3"]},
-    "workspace": {"height_min_mm": 100},
-    "candidates": 300,
-}
 
 
 @pytest.mark.cell("`plan --prove-bound`", "springs")
