@@ -21,7 +21,6 @@ TRIES = 4  # plans that are searched until one gives up about as much as allowed
 ENOUGH = 0.8  # of what is allowed
 CANDIDATES = 2000  # poses over which weights are found; plans are searched over all
 PERCENT = 100.0
-GIVEN_UP = 0.05  # where nobody says how much
 
 
 @dataclass(frozen=True)

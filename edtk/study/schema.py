@@ -35,6 +35,7 @@ from edtk.study.tables_of_robot import (
 )
 from edtk.study.tables_of_task import (
     CriterionTable,
+    GiveUpTable,
     InterestTable,
     PayloadTable,
     TaskTable,
@@ -141,6 +142,11 @@ class Specification(Table):
         None,
         description="The criterion that the study is about, by name or, with its parameters, as "
         "`{ name = 'I', points = [[...]] }`; see `edtk criteria`. It is optimised first",
+    )
+    give_up: GiveUpTable | None = Field(
+        None,
+        description="A second criterion of `edtk plan`, and how much of the first one it may cost; "
+        "`--for` and `--give-up` take its place",
     )
     criteria: Annotated[tuple[str, ...], Field(min_length=1)] = Field(
         (), description="Criteria under which plans are compared; default to the optimised ones"

@@ -269,6 +269,7 @@ class StudyKeys(TypedDict, total=False):
     task: Mapping[str, Any] | None
     interest: Mapping[str, Any] | None
     criterion: str | Mapping[str, Any] | None
+    give_up: Mapping[str, Any] | None
     criteria: list[str] | tuple[str, ...] | None
     optimise: list[str] | tuple[str, ...] | None
     sizes: list[int] | tuple[int, ...] | None

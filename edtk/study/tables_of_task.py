@@ -24,6 +24,8 @@ from edtk.study.table import Positive, Table, listed
 from edtk.system.fields import ZERO, Finite, Vector3
 from edtk.system.typing import Array
 
+GIVEN_UP = 5.0  # [%] of a criterion for a second one, where nobody says how much
+
 
 class Tool(Table):
     """Tool frame after the last joint, or after the flange: the tip link of a URDF."""
@@ -214,6 +216,18 @@ class CriterionTable(BaseModel):
             ValueError: A joint is not among them; the line names it.
         """
         return named_parameters(self.parameters, unknown, "unknown joint")
+
+
+class GiveUpTable(Table):
+    """A second criterion, for which plans give up a part of the one that the study is about."""
+
+    criterion: str | dict[str, Any] = Field(
+        description="The second criterion: its name, a table with its parameters, or names of "
+        "parameters, apart by commas, for Ds of these"
+    )
+    percent: Annotated[Finite, Field(gt=0, lt=100)] = Field(
+        GIVEN_UP, description="How much of the first one may be given up [%]"
+    )
 
 
 class InterestTable(Table):

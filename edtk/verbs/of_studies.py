@@ -125,7 +125,7 @@ class OfStudy(Question):
         """The best plan of exactly so many experiments; see `edtk.plan`."""
         from edtk.study.plan_study import RunOptions
 
-        call = self._checked(call)
+        call = self._with_second(self._checked(call))
         if call.exclude is not None:
             without = replace(self, study=self.study.excluding(call.exclude))
             return without.plan(replace(call, exclude=None))
@@ -222,7 +222,7 @@ class OfStudy(Question):
             return None if given is None else whole_number(given, name, least)
 
         if call.give_up is not None:
-            if call.second is None:
+            if call.second is None and self.study.specification.give_up is None:
                 message = "expected a second criterion, for which it is given up"
                 raise ArgumentError(message, argument="give_up", given=call.give_up)
             if not 0 < call.give_up < 100:
@@ -240,6 +240,15 @@ class OfStudy(Question):
             distinct=whole("distinct", 1),
             workers=whole("workers", 1),
         )
+
+    def _with_second(self, call: PlanCall) -> PlanCall:
+        """The arguments, with the second criterion that the study says where the call says none."""
+        said = self.study.specification.give_up
+        if said is None:
+            return call
+        if call.second is None:
+            call = replace(call, second=said.criterion, give_up=call.give_up or said.percent)
+        return call
 
     @abstractmethod
     def _faults(self, given: Mapping[str, str]) -> Any:
@@ -280,13 +289,14 @@ class OfStudy(Question):
         Raises:
             UserError: The second cannot be one of two, or names what is not unknown.
         """
-        from edtk.study.give_up import GIVEN_UP, PERCENT, Exchange
+        from edtk.study.give_up import PERCENT, Exchange
+        from edtk.study.tables_of_task import GIVEN_UP
 
         if call.second is None:
             return None
         designed = self._designed(asked, criterion)
         other, name = replace(self, study=designed).asked_for(_of_parameters(call.second))
-        share = GIVEN_UP if call.give_up is None else call.give_up / PERCENT
+        share = (GIVEN_UP if call.give_up is None else call.give_up) / PERCENT
         first, second = self._criterion(designed, criterion), self._criterion(other, name)
         return Exchange.of(first, second, share)
 

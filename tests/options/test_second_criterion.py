@@ -10,11 +10,13 @@ import pytest
 from arm import arm
 from geometry_sheets import run
 from loaded_arm import STUDY
+from short_search import short_search
 
 import criteria
 import edtk
 from edtk.study.give_up import Exchange
 from edtk.study.study import Study
+from edtk.system.errors import UserError
 
 pytestmark = pytest.mark.slow
 
@@ -102,6 +104,24 @@ def test_no_more_is_given_up_than_allowed(kind: str, tmp_path: Path) -> None:
     assert f"gained      Ds of {told} = " in text
     assert " of 20 % allowed: " in text
     assert found.to_dict()["compromise"]["given_up_percent"] == pytest.approx(100 * one.given_up)
+
+
+@pytest.mark.cell("`give_up` of a study")
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_study_says_what_its_plans_give_up(kind: str) -> None:
+    """Its plan is that of a call which says so, and a call that says otherwise has its own."""
+    study, name, _ = KINDS[kind]
+    says = study.replace(give_up={"criterion": name, "percent": 20})
+    with short_search():
+        called = edtk.plan(study, 6, "rho0", workers=1, second=name, give_up=20)
+        found = edtk.plan(says, 6, "rho0", workers=1)
+        other = edtk.plan(says, 6, "rho0", workers=1, give_up=3)
+    np.testing.assert_array_equal(found.plan.q, called.plan.q)
+    assert found.compromise == called.compromise
+    assert other.compromise is not None
+    assert other.compromise.allowed == pytest.approx(0.03)
+    with pytest.raises(UserError, match=r"give_up\.percent"):
+        study.replace(give_up={"criterion": name, "percent": 0})
 
 
 @pytest.mark.parametrize("study", [TESTED, STUDY], ids=["springs", "parameters"])
