@@ -464,7 +464,9 @@ class GeometrySpace(DesignSpace):
         errors = _least_errors(self.errors, self.geometry)
         rows = PositionRows(self.geometry, self.loads, errors)
         order, largest, lever = rows.enclosable(self.load.wrench(_largest_load(self.load)))
-        return RowPolynomials(self, replace(self, errors=errors).rows, order, largest, lever)
+        own = replace(self, errors=errors)
+        is_white = self.errors.is_white
+        return RowPolynomials(self, own.rows, order, largest, lever, is_white)
 
     def _visits(self, x: Array) -> tuple[Array, Array]:
         """Poses (m, n) and wrenches (m, 6) of experiments."""

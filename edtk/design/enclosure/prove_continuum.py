@@ -17,7 +17,7 @@ from criteria import Criterion, Relaxable
 from edtk.design.bound import Bound, BoundKind
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.enclosure.cover import Covering, CoveringInterrupted, cover
-from edtk.design.enclosure.polynomial import Enclosed, Objective
+from edtk.design.enclosure.polynomial import Enclosed, NotEnclosedError, Objective
 from edtk.design.enclosure.robot_polynomials import polynomials_of
 from edtk.design.enclosure.space_polynomials import SpacePolynomials
 from edtk.design.relaxation.certify import semidefinite
@@ -180,18 +180,31 @@ def enclosed(polynomials: SpacePolynomials, criterion: Criterion, Z: Array) -> E
     question = polynomials.enclosed(Z)
     prior = polynomials.space.prior
     M0 = np.zeros_like(Z) if prior is None else prior
-    above = [f.numerator + float(np.sum(Z * M0)) for f in question.objectives]
+    above = [_with_constant(f, float(np.sum(Z * M0))) for f in question.objectives]
     if not is_normalised(criterion):
-        return replace(question, objectives=tuple(Objective(f) for f in above))
+        return replace(question, objectives=tuple(above))
+    if not polynomials.is_exact:
+        raise NotEnclosedError(
+            f"{criterion.label} compares the parts of what a pose tells; where errors depend on "
+            "the pose, or distances are measured, there is no more than a bound of these"
+        )
     B = criterion.trace_root
     traced = np.eye(len(Z)) if B is None else B @ B.T
-    below = [
-        f.numerator + float(np.sum(traced * M0)) for f in polynomials.enclosed(traced).objectives
-    ]
+    constant = float(np.sum(traced * M0))
+    below = [_with_constant(f, constant) for f in polynomials.enclosed(traced).objectives]
     return replace(
         question,
-        objectives=tuple(Objective(f, g) for f, g in zip(above, below, strict=True)),
+        objectives=tuple(
+            Objective(f.numerator, g.numerator) for f, g in zip(above, below, strict=True)
+        ),
     )
+
+
+def _with_constant(f: Objective, constant: float) -> Objective:
+    """``N/D + c``, as ``(N + c D)/D``."""
+    if f.denominator is None:
+        return Objective(f.numerator + constant)
+    return Objective(f.numerator + constant * f.denominator, f.denominator)
 
 
 class _Attempt:

@@ -16,11 +16,13 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from edtk.design.design_space import DesignSpace
+from edtk.design.enclosure.cover import Grid, limits_on
 from edtk.design.enclosure.polynomial import (
     ROUNDOFF,
     NotEnclosedError,
     Polynomial,
     sum_of_products,
+    sum_of_squares,
 )
 from edtk.design.enclosure.space_polynomials import SpacePolynomials, require_few
 from edtk.measure.instruments.distance import Distance
@@ -62,6 +64,12 @@ class RobotPolynomials(SpacePolynomials):
         return self.space.model.weights is not None
 
     @property
+    def is_exact(self) -> bool:
+        """Whether errors are white, and no distance counts as its whole point."""
+        wires = any(isinstance(one, Distance) for one in self.space.model.whole_instruments)
+        return self.space.noise is None and not wires
+
+    @property
     def reach(self) -> float:
         """The largest length of the chain and what hangs on it [m]."""
         model = self.space.model
@@ -71,6 +79,39 @@ class RobotPolynomials(SpacePolynomials):
         levers = self.space.load.wrench(self.chart.bases[:, model.robot.n :])[:, 6:]
         farthest = float(np.abs(levers).sum(axis=1).max(initial=0.0))
         return max(map(model.reach_of, points)) + farthest
+
+    @cached_property
+    def denominator(self) -> Polynomial | None:
+        """Of one marker that a tracker sees, the variance over its least one.
+
+        The standard deviation along the shorter axis is ``c + e r`` at the distance r, and r is
+        above its chord over r^2, ``r (n + f) >= r^2 + n f`` between the nearest and the farthest
+        distance n and f. So the variance is at least ``c^2 + e^2 r^2 + 2 c e (r^2 + n f)/(n + f)``,
+        a polynomial. None where it would need one more variable.
+        """
+        noise = self.space.noise
+        model = self.space.model
+        if noise is None or noise.tracker is None or model.row_count != 3 or not noise.tracked:
+            return None
+        white = np.square(noise.white) + np.square(noise.discrepancy)
+        if np.ptp(white):
+            return None
+        point = model.whole_instruments[0].point
+        away = point.position(self.frames) - noise.tracker.position[:, None]
+        far = float(np.linalg.norm(noise.tracker.position))
+        reach = model.reach_of(point)
+        error = self.steps * (far + reach)
+        squared = sum_of_squares([self.chart.polynomial(one, error) for one in away]).trimmed()
+        depends = np.flatnonzero(np.array(squared.degrees) > self.told)
+        if any(self.told[j] == 0 for j in depends):
+            return None
+        low, high = limits_on(squared, Grid(self.chart.axes))
+        nearest = max(0.0, far - reach, max(low, 0.0) ** 0.5)
+        farthest = min(far + reach, high**0.5)
+        least, slope = np.minimum(noise.tracker.along, noise.tracker.across).tolist()
+        chord = 2 * least * slope / (nearest + farthest)
+        grows = (slope**2 + chord) * squared + (least**2 + chord * nearest * farthest)
+        return (noise.readings * grows + float(white[0])) * float(1 / self._variances.min())
 
     @cached_property
     def _variances(self) -> Array:
@@ -196,17 +237,24 @@ class RowPolynomials(SpacePolynomials):
         largest: How large the entries (p,) of a row can be where each vector has its full length:
             their roundings are relative to it.
         lever: The largest length of the chain and what hangs on it [m].
+        is_white: Whether these rows are those of the space; else they tell no less.
     """
 
     rows: Callable[[Array], Array]
     order: int
     largest: Array
     lever: float
+    is_white: bool
 
     @property
     def unloaded(self) -> bool:
         """Geometry is read without any load, too."""
         return True
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether errors are white in the space, too."""
+        return self.is_white
 
     @property
     def reach(self) -> float:

@@ -193,6 +193,11 @@ class SpacePolynomials(ABC):
 
     @property
     @abstractmethod
+    def is_exact(self) -> bool:
+        """Whether sensitivities are those of the space; else they are no smaller."""
+
+    @property
+    @abstractmethod
     def told(self) -> Indices:
         """Degree (d,) of sensitivities by each variable of the chart, whatever the multiplier."""
 
@@ -203,7 +208,15 @@ class SpacePolynomials(ABC):
 
     @abstractmethod
     def sensitivity(self, Z: Array, objective: int = 0) -> Polynomial:
-        """``tr(Z A' Sigma^-1 A)`` in all variables of the chart, Z (p, p) symmetric."""
+        """``tr(Z A' Sigma^-1 A)`` in all variables of the chart, Z (p, p) symmetric.
+
+        Where errors grow with the pose it is this times `denominator`.
+        """
+
+    @property
+    def denominator(self) -> Polynomial | None:
+        """By how much errors are larger than their least, in the variables of the chart."""
+        return None
 
     @cached_property
     def chart(self) -> Chart:
@@ -280,6 +293,9 @@ class SpacePolynomials(ABC):
     def halving(self) -> Halving:
         """The part of the box that stands for all of it, whatever the multiplier."""
         every = self.in_kept(self._generic)
+        if self.denominator is not None:
+            axes = [self.chart.axes[j] for j in self.kept]
+            every.append(self.denominator.over(axes, self.kept))
         return halved([self.chart.axes[j] for j in self.kept], [*every, *self._own_slacks[0]])
 
     @property
@@ -306,9 +322,11 @@ class SpacePolynomials(ABC):
         middles = np.array([self.chart.axes[j].middle for j in dropped])
         bases += self.chart.matrix[:, dropped] @ middles
         part = self.halving
+        D = self.denominator
+        below = None if D is None else part.of(D.over(part.whole, self.kept))
         return Enclosed(
             axes=part.axes,
-            objectives=tuple(Objective(part.of(f)) for f in self.in_kept(Z)),
+            objectives=tuple(Objective(part.of(f), below) for f in self.in_kept(Z)),
             slacks=tuple(part.of(f) for f in slacks),
             base=bases,
             matrix=self.chart.matrix[:, self.kept],

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import criteria
 from edtk.design.design_space import DesignSpace
 from edtk.design.enclosure.polynomial import NotEnclosedError
+from edtk.design.enclosure.prove_continuum import enclosed as with_criterion
 from edtk.design.enclosure.robot_polynomials import RobotPolynomials
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.friction import Friction
@@ -207,7 +209,7 @@ def test_a_distance_from_excluded_poses_holds_no_more_than_it_says() -> None:
 
 def test_a_looser_noise_counts_more() -> None:
     """Errors that depend on the pose are counted no larger than they are anywhere."""
-    tracker = Tracker(np.array([5.0, 1.0, 1.0]), (5e-6, 5e-7), (1e-5, 3e-6))
+    tracker = Tracker(np.array([5.0, 1.0, 1.0]), (1e-5, 6e-6), (1e-5, 6e-6))
     noise = VisitNoise(
         tracker, ((0, 0),), np.full(6, 1e-6), white=np.full(3, 1e-5), discrepancy=np.zeros(3)
     )
@@ -216,13 +218,45 @@ def test_a_looser_noise_counts_more() -> None:
     Z = multiplier(space, x)
     robot = RobotPolynomials(space)
     enclosed = robot.enclosed(Z)
-    places = np.array([[axis.middle for axis in enclosed.axes]])
-    assert np.isfinite(enclosed.objectives[0](places)).all()
     found = space.at(x)
     exact = np.einsum("ij,mri,mrj->m", Z, found.regressor, found.regressor)
-    bound = robot.sensitivity(Z)(x[:, space.free])
+    assert robot.denominator is not None
+    t = x[:, space.free]
+    bound = robot.sensitivity(Z)(t) / robot.denominator(t)
     assert (bound >= exact).all()
-    assert (bound / exact).max() < 30
+    assert (bound / exact).max() < 1.3
+    assert not robot.is_exact
+    for objective in enclosed.objectives:
+        assert objective.denominator is not None
+        assert (objective.denominator(moved_inside(t, robot)) > 0).all()
+
+
+def test_parts_are_not_compared_where_each_is_only_bounded() -> None:
+    """A criterion of degree zero has no bound where errors depend on the pose, and says so; others
+    count a prior beside the quotient.
+    """
+    tracker = Tracker(np.array([5.0, 1.0, 1.0]), (1e-5, 6e-6), (1e-5, 6e-6))
+    white = np.full(3, 1e-5)
+    noise = VisitNoise(tracker, ((0, 0),), np.zeros(6), white=white, discrepancy=np.zeros(3))
+    robot = RobotPolynomials(replace(KR270, noise=noise, prior=np.eye(5)))
+    Z = multiplier(robot.space, drawn(robot.space))
+    with pytest.raises(NotEnclosedError, match="no more than a bound of these"):
+        with_criterion(robot, criteria.create("O2"), Z)
+    plain, lifted = robot.enclosed(Z), with_criterion(robot, criteria.create("D"), Z)
+    places = np.array([[axis.middle for axis in plain.axes]])
+    before, after = plain.objectives[0](places), lifted.objectives[0](places)
+    assert after == pytest.approx(before + np.trace(Z), rel=1e-12)
+
+
+def test_where_errors_grow_with_an_idle_joint_they_are_the_least_of_all() -> None:
+    """A tracker that sees the arm turn about its base adds no variable to the polynomials."""
+    tracker = Tracker(np.array([5.0, 1.0, 1.0]), (1e-5, 1e-6), (1e-5, 1e-6))
+    noise = VisitNoise(
+        tracker, ((0, 0),), np.zeros(6), white=np.full(3, 1e-5), discrepancy=np.zeros(3)
+    )
+    robot = RobotPolynomials(replace(KR270, noise=noise, free=list(range(6))))
+    assert robot.denominator is None
+    assert robot.kept == [1, 2, 3, 4, 5]
 
 
 @pytest.mark.parametrize(
