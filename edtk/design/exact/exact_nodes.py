@@ -151,11 +151,13 @@ class Told(NamedTuple):
         merit: No plan of a node has a larger merit (b,).
         sensitivities: Sensitivities (s,) of the candidates.
         marginal: What an experiment of each group (g,) adds at least to `merit`.
+        tops: What all experiments of each group (g,) add.
     """
 
     merit: Array
     sensitivities: Array
     marginal: Array
+    tops: Array
 
     def kept(self, nodes: Nodes, keep: Mask, alive: Mask) -> "Told":
         """The same of some candidates of some nodes, see `Nodes.kept`."""
@@ -163,6 +165,7 @@ class Told(NamedTuple):
             self.merit[alive],
             self.sensitivities[keep & alive[nodes.node_of]],
             self.marginal[alive[nodes.node_of_group]],
+            self.tops[alive[nodes.node_of_group]],
         )
 
     def fixed(self, nodes: Nodes, least: float) -> tuple[Mask, Mask]:
@@ -272,12 +275,39 @@ class Merits:
 
     def told(self, nodes: Nodes, Z: Array, z: Array) -> Told:
         """What they tell with the sensitivities (s,) that are known."""
-        marginal = np.maximum.reduceat(z, nodes.heads)
-        tops = np.add.reduceat(nodes.counts * marginal, nodes.first_groups)
+        tops, marginal = self._tops(nodes, z)
+        whole = np.add.reduceat(tops, nodes.first_groups)
         length = np.sqrt((np.square(Z) * self.twice).sum(axis=1))
         of_products = 4 * self.p**2 * EPS * (np.linalg.norm(self.K) + self.m * self.largest)
-        merit = Z @ self.K + tops + length * (of_products + self.m * self.error)
-        return Told(np.where(np.isfinite(merit), merit, np.inf), z, marginal)
+        merit = Z @ self.K + whole + length * (of_products + self.m * self.error)
+        merit[np.isnan(merit)] = np.inf
+        return Told(merit, z, marginal, tops)
+
+    def _tops(self, nodes: Nodes, z: Array) -> tuple[Array, Array]:
+        """The largest sums (g,) of z that the experiments of each group have, and the least term.
+
+        They are minus infinity for a group that must have more experiments than it may.
+        """
+        if self.most is None:
+            marginal = np.maximum.reduceat(z, nodes.heads)
+            return np.asarray(nodes.counts * marginal), np.asarray(marginal)
+        order = np.lexsort((-z, nodes.group_of))
+        most = self.most[nodes.candidates[order]]
+        before = np.cumsum(most) - most
+        before -= before[nodes.heads][nodes.group_of]
+        counts = nodes.counts[nodes.group_of]
+        taken = np.clip(counts - before, 0, most)
+        tops = np.add.reduceat(taken * z[order], nodes.heads)
+        last = nodes.heads + np.add.reduceat((before < counts).astype(int), nodes.heads) - 1
+        short = np.add.reduceat(taken, nodes.heads) < nodes.counts
+        return np.where(short, -np.inf, tops), z[order][last]
+
+    def allows(self, nodes: Nodes, counts: Array) -> Mask:
+        """Whether plans (b,) of counts (s,) are within the limits."""
+        if self.most is None:
+            return np.ones(nodes.n, dtype=bool)
+        exceeds = counts > self.most[nodes.candidates]
+        return np.asarray(np.bincount(nodes.node_of, exceeds, nodes.n) == 0)
 
     def multipliers(self, X: Array, sharpness: float = np.inf) -> Array:
         """Multipliers (b, q) that bound merits best at information X (b, p, p).

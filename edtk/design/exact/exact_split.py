@@ -199,7 +199,7 @@ class Division:
         parent = np.repeat(np.arange(nodes.n), whole + 1)
         counts = np.arange(len(parent)) - (np.cumsum(whole + 1) - whole - 1)[parent]
         others = whole[parent] - counts
-        changed = told.merit - whole * told.marginal[part.group]
+        changed = told.merit - told.tops[part.group]
         merit = changed[parent] + _times(counts, top[parent]) + _times(others, rest[parent])
         built = np.flatnonzero(merit > least)
         # The part's candidates come first in its group.

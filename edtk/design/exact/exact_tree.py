@@ -44,10 +44,9 @@ class ExactTree:
     below the target. Any other that has no children is open: its plans cost at least ``u^-d``, with
     the smallest u of its own multiplier and of those of its ancestors.
 
-    The largest sensitivity with limits on how often a candidate is chosen is the largest sum of
-    count experiments of the group. With costs of experiments, the gain ``z_i - price c_i`` takes
-    the place of z_i, and ``price * funds`` joins u; the multiplier zero with a price tells that the
-    experiments cost more than the funds.
+    With limits on how often each candidate is chosen, the largest sum of z of count experiments in
+    the group takes the place of ``count * (largest z)``, and the least of these z that of the
+    largest in fixing; a group that has fewer experiments to choose than its count closes the node.
 
     A check needs the parents before their children, which the order of nodes grants, and two
     products of the candidates' rows a node. It may leave out less than was left out here: bounds
@@ -56,9 +55,9 @@ class ExactTree:
     Attributes:
         T: Regular matrix (p, p) of the parameters in which multipliers are written.
         order: Candidate (n,) at each position. Equal candidates stand for one another: only one of
-            them has a position, and they may be chosen as often as all of them.
+            them has a position, unless there are limits on how often each is chosen.
         multipliers: Z (r, p, p), symmetric.
-        prices: Price (r,) that goes with each; zeros where there are no costs.
+        prices: Price (r,) that goes with each; zeros as long as budgets of costs are not proved.
         multiplier: Index of the multiplier of each node.
         parent: Parent of each node; -1 of the root.
         group: Number of the group that is divided; -1 of the root.

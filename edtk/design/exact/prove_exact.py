@@ -29,6 +29,8 @@ AT_ONCE = 256  # nodes
 MOST_AT_ONCE = 200_000  # candidates of them
 LOOKS = 2  # at all candidates of a node
 STEPS = 2  # of its weights before each
+STARTS = 16
+AMONG = 5000  # candidates that starts are exchanged among
 LIGHT = 1e-3  # experiments that are not rounded up
 ROUNDED = 1e-6  # distance to a whole number that counts as none
 FRESH = 1e-4  # weight that candidates get which had none, in parts of all
@@ -78,8 +80,8 @@ def require_provable(criterion: Criterion, limits: Limits) -> None:
         )
     if limits.blocks:
         raise UnprovableError("plans in blocks have no proof")
-    if limits.restricts or not limits.sized:
-        raise UnprovableError("plans within limits of candidates or costs have no proof")
+    if limits.costs is not None:
+        raise UnprovableError("plans within a budget of costs have no proof")
 
 
 def prove_exact(
@@ -155,7 +157,9 @@ class _Working:
         packed = kept.packed()
         if isinstance(kept, Rows):
             error = 2.0 * error * np.sqrt(np.square(kept.A).sum(axis=(1, 2)))
-        _, members = np.unique(problem.packed, axis=1, return_index=True)
+        members = np.arange(problem.n)
+        if limits.most is None:
+            _, members = np.unique(problem.packed, axis=1, return_index=True)
         rows, columns = triangle(problem.p)
         twice = np.where(rows == columns, 1.0, 2.0)
         K = T.T @ limits.base @ T
@@ -165,6 +169,7 @@ class _Working:
             K=twice * K[rows, columns],
             error=float(error.max()),
             m=limits.m,
+            most=limits.most,
         )
         return cls(merits, T, members)
 
@@ -250,6 +255,7 @@ class _Search:
         Z = self.merits.multipliers(self.merits.information(whole, whole.weights))
         root, told, Z = self._settled(whole, self.merits.tell(whole, Z), Z)
         self._round(root)
+        self._start(root, told)
         keep, alive = told.fixed(root, self.least)
         left = np.flatnonzero(keep & alive[0])
         points = self._points(root, left)
@@ -343,10 +349,15 @@ class _Search:
     def _push(
         self, nodes: Nodes, bound: Array, Z: Array, index: Indices, multiplier: Indices
     ) -> None:
-        """Keep nodes that are left to be divided; one plan alone is known by its bound already."""
+        """Keep nodes that are left to be divided; those that are one plan alone are tried now."""
+        nodes = nodes.with_weights(nodes.weights)
+        is_plan = nodes.sizes == np.bincount(nodes.node_of_group, minlength=nodes.n)
+        if is_plan.any():
+            plans = nodes.kept(np.ones(len(nodes.candidates), dtype=bool), is_plan)
+            self._round(plans)
         for i, own in enumerate(nodes.apart()):
-            if len(own.candidates) == len(own.heads):
-                continue  # `_round` knows it
+            if is_plan[i]:
+                continue
             entry = _Open(float(bound[i]), int(index[i]), own, Z[i], int(multiplier[i]))
             heapq.heappush(self.open, entry)
 
@@ -408,6 +419,7 @@ class _Search:
         # Some have more experiments than candidates of any weight.
         short = np.bincount(group, own, groups) != nodes.counts
         costs[nodes.node_of_group[short]] = np.inf
+        costs[~self.merits.allows(nodes, counts)] = np.inf
         least = int(costs.argmin())
         if costs[least] < self.best:
             chosen = np.flatnonzero((nodes.node_of == least) & (counts > 0))
@@ -415,6 +427,23 @@ class _Search:
             self.best = float(costs[least])
             self.counts = np.zeros_like(self.counts)
             self.counts[members] = counts[chosen].astype(int)
+            self._exchange()
+
+    def _start(self, root: Nodes, told: Told) -> None:
+        """Find a good plan from some starts among the most sensitive candidates."""
+        if self.limits.restricts:
+            return
+        some = np.argsort(-told.sensitivities, kind="stable")[:AMONG]
+        chance = root.weights[some] / root.weights[some].sum() + 1.0 / len(some)
+        rng = np.random.default_rng(0)
+        places = rng.choice(len(some), size=(STARTS, self.m), p=chance / chance.sum())
+        members = self.working.members[some]
+        beside = self.beside[members]
+        found, costs = exchange(beside, self.criterion, places, shortlists=(8,), thorough=False)
+        least = int(costs.argmin())
+        if costs[least] < self.best:
+            self.best = float(costs[least])
+            self.counts = np.bincount(members[found[least]], minlength=len(self.counts))
             self._exchange()
 
     def _exchange(self) -> None:
@@ -456,5 +485,6 @@ def _better(nodes: Nodes, best: tuple[Told, Array], told: Told, Z: Array) -> tup
         np.where(better, told.merit, best[0].merit),
         np.where(better[nodes.node_of], told.sensitivities, best[0].sensitivities),
         np.where(better[nodes.node_of_group], told.marginal, best[0].marginal),
+        np.where(better[nodes.node_of_group], told.tops, best[0].tops),
     )
     return chosen, np.where(better[:, None], Z, best[1])

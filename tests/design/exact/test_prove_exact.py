@@ -1,5 +1,6 @@
 """Proofs that no plan of whole experiments is better, against all plans that there are."""
 
+from dataclasses import replace
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -9,7 +10,7 @@ import criteria
 from criteria import Relaxable
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.exact_tree import ExactTree
-from edtk.design.exact.prove_exact import ExactProof, UnprovableError, prove_exact
+from edtk.design.exact.prove_exact import ExactProof, UnprovableError, _Search, prove_exact
 from edtk.design.problem import Problem
 from edtk.system.typing import Array
 
@@ -60,6 +61,41 @@ def test_what_is_proved_is_the_best_of_all_plans(seed: int) -> None:
     assert found.counts.sum() == limits.m
     assert found.best == pytest.approx(best, rel=1e-9)
     assert best * (1 - 3e-9) <= found.cost <= best
+
+
+@pytest.mark.parametrize("seed", [4, 7, 9])
+def test_a_plan_that_fixing_leaves_alone_is_tried(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where no exchange and no rounding finds a plan, the node that is this plan alone does."""
+    rng = np.random.default_rng(seed)
+    p, n = int(rng.integers(2, 4)), int(rng.integers(8, 16))
+    m = rng.integers(p, 5)
+    problem = Problem(rng.normal(size=(n, 1, p)))
+    limits = Limits(int(m), np.zeros((p, p)))
+    criterion = criterion_of("ADE"[seed % 3], p, rng)
+    monkeypatch.setattr(_Search, "_exchange", lambda self: None)
+    found = prove_exact(problem, criterion, limits, seconds=60)
+    assert found.proved
+    assert found.best == pytest.approx(least_cost(problem, criterion, limits), rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_limits_of_candidates_and_kept_experiments_are_heeded(seed: int) -> None:
+    """With a limit for each candidate, beside kept experiments, the best plan within is proved."""
+    problem, limits, rng = drawn(seed)
+    most = rng.integers(0, 3, problem.n)
+    most[:2] = 2
+    limits = replace(limits, most=most, m=3, base=limits.base + 0.1 * np.eye(problem.p))
+    criterion = criterion_of(NAMES[seed % 4], problem.p, rng)
+    plans = np.array(list(combinations_with_replacement(range(problem.n), limits.m)))
+    counts = np.array([np.bincount(plan, minlength=problem.n) for plan in plans])
+    plans = plans[(counts <= most).all(axis=1)]
+    M = problem.plan_information(plans, np.ones(plans.shape)) + limits.base
+    found = prove_exact(problem, criterion, limits, seconds=60)
+    assert found.proved
+    assert (found.counts <= most).all()
+    assert found.best == pytest.approx(criterion.cost(M).min(), rel=1e-9)
 
 
 def parabola(n: int = 101) -> Problem:
