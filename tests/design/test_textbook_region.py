@@ -174,6 +174,7 @@ def test_logistic_median_dose(model):
     assert r.weights @ np.tanh(z / 2) ** 2 <= GAP
 
 
+@pytest.mark.slow
 def test_logistic_a_and_e():
     """Canonical A and E are symmetric: ``(1 + z^2)/(w z^2)`` at its least, and z = 1."""
     region = Logistic(0, 1, -10, 10).region

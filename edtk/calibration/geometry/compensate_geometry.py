@@ -347,18 +347,14 @@ def compensate_geometry(
         command[part.rows] = part.commands(every, task.wrench)
     snapping = [row for part in parts for row in part.snapping(every, command, task.wrench)]
     others = _not_reached(study.robot, counting.back(command), task.q)
-    named = {row.row for row in snapping}
-    refused = [*snapping, *(row for row in others if row.row not in named)]
+    refused = list({row.row: row for row in (*others, *snapping)}.values())
     refused.sort(key=lambda row: row.row)
     rows = np.setdiff1d(np.arange(len(every)), [row.row for row in refused])
     require_one(len(rows), refused, poses)
     each = [part.errors(every, command, task.wrench, rows) for part in parts]
     order = np.argsort(np.concatenate([at for at, _, _ in each]), kind="stable")
     lengths = np.concatenate([errors for _, errors, _ in each], axis=1)[:, order]
-    turned = [errors for _, _, errors in each if errors is not None]
-    turns: Sequence[Array | None] = (None, None, None)
-    if len(turned) == len(each):
-        turns = [*np.concatenate(turned, axis=1)[:, order]]
+    turns = _in_order([errors for _, _, errors in each], order)
     verdict = result.get("verdict")
     return Compensation(
         robot=study.robot,
@@ -376,6 +372,14 @@ def compensate_geometry(
         rotation_before=turns[0],
         rotation_left=turns[1],
     )
+
+
+def _in_order(each: Sequence[Array | None], order: Indices) -> Sequence[Array | None]:
+    """Errors of orientation (3, m) in the order of the poses; None where a part has none."""
+    known = [errors for errors in each if errors is not None]
+    if len(known) < len(each):
+        return (None, None, None)
+    return [*np.concatenate(known, axis=1)[:, order]]
 
 
 def _pieces_of(

@@ -27,6 +27,7 @@ from edtk.measure.pose_table import (
 )
 from edtk.robots.rotations import rotation, rotation_vectors
 from edtk.study.study import Study
+from edtk.study.study_geometry import StudyGeometry
 from edtk.study.study_model import marker_names
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.typing import Array, Indices, Mask
@@ -69,32 +70,10 @@ def predict_positions(
     beyond = beyond_limits(study.robot, data.q, data.row)
     radians = like_radians(study, data.q)
     data = counting.of(setting.split(data.without_lost())[0])
-    on_tool = data.absolute.of_markers(np.arange(len(setting.on_tool)))
-    reading = turn_reading(poses, study.robot, on_tool)
-    if reading:
-        raise UserError(f"the robot fits if {reading}; expected {EXPECTED}", where=path_of(poses))
-    snaps = np.flatnonzero(fitted.snaps(data.q, data.wrench, setting.loads))
-    if len(snaps):
-        first = int(snaps[0])
-        raise UserError(
-            why_no_rest(study.robot, data.q[first], fitted.compliances),
-            where=path_of(poses),
-            key=f"row {int(data.row[first].max()) + 1}",
-        )
+    _require_sound(setting, fitted, data, poses)
     tests = data.seen.copy()
     if tool_rows:
-        last = int(data.row.max()) + 1
-        if tool_rows > last:
-            message = f"{path_of(poses)} has {last} rows"
-            raise ArgumentError(message, argument="tool_rows", given=tool_rows)
-        placing = np.logical_and(data.seen, data.row < tool_rows)
-        # Neither a distance nor a change under a load says where a marker is.
-        placing &= ~fitted.model.is_distance & ~data.is_difference[:, None]
-        if not placing.any():
-            raise UserError(
-                "no marker was measured in the rows that place the tool",
-                where=path_of(poses),
-            )
+        placing = _placing(fitted, data, tool_rows, path_of(poses))
         predicted = tool_from_rows(fitted, data, placing, setting.loads)
         tests &= ~placing & ~data.is_difference[:, None]
     else:
@@ -103,6 +82,41 @@ def predict_positions(
     rows = fitted.model.present.sum(axis=1)
     rows = rows if predicted.turn_half is not None else np.minimum(rows, 3)
     return _prediction(data, rows, predicted, tests, beyond, radians)
+
+
+def _require_sound(
+    setting: StudyGeometry, fitted: FittedGeometry, data: MarkerPositions, poses: Table
+) -> None:
+    """Check that orientations are read as they are written, and that the arm rests in each pose."""
+    robot = setting.study.robot
+    on_tool = data.absolute.of_markers(np.arange(len(setting.on_tool)))
+    reading = turn_reading(poses, robot, on_tool)
+    if reading:
+        raise UserError(f"the robot fits if {reading}; expected {EXPECTED}", where=path_of(poses))
+    snaps = np.flatnonzero(fitted.snaps(data.q, data.wrench, setting.loads))
+    if len(snaps):
+        first = int(snaps[0])
+        raise UserError(
+            why_no_rest(robot, data.q[first], fitted.compliances),
+            where=path_of(poses),
+            key=f"row {int(data.row[first].max()) + 1}",
+        )
+
+
+def _placing(
+    fitted: FittedGeometry, data: MarkerPositions, tool_rows: int, where: Path | str
+) -> Mask:
+    """The readings (m, k) of the first rows, which place the markers on the tool."""
+    last = int(data.row.max()) + 1
+    if tool_rows > last:
+        message = f"{where} has {last} rows"
+        raise ArgumentError(message, argument="tool_rows", given=tool_rows)
+    placing = np.logical_and(data.seen, data.row < tool_rows)
+    # Neither a distance nor a change under a load says where a marker is.
+    placing &= ~fitted.model.is_distance & ~data.is_difference[:, None]
+    if not placing.any():
+        raise UserError("no marker was measured in the rows that place the tool", where=where)
+    return np.asarray(placing)
 
 
 def _prediction(

@@ -277,12 +277,9 @@ def visit_propagation(question: GeometryQuestion, plan: Plan) -> Propagation | N
         "known_joints": told.known,
     }
     roots = {name: np.pad(E, ((0, len(markers)), (0, 0))) for name, E in roots.items()}
-    # Markers that are elsewhere are so in the tasks, too; an unknown place is found where it is.
     rows = [*model.parameters, *others, *markers]
-    for one in places:
-        roots["tool"][rows.index(one), AXES.index(one.component)] -= given.tool
-    is_found = np.abs(roots["tool"]) <= ROUNDING * given.tool
-    roots["tool"] = np.where(is_found, 0.0, roots["tool"])
+    own = [(rows.index(one), AXES.index(one.component)) for one in places]
+    roots["tool"] = _beside_places(roots["tool"], own, given.tool)
     joints = [one.name for one in others]
     springs = all_parameters(study.robot, (), (), joints, base=False, tool=False)
     taken = [*scene.values, *(one.compliance for one in others), *(0.0 for _ in markers)]
@@ -294,6 +291,22 @@ def visit_propagation(question: GeometryQuestion, plan: Plan) -> Propagation | N
         told=tuple(map(inverse.told, told.columns)),
         visits=OfVisits(setting, model, (*springs, *markers), discrepancy),
     )
+
+
+def _beside_places(root: Array, own: list[tuple[int, int]], size: float) -> Array:
+    """By how much estimates (r, 3) are beside markers that are elsewhere by a size on each axis.
+
+    These are elsewhere in the tasks, too; an unknown place is found where it is.
+
+    Args:
+        root: Shifts (r, 3) of the estimates.
+        own: Row and axis of each marker's place.
+        size: How far the markers are elsewhere [m].
+    """
+    beside = root.copy()
+    rows, axes = np.array(own, dtype=int).reshape(-1, 2).T
+    beside[rows, axes] -= size
+    return np.where(np.abs(beside) <= ROUNDING * size, 0.0, beside)
 
 
 @dataclass(frozen=True, eq=False)

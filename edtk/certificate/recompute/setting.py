@@ -370,23 +370,21 @@ class Setting:
         if "physics" in content:
             physics = Physics.from_dict(content["physics"], len(chain.axes))
             measured = physics.measured
+        elif "geometry" in content:
+            raise ValueError("setting: the key 'physics' is missing")
+        elif "noise" in content or "friction" in content:
+            physics = Physics.at_tool_point(kind)
         sigma = numbers(content["sigma"], (measured,), "setting.sigma")
-        noise = None
-        if "noise" in content:
-            noise = Noise.from_dict(content["noise"], n, measured)
-            physics = physics or Physics.at_tool_point(kind)
+        noise = Noise.from_dict(content["noise"], n, measured) if "noise" in content else None
         gives = Gives.from_dict(content["gives"], chain) if "gives" in content else None
         geometry = None
-        if "geometry" in content:
-            if physics is None:
-                raise ValueError("setting: the key 'physics' is missing")
+        if "geometry" in content and physics is not None:
             geometry = Geometry.from_dict(content["geometry"], chain, physics, gives)
         friction = None
         if "friction" in content:
             if geometry is not None:
                 raise ValueError("setting.friction: goes with compliances alone")
             friction = Friction.from_dict(content["friction"], len(unknown))
-            physics = physics or Physics.at_tool_point(kind)
         p = geometry.p if geometry is not None else len(unknown) * (1 if friction is None else 2)
         white = (sigma > 0).all() or (noise is not None and (sigma >= 0).all())
         if not p or not white:

@@ -237,44 +237,27 @@ def _weigh(models: Sequence[Evidence], pieces: Sequence[Pieces]) -> list[Weighed
     usual = np.stack([one.usual for one in pieces]) * length
     positive = np.stack([one.positive for one in pieces])
     at = _Node(products, rows.e, Q.shape[2], usual, positive)
-    coarse = at.scores(np.broadcast_to(LOG_SHARES, (len(models), len(LOG_SHARES))))
-    log_s = LOG_SHARES[coarse.min(axis=2).argmin(axis=1)]
-    step = np.minimum(at.width(log_s), LOG_SHARES[1] - LOG_SHARES[0])
-    grid = log_s[:, None] + AROUND * step[:, None]
-    scores = at.scores(grid)
-    least = scores.min(axis=(1, 2))
-    nodes = np.exp(-(scores - least[:, None, None]) / 2)
-    nodes[:, [0, -1]] /= 2  # by the trapezoidal rule
-    total = nodes.sum(axis=(1, 2)) * (grid[:, 1] - grid[:, 0])
-    best = scores.reshape(len(models), -1).argmin(axis=1)
-    at_share, at_width = np.unravel_index(best, scores.shape[1:])
-    log_share = grid[np.arange(len(models)), at_share]
-    chance = at.chance(log_share)
-    share = np.exp(log_share)
-    # Back to units of parameters and of pieces: k = R^-1 (u - Q'D c) / length.
-    p = Q.shape[2]
-    U = np.zeros((len(models), B.shape[2] - 1, B.shape[2] - 1))
+    return at.weighed(_outward(R, taken, own, length))
+
+
+def _outward(R: Array, taken: Array, own: Array, length: Array) -> Array:
+    """Parameters and pieces by those u and c of columns of unit length (h, p + c, p + c).
+
+    They are ``k = R^-1 (u - Q'D c)`` and c, over the lengths of their columns.
+
+    Args:
+        R: Triangles (h, p, p) of the regressors.
+        taken: Q'D (h, p, c), what these take up of the pieces' columns.
+        own: Lengths (h, p) of the regressors' columns.
+        length: Lengths (h, c) of the pieces' columns.
+    """
+    h, p, c = taken.shape
+    U = np.zeros((h, p + c, p + c))
     U[:, :p, :p] = np.eye(p)
     U[:, :p, p:] = -taken
     U[:, :p] = np.linalg.solve(R, U[:, :p]) / own[..., None]
-    U[:, range(p, U.shape[1]), range(p, U.shape[1])] = 1 / length
-    found = []
-    for i, own_nodes in enumerate(nodes):
-        chosen = own_nodes > own_nodes.max() * 1e-4
-        weights = own_nodes[chosen] / own_nodes[chosen].sum()
-        means, covariances = at.posterior(i, grid[i], chosen)
-        found.append(
-            Weighed(
-                float(least[i]) - 2 * math.log(float(total[i])),
-                float(share[i]),
-                float(FACTORS[at_width[i]]),
-                float(chance[i]),
-                weights,
-                means @ U[i].T,
-                U[i] @ covariances @ U[i].T,
-            )
-        )
-    return found
+    U[:, range(p, p + c), range(p, p + c)] = 1 / length
+    return U
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,6 +277,42 @@ class _Node:
     p: int
     usual: Array
     positive: Mask
+
+    def weighed(self, U: Array) -> list[Weighed]:
+        """All sizes together, by the trapezoidal rule about the likeliest share.
+
+        Args:
+            U: Parameters and pieces (h, p + c, p + c) by those of the products' columns.
+        """
+        coarse = self.scores(np.broadcast_to(LOG_SHARES, (len(U), len(LOG_SHARES))))
+        log_s = LOG_SHARES[coarse.min(axis=2).argmin(axis=1)]
+        step = np.minimum(self.width(log_s), LOG_SHARES[1] - LOG_SHARES[0])
+        grid = log_s[:, None] + AROUND * step[:, None]
+        scores = self.scores(grid)
+        least = scores.min(axis=(1, 2))
+        nodes = np.exp(-(scores - least[:, None, None]) / 2)
+        nodes[:, [0, -1]] /= 2
+        total = nodes.sum(axis=(1, 2)) * (grid[:, 1] - grid[:, 0])
+        best = scores.reshape(len(U), -1).argmin(axis=1)
+        at_share, at_width = np.unravel_index(best, scores.shape[1:])
+        log_share = grid[np.arange(len(U)), at_share]
+        chance = self.chance(log_share)
+        found = []
+        for i, own in enumerate(nodes):
+            chosen = own > own.max() * 1e-4
+            means, covariances = self.posterior(i, grid[i], chosen)
+            found.append(
+                Weighed(
+                    score=float(least[i]) - 2 * math.log(float(total[i])),
+                    share=float(np.exp(log_share[i])),
+                    width=float(FACTORS[at_width[i]]),
+                    p=float(chance[i]),
+                    nodes=own[chosen] / own[chosen].sum(),
+                    means=means @ U[i].T,
+                    covariances=U[i] @ covariances @ U[i].T,
+                )
+            )
+        return found
 
     def _sums(self, log_s: Array) -> tuple[Array, Array]:
         """Weighted sums (h, S, k, k), and sums (h, S) of the logarithms of variances."""

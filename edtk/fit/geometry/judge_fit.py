@@ -79,11 +79,10 @@ def judge_fit(
     of_errors = out.covariance_of_errors[: len(means)]
     dof = fitted.dof(rows.motion[: len(means)], rows.places[: len(means)])
     half = np.sqrt(np.maximum(np.einsum("mrr->mr", of_errors), 0.0)) * student_quantile(dof)
-    shape = (len(means), len(data.markers), means.rows)
-    blank = np.where(means.rows_seen, 0.0, np.nan)
-    residual, left_out, left_out_half = (
-        part[: len(means)].reshape(shape) / MM + blank for part in (rows.residual, out.errors, half)
-    )
+    residual, left_out, left_out_half = parts = [
+        _by_marker(part, means) for part in (rows.residual, out.errors, half)
+    ]
+    turns = [part[..., 3:] for part in parts]
     return GeometricFit(
         fitted=fitted,
         data=data,
@@ -94,9 +93,7 @@ def judge_fit(
         residual=residual[..., :3],
         left_out=left_out[..., :3],
         left_out_half=left_out_half[..., :3],
-        turns=TurnResiduals(*(part[..., 3:] for part in (residual, left_out, left_out_half)))
-        if means.turns is not None
-        else None,
+        turns=None if means.turns is None else TurnResiduals(*turns),
         # A pose that a robust loss trusts less surprises all the same.
         surprise=surprise / weights,
         independent=independent_coordinates(
@@ -107,6 +104,13 @@ def judge_fit(
         weights=weights,
         told_before=_told_before(out, prior, before, model, theta, float(np.median(dof))),
     )
+
+
+def _by_marker(rows: Array, means: MarkerPositions) -> Array:
+    """Rows of poses, and of what was known behind them, as (m, k, rows) [m, rad]; NaN unread."""
+    shape = (len(means), len(means.markers), means.rows)
+    blank = np.where(means.rows_seen, 0.0, np.nan)
+    return np.asarray(rows[: len(means)].reshape(shape) / MM + blank)
 
 
 def _told_before(
