@@ -103,6 +103,7 @@ def test_parameters_have_no_friction_but_a_gap():
 
 
 @pytest.mark.cell("`[noise] model_error_percent`, friction of the joints in plans", "springs")
+@pytest.mark.slow
 def test_a_plan_that_counts_friction_tells_it():
     """Its error in the task is below that of the plan for the noise alone, friction counted."""
     with short_search():
@@ -119,6 +120,7 @@ def test_a_plan_that_counts_friction_tells_it():
     assert STUDY.designed is STUDY
 
 
+@pytest.mark.slow
 def test_a_certificate_counts_friction():
     """The second implementation has the same rows, target and value."""
     designed = ERRING.designed
