@@ -92,6 +92,17 @@ class _FaultOption(click.Option):
     is_flag=True,
     help="Prove the bound for all feasible poses, to 0.1 % of the best weights.",
 )
+@click.option(
+    "--prove",
+    type=Range(min=0),
+    metavar="SECONDS",
+    help="Prove the best plan of m experiments on the candidates, in so many seconds.",
+)
+@click.option(
+    "--candidates",
+    type=Number(MOST_EXPERIMENTS),
+    help="With --prove: number of candidate poses [default: the study's].",
+)
 @json_option
 @click.option("--out", type=FilePath, help="Write all experiments (CSV, - to print).")
 @certificate_option
@@ -111,6 +122,8 @@ def command(
     second: str | None,
     give_up: float | None,
     prove_bound: bool,
+    prove: float | None,
+    candidates: int | None,
     as_json: bool,
     out: Path | None,
     certificate: Path | None,
@@ -142,6 +155,8 @@ def command(
             second=second,
             give_up=give_up,
             prove_bound=PROVED_GAP if prove_bound else None,
+            prove=prove,
+            candidates=candidates,
             progress=lambda label, number: say(label),
         )
     show(found, as_json, out, certificate)
@@ -150,6 +165,9 @@ def command(
         warn("the budget ended the search; this is the best plan so far")
     if found.ended == "interrupted":
         warn("interrupted; this is the best plan so far")
+        end_interrupted()
+    if found.on_candidates is not None and found.on_candidates.ended == "interrupted":
+        warn("interrupted; this is the best proof so far")
         end_interrupted()
 
 

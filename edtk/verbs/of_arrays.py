@@ -8,6 +8,7 @@ import criteria
 from edtk.design.enclosure.prove_region import prove_region
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.plan_region import RegionPlan
+from edtk.design.exact.store_exact import store_exact
 from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.design.relaxation.relax import relax
@@ -15,11 +16,12 @@ from edtk.design.relaxation.relax_region import relax_region
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.relaxed_region import RelaxedRegion
 from edtk.design.relaxation.search_region import POINTS
-from edtk.system.errors import ArgumentError, whole_number
+from edtk.system.errors import ArgumentError, UserError, whole_number
 from edtk.system.parsing import json_text
 from edtk.verbs.inputs import TableAndCertificate, given_size
 from edtk.verbs.plan_problem import plan_problem, plan_region
 from edtk.verbs.question import OF_PROBLEMS, PlanCall, Question, RelaxCall
+from edtk.verbs.verify import MOST_MB
 
 
 @dataclass(frozen=True)
@@ -35,9 +37,12 @@ class OfProblem(Question):
 
     def plan(self, call: PlanCall) -> ProblemPlan:
         """Counts of candidates; see `edtk.plan`."""
-        files = TableAndCertificate(call.out, None)
+        files = TableAndCertificate(call.out, call.certificate)
         files.require()
-        options = {name: getattr(call, name) for name in (*OF_PROBLEMS, "cost_budget")}
+        if call.certificate is not None and call.prove is None:
+            message = "it is about a proof; expected prove beside it"
+            raise ArgumentError(message, argument="certificate")
+        options = {name: getattr(call, name) for name in (*OF_PROBLEMS, "prove", "cost_budget")}
         given = {name: value for name, value in options.items() if value is not None}
         found = plan_problem(
             self.problem,
@@ -48,7 +53,7 @@ class OfProblem(Question):
             progress=call.progress,
             **given,
         )
-        files.write(lambda: found.to_frame().reset_index(), str)
+        files.write(lambda: found.to_frame().reset_index(), lambda: _certificate(found))
         return found
 
     def relax(self, call: RelaxCall) -> Relaxation:
@@ -122,6 +127,21 @@ def _gap(given: object, argument: str) -> float | None:
     if isinstance(given, int | float | np.number) and given is not True and 0 < given < 1:
         return float(given)
     raise ArgumentError("expected a relative gap between 0 and 1", argument=argument, given=given)
+
+
+def _certificate(found: ProblemPlan) -> str:
+    """The certificate of a proof as a text.
+
+    Raises:
+        UserError: `edtk.verify` would not read it.
+    """
+    content = json_text(store_exact(found)) + "\n"
+    size = len(content) / 1e6
+    if size > MOST_MB:
+        raise UserError(
+            f"a proof of {size:.0f} MB is too large for a certificate of {MOST_MB:g} MB"
+        )
+    return content
 
 
 def _number(size: int | None) -> int:

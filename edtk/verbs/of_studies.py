@@ -9,6 +9,8 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Union
 
+import numpy as np
+
 import criteria
 from edtk.design.plan import REPEATS, Plan
 from edtk.measure.compliances import Compliances
@@ -35,7 +37,7 @@ from edtk.verbs.inputs import (
     require_output,
     workers_for,
 )
-from edtk.verbs.question import PlanCall, Question, RelaxCall
+from edtk.verbs.question import PlanCall, Question, RelaxCall, seconds_for
 
 FEW = 12  # parameters, up to which two more bounds take seconds
 OFF = (0.5, 1.5)  # times the guess of the springs, which may well be 50 % off
@@ -138,6 +140,7 @@ class OfStudy(Question):
         files.require(*self.study.reads, *files_of(call.keep))
         if call.certificate is not None:
             self._require_certifiable(asked, criterion, call)
+        self._require_provable(asked, criterion, call)
         with workers_for(call.workers, call.dask) as pool, errors_in(self.study.where):
             options = RunOptions(seed=call.seed, workers=pool, progress=call.progress)
             found = self._best_plan(asked, criterion, kept, call, options)
@@ -145,6 +148,11 @@ class OfStudy(Question):
                 found = self._given_up(exchange, asked, criterion, call, options, found)
             if gap is not None and found.ended != "interrupted":
                 found = self._proved(found, gap, call)
+            if call.prove is not None and found.ended != "interrupted":
+                from edtk.study.prove_study import prove_on_candidates
+
+                seconds = seconds_for(call.prove)
+                found = prove_on_candidates(found, seconds, call.candidates, options)
         found = self._judged(asked, found, faults)
         found = replace(found, off_guess=self._off_guess(asked, criterion, call, found))
         files.write(lambda: found.whole.to_frame(asked.robot), lambda: self._proof(asked, found))
@@ -238,6 +246,7 @@ class OfStudy(Question):
             size=whole("size", 1),
             seed=whole("seed", 0),
             distinct=whole("distinct", 1),
+            candidates=whole("candidates", 1),
             workers=whole("workers", 1),
         )
 
@@ -282,6 +291,24 @@ class OfStudy(Question):
         options: "RunOptions",
     ) -> Any:
         """The search."""
+
+    def _require_provable(self, asked: Study, criterion: str | None, call: PlanCall) -> None:
+        """Check, before a long search, that whole plans can be proved to be the best.
+
+        Raises:
+            UserError: The criterion has no such proof, or candidates stand without a proof.
+        """
+        from edtk.design.exact.counts.limits import Limits
+        from edtk.design.exact.prove_exact import require_provable
+
+        if call.prove is None:
+            if call.candidates is not None:
+                message = "plans move off the candidates; expected prove beside it"
+                raise ArgumentError(message, argument="candidates")
+            return
+        seconds_for(call.prove)
+        designed = self._designed(asked, criterion)
+        require_provable(self._criterion(designed, criterion), Limits(1, np.zeros((1, 1))))
 
     def _exchange(self, asked: Study, criterion: str | None, call: PlanCall) -> "Exchange | None":
         """The criteria of which one may be given up for the other; None for one alone.

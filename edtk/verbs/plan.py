@@ -38,6 +38,8 @@ def plan(
     second: CriterionLike | None = None,
     give_up: float | None = None,
     prove_bound: float | None = None,
+    prove: float | None = None,
+    candidates: int | None = None,
     progress: Progress = ...,
 ) -> ExactPlan: ...
 
@@ -58,6 +60,7 @@ def plan(
     block_variance: float = ...,
     prove: float | None = None,
     out: Path | str | None = None,
+    certificate: Path | str | None = None,
     progress: Progress = ...,
 ) -> "ProblemPlan": ...
 
@@ -90,6 +93,7 @@ def plan(
     blocks: Sequence[int] | None = None,
     block_variance: float = FIXED,
     prove: float | None = None,
+    candidates: int | None = None,
     keep: PlanLike | ArrayLike | Problem | None = None,
     distinct: int | None = None,
     exclude: Path | str | None = None,
@@ -126,6 +130,11 @@ def plan(
             filled in count; as a CSV file, or a data frame. For a problem:
             indices of candidates, each as often as it was measured, or another `Problem` of which
             every candidate was measured once. For a region: a `Problem`.
+        prove: Seconds in which to prove that no plan of the same candidates is better, by branch
+            and bound. Of a problem the search ends when that is proved: `.proved_exact` tells
+            whether it is, and `.bound_exact` how much better any plan can be. A plan of a study may
+            be off its candidates: `.on_candidates` tells of all plans on them, and the best.
+        candidates: Of a study, beside `prove`: number of candidates; defaults to the study's.
         progress: Called with a line about the current step, and its gap or its best cost.
 
         starts: Number of starts; by default as many as bring improvements, and as many again.
@@ -138,9 +147,6 @@ def plan(
             of its own on all its readings. It is nuisance: only what differs within blocks counts.
         block_variance: Variance of random effects of blocks, in units of the noise; infinite, the
             default, are fixed effects, of which nothing is known.
-        prove: Seconds in which to prove that no plan of these candidates is better, by branch and
-            bound; the search ends when that is proved. `.proved_exact` tells whether it is, and
-            `.bound_exact` how much better any plan can be.
 
         distinct: Distinct new poses at most; defaults to p(p+1)/2 + 1 for p parameters.
         exclude: A plan (CSV file) of poses to stay away from.
@@ -151,6 +157,7 @@ def plan(
         out: File to write all experiments to (CSV), of problems and regions too; "-" is standard
             output.
         certificate: File to write what proves the numbers to (JSON), for `edtk.verify`; likewise.
+            Of a problem it is about a proof, see `prove`.
         detect: Sizes of faults like {"tool_z": "5mm", "load_direction": "2deg"}: the plan tells how
             likely each would be noticed, and each two be told apart, and the experiment that would
             help most.
@@ -201,6 +208,7 @@ def plan(
         blocks=blocks,
         block_variance=None if block_variance == FIXED else block_variance,
         prove=prove,
+        candidates=candidates,
         distinct=distinct,
         exclude=exclude,
         budget=budget,

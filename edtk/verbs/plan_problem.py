@@ -22,6 +22,7 @@ from edtk.study.plan_study import Progress
 from edtk.system.errors import ArgumentError, whole_number
 from edtk.system.typing import Array, Indices
 from edtk.verbs.inputs import CriterionLike
+from edtk.verbs.question import seconds_for
 
 MOST_PLACES = 5000  # experiments of a plan: a search looks at each of them in turn
 
@@ -203,17 +204,6 @@ def _funds(
     if not (_is_number(budget) and np.isfinite(budget) and budget > 0):
         raise ArgumentError("expected above 0", argument="cost_budget", given=budget)
     return prices, float(budget)
-
-
-def seconds_for(prove: object) -> float:
-    """The time for a proof [s].
-
-    Raises:
-        ArgumentError: It is no number of seconds.
-    """
-    if isinstance(prove, bool) or not isinstance(prove, Real) or not float(prove) >= 0:
-        raise ArgumentError("expected seconds, zero or more", argument="prove", given=prove)
-    return float(prove)
 
 
 def _is_number(given: object) -> bool:

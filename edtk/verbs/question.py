@@ -6,6 +6,7 @@ The verbs ask the question, and switch nowhere. What one kind does not answer is
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Union
 
@@ -23,10 +24,11 @@ if TYPE_CHECKING:
     from edtk.verbs.inputs import CriterionLike, StudyLike
 
 FIXED = float("inf")  # variance of effects of blocks of which nothing is known
-OF_PROBLEMS = ("starts", "most", "costs", "blocks", "block_variance", "prove")
+OF_PROBLEMS = ("starts", "most", "costs", "blocks", "block_variance")
 OF_WORKERS = ("workers", "dask")
 OF_STUDIES = (
     "distinct",
+    "candidates",
     "exclude",
     "budget",
     *OF_WORKERS,
@@ -52,7 +54,10 @@ def _none_of(options: Sequence[str], message: str) -> dict[str, str]:
 # By kind and verb: the options that are not answered, and why.
 REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
     "problem": {
-        "plan": _none_of((*OF_STUDIES, "prove_bound"), "not for plans of a problem of arrays"),
+        "plan": _none_of(
+            (*(name for name in OF_STUDIES if name != "certificate"), "prove_bound"),
+            "not for plans of a problem of arrays",
+        ),
         "relax": _none_of(
             ("candidates", "seed", *OF_WORKERS, "prove"),
             "not for the relaxation of a problem of arrays",
@@ -60,7 +65,7 @@ REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
     },
     "region": {
         "plan": _none_of(
-            (*OF_PROBLEMS[1:], "cost_budget", *OF_STUDIES), "not for plans of a region"
+            (*OF_PROBLEMS[1:], "prove", "cost_budget", *OF_STUDIES), "not for plans of a region"
         ),
         "relax": _none_of(("seed", *OF_WORKERS), "not for the relaxation of a region"),
     },
@@ -84,6 +89,17 @@ REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
 }
 
 
+def seconds_for(prove: object) -> float:
+    """The time for a proof [s].
+
+    Raises:
+        ArgumentError: It is no number of seconds.
+    """
+    if isinstance(prove, bool) or not isinstance(prove, Real) or not float(prove) >= 0:
+        raise ArgumentError("expected seconds, zero or more", argument="prove", given=prove)
+    return float(prove)
+
+
 @dataclass(frozen=True, kw_only=True)
 class PlanCall:
     """The arguments of `edtk.plan`, which describes them."""
@@ -101,6 +117,7 @@ class PlanCall:
     blocks: Sequence[int] | None = None
     block_variance: float | None = None
     prove: float | None = None
+    candidates: int | None = None
     distinct: int | None = None
     exclude: Path | str | None = None
     budget: float | None = None

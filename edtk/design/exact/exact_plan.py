@@ -9,7 +9,7 @@ import numpy as np
 from criteria import Criterion
 from criteria.linalg.estimable import range_whitener
 from criteria.linalg.inverse import whitener
-from edtk.design.bound import Bound, BoundedDesign, BoundKind
+from edtk.design.bound import Bound, BoundedDesign, BoundKind, printed_form
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.design.detection import Detection, Separation
@@ -217,6 +217,51 @@ class Compromise:
 
 
 @dataclass(frozen=True, eq=False)
+class OnCandidates:
+    """What is proved about all plans of as many experiments on some candidate poses.
+
+    Attributes:
+        candidates: Number of candidates.
+        bound: No plan on them costs less.
+        best: Cost of the best plan on them that is known.
+        plan: That plan.
+        proved: Whether it is the best of all.
+        nodes: Nodes of the proof.
+        seconds: Duration [s].
+        ended: Why the proof ended: "proved", "budget" or "interrupted".
+    """
+
+    candidates: int
+    bound: Bound
+    best: float
+    plan: Plan
+    proved: bool
+    nodes: int
+    seconds: float
+    ended: str
+
+    @property
+    def value(self) -> float:
+        """The best plan's criterion as its formula prints it."""
+        return printed_form(self.best, self.bound.sense)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON; the plan's in SI units."""
+        return {
+            "proved_exact": self.proved,
+            "bound_exact": self.bound.value,
+            "on_candidates": {
+                "candidates": self.candidates,
+                "value": self.value,
+                "nodes": self.nodes,
+                "seconds": self.seconds,
+                "ended": self.ended,
+                "plan": self.plan.to_dict(),
+            },
+        }
+
+
+@dataclass(frozen=True, eq=False)
 class ExactPlan(BoundedDesign):
     """The best plan of m experiments that a search has found.
 
@@ -240,6 +285,8 @@ class ExactPlan(BoundedDesign):
         with_prior: Whether the study's prior counts beside the experiments.
         tasks: Errors to expect in each of several test poses; None for one, or where nobody asked.
         compromise: What the plan gives up for a second criterion; None where nobody asked.
+        off_guess: How good the plan is where springs are others than it was designed for.
+        on_candidates: What is proved about all plans on candidates; None where nobody asked.
     """
 
     relaxed: RelaxedPlan
@@ -260,6 +307,7 @@ class ExactPlan(BoundedDesign):
     tasks: TaskAccuracy | None = None
     compromise: Compromise | None = None
     off_guess: tuple[OffGuess, ...] = ()
+    on_candidates: OnCandidates | None = None
 
     @classmethod
     def of(cls, relaxed: RelaxedPlan, found: FoundPlan, kept: Plan | None = None) -> "ExactPlan":
@@ -385,6 +433,7 @@ class ExactPlan(BoundedDesign):
             "detect": [detection.to_dict() for detection in self.detections],
             **self._told_apart(),
             **({"with_prior": True} if self.with_prior else {}),
+            **({} if self.on_candidates is None else self.on_candidates.to_dict()),
             **({} if self.tasks is None else {"tasks": self.tasks.to_dict()}),
             **({} if self.compromise is None else {"compromise": self.compromise.to_dict()}),
             **({"off_guess": [one.to_dict() for one in self.off_guess]} if self.off_guess else {}),

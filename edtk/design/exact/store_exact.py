@@ -5,49 +5,33 @@ from typing import Any
 import numpy as np
 
 from criteria import Criterion, Relaxable
-from criteria.criterion import Sense
-from edtk.design.bound import printed_form
-from edtk.design.exact.counts.limits import Limits
+from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.exact_tree import ExactTree
-from edtk.design.exact.prove_exact import ExactProof
-from edtk.design.problem import Problem, problem_digest
+from edtk.design.problem import problem_digest
 from edtk.system.errors import UserError
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array
 
 CERTIFICATE = "exact plan of a problem"  # the kind of the certificates that are made here
 COLUMNS = ("multiplier", "parent", "group", "first", "stop", "count")
-DIGITS_MB = 2e-5  # of a number in JSON, about [MB]
-MOST_MB = 28.0  # `edtk.verify` reads files of 30 MB
 
 
-def store_exact(
-    problem: Problem, criterion: Criterion, limits: Limits, kept: Indices, proof: ExactProof
-) -> dict[str, Any]:
-    """The certificate of a proof, for JSON.
-
-    Args:
-        problem: The candidates.
-        criterion: The criterion.
-        limits: Size, and what every plan has: the prior, as often as experiments are counted, and
-            kept experiments.
-        kept: How often each candidate was measured already (n,).
-        proof: The proof, of the new experiments.
+def store_exact(plan: ProblemPlan) -> dict[str, Any]:
+    """The certificate of a plan's proof, for JSON.
 
     Raises:
-        UserError: The proof is too large for a file, or about limits that no certificate states.
+        UserError: There is no proof, or it rests on experiments that no certificate states.
     """
-    tree = proof.tree
-    if limits.most is not None or limits.costs is not None:
-        raise UserError("a plan with `most` or `costs` has no certificate yet")
-    if tree.multipliers.size * DIGITS_MB + 6 * tree.nodes * DIGITS_MB / 3 > MOST_MB:
-        raise UserError(f"a proof of {tree.nodes:,} nodes is too large for a certificate")
-    size = limits.m + int(kept.sum())
-    known = problem.with_prior(None).information(kept)
-    known = known if problem.prior is None else known + size * problem.prior
-    if not np.allclose(known, limits.base, rtol=1e-12, atol=0.0):
+    proof = plan.proof
+    problem = plan.problem
+    criterion = plan.criterion
+    if proof is None or plan.exact_bound is None:
+        raise UserError(f"there is no proof to write: {plan.basis}")
+    if plan.elsewhere:
         raise UserError("kept experiments that are none of the candidates have no certificate yet")
     new = np.flatnonzero(proof.counts)
-    sense: Sense = criterion.sense
+    M = problem.with_prior(None).information(plan.counts)
+    if problem.prior is not None:
+        M = M + plan.size * problem.prior
     return {
         "kind": CERTIFICATE,
         "criterion": criterion.to_dict(),
@@ -56,13 +40,13 @@ def store_exact(
             "parameters": list(problem.parameters),
             "sha256": problem_digest(problem),
         },
-        "size": size,
-        "kept": np.repeat(np.arange(problem.n), kept).tolist(),
+        "size": plan.size,
+        "kept": np.repeat(np.arange(problem.n), plan.kept).tolist(),
         "plan": {"candidate": new.tolist(), "count": proof.counts[new].tolist()},
-        "value": printed_form(proof.best, sense),
-        "bound_exact": printed_form(proof.cost, sense),
-        "proved_exact": proof.proved,
-        "tree": _of_tree(tree, criterion, problem.information(proof.counts) + limits.base),
+        "value": plan.value,
+        "bound_exact": plan.exact_bound.value,
+        "proved_exact": plan.proved_exact,
+        "tree": _of_tree(proof.tree, criterion, M),
     }
 
 

@@ -31,6 +31,7 @@ GUESSES = {
     "springs": ("[simulation]", "are {} times as soft"),
     "compensators": ("in the robot", "pull {} times as much"),
 }
+SAME = 1e-6  # percent by which two plans differ that are told to be as good
 CUT_OFF = 1e-3  # relative gap of a bound beyond which a person is told
 
 
@@ -156,6 +157,7 @@ def exact_plan_text(found: ExactPlan) -> str:
         f"  value       {factor * found.value:.6g}{unit}",
         f"  bound       {factor * found.bound:.6g}{unit}  ({reach(found)})",
         f"  efficiency  {100 * found.efficiency:.2f} %{among(found)}",
+        *on_candidates(found),
         *exchanged(found),
         *off_guess(found),
         *_budget(found),
@@ -165,6 +167,31 @@ def exact_plan_text(found: ExactPlan) -> str:
         search_summary(found.starts, found.seconds, found.found, found.optima),
     ]
     return "\n".join([*lines, *experiments(found), *on_limits(found)])
+
+
+def on_candidates(found: ExactPlan) -> list[str]:
+    """What is proved about all plans on candidates, and where this plan is beside it."""
+    one = found.on_candidates
+    if one is None:
+        return []
+    factor, unit = found.relaxed.criterion.shown
+    best, bound = (f"{factor * x:.6g} {unit}".rstrip() for x in (one.value, one.bound.value))
+    plans = (
+        f"all plans of {found.plan.experiments} experiments on these {one.candidates:,} candidates"
+    )
+    if one.proved:
+        lines = [f"  exact       {best}, proved: the best of {plans}"]
+    else:
+        gap = 100 * one.bound.gap_to(one.best)
+        lines = [
+            f"  exact       {bound}, proved: none of {plans} is better",
+            f"              the best that is known of them has {best}, {gap:.2g} % from that",
+        ]
+    beside = 100 * (found.cost / one.best - 1)
+    if abs(beside) < SAME:
+        return [*lines, "              this plan is as good as that"]
+    how = "worse" if beside > 0 else "better, off the candidates"
+    return [*lines, f"              this plan is {abs(beside):.2g} % {how}"]
 
 
 def exchanged(found: ExactPlan) -> list[str]:
@@ -305,6 +332,7 @@ def exact_plan_notebook(found: ExactPlan) -> str:
         f"{factor * number:.6g} {unit}".strip() for number in (found.value, found.bound)
     )
     notes = [f"value {value}, and no plan of as many is better than {bound} ({kind})"]
+    notes += [line.strip() for line in on_candidates(found)]
     if found.expected is not None:
         notes.append(str(found.expected))
     return notebook_table(found.headline(), ["pose", "", *table.columns], rows, notes)
