@@ -49,7 +49,7 @@ def coverings_to_list(robot: SpacePolynomials, covering: Covering) -> list[dict[
     found = []
     for leaves in covering.leaves:
         letters = _reasons(leaves, covering, slacks)
-        tree, order = _tree(leaves, letters, covering.grid.parts)
+        tree, order = tree_of(leaves, letters, covering.grid.parts)
         combined = order[np.array([letters[k] == COMBINED for k in order], dtype=bool)]
         found.append(
             {
@@ -120,7 +120,7 @@ def _largest(slack: Polynomial, leaves: Leaves, covering: Covering, which: Indic
     return found
 
 
-def _tree(leaves: Leaves, letters: list[str], parts: Indices) -> tuple[str, Indices]:
+def tree_of(leaves: Leaves, letters: list[str], parts: Indices) -> tuple[str, Indices]:
     """The text of a tree whose leaves are given, and their order in it.
 
     A box that is no leaf is halved along an axis along which all leaves in it are finer: one is, as

@@ -16,6 +16,7 @@ from edtk.certificate.recompute.array_criteria import (
 )
 from edtk.certificate.recompute.arrays import Candidates
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table, text
+from edtk.certificate.recompute.region import Region
 from edtk.certificate.verify_certificate import ABSOLUTE, AGREE, Claim, Verification
 from edtk.design.information import Rows
 from edtk.design.problem import Problem
@@ -23,7 +24,8 @@ from edtk.system.typing import Array
 
 KIND = "relaxation of a problem"
 KEYS = ("kind", "criterion", "candidates", "weights", "value", "bound", "gap", "multipliers")
-OPTIONAL = ("dual_weights", "inner")
+OPTIONAL = ("dual_weights", "inner", "region", "bound_proved")
+OVER_REGION = "bound_proved"
 MOST_MULTIPLIERS = 100
 
 
@@ -42,6 +44,8 @@ class ProblemVerification(Verification):
         """What is proved, and on what."""
         if not self.valid:
             return "nothing is proved"
+        if any(claim.claim == OVER_REGION for claim in self.claims):
+            return "for this region; the bound is proved for all of its points"
         return f"for this problem; the bound is proved on its {self.candidates} candidates alone"
 
     @property
@@ -111,6 +115,8 @@ def verify_problem(content: Any, problem: Problem) -> ProblemVerification:
         if claims[1].holds and not plug_in:
             weights = np.bincount(places, shares, problem.n).astype(float)
             found = recompute(given, candidates, weights, multipliers, inner, duals)
+        if "region" in content and claims[1].holds and not plug_in:
+            claims.append(_over_region(content, criterion, candidates, weights))
     return ProblemVerification(
         criterion=criterion.name,
         kind="relaxation",
@@ -121,6 +127,32 @@ def verify_problem(content: Any, problem: Problem) -> ProblemVerification:
         claims=(*claims, *_numbers(criterion.name, stated, found, problem.n, plug_in)),
         about=criterion.label,
     )
+
+
+def _over_region(
+    content: dict[str, Any], criterion: criteria.Criterion, candidates: Candidates, weights: Array
+) -> Claim:
+    """The claim that no design over a whole region is better.
+
+    With ``<Z, M(x)> <= limit`` for all points, instead of the largest t of the candidates, the
+    bound that Z proves for these becomes ``(t/limit)^degree`` times as large.
+    """
+    stated = number(content.get(OVER_REGION), OVER_REGION)
+    region = Region.from_dict(content["region"], candidates.rows.shape[1], candidates.p)
+    prior = candidates.prior.astype(float)
+    strangers = region.strangers(content["region"]["points"], candidates)
+    left = region.open_leaves(prior)
+    if strangers or left:
+        found = f"{strangers} candidates are no points of it, {left} boxes are open"
+        return Claim(OVER_REGION, False, stated, None, found)
+    Z = region.Z[None]
+    by_candidates = recompute(content["criterion"], candidates, weights, Z, None, [None]).bound
+    AZ = candidates.rows @ region.Z
+    largest = float((AZ * candidates.rows).sum(axis=(1, 2)).max() + (region.Z * prior).sum())
+    proved = by_candidates * (largest / region.limit) ** criterion.degree
+    holds = 0 < as_cost(criterion.name, stated) <= proved * (1 + AGREE)
+    reason = "" if holds else "the recomputed number differs"
+    return Claim(OVER_REGION, holds, stated, as_cost(criterion.name, proved), reason)
 
 
 def candidates_of(problem: Problem) -> Candidates:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import criteria
+from edtk.certificate.region_certificate import region_certificate
 from edtk.design.enclosure.prove_region import prove_region
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.plan_region import RegionPlan
@@ -112,7 +113,7 @@ class OfRegion(Question):
             found = relax_region(self.region, of_one, points, progress=call.progress)
         else:
             found = prove_region(self.region, of_one, eps, points, call.progress)
-        files.write(found.to_frame, lambda: json_text(found.on_grid().to_dict()) + "\n")
+        files.write(found.to_frame, lambda: json_text(region_certificate(found)) + "\n")
         return found
 
 

@@ -1,0 +1,135 @@
+"""Certificates of bounds over a region: checked by other code, and what an enemy may do to them."""
+
+import json
+
+import numpy as np
+import pytest
+
+import edtk
+from edtk.design.region import Region
+
+
+def quadratic(x):
+    """A full quadratic of two variables."""
+    u, v = x.T
+    return np.stack([np.ones_like(u), u, v, u**2, u * v, v**2], axis=-1)
+
+
+def disc(x):
+    """Inside the unit circle."""
+    return 1 - (x**2).sum(axis=1)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """A proof over the disc: its certificate as data, and the problem of its candidates."""
+    path = tmp_path_factory.mktemp("region") / "proof.json"
+    region = Region(quadratic, [-1, -1], [1, 1], constraints=disc, prior=0.1 * np.eye(6), sigma=0.3)
+    found = edtk.relax(region, "A", candidates=300, prove=1e-5, certificate=path)
+    return json.loads(path.read_text()), found.on_grid().problem, found
+
+
+def checked(content, problem, tmp_path):
+    """What `edtk.verify` says of data."""
+    path = tmp_path / "changed.json"
+    path.write_text(json.dumps(content))
+    return edtk.verify(path, problem)
+
+
+def test_a_proof_over_a_region_is_checked(written, tmp_path):
+    """All claims hold, and the bound is about all points."""
+    content, problem, found = written
+    result = checked(content, problem, tmp_path)
+    assert result.valid
+    assert result.proved == "for this region; the bound is proved for all of its points"
+    assert content["bound_proved"] == pytest.approx(found.bound_proved, rel=1e-8)
+    assert content["bound_proved"] <= found.bound_proved
+
+
+def test_polynomials_on_an_interval_are_checked(tmp_path):
+    """Degree five to a gap of 1e-9."""
+    region = Region(lambda x: np.vander(x[:, 0], 6), -1, 1)
+    found = edtk.relax(region, "D", prove=1e-9, certificate=tmp_path / "proof.json")
+    assert edtk.verify(tmp_path / "proof.json", found.on_grid().problem).valid
+
+
+def without_halvings(region):
+    """The whole box is one leaf."""
+    region["tree"] = "."
+    region["factors"] = []
+
+
+def with_a_lower_limit(region):
+    """No point is stated to have a sensitivity of a thousandth less."""
+    region["limit"] *= 0.999
+
+
+def with_another_multiplier(region):
+    """A larger multiplier proves more, if its boxes are not looked at."""
+    region["multiplier"] = (1.01 * np.array(region["multiplier"])).tolist()
+
+
+def with_smaller_rows(region):
+    """A model that tells less."""
+    region["rows"] = (0.99 * np.array(region["rows"])).tolist()
+
+
+def with_another_constraint(region):
+    """A smaller disc."""
+    region["slacks"][0]["coefficients"][0] -= 0.1
+
+
+def with_a_smaller_box(region):
+    """A box that leaves out the points of the design."""
+    region["high"] = [0.5, 0.5]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        without_halvings,
+        with_a_lower_limit,
+        with_another_multiplier,
+        with_smaller_rows,
+        with_another_constraint,
+        with_a_smaller_box,
+    ],
+)
+def test_what_is_changed_is_found(written, tmp_path, change):
+    """Each change leaves boxes open, or makes candidates strangers."""
+    content, problem, _ = written
+    changed = json.loads(json.dumps(content))
+    change(changed["region"])
+    result = checked(changed, problem, tmp_path)
+    assert not result.valid
+
+
+def test_a_better_bound_is_not_believed(written, tmp_path):
+    """By a millionth."""
+    content, problem, _ = written
+    changed = content | {"bound_proved": content["bound_proved"] * (1 + 1e-6)}
+    result = checked(changed, problem, tmp_path)
+    assert not result.valid
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("tree", None, "region.tree: a leaf is missing"),
+        ("tree", "0", "region.tree: a leaf is missing"),
+        ("tree", "..", "region.tree: it goes on after its last leaf"),
+        ("factors", [[-1.0, 0.0]], "region.factors: expected"),
+        ("sizes", [3], "region.sizes: expected 2 numbers"),
+        ("low", [2, 2], "region: expected low below high"),
+        ("multiplier", "x", "region.multiplier"),
+        ("points", [], "region.points"),
+    ],
+)
+def test_what_is_no_region_is_refused(written, tmp_path, key, value, message):
+    """One line says where."""
+    content, problem, _ = written
+    changed = json.loads(json.dumps(content))
+    changed["region"][key] = changed["region"]["tree"][:-1] if value is None else value
+    with pytest.raises(ValueError, match=message) as caught:
+        checked(changed, problem, tmp_path)
+    assert "\n" not in str(caught.value)
