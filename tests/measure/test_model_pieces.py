@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.friction import together
 from edtk.measure.missing_pieces import MissingPieces, PossibleSprings
 from edtk.robots.load_robot import load_robot
 
@@ -41,7 +42,10 @@ def test_friction_holds_a_load():
     held = PIECES.shared(MODEL, Q, W)[..., 12:]
     motion = MODEL.regressor(Q, W) / torque[:, None]
     sign = np.clip(torque / (0.1 * PIECES.load), -1, 1)
-    np.testing.assert_allclose(held, motion * (K * PIECES.load * sign)[:, None], rtol=1e-9)
+    alone = motion * (K * PIECES.load * sign)[:, None]
+    # Shares of friction go together: columns are those of shares that do not.
+    expected = np.moveaxis(together(np.moveaxis(alone, -1, 0)), 0, -1)
+    np.testing.assert_allclose(held, expected, rtol=1e-9, atol=1e-15)
     less = PIECES.shared(MODEL, Q, 1e-4 * W)[..., 12:]
     twice = PIECES.shared(MODEL, Q, 2e-4 * W)[..., 12:]
     np.testing.assert_allclose(twice, 2 * less, rtol=1e-9)
