@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from edtk.certificate.recompute.arrays import EPS, Candidates
+from edtk.certificate.recompute.candidates import require
 from edtk.certificate.recompute.covering import BOUNDED, COMBINED, _leaves, _local
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table, whole
 from edtk.system.typing import Array
@@ -16,6 +17,7 @@ MOST_SIZE = 4096  # coefficients of a row
 MOST_SLACKS = 100
 OF_ENTRY = 200.0  # roundings of an entry of a matrix from powers to Bernstein's basis, from above
 AT_ONCE = 1 << 20  # coefficients
+PER_COEFFICIENT = 0.05  # time to check one of a box, along one variable [us]
 ALIKE = 1e-9  # relative difference of a candidate's row from the polynomial, that is rounding
 
 
@@ -120,6 +122,7 @@ class Region:
         off = np.array([wrong + _rounding(c) for c, wrong in forms])
         mu = np.concatenate([np.ones((len(depth), 1)), factors], axis=1)
         left = 0
+        require(PER_COEFFICIENT * len(depth) * tensor[0].size * (d + 1), "the boxes of the region")
         step = max(1, AT_ONCE // tensor[0].size)
         for start in range(0, len(depth), step):
             part = slice(start, start + step)
