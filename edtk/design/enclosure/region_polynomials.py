@@ -1,6 +1,6 @@
 """The sensitivity over a region as a polynomial, whose largest value proves a bound."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +22,7 @@ class RegionPolynomials:
 
     Args:
         region: The region.
-        axes: Its variables.
+        axes: The variables u, from -1 to 1.
         rows: Coefficients (rows, p, n) of all products of powers u^k.
         errors: What the rows (rows, p) differ from these by, at most, anywhere in the box.
         sizes: Numbers (d,) of powers of each variable; n is their product.
@@ -46,8 +46,9 @@ class RegionPolynomials:
         Raises:
             ArgumentError: Its functions are no polynomials, or not known to be.
         """
-        low, high = region.limits.tolist()
-        axes = tuple(Axis("length", a, b) for a, b in zip(low, high, strict=True))
+        # The coefficients are about the exact middle and half width of the box: in u nothing of
+        # its place is rounded, however far from the origin it lies.
+        axes = (Axis("length", -1.0, 1.0),) * region.size
         found = region.polynomial_rows()
         sizes = tuple(n + 1 for n in found.degrees)
         rows = found.coefficients.reshape(*found.errors.shape, -1)
@@ -78,15 +79,15 @@ class RegionPolynomials:
             B = criterion.trace_root
             below = self.quadratic(np.eye(self.region.p) if B is None else B @ B.T)
         above = self.quadratic(Z)
-        d = self.region.size
+        low, high = self.region.limits
         # Those of higher degrees than the sensitivity would make every box dearer.
         fit = (c for c in self.products if np.less_equal(c.degrees, above.degrees).all())
         return Enclosed(
             self.axes,
             (Objective(above, below),),
             (*self.slacks, *fit),
-            np.zeros((1, d)),
-            np.eye(d),
+            ((low + high) / 2)[None],
+            np.diag((high - low) / 2),
         )
 
     def cover(
@@ -107,7 +108,10 @@ class RegionPolynomials:
         enclosed = self.enclosed(Z, criterion)
         # No level can be reached that is below the error of the polynomial itself.
         blurred = ROOM * enclosed.objectives[0].numerator.error / (abs(largest) or 1.0)
-        return cover(enclosed, max(tolerance, blurred), known)
+        u = (known - enclosed.base) / np.diag(enclosed.matrix)
+        found = cover(enclosed, max(tolerance, blurred), np.clip(u, -1.0, 1.0))
+        x = np.clip(enclosed.experiments(found.place[None])[0], *self.region.limits)
+        return replace(found, place=x)
 
     def quadratic(self, Z: Array) -> Polynomial:
         """``<Z, M0 + A(x)'A(x)>`` with a bound on its error.

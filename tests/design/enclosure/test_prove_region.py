@@ -144,6 +144,13 @@ def test_a_scaled_variable_far_from_the_origin():
     check(Region(powers(2), 2000, 2030), "D", 3 * (15.0**3 * 2) ** (-2 / 3), [2000, 2015, 2030])
 
 
+def test_a_narrow_box_far_from_the_origin():
+    """A line over [1e6, 1e6 + 1]: nothing of the box's place is rounded where it is covered."""
+    far = 1e6
+    found = check(Region(lambda x: x - far + 1.0, far, far + 1), "D", 0.25, [far + 1])
+    assert found.covering.coverings[0].place == far + 1
+
+
 def test_a_stated_degree_does_as_well():
     """A function that takes nothing but floats, with its degree."""
 
