@@ -128,8 +128,7 @@ class _Spread:
         # Crowded poses are moved one after another: only those that have their place count.
         placed = x[:i] if at_any_cost else rest
         tried = self._nearby(x[i], i)
-        free = [self._away(placed, one).min(initial=np.inf) >= self.distance for one in tried]
-        tried = tried[np.array(free, dtype=bool)]
+        tried = tried[self._away(placed, tried).min(axis=-1, initial=np.inf) >= self.distance]
         if not len(tried):
             return x
         others = self._information(x) - self._blocks(x[i : i + 1], i)[0]
@@ -168,20 +167,20 @@ class _Spread:
         return np.array([joint.kind == "prismatic" for joint in joints])
 
     def _away(self, x: Array, own: Array) -> Array:
-        """Distances (k + c,) of experiments (k, v) and kept poses from one (v,) [rad].
+        """Distances (..., k + c) of experiments (k, v) and kept poses from others (..., v) [rad].
 
         Those of which only one is loaded are infinitely far.
         """
         n = len(self.space.fixed)
         others = np.concatenate([x[:, :n], self.kept])
-        away = joint_distance(others, own[:n], self._prismatic)
-        alike = np.append(self._is_loaded(x), self.loaded) == self._is_loaded(own[None])
-        return np.where(alike, away, np.inf)
+        away = joint_distance(others, own[..., None, :n], self._prismatic)
+        loaded = np.append(self._is_loaded(x), self.loaded)
+        return np.where(loaded == self._is_loaded(own)[..., None], away, np.inf)
 
     def _is_loaded(self, x: Array) -> Mask:
-        """Which experiments (k, v) are under a load."""
-        wrench = np.asarray(self.space.load.wrench(x[:, len(self.space.fixed) :]))
-        return np.asarray(wrench.any(axis=-1))
+        """Which experiments (..., v) are under a load."""
+        wrench = np.asarray(self.space.load.wrench(x[..., len(self.space.fixed) :]))
+        return np.broadcast_to(wrench.any(axis=-1), x.shape[:-1])
 
     def _information(self, x: Array) -> Array:
         """Information (p, p) of the plan, whose poses count as far apart."""
