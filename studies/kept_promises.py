@@ -1,6 +1,6 @@
 """Is the promised error what a robot is really off by, if it is not what the model takes it for?
 
-    python studies/kept_promises.py FOLDER [--days 20] [--only "KR 270/friction"] [--visits]
+    python studies/kept_promises.py FOLDER [--days 20] [--only "KR 270/friction"] [--exact]
 
 Days in the lab, from the plan to the compensated robot: `edtk.plan` (12 experiments), or random
 poses; a sheet of a simulated robot (`simulated_arm.py`, which shares no code with edtk);
@@ -508,8 +508,9 @@ A robot is calibrated with a model of six springs, and is not six springs: joint
 about the axes across their own too, by a share of their own compliance; links bend and twist;
 stiffnesses vary with the angle; friction holds a part of the load. Each row has simulated days,
 from a plan of {size} experiments, or as many random poses, to the robot that is compensated in
-the test pose. *Optimal* plans are for the noise alone; *counted* ones count what springs leave out:
-`model_error_percent = 10` in `[noise]`. The simulated robot shares no code with edtk.
+the test pose. *Optimal* plans are for the noise alone; *counted* ones count what springs leave out,
+`model_error_percent = 10` in `[noise]`; studies with `[parameters]` are asked for the same counted
+poses. The simulated robot shares no code with edtk.
 
 - *promise*: the error that `edtk compensate` expects in the test pose, a root mean square (median
   of the days);
@@ -522,7 +523,13 @@ the test pose. *Optimal* plans are for the noise alone; *counted* ones count wha
 
 Where the noise alone is drawn, the load is exactly as stated, and the part of the promise that is
 its 1 % does not happen: of ideal springs the real error is then far below the promise.
-Of few days a share is rough; one day in six is 17 %."""
+Of few days a share is rough; one day in six is 17 %.
+
+An optimal plan loads every joint as much as it can, and its sheet cannot tell friction from a stiff
+joint: the promise is then too small, whoever makes it, and so is many a band. A counted plan tells
+both apart, and its springs leave less of friction in the task. Springs across the joints are left
+to it as they are: where they are all that is missing, poses near the optimum, whose springs take
+them up for the task, may leave less."""
 
 
 @click.command(help=__doc__)
