@@ -495,7 +495,9 @@ def page(folder: Path) -> str:
         if found:
             most = 1 + max(int(key.rsplit("/", 1)[1]) for key in found)
             rows = markdown_table(HEAD, list(rows_of(found, all_cases(most, ()))))
-            parts.append(f"## {way.words} (at most {most} days of each)\n\n{rows}")
+            each = pd.Series([key.rsplit("/", 1)[0] for key in found]).value_counts()
+            days = f"{each.min()} to {each.max()} days of each"
+            parts.append(f"## {way.words} ({days})\n\n{rows}")
     return "\n\n".join(parts) + "\n"
 
 
