@@ -282,3 +282,14 @@ def test_what_the_prover_covers_is_confirmed(honest: Content) -> None:
     # Closed by its factors alone: without them the box stays open.
     given["factors"] = np.zeros_like(given["factors"]).tolist()
     assert "boxes are open" in failure(content)
+
+
+def test_the_allowance_of_sensitivities_per_trace_is_in_their_unit(honest: Content) -> None:
+    """They are ratios; rounding of their numerators, which are huge, counts beside denominators."""
+    setting = kr270(honest)
+    Z = Multipliers.of(np.eye(setting.p)[None], True)
+    wrench = setting.load.wrench(np.zeros((1, 0)))[0]
+    found = Polynomials.of(setting, Z, np.zeros((setting.p, setting.p)), wrench, True)
+    assert 0 < found.blur(1.0) < 1e-7
+    # All of these ratios are one half, as multipliers are read at that size.
+    assert np.abs(found.tested(0.5).values).max() <= found.tested(0.5).error

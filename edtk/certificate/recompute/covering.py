@@ -347,7 +347,8 @@ def largest_sensitivities(
         Z = Multipliers(multipliers.Z[j : j + 1], multipliers.indefinite)
         about = Polynomials.of(setting, Z, prior, loads[load], per_trace)
         seen = about.seen(covering.joints, covering.motions)
-        limit = covering.limit * size[j] * (1 + LIFTED) + 2 * seen.sensitivity.error
+        limit = covering.limit * size[j]
+        limit += LIFTED * abs(limit) + 2 * seen.blur(limit)
         scaled = replace(covering, factors=covering.factors * size[j])
         left = scaled.open_leaves(seen, limit)
         if left:

@@ -313,6 +313,13 @@ class Polynomials:
         slacks = {letter: one(form) for letter, form in self.slacks.items()}
         return Polynomials(kept, one(self.sensitivity), trace, slacks)
 
+    def blur(self, limit: float) -> float:
+        """About how far rounding moves a sensitivity near a limit."""
+        if self.trace is None:
+            return self.sensitivity.error
+        mean = float(self.trace.values.flat[0])
+        return (self.sensitivity.error + abs(limit) * self.trace.error) / mean
+
     def tested(self, limit: float) -> Form:
         """A polynomial that is at most zero where the sensitivity is at most the limit."""
         d = self.sensitivity
