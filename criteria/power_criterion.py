@@ -80,6 +80,10 @@ class PowerCriterion(ConvexCriterion):
         """The power of the base's polar."""
         return float(self.base.polar(Z, M) ** self.exponent)
 
+    def polars(self, Z: Array, M: Array) -> Array:
+        """The powers of the base's."""
+        return self.base.polars(Z, M) ** self.exponent
+
     def dual_weights(self, Z: Array, M: Array) -> Array | None:
         """The base's."""
         return self.base.dual_weights(Z, M)

@@ -169,6 +169,20 @@ class Relaxable(Criterion):
             M: A regular design (p, p), near which the bound shall be tight.
         """
 
+    def polars(self, Z: Array, M: Array) -> Array:
+        """What each of many multipliers proves alone: `lower_bound` with a largest sensitivity one.
+
+        Args:
+            Z: Symmetric multipliers (b, p, p), positive semidefinite.
+            M: A regular design (b, p, p) for each.
+
+        Returns:
+            Bounds (b,); zero where a multiplier proves nothing.
+        """
+        one = np.ones(1)
+        pairs = zip(Z[:, None], M, strict=True)
+        return np.array([self.lower_bound(own, one, near) for own, near in pairs])
+
     def rests_on_solver(self, Z: Array, M: Array) -> bool:
         """Whether `lower_bound` near M believes a solver's optimum, for any of multipliers Z."""
         return False

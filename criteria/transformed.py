@@ -123,6 +123,12 @@ class Transformed(Relaxable):
         proofs = zip(Z[is_semidefinite(Z)], t[is_semidefinite(Z)], strict=True)
         return max((self.polar(z, M) * x**-self.degree for z, x in proofs if x > 0), default=0.0)
 
+    def polars(self, Z: Array, M: Array) -> Array:
+        """The base's of the multipliers ``T Z T'``, where it tells all at once."""
+        if type(self.base).polars is Relaxable.polars:
+            return Relaxable.polars(self, Z, M)
+        return self.base.polars(self._outward(Z), self._information(M))
+
     def rests_on_solver(self, Z: Array, M: Array) -> bool:
         """Whether the base's bound does."""
         return self.base.rests_on_solver(self._outward(Z), self._information(M))

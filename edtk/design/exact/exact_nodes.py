@@ -332,9 +332,7 @@ class Merits:
         """Factors (b,), and gradients (b, p, p) of the smoothed cost, as `_by_convexity` has it."""
         criterion = self.criterion
         _, G = criterion.smoothed(sharpness).cost_and_gradient(X)
-        one = np.ones(1)
-        trials = zip(-G[:, None], X, strict=True)
-        polars = np.array([criterion.lower_bound(Z, one, M) for Z, M in trials])
+        polars = criterion.polars(-G, X)
         # A multiplier that proves nothing is none: it is no number, and bounds no merit.
         proves = np.where(polars > 0, polars, np.nan)
         return np.asarray(proves ** (-1.0 / criterion.degree)), G

@@ -8,7 +8,7 @@ from time import monotonic
 import numpy as np
 
 from criteria import Criterion, Relaxable
-from criteria.linalg.inverse import whitener
+from criteria.linalg.inverse import unit_scale, whitener
 from criteria.linalg.typing import triangle
 from edtk.design.exact.counts.counts_bound import RelaxedCounts, relaxed_counts
 from edtk.design.exact.counts.limits import Limits
@@ -29,6 +29,8 @@ AT_ONCE = 256  # nodes
 MOST_AT_ONCE = 200_000  # candidates of them
 LOOKS = 2  # at all candidates of a node
 STEPS = 2  # of its weights before each
+REGULAR = 1e-12  # least eigenvalue at unit diagonal of information that can be whitened
+BLURRED = 1e-3  # part of all information that is added where it orders the candidates
 STARTS = 16
 AMONG = 5000  # candidates that starts are exchanged among
 LIGHT = 1e-3  # experiments that are not rounded up
@@ -149,7 +151,7 @@ class _Working:
     ) -> "_Working":
         """Whiten the mean of the best weights and of all candidates."""
         M = 0.5 * (problem.mean + problem.information(weights) / limits.m) + limits.base / limits.m
-        T = whitener(M)
+        T = _parameters(M)
         transformed = criterion.transformed(T)
         assert isinstance(transformed, Relaxable)
         kept = problem.kept.times(T)
@@ -174,7 +176,18 @@ class _Working:
         return cls(merits, T, members)
 
 
-@dataclass(frozen=True, eq=False, order=False)
+def _parameters(M: Array) -> Array:
+    """T (p, p) of parameters in which information M (p, p) is of order one.
+
+    Candidates of a criterion of some parameters may leave others open; they are scaled only.
+    """
+    scale = unit_scale(np.diag(M))
+    if np.linalg.eigvalsh(M / np.outer(scale, scale))[0] > REGULAR:
+        return whitener(M)
+    return np.diag(1.0 / scale)
+
+
+@dataclass(frozen=True, eq=False)
 class _Open:
     """A node that is left to be divided.
 
@@ -276,7 +289,9 @@ class _Search:
         """Information (k, q) of candidates, in parameters that whiten the best weights."""
         if not len(left):
             return np.zeros((0, 1))
-        R = whitener(self.merits.information(root, root.weights)[0])
+        X = self.merits.information(root, root.weights)[0]
+        # The best weights for a part of the parameters may be singular.
+        R = whitener(X + BLURRED * np.trace(X) * np.eye(self.merits.p))
         rows, columns = triangle(self.merits.p)
         blocks = self.merits.unpacked(self.merits.F[left] / self.merits.twice)
         return np.asarray((R.T @ blocks @ R)[:, rows, columns] * np.sqrt(self.merits.twice))

@@ -98,6 +98,32 @@ def test_limits_of_candidates_and_kept_experiments_are_heeded(seed: int) -> None
     assert found.best == pytest.approx(criterion.cost(M).min(), rel=1e-9)
 
 
+def test_candidates_that_leave_parameters_open_are_proved_for_the_others() -> None:
+    """No candidate tells the last parameter: a contrast of the first two has its best plan."""
+    rows = np.random.default_rng(3).normal(size=(9, 1, 3))
+    rows[:, :, 2] = 0.0
+    limits = Limits(3, np.zeros((3, 3)))
+    criterion = criteria.from_dict({"name": "c", "c": [1.0, -1.0, 0.0]})
+    assert isinstance(criterion, Relaxable)
+    found = prove_exact(Problem(rows), criterion, limits)
+    assert found.proved
+    assert found.best == pytest.approx(least_cost(Problem(rows), criterion, limits), rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["E", "O3", "G", "A"])
+def test_polars_of_many_multipliers_are_those_of_each(name: str) -> None:
+    """At once or one by one, in parameters as given or in others."""
+    rng = np.random.default_rng(5)
+    B, C, T = rng.normal(size=(3, 6, 3, 3))
+    Z, M = B @ B.swapaxes(1, 2), C @ C.swapaxes(1, 2)
+    plain = criterion_of(name, 3, rng)
+    other = plain.transformed(T[0])
+    assert isinstance(other, Relaxable)
+    for criterion in (plain, other):
+        alone = [criterion.lower_bound(z[None], np.ones(1), m) for z, m in zip(Z, M, strict=True)]
+        np.testing.assert_allclose(criterion.polars(Z, M), alone, rtol=1e-9)
+
+
 def parabola(n: int = 101) -> Problem:
     """Rows (1, x, x^2) of points from -1 to 1."""
     x = np.linspace(-1, 1, n)
