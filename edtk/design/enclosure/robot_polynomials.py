@@ -26,6 +26,8 @@ from edtk.design.enclosure.polynomial import (
 )
 from edtk.design.enclosure.space_polynomials import SpacePolynomials, require_few
 from edtk.measure.instruments.distance import Distance
+from edtk.robots.frames import dot, force_and_torque
+from edtk.robots.rotations import ROUNDING
 from edtk.system.typing import Array, Indices
 
 
@@ -175,12 +177,26 @@ class RobotPolynomials(SpacePolynomials):
         """``T_jk = tau_j tau_k`` of parameters j <= k, for each objective."""
         return [self._loads_of(base) for base in self.chart.bases]
 
+    def _torque(self, wrench: Array) -> Array:
+        """Loads (n, m) of all joints, as `ElastostaticModel.torque_of` but for what it rounds off.
+
+        Args:
+            wrench: Forces and torques (m, 6 or 9) in the poses of the chart's nodes.
+        """
+        model = self.space.model
+        F, T = force_and_torque(wrench, self.frames)
+        point = model.load_point.of_load(wrench)
+        torque = dot(point.linear(self.frames), F) + dot(point.angular(self.frames), T)
+        if model.weights is not None:
+            torque += model.weights.torque(self.frames)
+        return self.frames.folded(torque)
+
     def _loads_of(self, base: Array) -> dict[tuple[int, int], Polynomial]:
         """The same of one setting of the load."""
         model = self.space.model
         u = (self.chart.nodes() @ self.chart.matrix.T + base)[:, model.robot.n :]
         wrench = self.space.load.wrench(u)
-        torque = model.torque_of(self.frames, wrench)[model.joints]
+        torque = self._torque(wrench)[model.joints]
         size = self.reach * np.abs(wrench[:, :3]).sum(axis=1) + np.abs(wrench[:, 3:6]).sum(axis=1)
         if model.weights is not None:
             force = np.abs(model.weights.force(self.frames)).sum(axis=1).max()
@@ -269,7 +285,8 @@ class RowPolynomials(SpacePolynomials):
     def _entries_of(self, base: Array) -> list[list[Polynomial]]:
         """The same of one setting of the load."""
         samples = self.rows(self.chart.nodes(self.order) @ self.chart.matrix.T + base)
-        errors = 2 * self.order * self.steps * self.folds**self.order * self.largest
+        each = 2 * self.order * (self.steps + ROUNDING)  # small loads are set to zero
+        errors = each * self.folds**self.order * self.largest
         return [
             [
                 self.chart.polynomial(samples[:, r, i], float(errors[i]), self.order)

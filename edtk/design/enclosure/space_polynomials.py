@@ -29,7 +29,6 @@ from edtk.robots.loads.bounded_load import BoundedLoad
 from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.robots.loads.free_load import FreeLoad
 from edtk.robots.loads.listed_load import ListedLoad
-from edtk.robots.rotations import ROUNDING
 from edtk.system.typing import Array, Indices
 
 TURN = 2 * np.pi
@@ -241,13 +240,12 @@ class SpacePolynomials(ABC):
         A turn of a frame rounds its columns by no more than 14 units: six of cosine, sine and the
         sum of two products, eight of a constant rotation; so does a step to a position. A product
         of two such vectors has the errors of both, and four units of its own. The angles of nodes
-        round by half a turn's units, which moves a vector as far as its slope. Last,
-        `without_rounding` sets to zero what is below its bound.
+        round by half a turn's units, which moves a vector as far as its slope.
         """
         robot = self.space.model.robot
         turns = float(np.abs(self.chart.matrix).sum()) * TURN
         joints = 2 * (14 + 1) * (len(robot.chain) + 2) + 4
-        return (joints + turns) * ROUNDOFF + ROUNDING
+        return (joints + turns) * ROUNDOFF
 
     @cached_property
     def folds(self) -> float:
