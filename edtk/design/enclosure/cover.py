@@ -33,6 +33,9 @@ DEEPEST = 60  # halvings along an axis, which leave a box of the size of roundin
 # last: each costs about as much as all before it.
 FIRST_LEVEL = 0.3
 NEXT_LEVEL = 0.1**0.5
+# Where D is small in a box, a quotient's leaf says little of another level, at which all leaves are
+# looked at anew: there are fewer levels.
+OF_QUOTIENT = (0.03, 0.01)
 PENALTIES = 6  # factors of a slack that are tried
 SINGLE = np.float32
 UNIT = float(np.finfo(SINGLE).eps) / 2
@@ -677,14 +680,16 @@ class _Search:
             _Stopped: Time is up, or Ctrl-C; the exception has the leaves so far.
         """
         objective = self.enclosed.objectives[index]
-        above = max(FIRST_LEVEL, self.tolerance)
+        is_quotient = objective.denominator is not None
+        first, next_level = OF_QUOTIENT if is_quotient else (FIRST_LEVEL, NEXT_LEVEL)
+        above = max(first, self.tolerance)
         while True:
             level = self.lower + above * self.unit
             stage = _Stage(self.enclosed, objective, self.grid, level)
             leaves = self._descend(stage, leaves, above)
             if above <= self.tolerance:
                 return leaves
-            above = max(above * NEXT_LEVEL, self.tolerance)
+            above = max(above * next_level, self.tolerance)
 
     def _descend(self, stage: _Stage, leaves: Leaves, above: float) -> Leaves:
         """Halve boxes until all are closed at a level, which rises where a value is above it.
