@@ -205,6 +205,8 @@ def test_files_are_written_and_read(tmp_path):
     assert edtk.verify(path, PROBLEM).valid
     with pytest.raises(UserError, match="expected prove beside it"):
         edtk.plan(PROBLEM, 4, "A", certificate=path)
+    with pytest.raises(UserError, match="limits of candidates have none yet"):
+        edtk.plan(PROBLEM, 4, "A", most=1, prove=60, certificate=path)
     other = Problem(np.eye(3)[:, None, :])
     with pytest.raises(UserError, match="no certificate yet"):
         edtk.plan(PROBLEM, 4, "A", keep=other, prove=60, certificate=tmp_path / "other.json")
