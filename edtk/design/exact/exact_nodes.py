@@ -328,6 +328,21 @@ class Merits:
         error = 8 * p * p * EPS * size * np.trace(np.linalg.inv(X), axis1=1, axis2=2)
         return -G[:, rows, columns] * (scale * (1.0 + error))[:, None]
 
+    def scaled(self, Z: Array, X: Array) -> Array:
+        """Multipliers (b, q) of any matrices Z (b, p, p), by their polars near X (b, p, p).
+
+        They are no numbers where a matrix proves nothing.
+        """
+        z, V = np.linalg.eigh(0.5 * (Z + np.swapaxes(Z, 1, 2)))
+        Z = V * np.maximum(z, 0.0)[:, None] @ np.swapaxes(V, 1, 2)
+        X = X + (RIDGE * np.trace(X, axis1=1, axis2=2) / self.p)[:, None, None] * np.eye(self.p)
+        polars = self.criterion.polars(Z, X)
+        proves = np.where(polars > 0, polars, np.nan)
+        rows, columns = triangle(self.p)
+        error = 8 * self.p**2 * EPS * np.linalg.cond(X)
+        scale = proves ** (-1.0 / self.criterion.degree) * (1.0 + error)
+        return np.asarray(Z[:, rows, columns] * scale[:, None])
+
     def _by_polar(self, X: Array, sharpness: float) -> tuple[Array, Array]:
         """Factors (b,), and gradients (b, p, p) of the smoothed cost, as `_by_convexity` has it."""
         criterion = self.criterion

@@ -126,7 +126,7 @@ def prove_exact(
     if relaxed is None:
         relaxed = relaxed_counts(bare, criterion, limits)
     with time_limit(seconds):
-        search = _Search(bare, criterion, limits, relaxed.counts, incumbent)
+        search = _Search(bare, criterion, limits, relaxed, incumbent)
         ended = search.run(progress)
     return search.proof(monotonic() - since, ended)
 
@@ -223,13 +223,13 @@ class _Search:
         problem: Problem,
         criterion: Relaxable,
         limits: Limits,
-        weights: Array,
+        relaxed: RelaxedCounts,
         incumbent: Indices | None,
     ) -> None:
         self.limits = limits
         self.criterion = criterion
         self.beside = problem.with_prior(limits.base / limits.m)
-        self.working = _Working.of(problem, criterion, limits, weights)
+        self.working = _Working.of(problem, criterion, limits, relaxed.counts)
         self.merits = self.working.merits
         self.m = limits.m
         self.record = TreeRecord()
@@ -239,7 +239,7 @@ class _Search:
         if incumbent is not None:
             self.counts = incumbent
             self.best = float(criterion.cost(problem.information(incumbent) + limits.base))
-        self._plant(weights[self.working.members])
+        self._plant(relaxed.counts[self.working.members], relaxed.multipliers)
 
     @property
     def target(self) -> float:
@@ -258,15 +258,15 @@ class _Search:
             return self.target
         return min(self.target, self.merits.cost_of(self.open[0].bound))
 
-    def _plant(self, weights: Array) -> None:
+    def _plant(self, weights: Array, known: Array) -> None:
         """The root, and an order of the candidates that it leaves."""
         alone = np.zeros(1, dtype=int)
         n = len(weights)
         self.order = np.arange(n)
         whole = Nodes(np.arange(n), weights, alone, np.array([self.m]), alone, alone, alone)
         whole = whole.with_weights(weights + FRESH / n)
-        Z = self.merits.multipliers(self.merits.information(whole, whole.weights))
-        root, told, Z = self._settled(whole, self.merits.tell(whole, Z), Z)
+        told, Z = self._first(whole, known)
+        root, told, Z = self._settled(whole, told, Z)
         self._round(root)
         self._start(root, told)
         keep, alive = told.fixed(root, self.least)
@@ -284,6 +284,17 @@ class _Search:
                 whole, candidates=np.arange(len(left)), weights=root.weights[left[inside]]
             )
             self._push(kept.with_weights(kept.weights), told.merit, Z, alone, index)
+
+    def _first(self, whole: Nodes, known: Array) -> tuple[Told, Array]:
+        """The best multiplier of the weights, or of some that are known (r, p, p)."""
+        X = self.merits.information(whole, whole.weights)
+        Z = self.merits.multipliers(X)
+        best = (self.merits.tell(whole, Z), Z)
+        S = np.linalg.inv(self.working.T)
+        for own in known:
+            Z = self.merits.scaled((S @ own @ S.T)[None], X)
+            best = _better(whole, best, self.merits.tell(whole, Z), Z)
+        return best
 
     def _points(self, root: Nodes, left: Indices) -> Array:
         """Information (k, q) of candidates, in parameters that whiten the best weights."""

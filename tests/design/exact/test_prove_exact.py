@@ -8,6 +8,7 @@ import pytest
 
 import criteria
 from criteria import Relaxable
+from edtk.design.exact.counts.counts_bound import relaxed_counts
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.exact_tree import ExactTree
 from edtk.design.exact.prove_exact import ExactProof, UnprovableError, _Search, prove_exact
@@ -139,6 +140,17 @@ def test_a_proof_without_time_bounds_all_plans() -> None:
     assert brief.ended == "budget"
     assert not brief.proved
     assert 0.9 * whole.best < brief.cost < whole.best
+
+
+def test_the_bound_begins_with_that_of_weights() -> None:
+    """At a kink the best multiplier is that of the relaxation: the root is not below its bound."""
+    problem = Problem(np.random.default_rng(2).normal(size=(40, 1, 4)))
+    limits = Limits(7, np.zeros((4, 4)))
+    criterion = criteria.create("E")
+    assert isinstance(criterion, Relaxable)
+    relaxed = relaxed_counts(problem, criterion, limits)
+    found = prove_exact(problem, criterion, limits, seconds=0.0, relaxed=relaxed)
+    assert found.cost >= relaxed.cost * (1 - 1e-6)
 
 
 def test_an_interrupted_proof_keeps_its_bound() -> None:
