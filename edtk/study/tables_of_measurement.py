@@ -148,8 +148,8 @@ class NoiseTable(Table):
     discrepancy_within_deg: Positive | None = Field(
         None,
         description="Poses nearer than this share what the model leaves out, Euclidean over the "
-        "revolute joints; 5, or 60 with model_error_percent: what varies once in a turn of a joint "
-        "is correlated by a half over so much [deg]",
+        "revolute joints; 5, or 60 with model_error_percent alone: what varies once in a turn of a "
+        "joint is correlated by a half over so much [deg]",
     )
 
     estimated: tuple[Literal["joints", "discrepancy"], ...] = Field(
@@ -205,11 +205,13 @@ class NoiseTable(Table):
         """How far poses are apart that do not share what the model leaves out [deg].
 
         Args:
-            springs_err: Whether that grows with what the springs do.
+            springs_err: Whether that grows with what the springs do. A discrepancy beside it
+                keeps to its own distance, as a sheet, which tells itself what the springs do, has
+                that alone.
         """
         if self.discrepancy_within_deg is not None:
             return self.discrepancy_within_deg
-        return OF_SPRINGS if springs_err else NEAR
+        return OF_SPRINGS if springs_err and not self.discrepancy_mm else NEAR
 
     @property
     def says_of_model(self) -> bool:
