@@ -323,7 +323,7 @@ class _Attempt:
     def _report(self, j: int, above: float, done: float) -> None:
         """Tell how far a covering is, and the gap of its level."""
         part = "" if len(self.Z) == 1 else f" {j + 1} of {len(self.Z)}"
-        self.progress(f"every pose{part}, {done:.0%} closed at", self._gap_at(above))
+        self.progress(f"all poses{part}, {done:.0%} done", self._gap_at(above))
 
     def _gap_at(self, above: float) -> float:
         """The gap of a level, of which there are few."""
