@@ -117,10 +117,12 @@ def prove_poses(
     )
     best: ProvedPlan | None = None
     known: Array | None = None
+    is_last = False
     for turn in range(TURNS):
         plan = relax_poses(source, n, relaxable, True, sharp, known)
         earlier = () if best is None else best.coverings
-        attempt = _Attempt(plan, polynomials, accuracy, turn == TURNS - 1, options.progress)
+        is_last = is_last or turn == TURNS - 1
+        attempt = _Attempt(plan, polynomials, accuracy, is_last, options.progress)
         try:
             found = attempt.proved(earlier)
         except CoveringInterrupted as interrupt:
@@ -130,7 +132,11 @@ def prove_poses(
             break
         columns = attempt.columns(found.coverings)
         if not len(columns):
-            break
+            if is_last:
+                break
+            # What ended a covering was no better pose: the next one goes on to its end.
+            is_last = True
+            continue
         known = columns if known is None else np.concatenate([known, columns])
     assert best is not None
     return best
