@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from edtk.certificate.day_bound import DayBound, read_proofs
+from edtk.certificate.exact_on_candidates import ExactOnCandidates
 from edtk.certificate.proof import Experiments, LargestSensitivities, Proof
 from edtk.certificate.recompute import values
 from edtk.certificate.recompute.candidates import of_rows, require
@@ -18,6 +19,7 @@ from edtk.certificate.recompute.setting import Setting
 from edtk.system.typing import Array
 
 KEYS = ("criterion", "kind", "claims", "experiments", "kept", "proof", "setting")
+EXACT = "on_candidates"
 DECORATION = ("edtk", "title", "study_sha256")  # keys on which no claim rests
 AMOUNTS = {"relaxation": "weight", "plan": "repeats"}
 LONGEST_NAME = 60
@@ -41,6 +43,7 @@ class Case:
         sharing: Number of experiments that share what is known beforehand, for a relaxation.
         day: What visits and load changes cost, and the budget of a plan; None without one.
         proofs: The proofs of sets of loads within a budget, of which `proof` is the first.
+        on_candidates: What is said of all plans of whole experiments on candidates; None for none.
     """
 
     name: str
@@ -53,6 +56,7 @@ class Case:
     sharing: int = 1
     day: Day | None = None
     proofs: dict[tuple[int, ...], Proof] = field(default_factory=dict)
+    on_candidates: ExactOnCandidates | None = None
 
     @classmethod
     def from_dict(cls, content: Any) -> "Case":
@@ -61,7 +65,7 @@ class Case:
         Raises:
             ValueError: A part is missing, or is not what it should be.
         """
-        content = table(content, KEYS, "certificate", (*DECORATION, "sharing", "day"))
+        content = table(content, KEYS, "certificate", (*DECORATION, "sharing", "day", EXACT))
         name = content["criterion"]
         # The name is printed, so that it must not contain a line that looks like a verdict.
         is_name = isinstance(name, str) and name.isprintable() and 0 < len(name) <= LONGEST_NAME
@@ -93,6 +97,11 @@ class Case:
             for one in (proofs.values() if proofs else (proof,))
         ]
         require(sum(efforts), "the multipliers and poses of its proof")
+        exact = None
+        if EXACT in content:
+            if kind != "plan" or day is not None:
+                raise ValueError(f"{EXACT}: expected one in the certificate of a plan of m alone")
+            exact = ExactOnCandidates.from_dict(content[EXACT], setting, proof)
         return cls(
             name=name,
             kind=kind,
@@ -104,6 +113,7 @@ class Case:
             sharing=_sharing(content, kind, setting),
             day=day,
             proofs=proofs,
+            on_candidates=exact,
         )
 
     @property
@@ -206,6 +216,12 @@ class Case:
         if self.kind == "plan":
             cost *= self.made.amount.sum() ** -self.degree
         return values.printed(self.name, cost)
+
+    @property
+    def known_to_all(self) -> Array:
+        """Information (p, p) that every plan of as many new experiments has besides."""
+        self._require_sound()
+        return np.asarray(self._prior * self.made.amount.sum())
 
     @property
     def excess(self) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 import criteria
 from criteria.linalg.inverse import ROUNDING, unit_spectrum
 from criteria.worst_task_accuracy import WorstTaskAccuracy
+from edtk.certificate.case import EXACT
 from edtk.certificate.coverings import coverings_to_list
 from edtk.certificate.recompute.pose_polynomials import require_checkable
 from edtk.certificate.recompute.setting import Setting
@@ -17,7 +18,8 @@ from edtk.design.bound import BoundKind
 from edtk.design.design_space import DesignSpace
 from edtk.design.enclosure.prove_continuum import ProvedPlan
 from edtk.design.enclosure.robot_polynomials import polynomials_of
-from edtk.design.exact.exact_plan import ExactPlan
+from edtk.design.exact.exact_plan import ExactPlan, OnCandidates
+from edtk.design.exact.store_exact import tree_to_dict
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.measure.elastostatic_model import ElastostaticModel
@@ -79,6 +81,8 @@ def certificate(
         }
         if day is not None:
             answer["day"] = day
+        elif found.on_candidates is not None:
+            answer[EXACT] = _exact(found.on_candidates, relaxed.criterion)
     else:
         answer = {
             "kind": "relaxation",
@@ -167,6 +171,19 @@ def _proof(relaxed: RelaxedPlan) -> dict[str, Any]:
         **weights,
         "support": relaxed.x.tolist(),
         "searched": [] if searched is None else searched.x.tolist(),
+    }
+
+
+def _exact(one: OnCandidates, criterion: criteria.Criterion) -> dict[str, Any]:
+    """The proof about all plans of whole experiments on candidates, which the seed tells."""
+    chosen = np.flatnonzero(one.counts)
+    return {
+        "candidates": one.candidates,
+        "plan": {"candidate": chosen.tolist(), "count": one.counts[chosen].tolist()},
+        "value": one.value,
+        "bound_exact": one.bound.value,
+        "proved_exact": one.proved,
+        "tree": tree_to_dict(one.tree, criterion, one.information),
     }
 
 

@@ -6,7 +6,7 @@ must have the properties that the proof needs, and a claim that is left out fail
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,16 +14,22 @@ import numpy as np
 from criteria.linalg.estimable import combination
 from edtk.certificate.case import Case
 from edtk.certificate.recompute import values
+from edtk.certificate.recompute.array_criteria import Part, as_cost
+from edtk.certificate.recompute.arrays import Candidates, Design, Frame
 from edtk.certificate.recompute.day import ROUNDING
+from edtk.certificate.recompute.exact_tree import Replay, Tree
 from edtk.certificate.recompute.setting import TINY
 from edtk.certificate.recompute.setting import TINY as TINY_LOAD
 from edtk.system.presented import Presented
+from edtk.system.typing import Indices
 
 AGREE = 1e-8  # relative difference that two ways of rounding may make; 1e-13 is the rule
 AGREE_ON_BOXES = 1e-7  # the same where all roundings of both are counted, from above
 ABSOLUTE = 1e-8  # difference of a gap or an efficiency, which are of order one
 EXCESS = 1e-3  # relative excess of a sensitivity found here over those that a search rests on
 BOUNDS = ("bound", "bound_searched", "bound_proved")
+BEST = 4e-9  # relative distance to the bound at which a plan is the best: rounding
+EXACT = ("value_exact", "bound_exact", "proved_exact")
 ORDER = ("value", *BOUNDS, "gap", "efficiency")
 
 
@@ -74,6 +80,8 @@ class Verification(Presented):
         covered: Whether a proved one is.
         experiments: Number of experiments of a plan, the kept ones not counted.
         budget: What a plan may cost; None without a budget.
+        exact: What is proved of all plans of whole experiments on candidates, in words; empty where
+            nothing is said of them.
         of_study: Whether a study stood beside the certificate, so that its setting is not the
             file's own word.
     """
@@ -92,6 +100,7 @@ class Verification(Presented):
     covered: bool = False
     experiments: int = 0
     budget: float | None = None
+    exact: str = ""
     of_study: bool = False
 
     @property
@@ -114,6 +123,11 @@ class Verification(Presented):
         """What is proved, and on what: a sentence that cannot be read as more."""
         if not self.valid:
             return "nothing is proved"
+        return f"{self._of_weights}; {self.exact}" if self.exact else self._of_weights
+
+    @property
+    def _of_weights(self) -> str:
+        """What the bound of weights proves."""
         where = "for this study" if self.of_study else "in a setting that is the file's own word"
         searched = "searched over all poses, not proved"
         if self.kind == "plan" and self.covered:
@@ -201,6 +215,8 @@ def verify_certificate(content: dict[str, Any]) -> Verification:
         claims += _numbers(case)
         if "bound_searched" in case.stated:
             claims.append(_search(case))
+        if case.on_candidates is not None:
+            claims += _exact(case)
     return Verification(
         criterion=case.name,
         kind=case.kind,
@@ -216,7 +232,82 @@ def verify_certificate(content: dict[str, Any]) -> Verification:
         covered="bound_proved" in case.stated,
         experiments=int(case.made.amount.sum()) if case.amounts_are_sound else 0,
         budget=None if case.day is None else case.day.budget,
+        exact=_exact_in_words(case),
     )
+
+
+def _exact_in_words(case: Case) -> str:
+    """What is said of all plans of whole experiments on candidates; empty for nothing."""
+    one = case.on_candidates
+    if one is None or not case.amounts_are_sound:
+        return ""
+    number = int(case.made.amount.sum())
+    plans = f"plans of {number} experiment{'' if number == 1 else 's'}"
+    what = "the best of all" if one.stated["proved_exact"] else "a bound on all"
+    return f"{what} {plans} on the first {one.number:,} candidates is proved"
+
+
+def _exact(case: Case) -> list[Claim]:
+    """The claims about all plans of whole experiments on candidates, which are drawn anew."""
+    one = case.on_candidates
+    assert one is not None
+    try:
+        known = one.drawn(case.known_to_all)
+        part = one.part(case.name)
+    except (ValueError, ArithmeticError) as error:
+        return unproved_exact(f"cannot be recomputed: {' '.join(str(error).split())}", EXACT)
+    made = case.made.amount.sum()
+    if one.counts.sum() != made:
+        return unproved_exact(f"expected a plan of {made:g} experiments", EXACT)
+    # Rows were computed in another way: a bound as good but for that is proved.
+    found = exact_claims(case.name, one.stated, part, known, one.tree, one.counts, AGREE)
+    return [replace(claim, claim=name) for claim, name in zip(found, EXACT, strict=False)]
+
+
+def unproved_exact(
+    reason: str, names: tuple[str, ...] = ("value", "bound_exact", "proved_exact")
+) -> list[Claim]:
+    """The claims about whole plans where nothing is proved."""
+    return [Claim(name, False, None, None, reason) for name in names]
+
+
+def exact_claims(
+    name: str,
+    stated: dict[str, Any],
+    part: Part,
+    known: Candidates,
+    tree: Tree,
+    plan: Indices,
+    slack: float = 0.0,
+) -> list[Claim]:
+    """The claims about value, bound, and whether a plan is the best of all on some candidates.
+
+    Args:
+        name: The criterion.
+        stated: What is claimed: `value`, `bound_exact` and `proved_exact`.
+        part: The criterion's form.
+        known: The candidates, whose prior is what every plan has.
+        tree: Why no plan is better.
+        plan: How often each candidate is measured (n,).
+        slack: Relative difference between these candidates and those of the search.
+    """
+    cost, most = part.cost(Design.of(known, Frame.of_candidates(known), plan.astype(float)))
+    unsure = AGREE + (most / cost - 1 if 0 < cost < math.inf else math.inf)
+    value = as_cost(name, stated["value"])
+    holds = abs(value - cost) <= unsure * cost and unsure < 2 * AGREE
+    reason = "" if holds else "the recomputed number differs"
+    claims = [Claim("value", holds, stated["value"], as_cost(name, cost), reason)]
+    bound = as_cost(name, stated["bound_exact"])
+    why = "expected a positive number"
+    if 0 < bound < math.inf:
+        why = Replay(tree, part, known, int(plan.sum())).proves(bound * (1 - slack))
+    own = None if why else stated["bound_exact"]
+    claims.append(Claim("bound_exact", not why, stated["bound_exact"], own, why, known.n))
+    if stated["proved_exact"]:
+        is_best = not why and cost * (1 - BEST - slack) <= bound
+        reason = "" if is_best else "the plan is not the best"
+        claims.append(Claim("proved_exact", is_best, None, None, reason, known.n))
+    return claims
 
 
 def _words(case: Case) -> tuple[str, ...]:

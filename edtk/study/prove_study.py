@@ -49,8 +49,10 @@ def prove_on_candidates(
         bound=best.exact_bound,
         best=best.cost,
         plan=space.plan(poses.x[best.support], best.counts[best.support]),
+        counts=best.counts,
+        information=poses.problem.with_prior(None).information(best.counts) + base,
+        tree=best.proof.tree,
         proved=best.proved_exact,
-        nodes=best.proof.tree.nodes,
         seconds=best.seconds,
         ended=best.ended,
     )

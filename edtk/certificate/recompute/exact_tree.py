@@ -21,11 +21,12 @@ from edtk.certificate.recompute.array_criteria import Part
 from edtk.certificate.recompute.arrays import EPS, Candidates, Design, Frame
 from edtk.certificate.recompute.candidates import require
 from edtk.certificate.recompute.lower_bound import factor_of
-from edtk.certificate.recompute.plain_data import numbers, table
+from edtk.certificate.recompute.plain_data import numbers, rows, table
 from edtk.system.typing import Array, Indices, Mask
 
 TREE = ("T", "order", "multipliers", "multiplier", "parent", "group", "first", "stop", "count")
 MOST_NODES = 2_000_000
+MOST_SIZE = 5000  # experiments of a plan
 AT_ONCE = 400_000  # candidates of nodes that are looked at together
 PER_VISIT = 0.15  # of a candidate of a node [us]
 WHOLE = 2**53
@@ -420,3 +421,22 @@ def _packed(candidates: Candidates, T: Array) -> tuple[Array, float]:
         packed[part] = own[:, i, j]
         error = max(error, float(lost.max()))
     return packed, error
+
+
+def counts_of(given: Any, n: int, where: str) -> Indices:
+    """How often each of n candidates stands in a list (n,)."""
+    chosen = numbers(rows(given, MOST_SIZE, where), (None,), where)
+    if (chosen != np.floor(chosen)).any() or (chosen < 0).any() or (chosen >= n).any():
+        raise ValueError(f"{where}: expected whole numbers from 0 to {n - 1}")
+    return np.bincount(chosen.astype(int), minlength=n)
+
+
+def plan_of(given: Any, n: int) -> Indices:
+    """Counts (n,) of a plan's candidates."""
+    places = counts_of(given["candidate"], n, "plan.candidate")
+    counts: Array = numbers(given["count"], (None,), "plan.count")
+    chosen = np.array(given["candidate"], dtype=int)
+    is_whole = (counts == np.floor(counts)).all() and (counts > 0).all() and counts.sum() < 1e6
+    if len(counts) != len(chosen) or not is_whole or places.max(initial=0) > 1:
+        raise ValueError("plan: expected each candidate once, with a whole number of experiments")
+    return np.bincount(chosen, counts, n).astype(int)

@@ -13,6 +13,7 @@ from edtk.design.bound import Bound, BoundedDesign, BoundKind, printed_form
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.design.detection import Detection, Separation
+from edtk.design.exact.exact_tree import ExactTree
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
@@ -225,8 +226,10 @@ class OnCandidates:
         bound: No plan on them costs less.
         best: Cost of the best plan on them that is known.
         plan: That plan.
+        counts: How often each candidate is measured in it (n,).
+        information: Its information (p, p), with all that is known besides.
+        tree: Why no plan costs less than the bound.
         proved: Whether it is the best of all.
-        nodes: Nodes of the proof.
         seconds: Duration [s].
         ended: Why the proof ended: "proved", "budget" or "interrupted".
     """
@@ -235,8 +238,10 @@ class OnCandidates:
     bound: Bound
     best: float
     plan: Plan
+    counts: Indices
+    information: Array
+    tree: ExactTree
     proved: bool
-    nodes: int
     seconds: float
     ended: str
 
@@ -253,7 +258,7 @@ class OnCandidates:
             "on_candidates": {
                 "candidates": self.candidates,
                 "value": self.value,
-                "nodes": self.nodes,
+                "nodes": self.tree.nodes,
                 "seconds": self.seconds,
                 "ended": self.ended,
                 "plan": self.plan.to_dict(),

@@ -46,12 +46,18 @@ def store_exact(plan: ProblemPlan) -> dict[str, Any]:
         "value": plan.value,
         "bound_exact": plan.exact_bound.value,
         "proved_exact": plan.proved_exact,
-        "tree": _of_tree(proof.tree, criterion, M),
+        "tree": tree_to_dict(proof.tree, criterion, M),
     }
 
 
-def _of_tree(tree: ExactTree, criterion: Criterion, M: Array) -> dict[str, Any]:
-    """Nodes and multipliers, as upper triangles row by row."""
+def tree_to_dict(tree: ExactTree, criterion: Criterion, M: Array) -> dict[str, Any]:
+    """Nodes and multipliers, as upper triangles row by row.
+
+    Args:
+        tree: Why no plan is better.
+        criterion: The criterion.
+        M: Information (p, p) of the best plan that is known.
+    """
     i, j = np.triu_indices(len(tree.T))
     found: dict[str, Any] = {
         "T": tree.T.tolist(),

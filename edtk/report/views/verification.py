@@ -7,7 +7,7 @@ from criteria.registry import BUILTINS
 from edtk.certificate.verify_certificate import Claim, Verification
 
 # Claims whose numbers are the criterion's.
-IN_UNITS = ("value", "bound", "bound_searched", "bound_proved")
+IN_UNITS = ("value", "bound", "bound_searched", "bound_proved", "value_exact", "bound_exact")
 DIGITS = 10
 RECOMPUTED = "recomputed in a second implementation"
 # What each claim says, for a person.
@@ -18,6 +18,7 @@ MEANING = {
     "feasible": "every pose is within the joint limits and the workspace",
     "loads": "every load is among those that may be applied",
     "costs": "visits and load changes together, within the budget",
+    "plan": "as many experiments as are stated",
     "kept": "the kept poses are within the joint limits and the workspace",
     "weights": "the weights are shares of one",
     "repeats": "every pose is measured a whole number of times",
@@ -25,6 +26,9 @@ MEANING = {
     "bound": "proved on {candidates}: no design of them is better",
     "bound_searched": "searched, not proved: no design over all poses is better",
     "bound_proved": "proved: no design over all poses is better, by boxes that cover all of them",
+    "value_exact": "of the best plan that is known on the candidates",
+    "bound_exact": "proved on {candidates}: no plan of whole experiments on them is better",
+    "proved_exact": "that plan is the best of all on {candidates}",
     "search": "a second search finds no pose whose sensitivity is 0.1 % larger",
     "gap": "relative distance from the bound to the value",
     "efficiency": "share of the best possible cost, as the bound has it",
@@ -48,6 +52,7 @@ WITHOUT_NUMBER = (
     "weights",
     "repeats",
     "search",
+    "proved_exact",
 )
 
 

@@ -1,0 +1,106 @@
+"""The part of a plan's certificate about all plans of whole experiments on its candidates."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from edtk.certificate.proof import LARGEST, Proof
+from edtk.certificate.recompute import values
+from edtk.certificate.recompute.array_criteria import FORMS, Part
+from edtk.certificate.recompute.arrays import LONG, Candidates
+from edtk.certificate.recompute.candidates import candidates
+from edtk.certificate.recompute.exact_tree import Tree, plan_of
+from edtk.certificate.recompute.plain_data import number, table, whole
+from edtk.certificate.recompute.setting import Setting
+from edtk.system.typing import Array, Indices
+
+KEYS = ("candidates", "plan", "value", "bound_exact", "proved_exact", "tree")
+WHERE = "on_candidates"
+MOST_NUMBERS = 2e7  # in the information of all candidates together
+
+
+@dataclass(frozen=True, eq=False)
+class ExactOnCandidates:
+    """A proof about all plans on the first candidates of a sequence, which are drawn anew.
+
+    Attributes:
+        number: Number of candidates.
+        counts: The plan that is said to be the best known (n,): how often each is measured.
+        tree: Why.
+        stated: What is claimed: `value`, `bound_exact` and `proved_exact`.
+        setting: Robot, load, noise and limits.
+        proof: Seed of the sequence.
+    """
+
+    number: int
+    counts: Indices
+    tree: Tree
+    stated: dict[str, Any]
+    setting: Setting
+    proof: Proof
+
+    @classmethod
+    def from_dict(cls, content: Any, setting: Setting, proof: Proof) -> "ExactOnCandidates":
+        """Read the part `on_candidates` of a certificate.
+
+        Raises:
+            ValueError: A part is missing, is not what it should be, or is too much to check.
+        """
+        content = table(content, KEYS, WHERE)
+        n = whole(content["candidates"], 1, LARGEST, f"{WHERE}.candidates")
+        if n * setting.p * max(setting.p + 1, 2 * len(setting.sigma)) > 2 * MOST_NUMBERS:
+            raise ValueError(f"{WHERE}: {n} candidates are more than are computed here")
+        if not isinstance(content["proved_exact"], bool):
+            raise ValueError(f"{WHERE}.proved_exact: expected true or false")
+        table(content["plan"], ("candidate", "count"), f"{WHERE}.plan")
+        names = ("value", "bound_exact")
+        tree = Tree.of(content["tree"], n, setting.p)
+        weights = setting.tasks.weights
+        if tree.shares is not None and tree.shares.shape[1] == len(weights):
+            # A task that the design does not weigh is no part of the worst.
+            tree = replace(tree, shares=tree.shares[:, weights > 0])
+        return cls(
+            number=n,
+            counts=plan_of(content["plan"], n),
+            tree=tree,
+            stated={name: number(content[name], f"{WHERE}.{name}") for name in names}
+            | {"proved_exact": content["proved_exact"]},
+            setting=setting,
+            proof=proof,
+        )
+
+    def drawn(self, known: Array) -> Candidates:
+        """The candidates, with the information (p, p) of what every plan has.
+
+        Raises:
+            ValueError: They cannot be drawn.
+        """
+        n = len(self.setting.fixed)
+        chunks = candidates(self.setting, self.proof.seed, self.proof.sampling, self.number)
+        rows = [
+            self.setting.whitened_rows(x[:, :n], self.setting.load.wrench(x[:, n:])) for x in chunks
+        ]
+        return Candidates(np.concatenate(rows), None, known.astype(LONG), "")
+
+    def part(self, name: str) -> Part:
+        """The criterion, of a name, in the form in which whole plans are bounded.
+
+        Raises:
+            ValueError: There is none.
+        """
+        if name not in FORMS:
+            raise ValueError(f"the criterion {name} has no second implementation for whole plans")
+        p = self.setting.p
+        if name not in values.OF_TARGET:
+            K = self.setting.interest
+            given = {"name": name} if K is None else {"name": name, "interest": K.tolist()}
+            return Part.of(given, p)
+        targets = self.setting.tasks.targets(name)
+        if not targets:
+            raise ValueError(f"{name} needs a test pose")
+        form, power = FORMS[name]
+        lengths = [len(target) for target in targets]
+        groups: Array = np.repeat(np.arange(len(targets)), lengths)
+        groups = groups if form == "worst" else np.arange(sum(lengths))
+        return Part(form, power, np.concatenate(targets).T, 1.0, groups)
