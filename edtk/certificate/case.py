@@ -149,7 +149,23 @@ class Case:
             ValueError: It cannot be recomputed.
         """
         self._require_sound()
-        rows = (self.made + self.kept).stacked(self.setting, repeated=self.kind == "plan")
+        return self._value_of(self.made)
+
+    @property
+    def value_exact(self) -> float:
+        """That of the best known plan on candidates, with all that is known besides.
+
+        Raises:
+            ValueError: It cannot be recomputed, or there is none.
+        """
+        self._require_sound()
+        if self.on_candidates is None:
+            raise ValueError("there is no plan on candidates")
+        return self._value_of(self.on_candidates.plan)
+
+    def _value_of(self, made: Experiments) -> float:
+        """The criterion of experiments, with the kept ones and what is known beforehand."""
+        rows = (made + self.kept).stacked(self.setting, repeated=self.kind == "plan")
         rows = np.concatenate([rows, self._known])
         targets = self.setting.tasks.targets(self.name)
         return values.value(self.name, rows, targets, self.interest)

@@ -1,11 +1,12 @@
 """The part of a plan's certificate about all plans of whole experiments on its candidates."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from edtk.certificate.proof import LARGEST, Proof
+from edtk.certificate.proof import LARGEST, Experiments, Proof
 from edtk.certificate.recompute import values
 from edtk.certificate.recompute.array_criteria import FORMS, Part
 from edtk.certificate.recompute.arrays import LONG, Candidates
@@ -70,18 +71,29 @@ class ExactOnCandidates:
             proof=proof,
         )
 
-    def drawn(self, known: Array) -> Candidates:
-        """The candidates, with the information (p, p) of what every plan has.
+    @cached_property
+    def drawn(self) -> Experiments:
+        """The candidates, each with its repetitions in the plan.
 
         Raises:
             ValueError: They cannot be drawn.
         """
         n = len(self.setting.fixed)
         chunks = candidates(self.setting, self.proof.seed, self.proof.sampling, self.number)
-        rows = [
-            self.setting.whitened_rows(x[:, :n], self.setting.load.wrench(x[:, n:])) for x in chunks
-        ]
-        return Candidates(np.concatenate(rows), None, known.astype(LONG), "")
+        x = np.concatenate(list(chunks))
+        return Experiments(x[:, :n], self.setting.load.wrench(x[:, n:]), self.counts.astype(float))
+
+    @property
+    def plan(self) -> Experiments:
+        """The experiments of the plan."""
+        return self.drawn.chosen(self.counts > 0)
+
+    def beside(self, known: Array) -> Candidates:
+        """What one visit of each candidate tells, with the information (p, p) of every plan.
+
+        Visits that share errors tell less together, so that bounds hold for them as well.
+        """
+        return Candidates(self.drawn.rows(self.setting), None, known.astype(LONG), "")
 
     def part(self, name: str) -> Part:
         """The criterion, of a name, in the form in which whole plans are bounded.
@@ -101,6 +113,6 @@ class ExactOnCandidates:
             raise ValueError(f"{name} needs a test pose")
         form, power = FORMS[name]
         lengths = [len(target) for target in targets]
-        groups: Array = np.repeat(np.arange(len(targets)), lengths)
-        groups = groups if form == "worst" else np.arange(sum(lengths))
+        number = np.arange(len(targets)) if form == "worst" else np.zeros(len(targets))
+        groups = np.repeat(number.astype(float), lengths).astype(int)
         return Part(form, power, np.concatenate(targets).T, 1.0, groups)

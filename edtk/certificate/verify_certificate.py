@@ -14,14 +14,12 @@ import numpy as np
 from criteria.linalg.estimable import combination
 from edtk.certificate.case import Case
 from edtk.certificate.recompute import values
-from edtk.certificate.recompute.array_criteria import Part, as_cost
-from edtk.certificate.recompute.arrays import Candidates, Design, Frame
+from edtk.certificate.recompute.array_criteria import as_cost
 from edtk.certificate.recompute.day import ROUNDING
-from edtk.certificate.recompute.exact_tree import Replay, Tree
+from edtk.certificate.recompute.exact_tree import Replay
 from edtk.certificate.recompute.setting import TINY
 from edtk.certificate.recompute.setting import TINY as TINY_LOAD
 from edtk.system.presented import Presented
-from edtk.system.typing import Indices
 
 AGREE = 1e-8  # relative difference that two ways of rounding may make; 1e-13 is the rule
 AGREE_ON_BOXES = 1e-7  # the same where all roundings of both are counted, from above
@@ -252,15 +250,17 @@ def _exact(case: Case) -> list[Claim]:
     one = case.on_candidates
     assert one is not None
     try:
-        known = one.drawn(case.known_to_all)
         part = one.part(case.name)
+        known = one.beside(case.known_to_all)
+        cost = values.cost(case.name, case.value_exact)
     except (ValueError, ArithmeticError) as error:
         return unproved_exact(f"cannot be recomputed: {' '.join(str(error).split())}", EXACT)
     made = case.made.amount.sum()
     if one.counts.sum() != made:
         return unproved_exact(f"expected a plan of {made:g} experiments", EXACT)
     # Rows were computed in another way: a bound as good but for that is proved.
-    found = exact_claims(case.name, one.stated, part, known, one.tree, one.counts, AGREE)
+    replay = Replay(one.tree, part, known, int(made))
+    found = exact_claims(case.name, one.stated, replay, cost, AGREE, AGREE)
     return [replace(claim, claim=name) for claim, name in zip(found, EXACT, strict=False)]
 
 
@@ -274,10 +274,9 @@ def unproved_exact(
 def exact_claims(
     name: str,
     stated: dict[str, Any],
-    part: Part,
-    known: Candidates,
-    tree: Tree,
-    plan: Indices,
+    replay: Replay,
+    cost: float,
+    unsure: float,
     slack: float = 0.0,
 ) -> list[Claim]:
     """The claims about value, bound, and whether a plan is the best of all on some candidates.
@@ -285,14 +284,12 @@ def exact_claims(
     Args:
         name: The criterion.
         stated: What is claimed: `value`, `bound_exact` and `proved_exact`.
-        part: The criterion's form.
-        known: The candidates, whose prior is what every plan has.
-        tree: Why no plan is better.
-        plan: How often each candidate is measured (n,).
+        replay: Why no plan is better.
+        cost: The cost of the plan, recomputed.
+        unsure: Its relative error.
         slack: Relative difference between these candidates and those of the search.
     """
-    cost, most = part.cost(Design.of(known, Frame.of_candidates(known), plan.astype(float)))
-    unsure = AGREE + (most / cost - 1 if 0 < cost < math.inf else math.inf)
+    n = replay.candidates.n
     value = as_cost(name, stated["value"])
     holds = abs(value - cost) <= unsure * cost and unsure < 2 * AGREE
     reason = "" if holds else "the recomputed number differs"
@@ -300,13 +297,13 @@ def exact_claims(
     bound = as_cost(name, stated["bound_exact"])
     why = "expected a positive number"
     if 0 < bound < math.inf:
-        why = Replay(tree, part, known, int(plan.sum())).proves(bound * (1 - slack))
+        why = replay.proves(bound * (1 - slack))
     own = None if why else stated["bound_exact"]
-    claims.append(Claim("bound_exact", not why, stated["bound_exact"], own, why, known.n))
+    claims.append(Claim("bound_exact", not why, stated["bound_exact"], own, why, n))
     if stated["proved_exact"]:
         is_best = not why and cost * (1 - BEST - slack) <= bound
         reason = "" if is_best else "the plan is not the best"
-        claims.append(Claim("proved_exact", is_best, None, None, reason, known.n))
+        claims.append(Claim("proved_exact", is_best, None, None, reason, n))
     return claims
 
 

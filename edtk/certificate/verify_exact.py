@@ -4,16 +4,17 @@ The certificate is an enemy's: the tree is replayed in code that the search does
 claim that is left out fails.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from edtk.certificate.recompute.array_criteria import BAYESIAN, FORMS, Part
-from edtk.certificate.recompute.arrays import Candidates
-from edtk.certificate.recompute.exact_tree import MOST_SIZE, Tree, counts_of, plan_of
+from edtk.certificate.recompute.arrays import Candidates, Design, Frame
+from edtk.certificate.recompute.exact_tree import MOST_SIZE, Replay, Tree, counts_of, plan_of
 from edtk.certificate.recompute.plain_data import number, numbers, table, whole
-from edtk.certificate.verify_certificate import Claim, exact_claims, unproved_exact
+from edtk.certificate.verify_certificate import AGREE, Claim, exact_claims, unproved_exact
 from edtk.certificate.verify_problem import (
     ProblemVerification,
     candidates_of,
@@ -94,7 +95,10 @@ def verify_exact(content: Any, problem: Problem) -> ExactVerification:
         else:
             part, known = _question(content["criterion"], candidates, kept, size)
             stated["proved_exact"] = content["proved_exact"]
-            claims += exact_claims(name, stated, part, known, tree, plan)
+            design = Design.of(known, Frame.of_candidates(known), plan.astype(float))
+            cost, most = part.cost(design)
+            unsure = AGREE + (most / cost - 1 if 0 < cost < math.inf else math.inf)
+            claims += exact_claims(name, stated, Replay(tree, part, known, told), cost, unsure)
     return ExactVerification(
         criterion=criterion.name,
         kind="plan",

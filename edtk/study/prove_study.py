@@ -10,11 +10,16 @@ from edtk.design.exact.exact_plan import ExactPlan, OnCandidates
 from edtk.study.plan_study import RunOptions
 from edtk.system.errors import UserError
 
+ROUNDING = 1e-9  # relative difference that two ways to compute a cost may make
+
 
 def prove_on_candidates(
     found: ExactPlan, seconds: float, candidates: int | None, options: RunOptions
 ) -> ExactPlan:
     """Prove the best plan of as many experiments on candidates, or a bound, beside a found plan.
+
+    Visits of a pose that share errors of the model tell less together than the proof takes them to
+    tell: its bound holds for them, but its best plan need not be the best where it repeats a pose.
 
     The found plan may be off the candidates, and then above or below what is proved of these. What
     is known beforehand, and kept experiments, count in both.
@@ -44,15 +49,19 @@ def prove_on_candidates(
     )
     if best.proof is None or best.exact_bound is None:
         raise UserError(f"no weights of the {number:,} candidates were found: {best.basis}")
+    plan = space.plan(poses.x[best.support], best.counts[best.support])
+    M = space.information_beside(found.kept, plan)
+    shared = space.noise is not None and space.noise.shares
+    cost = float(relaxed.criterion.cost(M)) if shared else best.cost
     on_them = OnCandidates(
         candidates=number,
         bound=best.exact_bound,
-        best=best.cost,
-        plan=space.plan(poses.x[best.support], best.counts[best.support]),
+        best=cost,
+        plan=plan,
         counts=best.counts,
-        information=poses.problem.with_prior(None).information(best.counts) + base,
+        information=M,
         tree=best.proof.tree,
-        proved=best.proved_exact,
+        proved=best.proved_exact and cost <= best.cost * (1 + ROUNDING),
         seconds=best.seconds,
         ended=best.ended,
     )

@@ -81,6 +81,22 @@ def test_kept_experiments_and_what_is_known_count(tmp_path: Path) -> None:
     assert "value_exact" in edtk.verify(content, study).failed
 
 
+def test_visits_that_share_errors_are_not_the_best_where_they_repeat(tmp_path: Path) -> None:
+    """What a model leaves out comes with every visit of a pose: the bound holds, and no more."""
+    study = KINDS["springs"].replace(noise={"discrepancy_mm": 0.2})
+    content = written(study, "A", tmp_path / "c.json", size=6, candidates=6)
+    one = content["on_candidates"]
+    assert max(one["plan"]["count"]) > 1
+    assert not one["proved_exact"]
+    assert one["value"] > 1.5 * one["bound_exact"]
+    assert edtk.verify(content, study).valid
+    one["proved_exact"] = True
+    assert edtk.verify(content, study).failed == ("proved_exact",)
+    # The value that a sum of single visits would have.
+    one |= {"value": one["bound_exact"]}
+    assert edtk.verify(content, study).failed == ("value_exact", "proved_exact")
+
+
 def test_a_proof_that_was_not_ended_proves_its_bound(tmp_path: Path) -> None:
     """No plan is said to be the best, and none may be."""
     study = KINDS["springs"]
