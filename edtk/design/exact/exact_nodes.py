@@ -211,6 +211,12 @@ class Merits:
         """The largest information of a candidate (Frobenius)."""
         return float(np.sqrt((np.square(self.F) / self.twice).sum(axis=1).max()))
 
+    @cached_property
+    def floor(self) -> Array | None:
+        """F (p, p) of a criterion whose merit is the largest t with ``t F <= X``; else None."""
+        band = self.criterion.spectral_band(self.p)
+        return None if band is None or band.a else np.asarray(band.floor)
+
     def __getitem__(self, chosen: Indices) -> "Merits":
         """Those of some candidates."""
         most = None if self.most is None else self.most[chosen]

@@ -12,6 +12,7 @@ from criteria.linalg.inverse import unit_scale, whitener
 from criteria.linalg.typing import triangle
 from edtk.design.exact.counts.counts_bound import RelaxedCounts, relaxed_counts
 from edtk.design.exact.counts.limits import Limits
+from edtk.design.exact.exact_kinks import spectral_multipliers
 from edtk.design.exact.exact_nodes import SHARPNESS, Merits, Nodes, Told
 from edtk.design.exact.exact_split import Division, halved_order, parts, with_some_weight
 from edtk.design.exact.exact_tree import ExactTree, TreeRecord
@@ -27,6 +28,7 @@ from edtk.system.typing import Array, Indices
 MARGIN = 1e-9
 AT_ONCE = 256  # nodes
 MOST_AT_ONCE = 200_000  # candidates of them
+NEARER = (1e-2, 3e-4)  # parts of the merit to which multipliers at kinks are computed
 LOOKS = 2  # at all candidates of a node
 STEPS = 2  # of its weights before each
 REGULAR = 1e-12  # least eigenvalue at unit diagonal of information that can be whitened
@@ -401,6 +403,8 @@ class _Search:
         Returns:
             The nodes with their last weights, what the best multipliers tell, and these.
         """
+        if self.merits.floor is not None:
+            return self._settled_at_kinks(nodes, told, Z)
         best = (told, Z)
         everywhere = np.ones(nodes.n, dtype=bool)
         for look in range(LOOKS):
@@ -419,6 +423,18 @@ class _Search:
             best = _better(nodes, best, told, Z)
             if look < LOOKS - 1:
                 nodes = with_some_weight(nodes, told.sensitivities)
+        return nodes, *best
+
+    def _settled_at_kinks(self, nodes: Nodes, told: Told, Z: Array) -> tuple[Nodes, Told, Array]:
+        """The same of a criterion of the least eigenvalue, by Newton's method."""
+        best = (told, Z)
+        for near in NEARER:
+            Z, weights = spectral_multipliers(self.merits, nodes, *best, near, self.least)
+            # Its polar does not depend on the information.
+            one = np.broadcast_to(np.eye(self.merits.p), (nodes.n, self.merits.p, self.merits.p))
+            Z = self.merits.scaled(self.merits.unpacked(Z), one)
+            nodes = nodes.with_weights(weights)
+            best = _better(nodes, best, self.merits.tell(nodes, Z), Z)
         return nodes, *best
 
     def _multipliers(self, nodes: Nodes, step: int) -> Array:

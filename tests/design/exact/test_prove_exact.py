@@ -153,6 +153,22 @@ def test_the_bound_begins_with_that_of_weights() -> None:
     assert found.cost >= relaxed.cost * (1 - 1e-6)
 
 
+def test_multipliers_at_kinks_come_near_the_best() -> None:
+    """From a multiplier that proves little, Newton's method comes to the bound of best weights."""
+    problem = Problem(np.random.default_rng(2).normal(size=(60, 1, 4)))
+    criterion = criteria.create("E")
+    assert isinstance(criterion, Relaxable)
+    limits = Limits(7, np.zeros((4, 4)))
+    relaxed = relaxed_counts(problem, criterion, limits)
+    search = _Search(problem, criterion, limits, relaxed, None)
+    nodes = search.open[0].nodes
+    poor = search.merits.scaled(np.eye(4)[None], np.eye(4)[None])
+    before = search.merits.tell(nodes, poor)
+    _, after, _ = search._settled(nodes, before, poor)
+    assert search.merits.cost_of(float(before.merit[0])) < 0.9 * relaxed.cost
+    assert search.merits.cost_of(float(after.merit[0])) > (1 - 1e-3) * relaxed.cost
+
+
 def test_an_interrupted_proof_keeps_its_bound() -> None:
     """Ctrl-C after some nodes leaves a bound that is sharper than that of the root."""
     limits = Limits(7, np.zeros((3, 3)))

@@ -1,0 +1,283 @@
+"""Multipliers of nodes of a proof by a criterion of the least eigenvalue, which has kinks.
+
+With floor F the merit of X is the largest t with ``t F <= X``. So the best multiplier of a node
+whose groups g have c_g experiments each minimises
+
+    <Z, K> + sum_g c_g y_g,   y_g >= <Z, M_i> of each candidate i of g,   <Z, F> = 1,   Z >= 0.
+
+The barrier ``-log det Z - sum_i log(y_g - <Z, M_i>)`` is added with a factor 1/tau (Vandenberghe,
+Boyd 1996); Newton's method follows its minima to larger tau. There the numbers
+``w_i = 1/(tau (y_g - z_i))`` are weights of the candidates, with ``sum w_i = c_g`` in each group,
+and p + n is tau times the distance of both problems. Only candidates that are near the largest of
+their group take part; the bound is computed anew from all, for whatever multiplier comes out.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from criteria.linalg.typing import triangle
+from edtk.design.exact.exact_nodes import Merits, Nodes, Told
+from edtk.system.typing import Array, Indices, Mask
+
+NEAREST = 80  # candidates of a node that take part
+STEPS = 40  # of Newton's method, at most
+BEGIN = 0.05  # part of the merit that the distance may have at the beginning
+INSIDE = 0.1  # part of the first multiplier that is regular
+CENTRED = 0.6  # length of a Newton step from which on tau grows
+FASTER = 12.0  # growth of tau
+REACH = 0.8  # part of the way to the boundary
+SMALL = 1e-14  # part of the largest eigenvalue that rounding leaves of others
+
+
+def spectral_multipliers(
+    merits: Merits, nodes: Nodes, told: Told, Z: Array, near: float, least: float
+) -> tuple[Array, Array]:
+    """Multipliers (b, q) of nodes (b,), and weights (s,) of their candidates.
+
+    Args:
+        merits: Of a criterion with a floor.
+        nodes: The nodes.
+        told: What known multipliers tell of them.
+        Z: These (b, q).
+        near: Distance from the best multiplier at which to end, in parts of the merit.
+        least: The merit below which a node is closed, and no better multiplier of use.
+    """
+    chosen, known = _chosen(nodes, told)
+    game = _Game.of(merits, nodes, chosen, known, told.merit * near, least)
+    state = game.begun(Z, told.merit)
+    for _ in range(STEPS):
+        some = np.flatnonzero(game.open(state))
+        if not len(some):
+            break
+        state.put(some, game[some].stepped(state[some]))
+    weights = np.zeros(len(nodes.candidates))
+    weights[chosen[known]] = game.weights(state)[known]
+    # Of a candidate at the boundary.
+    weights[~np.isfinite(weights)] = 0.0
+    rows, columns = triangle(merits.p)
+    return state.Z[:, rows, columns], weights
+
+
+def _chosen(nodes: Nodes, told: Told) -> tuple[Indices, Mask]:
+    """The candidates (b, k) of each node that take part, and where there is one."""
+    top = np.maximum.reduceat(told.sensitivities, nodes.heads)[nodes.group_of]
+    even = (nodes.counts / nodes.lengths)[nodes.group_of]
+    distance = (top - told.sensitivities) / (1.0 + nodes.weights / even)
+    number = np.minimum(nodes.sizes, NEAREST)
+    known = np.arange(int(number.max())) < number[:, None]
+    chosen = np.zeros(known.shape, dtype=int)
+    for i, (start, size) in enumerate(zip(nodes.starts, nodes.sizes, strict=True)):
+        order = np.arange(size)
+        if size > NEAREST:
+            order = np.argpartition(distance[start : start + size], NEAREST - 1)[:NEAREST]
+        chosen[i, known[i]] = start + order
+    return chosen, known
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """Where Newton's method is, in each of some nodes (b,).
+
+    Attributes:
+        Z: Multipliers (b, p, p).
+        y: Bounds (b, g) on the sensitivities of each group.
+        tau: Factors (b,) of the objective.
+        centred: Whether (b,) the minimum for that factor is near.
+        lost: Whether (b,) rounding left no further step.
+    """
+
+    Z: Array
+    y: Array
+    tau: Array
+    centred: Mask
+    lost: Mask
+
+    def __getitem__(self, some: Indices) -> "_State":
+        """That of some nodes."""
+        return _State(
+            self.Z[some], self.y[some], self.tau[some], self.centred[some], self.lost[some]
+        )
+
+    def put(self, some: Indices, other: "_State") -> None:
+        """Take over the state of some nodes."""
+        self.Z[some] = other.Z
+        self.y[some] = other.y
+        self.tau[some] = other.tau
+        self.centred[some] = other.centred
+        self.lost[some] = other.lost
+
+
+@dataclass(frozen=True, eq=False)
+class _Game:
+    """The problems of nodes (b,).
+
+    Attributes:
+        F: Information (b, k, q) of candidates, zeros where there is none.
+        known: Where there is one (b, k).
+        own: Their groups (b, k, g), as ones and zeros.
+        counts: Experiments (b, g) in each; zero of groups that a node has not.
+        K: What every plan has (q,).
+        floor: F (q,), entries off the diagonal twice.
+        twice: How often each entry (q,) stands in a matrix.
+        near: Distances (b,) at which to end.
+        least: The merit below which a node is closed.
+    """
+
+    F: Array
+    known: Mask
+    own: Array
+    counts: Array
+    K: Array
+    floor: Array
+    twice: Array
+    near: Array
+    least: float
+
+    @classmethod
+    def of(
+        cls, merits: Merits, nodes: Nodes, chosen: Indices, known: Mask, near: Array, least: float
+    ) -> "_Game":
+        """Those of nodes with chosen candidates (b, k)."""
+        place = np.arange(len(nodes.heads)) - nodes.first_groups[nodes.node_of_group]
+        groups = int(place.max()) + 1
+        counts = np.zeros((nodes.n, groups))
+        counts[nodes.node_of_group, place] = nodes.counts
+        own = (place[nodes.group_of[chosen]][..., None] == np.arange(groups)) & known[..., None]
+        rows, columns = triangle(merits.p)
+        assert merits.floor is not None
+        return cls(
+            F=merits.F[nodes.candidates[chosen]] * known[..., None],
+            known=known,
+            own=own.astype(float),
+            counts=counts,
+            K=merits.K,
+            floor=merits.floor[rows, columns] * merits.twice,
+            twice=merits.twice,
+            near=near,
+            least=least,
+        )
+
+    def __getitem__(self, some: Indices) -> "_Game":
+        """Those of some nodes."""
+        return _Game(
+            self.F[some], self.known[some], self.own[some], self.counts[some],
+            self.K, self.floor, self.twice, self.near[some], self.least,
+        )  # fmt: skip
+
+    @property
+    def p(self) -> int:
+        """Number of parameters."""
+        return int((np.sqrt(8 * len(self.twice) + 1) - 1) / 2)
+
+    @property
+    def terms(self) -> Array:
+        """Number (b,) of logarithms of the barriers."""
+        return self.p + self.known.sum(axis=1)
+
+    def begun(self, Z: Array, merit: Array) -> _State:
+        """A start inside, near multipliers (b, q)."""
+        rows, columns = triangle(self.p)
+        b = len(self.F)
+        M = np.empty((b, self.p, self.p))
+        unit = np.eye(self.p)[rows, columns]
+        # A multiplier that proves nothing is no beginning.
+        proves = np.isfinite(Z).all(axis=1) & (Z @ self.floor > 0)
+        Z = np.where(proves[:, None], Z, unit)
+        M[:, rows, columns] = M[:, columns, rows] = Z / (Z @ self.floor)[:, None]
+        regular = np.eye(self.p) / (self.floor @ unit)
+        M = (1.0 - INSIDE) * M + INSIDE * regular
+        merit = np.where(np.isfinite(merit) & (merit > 0), merit, 1.0)
+        room = BEGIN * merit / np.maximum(self.counts.sum(axis=1), 1.0)
+        z = self._sensitivities(M)
+        tops = np.where(self.own > 0, z[..., None], -np.inf).max(axis=1)
+        y = np.where(self.counts > 0, tops + room[:, None], 0.0)
+        return _State(
+            M, y, self.terms / (BEGIN * merit), np.zeros(b, dtype=bool), np.zeros(b, dtype=bool)
+        )
+
+    def open(self, state: _State) -> Mask:
+        """The nodes (b,) whose multipliers are to be improved."""
+        rows, columns = triangle(self.p)
+        value = state.Z[:, rows, columns] @ self.K + (self.counts * state.y).sum(axis=1)
+        done = (state.centred & (self.terms <= self.near * state.tau)) | (value <= self.least)
+        return np.asarray(~done & ~state.lost & np.isfinite(value))
+
+    def weights(self, state: _State) -> Array:
+        """Weights (b, k) of the candidates."""
+        with np.errstate(divide="ignore"):
+            return np.asarray(1.0 / (state.tau[:, None] * self._slack(state.Z, state.y)))
+
+    def stepped(self, state: _State) -> _State:
+        """One step of Newton's method, after which tau may grow."""
+        rows, columns = triangle(self.p)
+        q = len(rows)
+        tau = np.where(state.centred, FASTER * state.tau, state.tau)
+        z, V = np.linalg.eigh(state.Z)
+        R = V / np.sqrt(np.maximum(z, SMALL * z[:, -1:]))[:, None]
+        inverse = R @ np.swapaxes(R, 1, 2)
+        slack = self._slack(state.Z, state.y)
+        u = np.where(self.known, 1.0 / slack, 0.0)
+        size = q + self.counts.shape[1]
+        # Derivatives of each slack by the multiplier and by the bounds of the groups.
+        J = np.concatenate([-self.F, self.own], axis=2)
+        g = tau[:, None] * np.concatenate(
+            [np.broadcast_to(self.K, (len(tau), q)), self.counts], axis=1
+        )
+        g = g - np.einsum("bk,bkj->bj", u, J)
+        g[:, :q] -= self.twice * inverse[:, rows, columns]
+        Ju = J * u[..., None]
+        H = np.zeros((len(tau), size + 1, size + 1))
+        H[:, :size, :size] = np.swapaxes(Ju, 1, 2) @ Ju
+        H[:, :q, :q] += self._curvature(inverse)
+        each = np.arange(q, size)
+        H[:, each, each] += self.counts == 0
+        H[:, size, :q] = H[:, :q, size] = self.floor
+        right = np.concatenate([-g, np.zeros((len(tau), 1))], axis=1)
+        step = _solved(H, right)[:, :size]
+        lost = ~np.isfinite(step).all(axis=1)
+        step[lost] = 0.0
+        length = np.sqrt(np.maximum(-(g * step).sum(axis=1), 0.0))
+        dZ = np.empty_like(state.Z)
+        dZ[:, rows, columns] = dZ[:, columns, rows] = step[:, :q]
+        dy = step[:, q:]
+        change = np.einsum("bkj,bj->bk", J, step)
+        shrinks = np.where(self.known, -change * u, 0.0).max(axis=1)
+        e = np.linalg.eigvalsh(np.swapaxes(R, 1, 2) @ dZ @ R)[:, 0]
+        shrinks = np.maximum(shrinks, -e)
+        reach = REACH / np.maximum(shrinks, REACH)
+        return _State(
+            state.Z + reach[:, None, None] * dZ,
+            state.y + reach[:, None] * dy,
+            tau,
+            np.asarray((length < CENTRED) & (reach >= 1.0)),
+            np.asarray(lost),
+        )
+
+    def _sensitivities(self, Z: Array) -> Array:
+        """``<Z, M_i>`` (b, k)."""
+        rows, columns = triangle(self.p)
+        return np.asarray((self.F @ Z[:, rows, columns, None])[..., 0])
+
+    def _slack(self, Z: Array, y: Array) -> Array:
+        """``y_g - <Z, M_i>`` (b, k); one where there is no candidate."""
+        slack = (self.own @ y[..., None])[..., 0] - self._sensitivities(Z)
+        return np.where(self.known, slack, 1.0)
+
+    def _curvature(self, W: Array) -> Array:
+        """Second derivatives (b, q, q) of ``-log det Z`` by a triangle, with W the inverse of Z."""
+        i, j = triangle(self.p)
+        products = W[:, i[:, None], i] * W[:, j[:, None], j]
+        products += W[:, i[:, None], j] * W[:, j[:, None], i]
+        return np.asarray(0.5 * np.outer(self.twice, self.twice) * products)
+
+
+def _solved(H: Array, right: Array) -> Array:
+    """Solutions (b, k) of equations; no numbers where there is none."""
+    try:
+        return np.asarray(np.linalg.solve(H, right[..., None])[..., 0])
+    except np.linalg.LinAlgError:
+        if len(H) == 1:
+            return np.full(right.shape, np.nan)
+        each = zip(H[:, None], right[:, None], strict=True)
+        return np.concatenate([_solved(one, own) for one, own in each])
