@@ -249,15 +249,15 @@ def _exact(case: Case) -> list[Claim]:
     """The claims about all plans of whole experiments on candidates, which are drawn anew."""
     one = case.on_candidates
     assert one is not None
+    made = case.made.amount.sum()
+    if one.counts.sum() != made:
+        return unproved_exact(f"expected a plan of {made:g} experiments", EXACT)
     try:
         part = one.part(case.name)
         known = one.beside(case.known_to_all)
         cost = values.cost(case.name, case.value_exact)
     except (ValueError, ArithmeticError) as error:
         return unproved_exact(f"cannot be recomputed: {' '.join(str(error).split())}", EXACT)
-    made = case.made.amount.sum()
-    if one.counts.sum() != made:
-        return unproved_exact(f"expected a plan of {made:g} experiments", EXACT)
     # Rows were computed in another way: a bound as good but for that is proved.
     replay = Replay(one.tree, part, known, int(made))
     found = exact_claims(case.name, one.stated, replay, cost, AGREE, AGREE)

@@ -124,6 +124,7 @@ FORGED = {
     "a better value": lambda own: own.update(value=own["value"] * (1 - 1e-6)),
     "a worse plan": _set(plan={"candidate": [0, 1], "count": [1, 2]}),
     "fewer experiments": _set(plan={"candidate": [0], "count": [1]}),
+    "no experiment": _set(plan={"candidate": [], "count": []}),
     "more candidates": lambda own: own.update(candidates=own["candidates"] + 1),
     "fewer candidates": lambda own: own.update(candidates=own["candidates"] - 1),
     "too many candidates": _set(candidates=10**12),
