@@ -459,8 +459,10 @@ def _prior(information: Array) -> list[list[float]]:
 
 
 def _load(study: Study) -> dict[str, Any]:
-    """The keys of the load; a payload in its stead is the force of its weight."""
+    """The keys of the load; a payload in its stead is the force of its weight, none is zero."""
     keys = study.specification
+    if keys.load is None and keys.payload is None:
+        return {"F_N": [0.0, 0.0, 0.0], "T_Nm": [0.0, 0.0, 0.0]}
     if keys.load is not None:
         return keys.load.model_dump(mode="json", exclude_none=True, exclude={"at_mm"})
     return {"F_N": keys.build_load().wrench(np.zeros(0))[:3].tolist(), "T_Nm": [0.0, 0.0, 0.0]}

@@ -100,9 +100,11 @@ def _letters(robot: SpacePolynomials) -> str:
 
 
 def _reasons(leaves: Leaves, covering: Covering, slacks: str) -> list[str]:
-    """A letter (b,) for each leaf; of infeasible ones that of the slack that is below zero."""
-    names = {Reason.BELOW: BOUNDED, Reason.PENALISED: COMBINED}
-    found = [names.get(Reason(reason), "") for reason in leaves.reason.tolist()]
+    """A letter (b,) for each leaf; of infeasible ones that of the slack that is below zero.
+
+    A leaf that an early end has left open has the bound of a box around it, with its factors.
+    """
+    found = [COMBINED if one else BOUNDED for one in (leaves.penalties > 0).any(axis=1)]
     infeasible = np.flatnonzero(leaves.reason == Reason.INFEASIBLE)
     tops = [_largest(one, leaves, covering, infeasible) for one in covering.enclosed.slacks]
     for at, which in zip(infeasible, np.argmin(tops, axis=0) if tops else [], strict=True):

@@ -2,13 +2,17 @@
 
 import copy
 import json
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from three_joints import THREE
 
 import criteria
+import edtk
+import edtk.design.enclosure.cover as prover
 from edtk.certificate.certificate import certificate
 from edtk.certificate.coverings import coverings_to_list
 from edtk.certificate.recompute.covering import Covering, largest_sensitivities
@@ -19,7 +23,7 @@ from edtk.certificate.verify_certificate import verify_certificate
 from edtk.design.enclosure.cover import cover
 from edtk.design.enclosure.robot_polynomials import RobotPolynomials
 from edtk.study.plan_study import relax_study
-from edtk.study.study import load_study
+from edtk.study.study import Study, load_study
 from edtk.system.typing import Array
 
 ROOT = Path(__file__).parents[2]
@@ -293,3 +297,18 @@ def test_the_allowance_of_sensitivities_per_trace_is_in_their_unit(honest: Conte
     assert 0 < found.blur(1.0) < 1e-7
     # All of these ratios are one half, as multipliers are read at that size.
     assert np.abs(found.tested(0.5).values).max() <= found.tested(0.5).error
+
+
+@pytest.mark.parametrize("asked", [0, 2, 12])
+def test_boxes_that_an_early_end_leaves_open_are_certified(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: int
+) -> None:
+    """They have the bound of a box around them, with its factors: the file is whole, and valid."""
+    path = tmp_path / "certificate.json"
+    times = count()
+    monkeypatch.setattr(prover, "out_of_time", lambda: next(times) >= asked)
+    found = edtk.relax(Study(**THREE), "D", prove=1e-6, certificate=path)
+    assert any((one.leaves[0].reason == prover.Reason.OPEN).any() for one in found.coverings)
+    verdict = edtk.verify(path)
+    assert "bound_proved" in {claim.claim for claim in verdict.claims}
+    assert verdict.valid

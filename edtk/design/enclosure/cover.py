@@ -28,7 +28,7 @@ from edtk.system.typing import Array, Indices, Mask
 
 CHUNK = 64  # boxes at a time: their tensors stay in the cache
 LARGE = 32_000  # numbers of a tensor of which as many do
-DEEPEST = 60  # halvings along an axis, which leave a box of the size of rounding
+DEEPEST = 52  # halvings along an axis, which leave a box of the size of rounding
 # Levels above the largest known value, of which the next one is reached from the leaves of the
 # last: each costs about as much as all before it.
 FIRST_LEVEL = 0.3
@@ -230,6 +230,7 @@ class _Chunk:
     Attributes:
         boxes: The boxes (b).
         bound: What is known from the boxes around them (b,).
+        penalties: The factors mu of the slacks (b, c) that prove it.
         values: Coefficients (b, ...) of ``N - u D``.
         error: By how much these may be off (b,).
         rounding: How much of that each halving adds (b,).
@@ -238,6 +239,7 @@ class _Chunk:
 
     boxes: Boxes
     bound: Array
+    penalties: Array
     values: Array
     error: Array
     rounding: Array
@@ -246,7 +248,9 @@ class _Chunk:
     @property
     def leaves(self) -> Leaves:
         """The boxes as leaves."""
-        return Leaves.unknown(self.boxes, self.bound, len(self.slacks))
+        return replace(
+            Leaves.unknown(self.boxes, self.bound, len(self.slacks)), penalties=self.penalties
+        )
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -255,6 +259,7 @@ class _Chunk:
         return _Chunk(
             self.boxes[which],
             self.bound[which],
+            self.penalties[which],
             self.values[which],
             self.error[which],
             self.rounding[which],
@@ -369,6 +374,7 @@ class _Stage:
         return _Chunk(
             leaves.boxes,
             leaves.bound,
+            leaves.penalties,
             values.astype(SINGLE),
             error + UNIT * largest,
             rounding_of_halves(self.tested, UNIT) * largest,
@@ -394,6 +400,7 @@ class _Stage:
         return _Chunk(
             Boxes.joined([chunk.boxes.half(axis, 0), chunk.boxes.half(axis, 1)]),
             np.tile(chunk.bound, 2),
+            np.tile(chunk.penalties, (2, 1)),
             cut(chunk.values, self.degrees[axis]),
             np.tile(chunk.error + chunk.rounding, 2),
             np.tile(chunk.rounding, 2),
@@ -447,7 +454,11 @@ class _Stage:
         hidden |= (chunk.boxes.depth >= DEEPEST - 1).any(axis=1)
         hidden &= reason == Reason.OPEN
         reason[hidden] = np.where(penalties[hidden].any(axis=1), Reason.PENALISED, Reason.BELOW)
-        bound = np.minimum(chunk.bound, self.bound(top))
+        bound = self.bound(top)
+        # What is known from a box around this one rests on that one's factors.
+        inherited = (chunk.bound <= bound) & (reason == Reason.OPEN)
+        penalties[inherited] = chunk.penalties[inherited]
+        bound = np.minimum(chunk.bound, bound)
         bound[reason == Reason.INFEASIBLE] = -np.inf
         leaves = Leaves(chunk.boxes, reason, bound, penalties)
         return leaves, reason != Reason.OPEN, values
@@ -722,7 +733,9 @@ class _Search:
                 parts: list[_Chunk | Leaves] = []
                 if len(rest):
                     self._see_corners(stage, item, rest, shift)
-                    own = replace(item[rest], bound=known.bound[rest])
+                    own = replace(
+                        item[rest], bound=known.bound[rest], penalties=known.penalties[rest]
+                    )
                     for part in stage.split(own, values[rest]):
                         parts.append(part.leaves if stage.is_coarse(part, gap) else part)
                 closed.append(known[is_closed])
