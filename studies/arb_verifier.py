@@ -22,6 +22,8 @@ def sampled(s: dict, Z: arb_mat) -> dict:
     low, far = arb(w.get("height_min_mm", -1e6)) / 1000, arb(w.get("radius_min_mm", 0)) / 1000
     steep = (arb(w.get("tilt_max_deg", 90)) * arb.pi() / 180).sin() + arb(TINY)
 
+    assert all(joint["kind"] == "revolute" for joint in joints), "a joint does not turn"
+
     def pose(j: int, frame: arb_mat, moving: list) -> None:
         if j < len(joints):
             frame, (x, y, z) = frame * arb_mat(joints[j]["origin"]), joints[j]["axis"]
@@ -75,6 +77,7 @@ def fourier(values: list, v: int, motions: list) -> dict:
 
 def local(n: int, middle: arb, half: arb) -> arb_mat:
     """From coefficients on the circle to those of the normalised B-basis of an interval."""
+    assert half < arb.pi() / 2, "an interval has no such basis"
     m, e, columns = n // 2, acb(0, half / 2).exp(), []
     w = acb_poly([1, 2 * half.cos(), 1]) ** m
     for i, k in ((i, (i + 1) // 2) for i in range(n)):
@@ -87,6 +90,7 @@ def leaves(c: dict) -> dict:
     """Boxes ((depth, place), ...) and factors by what closes them, read from the tree's text."""
     boxes = [tuple((0, i) for i in place) for place in product(*map(range, c["parts"]))][::-1]
     factors, found = iter(c["factors"]), {}
+    assert boxes, "no box covers the domain"
     for letter in c["tree"]:
         box = boxes.pop()  # an error where the text goes on
         if letter.isdigit():

@@ -104,7 +104,8 @@ def _reasons(leaves: Leaves, covering: Covering, slacks: str) -> list[str]:
 
     A leaf that an early end has left open has the bound of a box around it, with its factors.
     """
-    found = [COMBINED if one else BOUNDED for one in (leaves.penalties > 0).any(axis=1)]
+    combined = np.asarray((leaves.penalties > 0).any(axis=1))
+    found = [COMBINED if one else BOUNDED for one in combined.tolist()]
     infeasible = np.flatnonzero(leaves.reason == Reason.INFEASIBLE)
     tops = [_largest(one, leaves, covering, infeasible) for one in covering.enclosed.slacks]
     for at, which in zip(infeasible, np.argmin(tops, axis=0) if tops else [], strict=True):
