@@ -38,9 +38,11 @@ class ExactVerification(ProblemVerification):
 
     Attributes:
         best: Whether the plan is said to be the best.
+        limited: Whether each candidate may be measured so often only.
     """
 
     best: bool = False
+    limited: bool = False
 
     @property
     def proved(self) -> str:
@@ -48,6 +50,8 @@ class ExactVerification(ProblemVerification):
         if not self.valid:
             return "nothing is proved"
         plans = f"all plans of {self.experiments} experiments on these {self.candidates} candidates"
+        if self.limited:
+            plans += " within the limits of each"
         if self.best:
             return f"for this problem; the plan is the best of {plans}"
         return f"for this problem; the bound holds for {plans}"
@@ -56,6 +60,16 @@ class ExactVerification(ProblemVerification):
     def subject(self) -> str:
         """What the certificate is about, for a person."""
         return f"{self.label}, plan of {self.experiments} experiments"
+
+
+def _limits(given: Any, kept: Indices) -> Indices | None:
+    """How often each candidate may be chosen beside the kept ones (n,); None for no limit."""
+    if given is None:
+        return None
+    found = numbers(given, (len(kept),), "most")
+    if (found != np.floor(found)).any() or (found < kept).any() or (found > MOST_SIZE).any():
+        raise ValueError(f"most: expected whole numbers up to {MOST_SIZE}, not below what is kept")
+    return np.asarray(found.astype(int) - kept)
 
 
 def verify_exact(content: Any, problem: Problem) -> ExactVerification:
@@ -69,7 +83,7 @@ def verify_exact(content: Any, problem: Problem) -> ExactVerification:
         ValueError: The content is no such certificate, or would take too long; one line says where.
     """
     with np.errstate(all="ignore"):
-        table(content, KEYS, "certificate")
+        table(content, KEYS, "certificate", ("most",))
         require_table(content["criterion"])
         criterion = criterion_of(content["criterion"])
         size = whole(content["size"], 1, MOST_SIZE, "size")
@@ -83,8 +97,12 @@ def verify_exact(content: Any, problem: Problem) -> ExactVerification:
         candidates = candidates_of(problem)
         claims = [same_candidates(content["candidates"], problem, candidates.sha256)]
         told = size - int(kept.sum())
-        is_plan = told > 0 and plan.sum() == told
+        is_plan = told > 0 and bool(plan.sum() == told)
         reason = "" if is_plan else f"expected {told} experiments beside the kept ones"
+        limits = _limits(content.get("most"), kept)
+        if limits is not None and (plan > limits).any():
+            is_plan = False
+            reason = "a candidate is measured more often than it may be"
         claims.append(Claim("plan", is_plan, float(size), float(plan.sum() + kept.sum()), reason))
         name = content["criterion"]["name"]
         if name.removeprefix("bayes_") not in FORMS:
@@ -98,7 +116,8 @@ def verify_exact(content: Any, problem: Problem) -> ExactVerification:
             design = Design.of(known, Frame.of_candidates(known), plan.astype(float))
             cost, most = part.cost(design)
             unsure = AGREE + (most / cost - 1 if 0 < cost < math.inf else math.inf)
-            claims += exact_claims(name, stated, Replay(tree, part, known, told), cost, unsure)
+            replay = Replay(tree, part, known, told, limits)
+            claims += exact_claims(name, stated, replay, cost, unsure)
     return ExactVerification(
         criterion=criterion.name,
         kind="plan",
@@ -110,6 +129,7 @@ def verify_exact(content: Any, problem: Problem) -> ExactVerification:
         experiments=size,
         about=criterion.label,
         best=content["proved_exact"],
+        limited=limits is not None,
     )
 
 

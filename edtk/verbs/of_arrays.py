@@ -43,9 +43,6 @@ class OfProblem(Question):
         if call.certificate is not None and call.prove is None:
             message = "it is about a proof; expected prove beside it"
             raise ArgumentError(message, argument="certificate")
-        if call.certificate is not None and call.most is not None:
-            message = "plans with limits of candidates have none yet; leave it out"
-            raise ArgumentError(message, argument="certificate")
         options = {name: getattr(call, name) for name in (*OF_PROBLEMS, "prove", "cost_budget")}
         given = {name: value for name, value in options.items() if value is not None}
         found = plan_problem(

@@ -205,12 +205,27 @@ def test_files_are_written_and_read(tmp_path):
     assert edtk.verify(path, PROBLEM).valid
     with pytest.raises(UserError, match="expected prove beside it"):
         edtk.plan(PROBLEM, 4, "A", certificate=path)
-    with pytest.raises(UserError, match="limits of candidates have none yet"):
-        edtk.plan(PROBLEM, 4, "A", most=1, prove=60, certificate=path)
     other = Problem(np.eye(3)[:, None, :])
     with pytest.raises(UserError, match="no certificate yet"):
         edtk.plan(PROBLEM, 4, "A", keep=other, prove=60, certificate=tmp_path / "other.json")
     assert not (tmp_path / "other.json").exists()
+
+
+@pytest.mark.parametrize("most", [1, 2])
+def test_plans_within_limits_have_a_certificate(tmp_path, most):
+    """It proves the best plan within the limits, and no more than that."""
+    path = tmp_path / "proof.json"
+    found = edtk.plan(PROBLEM, 4, "A", most=most, keep=[0], prove=60, certificate=path)
+    assert found.proved_exact
+    content = json.loads(path.read_text(encoding="utf-8"))
+    assert edtk.verify(content, PROBLEM).valid
+    free = edtk.plan(PROBLEM, 4, "A", keep=[0], prove=60)
+    unlimited = {name: value for name, value in content.items() if name != "most"}
+    looser = content | {"most": [4] * PROBLEM.n}
+    for other in (unlimited, looser):
+        assert free.cost >= found.cost * (1 - 1e-6) or not holds(other)
+    assert not holds(content | {"most": [1] + [0] * (PROBLEM.n - 1)})
+    assert not holds(content | {"bound_exact": content["bound_exact"] * 1.000001})
 
 
 def test_the_check_takes_less_time_than_the_proof():

@@ -159,19 +159,47 @@ class _Batch:
         every = np.ones(len(self.node), dtype=bool)
         return [self.some(number == i, every) for i in np.unique(number)]
 
-    def fixed(self, least: float) -> tuple[Mask, Mask]:
-        """The nodes (b,) that may have a better plan, and the candidates (s,) that may be in it."""
+    def fixed(self, least: float, most: Indices | None) -> tuple[Mask, Mask]:
+        """The nodes (b,) that may have a better plan, and the candidates (s,) that may be in it.
+
+        Args:
+            least: The merit that a better plan exceeds.
+            most: How often the candidate at each position may be chosen (n,); None for no limit.
+        """
+        used = self.counts > 0
+        # A group of experiments without candidates, or with too few, leaves no plan.
+        sums, last = self._alone() if most is None else self._limited(most)
+        u = self.own + np.where(used, sums, 0.0).sum(axis=1)
+        slack = u[self.node] - last[self.node, self.group] + self.z
+        inside = used[self.node, self.group]
+        # What is no number closes nothing.
+        return ~(u <= least), inside & ~(slack <= least)
+
+    def _alone(self) -> tuple[Array, Array]:
+        """The largest sums (b, g) of sensitivities in each group, and the least term of each."""
         b, g = self.counts.shape
         tops = np.full(b * g, -np.inf)
         np.maximum.at(tops, self.node * g + self.group, self.z)
         tops = tops.reshape(b, g)
         used = self.counts > 0
-        # A group of experiments without candidates leaves no plan.
-        u = self.own + np.where(used, self.counts * np.where(used, tops, 0.0), 0.0).sum(axis=1)
-        slack = u[self.node] - tops[self.node, self.group] + self.z
-        inside = used[self.node, self.group]
-        # What is no number closes nothing.
-        return ~(u <= least), inside & ~(slack <= least)
+        return np.asarray(self.counts * np.where(used, tops, 0.0), dtype=float), tops
+
+    def _limited(self, most: Indices) -> tuple[Array, Array]:
+        """The same where candidates may be chosen so often at most."""
+        b, g = self.counts.shape
+        key = self.node * g + self.group
+        order = np.lexsort((-self.z, key))
+        key = key[order]
+        limit = most[self.position[order]]
+        before = np.cumsum(limit) - limit
+        before -= before[np.searchsorted(key, key)]
+        count = self.counts.ravel()[key]
+        taken = np.clip(count - before, 0, limit)
+        sums = np.bincount(key, taken * self.z[order], b * g)
+        short = np.bincount(key, taken, b * g) < self.counts.ravel()
+        last = np.full(b * g, np.inf)
+        np.minimum.at(last, key[taken > 0], self.z[order][taken > 0])
+        return np.where(short, -np.inf, sums).reshape(b, g), last.reshape(b, g)
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,12 +211,14 @@ class Replay:
         part: The criterion.
         candidates: The candidates, what every plan has as their prior.
         m: Number of experiments.
+        most: How often each candidate may be chosen (n,); None for no limit.
     """
 
     tree: Tree
     part: Part
     candidates: Candidates
     m: int
+    most: Indices | None = None
 
     def proves(self, cost: float) -> str:
         """Why no plan is proved to cost at least so much; empty if it is."""
@@ -207,7 +237,7 @@ class Replay:
             alone, np.array([[self.m]]), np.ones(1, dtype=int), self.own[[root]],
             np.zeros(n, dtype=int), np.arange(n), np.zeros(n, dtype=int), z,
         )  # fmt: skip
-        waiting = [whole.some(*whole.fixed(least))]
+        waiting = [whole.some(*whole.fixed(least, self.limit))]
         while waiting:
             batch = waiting.pop()
             if not len(batch.nodes):
@@ -253,7 +283,7 @@ class Replay:
             nodes, counts, groups + 1, batch.own[of], child, position, own, batch.z[source]
         )
         # First by the multiplier of the parent, then by its own.
-        made = made.some(*made.fixed(least))
+        made = made.some(*made.fixed(least, self.limit))
         number_of = multiplier[made.nodes]
         z = made.z.copy()
         other = number_of != multiplier[self.tree.columns[1][made.nodes]]
@@ -265,7 +295,7 @@ class Replay:
             made.nodes, made.counts, made.groups, self.own[number_of],
             made.node, made.position, made.group, z,
         )  # fmt: skip
-        return made.some(*made.fixed(least))
+        return made.some(*made.fixed(least, self.limit))
 
     def _leaves(self, batch: _Batch, leaves: Mask, cost: float) -> str:
         """Why a node without children leaves a plan below a cost; empty if none does."""
@@ -289,9 +319,16 @@ class Replay:
         """Whether a candidate without a position differs from all that have one."""
         if len(self.tree.order) == self.candidates.n:
             return False
+        if self.most is not None:
+            return True
         packed = _packed(self.candidates, np.eye(self.candidates.p))[0]
         _, kinds = np.unique(packed, axis=0, return_inverse=True)
         return len(np.unique(kinds)) > len(np.unique(kinds[self.tree.order]))
+
+    @cached_property
+    def limit(self) -> Indices | None:
+        """How often the candidate at each position may be chosen (n,); None for no limit."""
+        return None if self.most is None else np.minimum(self.most, self.m)[self.tree.order]
 
     @cached_property
     def twice(self) -> Array:
@@ -374,7 +411,7 @@ class Replay:
         length = np.sqrt((np.square(self.Z) * self.twice).sum(axis=1))
         largest = float(np.sqrt((np.square(packed) * self.twice).sum(axis=1).max()))
         size = float(np.linalg.norm(K)) + self.m * largest
-        rounding = 4 * p * p * EPS * size + self.m * error + float(np.linalg.norm(wrong))
+        rounding = (4 * p * p + self.m) * EPS * size + self.m * error + float(np.linalg.norm(wrong))
         i, j = np.triu_indices(p)
         return np.asarray(self.Z @ (K[i, j] * self.twice) + length * rounding)
 

@@ -32,7 +32,8 @@ def store_exact(plan: ProblemPlan) -> dict[str, Any]:
     M = problem.with_prior(None).information(plan.counts)
     if problem.prior is not None:
         M = M + plan.size * problem.prior
-    return {
+    within = {} if plan.most is None else {"most": np.minimum(plan.most, plan.size).tolist()}
+    return within | {
         "kind": CERTIFICATE,
         "criterion": criterion.to_dict(),
         "candidates": {

@@ -142,6 +142,7 @@ def find_counts(
         kept=kept,
         elsewhere=elsewhere,
         block_counts=_by_block(found.places, limits, problem.n),
+        most=None if limits.most is None else limits.most + kept,
         spent=None if limits.costs is None else float(limits.costs @ counts),
         exact_bound=None if proof is None else _exact_bound(criterion, proof),
         proof=proof,

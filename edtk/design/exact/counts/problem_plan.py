@@ -39,6 +39,7 @@ class ProblemPlan(BoundedDesign):
         exact_bound: No plan of whole experiments within the limits costs less, and which bound that
             is; None where no proof of plans was asked for.
         proof: Why, of the new experiments (`ExactProof`); likewise.
+        most: How often each candidate may be measured (n,), kept ones counted; None for no limit.
     """
 
     problem: Problem
@@ -57,6 +58,7 @@ class ProblemPlan(BoundedDesign):
     spent: float | None = None
     exact_bound: Bound | None = None
     proof: "ExactProof | None" = None
+    most: Indices | None = None
 
     def headline(self) -> str:
         """Criterion, value, size and efficiency."""
