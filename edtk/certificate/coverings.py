@@ -48,6 +48,8 @@ def coverings_to_list(robot: SpacePolynomials, covering: Covering) -> list[dict[
         before = after
     found = []
     for leaves in covering.leaves:
+        if not len(leaves):
+            raise ValueError("a certificate has no words for a load that is closed without boxes")
         letters = _reasons(leaves, covering, slacks)
         tree, order = tree_of(leaves, letters, covering.grid.parts)
         combined = order[np.array([letters[k] == COMBINED for k in order], dtype=bool)]

@@ -30,6 +30,7 @@ KEYS = [
     "value",
     "bound",
     "bound_searched",
+    "bound_proved",
     "bound_gap",
     "efficiency",
     "starts",

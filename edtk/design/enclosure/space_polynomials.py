@@ -313,7 +313,12 @@ class SpacePolynomials(ABC):
         """The sensitivity of a multiplier Z (p, p) over all poses and loads.
 
         Without the prior, which is the same in all experiments.
+
+        Raises:
+            NotEnclosedError: All poses tell the same.
         """
+        if not self.kept:
+            raise NotEnclosedError("all poses tell the same: no joint changes what is told")
         slacks, left_out = self._own_slacks
         bases = self.chart.bases.copy()
         dropped = [j for j in range(len(self.chart.axes)) if j not in self.kept]

@@ -178,7 +178,7 @@ def _motions(axes: Sequence[Axis]) -> list[Motion]:
     each = [
         [both for both in product((False, True), repeat=2) if _keeps(axis, *both)] for axis in axes
     ]
-    every = (Motion(*zip(*choice, strict=True)) for choice in product(*each))
+    every = (Motion(*zip(*choice, strict=True)) for choice in product(*each) if choice)
     return [one for one in every if any(one.moves(j) for j in range(len(axes)))]
 
 

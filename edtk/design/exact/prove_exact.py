@@ -26,6 +26,8 @@ from edtk.system.typing import Array, Indices
 # Relative distance of two costs that a proof does not tell apart; one half of it is for the
 # rounding of whoever checks.
 MARGIN = 1e-9
+# Condition number of rows whose squares lose ``eps 1e6``, less than `MARGIN`.
+MOST_DEPENDENT = 1e3
 AT_ONCE = 256  # nodes
 MOST_AT_ONCE = 200_000  # candidates of them
 NEARER = (1e-2, 3e-4)  # parts of the merit to which multipliers at kinks are computed
@@ -86,6 +88,26 @@ def require_provable(criterion: Criterion, limits: Limits) -> None:
         raise UnprovableError("plans in blocks have no proof")
     if limits.costs is not None:
         raise UnprovableError("plans within a budget of costs have no proof")
+
+
+def require_told_apart(problem: Problem) -> None:
+    """Check that sums of squares keep enough digits for a proof to `MARGIN`.
+
+    Squares lose ``eps`` times the square of the condition number of the rows, each column scaled to
+    length one. Directions that the candidates leave open altogether do not count.
+
+    Raises:
+        UnprovableError: Parameters are nearly dependent.
+    """
+    found = problem.conditioning
+    told = found.s[found.s > found.least]
+    condition = float(told[-1] / told[0]) if len(told) else 1.0
+    if condition > MOST_DEPENDENT:
+        raise UnprovableError(
+            f"the parameters are nearly dependent: the candidates' rows have the condition number "
+            f"{condition:.1e}, each column scaled; a proof of whole plans expects "
+            f"{MOST_DEPENDENT:.0e} at most, as after centring the variables"
+        )
 
 
 def prove_exact(

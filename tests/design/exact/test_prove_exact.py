@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import criteria
+import edtk
 from criteria import Relaxable
 from edtk.design.exact.counts.counts_bound import relaxed_counts
 from edtk.design.exact.counts.limits import Limits
@@ -282,3 +283,16 @@ def sensitivities(
     Z = tree.multipliers * (polars ** (-1 / criterion.degree))[:, None, None]
     K = tree.T.T @ limits.base @ tree.T
     return white.sensitivities(Z)[:, tree.order], np.einsum("kij,ij->k", Z, K)
+
+
+@pytest.mark.parametrize("middle", [1e5, 1e7])
+def test_nearly_dependent_parameters_have_no_proof(middle):
+    """Squares of a line far from the origin lose digits, so nothing is said to be proved; a line
+    that is centred is.
+    """
+    x = np.arange(-3.0, 4.0)
+    line = np.stack([np.ones(7), x], axis=-1)[:, None]
+    far = line + np.array([0.0, middle])
+    with pytest.raises(UnprovableError, match=r"nearly dependent: .* condition number"):
+        edtk.plan(edtk.Problem(far), size=4, criterion="D", prove=5)
+    assert edtk.plan(edtk.Problem(line), size=4, criterion="D", prove=5).proved_exact

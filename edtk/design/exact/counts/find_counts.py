@@ -21,7 +21,12 @@ from edtk.design.exact.counts.counts_search import CountsSearch
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.pricing_for import pricing_for, working_parameters
 from edtk.design.exact.counts.problem_plan import ProblemPlan
-from edtk.design.exact.prove_exact import ExactProof, prove_exact, require_provable
+from edtk.design.exact.prove_exact import (
+    ExactProof,
+    prove_exact,
+    require_provable,
+    require_told_apart,
+)
 from edtk.design.problem import Problem, RankDeficientError
 from edtk.design.relaxation.restricted_master import RelaxationError
 from edtk.design.relaxation.setting import OrderOne
@@ -78,11 +83,12 @@ def find_counts(
         limits = replace(limits, base=limits.base + criterion.precision)
     sized = OrderOne.of(bare.with_prior(limits.base / limits.m))
     sized.problem.require_identifiable(plain)
-    bare = sized.problem.with_prior(None)
-    limits = replace(limits, base=sized.information(limits.base))
     if prove is not None:
         require_provable(plain, limits)
+        require_told_apart(bare.with_prior(limits.base / limits.m))
         starts = PROVED_STARTS if starts is None else starts
+    bare = sized.problem.with_prior(None)
+    limits = replace(limits, base=sized.information(limits.base))
     question = beside_blocks(bare, plain, limits)
     _require_beside_blocks(question, limits, problem)
     try:
