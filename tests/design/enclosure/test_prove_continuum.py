@@ -131,7 +131,7 @@ def test_without_time_and_after_ctrl_c_a_bound_stays() -> None:
     reached: list[float] = []
 
     def progress(stage: str, gap: float) -> None:
-        if stage.startswith("every pose"):
+        if stage.startswith("all poses"):
             reached.append(gap)
             if len(set(reached)) == 2:
                 raise KeyboardInterrupt
