@@ -66,12 +66,20 @@ class Range:
         ends = [np.where(np.isnan(end), 0.0, end) for end in ends]
         return Range.outward(np.minimum.reduce(ends), np.maximum.reduce(ends))
 
-    def squared(self) -> Range:
-        """All squares."""
+    def __abs__(self) -> Range:
+        """All sizes."""
         a, b = np.abs(self.low), np.abs(self.high)
         least = np.where((self.low <= 0) & (self.high >= 0), 0.0, np.minimum(a, b))
-        found = Range.outward(least**2, np.maximum(a, b) ** 2)
-        return Range(np.maximum(found.low, 0.0), found.high)
+        return Range(least, np.maximum(a, b))
+
+    def not_negative(self) -> Range:
+        """Those that are not negative, where no others can be meant; zero where there are none."""
+        return Range(np.maximum(self.low, 0.0), np.maximum(self.high, 0.0))
+
+    def squared(self) -> Range:
+        """All squares."""
+        sizes = abs(self)
+        return Range.outward(sizes.low**2, sizes.high**2).not_negative()
 
     def inverse(self) -> Range:
         """All reciprocals; any number where zero is among the numbers."""
@@ -93,7 +101,7 @@ class Range:
             np.maximum(np.cos(self.low), np.cos(self.high)),
         )
         # A multiple of a turn may lie within the ends, but for their own rounding.
-        slack = UNITS * (1 + np.maximum(np.abs(self.low), np.abs(self.high)))
+        slack = UNITS * (1 + abs(self).high)
         tops = np.floor((self.high + slack) / turns) >= np.ceil((self.low - slack) / turns)
         bottoms = np.floor((self.high + slack) / turns - 0.5) >= np.ceil(
             (self.low - slack) / turns - 0.5
@@ -107,7 +115,7 @@ class Range:
         low = np.moveaxis(self.low, axis, 0)
         high = np.moveaxis(self.high, axis, 0)
         up, down = np.maximum(matrix, 0.0), np.minimum(matrix, 0.0)
-        size = np.tensordot(np.abs(matrix), np.maximum(np.abs(low), np.abs(high)), 1)
+        size = np.tensordot(np.abs(matrix), abs(Range(low, high)).high, 1)
         off = (len(low) + 2) * UNITS * size
         below = np.tensordot(up, low, 1) + np.tensordot(down, high, 1) - off
         above = np.tensordot(up, high, 1) + np.tensordot(down, low, 1) + off
@@ -117,7 +125,7 @@ class Range:
     def total(self, axes: tuple[int, ...]) -> Range:
         """Sums over axes, with their rounding."""
         count = int(np.prod([self.low.shape[axis] for axis in axes]))
-        off = count * UNITS * np.maximum(np.abs(self.low), np.abs(self.high)).sum(axis=axes)
+        off = count * UNITS * abs(self).high.sum(axis=axes)
         return Range.outward(self.low.sum(axis=axes) - off, self.high.sum(axis=axes) + off)
 
 
@@ -207,10 +215,8 @@ class Interval:
     def __abs__(self) -> Interval:
         """The size."""
         v = self.value
-        a, b = np.abs(v.low), np.abs(v.high)
-        least = np.where((v.low <= 0) & (v.high >= 0), 0.0, np.minimum(a, b))
         sign = Range(np.where(v.low > 0, 1.0, -1.0), np.where(v.high < 0, -1.0, 1.0))
-        return self._by(Range(least, np.maximum(a, b)), sign)
+        return self._by(abs(v), sign)
 
     def __eq__(self, other: object) -> bool:
         """No answer: it may differ from point to point."""
@@ -222,14 +228,12 @@ class Interval:
 
     def exp(self) -> Interval:
         """``np.exp``."""
-        found = self.value.rising(np.exp)
-        found = Range(np.maximum(found.low, 0.0), found.high)
+        found = self.value.rising(np.exp).not_negative()
         return self._by(found, found)
 
     def log(self) -> Interval:
         """``np.log``, any number where it is not defined."""
-        v = self.value
-        positive = Range(np.maximum(v.low, 0.0), np.maximum(v.high, 0.0))
+        positive = self.value.not_negative()
         return self._by(positive.rising(np.log), positive.inverse())
 
     def expm1(self) -> Interval:
@@ -242,9 +246,7 @@ class Interval:
 
     def sqrt(self) -> Interval:
         """``np.sqrt``."""
-        v = self.value
-        found = Range(np.maximum(v.low, 0.0), np.maximum(v.high, 0.0)).rising(np.sqrt)
-        found = Range(np.maximum(found.low, 0.0), found.high)
+        found = self.value.not_negative().rising(np.sqrt).not_negative()
         return self._by(found, (found * Range.of(2.0)).inverse())
 
     def cos(self) -> Interval:
@@ -262,11 +264,11 @@ class Interval:
 
     def sinh(self) -> Interval:
         """``np.sinh``."""
-        return self._by(self.value.rising(np.sinh), abs(self).value.rising(np.cosh))
+        return self._by(self.value.rising(np.sinh), abs(self.value).rising(np.cosh))
 
     def cosh(self) -> Interval:
         """``np.cosh``."""
-        return self._by(abs(self).value.rising(np.cosh), self.value.rising(np.sinh))
+        return self._by(abs(self.value).rising(np.cosh), self.value.rising(np.sinh))
 
     def arctan(self) -> Interval:
         """``np.arctan``."""
@@ -296,13 +298,9 @@ def _whole_power(v: Range, n: int) -> Range:
     """All powers by a whole number from zero."""
     if n == 0:
         return Range(np.ones_like(v.low), np.ones_like(v.high))
-    found = v.rising(lambda x: x**n)
     if n % 2 == 0:
-        a, b = np.abs(v.low), np.abs(v.high)
-        least = np.where((v.low <= 0) & (v.high >= 0), 0.0, np.minimum(a, b))
-        found = Range(least, np.maximum(a, b)).rising(lambda x: x**n)
-        found = Range(np.maximum(found.low, 0.0), found.high)
-    return found
+        return abs(v).rising(lambda x: x**n).not_negative()
+    return v.rising(lambda x: x**n)
 
 
 def run_on_boxes(function: Callable[[Any], Any], low: Array, high: Array) -> tuple[Range, Range]:
