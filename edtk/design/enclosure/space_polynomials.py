@@ -15,9 +15,9 @@ from edtk.design.enclosure.polynomial import (
     NotEnclosedError,
     Objective,
     Polynomial,
-    sum_of_products,
+    sum_of_squares,
 )
-from edtk.design.enclosure.symmetry import Halving, halved
+from edtk.design.enclosure.symmetry import TURN, Halving, halved
 from edtk.robots.constraints.constraint import Constraint
 from edtk.robots.constraints.excluded import Excluded
 from edtk.robots.constraints.height import Height
@@ -31,7 +31,6 @@ from edtk.robots.loads.free_load import FreeLoad
 from edtk.robots.loads.listed_load import ListedLoad
 from edtk.system.typing import Array, Indices
 
-TURN = 2 * np.pi
 MOST_TURNS = 12  # of a joint for one of its drive's variable; ratios of whole numbers up to this
 WHOLE = 1e-12  # a ratio counts as whole up to this, as text with twelve digits has it
 LEAST = 1e-300  # information; less is none
@@ -274,15 +273,19 @@ class SpacePolynomials(ABC):
         return [int(j) for j in np.flatnonzero(needed)]
 
     @cached_property
+    def own_axes(self) -> list[Axis]:
+        """The variables that are kept."""
+        return [self.chart.axes[j] for j in self.kept]
+
+    @cached_property
     def _own_slacks(self) -> tuple[list[Polynomial], list[str]]:
         """Slacks in the variables that are kept, and the names of constraints that are left out."""
-        axes = [self.chart.axes[j] for j in self.kept]
         found: list[Polynomial] = []
         left_out: list[str] = []
         for one, slacks in self._slacks:
             depend = {j for f in slacks for j, n in enumerate(f.degrees) if n}
             if slacks and depend <= set(self.kept):
-                found += [f.over(axes, self.kept) for f in slacks]
+                found += [f.over(self.own_axes, self.kept) for f in slacks]
             elif not slacks:
                 left_out += one.labels(self.space.workspace.robot)
         return found, left_out
@@ -292,9 +295,8 @@ class SpacePolynomials(ABC):
         """The part of the box that stands for all of it, whatever the multiplier."""
         every = self.in_kept(self._generic)
         if self.denominator is not None:
-            axes = [self.chart.axes[j] for j in self.kept]
-            every.append(self.denominator.over(axes, self.kept))
-        return halved([self.chart.axes[j] for j in self.kept], [*every, *self._own_slacks[0]])
+            every.append(self.denominator.over(self.own_axes, self.kept))
+        return halved(self.own_axes, [*every, *self._own_slacks[0]])
 
     @property
     def _generic(self) -> Array:
@@ -305,9 +307,8 @@ class SpacePolynomials(ABC):
 
     def in_kept(self, Z: Array) -> list[Polynomial]:
         """The sensitivities of all objectives in the variables that are kept."""
-        axes = [self.chart.axes[j] for j in self.kept]
         every = range(len(self.chart.bases))
-        return [self.sensitivity(Z, k).over(axes, self.kept) for k in every]
+        return [self.sensitivity(Z, k).over(self.own_axes, self.kept) for k in every]
 
     def enclosed(self, Z: Array) -> Enclosed:
         """The sensitivity of a multiplier Z (p, p) over all poses and loads.
@@ -326,7 +327,7 @@ class SpacePolynomials(ABC):
         bases += self.chart.matrix[:, dropped] @ middles
         part = self.halving
         D = self.denominator
-        below = None if D is None else part.of(D.over(part.whole, self.kept))
+        below = None if D is None else part.of(D.over(self.own_axes, self.kept))
         return Enclosed(
             axes=part.axes,
             objectives=tuple(Objective(part.of(f), below) for f in self.in_kept(Z)),
@@ -345,7 +346,7 @@ def _slacks(constraint: Constraint, robot: SpacePolynomials) -> list[Polynomial]
     if isinstance(constraint, Radius):
         x, y, _ = _position(robot)
         least = max(constraint.minimum, 0.0)
-        return [(sum_of_products([(1.0, x, x), (1.0, y, y)]) - least**2).trimmed()]
+        return [(sum_of_squares([x, y]) - least**2).trimmed()]
     if isinstance(constraint, Tilt):
         if constraint.maximum >= np.pi / 2:
             return [Polynomial.constant(robot.chart.axes, 1.0)]
