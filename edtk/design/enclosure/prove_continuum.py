@@ -21,7 +21,7 @@ from edtk.design.enclosure.polynomial import Enclosed, NotEnclosedError, Objecti
 from edtk.design.enclosure.robot_polynomials import polynomials_of
 from edtk.design.enclosure.space_polynomials import SpacePolynomials
 from edtk.design.relaxation.certify import semidefinite
-from edtk.design.relaxation.proof import errors, is_normalised, normalised
+from edtk.design.relaxation.proof import errors, is_normalised, normalised, trace_matrix
 from edtk.design.relaxation.relax import require_relaxable
 from edtk.design.relaxation.relax_poses import (
     PlanInterrupted,
@@ -194,8 +194,7 @@ def enclosed(polynomials: SpacePolynomials, criterion: Criterion, Z: Array) -> E
             f"{criterion.label} compares the parts of what a pose tells; where errors depend on "
             "the pose, or distances are measured, there is no more than a bound of these"
         )
-    B = criterion.trace_root
-    traced = np.eye(len(Z)) if B is None else B @ B.T
+    traced = trace_matrix(criterion, len(Z))
     constant = float(np.sum(traced * M0))
     below = [_with_constant(f, constant) for f in polynomials.enclosed(traced).objectives]
     return replace(

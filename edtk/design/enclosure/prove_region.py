@@ -11,7 +11,7 @@ from edtk.design.enclosure.cover import Covering, CoveringInterrupted
 from edtk.design.enclosure.region_intervals import RegionIntervals, Spans
 from edtk.design.enclosure.region_polynomials import RegionPolynomials
 from edtk.design.region import Region
-from edtk.design.relaxation.proof import is_normalised
+from edtk.design.relaxation.proof import is_normalised, trace_matrix
 from edtk.design.relaxation.relax_poses import ActiveSet
 from edtk.design.relaxation.relax_region import RegionProof, RegionSearch, relax_region
 from edtk.design.relaxation.relaxed_region import JudgedRegion, RelaxedRegion
@@ -268,8 +268,7 @@ def _lifted(criterion: Criterion, Z: Array) -> tuple[Array, Array]:
     """
     if not is_normalised(criterion):
         return Z, np.zeros(len(Z))
-    B = criterion.trace_root
-    P = np.eye(Z.shape[-1]) if B is None else B @ B.T
+    P = trace_matrix(criterion, Z.shape[-1])
     lift = np.array([np.abs(np.linalg.eigvals(np.linalg.solve(P, z))).max() for z in Z])
     return Z + lift[:, None, None] * P, lift
 

@@ -8,7 +8,7 @@ import numpy as np
 from criteria import Criterion
 from edtk.design.enclosure.intervals import Range, run_on_boxes
 from edtk.design.region import FEASIBLE, Region, UserFunction
-from edtk.design.relaxation.proof import is_normalised
+from edtk.design.relaxation.proof import is_normalised, trace_matrix
 from edtk.system.errors import ArgumentError
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array
@@ -146,10 +146,7 @@ class RegionIntervals:
             known: Points (k, d) where large values are known.
             largest: The largest of these.
         """
-        per = None
-        if is_normalised(criterion):
-            B = criterion.trace_root
-            per = np.eye(self.region.p) if B is None else B @ B.T
+        per = trace_matrix(criterion, self.region.p) if is_normalised(criterion) else None
         return _Boxes(self, Z, per, tolerance, known, largest).covered()
 
 
@@ -245,7 +242,7 @@ class _Boxes:
         self._see(middle, centre.low)
         if slope is None:
             return value.high, (high - low) / (limits[1] - limits[0])
-        steep = np.maximum(np.abs(slope.low), np.abs(slope.high)).T
+        steep = abs(slope).high.T
         half = np.nextafter(np.maximum(high - middle, middle - low), np.inf)
         adds = Range.of(steep) * Range.of(half)
         by_mean = (centre + adds.total((1,))).high

@@ -9,7 +9,7 @@ from edtk.design.enclosure.cover import Covering, cover
 from edtk.design.enclosure.polynomial import ROUNDOFF, Axis, Enclosed, Objective, Polynomial
 from edtk.design.expansion import Expansion
 from edtk.design.region import FEASIBLE, Region
-from edtk.design.relaxation.proof import is_normalised
+from edtk.design.relaxation.proof import is_normalised, trace_matrix
 from edtk.system.typing import Array, Indices
 
 ROOM = 4.0
@@ -76,8 +76,7 @@ class RegionPolynomials:
         """
         below = None
         if is_normalised(criterion):
-            B = criterion.trace_root
-            below = self.quadratic(np.eye(self.region.p) if B is None else B @ B.T)
+            below = self.quadratic(trace_matrix(criterion, self.region.p))
         above = self.quadratic(Z)
         low, high = self.region.limits
         # Those of higher degrees than the sensitivity would make every box dearer.

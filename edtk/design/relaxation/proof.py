@@ -35,6 +35,12 @@ def normalised(problem: Problem, criterion: Criterion) -> Problem:
     return problem.with_unit_trace(criterion.trace_root) if is_normalised(criterion) else problem
 
 
+def trace_matrix(criterion: Criterion, p: int) -> Array:
+    """The matrix P (p, p) of the trace ``<P, M>`` that candidates are brought to, ``B B'``."""
+    B = criterion.trace_root
+    return np.eye(p) if B is None else np.asarray(B @ B.T)
+
+
 def original_weights(
     problem: Problem, criterion: Criterion, chosen: Indices, weights: Array
 ) -> Array:
