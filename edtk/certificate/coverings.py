@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from edtk.design.enclosure.cover import Covering, Leaves, Reason, coefficients
+from edtk.design.enclosure.boxes import Covering, Leaves, Reason, coefficients
 from edtk.design.enclosure.polynomial import Polynomial
 from edtk.design.enclosure.space_polynomials import SpacePolynomials
 from edtk.robots.constraints.constraint import Constraint

@@ -8,7 +8,7 @@ from criteria import Relaxable
 from edtk.certificate.coverings import BOUNDED, COMBINED, tree_of
 from edtk.certificate.recompute.region import rounding_of_check
 from edtk.design.bound import printed_form
-from edtk.design.enclosure.cover import Covering, Leaves, Reason, coefficients
+from edtk.design.enclosure.boxes import Covering, Leaves, Reason, coefficients
 from edtk.design.enclosure.polynomial import Polynomial
 from edtk.design.enclosure.prove_region import ProvedRegion
 from edtk.design.enclosure.region_polynomials import RegionPolynomials

@@ -20,6 +20,7 @@ from edtk.certificate.recompute.lower_bound import Multipliers
 from edtk.certificate.recompute.pose_polynomials import DEGREE, Form, Polynomials
 from edtk.certificate.recompute.setting import Setting
 from edtk.certificate.verify_certificate import verify_certificate
+from edtk.design.enclosure.boxes import Reason
 from edtk.design.enclosure.cover import cover
 from edtk.design.enclosure.robot_polynomials import RobotPolynomials
 from edtk.study.plan_study import relax_study
@@ -308,7 +309,7 @@ def test_boxes_that_an_early_end_leaves_open_are_certified(
     times = count()
     monkeypatch.setattr(prover, "out_of_time", lambda: next(times) >= asked)
     found = edtk.relax(Study(**THREE), "D", prove=1e-6, certificate=path)
-    assert any((one.leaves[0].reason == prover.Reason.OPEN).any() for one in found.coverings)
+    assert any((one.leaves[0].reason == Reason.OPEN).any() for one in found.coverings)
     verdict = edtk.verify(path)
     assert "bound_proved" in {claim.claim for claim in verdict.claims}
     assert verdict.valid

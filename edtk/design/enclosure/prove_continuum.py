@@ -16,7 +16,8 @@ import numpy as np
 from criteria import Criterion, Relaxable
 from edtk.design.bound import Bound, BoundKind
 from edtk.design.candidate_source import CandidateSource
-from edtk.design.enclosure.cover import Covering, CoveringInterrupted, cover
+from edtk.design.enclosure.boxes import Covering, CoveringInterrupted
+from edtk.design.enclosure.cover import cover
 from edtk.design.enclosure.polynomial import Enclosed, NotEnclosedError, Objective
 from edtk.design.enclosure.robot_polynomials import polynomials_of
 from edtk.design.enclosure.space_polynomials import SpacePolynomials

@@ -16,7 +16,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from edtk.design.design_space import DesignSpace
-from edtk.design.enclosure.cover import Grid, limits_on
+from edtk.design.enclosure.boxes import Grid, limits_on
 from edtk.design.enclosure.polynomial import (
     ROUNDOFF,
     NotEnclosedError,

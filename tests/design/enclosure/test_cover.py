@@ -6,8 +6,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from edtk.design.enclosure import cover as module
-from edtk.design.enclosure.cover import (
+from edtk.design.enclosure import boxes as module
+from edtk.design.enclosure.boxes import (
     CHUNK,
     Boxes,
     Covering,
@@ -16,9 +16,9 @@ from edtk.design.enclosure.cover import (
     Reason,
     at_once,
     coefficients,
-    cover,
     limits_on,
 )
+from edtk.design.enclosure.cover import cover
 from edtk.design.enclosure.polynomial import Axis, Enclosed, Objective, Polynomial
 from edtk.system.time_limit import time_limit
 from edtk.system.typing import Array

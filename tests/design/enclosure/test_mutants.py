@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import edtk.design.enclosure.basis as basis_module
+import edtk.design.enclosure.boxes as boxes_module
 import edtk.design.enclosure.cover as cover_module
 import edtk.design.enclosure.polynomial as polynomial_module
 
@@ -58,33 +59,54 @@ def _at(basis: ModuleType, kind: str, n: int, a: float, s: object, c: object) ->
     return basis.basis(kind, n, a, s) @ c
 
 
-def laws_of_covering(cover: ModuleType) -> None:
-    """Boxes overlap, coefficients are within their margin, and what closes a box is true of it."""
-    rng = np.random.default_rng(4)
-    axes = (polynomial_module.Axis("angle", -2.0, 3.0), polynomial_module.Axis("angle", 0.0, 1.0))
-    grid = cover.Grid(axes)
+AXES = (polynomial_module.Axis("angle", -2.0, 3.0), polynomial_module.Axis("angle", 0.0, 1.0))
+
+
+def laws_of_boxes(module: ModuleType) -> None:
+    """Boxes overlap, and coefficients are within their margin."""
+    f = drawn(np.random.default_rng(4))
+    grid = module.Grid(AXES)
     assert (grid.widest * 2 * grid.parts >= np.array([5.0, 1.0]) * (1 + 2.0**-41 * 1.5)).all()
-    assert cover.UNIT == SINGLE
-    f = polynomial_module.Polynomial(axes, rng.normal(size=(5, 3)), error=0.125)
     boxes = grid.first()
-    _, error = cover.coefficients(f, grid.middles(boxes), grid.halves(boxes))
+    _, error = module.coefficients(f, grid.middles(boxes), grid.halves(boxes))
     sizes = [
         basis_module.largest_entry(axis, n, a)
-        for axis, n, a in zip(axes, (2, 1), grid.widest.tolist(), strict=True)
+        for axis, n, a in zip(AXES, (2, 1), grid.widest.tolist(), strict=True)
     ]
-    counted = sum(basis_module.rounding_of_entry(a, n) for a, n in zip(axes, (2, 1), strict=True))
+    counted = sum(basis_module.rounding_of_entry(a, n) for a, n in zip(AXES, (2, 1), strict=True))
     assert error >= 0.125 + 0.9 * np.prod(sizes) * counted * np.abs(f.coefficients).sum()
-    assert cover.rounding_of_halves(f, SINGLE) >= basis_module.rounding_of_half(5, SINGLE)
-    slack = polynomial_module.Polynomial(axes, -f.coefficients[:3])  # cuts off what is large
-    once = cover.rounding_of_halves(slack) * np.abs(slack.coefficients).sum()
-    assert cover.rounding_of_slack(slack) >= 2 * 60 * once
+    assert module.rounding_of_halves(f, SINGLE) >= basis_module.rounding_of_half(5, SINGLE)
+    slack = cutting(f)
+    once = module.rounding_of_halves(slack) * np.abs(slack.coefficients).sum()
+    assert module.rounding_of_slack(slack) >= 2 * 60 * once
+
+
+def drawn(rng: np.random.Generator) -> polynomial_module.Polynomial:
+    """A polynomial of random coefficients."""
+    return polynomial_module.Polynomial(AXES, rng.normal(size=(5, 3)), error=0.125)
+
+
+def cutting(f: polynomial_module.Polynomial) -> polynomial_module.Polynomial:
+    """A slack that cuts off what is large."""
+    return polynomial_module.Polynomial(AXES, -f.coefficients[:3])
+
+
+def laws_of_covering(cover: ModuleType) -> None:
+    """Chunks keep their margins, and what closes a box is true of it."""
+    rng = np.random.default_rng(4)
+    assert cover.UNIT == SINGLE
+    f = drawn(rng)
+    slack = cutting(f)
+    grid = boxes_module.Grid(AXES)
+    boxes = grid.first()
+    _, error = boxes_module.coefficients(f, grid.middles(boxes), grid.halves(boxes))
     none = np.zeros((1, 2))
     question = polynomial_module.Enclosed(
-        axes, (polynomial_module.Objective(f),), (slack,), none, np.eye(2)
+        AXES, (polynomial_module.Objective(f),), (slack,), none, np.eye(2)
     )
     objective = question.objectives[0]
     stage = cover._Stage(question, objective, grid, 0.0)
-    chunk = stage.opened(cover.Leaves.unknown(boxes, np.full(len(boxes), np.inf), 1))
+    chunk = stage.opened(boxes_module.Leaves.unknown(boxes, np.full(len(boxes), np.inf), 1))
     largest = np.abs(chunk.values).reshape(len(boxes), -1).max(axis=1).astype(float)
     assert (chunk.error >= error + SINGLE * largest * 0.999).all()
     assert (chunk.rounding >= basis_module.rounding_of_half(5, SINGLE) * largest * 0.999).all()
@@ -92,7 +114,7 @@ def laws_of_covering(cover: ModuleType) -> None:
     assert (half.error >= np.tile(chunk.error + chunk.rounding, 2)).all()
     x = grid.middles(boxes) + grid.halves(boxes) * rng.uniform(-1, 1, (len(boxes), 2))
     leaves, _, _ = stage.close(chunk, 0.5 * float(chunk.values.max()))
-    below = leaves.reason != cover.Reason.INFEASIBLE
+    below = leaves.reason != boxes_module.Reason.INFEASIBLE
     top = f(x) + leaves.penalties[:, 0] * slack(x)
     assert (top[below] + 0.125 <= leaves.bound[below]).all()
     everywhere, _, _ = stage.close(chunk, np.inf)
@@ -149,6 +171,7 @@ def laws_of_polynomials(polynomial: ModuleType) -> None:
 Laws = Callable[[ModuleType], None]
 MODULES: dict[str, tuple[ModuleType, Laws]] = {
     "basis": (basis_module, laws_of_the_basis),
+    "boxes": (boxes_module, laws_of_boxes),
     "cover": (cover_module, laws_of_covering),
     "polynomial": (polynomial_module, laws_of_polynomials),
 }
@@ -182,14 +205,14 @@ MUTANTS = [
         'if axis.kind == "length":\n        return 1.0',
         'if axis.kind == "length":\n        return 0.5',
     ),
-    ("cover", "WIDER = 2.0**-40", "WIDER = 2.0**-41"),
+    ("boxes", "WIDER = 2.0**-40", "WIDER = 2.0**-41"),
     ("cover", "UNIT = float(np.finfo(SINGLE).eps) / 2", "UNIT = float(np.finfo(SINGLE).eps) / 4"),
     (
-        "cover",
+        "boxes",
         "size * units * (1 + units) + polynomial.error",
         "size * units / 2 + polynomial.error",
     ),
-    ("cover", "(1 + units) + polynomial.error", "(1 + units) + polynomial.error / 2"),
+    ("boxes", "(1 + units) + polynomial.error", "(1 + units) + polynomial.error / 2"),
     ("cover", "error + UNIT * largest", "error + UNIT * largest / 2"),
     (
         "cover",
@@ -239,9 +262,10 @@ def mutated(name: str, old: str, new: str) -> ModuleType:
 
 @pytest.mark.parametrize("name", MODULES)
 def test_the_enclosure_obeys_its_laws(name: str) -> None:
-    """Basis, margins and boxes are as the theorems have them."""
+    """Basis, margins and boxes are as the theorems have them, in a copy without a change, too."""
     module, laws = MODULES[name]
     laws(module)
+    laws(mutated(name, "", ""))
 
 
 @pytest.mark.parametrize(("name", "old", "new"), MUTANTS)
