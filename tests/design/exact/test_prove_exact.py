@@ -11,6 +11,7 @@ import edtk
 from criteria import Relaxable
 from edtk.design.exact.counts.counts_bound import relaxed_counts
 from edtk.design.exact.counts.limits import Limits
+from edtk.design.exact.exact_nodes import Nodes
 from edtk.design.exact.exact_tree import ExactTree
 from edtk.design.exact.prove_exact import ExactProof, UnprovableError, _Search, prove_exact
 from edtk.design.problem import Problem
@@ -69,14 +70,22 @@ def test_what_is_proved_is_the_best_of_all_plans(seed: int) -> None:
 def test_a_plan_that_fixing_leaves_alone_is_tried(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where no exchange and no rounding finds a plan, the node that is this plan alone does."""
+    """Where no start, exchange or rounding finds a plan, the node that is this plan alone does."""
     rng = np.random.default_rng(seed)
     p, n = int(rng.integers(2, 4)), int(rng.integers(8, 16))
     m = rng.integers(p, 5)
     problem = Problem(rng.normal(size=(n, 1, p)))
     limits = Limits(int(m), np.zeros((p, p)))
     criterion = criterion_of("ADE"[seed % 3], p, rng)
+    rounded = _Search._round
+
+    def round_alone(self: _Search, nodes: Nodes) -> None:
+        if (nodes.sizes == np.bincount(nodes.node_of_group)).all():
+            rounded(self, nodes)
+
+    monkeypatch.setattr(_Search, "_start", lambda self, root, told: None)
     monkeypatch.setattr(_Search, "_exchange", lambda self: None)
+    monkeypatch.setattr(_Search, "_round", round_alone)
     found = prove_exact(problem, criterion, limits, seconds=60)
     assert found.proved
     assert found.best == pytest.approx(least_cost(problem, criterion, limits), rel=1e-9)
@@ -223,7 +232,7 @@ def test_the_tree_can_be_recomputed(seed: int, seconds: float) -> None:
 
 
 def test_a_tree_with_other_multipliers_proves_less() -> None:
-    """Multipliers that leave plans open, or nodes without a child, do not prove the bound."""
+    """Multipliers that leave plans open do not prove the bound."""
     problem, limits, _ = drawn(0)
     criterion = criteria.create("A")
     assert isinstance(criterion, Relaxable)
