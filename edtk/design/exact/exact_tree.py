@@ -29,9 +29,9 @@ class ExactTree:
     is from `first` to below `stop` become a new group, which gets `count` of the experiments; its
     number is the number of groups that the parent has ever had, so that a node at depth h has the
     groups 0 .. h. The other candidates of the group keep its number, and the rest of its
-    experiments. All children of a node divide the same group at the same positions. A group of no
-    experiments has no candidates any more. A child that is not listed has a count that no plan can
-    have: more experiments than the part has candidates, each counted as often as it may be chosen.
+    experiments. All children of a node divide the same group at the same positions, and there is
+    one for each count from zero to that of the group. A group of no experiments has no candidates
+    any more.
 
     *Fixing.* In a node a plan of information X has ``<Z, X> <= u`` with
     ``u = <Z, T' K T> + sum over groups of count * (largest z of the group)``. A plan whose cost is
@@ -57,7 +57,6 @@ class ExactTree:
         order: Candidate (n,) at each position. Equal candidates stand for one another: only one of
             them has a position, unless there are limits on how often each is chosen.
         multipliers: Z (r, p, p), symmetric.
-        prices: Price (r,) that goes with each; zeros as long as budgets of costs are not proved.
         multiplier: Index of the multiplier of each node.
         parent: Parent of each node; -1 of the root.
         group: Number of the group that is divided; -1 of the root.
@@ -70,7 +69,6 @@ class ExactTree:
     T: Array
     order: Indices
     multipliers: Array
-    prices: Array
     multiplier: Indices
     parent: Indices
     group: Indices
@@ -124,7 +122,6 @@ class TreeRecord:
             T=T,
             order=order,
             multipliers=unpack(np.concatenate(self._multipliers)),
-            prices=np.zeros(self.multipliers),
             multiplier=multiplier,
             parent=parent,
             group=group,
