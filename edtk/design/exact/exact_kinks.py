@@ -18,6 +18,7 @@ import numpy as np
 
 from criteria.linalg.typing import triangle
 from edtk.design.exact.exact_nodes import Merits, Nodes, Told
+from edtk.design.information import order, sensitivity_rows
 from edtk.system.typing import Array, Indices, Mask
 
 NEAREST = 80  # candidates of a node that take part
@@ -144,7 +145,6 @@ class _Game:
         counts = np.zeros((nodes.n, groups))
         counts[nodes.node_of_group, place] = nodes.counts
         own = (place[nodes.group_of[chosen]][..., None] == np.arange(groups)) & known[..., None]
-        rows, columns = triangle(merits.p)
         assert merits.floor is not None
         return cls(
             F=merits.F[nodes.candidates[chosen]] * known[..., None],
@@ -152,7 +152,7 @@ class _Game:
             own=own.astype(float),
             counts=counts,
             K=merits.K,
-            floor=merits.floor[rows, columns] * merits.twice,
+            floor=sensitivity_rows(merits.floor),
             twice=merits.twice,
             near=near,
             least=least,
@@ -168,7 +168,7 @@ class _Game:
     @property
     def p(self) -> int:
         """Number of parameters."""
-        return int((np.sqrt(8 * len(self.twice) + 1) - 1) / 2)
+        return order(len(self.twice))
 
     @property
     def terms(self) -> Array:

@@ -8,6 +8,7 @@ import numpy as np
 
 from criteria import Criterion, Relaxable
 from criteria.linalg.typing import triangle
+from edtk.design.information import order, unpack
 from edtk.system.typing import Array, Indices, Mask
 
 EPS = float(np.finfo(float).eps)
@@ -198,7 +199,7 @@ class Merits:
     @cached_property
     def p(self) -> int:
         """Number of parameters."""
-        return int((np.sqrt(8 * self.F.shape[1] + 1) - 1) / 2)
+        return order(self.F.shape[1])
 
     @cached_property
     def twice(self) -> Array:
@@ -232,11 +233,7 @@ class Merits:
 
     def unpacked(self, triangles: Array) -> Array:
         """Matrices (b, p, p) of triangles (b, q) that have each entry once."""
-        rows, columns = triangle(self.p)
-        M = np.empty((len(triangles), self.p, self.p))
-        M[:, rows, columns] = triangles
-        M[:, columns, rows] = triangles
-        return M
+        return unpack(triangles.T)
 
     def information(self, nodes: Nodes, counts: Array) -> Array:
         """Information (b, p, p) of counts (s,), whole or not, of the nodes' candidates."""
@@ -357,10 +354,6 @@ class Merits:
         # A multiplier that proves nothing is none: it is no number, and bounds no merit.
         proves = np.where(polars > 0, polars, np.nan)
         return np.asarray(proves ** (-1.0 / criterion.degree)), G
-
-    def merits(self, X: Array) -> Array:
-        """Merits (b,) of information X (b, p, p); zero where it is singular."""
-        return np.asarray(self.criterion.cost(X) ** (-1.0 / self.criterion.degree))
 
 
 def _by_convexity(criterion: Criterion, X: Array) -> tuple[Array, Array]:

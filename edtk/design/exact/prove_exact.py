@@ -17,7 +17,7 @@ from edtk.design.exact.exact_nodes import SHARPNESS, Merits, Nodes, Told
 from edtk.design.exact.exact_split import Division, halved_order, parts, with_some_weight
 from edtk.design.exact.exact_tree import ExactTree, TreeRecord
 from edtk.design.exact.exchange import exchange
-from edtk.design.information import Rows
+from edtk.design.information import Rows, sensitivity_rows
 from edtk.design.problem import Problem
 from edtk.system.errors import UserError
 from edtk.system.time_limit import out_of_time, time_limit
@@ -186,13 +186,11 @@ class _Working:
         members = np.arange(problem.n)
         if limits.most is None:
             _, members = np.unique(problem.packed, axis=1, return_index=True)
-        rows, columns = triangle(problem.p)
-        twice = np.where(rows == columns, 1.0, 2.0)
-        K = T.T @ limits.base @ T
+        twice = sensitivity_rows(np.ones((problem.p, problem.p)))
         merits = Merits(
             criterion=transformed,
             F=np.ascontiguousarray((twice[:, None] * packed[:, members]).T),
-            K=twice * K[rows, columns],
+            K=sensitivity_rows(T.T @ limits.base @ T),
             error=float(error.max()),
             m=limits.m,
             most=limits.most,
