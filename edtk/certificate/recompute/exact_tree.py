@@ -462,10 +462,8 @@ def _packed(candidates: Candidates, T: Array) -> tuple[Array, float]:
 
 def counts_of(given: Any, n: int, where: str) -> Indices:
     """How often each of n candidates stands in a list (n,)."""
-    chosen = numbers(rows(given, MOST_SIZE, where), (None,), where)
-    if (chosen != np.floor(chosen)).any() or (chosen < 0).any() or (chosen >= n).any():
-        raise ValueError(f"{where}: expected whole numbers from 0 to {n - 1}")
-    return np.bincount(chosen.astype(int), minlength=n)
+    chosen = _whole(rows(given, MOST_SIZE, where), 0, n - 1, where)
+    return np.bincount(chosen, minlength=n)
 
 
 def plan_of(given: Any, n: int) -> Indices:
