@@ -77,29 +77,22 @@ def find_counts(
         RankDeficientError: No plan of these candidates identifies all parameters.
     """
     since = monotonic()
-    bare = problem.with_prior(None)
     plain = criterion.without_prior
     if criterion.precision is not None:
         limits = replace(limits, base=limits.base + criterion.precision)
-    sized = OrderOne.of(bare.with_prior(limits.base / limits.m))
+    beside = problem.with_prior(limits.base / limits.m)
+    sized = OrderOne.of(beside)
     sized.problem.require_identifiable(plain)
     if prove is not None:
         require_provable(plain, limits)
-        require_told_apart(bare.with_prior(limits.base / limits.m))
+        require_told_apart(beside)
         starts = PROVED_STARTS if starts is None else starts
     bare = sized.problem.with_prior(None)
     limits = replace(limits, base=sized.information(limits.base))
     question = beside_blocks(bare, plain, limits)
     _require_beside_blocks(question, limits, problem)
-    try:
-        relaxed, reason = _relaxed(question, plain)
-        interrupted = relaxed is not None and relaxed.interrupted
-    except KeyboardInterrupt:
-        relaxed, reason = None, "interrupted before one was found"
-        interrupted = True
-    search = _search(bare, plain, limits, relaxed)
-    if not thorough:
-        search = replace(search, pricing=search.pricing.brief())
+    relaxed, reason, interrupted = _relaxed(question, plain)
+    search = _search(bare, plain, limits, relaxed, thorough)
     try:
         relaxed, needs_plan = _of_blocks(relaxed, search, seed)
     except KeyboardInterrupt:
@@ -208,21 +201,31 @@ def _require_beside_blocks(question: Question | None, limits: Limits, problem: P
         )
 
 
-def _relaxed(question: Question | None, criterion: Criterion) -> tuple[RelaxedCounts | None, str]:
-    """The relaxation, or why there is none."""
+def _relaxed(
+    question: Question | None, criterion: Criterion
+) -> tuple[RelaxedCounts | None, str, bool]:
+    """The relaxation, or why there is none; and whether Ctrl-C ended it."""
     if question is None:
         if isinstance(criterion, Relaxable):
-            return None, f"in blocks {criterion.label} may be better with less information"
-        return None, f"{criterion.label} has no convex form"
+            return None, f"in blocks {criterion.label} may be better with less information", False
+        return None, f"{criterion.label} has no convex form", False
     try:
         found = relaxed_counts(*question)
     except RelaxationError:
-        return None, "no solver found weights"
-    return (found, "") if found.cost > 0 else (None, "the multipliers found prove nothing")
+        return None, "no solver found weights", False
+    except KeyboardInterrupt:
+        return None, "interrupted before one was found", True
+    if found.cost > 0:
+        return found, "", found.interrupted
+    return None, "the multipliers found prove nothing", False
 
 
 def _search(
-    bare: Problem, criterion: Criterion, limits: Limits, relaxed: RelaxedCounts | None
+    bare: Problem,
+    criterion: Criterion,
+    limits: Limits,
+    relaxed: RelaxedCounts | None,
+    thorough: bool,
 ) -> CountsSearch:
     """The search, in parameters of order one."""
     rows = bare.factors()
@@ -238,10 +241,11 @@ def _search(
     if not limits.sized:
         rows = np.concatenate([rows, np.zeros((1, *rows.shape[1:]))])
     scatter = Scatter(rows, replace(limits, base=T.T @ limits.base @ T))
+    pricing = pricing_for(transformed.plan_criterion, scatter, mean)
     return CountsSearch(
         criterion=transformed,
         scatter=scatter,
-        pricing=pricing_for(transformed.plan_criterion, scatter, mean),
+        pricing=pricing if thorough else pricing.brief(),
         relaxed=np.zeros(bare.n) if relaxed is None else relaxed.counts,
         bound=0.0 if relaxed is None else relaxed.cost,
     )
