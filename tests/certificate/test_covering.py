@@ -249,6 +249,19 @@ def test_coverings_that_an_enemy_has_changed(honest: Content) -> None:
     assert "no covering" in failure(none)
 
 
+def test_factors_that_overflow_close_no_box(tmp_path: Path) -> None:
+    """Sums with a huge factor are no numbers, which are not at most zero."""
+    edtk.relax(Study(**THREE), "D", prove=0.2, certificate=tmp_path / "proof.json")
+    content = json.loads((tmp_path / "proof.json").read_text(encoding="utf-8"))
+    assert not failure(content)
+    given = content["proof"]["continuum"]["coverings"][0]
+    boxes = int(np.prod(given["parts"]))
+    lower = {"limit": 0.1 * given["limit"], "tree": "+" * boxes, "slacks": "h"}
+    for factor in (1.0, 1e300, 1.7e308):
+        enemy = changed(content, **lower, factors=[[factor]] * boxes)
+        assert "boxes are open" in failure(enemy), factor
+
+
 def test_a_motion_counts_what_it_changes(honest: Content) -> None:
     """A mirror that changes the sensitivity leaves no box closed at a limit near its maximum."""
     setting = kr270(honest)

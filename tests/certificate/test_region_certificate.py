@@ -122,6 +122,7 @@ def test_a_better_bound_is_not_believed(written, tmp_path):
         ("sizes", [3], "region.sizes: expected 2 numbers"),
         ("low", [2, 2], "region: expected low below high"),
         ("multiplier", "x", "region.multiplier"),
+        ("limit", 0.0, "region.limit: expected a number above zero"),
         ("points", [], "region.points"),
     ],
 )

@@ -168,25 +168,24 @@ class Covering:
         missing = set(self.slacks) - set(about.slacks)
         if missing or set(self.reasons) - {BOUNDED, COMBINED} - set(about.slacks):
             raise ValueError("a leaf rests on a constraint that the setting does not have")
-        if not len(self.reasons):
-            return 0
         tested = about.tested(limit)
         none = np.flatnonzero(self.reasons == BOUNDED)
-        count = int(
-            (self._largest(about.domain, [tested], none, np.ones((len(none), 1))) > 0).sum()
-        )
+        # Factors of an enemy overflow: what is no number closes nothing.
+        top = self._largest(about.domain, [tested], none, np.ones((len(none), 1)))
+        count = int((~(top <= 0)).sum())
         for letter in set(self.reasons) - {BOUNDED, COMBINED}:
             some = np.flatnonzero(self.reasons == letter)
             slack = about.slacks[letter]
             top = self._largest(about.domain, [slack], some, np.ones((len(some), 1)))
-            count += int((top >= 0).sum())
+            count += int((~(top < 0)).sum())
         combined = self.reasons == COMBINED
         used = self.factors > 0
         for pattern in np.unique(used[combined], axis=0):
             some = np.flatnonzero(combined & (used == pattern).all(axis=1))
             forms = [tested, *(about.slacks[self.slacks[i]] for i in np.flatnonzero(pattern))]
             mu = np.concatenate([np.ones((len(some), 1)), self.factors[some][:, pattern]], axis=1)
-            count += int((self._largest(about.domain, forms, some, mu) > 0).sum())
+            top = self._largest(about.domain, forms, some, mu)
+            count += int((~(top <= 0)).sum())
         return count
 
     def _largest(self, domain: Domain, forms: list[Form], leaves: Indices, mu: Array) -> Array:

@@ -63,6 +63,9 @@ class Region:
         Z = numbers(content["multiplier"], (p, p), "region.multiplier")
         if not (errors >= 0).all() or not (Z == Z.T).all():
             raise ValueError("region: expected errors from zero, and a symmetric multiplier")
+        limit = number(content["limit"], "region.limit")
+        if limit <= 0:
+            raise ValueError("region.limit: expected a number above zero")
         slacks = []
         for i, one in enumerate(rows(content["slacks"], MOST_SLACKS, "region.slacks")):
             at = f"region.slacks[{i}]"
@@ -76,7 +79,7 @@ class Region:
             errors,
             slacks,
             Z,
-            number(content["limit"], "region.limit"),
+            limit,
             content["tree"],
             rows(content["factors"], 1 << 22, "region.factors"),
         )
