@@ -50,6 +50,7 @@ OF_QUOTIENT = (0.03, 0.01)
 PENALTIES = 6  # factors of a slack that are tried
 SINGLE = np.float32
 UNIT = float(np.finfo(SINGLE).eps) / 2
+EIGHT = 8 * UNIT  # roundings
 PART_OF_GAP = 0.25  # rounding of a tensor, in parts of the gap, from which on it is made anew
 FRESH = 4  # an error of so many times the least one is not made smaller by making a tensor anew
 SMALL = 1e-3  # part of the largest denominator
@@ -306,67 +307,91 @@ class _Penalised:
         self.penalties = np.zeros((len(chunk), len(chunk.slacks)))
 
     def add(self, i: int, cut: Mask) -> None:
-        """Add the best factor of a slack, where it cuts a box that is still open.
-
-        ``max_k (f_k + mu c_k)`` is convex in mu, and each trial tells one of its lines. The next
-        trial is where the best falling and the best rising line meet, whose height no factor can
-        go below: a box that it leaves open is given up.
-        """
+        """Add the best factor of a slack, where it cuts a box that is still open."""
         which = np.flatnonzero(cut & (self.top > self.shift))
         if not len(which):
             return
-        slack = self.stage.enclosed.slacks[i]
         f = self.values[which].reshape(len(which), -1)
-        c = self.stage.elevated(
-            self.chunk.slacks[i][which].astype(f.dtype),
-            slack.degrees,
-            self.chunk.boxes.depth[which],
-        ).reshape(f.shape)
-        rows = np.arange(len(which))
-        at = f.argmax(axis=1)
-        falling = np.stack([f[rows, at], c[rows, at]])
-        at = c.argmax(axis=1)
-        rising = np.stack([f[rows, at], c[rows, at]])
-        best = np.zeros(len(which))
-        top = self.top[which]
-        unit = 4 * float(np.finfo(f.dtype).eps)
-        # A slack is rounded to single precision, and three terms, none above f, the sum or the
-        # slack, by three operations. Each axis along which it is raised adds a sum of products;
-        # averages are not larger than what they are of. A unit is eight roundings.
-        raised = [j for j, n in enumerate(slack.degrees) if n != self.stage.degrees[j]]
-        rounds = 12 + sum(slack.coefficients.shape[j] + 3 for j in raised)
-        own = self.chunk.slacks[i][which].reshape(len(which), -1)
-        size = np.abs(own).max(axis=1) * rounds / 8
-        live = np.flatnonzero(falling[1] < 0)
-        for _ in range(PENALTIES):
-            apart = rising[1, live] - falling[1, live]
-            mu = np.maximum((falling[0, live] - rising[0, live]) / apart, 0.0)
-            height = falling[0, live] + mu * falling[1, live]
-            hopeful = height <= self.shift
-            live, mu = live[hopeful], mu[hopeful]
-            if not len(live):
-                break
-            total = c[live] * mu[:, None]
-            total += f[live]
-            k = total.argmax(axis=1)
-            line = np.stack([f[live, k], c[live, k]])
-            wrong = self.error[which[live]] + unit * (np.abs(line[0]) + mu * size[live])
-            found = total[np.arange(len(live)), k] + wrong
-            better = found < top[live]
-            top[live[better]] = found[better]
-            best[live[better]] = mu[better]
-            falls = line[1] < 0
-            falling[:, live[falls]] = line[:, falls]
-            rising[:, live[~falls]] = line[:, ~falls]
-            live = live[top[live] > self.shift]
+        c = self._raised(i, which)
+        size = self._rounded_size(i, which)
+        best, top = _best_factors(f, c, self.top[which], self.error[which], size, self.shift)
         gained = best > 0
         if not gained.any():
             return
         f[gained] += best[gained, None] * c[gained]
         self.values[which] = f.reshape(self.values[which].shape)
-        self.error[which] += unit * (np.abs(f).max(axis=1) + best * size) * gained
+        self.error[which] += EIGHT * (np.abs(f).max(axis=1) + best * size) * gained
         self.top[which] = top
         self.penalties[which, i] = best
+
+    def _raised(self, i: int, which: Indices) -> Array:
+        """Coefficients (b, n) of a slack in the degrees of the objective and in its precision."""
+        own = self.chunk.slacks[i][which].astype(SINGLE)
+        degrees = self.stage.enclosed.slacks[i].degrees
+        raised = self.stage.elevated(own, degrees, self.chunk.boxes.depth[which])
+        return raised.reshape(len(which), -1)
+
+    def _rounded_size(self, i: int, which: Indices) -> Array:
+        """How large a slack is on each box (b,), times its roundings over eight.
+
+        A slack is rounded to single precision, and three terms, none above f, the sum or the slack,
+        by three operations. Each axis along which it is raised adds a sum of products; averages are
+        not larger than what they are of.
+        """
+        slack = self.stage.enclosed.slacks[i]
+        raised = [j for j, n in enumerate(slack.degrees) if n != self.stage.degrees[j]]
+        rounds = 12 + sum(slack.coefficients.shape[j] + 3 for j in raised)
+        own = self.chunk.slacks[i][which].reshape(len(which), -1)
+        return np.asarray(np.abs(own).max(axis=1) * rounds / 8)
+
+
+def _best_factors(
+    f: Array, c: Array, top: Array, error: Array, size: Array, shift: float
+) -> tuple[Array, Array]:
+    """The factors mu (b,) for which the largest of ``f + mu c`` is small, and that one (b,).
+
+    ``max_k (f_k + mu c_k)`` is convex in mu, and each trial tells one of its lines. The next trial
+    is where the best falling and the best rising line meet, whose height no factor can go below: a
+    box that it leaves open is given up.
+
+    Args:
+        f: Coefficients (b, n).
+        c: Those of a slack.
+        top: The largest of f (b,), with its error.
+        error: By how much f may be off (b,).
+        size: Of what `EIGHT` is the rounding by mu one (b,).
+        shift: A box is closed where the largest is no more.
+    """
+    rows = np.arange(len(f))
+    at = f.argmax(axis=1)
+    falling = np.stack([f[rows, at], c[rows, at]])
+    at = c.argmax(axis=1)
+    rising = np.stack([f[rows, at], c[rows, at]])
+    best = np.zeros(len(f))
+    top = top.copy()
+    live = np.flatnonzero(falling[1] < 0)
+    for _ in range(PENALTIES):
+        apart = rising[1, live] - falling[1, live]
+        mu = np.maximum((falling[0, live] - rising[0, live]) / apart, 0.0)
+        height = falling[0, live] + mu * falling[1, live]
+        hopeful = height <= shift
+        live, mu = live[hopeful], mu[hopeful]
+        if not len(live):
+            break
+        total = c[live] * mu[:, None]
+        total += f[live]
+        k = total.argmax(axis=1)
+        line = np.stack([f[live, k], c[live, k]])
+        wrong = error[live] + EIGHT * (np.abs(line[0]) + mu * size[live])
+        found = total[np.arange(len(live)), k] + wrong
+        better = found < top[live]
+        top[live[better]] = found[better]
+        best[live[better]] = mu[better]
+        falls = line[1] < 0
+        falling[:, live[falls]] = line[:, falls]
+        rising[:, live[~falls]] = line[:, ~falls]
+        live = live[top[live] > shift]
+    return best, top
 
 
 class _Search:
