@@ -19,6 +19,7 @@ from measure import Measured, machine, measure
 
 import edtk
 from edtk import Study, load_study
+from edtk.certificate.certificate import certificate_text
 from edtk.report.tables import markdown_table
 from edtk.system.time_limit import time_limit
 
@@ -50,7 +51,7 @@ def small(kind: str) -> Study:
             turning | {"name": f"q{j + 1}", "axis": axis, "origin_m": place}
             for j, (axis, place) in enumerate(zip(axes, places, strict=True))
         ]
-        force, unknown = [20.0, 0.0, -50.0], ["q1", "q2", "q3"]
+        force = [20.0, 0.0, -50.0]
     else:
         joints = [
             turning | {"name": f"q{j + 1}", "origin_m": place}
@@ -66,7 +67,7 @@ def small(kind: str) -> Study:
                 "limits_m": [-0.2, 0.0],
             },
         )
-        force, unknown = [40.0, 10.0, -50.0], ["q1", "q2", "q3"]
+        force = [40.0, 10.0, -50.0]
     return Study(
         title=kind,
         robot={
@@ -78,7 +79,7 @@ def small(kind: str) -> Study:
         tool={"position_mm": [300, 0, 0]},
         load={"F_N": force},
         measurement={"sigma_mm": 0.03},
-        joints={"unknown": unknown},
+        joints={"unknown": ["q1", "q2", "q3"]},
         workspace={},
     )
 
@@ -147,8 +148,6 @@ def proved(make: Callable[[], Study], criterion: str, gap: float) -> tuple[float
     with TemporaryDirectory() as folder:
         path = Path(folder) / "certificate.json"
         try:
-            from edtk.certificate.certificate import certificate_text
-
             path.write_text(certificate_text(study, found), encoding="utf-8")
             start = process_time()
             claims = {one.claim: one for one in edtk.verify(path).claims}
