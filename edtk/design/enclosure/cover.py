@@ -326,7 +326,7 @@ class _Penalised:
 
     def _raised(self, i: int, which: Indices) -> Array:
         """Coefficients (b, n) of a slack in the degrees of the objective and in its precision."""
-        own = self.chunk.slacks[i][which].astype(SINGLE)
+        own = self.chunk.slacks[i][which].astype(self.values.dtype)
         degrees = self.stage.enclosed.slacks[i].degrees
         raised = self.stage.elevated(own, degrees, self.chunk.boxes.depth[which])
         return raised.reshape(len(which), -1)
