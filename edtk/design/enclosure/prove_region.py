@@ -15,6 +15,7 @@ from edtk.design.relaxation.proof import is_normalised, trace_matrix
 from edtk.design.relaxation.relax_poses import ActiveSet
 from edtk.design.relaxation.relax_region import RegionProof, RegionSearch, relax_region
 from edtk.design.relaxation.relaxed_region import JudgedRegion, RelaxedRegion
+from edtk.design.relaxation.search_continuum import LargestSensitivities
 from edtk.design.relaxation.search_region import POINTS, polish
 from edtk.system.errors import ArgumentError
 from edtk.system.time_limit import out_of_time
@@ -180,17 +181,13 @@ class _Prover:
             self.best = found
         gap = 1 - self.best.cost / search.cost
         self.progress("proof", gap)
-        higher = [
-            covering.place
-            for covering, lower, largest in zip(
-                found.coverings, found.lower, proof.largest.values, strict=True
-            )
-            if lower > largest + HIGHER * abs(largest)
-        ]
-        if gap <= self.eps or found.is_stopped or not higher or out_of_time():
+        places = np.array([covering.place for covering in found.coverings])
+        largest = proof.largest.values
+        higher = found.lower > largest + HIGHER * np.abs(largest)
+        if gap <= self.eps or found.is_stopped or not higher.any() or out_of_time():
             self._tidy(search, active)
             return True
-        search.refuted(np.array(higher))
+        search.refuted(LargestSensitivities(found.lower, places), higher)
         return False
 
     def _cover(self, proof: RegionProof, gap: float) -> RegionCovering:

@@ -23,7 +23,7 @@ from edtk.design.relaxation.search_region import (
     search_region,
     with_cost,
 )
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Mask
 
 GAP = 1e-7
 FIRST = 600  # points of the first relaxation: it only has to find out where to look closer
@@ -124,6 +124,7 @@ class RegionSearch:
         self.weights = np.empty(0)
         self.cost = np.inf
         self.proof: RegionProof | None = None
+        self.is_refuted = False
         self.found = self.points
         self._gaps: list[float] = []
 
@@ -155,8 +156,9 @@ class RegionSearch:
             margin = MARGIN if self.alone else 0.0
             proof, found = RegionProof.of(self.grid, self.criterion, Z, known, M, margin)
             ends.append(found)
-            if self.proof is None or proof.cost > self.proof.cost:
+            if self.proof is None or self.is_refuted or proof.cost > self.proof.cost:
                 self.proof = proof
+                self.is_refuted = False
             # The second search is paid for only where the first one does not settle the matter.
             if self.gap <= enough:
                 break
@@ -180,10 +182,18 @@ class RegionSearch:
             return [of_solver]
         return [-self.criterion.gradient(M)[None], of_solver]
 
-    def refuted(self, x: Array) -> None:
-        """Forget the proof: points x (n, d) are known where the sensitivity is larger."""
-        self.proof = None
-        self.found = np.concatenate([x, self.found])
+    def refuted(self, known: LargestSensitivities, higher: Mask) -> None:
+        """Correct the proof, which the next one is to replace: sensitivities are larger.
+
+        Args:
+            known: What is known now.
+            higher: Whether each of these (r,) is larger than what the search has found.
+        """
+        assert self.proof is not None
+        largest = self.proof.largest.or_larger(known)
+        self.proof = RegionProof.by(self.criterion, self.proof.multipliers, largest, self.proof.M)
+        self.is_refuted = True
+        self.found = np.concatenate([known.x[higher], self.found])
 
     def near(self, active: ActiveSet) -> Array:
         """Points of the grid that are all but in the design.
@@ -279,8 +289,15 @@ class RegionProof:
         """
         Z = _lifted(Z) if criterion.monotone else Z
         largest, found = search_region(grid, criterion, Z, known, margin)
+        return cls.by(criterion, Z, largest, M), found.x
+
+    @classmethod
+    def by(
+        cls, criterion: Relaxable, Z: Array, largest: LargestSensitivities, M: Array
+    ) -> "RegionProof":
+        """What multipliers Z prove where these sensitivities are the largest."""
         bound = float(criterion.lower_bound(Z, largest.values, M))
-        return cls(bound if np.isfinite(bound) else 0.0, Z, largest, M), found.x
+        return cls(bound if np.isfinite(bound) else 0.0, Z, largest, M)
 
 
 def _lifted(Z: Array) -> Array:

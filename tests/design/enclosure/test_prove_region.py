@@ -193,14 +193,15 @@ def test_a_narrow_peak_is_found_from_far_away():
     assert largest <= found.upper <= largest * (1 + 1e-5)
 
 
+def blind(grid, criterion, multipliers, known, margin=0.0):
+    """A search without any ascent."""
+    x = np.concatenate([grid.x, known])
+    values = grid.region.problem(x).sensitivities(multipliers)
+    return LargestSensitivities.of(values, x), Candidates(known, grid.region.problem(known))
+
+
 def test_a_blind_search_is_led_by_the_proof(monkeypatch):
     """Without any ascent, places that boxes find refute each bound that is too good."""
-
-    def blind(grid, criterion, multipliers, known, margin=0.0):
-        x = np.concatenate([grid.x, known])
-        values = grid.region.problem(x).sensitivities(multipliers)
-        return LargestSensitivities.of(values, x), Candidates(known, grid.region.problem(known))
-
     monkeypatch.setattr(relax_region, "search_region", blind)
     found = prove_region(Region(powers(3), -1, 1), criteria.create("D"), 1e-5, candidates=4)
     support = np.array([-1, -np.sqrt(0.2), np.sqrt(0.2), 1])
@@ -208,6 +209,16 @@ def test_a_blind_search_is_led_by_the_proof(monkeypatch):
     assert found.gap <= 1e-5
     assert found.continuum_bound.cost <= cost * (1 + ROUNDING)
     assert found.searched_bound.cost <= cost * (1 + 1e-5)
+
+
+def test_a_search_that_is_refuted_in_its_last_round_tells_what_is_known(monkeypatch):
+    """Its design and the proved bound stay, and the searched one is not the refuted one."""
+    monkeypatch.setattr(relax_region, "search_region", blind)
+    monkeypatch.setattr(relax_region, "ROUNDS", 1)
+    found = prove_region(Region(powers(3), -1, 1), criteria.create("D"), 1e-5, candidates=4)
+    assert found.gap > 1e-5
+    assert 0 < found.continuum_bound.cost <= found.searched_bound.cost < found.cost * (1 - 1e-5)
+    assert found.largest.values == pytest.approx(found.covering.lower)
 
 
 def pieces(x):
