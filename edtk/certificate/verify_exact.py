@@ -72,6 +72,23 @@ def _limits(given: Any, kept: Indices) -> Indices | None:
     return np.asarray(found.astype(int) - kept)
 
 
+def _no_plan(plan: Indices, told: int, limits: Indices | None) -> str:
+    """Why counts (n,) are no plan of so many experiments within limits; empty if they are."""
+    if limits is not None and (plan > limits).any():
+        return "a candidate is measured more often than it may be"
+    if told <= 0 or plan.sum() != told:
+        return f"expected {told} experiments beside the kept ones"
+    return ""
+
+
+def _cost(replay: Replay, plan: Indices) -> tuple[float, float]:
+    """The cost of a plan (n,), and its relative error."""
+    known = replay.candidates
+    design = Design.of(known, Frame.of_candidates(known), plan.astype(float))
+    cost, most = replay.part.cost(design)
+    return cost, AGREE + (most / cost - 1 if 0 < cost < math.inf else math.inf)
+
+
 def verify_exact(content: Any, problem: Problem) -> ExactVerification:
     """Check all claims of a certificate against the candidates that it is about.
 
@@ -97,27 +114,20 @@ def verify_exact(content: Any, problem: Problem) -> ExactVerification:
         candidates = candidates_of(problem)
         claims = [same_candidates(content["candidates"], problem, candidates.sha256)]
         told = size - int(kept.sum())
-        is_plan = told > 0 and bool(plan.sum() == told)
-        reason = "" if is_plan else f"expected {told} experiments beside the kept ones"
         limits = _limits(content.get("most"), kept)
-        if limits is not None and (plan > limits).any():
-            is_plan = False
-            reason = "a candidate is measured more often than it may be"
-        claims.append(Claim("plan", is_plan, float(size), float(plan.sum() + kept.sum()), reason))
+        wrong = _no_plan(plan, told, limits)
+        claims.append(Claim("plan", not wrong, float(size), float(plan.sum() + kept.sum()), wrong))
         name = content["criterion"]["name"]
         if name.removeprefix("bayes_") not in FORMS:
             reason = f"the criterion {name} has no second implementation for whole plans"
             claims += unproved_exact(reason)
-        elif not is_plan:
+        elif wrong:
             claims += unproved_exact("there is no plan")
         else:
             part, known = _question(content["criterion"], candidates, kept, size)
             stated["proved_exact"] = content["proved_exact"]
-            design = Design.of(known, Frame.of_candidates(known), plan.astype(float))
-            cost, most = part.cost(design)
-            unsure = AGREE + (most / cost - 1 if 0 < cost < math.inf else math.inf)
             replay = Replay(tree, part, known, told, limits)
-            claims += exact_claims(name, stated, replay, cost, unsure)
+            claims += exact_claims(name, stated, replay, *_cost(replay, plan))
     return ExactVerification(
         criterion=criterion.name,
         kind="plan",
