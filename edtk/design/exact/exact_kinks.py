@@ -211,16 +211,45 @@ class _Game:
     def stepped(self, state: _State) -> _State:
         """One step of Newton's method, after which tau may grow."""
         rows, columns = triangle(self.p)
-        q = len(rows)
         tau = np.where(state.centred, FASTER * state.tau, state.tau)
         z, V = np.linalg.eigh(state.Z)
         R = V / np.sqrt(np.maximum(z, SMALL * z[:, -1:]))[:, None]
-        inverse = R @ np.swapaxes(R, 1, 2)
-        slack = self._slack(state.Z, state.y)
-        u = np.where(self.known, 1.0 / slack, 0.0)
-        size = q + self.counts.shape[1]
+        u = np.where(self.known, 1.0 / self._slack(state.Z, state.y), 0.0)
         # Derivatives of each slack by the multiplier and by the bounds of the groups.
         J = np.concatenate([-self.F, self.own], axis=2)
+        g, H = self._derivatives(tau, R @ np.swapaxes(R, 1, 2), u, J)
+        step = _solved(H, np.append(-g, np.zeros((len(tau), 1)), axis=1))[:, :-1]
+        lost = ~np.isfinite(step).all(axis=1)
+        step[lost] = 0.0
+        length = np.sqrt(np.maximum(-(g * step).sum(axis=1), 0.0))
+        q = len(rows)
+        dZ = np.empty_like(state.Z)
+        dZ[:, rows, columns] = dZ[:, columns, rows] = step[:, :q]
+        change = np.einsum("bkj,bj->bk", J, step)
+        shrinks = np.where(self.known, -change * u, 0.0).max(axis=1)
+        e = np.linalg.eigvalsh(np.swapaxes(R, 1, 2) @ dZ @ R)[:, 0]
+        shrinks = np.maximum(shrinks, -e)
+        reach = REACH / np.maximum(shrinks, REACH)
+        return _State(
+            state.Z + reach[:, None, None] * dZ,
+            state.y + reach[:, None] * step[:, q:],
+            tau,
+            np.asarray((length < CENTRED) & (reach >= 1.0)),
+            np.asarray(lost),
+        )
+
+    def _derivatives(self, tau: Array, inverse: Array, u: Array, J: Array) -> tuple[Array, Array]:
+        """Gradient (b, k) of the barrier, and its second derivatives bordered by ``<Z, F> = 1``.
+
+        Args:
+            tau: Factors (b,) of the objective.
+            inverse: Inverses (b, p, p) of the multipliers.
+            u: Inverses (b, c) of the slacks; zero where there is no candidate.
+            J: Derivatives (b, c, k) of the slacks.
+        """
+        rows, columns = triangle(self.p)
+        q = len(rows)
+        size = J.shape[2]
         g = tau[:, None] * np.concatenate(
             [np.broadcast_to(self.K, (len(tau), q)), self.counts], axis=1
         )
@@ -233,26 +262,7 @@ class _Game:
         each = np.arange(q, size)
         H[:, each, each] += self.counts == 0
         H[:, size, :q] = H[:, :q, size] = self.floor
-        right = np.concatenate([-g, np.zeros((len(tau), 1))], axis=1)
-        step = _solved(H, right)[:, :size]
-        lost = ~np.isfinite(step).all(axis=1)
-        step[lost] = 0.0
-        length = np.sqrt(np.maximum(-(g * step).sum(axis=1), 0.0))
-        dZ = np.empty_like(state.Z)
-        dZ[:, rows, columns] = dZ[:, columns, rows] = step[:, :q]
-        dy = step[:, q:]
-        change = np.einsum("bkj,bj->bk", J, step)
-        shrinks = np.where(self.known, -change * u, 0.0).max(axis=1)
-        e = np.linalg.eigvalsh(np.swapaxes(R, 1, 2) @ dZ @ R)[:, 0]
-        shrinks = np.maximum(shrinks, -e)
-        reach = REACH / np.maximum(shrinks, REACH)
-        return _State(
-            state.Z + reach[:, None, None] * dZ,
-            state.y + reach[:, None] * dy,
-            tau,
-            np.asarray((length < CENTRED) & (reach >= 1.0)),
-            np.asarray(lost),
-        )
+        return g, H
 
     def _sensitivities(self, Z: Array) -> Array:
         """``<Z, M_i>`` (b, k)."""
