@@ -78,17 +78,10 @@ def find_counts(
     """
     since = monotonic()
     plain = criterion.without_prior
-    if criterion.precision is not None:
-        limits = replace(limits, base=limits.base + criterion.precision)
-    beside = problem.with_prior(limits.base / limits.m)
-    sized = OrderOne.of(beside)
-    sized.problem.require_identifiable(plain)
-    if prove is not None:
-        require_provable(plain, limits)
-        require_told_apart(beside)
-        starts = PROVED_STARTS if starts is None else starts
+    if prove is not None and starts is None:
+        starts = PROVED_STARTS
+    sized, limits = _of_order_one(problem, criterion, limits, prove is not None)
     bare = sized.problem.with_prior(None)
-    limits = replace(limits, base=sized.information(limits.base))
     question = beside_blocks(bare, plain, limits)
     _require_beside_blocks(question, limits, problem)
     relaxed, reason, interrupted = _relaxed(question, plain)
@@ -146,6 +139,27 @@ def find_counts(
         exact_bound=None if proof is None else _exact_bound(criterion, proof),
         proof=proof,
     )
+
+
+def _of_order_one(
+    problem: Problem, criterion: Criterion, limits: Limits, proves: bool
+) -> tuple[OrderOne, Limits]:
+    """The candidates and limits in a unit in which information is of order one.
+
+    Raises:
+        UnprovableError: A proof was asked for, and multipliers can prove nothing about such plans.
+        RankDeficientError: No plan of these candidates identifies all parameters.
+    """
+    plain = criterion.without_prior
+    if criterion.precision is not None:
+        limits = replace(limits, base=limits.base + criterion.precision)
+    beside = problem.with_prior(limits.base / limits.m)
+    sized = OrderOne.of(beside)
+    sized.problem.require_identifiable(plain)
+    if proves:
+        require_provable(plain, limits)
+        require_told_apart(beside)
+    return sized, replace(limits, base=sized.information(limits.base))
 
 
 def _of_blocks(
