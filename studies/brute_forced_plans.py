@@ -19,6 +19,7 @@ from criteria import Criterion
 from edtk import Problem
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.prove_exact import prove_exact
+from edtk.report.tables import markdown_table
 
 NAMES = ("A", "D", "E", "G", "O1", "O3", "O5", "c", "Ds", "rho0")
 PROBLEMS = 200
@@ -94,12 +95,14 @@ def outcome(seed: int) -> Outcome | None:
     )
 
 
+HEADER = (
+    "criterion", "problems", "proved", "false", "largest gap", "nodes, median", "seconds, most",
+)  # fmt: skip
+
+
 def table(outcomes: list[Outcome]) -> str:
     """Numbers by criterion."""
-    lines = [
-        "| criterion | problems | proved | false | largest gap | nodes, median | seconds, most |",
-        "|---|---:|---:|---:|---:|---:|---:|",
-    ]
+    rows = []
     for name in NAMES:
         own = [each for each in outcomes if each.name == name]
         wrong = sum(each.below < 0 or (each.proved and not each.best) for each in own)
@@ -107,10 +110,11 @@ def table(outcomes: list[Outcome]) -> str:
         nodes = int(np.median([each.nodes for each in own]))
         longest = max(each.seconds for each in own)
         proved = sum(each.proved for each in own)
-        lines.append(
-            f"| {name} | {len(own)} | {proved} | {wrong} | {gap:.0e} | {nodes} | {longest:.2f} |"
-        )
-    return "\n".join(lines)
+        rows.append(
+            (name, f"{len(own)}", f"{proved}", f"{wrong}", f"{gap:.0e}", f"{nodes}",
+             f"{longest:.2f}")
+        )  # fmt: skip
+    return markdown_table(HEADER, rows)
 
 
 def main(problems: int) -> None:
@@ -125,7 +129,7 @@ def main(problems: int) -> None:
         "the least cost, or where a plan that it calls the best is not. Written by\n"
         "`studies/brute_forced_plans.py`; seconds are of one core.\n\n"
     )
-    PAGE.write_text(words + table(found) + "\n", encoding="utf-8")
+    PAGE.write_text(words + table(found), encoding="utf-8")
     print(table(found))
 
 
