@@ -228,6 +228,20 @@ def test_plans_within_limits_have_a_certificate(tmp_path, most):
     assert not holds(content | {"bound_exact": content["bound_exact"] * 1.000001})
 
 
+def test_within_limits_equal_candidates_need_a_position_each():
+    """Where each may be chosen once, one cannot stand for two."""
+    rows = np.random.default_rng(4).normal(size=(7, 1, 2))
+    problem = Problem(np.concatenate([rows, -rows]))
+    content = store_exact(edtk.plan(problem, 5, "D", most=1, prove=0.0))
+    assert edtk.verify(content, problem).valid
+    tree = content["tree"]
+    assert tree["stop"] == [14]
+    tree["order"].pop()
+    tree["stop"] = [13]
+    claims = {claim.claim: claim.reason for claim in edtk.verify(content, problem).claims}
+    assert "a candidate is missing" in claims["bound_exact"]
+
+
 def test_the_check_takes_less_time_than_the_proof():
     """A tree of some hundred nodes is replayed faster than it was found."""
     problem = Problem(np.random.default_rng(5).normal(size=(120, 1, 4)))
