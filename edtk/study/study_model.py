@@ -400,7 +400,7 @@ def study_noise(study: Asked, model: ElastostaticModel) -> VisitNoise | None:
     table = study.specification.noise
     if table is None or table.is_white:
         return None
-    return _visit_noise(study, model, table, (table.model_error_percent or 0.0) / 100)
+    return _visit_noise(study, model, table)
 
 
 def promised_noise(study: Asked, model: ElastostaticModel) -> VisitNoise | None:
@@ -411,14 +411,14 @@ def promised_noise(study: Asked, model: ElastostaticModel) -> VisitNoise | None:
     table = study.specification.noise or NoiseTable()
     if table.says_of_model:
         return study_noise(study, model)
-    return _visit_noise(study, model, table, ASSUMED)
+    assumed = table.model_copy(update={"model_error_percent": 100 * ASSUMED})
+    return _visit_noise(study, model, assumed)
 
 
-def _visit_noise(
-    study: Asked, model: ElastostaticModel, table: NoiseTable, share: float
-) -> VisitNoise:
+def _visit_noise(study: Asked, model: ElastostaticModel, table: NoiseTable) -> VisitNoise:
     """The noise of a table, with springs that leave out a share of what they do."""
     tracker = table.tracker()
+    share = (table.model_error_percent or 0.0) / 100
     error = ModelError.of_share(guessed_compliances(study), share) if share else None
     lengths: list[bool] = []
     tracked: list[tuple[int, int]] = []
@@ -432,7 +432,7 @@ def _visit_noise(
         repeatability=table.repeatability(pose_factors(study.robot)),
         white=study_sigma(study),
         discrepancy=np.where(lengths, table.discrepancy_mm / 1e3, 0.0),
-        within=float(np.deg2rad(table.within(bool(share)))),
+        within=float(np.deg2rad(table.within)),
         readings=READINGS[study.specification.measurement.reference],
         error=error,
         groups=groups_of(model.whole_instruments),

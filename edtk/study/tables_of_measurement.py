@@ -92,10 +92,11 @@ class DistanceTable(Table):
         return self
 
 
-# Within limits +-MPE, of which nothing else is known, errors are uniform: JCGM 100:2008, 4.3.7.
 # Poses nearer than this share what the model leaves out [deg]. Where it is of springs, which give
 # way otherwise in another position, it varies once in a turn of a joint, and cos 60 deg is a half.
 NEAR, OF_SPRINGS = 5.0, 60.0
+
+# Within limits +-MPE, of which nothing else is known, errors are uniform: JCGM 100:2008, 4.3.7.
 MPE_OVER_SIGMA = math.sqrt(3)
 
 # Trackers with more than a millimetre, or a millimetre a metre, are not sold.
@@ -201,17 +202,16 @@ class NoiseTable(Table):
         """Whether the model leaves something out."""
         return bool(self.discrepancy_mm or self.model_error_percent)
 
-    def within(self, springs_err: bool) -> float:
+    @property
+    def within(self) -> float:
         """How far poses are apart that do not share what the model leaves out [deg].
 
-        Args:
-            springs_err: Whether that grows with what the springs do. A discrepancy beside it
-                keeps to its own distance, as a sheet, which tells itself what the springs do, has
-                that alone.
+        A discrepancy beside errors of springs keeps to its own distance, as a sheet, which tells
+        itself what the springs do, has that alone.
         """
         if self.discrepancy_within_deg is not None:
             return self.discrepancy_within_deg
-        return OF_SPRINGS if springs_err and not self.discrepancy_mm else NEAR
+        return OF_SPRINGS if self.model_error_percent and not self.discrepancy_mm else NEAR
 
     @property
     def says_of_model(self) -> bool:
@@ -256,8 +256,7 @@ class NoiseTable(Table):
         if self.model_error_percent:
             sizes.append(f"model error {self.model_error_percent:g} % of the displacement")
         if sizes:
-            within = self.within(bool(self.model_error_percent))
-            shared = f"shared by poses within {within:g} deg"
+            shared = f"shared by poses within {self.within:g} deg"
             parts.append(f"{' and '.join(sizes)}, {shared}")
         return ", ".join(parts)
 
