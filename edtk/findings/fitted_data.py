@@ -425,11 +425,6 @@ class FittedData:
         vars(same).update({name: value for name, value in vars(self).items() if name in kept})
         return same
 
-    @property
-    def model_errs(self) -> bool:
-        """Whether the sheet speaks for something that the model leaves out."""
-        return self.model_error is not None and self.model_error.counts
-
     @cached_property
     def left_out(self) -> LeftOutReadings | None:
         """Readings as all other poses predict them; None where the estimate rests on a prior."""
