@@ -22,7 +22,7 @@ TOO_MANY = 3  # of so many rows one outlier is the most for a result that can be
 UNLIKELY_NOISE = 0.01  # p-value of the residuals that is worth a warning
 IMPOSSIBLE = 0.001  # and an alarm
 RARE = 5e-3  # of sound days leave as few coordinates inside their bands as make a finding
-# What [uncertainty] states of the size of a cause, and how many times as much is still that.
+# What [uncertainty] states of the size of a cause.
 STATED = {
     "load_size": "load_percent",
     "load_direction": "load_direction_deg",
