@@ -54,6 +54,24 @@ def test_the_best_block_is_that_of_all_blocks(variance, limited):
         assert found.upper >= values.max()
 
 
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("variance", [0.3, np.inf])
+def test_branch_and_bound_alone_finds_the_best_block(seed, variance, monkeypatch):
+    """From the second best block, without an exchange: no bound cuts the best one off."""
+    monkeypatch.setattr(BlockQuadratic, "improved", lambda self, places: places)
+    rng = np.random.default_rng(seed)
+    for n, r, p, size in [(7, 1, 2, 3), (5, 2, 3, 4), (4, 1, 5, 3), (6, 1, 5, 2)]:
+        rows = rng.normal(size=(n, r, p))
+        F = rng.normal(size=(p, p))
+        share = float(Limits(size, F, blocks=(size,), block_variance=variance).shares[0])
+        blocks = every_block(n, size)
+        values = block_values(rows, F.T @ F, share, blocks)
+        second = np.where(values < values.max() * (1 - 1e-6), values, -np.inf).argmax()
+        found = BlockQuadratic.of(rows, F.T @ F, size, share, None).best(blocks[[second]])
+        assert found.is_exact
+        assert found.value == pytest.approx(values.max(), rel=1e-9)
+
+
 def test_without_time_for_a_proof_the_bound_is_above_all_blocks(monkeypatch):
     """Where blocks are too many to be looked at, the best one is bounded from above."""
     monkeypatch.setattr(blocks_bound, "WORK", 50.0)
