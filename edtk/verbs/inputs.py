@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import combinations
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeGuard
 
@@ -243,7 +244,7 @@ def proved_gap(given: object, argument: str) -> float | None:
     """
     if given is None:
         return None
-    if isinstance(given, (int, float)) and 0 < given < 1:
+    if isinstance(given, Real) and 0 < given < 1:
         return float(given)
     raise ArgumentError("expected a relative gap between 0 and 1", argument=argument, given=given)
 

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 import criteria
 from edtk.certificate.region_certificate import region_certificate
 from edtk.design.enclosure.prove_region import prove_region
@@ -19,7 +17,7 @@ from edtk.design.relaxation.relaxed_region import RelaxedRegion
 from edtk.design.relaxation.search_region import POINTS
 from edtk.system.errors import ArgumentError, UserError, whole_number
 from edtk.system.parsing import json_text
-from edtk.verbs.inputs import TableAndCertificate, given_size
+from edtk.verbs.inputs import TableAndCertificate, given_size, proved_gap
 from edtk.verbs.plan_problem import plan_problem, plan_region
 from edtk.verbs.question import OF_PROBLEMS, PlanCall, Question, RelaxCall
 from edtk.verbs.verify import MOST_MB
@@ -94,7 +92,7 @@ class OfRegion(Question):
             call.starts,
             call.keep,
             call.progress,
-            _gap(call.prove_bound, "prove_bound"),
+            proved_gap(call.prove_bound, "prove_bound"),
         )
         files.write(found.to_frame, str)
         return found
@@ -108,26 +106,13 @@ class OfRegion(Question):
         given = call.candidates
         points = POINTS if given is None else whole_number(given, "candidates", 2)
         of_one = criterion.for_size(_number(call.size))
-        eps = _gap(call.prove, "prove")
+        eps = proved_gap(call.prove, "prove")
         if eps is None:
             found = relax_region(self.region, of_one, points, progress=call.progress)
         else:
             found = prove_region(self.region, of_one, eps, points, call.progress)
         files.write(found.to_frame, lambda: json_text(region_certificate(found)) + "\n")
         return found
-
-
-def _gap(given: object, argument: str) -> float | None:
-    """A relative gap to prove, or None.
-
-    Raises:
-        ArgumentError: It is no such number.
-    """
-    if given is None:
-        return None
-    if isinstance(given, int | float | np.number) and given is not True and 0 < given < 1:
-        return float(given)
-    raise ArgumentError("expected a relative gap between 0 and 1", argument=argument, given=given)
 
 
 def _certificate(found: ProblemPlan) -> str:
