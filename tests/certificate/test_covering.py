@@ -2,6 +2,7 @@
 
 import copy
 import json
+from dataclasses import replace
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,13 @@ from edtk.certificate.certificate import certificate
 from edtk.certificate.coverings import coverings_to_list
 from edtk.certificate.recompute.covering import Covering, largest_sensitivities
 from edtk.certificate.recompute.lower_bound import Multipliers
-from edtk.certificate.recompute.pose_polynomials import DEGREE, Form, Polynomials
+from edtk.certificate.recompute.physics import Friction
+from edtk.certificate.recompute.pose_polynomials import (
+    DEGREE,
+    Form,
+    Polynomials,
+    require_checkable,
+)
 from edtk.certificate.recompute.setting import Setting
 from edtk.certificate.verify_certificate import verify_certificate
 from edtk.design.enclosure.boxes import Reason
@@ -260,6 +267,14 @@ def test_factors_that_overflow_close_no_box(tmp_path: Path) -> None:
     for factor in (1.0, 1e300, 1.7e308):
         enemy = changed(content, **lower, factors=[[factor]] * boxes)
         assert "boxes are open" in failure(enemy), factor
+
+
+def test_friction_is_no_polynomial(honest: Content) -> None:
+    """A covering of a setting with friction is refused by name."""
+    setting = kr270(honest)
+    ones = np.ones(len(setting.unknown))
+    with pytest.raises(ValueError, match="not checked here with friction"):
+        require_checkable(replace(setting, friction=Friction(ones, ones)))
 
 
 def test_a_motion_counts_what_it_changes(honest: Content) -> None:

@@ -287,7 +287,7 @@ class Polynomials:
         found = np.einsum("kra,ab,krb->k", A, Z.Z[0], A) + float((Z.Z[0] * prior).sum())
         # A multiplier that is not semidefinite by rounding is lifted; that adds so much at most.
         lifted = float(Z.lift[0]) * (most + float(Z.scale[0] @ np.sqrt(np.diag(prior))) ** 2)
-        own = 8 * U * abs(float(np.abs(Z.Z[0] * prior).sum()))
+        own = 8 * U * float(np.abs(Z.Z[0] * prior).sum())
         d = domain.form(found.reshape(shape), DEGREE, error + lifted + own)
         trace = None
         if per_trace:
@@ -340,7 +340,8 @@ def require_checkable(setting: Setting) -> None:
     weights: their product is of degree two.
 
     Raises:
-        ValueError: It has noise of another kind, compensators, wires, or joints that follow.
+        ValueError: It has noise of another kind, compensators, friction, wires, or joints that
+            follow.
     """
     physics = setting.physics
     chain = setting.chain
@@ -351,6 +352,7 @@ def require_checkable(setting: Setting) -> None:
         (setting.geometry is not None, "parameters of geometry"),
         (setting.noise is not None, "noise that is not white"),
         (setting.gives is not None or pulls, "compensators"),
+        (setting.friction is not None, "friction"),
         (setting.price is not None, "costs"),
         (tied, "joints that follow others"),
         (wires, "distances"),
