@@ -34,7 +34,7 @@ MOST_PARTS = 64  # of the interval of a joint
 WIDEST = 3.0  # first boxes, below half a turn [rad]
 DEEPEST = 52  # halvings along one joint, as the prover
 MOST_MOTIONS = 12
-OF_ENTRY = 200.0  # roundings of an entry of a matrix of `_local`, from above
+OF_ENTRY = 200.0  # roundings of an entry of a matrix of `basis_on`, from above
 AT_ONCE = 1 << 20  # coefficients
 PER_LEAF = 120.0  # time to check a box of five joints [us]
 PER_POLYNOMIAL = 1e6
@@ -118,14 +118,14 @@ class Covering:
                 for n in rows(content["parts"], v, f"{where}.parts")
             ]
         )
-        if len(parts) < v or (~slides & ((high - low) / parts > 3.0)).any():
+        if len(parts) < v or (~slides & ((high - low) / parts > WIDEST)).any():
             raise ValueError(
                 f"{where}.parts: expected parts of each joint, of {WIDEST:g} rad at most"
             )
         slacks = content["slacks"]
         if not isinstance(slacks, str) or set(slacks) - set(SLACKS):
             raise ValueError(f"{where}.slacks: expected letters of {SLACKS}")
-        depth, place, reasons = _leaves(content["tree"], parts, where)
+        depth, place, reasons = leaves_of(content["tree"], parts, where)
         listed = rows(content["factors"], MOST_NODES, f"{where}.factors")
         some = numbers(listed, (None, len(slacks)), f"{where}.factors")
         combined = reasons == COMBINED
@@ -198,7 +198,7 @@ class Covering:
         tensor = np.stack([one.padded(shape) for one in forms])
         ends, which = self._intervals
         matrices = [
-            _local(n, bool(slides), one[:, 0], one[:, 1], self._unit(domain, j))
+            basis_on(n, bool(slides), one[:, 0], one[:, 1], self._unit(domain, j))
             for j, (n, slides, one) in enumerate(zip(shape, domain.slides, ends, strict=True))
         ]
         top = np.empty(len(leaves))
@@ -232,7 +232,7 @@ class Covering:
         return (low + high) / 2, (high - low) / 2
 
 
-def _leaves(text: Any, parts: Indices, where: str) -> tuple[Indices, Indices, Letters]:
+def leaves_of(text: Any, parts: Indices, where: str) -> tuple[Indices, Indices, Letters]:
     """Depths and places (L, v), and reasons (L,), of the leaves of a tree.
 
     Raises:
@@ -270,7 +270,7 @@ def _leaves(text: Any, parts: Indices, where: str) -> tuple[Indices, Indices, Le
     return np.array(depths), np.array(places), np.array(reasons)
 
 
-def _local(n: int, slides: bool, middle: Array, half: Array, unit: tuple[float, float]) -> Array:
+def basis_on(n: int, slides: bool, middle: Array, half: Array, unit: tuple[float, float]) -> Array:
     """Matrices (K, n, n) from coefficients on a joint to those of a basis on intervals.
 
     The basis is nowhere negative there, and has the sum one: Theorem 2. On an angle

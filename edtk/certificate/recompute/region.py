@@ -7,7 +7,7 @@ import numpy as np
 
 from edtk.certificate.recompute.arrays import EPS, Candidates
 from edtk.certificate.recompute.candidates import require
-from edtk.certificate.recompute.covering import BOUNDED, COMBINED, _leaves, _local
+from edtk.certificate.recompute.covering import BOUNDED, COMBINED, basis_on, leaves_of
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table, whole
 from edtk.system.typing import Array
 
@@ -109,7 +109,7 @@ class Region:
         """
         tested, error = self._sensitivity(prior)
         d = tested.ndim
-        depth, place, reasons = _leaves(self.tree, np.ones(d, dtype=int), "region")
+        depth, place, reasons = leaves_of(self.tree, np.ones(d, dtype=int), "region")
         if not set(reasons) <= {BOUNDED, COMBINED}:
             raise ValueError("region.tree: expected digits of variables, and letters of .+")
         combined = np.flatnonzero(reasons == COMBINED)
@@ -133,7 +133,7 @@ class Region:
             half: Array = np.ldexp(np.ones(1), -depth[part])
             middle: Array = (2.0 * place[part] + 1.0) * half - 1.0
             for j in range(d):
-                B = _local(top[j], True, middle[:, j], half[:, j], (0.0, 1.0))
+                B = basis_on(top[j], True, middle[:, j], half[:, j], (0.0, 1.0))
                 turned = np.einsum("bkn,b...n->b...k", B, np.moveaxis(values, j + 1, -1))
                 values = np.moveaxis(turned, -1, j + 1)
             highest = values.reshape(len(values), -1).max(axis=1) + mu[part] @ off
