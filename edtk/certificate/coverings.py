@@ -4,9 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from edtk.design.enclosure.boxes import Covering, Leaves, Reason, coefficients
+from edtk.certificate.recompute.covering import BOUNDED, COMBINED
+from edtk.design.enclosure.boxes import Covering, Grid, Leaves, Reason, coefficients
 from edtk.design.enclosure.polynomial import Polynomial
 from edtk.design.enclosure.space_polynomials import SpacePolynomials
+from edtk.design.enclosure.symmetry import Halving
 from edtk.robots.constraints.constraint import Constraint
 from edtk.robots.constraints.height import Height
 from edtk.robots.constraints.radius import Radius
@@ -14,8 +16,6 @@ from edtk.robots.constraints.tilt import Tilt
 from edtk.system.typing import Array, Indices
 
 LETTERS: dict[type[Constraint], str] = {Height: "h", Radius: "r", Tilt: "ud"}
-BOUNDED = "."
-COMBINED = "+"
 AT_ONCE = 256  # boxes
 
 
@@ -31,12 +31,30 @@ def coverings_to_list(robot: SpacePolynomials, covering: Covering) -> list[dict[
     """
     slacks = _letters(robot)
     halving = robot.halving
-    places = _places(robot)
-    motions = []
+    of_all = {
+        "joints": _places(robot),
+        "low": [float(axis.low) for axis in halving.whole],
+        "high": [float(axis.high) for axis in halving.whole],
+        "motions": _motions(halving),
+        "parts": covering.grid.parts.tolist(),
+        "slacks": slacks,
+    }
+    found = []
+    for leaves in covering.leaves:
+        letters = _reasons(leaves, covering, slacks)
+        tree, combined = tree_of(leaves, letters, covering.grid.parts)
+        of_one = {"tree": tree, "factors": leaves.penalties[combined].tolist()}
+        found.append({"limit": float(leaves.bound.max())} | of_all | of_one)
+    return found
+
+
+def _motions(halving: Halving) -> list[dict[str, Any]]:
+    """Each motion with the joint whose interval it cuts, and what is left of that."""
+    found = []
     before = halving.whole
     for motion, after in zip(halving.motions, halving.steps, strict=True):
         joint = next(j for j, axis in enumerate(after) if axis != before[j])
-        motions.append(
+        found.append(
             {
                 "mirrors": [int(one) for one in motion.mirrors],
                 "turns": [int(one) for one in motion.turns],
@@ -46,26 +64,6 @@ def coverings_to_list(robot: SpacePolynomials, covering: Covering) -> list[dict[
             }
         )
         before = after
-    found = []
-    for leaves in covering.leaves:
-        if not len(leaves):
-            raise ValueError("a certificate has no words for a load that is closed without boxes")
-        letters = _reasons(leaves, covering, slacks)
-        tree, order = tree_of(leaves, letters, covering.grid.parts)
-        combined = order[np.array([letters[k] == COMBINED for k in order], dtype=bool)]
-        found.append(
-            {
-                "limit": float(leaves.bound.max()),
-                "joints": places,
-                "low": [float(axis.low) for axis in halving.whole],
-                "high": [float(axis.high) for axis in halving.whole],
-                "motions": motions,
-                "parts": covering.grid.parts.tolist(),
-                "slacks": slacks,
-                "tree": tree,
-                "factors": leaves.penalties[combined].tolist(),
-            }
-        )
     return found
 
 
@@ -109,24 +107,24 @@ def _reasons(leaves: Leaves, covering: Covering, slacks: str) -> list[str]:
     combined = np.asarray((leaves.penalties > 0).any(axis=1))
     found = [COMBINED if one else BOUNDED for one in combined.tolist()]
     infeasible = np.flatnonzero(leaves.reason == Reason.INFEASIBLE)
-    tops = [_largest(one, leaves, covering, infeasible) for one in covering.enclosed.slacks]
+    tops = [largest_on(one, leaves, covering.grid, infeasible) for one in covering.enclosed.slacks]
     for at, which in zip(infeasible, np.argmin(tops, axis=0) if tops else [], strict=True):
         found[at] = slacks[which]
     return found
 
 
-def _largest(slack: Polynomial, leaves: Leaves, covering: Covering, which: Indices) -> Array:
-    """The largest coefficient of a slack on some of the boxes (k,)."""
+def largest_on(polynomial: Polynomial, leaves: Leaves, grid: Grid, which: Indices) -> Array:
+    """The largest coefficient of a polynomial on some of the boxes (k,), with its error."""
     found = np.empty(len(which))
     for first in range(0, len(which), AT_ONCE):
         boxes = leaves.boxes[which[first : first + AT_ONCE]]
-        values, _ = coefficients(slack, covering.grid.middles(boxes), covering.grid.halves(boxes))
-        found[first : first + AT_ONCE] = values.reshape(len(values), -1).max(axis=1)
+        values, error = coefficients(polynomial, grid.middles(boxes), grid.halves(boxes))
+        found[first : first + AT_ONCE] = values.reshape(len(values), -1).max(axis=1) + error
     return found
 
 
 def tree_of(leaves: Leaves, letters: list[str], parts: Indices) -> tuple[str, Indices]:
-    """The text of a tree whose leaves are given, and their order in it.
+    """The text of a tree whose leaves are given, and its combined leaves in their order.
 
     A box that is no leaf is halved along an axis along which all leaves in it are finer: one is, as
     the leaves come from halvings, and any such axis leads to the same leaves.
@@ -150,4 +148,5 @@ def tree_of(leaves: Leaves, letters: list[str], parts: Indices) -> tuple[str, In
             side = (place[inside, axis] >> (depth[inside, axis] - finer[axis])) & 1
             text.append(str(axis))
             stack += [(inside[side == 1], finer), (inside[side == 0], finer)]
-    return "".join(text), np.array(order, dtype=int)
+    combined = [k for k in order if letters[k] == COMBINED]
+    return "".join(text), np.array(combined, dtype=int)

@@ -5,17 +5,16 @@ from typing import Any
 import numpy as np
 
 from criteria import Relaxable
-from edtk.certificate.coverings import BOUNDED, COMBINED, tree_of
+from edtk.certificate.coverings import largest_on, tree_of
+from edtk.certificate.recompute.covering import BOUNDED, COMBINED
 from edtk.certificate.recompute.region import rounding_of_check
 from edtk.design.bound import printed_form
-from edtk.design.enclosure.boxes import Covering, Leaves, Reason, coefficients
-from edtk.design.enclosure.polynomial import Polynomial
+from edtk.design.enclosure.boxes import Covering, Leaves, Reason
 from edtk.design.enclosure.prove_region import ProvedRegion
 from edtk.design.enclosure.region_polynomials import RegionPolynomials
 from edtk.design.relaxation.relaxed_region import RelaxedRegion
 from edtk.system.typing import Array
 
-AT_ONCE = 256  # boxes
 TWICE = 2.0  # of the least factor of a slack that closes an infeasible box
 
 
@@ -40,8 +39,7 @@ def region_certificate(found: RelaxedRegion) -> dict[str, Any]:
     limit = float(found.covering.upper[0]) + rounding_of_check(whole, tested.coefficients)
     leaves = covering.leaves[0]
     letters, factors = _closed(leaves, covering, limit)
-    tree, order = tree_of(leaves, letters, covering.grid.parts)
-    combined = order[np.array([letters[k] == COMBINED for k in order], dtype=bool)]
+    tree, combined = tree_of(leaves, letters, covering.grid.parts)
     criterion = found.judged.criterion
     assert isinstance(criterion, Relaxable)
     M = found.judged.region.problem(found.points).information(found.weights)
@@ -89,21 +87,11 @@ def _closed(leaves: Leaves, covering: Covering, limit: float) -> tuple[list[str]
     if not len(infeasible):
         return letters, factors
     slacks = covering.enclosed.slacks
-    tops = np.array([_largest(slack, covering, leaves, infeasible) for slack in slacks])
+    tops = np.array([largest_on(slack, leaves, covering.grid, infeasible) for slack in slacks])
     which = tops.argmin(axis=0)
-    over = _largest(covering.enclosed.objectives[0].numerator, covering, leaves, infeasible)
+    tested = covering.enclosed.objectives[0].numerator
+    over = largest_on(tested, leaves, covering.grid, infeasible)
     excess = np.maximum(over - limit, 0.0) + abs(limit)
     factors[infeasible] = 0.0
     factors[infeasible, which] = TWICE * excess / -tops[which, np.arange(len(which))]
     return letters, factors
-
-
-def _largest(polynomial: Polynomial, covering: Covering, leaves: Leaves, which: Any) -> Array:
-    """The largest coefficient of a polynomial on some of the boxes (k,), with its error."""
-    found = np.empty(len(which))
-    for first in range(0, len(which), AT_ONCE):
-        boxes = leaves.boxes[which[first : first + AT_ONCE]]
-        grid = covering.grid
-        values, error = coefficients(polynomial, grid.middles(boxes), grid.halves(boxes))
-        found[first : first + AT_ONCE] = values.reshape(len(values), -1).max(axis=1) + error
-    return found
