@@ -244,7 +244,7 @@ def proved_gap(given: object, argument: str) -> float | None:
     """
     if given is None:
         return None
-    if isinstance(given, Real) and 0 < given < 1:
+    if isinstance(given, Real) and 0 < float(given) < 1:
         return float(given)
     raise ArgumentError("expected a relative gap between 0 and 1", argument=argument, given=given)
 
