@@ -16,6 +16,7 @@ FLOORS = (
     ("criteria.linalg",),
     ("criteria",),
     ("edtk.robots",),
+    ("edtk.cell",),
     ("edtk.measure",),
     ("edtk.design", "edtk.fit"),
     ("edtk.design.interior_point",),
