@@ -17,6 +17,7 @@ FLOORS = (
     ("criteria",),
     ("edtk.robots",),
     ("edtk.cell",),
+    ("edtk.programs",),
     ("edtk.measure",),
     ("edtk.design", "edtk.fit"),
     ("edtk.design.interior_point",),

@@ -1,0 +1,1 @@
+"""Robot programs: steps as data, and as the text of a brand, one brand a file."""
