@@ -6,7 +6,9 @@ All lengths are metres. A shape is given in the frame of its body's carrier:
 - of one that a joint moves, the frame of that joint as `Frames.bodies` gives it, which turns and
   slides with the joint. It is the frame of a URDF's link, and that of `center_m` in a robot's file.
   A tool is carried by the last joint too, so its shapes are given after that joint, not after the
-  flange.
+  flange;
+- of one that hangs from a point of the arm, this point, with the axes of the world: the body moves
+  as the point does, and does not turn.
 """
 
 from collections.abc import Iterable
@@ -147,6 +149,8 @@ class Body:
         source: From where the shapes are: a URDF, typed by a person, or a default of a robot that
             ships with edtk.
         meshes: The triangles that the shapes contain, where there are any.
+        hangs_at: The point (3,) of its carrier from which a weight hangs [m]; None for a body that
+            its carrier turns.
     """
 
     name: str
@@ -154,12 +158,17 @@ class Body:
     shapes: tuple[Shape, ...]
     source: Source = "typed"
     meshes: tuple[Mesh, ...] = ()
+    hangs_at: Array | None = None
 
     def __post_init__(self) -> None:
         if not self.shapes:
             raise ValueError(f"body {self.name}: has no shape; expected at least one")
         if self.carrier is not None and len(self.capsules) < len(self.shapes):
             raise ValueError(f"body {self.name}: moves, and is not made of capsules alone")
+        if self.carrier is None and self.hangs_at is not None:
+            raise ValueError(
+                f"body {self.name}: hangs from nothing; expected a joint that moves it"
+            )
 
     @property
     def capsules(self) -> tuple[Capsule, ...]:

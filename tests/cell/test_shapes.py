@@ -47,6 +47,7 @@ def test_the_parts_of_a_body_move_as_one() -> None:
         (lambda: Plane(np.zeros(3), 0.0), "length of the normal is 0"),
         (lambda: Body("hand", 5, ()), "hand: has no shape"),
         (lambda: Body("hand", 5, (Box(np.eye(4), np.ones(3)),)), "not made of capsules"),
+        (lambda: Body("load", None, (BALL,), hangs_at=np.zeros(3)), "hangs from nothing"),
     ],
 )
 def test_what_is_no_solid_is_refused(make: object, said: str) -> None:
