@@ -1,0 +1,587 @@
+"""A robot among its surroundings: how far its bodies are from each other and from what stands."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations, pairwise
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from edtk.cell.distance import (
+    Nearest,
+    segment_to_convex,
+    segment_to_plane,
+    segment_to_segment,
+    signed_box,
+    signed_cylinder,
+)
+from edtk.cell.shapes import Body, Box, Capsule, Cylinder, Plane, Shape
+from edtk.robots.constraints.constraint import Constraint, Inequality
+from edtk.robots.frames import Frames, cross
+from edtk.robots.joint import MILLIMETRE
+from edtk.robots.robot import Robot
+from edtk.system.typing import Array, Indices, Mask
+
+CHUNK = 4096  # poses that are looked at together: their arrays fit into a core's cache
+# Of the slack that searches keep: pairs that are farther apart than this do not count, and the
+# nearest of several counts like the least of them but for so much.
+REACH = 0.05  # [m]
+BLUR = 0.005  # [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Clearance:
+    """How free poses are: the least distance of all pairs of bodies, less the margin.
+
+    Attributes:
+        least: Clearances (...) [m]: negative where something touches; inf where the cell has
+            nothing to look at.
+        pair: Index (...) of the pair of bodies that is nearest, of `Cell.pairs`.
+        pairs: Names of the two bodies of each pair.
+    """
+
+    least: Array
+    pair: Indices
+    pairs: tuple[tuple[str, str], ...]
+
+    @property
+    def free(self) -> Mask:
+        """Whether nothing touches in each pose (...)."""
+        return np.asarray(self.least >= 0)
+
+    def names(self, index: int | tuple[int, ...]) -> tuple[str, str] | None:
+        """Names of the nearest two bodies in one pose; None where there is nothing to look at."""
+        return self.pairs[self.pair[index]] if self.pairs else None
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """A robot with its bodies, what it carries, and what stands around it.
+
+    Args:
+        robot: The chain that moves the bodies.
+        bodies: The bodies, each with a name of its own; what moves is made of capsules.
+        margin: Distance that is to be kept, beyond touching [m].
+        pairs: Names of the two bodies of each pair to look at, see `every_pair`.
+
+    Raises:
+        ValueError: Two bodies have one name, or a pair names none, or two that move together.
+    """
+
+    robot: Robot
+    bodies: tuple[Body, ...]
+    margin: float
+    pairs: tuple[tuple[str, str], ...]
+
+    def __post_init__(self) -> None:
+        named = {body.name: body.carrier for body in self.bodies}
+        if len(named) < len(self.bodies):
+            raise ValueError("two bodies have one name; expected a name of its own for each")
+        for pair in self.pairs:
+            for name in pair:
+                if name not in named:
+                    raise ValueError(f"no body {name!r}; the cell has {', '.join(named)}")
+            if named[pair[0]] == named[pair[1]]:
+                raise ValueError(f"bodies {pair[0]!r} and {pair[1]!r} move together")
+
+    @cached_property
+    def carriers(self) -> frozenset[int]:
+        """Joints that move a body, as `Robot.frames` takes them."""
+        return frozenset(body.carrier for body in self.bodies if body.carrier is not None)
+
+    @cached_property
+    def solids(self) -> "Solids":
+        """The shapes as arrays, with the pairs of shapes that are looked at."""
+        return Solids.of(self)
+
+    def clearance(self, q: ArrayLike) -> Clearance:
+        """How free the poses q (..., n) are, and which two bodies are nearest in each.
+
+        Pairs are taken in the order of a cheap lower bound, and only as long as it is below the
+        least distance so far.
+        """
+        flat, batch = self._flat(q)
+        least = np.full(len(flat), np.inf)
+        pair = np.zeros(len(flat), dtype=int)
+        for part in _chunks(len(flat)):
+            near = self.solids.nearest(self._placed(flat[part]))
+            least[part.start + near.pose] = near.nearest.distance
+            pair[part.start + near.pose] = self.solids.bodies[near.pair]
+        return Clearance(least.reshape(batch) - self.margin, pair.reshape(batch), self.pairs)
+
+    def distances(self, q: ArrayLike) -> Array:
+        """Distances (..., pairs) of all pairs of bodies in the poses q (..., n) [m].
+
+        The margin is not taken off. They are signed: negative where bodies overlap, by how deep the
+        middle line of one is in the other.
+        """
+        flat, batch = self._flat(q)
+        found = np.empty((len(flat), len(self.pairs)))
+        for part in _chunks(len(flat)):
+            found[part] = self.solids.all_distances(self._placed(flat[part]))
+        return found.reshape(*batch, len(self.pairs))
+
+    def free(self, q: ArrayLike) -> Mask:
+        """Whether nothing touches in each of the poses q (..., n), the margin kept.
+
+        Only pairs are looked at whose lower bound is below the margin, which takes a part of the
+        time of `clearance`.
+        """
+        flat, batch = self._flat(q)
+        found = np.ones(len(flat), dtype=bool)
+        for part in _chunks(len(flat)):
+            near = self.solids.near(self._placed(flat[part]), self.margin)
+            found[part.start + near.pose] = False
+        return found.reshape(batch)
+
+    def gradient(self, q: ArrayLike) -> Array:
+        """Derivative (..., n) of the clearance of the poses q (..., n) [m/rad, or 1 if prismatic].
+
+        Where two bodies with the nearest points x on the first and y on the second part along the
+        unit vector u, it is ``u . (v_j(x) - w_j(x))`` with the velocities of the point x on each
+        body by joint j. A joint that moves both has none: they move together.
+        """
+        flat, batch = self._flat(q)
+        found = np.zeros(flat.shape)
+        for part in _chunks(len(flat)):
+            frames = self.frames(flat[part])
+            near = self.solids.nearest(self.solids.placed(frames))
+            found[part.start + near.pose] = self.solids.slopes(frames, near).T
+        return found.reshape(*batch, self.robot.n)
+
+    def _flat(self, q: ArrayLike) -> tuple[Array, tuple[int, ...]]:
+        """Poses one after another (N, n), and the shape of the batch."""
+        q = np.asarray(q, dtype=float)
+        return q.reshape(-1, q.shape[-1]), q.shape[:-1]
+
+    def frames(self, q: Array) -> Frames:
+        """Frames of the chain in poses (..., n), with those of all bodies that move."""
+        return self.robot.frames(q, self.carriers)
+
+    def _placed(self, q: Array) -> "Placed":
+        return self.solids.placed(self.frames(q))
+
+
+def every_pair(bodies: Sequence[Body]) -> tuple[tuple[str, str], ...]:
+    """Names of the two bodies of all pairs that do not move together."""
+    return tuple(
+        (one.name, other.name)
+        for one, other in combinations(bodies, 2)
+        if one.carrier != other.carrier
+    )
+
+
+class Placed(NamedTuple):
+    """Where the middle lines of all K capsules are in N poses: starts and ends (3, K, N) [m]."""
+
+    start: Array
+    end: Array
+
+
+class Near(NamedTuple):
+    """Pairs of shapes that are near, in some poses: index (k,) of pair and pose, and how near.
+
+    Distances are those of the bodies: the capsules' radii are taken off.
+    """
+
+    pair: Indices
+    pose: Indices
+    nearest: Nearest
+
+    def some(self, chosen: Indices) -> "Near":
+        """Some of them."""
+        found = self.nearest
+        part = Nearest(found.distance[chosen], found.normal[:, chosen], found.point[:, chosen])
+        return Near(self.pair[chosen], self.pose[chosen], part)
+
+    def beside(self, others: "Near") -> "Near":
+        """These, then others."""
+        one, two = self.nearest, others.nearest
+        both = Nearest(
+            np.concatenate([one.distance, two.distance]),
+            np.concatenate([one.normal, two.normal], axis=1),
+            np.concatenate([one.point, two.point], axis=1),
+        )
+        return Near(
+            np.concatenate([self.pair, others.pair]), np.concatenate([self.pose, others.pose]), both
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Standing:
+    """Boxes or cylinders that stand still.
+
+    Attributes:
+        rotation: Their axes (S, 3, 3), each a row.
+        middle: Their middles (S, 3) in their own axes [m].
+        size: Half edges (3, S), or radius and half height (2, S) [m].
+        is_box: Whether they are boxes.
+    """
+
+    rotation: Array
+    middle: Array
+    size: Array
+    is_box: bool
+
+    @classmethod
+    def of(cls, shapes: list[Box] | list[Cylinder], is_box: bool) -> "_Standing":
+        poses = np.array([shape.pose for shape in shapes]).reshape(-1, 4, 4)
+        rotation = np.swapaxes(poses[:, :3, :3], 1, 2)
+        sizes = [
+            shape.half if isinstance(shape, Box) else np.array([shape.radius, shape.half_height])
+            for shape in shapes
+        ]
+        middle = np.einsum("sij,sj->si", rotation, poses[:, :3, 3])
+        return cls(rotation, middle, np.array(sizes).reshape(-1, 3 if is_box else 2).T, is_box)
+
+    def signed(self, x: Array, size: Array) -> tuple[Array, Array]:
+        """Signed distances of points (3, ...) in the shapes' own frames, and directions."""
+        return signed_box(x, size) if self.is_box else signed_cylinder(x, size[0], size[1])
+
+    def of_points(self, x: Array) -> Array:
+        """Signed distances (S, K, N) of points (3, K, N) [m].
+
+        It is `signed` without directions, in place: of all pairs it takes most of the time.
+        """
+        count = len(self.rotation)
+        own = (self.rotation.reshape(-1, 3) @ x.reshape(3, -1)).reshape(count, 3, *x.shape[1:])
+        own -= self.middle[:, :, None, None]
+        np.abs(own, out=own)
+        if not self.is_box:
+            own[:, 1] = np.hypot(own[:, 0], own[:, 1])
+            own = own[:, 1:]
+        own -= self.size.T[:, :, None, None]
+        deepest = own.max(axis=1)
+        np.maximum(own, 0.0, out=own)
+        far = np.einsum("sckn,sckn->skn", own, own)
+        return np.where(deepest > 0, np.sqrt(far, out=far), deepest)
+
+    def nearest(self, which: Indices, start: Array, end: Array, beyond: Array) -> Nearest:
+        """How near segments (3, k) are to shapes (k,), up to some distances (k,)."""
+        axes = self.rotation[which].transpose(1, 2, 0)
+        middle = self.middle[which].T
+        size = self.size[:, which]
+        a, b = (np.einsum("ijk,jk->ik", axes, x) - middle for x in (start, end))
+        found = segment_to_convex(a, b, lambda x, left: self.signed(x, size[:, left]), beyond)
+        normal = np.einsum("ijk,ik->jk", axes, found.normal)
+        return Nearest(found.distance, normal, np.einsum("ijk,ik->jk", axes, found.point + middle))
+
+
+@dataclass(frozen=True, eq=False)
+class Solids:
+    """The shapes of a cell as arrays, and the pairs of shapes that are looked at.
+
+    Pairs are in the order of the kind of the second shape: capsules, boxes, cylinders, planes. The
+    first one is a capsule of a body that moves.
+
+    Attributes:
+        carriers: Joints (K,) that move the capsules; -1 for those that stand still.
+        start: One end (K, 3) of each, in the frame of its carrier [m].
+        end: The other end (K, 3).
+        radius: Their radii (K,).
+        standing: Boxes, and cylinders.
+        planes: Normals (S, 3) and offsets (S,) of half spaces.
+        first: Index (P,) of the capsule of each pair.
+        second: Index (P,) of the second shape among those of its kind.
+        kinds: Where pairs of each kind begin and end in the list of all.
+        bodies: Index (P,) of the pair of bodies that each belongs to.
+        count: Number of pairs of bodies.
+    """
+
+    carriers: Indices
+    start: Array
+    end: Array
+    radius: Array
+    standing: tuple[_Standing, _Standing]
+    planes: tuple[Array, Array]
+    first: Indices
+    second: Indices
+    kinds: tuple[slice, ...]
+    bodies: Indices
+    count: int
+
+    @classmethod
+    def of(cls, cell: Cell) -> "Solids":
+        """The shapes and pairs of a cell."""
+        listed: dict[type[Shape], list[Shape]] = {kind: [] for kind in KINDS}
+        carriers: list[int] = []
+        at: dict[str, list[tuple[type[Shape], int]]] = {}
+        for body in cell.bodies:
+            at[body.name] = []
+            for shape in body.shapes:
+                own = listed[type(shape)]
+                at[body.name].append((type(shape), len(own)))
+                own.append(shape)
+                if isinstance(shape, Capsule):
+                    carriers.append(-1 if body.carrier is None else body.carrier)
+        rows = _pairs_of_shapes(cell, at)
+        rows.sort(key=lambda row: row[0])
+        table = np.array(rows, dtype=int).reshape(-1, 4)
+        edges = np.searchsorted(table[:, 0], range(len(KINDS) + 1))
+        capsules = [one for one in listed[Capsule] if isinstance(one, Capsule)]
+        planes = [one for one in listed[Plane] if isinstance(one, Plane)]
+        return cls(
+            carriers=np.array(carriers, dtype=int),
+            start=np.array([one.start for one in capsules]).reshape(-1, 3),
+            end=np.array([one.end for one in capsules]).reshape(-1, 3),
+            radius=np.array([one.radius for one in capsules]),
+            standing=(
+                _Standing.of([one for one in listed[Box] if isinstance(one, Box)], True),
+                _Standing.of([one for one in listed[Cylinder] if isinstance(one, Cylinder)], False),
+            ),
+            planes=(
+                np.array([one.normal for one in planes]).reshape(-1, 3),
+                np.array([one.offset for one in planes]),
+            ),
+            first=table[:, 1],
+            second=table[:, 2],
+            kinds=tuple(slice(low, high) for low, high in pairwise(edges)),
+            bodies=table[:, 3],
+            count=len(cell.pairs),
+        )
+
+    def placed(self, frames: Frames) -> Placed:
+        """Where the capsules are; frames have one axis of poses, and the bodies that are needed."""
+        n = frames.position.shape[-1]
+        start, end = np.empty((2, 3, len(self.carriers), n))
+        for k, carrier in enumerate(self.carriers):
+            if carrier < 0:
+                start[:, k], end[:, k] = self.start[k][:, None], self.end[k][:, None]
+                continue
+            rotation, origin = frames.bodies[int(carrier)]
+            axes = rotation.reshape(3, -1)
+            start[:, k] = (self.start[k] @ axes).reshape(3, n) + origin
+            end[:, k] = (self.end[k] @ axes).reshape(3, n) + origin
+        return Placed(start, end)
+
+    def bounds(self, placed: Placed) -> Array:
+        """Lower bounds (P, N) on the distances of all pairs, by the middles of capsules [m].
+
+        No point of a capsule is farther from its middle than half its length and its radius.
+        """
+        middle = 0.5 * (placed.start + placed.end)
+        length = np.sqrt(np.square(self.end - self.start).sum(axis=1))
+        around = 0.5 * length + self.radius
+        found = np.empty((len(self.first), middle.shape[-1]))
+        capsules, boxes, cylinders, planes = self.kinds
+        apart = middle[:, self.first[capsules]] - middle[:, self.second[capsules]]
+        found[capsules] = np.sqrt(np.einsum("ck...,ck...->k...", apart, apart))
+        found[capsules] -= around[self.second[capsules]][:, None]
+        for part, standing in zip((boxes, cylinders), self.standing, strict=True):
+            if part.start < part.stop:
+                grid = standing.of_points(middle)
+                found[part] = grid[self.second[part], self.first[part]]
+        if planes.start < planes.stop:
+            normals, offsets = self.planes
+            heights = np.einsum("sc,ckn->skn", normals, middle) - offsets[:, None, None]
+            found[planes] = heights[self.second[planes], self.first[planes]]
+        return found - around[self.first][:, None]
+
+    def exactly(
+        self, placed: Placed, pair: Indices, pose: Indices, beyond: Array | float = np.inf
+    ) -> Near:
+        """How near some pairs (k,) are in poses (k,); those beyond a distance have any above it."""
+        order = np.argsort(pair, kind="stable")
+        beyond = np.broadcast_to(beyond, pair.shape)[order]
+        pair, pose = pair[order], pose[order]
+        edges = np.searchsorted(pair, [part.start for part in self.kinds] + [len(self.first)])
+        found = [
+            self._of_kind(kind, placed, pair[low:high], pose[low:high], beyond[low:high])
+            for kind, (low, high) in enumerate(pairwise(edges))
+            if low < high
+        ]
+        if not found:
+            return Near(pair, pose, Nearest(np.zeros(0), np.zeros((3, 0)), np.zeros((3, 0))))
+        distance = np.concatenate([one.distance for one in found]) - self.radius[self.first[pair]]
+        normal = np.concatenate([one.normal for one in found], axis=1)
+        point = np.concatenate([one.point for one in found], axis=1)
+        return Near(pair, pose, Nearest(distance, normal, point))
+
+    def _of_kind(
+        self, kind: int, placed: Placed, pair: Indices, pose: Indices, beyond: Array
+    ) -> Nearest:
+        """How near the middle lines of capsules are to shapes of one kind."""
+        first, second = self.first[pair], self.second[pair]
+        a, b = placed.start[:, first, pose], placed.end[:, first, pose]
+        if KINDS[kind] is Capsule:
+            c, d = placed.start[:, second, pose], placed.end[:, second, pose]
+            lines = segment_to_segment(a, b, c, d)
+            return replace(lines, distance=lines.distance - self.radius[second])
+        if KINDS[kind] is Plane:
+            normals, offsets = self.planes
+            return segment_to_plane(a, b, normals[second].T, offsets[second])
+        beyond = beyond + self.radius[first]
+        return self.standing[kind - 1].nearest(second, a, b, beyond)
+
+    def near(self, placed: Placed, within: Array | float) -> Near:
+        """The pairs that are nearer than a distance, one for all poses or one a pose (N,)."""
+        within = np.broadcast_to(within, placed.start.shape[-1:])
+        return self._below(placed, self.bounds(placed), within)
+
+    def _below(self, placed: Placed, bounds: Array, within: Array) -> Near:
+        """The pairs that are nearer than distances (N,), of those whose lower bounds are."""
+        pair, pose = np.nonzero(bounds < within)
+        found = self.exactly(placed, pair, pose, within[pose])
+        return found.some(np.flatnonzero(found.nearest.distance < within[found.pose]))
+
+    def nearest(self, placed: Placed) -> Near:
+        """The nearest pair of each pose, in the order of poses; none without any pair.
+
+        That of the least lower bound is measured first, then those whose bound is below it.
+        """
+        bounds = self.bounds(placed)
+        every = np.arange(bounds.shape[1] if len(bounds) else 0)
+        best = bounds.argmin(axis=0) if len(every) else every
+        first = self.exactly(placed, best, every)
+        least = np.full(bounds.shape[1], np.inf)
+        least[first.pose] = first.nearest.distance
+        bounds[first.pair, first.pose] = np.inf
+        both = first.beside(self._below(placed, bounds, least))
+        order = np.lexsort((both.nearest.distance, both.pose))
+        return both.some(order[np.unique(both.pose[order], return_index=True)[1]])
+
+    def all_distances(self, placed: Placed) -> Array:
+        """Distances (N, pairs of bodies)."""
+        n = placed.start.shape[-1]
+        count = len(self.first)
+        pair, pose = (one.ravel() for one in np.indices((count, n)))
+        near = self.exactly(placed, pair, pose)
+        found = np.full((n, self.count), np.inf)
+        np.minimum.at(found, (near.pose, self.bodies[near.pair]), near.nearest.distance)
+        return found
+
+    def slopes(self, frames: Frames, near: Near) -> Array:
+        """Derivatives (n, k) of the distances of some pairs by the free joints."""
+        normal, point = near.nearest.normal, near.nearest.point
+        axes, origins = frames.axes[..., near.pose], frames.origins[..., near.pose]
+        velocity = cross(axes, point - origins)
+        velocity[frames.prismatic] = axes[frames.prismatic]
+        parting = np.einsum("jck,ck->jk", velocity, normal)
+        joints = np.arange(len(parting))[:, None]
+        first = self.carriers[self.first[near.pair]]
+        other = np.full(len(first), -1)
+        capsules = near.pair < self.kinds[0].stop
+        other[capsules] = self.carriers[self.second[near.pair[capsules]]]
+        moves = (joints <= first).astype(float) - (joints <= other)
+        return frames.folded(moves * parting)
+
+
+# Kinds of shapes, in the order of `Solids.kinds`.
+KINDS: tuple[type[Shape], ...] = (Capsule, Box, Cylinder, Plane)
+
+
+def _pairs_of_shapes(
+    cell: Cell, at: Mapping[str, list[tuple[type[Shape], int]]]
+) -> list[tuple[int, int, int, int]]:
+    """Kind of the second shape, indices of both, and the pair of bodies, of each pair of shapes."""
+    moves = {body.name: body.carrier is not None for body in cell.bodies}
+    found = []
+    for index, pair in enumerate(cell.pairs):
+        # The first one moves, and is of capsules.
+        one, other = pair if moves[pair[0]] else pair[::-1]
+        for _, first in at[one]:
+            found += [(KINDS.index(kind), first, second, index) for kind, second in at[other]]
+    return found
+
+
+def _chunks(n: int) -> Iterator[slice]:
+    """Parts of n poses that are looked at together."""
+    return (slice(low, min(low + CHUNK, n)) for low in range(0, n, CHUNK))
+
+
+@dataclass(frozen=True, eq=False)
+class Clear(Constraint):
+    """Nothing in the cell touches: a smooth slack, which is positive in free poses alone.
+
+    With the clearances c_i of pairs of shapes, ``x_i = (D - c_i)/b`` where it is positive, and
+    ``w(x) = e^x - 1 - x - x^2/2``, the slack is
+
+        D - b log(1 + a sum_i w(x_i)),  a = (e^(D/b) - 1) / w(D/b).
+
+    Pairs at a distance beyond D do not count, and need no distance but a lower bound; where they
+    come near, two derivatives are continuous. Of one pair the slack is zero where its clearance is.
+    Of k pairs that are equally near it is zero at a clearance of b log k at most: a millimetre or
+    ten before they touch, and never behind.
+
+    Attributes:
+        cell: The cell.
+        reach: D [m].
+        blur: b [m].
+    """
+
+    cell: Cell
+    reach: float = REACH
+    blur: float = BLUR
+
+    def inequalities(self, robot: Robot) -> tuple[Inequality, ...]:
+        """The one bound [mm]."""
+        margin = self.cell.margin * MILLIMETRE.per_si
+        return (Inequality(f"clearance in the cell > {margin:g} mm", MILLIMETRE),)
+
+    def slack(self, frames: Frames) -> Array:
+        """The slack (1, ...) [m]."""
+        return self._seen(frames)[0]
+
+    def gradient(self, frames: Frames) -> Array:
+        """Its derivative (1, n, ...)."""
+        return self._seen(frames)[1]
+
+    def _seen(self, frames: Frames) -> tuple[Array, Array]:
+        """Slack and derivative; both are asked for, one after the other, of the same frames."""
+        known = _known.setdefault(frames, {})
+        if self not in known:
+            known[self] = self._look(frames.q)
+        return known[self]
+
+    def _look(self, q: Array) -> tuple[Array, Array]:
+        """Slack and derivative in poses (n, ...)."""
+        n, batch = len(q), q.shape[1:]
+        flat = q.reshape(n, -1).T
+        slack = np.empty(len(flat))
+        gradient = np.empty((n, len(flat)))
+        for part in _chunks(len(flat)):
+            slack[part], gradient[:, part] = self._of_poses(flat[part])
+        return slack.reshape(1, *batch), gradient.reshape(1, n, *batch)
+
+    def _of_poses(self, q: Array) -> tuple[Array, Array]:
+        """Slacks (N,) and derivatives (n, N) of poses (N, n)."""
+        solids = self.cell.solids
+        frames = self.cell.frames(q)
+        end = self.reach + self.cell.margin
+        near = solids.near(solids.placed(frames), end)
+        x = (end - near.nearest.distance) / self.blur
+        # Exponentials are taken relative to the largest of a pose, as deep ones would overflow.
+        top = np.zeros(len(q))
+        np.maximum.at(top, near.pose, x)
+        at_zero = self.reach / self.blur
+        scale = np.expm1(at_zero) / _weight(at_zero, 0.0)
+        own = top[near.pose]
+        total = np.exp(-top) + scale * np.bincount(near.pose, _weight(x, own), len(q))
+        slack = self.reach - self.blur * (np.log(total) + top)
+        share = scale * _weight_slope(x, own) / total[near.pose]
+        slopes = share * solids.slopes(frames, near)
+        gradient = [np.bincount(near.pose, row, len(q)) for row in slopes]
+        return slack, np.array(gradient)
+
+
+def _weight(x: Array | float, top: Array | float) -> Array:
+    """``(e^x - 1 - x - x^2/2) e^-top``; by its series where x is small."""
+    x = np.asarray(x)
+    small = x**3 / 6 * (1 + x / 4 * (1 + x / 5 * (1 + x / 6)))
+    whole = np.exp(x - top) - (1 + x + x**2 / 2) * np.exp(-top)
+    return np.where(x < SMALL, small * np.exp(-top), whole)
+
+
+def _weight_slope(x: Array, top: Array) -> Array:
+    """Its derivative by x, ``(e^x - 1 - x) e^-top``."""
+    small = x**2 / 2 * (1 + x / 3 * (1 + x / 4 * (1 + x / 5)))
+    whole = np.exp(x - top) - (1 + x) * np.exp(-top)
+    return np.where(x < SMALL, small * np.exp(-top), whole)
+
+
+SMALL = 0.05  # where four terms of the series leave 1e-8, and e^x loses as many digits
+# What is known of frames that are still in use, by the constraint that asked.
+_known: WeakKeyDictionary[Frames, dict[Clear, tuple[Array, Array]]] = WeakKeyDictionary()
