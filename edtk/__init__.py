@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from edtk.calibration.planned import PlanBias as PlanBias
     from edtk.calibration.posterior_check import PosteriorCheck as PosteriorCheck
     from edtk.calibration.prediction import Prediction as Prediction
+    from edtk.calibration.robot_program import WrittenProgram as WrittenProgram
     from edtk.certificate.verify_certificate import Verification as Verification
     from edtk.design.bound import Bound as Bound
     from edtk.design.exact.apportion import apportion as apportion
@@ -65,6 +66,7 @@ if TYPE_CHECKING:
     from edtk.verbs.new import new as new
     from edtk.verbs.plan import plan as plan
     from edtk.verbs.predict import predict as predict
+    from edtk.verbs.program import program as program
     from edtk.verbs.relax import relax as relax
     from edtk.verbs.robot import robot as robot
     from edtk.verbs.run import run as run
@@ -82,6 +84,7 @@ _HOME = {
     "run": "edtk.verbs.run",
     "evaluate": "edtk.verbs.evaluate",
     "template": "edtk.verbs.template",
+    "program": "edtk.verbs.program",
     "identify": "edtk.verbs.identify",
     "predict": "edtk.verbs.predict",
     "bayes": "edtk.verbs.bayes",
@@ -103,6 +106,7 @@ _HOME = {
     "Calibration": "edtk.calibration.calibration",
     "GeometricCalibration": "edtk.calibration.geometry.geometric_calibration",
     "Prediction": "edtk.calibration.prediction",
+    "WrittenProgram": "edtk.calibration.robot_program",
     "GeometryPlan": "edtk.calibration.geometry_design.geometry_plan",
     "GeometryEvaluation": "edtk.calibration.geometry_design.evaluate_geometry",
     "PosteriorCheck": "edtk.calibration.posterior_check",

@@ -31,6 +31,7 @@ VERBS = {
     "run",
     "evaluate",
     "template",
+    "program",
     "identify",
     "predict",
     "bayes",

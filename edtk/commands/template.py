@@ -1,13 +1,15 @@
-"""`edtk template`: an empty measurement file."""
+"""`edtk template`: an empty measurement file, or the program of a robot that fills it."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 
-from edtk.commands.shared import FilePath, print_out, warn_about
+from edtk.commands.shared import FilePath, Range, json_option, print_out, show, warn_about
+from edtk.system.errors import ArgumentError
 
 
-@click.command("template", short_help="Make a sheet to fill in in the lab.")
+@click.command("template", short_help="Make a sheet to fill in in the lab, or a robot program.")
 @click.argument("study", type=FilePath)
 @click.argument("plan", type=FilePath)
 @click.option(
@@ -18,23 +20,106 @@ from edtk.commands.shared import FilePath, print_out, warn_about
 @click.option(
     "--markers", type=click.IntRange(1, 100), help="Rows for so many markers in each repetition."
 )
-@click.option("--out", type=FilePath, help="Write the sheet (CSV) [default: print it].")
+@click.option(
+    "--program",
+    "writer",
+    metavar="NAME",
+    help="Write a robot program: krl, rapid, urscript, fanuc_ls or csv.",
+)
+@click.option(
+    "--speed",
+    type=Range(min=0, max=100, min_open=True),
+    help="With --program: speed of the joints, in percent.  [default: 20]",
+)
+@click.option(
+    "--dwell", type=Range(min=0), help="With --program: rest before a reading [s].  [default: 2]"
+)
+@click.option(
+    "--handshake",
+    metavar="OUT,IN",
+    help="With --program: digital output and input for readings [default: stop for an operator].",
+)
+@click.option(
+    "--home",
+    metavar="VALUES",
+    help="With --program: where it begins and ends, as the controller shows it [deg or mm].",
+)
+@click.option(
+    "--axes", metavar="AXES", help="With --program: axes of the joints, like E1,1,2,3,4,5,6."
+)
+@json_option
+@click.option("--out", type=FilePath, help="Write the sheet (CSV) or program [default: print it].")
 def command(
-    study: Path, plan: Path, positions: bool, markers: int | None, out: Path | None
+    study: Path,
+    plan: Path,
+    positions: bool,
+    markers: int | None,
+    writer: str | None,
+    as_json: bool,
+    out: Path | None,
+    **of_program: float | str | None,
 ) -> None:
     """Make a sheet to fill in while PLAN (CSV) is measured for STUDY (TOML).
 
     It has a row for each repetition, in an order in which the joints travel little; `edtk identify`
     reads it. Markers away from the tool point have their offsets from it, in the tool frame, in
     columns of their own.
+
+    With --program, write what drives the robot through the rows of that sheet instead, each with
+    its number in a comment.
     """
     from edtk.measure.cells import csv_text
     from edtk.verbs.inputs import load_study
     from edtk.verbs.template import template
 
+    given = {name: value for name, value in of_program.items() if value is not None}
+    _require_one(writer, positions, as_json, given)
     question = load_study(study)
     doubts = question.warnings  # first: this reads excluded poses too, and may fail
-    table = template(question, plan, positions=positions, markers=markers, out=out)
-    if out is None:
-        print_out(csv_text(table))
+    if writer is None:
+        table = template(question, plan, positions=positions, markers=markers, out=out)
+        if out is None:
+            print_out(csv_text(table))
+    else:
+        from edtk.verbs.program import program
+
+        found = program(question, plan, writer, markers=markers, out=out, **_as_called(given))
+        if out is None and not as_json:
+            print_out("".join(found.files.values()))
+        else:
+            show(found, as_json, out)
     warn_about(study, doubts)
+
+
+def _require_one(
+    writer: str | None, positions: bool, as_json: bool, given: dict[str, float | str]
+) -> None:
+    """Check that options are of a sheet alone, or of a program alone.
+
+    Raises:
+        ArgumentError: One is of the other.
+    """
+    if writer is None:
+        for name in (*given, *(("json",) if as_json else ())):
+            raise ArgumentError("is of programs; expected --program beside it", argument=name)
+    elif positions:
+        message = "is of sheets, and a program has no columns; leave this out"
+        raise ArgumentError(message, argument="positions")
+
+
+def _as_called(given: dict[str, float | str]) -> dict[str, Any]:
+    """The options as `edtk.program` takes them.
+
+    Raises:
+        ArgumentError: A home pose has what is no number.
+    """
+    found: dict[str, Any] = dict(given)
+    if "handshake" in given:
+        found["handshake"] = str(given["handshake"]).split(",")
+    if "home" in given:
+        try:
+            found["home"] = [float(value) for value in str(given["home"]).split(",")]
+        except ValueError:
+            message = "expected numbers, separated by commas"
+            raise ArgumentError(message, argument="home", given=given["home"]) from None
+    return found

@@ -51,7 +51,7 @@ def _lines(program: Program, step: Step) -> Iterator[str]:
         case Move(target, rows):
             if rows is not None:
                 yield f"; {said(rows)}"
-            yield f"PTP X{program.targets[target].upper()}"
+            yield f"PTP X_{program.targets[target].upper()}"
         case Dwell(seconds):
             yield f"WAIT SEC {seconds:.3f}"
         case Wait(message, None):
@@ -73,5 +73,5 @@ def _poses(program: Program) -> str:
     for target, name in program.targets.items():
         pairs = zip(places, target, strict=True)
         values = ",".join(f"{place} {value:.3f}" for place, value in sorted(pairs))
-        lines.append(f"  DECL E6AXIS X{name.upper()}={{{values}}}")
+        lines.append(f"  DECL E6AXIS X_{name.upper()}={{{values}}}")
     return "\n".join([*lines, "ENDDAT", ""])

@@ -36,6 +36,7 @@ PAGES = {
     "study": "study",
     "study_run": "study",
     "verification": "verification",
+    "written_program": "program",
 }
 
 

@@ -454,6 +454,24 @@ class OfStudy(Question):
         with errors_in(name_of(plan, "plan")):
             return self._worth(as_plan(self.study, plan))
 
+    def efficiency(self, plan: Plan, of: Plan) -> tuple[str, float | None]:
+        """The criterion by which plans are judged, and how good a plan is by it beside another.
+
+        Args:
+            plan: The plan.
+            of: The other one.
+
+        Returns:
+            Name of the criterion, and cost of the other plan by the cost of this one; None where a
+            plan leaves open what the criterion is about.
+        """
+        designed = self._designed(self.study, None)
+        criterion = self._criterion(designed, None)
+        designs = self.designs(designed)
+        costs = [float(criterion.cost(designs.information(one))) for one in (of, plan)]
+        known = bool(np.isfinite(costs).all()) and min(costs) > 0
+        return criterion.name, costs[0] / costs[1] if known else None
+
     @abstractmethod
     def _worth(self, plan: Plan) -> "Evaluation | GeometryEvaluation":
         """Values of all criteria, and standard deviations."""

@@ -1,6 +1,7 @@
 """Programs of all brands: what is written is read again by readers that share nothing with it."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -185,3 +186,42 @@ def test_an_unknown_writer_lists_those_that_there_are() -> None:
     with pytest.raises(ProgramError, match=r"available: .*krl.*rapid"):
         writer.get("kuka")
     assert set(READERS) <= set(writer.available())
+
+
+PLUGIN = '''
+"""A writer of somebody else's."""
+
+from edtk.programs.writer import Writer
+
+
+class Words(Writer):
+    """A program in one word."""
+
+    name = "words"
+    title = "words"
+    suffixes = (".txt",)
+    longest_name = 9
+
+    def write(self, program):
+        return {".txt": program.name}
+'''
+
+
+def test_a_package_adds_a_writer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An entry point is enough; one that does not load, or is no writer, is a line by its name."""
+    (tmp_path / "words_of_mine.py").write_text(PLUGIN)
+    folder = tmp_path / "words-1.0.dist-info"
+    folder.mkdir()
+    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: words\nVersion: 1.0\n")
+    entries = ("words = words_of_mine:Words", "gone = no_such_module:Gone", "other = json:loads")
+    (folder / "entry_points.txt").write_text("\n".join(["[edtk.programs]", *entries]))
+    monkeypatch.syspath_prepend(tmp_path)
+    assert {"words", "gone"} <= set(writer.available())
+    try:
+        assert writer.get("words").files(SIMPLE) == {".txt": "p"}
+    finally:
+        writer._registered.pop("words", None)
+    with pytest.raises(ProgramError, match="'no_such_module:Gone' does not load"):
+        writer.get("gone")
+    with pytest.raises(ProgramError, match="'json:loads' is no Writer class"):
+        writer.get("other")
