@@ -5,13 +5,14 @@ them are one matrix product.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from criteria.linalg.inverse import root
 from criteria.linalg.typing import triangle
 from edtk.design.conditioning import Conditioning
 from edtk.system.typing import Array, Indices
@@ -419,6 +420,76 @@ class Rows:
         for start in range(0, len(flat), step):
             found[start : start + step] = of_rows(flat[start : start + step])
         return np.asarray(found.reshape(self.n, -1).sum(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """What every design has beside its experiments, such as a prior or kept experiments.
+
+    Rows stay rows: of nearly dependent parameters their squares would have lost what tells these
+    apart, and nothing brings it back.
+
+    Attributes:
+        squares: Information (p, p) that was given as such.
+        rows: Whitened rows (k, p) of what was measured.
+        share: Number of experiments that share both in equal parts.
+    """
+
+    squares: Array
+    rows: Array
+    share: float = 1.0
+
+    @classmethod
+    def of(cls, squares: Array) -> "Known":
+        """Information (p, p) alone."""
+        return cls(squares, np.zeros((0, len(squares))))
+
+    @cached_property
+    def information(self) -> Array:
+        """Information (p, p) for each experiment."""
+        return np.asarray((self.squares + self.rows.T @ self.rows) / self.share)
+
+    @cached_property
+    def root(self) -> Array:
+        """F (k', p) with ``F'F`` the information, for measures of its condition."""
+        return np.concatenate([root(self.squares), self.rows]) / np.sqrt(self.share)
+
+    def plus(self, squares: Array) -> "Known":
+        """The same with more information (p, p) for each experiment."""
+        return replace(self, squares=self.squares + self.share * squares)
+
+    def shared(self, times: float) -> "Known":
+        """The same, shared by so many times as many experiments."""
+        return replace(self, share=self.share * times)
+
+    def in_unit(self, power: int) -> "Known":
+        """The same in a unit in which rows are ``2^power`` times as large."""
+        squares = np.ldexp(self.squares, 2 * power)
+        return replace(self, squares=squares, rows=np.ldexp(self.rows, power))
+
+    def times(self, T: Array) -> Array:
+        """Information (p, p) for each experiment about parameters k' where ``k = T k'``."""
+        F = root(self.squares) @ T
+        # Only now the share: an irrational factor would round rows whose terms cancel.
+        E = Rows(self.rows[:, None]).times(T).flat
+        return np.asarray((F.T @ F + E.T @ E) / self.share)
+
+    def rounding(self, T: Array, W: Array) -> float:
+        """The part of delta that rounding of `times` makes, see `errors` of a relaxation.
+
+        Information R that was given as such is known to ``p eps (R_ii R_jj)^(1/2)``, as the design
+        that it is a part of. Rows are wrong by E as those of candidates: that adds ``2 |E W|``.
+
+        Args:
+            T: ``k = T k'``.
+            W: Whitens the design (p, r) for k'.
+        """
+        own = np.linalg.norm(np.sqrt(np.diag(self.squares))[:, None] * (T @ W), 2)
+        of_squares = len(T) ** 2 * EPS * own**2 / self.share
+        if not len(self.rows):
+            return float(of_squares)
+        E = Rows(self.rows[None]).rounding_of_times(T)[0] / np.sqrt(self.share)
+        return float(of_squares + 2 * E * np.linalg.norm(W, 2))
 
 
 def _inner(Z: Array, A: Array) -> Array:

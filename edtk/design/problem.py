@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria import Criterion
-from criteria.linalg.inverse import root
 from criteria.linalg.spectrum import is_semidefinite
 from edtk.design.conditioning import Conditioning
-from edtk.design.information import PackedInformation, Rows, nearly_equal
+from edtk.design.information import Known, PackedInformation, Rows, nearly_equal
 from edtk.design.weighted_candidates import WeightedCandidates
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Indices, Mask
@@ -212,6 +211,8 @@ class Problem(WeightedCandidates):
     # Entries of arrays are what they are; where a model has computed rows, one far below the others
     # may be the rounding of a zero.
     is_exact: bool = False
+    # What the prior is made of: it has the digits that squares may have lost.
+    known: Known | None = None
 
     def __init__(
         self,
@@ -296,7 +297,7 @@ class Problem(WeightedCandidates):
         cls,
         kept: Rows | PackedInformation,
         parameters: tuple[str, ...] | None,
-        prior: ArrayLike | None,
+        prior: ArrayLike | Known | None,
     ) -> "Problem":
         """Make a problem of candidates that are kept in some form, and are known to be sound."""
         problem = cls.__new__(cls)
@@ -307,7 +308,7 @@ class Problem(WeightedCandidates):
         self,
         kept: Rows | PackedInformation,
         parameters: tuple[str, ...] | None,
-        prior: ArrayLike | None,
+        prior: ArrayLike | Known | None,
     ) -> None:
         self.kept = kept
         self.p = kept.p
@@ -316,9 +317,13 @@ class Problem(WeightedCandidates):
         if len(self.parameters) != self.p:
             raise ValueError(f"{len(self.parameters)} names for {self.p} parameters")
         # None instead of zeros: without a prior nothing is added, and no last digit changes.
-        self.prior = None if prior is None else np.asarray(prior, dtype=float)
-        if self.prior is not None and self.prior.shape != (self.p, self.p):
-            raise ValueError(f"the prior must be ({self.p}, {self.p}), not {self.prior.shape}")
+        known = prior
+        if known is not None and not isinstance(known, Known):
+            known = Known.of(np.asarray(known, dtype=float))
+        if known is not None and known.squares.shape != (self.p, self.p):
+            raise ValueError(f"the prior must be ({self.p}, {self.p}), not {known.squares.shape}")
+        self.known = known
+        self.prior = None if known is None else known.information
 
     def headline(self) -> str:
         """Number of candidates and of parameters."""
@@ -328,7 +333,7 @@ class Problem(WeightedCandidates):
 
     def __getitem__(self, chosen: Indices) -> "Problem":
         """The same problem with some of its candidates."""
-        return Problem.of_kept(self.kept[chosen], self.parameters, self.prior)
+        return Problem.of_kept(self.kept[chosen], self.parameters, self.known)
 
     def __add__(self, others: "Problem") -> "Problem":
         """The same problem with the candidates of another one besides its own."""
@@ -337,9 +342,9 @@ class Problem(WeightedCandidates):
             kept = self.kept + others.kept
         else:
             kept = PackedInformation(np.concatenate([self.packed, others.packed], axis=1))
-        return Problem.of_kept(kept, self.parameters, self.prior)
+        return Problem.of_kept(kept, self.parameters, self.known)
 
-    def with_prior(self, prior: Array | None) -> "Problem":
+    def with_prior(self, prior: Array | Known | None) -> "Problem":
         """The same candidates with other prior information (p, p), or without any."""
         problem = Problem.of_kept(self.kept, self.parameters, prior)
         problem.is_exact = self.is_exact
@@ -365,8 +370,8 @@ class Problem(WeightedCandidates):
         if not isinstance(self.kept, Rows) or found.keeps_digits:
             return found
         parts = [self.kept.flat / np.sqrt(self.n)]
-        if self.prior is not None:
-            parts.append(root(self.prior))
+        if self.known is not None:
+            parts.append(self.known.root)
         return Conditioning.of_rows(parts, self.mean)
 
     def in_units(self, T: Array) -> "Problem":
@@ -375,10 +380,7 @@ class Problem(WeightedCandidates):
         Args:
             T: Regular matrix (p, p).
         """
-        prior = self.prior
-        if prior is not None:
-            F = root(prior) @ T
-            prior = F.T @ F
+        prior = None if self.known is None else self.known.times(T)
         return Problem.of_kept(self.kept.times(T), None, prior)
 
     def require_identifiable(self, criterion: Criterion | None = None) -> None:

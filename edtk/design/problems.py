@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria import Criterion
-from edtk.design.information import PackedInformation, Rows
+from edtk.design.information import Known, PackedInformation, Rows
 from edtk.design.problem import Problem
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.typing import Array
@@ -272,22 +272,25 @@ class Whitened:
     rounding: Array
 
     @classmethod
-    def of(cls, problem: Problem, needed: bool = False) -> "Whitened | None":
+    def of(cls, problem: Problem, needed: bool = False, as_rows: bool = False) -> "Whitened | None":
         """Whiten a problem, once; None where its squares are good enough as they are.
 
         Args:
             problem: The candidates.
             needed: Whether a criterion asks for it, however good they are.
+            as_rows: Whether rows are to stay rows, however many they are; they are not shared then.
         """
         good = problem.conditioning.is_well and not problem.has_distant_units
         if good and not needed:
             return None
+        if as_rows:
+            return cls.by(problem, problem.conditioning.whitener, as_rows)
         if problem not in _known:
             _known[problem] = cls.by(problem, problem.conditioning.whitener)
         return _known[problem]
 
     @classmethod
-    def by(cls, problem: Problem, T: Array) -> "Whitened":
+    def by(cls, problem: Problem, T: Array, as_rows: bool = False) -> "Whitened":
         """The problem for parameters k' with ``k = T k'``, whatever T (p, p) is."""
         white = problem.in_units(T)
         rounding = problem.kept.rounding_of_times(T)
@@ -295,7 +298,7 @@ class Whitened:
             # Directions that no candidate tells have columns of rounding alone.
             A = np.where(problem.conditioning.is_open, 0.0, white.kept.A)
             kept: Rows | PackedInformation = Rows(A)
-            if 2 * A.shape[1] > white.p:  # squares are fewer numbers
+            if 2 * A.shape[1] > white.p and not as_rows:  # squares are fewer numbers
                 kept = PackedInformation(Rows(A).packed())
             white = Problem.of_kept(kept, None, white.prior)
         return cls(white, T, rounding)
@@ -325,7 +328,6 @@ def absorb_prior(
     criterion.require_order(problem.p)
     if criterion.precision is None:
         return problem, criterion
-    prior = criterion.precision / size
-    if problem.prior is not None:
-        prior = prior + problem.prior
+    own = criterion.precision / size
+    prior = Known.of(own) if problem.known is None else problem.known.plus(own)
     return problem.with_prior(prior), criterion.without_prior

@@ -8,10 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from criteria.linalg.inverse import root
 from edtk.design.design_space import weighted_information
 from edtk.design.expansion import Expansion, NotPolynomialError, expand
-from edtk.design.information import Rows, nearly_equal, pack_gram
+from edtk.design.information import Known, Rows, nearly_equal, pack_gram
 from edtk.design.problem import Problem, as_names, variable_names
 from edtk.system.errors import ArgumentError, whole_number
 from edtk.system.presented import Presented
@@ -307,7 +306,7 @@ class Region(Presented):
     limits: Array
     parameters: tuple[str, ...]
     variables: tuple[str, ...]
-    prior: Array | None
+    known: Known | None
 
     def __init__(
         self,
@@ -342,7 +341,7 @@ class Region(Presented):
         problem = Problem(self.rows_at(one), sigma, as_names(parameters), prior)
         self._sigma = np.broadcast_to(np.asarray(sigma, dtype=float), self._sigma.shape)
         self.parameters = problem.parameters
-        self.prior = problem.prior
+        self.known = problem.known
         self.p = problem.p
         self._row_shape = A.shape[1:]
         self._require_model()
@@ -381,12 +380,22 @@ class Region(Presented):
     def problem(self, x: ArrayLike) -> Problem:
         """Make a problem of arrays with the points x (n, d) as its candidates."""
         points = np.asarray(x, dtype=float).reshape(-1, self.size)
-        return Problem(self.rows_at(points), 1.0, self.parameters, self.prior)
+        found = Problem(self.rows_at(points), 1.0, self.parameters)
+        return found if self.known is None else found.with_prior(self.known)
+
+    @property
+    def prior(self) -> Array | None:
+        """Prior information (p, p) of each experiment; None for none."""
+        return None if self.known is None else self.known.information
 
     def with_prior(self, more: Array) -> "Region":
         """The same region, of whose experiments each has more prior information (p, p)."""
+        return self.beside(Known.of(more) if self.known is None else self.known.plus(more))
+
+    def beside(self, known: Known) -> "Region":
+        """The same region, of whose experiments each has other prior information."""
         other = copy(self)
-        other.prior = more if self.prior is None else self.prior + more
+        other.known = known
         return other
 
     def in_units(self, T: Array, chosen: Array) -> "Region":
@@ -398,9 +407,8 @@ class Region(Presented):
         """
         other = copy(self)
         other._T = T * chosen
-        if self.prior is not None:
-            F = root(self.prior) @ T
-            other.prior = F.T @ F
+        if self.known is not None:
+            other.known = Known.of(self.known.times(T))
         return other
 
     def rows_at(self, x: Array) -> Array:

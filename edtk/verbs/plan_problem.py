@@ -14,7 +14,7 @@ from edtk.design.exact.counts.find_counts import find_counts
 from edtk.design.exact.counts.limits import ROUNDING, Limits
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.plan_region import RegionPlan
-from edtk.design.information import Rows
+from edtk.design.information import PackedInformation, Rows
 from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.design.relaxation.relax_region import relax_region
@@ -94,11 +94,11 @@ def plan_problem(
     if sizes and sum(sizes) != size:
         message = f"blocks of {sum(sizes)} experiments in all, expected {size}, the size"
         raise ArgumentError(message, argument="blocks")
-    kept, information, number = _kept(keep, problem)
+    kept, experiments, number = _kept(keep, problem)
     left = _left(most, kept, problem.n)
     prices, funds = _funds(costs, cost_budget, kept, problem.n)
     m = _places(size, number, left, prices, funds)
-    base = information
+    known, base = _as_rows(experiments, problem.p)
     if problem.prior is not None:
         if size is None:
             message = "a prior counts per experiment, so that a size is needed beside it"
@@ -115,6 +115,7 @@ def plan_problem(
         starts,
         progress,
         prove=None if prove is None else seconds_for(prove),
+        known=known,
     )
 
 
@@ -151,16 +152,18 @@ def _are_not_as_measured(A: Array) -> bool:
     return triangular or (r > 1 and not A.any(axis=2).all())
 
 
-def _kept(keep: ArrayLike | Problem | None, problem: Problem) -> tuple[Indices, Array, int]:
-    """Counts (n,) of kept candidates, information (p, p) and number of all kept experiments."""
+def _kept(
+    keep: ArrayLike | Problem | None, problem: Problem
+) -> tuple[Indices, Rows | PackedInformation | None, int]:
+    """Counts (n,) of kept candidates, all kept experiments, each once, and their number."""
     nothing = np.zeros(problem.n, dtype=int)
     if keep is None:
-        return nothing, np.zeros((problem.p, problem.p)), 0
+        return nothing, None, 0
     if isinstance(keep, Problem):
         if keep.p != problem.p:
             message = f"kept experiments have {keep.p} parameters, expected {problem.p}"
             raise ArgumentError(message, argument="keep")
-        return nothing, keep.with_prior(None).information(np.ones(keep.n)), keep.n
+        return nothing, keep.kept, keep.n
     chosen = np.asarray(keep)
     if chosen.shape == (0,):
         chosen = chosen.astype(int)
@@ -168,8 +171,16 @@ def _kept(keep: ArrayLike | Problem | None, problem: Problem) -> tuple[Indices, 
     if not whole or not ((chosen >= 0) & (chosen < problem.n)).all():
         message = f"expected indices of candidates, from 0 to {problem.n - 1}, or a Problem"
         raise ArgumentError(message, argument="keep")
-    counts = np.bincount(chosen, minlength=problem.n)
-    return counts, problem.with_prior(None).information(counts), len(chosen)
+    return np.bincount(chosen, minlength=problem.n), problem.kept[chosen], len(chosen)
+
+
+def _as_rows(experiments: Rows | PackedInformation | None, p: int) -> tuple[Array | None, Array]:
+    """Rows (k, p) of experiments that have some, and the information (p, p) of those without."""
+    if isinstance(experiments, Rows):
+        return experiments.flat, np.zeros((p, p))
+    if experiments is None or not experiments.n:
+        return None, np.zeros((p, p))
+    return None, experiments.weighted(np.ones(experiments.n))
 
 
 def _left(most: ArrayLike | None, kept: Indices, n: int) -> Indices | None:

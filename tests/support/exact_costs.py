@@ -9,10 +9,55 @@ DIGITS = 50
 SINGULAR = mpmath.mpf("1e-25")
 
 
-def exact_cost(name, rows, weights, arguments):
-    """The cost of weights (n,) on rows (n, r, p), all taken as exact; None of a singular design."""
+def arguments(name, rng, rows):
+    """What a criterion of these rows (n, r, p) takes, about predictions or parameters."""
+    flat = rows.reshape(-1, rows.shape[-1])
+    p = flat.shape[1]
+    made = {
+        "rho0": lambda: {"target": rng.normal(size=(3, p))},
+        "rho_max": lambda: {"targets": rng.normal(size=(3, 2, p))},
+        "c": lambda: {"c": flat[0] + flat[-1]},
+        "I": lambda: {"points": flat[:4]},
+        "prediction_G": lambda: {"points": flat[:4]},
+        "Ds": lambda: {"interest": rng.normal(size=(p, (p + 1) // 2))},
+        "phi": lambda: {"q": 2.0},
+    }
+    return made.get(name, dict)()
+
+
+def rows_of(kind, rng, r, p, condition):
+    """Rows (p + 8, r, p) that are ill-conditioned in one way or another."""
+    rows = rng.normal(size=(p + 8, r, p))
+    if kind == "columns that differ by little" and p > 1:
+        rows[..., -1] = rows[..., 0] + rows[..., -1] / condition
+    if kind == "a small singular value":
+        Q = np.linalg.qr(rng.normal(size=(p, p)))[0]
+        rows = rows @ (np.geomspace(1, 1 / condition, p)[:, None] * Q)
+    if kind == "units":
+        rows = rows * condition ** rng.uniform(0, 1, size=p)
+    if kind == "powers":
+        x = rng.uniform(0, 1, size=(p + 8, r)) + 0.3 * condition ** (1 / max(p - 1, 1))
+        rows = x[..., None] ** np.arange(p)
+    return rows
+
+
+KINDS = ("columns that differ by little", "a small singular value", "units", "powers")
+
+
+def exact_cost(name, rows, weights, arguments, beside=0, blocks=()):
+    """The cost of weights (n,) on rows (n, r, p), all taken as exact; None of a singular design.
+
+    Information beside them (p, p) is of mpmath or floating-point numbers. Of counts (b, n) in
+    blocks their effects, of which nothing is known, are taken out.
+    """
     with mpmath.workdps(DIGITS):
-        M = _information(rows, weights)
+        M = exact_information(rows, weights) + mpmath.matrix(beside or rows.shape[-1])
+        for counts in blocks:
+            for j in range(rows.shape[1]):
+                s = mpmath.matrix(1, rows.shape[-1])
+                for i in np.flatnonzero(counts):
+                    s += int(counts[i]) * mpmath.matrix(rows[i, j : j + 1].tolist())
+                M -= s.T * s / int(counts.sum())
         d = [mpmath.sqrt(M[i, i]) for i in range(M.rows)]
         if not min(d) > 0:
             return None
@@ -29,13 +74,15 @@ def excess(number, exact):
         return float(mpmath.mpf(float(number)) / exact - 1)
 
 
-def _information(rows, weights):
-    p = rows.shape[-1]
-    M = mpmath.zeros(p)
-    for i in np.flatnonzero(weights):
-        A = mpmath.matrix(rows[i].tolist())
-        M += mpmath.mpf(float(weights[i])) * (A.T * A)
-    return M
+def exact_information(rows, weights):
+    """``sum_i w_i A_i' A_i`` of floating-point numbers, nothing rounded but to so many digits."""
+    with mpmath.workdps(DIGITS):
+        p = rows.shape[-1]
+        M = mpmath.zeros(p)
+        for i in np.flatnonzero(weights):
+            A = mpmath.matrix(rows[i].tolist())
+            M += mpmath.mpf(float(weights[i])) * (A.T * A)
+        return M
 
 
 def _trace(X):

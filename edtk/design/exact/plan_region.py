@@ -1,17 +1,18 @@
 """Exact plans in a region: exchange on a grid, then all points move to an optimum nearby."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import monotonic
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from criteria import Criterion
-from edtk.design.bound import Bound, BoundedDesign
+from edtk.design.bound import VISIBLE, Bound, BoundedDesign
 from edtk.design.exact.apportion import apportion
 from edtk.design.exact.exchange import exchange
 from edtk.design.exact.refine import SHARPNESS, refine
+from edtk.design.information import Known, Rows
 from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.design.relaxation.relax_region import relax_region
@@ -61,11 +62,20 @@ class RegionPlan(BoundedDesign):
 
     def headline(self) -> str:
         """Criterion, value, size and efficiency."""
+        accuracy = self.accuracy
+        digits = f", numbers to {accuracy:.0e}" if accuracy > VISIBLE else ""
         return (
             f"{self.criterion.label} = {self.value:.6g} with {self.size} experiments at "
             f"{len(self.points)} points, efficiency {100 * self.efficiency:.2f} % "
-            f"({self.lower_bound.kind.value} bound)"
+            f"({self.lower_bound.kind.value} bound){digits}"
         )
+
+    @property
+    def accuracy(self) -> float:
+        """Relative error that rounding may have made in cost and bound."""
+        weights = self.counts / self.counts.sum()
+        relaxed = self.relaxed
+        return sum(relaxed.judged.errors(self.points, weights, relaxed.multipliers))
 
     @property
     def region(self) -> Region:
@@ -147,7 +157,7 @@ def plan_region(
     m = size - (0 if keep is None else keep.n)
     _require(region, size, number, keep)
     since = monotonic()
-    beside = region if keep is None else region.with_prior(_share(region, m, keep))
+    beside = region if keep is None else region.beside(_known(region, m, keep))
     relaxed = relaxed_by(beside, criterion.for_size(m), progress=progress)
     judged = relaxed.judged
     search = _Search(judged.region, judged.criterion, np.random.default_rng(seed))
@@ -193,15 +203,20 @@ def _require(region: Region, size: int, starts: int, keep: Problem | None) -> No
         raise ArgumentError(f"expected one or more{beside}", argument="size", given=size)
 
 
-def _share(region: Region, m: int, keep: Problem) -> Array:
-    """The part (p, p) of what is kept that each of m new experiments has.
+def _known(region: Region, m: int, keep: Problem) -> Known:
+    """What each of m new experiments has: its prior, and its part of what is kept.
 
     The region's prior is per experiment of the plan, of which kept ones are a part.
     """
-    kept = keep.with_prior(None).information(np.ones(keep.n))
+    kept = keep.kept
+    found = Known.of(np.zeros((region.p, region.p)))
+    if isinstance(kept, Rows):
+        found = replace(found, rows=kept.flat)
+    else:
+        found = found.plus(kept.weighted(np.ones(keep.n)))
     if region.prior is not None:
-        kept = kept + keep.n * region.prior
-    return np.asarray(kept / m)
+        found = found.plus((m + keep.n) * region.prior)
+    return found.shared(m)
 
 
 @dataclass(frozen=True, eq=False)

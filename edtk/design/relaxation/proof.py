@@ -224,11 +224,12 @@ def relative_accuracy(
 
 def errors(
     problem: Problem,
-    criterion: Relaxable,
+    criterion: Criterion,
     weights: Array | None,
     multipliers: Array,
     rounding: Array | None = None,
     of_squares: bool = False,
+    design: Array | None = None,
 ) -> tuple[float, float]:
     """Bound the relative errors that rounding makes in a cost and in its lower bound.
 
@@ -260,14 +261,16 @@ def errors(
         multipliers: Multipliers (r, p, p) of the bound.
         rounding: Bounds (n,) on ``|E_i|``, if rows or squares were transformed.
         of_squares: Whether they are of squares.
+        design: The design M (p, p), where it is a difference: what blocks leave of the sum.
 
     Returns:
         The errors of the cost and of the bound; inf where nothing is known.
     """
     p = problem.p
-    M = problem.mean if weights is None else problem.information(weights)
+    summed = problem.mean if weights is None else problem.information(weights)
+    M = summed if design is None else design
     W = criterion.whitener(M)
-    own = np.maximum(np.diag(M), 0.0)
+    own = np.maximum(np.diag(summed), 0.0)
     spread = np.linalg.norm(np.sqrt(own)[:, None] * W, 2) ** 2
     scale = unit_scale(own)
     of_sums = float(p * p * EPS * spread * criterion.dependence(scale) ** 2)

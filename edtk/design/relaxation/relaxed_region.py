@@ -89,7 +89,7 @@ class JudgedRegion:
         if self.T is not None:
             kept = self.given.problem(x).kept
             whitened = Whitened(judged, self.T, kept.rounding_of_times(self.T))
-        setting = Setting(judged, self.criterion, self.asked, whitened, prior=self.given.prior)
+        setting = Setting(judged, self.criterion, self.asked, whitened, known=self.given.known)
         return setting.errors(weights, multipliers)
 
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from criteria import Criterion, Relaxable
 from criteria.interest import DEPENDENT
-from criteria.linalg.estimable import open_subspace
+from criteria.linalg.estimable import open_subspace, range_whitener
 from criteria.linalg.inverse import root
 from edtk.design.bound import BLURRED, Bound, BoundKind
-from edtk.design.information import PackedInformation, Rows
+from edtk.design.information import Known, PackedInformation, Rows
 from edtk.design.problem import Problem
 from edtk.design.problems import Whitened
 from edtk.design.relaxation.proof import EPS, InnerProof, errors
@@ -105,8 +105,8 @@ def _times(problem: Problem, power: int) -> Problem:
         kept = Rows(np.ldexp(problem.kept.A, power))
     else:
         kept = PackedInformation(np.ldexp(problem.kept.triangles, 2 * power))
-    prior = None if problem.prior is None else np.ldexp(problem.prior, 2 * power)
-    found = Problem.of_kept(kept, problem.parameters, prior)
+    known = None if problem.known is None else problem.known.in_unit(power)
+    found = Problem.of_kept(kept, problem.parameters, known)
     found.is_exact = problem.is_exact
     return found
 
@@ -162,7 +162,7 @@ class Setting:
         given: The criterion as it was given.
         whitened: How the problem was transformed; None where it is as it was given.
         of_squares: Whether information was transformed, for want of rows.
-        prior: Prior information (p, p) of the problem as it was given.
+        known: The prior of the problem as it was given.
     """
 
     problem: Problem
@@ -170,13 +170,19 @@ class Setting:
     given: Relaxable
     whitened: Whitened | None
     of_squares: bool = False
-    prior: Array | None = None
+    known: Known | None = None
 
     @classmethod
-    def of(cls, problem: Problem, criterion: Relaxable) -> "Setting":
-        """Transform a problem that would lose digits, with a criterion that can follow."""
+    def of(cls, problem: Problem, criterion: Relaxable, as_rows: bool = False) -> "Setting":
+        """Transform a problem that would lose digits, with a criterion that can follow.
+
+        Args:
+            problem: The candidates, and a prior.
+            criterion: What is minimised.
+            as_rows: Whether rows are to stay rows, however many they are.
+        """
         depends = criterion.dependence(problem.conditioning.scale) > DEPENDENT
-        whitened = Whitened.of(problem, needed=depends)
+        whitened = Whitened.of(problem, needed=depends, as_rows=as_rows)
         found = None if whitened is None else cls.by(problem, criterion, whitened)
         return found or cls(problem, criterion, criterion, None)
 
@@ -187,34 +193,40 @@ class Setting:
         if not isinstance(transformed, Relaxable):
             return None
         of_squares = not isinstance(problem.kept, Rows)
-        return cls(whitened.problem, transformed, criterion, whitened, of_squares, problem.prior)
+        return cls(whitened.problem, transformed, criterion, whitened, of_squares, problem.known)
 
     def _lost_by_transforming(self, M: Array) -> float:
-        """Relative error, of a variance, of what is given beside the candidates: squares and rows.
+        """Relative error, of a variance, of what is given beside the candidates.
 
-        A prior R is known to ``p eps (R_ii R_jj)^(1/2)``, as the design that it is a part of.
+        `Criterion.rounding` is ``2 p eps r``, where r is how far terms of a combination exceed
+        their sum. Where nothing is whitened the covariance itself is multiplied from both sides,
+        ``K' cov K``, and r counts twice: ``2 p eps r^2``.
         """
         if self.whitened is None:
-            return 0.0
-        W = self.whitened.T @ self.criterion.whitener(M)
-        found = self.given.rounding(W)
-        if self.prior is not None:
-            own = np.linalg.norm(np.sqrt(np.diag(self.prior))[:, None] * W, 2)
-            found += float(len(W) ** 2 * EPS * own**2)
+            each = 2 * len(M) * EPS
+            return float(each * (self.given.rounding(range_whitener(M)) / each) ** 2)
+        W = self.criterion.whitener(M)
+        found = self.given.rounding(self.whitened.T @ W)
+        if self.known is not None:
+            found += self.known.rounding(self.whitened.T, W)
         return found
 
-    def errors(self, weights: Array | None, multipliers: Array) -> tuple[float, float]:
+    def errors(
+        self, weights: Array | None, multipliers: Array, design: Array | None = None
+    ) -> tuple[float, float]:
         """Relative errors that rounding may have made in the cost of weights, and in a bound.
 
         Args:
             weights: Weights (n,); None for equal ones.
             multipliers: Multipliers (r, p, p) of the problem here.
+            design: The design (p, p) of the weights where it is less than their sum, see `errors`.
         """
         rounding = None if self.whitened is None else self.whitened.rounding
         of_cost, of_bound = errors(
-            self.problem, self.criterion, weights, multipliers, rounding, self.of_squares
+            self.problem, self.criterion, weights, multipliers, rounding, self.of_squares, design
         )
         M = self.problem.mean if weights is None else self.problem.information(weights)
+        M = M if design is None else design
         of_given = self._lost_by_transforming(M)
         of_given *= self.criterion.degree if self.criterion.monotone else 1 + self.criterion.degree
         return of_cost + of_given, of_bound + of_given

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from exact_costs import COSTS, exact_cost, excess
+from exact_costs import COSTS, KINDS, arguments, exact_cost, excess, rows_of
 
 import criteria
 import edtk
@@ -16,39 +16,6 @@ MOST = {"O4": 3}  # parameters, where a family of programs takes long
 every = pytest.mark.parametrize("name", COSTS)
 
 
-def arguments(name, rng, rows):
-    """What a criterion of these rows (n, r, p) takes, about predictions or parameters."""
-    flat = rows.reshape(-1, rows.shape[-1])
-    p = flat.shape[1]
-    made = {
-        "rho0": lambda: {"target": rng.normal(size=(3, p))},
-        "rho_max": lambda: {"targets": rng.normal(size=(3, 2, p))},
-        "c": lambda: {"c": flat[0] + flat[-1]},
-        "I": lambda: {"points": flat[:4]},
-        "prediction_G": lambda: {"points": flat[:4]},
-        "Ds": lambda: {"interest": rng.normal(size=(p, (p + 1) // 2))},
-        "phi": lambda: {"q": 2.0},
-    }
-    return made.get(name, dict)()
-
-
-def rows_of(kind, rng, r, p, condition):
-    """Rows (p + 8, r, p) that are ill-conditioned in one way or another."""
-    rows = rng.normal(size=(p + 8, r, p))
-    if kind == "columns that differ by little" and p > 1:
-        rows[..., -1] = rows[..., 0] + rows[..., -1] / condition
-    if kind == "a small singular value":
-        Q = np.linalg.qr(rng.normal(size=(p, p)))[0]
-        rows = rows @ (np.geomspace(1, 1 / condition, p)[:, None] * Q)
-    if kind == "units":
-        rows = rows * condition ** rng.uniform(0, 1, size=p)
-    if kind == "powers":
-        x = rng.uniform(0, 1, size=(p + 8, r)) + 0.3 * condition ** (1 / max(p - 1, 1))
-        rows = x[..., None] ** np.arange(p)
-    return rows
-
-
-KINDS = ("columns that differ by little", "a small singular value", "units", "powers")
 CASES = [
     (kind, condition, r, p)
     for i, kind in enumerate(KINDS)

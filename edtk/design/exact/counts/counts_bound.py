@@ -116,12 +116,14 @@ def beside_blocks(problem: Problem, criterion: Criterion, limits: Limits) -> Que
     except CriterionError:
         # Without blocks plans tell more: a bound on them is one here, if a weaker one.
         return problem, criterion, free
-    effects = np.broadcast_to(np.eye(r), (n, r, r))
+    # Effects in a unit of the size of the rows: beside very small ones they would look like all.
+    unit = float(np.ldexp(1.0, int(np.frexp(np.abs(problem.factors()).max())[1])))
+    effects = np.broadcast_to(unit * np.eye(r), (n, r, r))
     rows = np.concatenate([problem.factors(), effects], axis=2)
     base = np.zeros((p + r, p + r))
     base[:p, :p] = limits.base
     precision = len(limits.blocks) / limits.block_variance
-    base[p:, p:] = precision * np.eye(r)
+    base[p:, p:] = unit**2 * precision * np.eye(r)
     return Problem(rows), beside, replace(free, base=base)
 
 

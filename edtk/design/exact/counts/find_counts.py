@@ -1,13 +1,14 @@
 """The search for the best plan of whole experiments on the candidates of a problem."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from time import monotonic
 
 import numpy as np
 
 from criteria import Criterion, Relaxable
-from edtk.design.bound import Bound, BoundKind
+from edtk.design.bound import BLURRED, Bound, BoundKind
 from edtk.design.exact.counts.blocks_bound import blocks_bound
 from edtk.design.exact.counts.counts_bound import (
     Question,
@@ -27,12 +28,14 @@ from edtk.design.exact.prove_exact import (
     require_provable,
     require_told_apart,
 )
+from edtk.design.information import Known, Rows
 from edtk.design.problem import Problem, RankDeficientError
+from edtk.design.relaxation.proof import InnerProof, errors
 from edtk.design.relaxation.restricted_master import RelaxationError
-from edtk.design.relaxation.setting import OrderOne
+from edtk.design.relaxation.setting import OrderOne, Setting
 from edtk.system.errors import UserError
 from edtk.system.time_limit import time_limit
-from edtk.system.typing import Indices
+from edtk.system.typing import Array, Indices
 
 Progress = Callable[[str, float], object]
 PROVED_STARTS = 1  # of a search that a proof continues
@@ -49,6 +52,7 @@ def find_counts(
     progress: Progress = lambda step, cost: None,
     thorough: bool = True,
     prove: float | None = None,
+    known: Array | None = None,
 ) -> ProblemPlan:
     """Search for the best plan within limits, and bound how much better any plan can be.
 
@@ -70,6 +74,8 @@ def find_counts(
             is wasted on places that move afterwards.
         prove: Seconds for a proof that no plan is better [s]. It goes on where a first start ends,
             finds better plans, and ends the search. None for no proof.
+        known: Rows (k, p) that every plan has beside `Limits.base`, such as those of kept
+            experiments, whose squares may have lost digits.
 
     Raises:
         UnprovableError: A proof was asked for, and multipliers can prove nothing about such plans.
@@ -80,12 +86,14 @@ def find_counts(
     plain = criterion.without_prior
     if prove is not None and starts is None:
         starts = PROVED_STARTS
-    sized, limits = _of_order_one(problem, criterion, limits, prove is not None)
-    bare = sized.problem.with_prior(None)
-    question = beside_blocks(bare, plain, limits)
-    _require_beside_blocks(question, limits, problem)
+    asked = _Asked.of(problem, criterion, limits, known)
+    asked.require(problem, plain, prove is not None)
+    inside = asked.inside(plain)
+    plain = inside.criterion
+    limits = inside.limits
+    question = beside_blocks(inside.problem, plain, limits)
     relaxed, reason, interrupted = _relaxed(question, plain)
-    search = _search(bare, plain, limits, relaxed, thorough)
+    search = _search(inside.problem, plain, limits, relaxed, thorough)
     try:
         relaxed, needs_plan = _of_blocks(relaxed, search, seed)
     except KeyboardInterrupt:
@@ -97,35 +105,37 @@ def find_counts(
             1 if interrupted else starts,
             lambda number, cost: progress(f"start {number}", cost),
         )
-    cost = float(search.criterion.cost(search.scatter.information(found.places[None])[0]))
     counts = limits.counts(found.places[None], problem.n)[0]
     ended = "interrupted" if interrupted else found.ended
     proof = None
     if prove is not None and relaxed is not None and not interrupted:
         proof = prove_exact(
-            bare,
-            plain,
-            limits,
+            asked.sized.problem.with_prior(None),
+            criterion.without_prior,
+            asked.limits,
             counts,
             seconds=prove,
-            relaxed=relaxed,
+            relaxed=inside.outward(relaxed),
             progress=lambda nodes, best, bound: progress(f"node {nodes}", best),
         )
         counts = proof.counts
-        cost = proof.best
         ended = proof.ended
-        proof = _outward(proof, sized, criterion)
+        proof = _outward(proof, asked.sized, criterion)
+    M = inside.information(counts, found.places)
+    cost = float(plain.cost(M))
     _require_regular(cost, limits, problem, criterion)
     if relaxed is not None and question is not None and not interrupted:
         relaxed = within_limits(relaxed, *question, counts.astype(float))
         if needs_plan or relaxed.is_near(cost):
             relaxed = blocks_bound(relaxed, search.scatter, search.criterion, found.places)
+    of_cost, of_bound = inside.errors(counts, M, relaxed)
     return ProblemPlan(
         problem=problem,
         criterion=criterion,
         counts=counts + kept,
-        cost=sized.cost(cost, criterion),
-        lower_bound=_bound(criterion, relaxed, sized),
+        cost=asked.sized.cost(cost, criterion),
+        accuracy=of_cost + of_bound,
+        lower_bound=_bound(criterion, relaxed, asked.sized, cost, of_cost, of_bound),
         basis=f"no bound: {reason}" if relaxed is None else relaxed.basis,
         starts=found.starts,
         found=found.found,
@@ -141,25 +151,136 @@ def find_counts(
     )
 
 
-def _of_order_one(
-    problem: Problem, criterion: Criterion, limits: Limits, proves: bool
-) -> tuple[OrderOne, Limits]:
-    """The candidates and limits in a unit in which information is of order one.
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """A question about plans, in a unit in which information is of order one.
 
-    Raises:
-        UnprovableError: A proof was asked for, and multipliers can prove nothing about such plans.
-        RankDeficientError: No plan of these candidates identifies all parameters.
+    Attributes:
+        sized: The candidates, beside what every plan has in equal parts for each experiment.
+        limits: What plans must obey; its base is all that every plan has.
+        known: What the base is made of.
     """
-    plain = criterion.without_prior
-    if criterion.precision is not None:
-        limits = replace(limits, base=limits.base + criterion.precision)
-    beside = problem.with_prior(limits.base / limits.m)
-    sized = OrderOne.of(beside)
-    sized.problem.require_identifiable(plain)
-    if proves:
-        require_provable(plain, limits)
-        require_told_apart(beside)
-    return sized, replace(limits, base=sized.information(limits.base))
+
+    sized: OrderOne
+    limits: Limits
+    known: Known
+
+    @classmethod
+    def of(
+        cls, problem: Problem, criterion: Criterion, limits: Limits, known: Array | None
+    ) -> "_Asked":
+        """The question as it was given to `find_counts`, a Bayesian prior included."""
+        every = Known.of(limits.base)
+        if known is not None:
+            every = replace(every, rows=known)
+        if criterion.precision is not None:
+            every = every.plus(criterion.precision)
+        sized = OrderOne.of(problem.with_prior(every.shared(limits.m)))
+        every = every.in_unit(sized.power)
+        return cls(sized, replace(limits, base=every.information), every)
+
+    def require(self, problem: Problem, criterion: Criterion, proves: bool) -> None:
+        """Check that plans can tell what a criterion without a prior needs.
+
+        Raises:
+            UnprovableError: A proof is asked for, and multipliers can prove nothing.
+            RankDeficientError: No plan of these candidates identifies all parameters.
+        """
+        self.sized.problem.require_identifiable(criterion)
+        if proves:
+            require_provable(criterion, self.limits)
+            require_told_apart(self.sized.problem)
+        if self.limits.blocks:
+            plain = self.placed.with_prior(None)
+            question = beside_blocks(plain, criterion, self.limits)
+            _require_beside_blocks(question, problem)
+
+    @cached_property
+    def placed(self) -> Problem:
+        """The candidates, about their middle where plans in blocks do not depend on it."""
+        limits = self.limits
+        unknown = bool(limits.blocks) and np.isinf(limits.block_variance)
+        return _centred(self.sized.problem) if unknown else self.sized.problem
+
+    def inside(self, criterion: Criterion) -> "_Inside":
+        """The question in parameters that the candidates tell equally well."""
+        limits = self.limits
+        problem = self.placed
+        if not isinstance(criterion, Relaxable):
+            return _Inside(self, criterion, None, problem.with_prior(None), limits)
+        setting = Setting.of(problem, criterion, as_rows=bool(limits.blocks))
+        if setting.whitened is not None:
+            limits = replace(limits, base=self.known.times(setting.whitened.T))
+        bare = setting.problem.with_prior(None)
+        return _Inside(self, setting.criterion, setting, bare, limits)
+
+
+@dataclass(frozen=True, eq=False)
+class _Inside:
+    """The question in parameters in which squares of rows lose no digits.
+
+    Attributes:
+        asked: The question as it was given, in a good unit.
+        criterion: The criterion there.
+        setting: What rounding the parameters cost; None where the criterion cannot follow others.
+        problem: The candidates, without a prior.
+        limits: What plans must obey, with what every plan has.
+    """
+
+    asked: _Asked
+    criterion: Criterion
+    setting: Setting | None
+    problem: Problem
+    limits: Limits
+
+    def information(self, counts: Indices, places: Indices) -> Array:
+        """Information (p, p) of counts (n,), which are at places (m,) where there are blocks."""
+        if self.limits.blocks:
+            scatter = Scatter(self.problem.factors(), self.limits)
+            return np.asarray(scatter.information(places[None])[0])
+        return self.problem.information(counts) + self.limits.base
+
+    def errors(
+        self, counts: Indices, M: Array, relaxed: RelaxedCounts | None
+    ) -> tuple[float, float]:
+        """Relative errors that rounding may have made in the cost of counts (n,), and in the bound.
+
+        Args:
+            counts: The plan.
+            M: Its information (p, p).
+            relaxed: The bound with its multipliers; those of effects of blocks do not matter.
+        """
+        size = max(int(counts.sum()), 1)
+        p = self.problem.p
+        beside = self.problem.with_prior(self.limits.base / size)
+        if self.setting is None:
+            nothing = np.zeros((0, p, p))
+            return errors(beside, self.criterion, counts / size, nothing, design=M / size)[0], 0.0
+        known = self.asked.known.shared(size)
+        setting = replace(self.setting, problem=beside, known=known)
+        Z = np.zeros((0, p, p)) if relaxed is None else relaxed.multipliers[:, :p, :p]
+        of_cost, of_bound = setting.errors(counts / size, Z, M / size)
+        return of_cost, 0.0 if relaxed is None else of_bound
+
+    def outward(self, relaxed: RelaxedCounts) -> RelaxedCounts:
+        """The same bound, with multipliers of the parameters as they were given."""
+        if self.setting is None or self.setting.whitened is None:
+            return relaxed
+        inner = InnerProof(self.setting.whitened.T, relaxed.multipliers)
+        return replace(relaxed, multipliers=inner.outward())
+
+
+def _centred(problem: Problem) -> Problem:
+    """The same question about plans in blocks of unknown effects, which take up a common row.
+
+    Rows ``U - c`` have the same scatter in each block; of a c in the middle of the candidates they
+    lose nothing, where squares of U lose all that differs in blocks.
+    """
+    rows = problem.factors()
+    middle = rows.mean(axis=0, dtype=np.longdouble).astype(float)
+    found = Problem.of_kept(Rows(rows - middle), problem.parameters, problem.known)
+    found.is_exact = problem.is_exact
+    return found
 
 
 def _of_blocks(
@@ -200,9 +321,9 @@ def _exact_bound(criterion: Criterion, proof: ExactProof) -> Bound:
     return Bound(proof.cost, kind, criterion.degree, criterion.sense, gap)
 
 
-def _require_beside_blocks(question: Question | None, limits: Limits, problem: Problem) -> None:
+def _require_beside_blocks(question: Question | None, problem: Problem) -> None:
     """Check that effects of blocks leave what the criterion needs to be told."""
-    if question is None or not limits.blocks:
+    if question is None:
         return
     extended, criterion, free = question
     M = extended.mean + free.base / free.m
@@ -279,12 +400,23 @@ def _require_regular(cost: float, limits: Limits, problem: Problem, criterion: C
     )
 
 
-def _bound(criterion: Criterion, relaxed: RelaxedCounts | None, sized: OrderOne) -> Bound:
-    """The bound as an object; zero, which says nothing, where there is none."""
-    cost = 0.0 if relaxed is None else sized.cost(relaxed.cost, criterion)
-    gap = 1.0 if relaxed is None else relaxed.gap
-    kind = BoundKind.PROVED_ON_CANDIDATES if relaxed is None else relaxed.kind
-    return Bound(cost, kind, criterion.degree, criterion.sense, gap)
+def _bound(
+    criterion: Criterion,
+    relaxed: RelaxedCounts | None,
+    sized: OrderOne,
+    cost: float,
+    of_cost: float,
+    of_bound: float,
+) -> Bound:
+    """The bound as an object; zero, which says nothing, where there is none.
+
+    It is lowered by its rounding, and is never above the cost of the plan that was found.
+    """
+    if relaxed is None:
+        kind = BoundKind.PROVED_ON_CANDIDATES
+        return Bound(0.0, kind, criterion.degree, criterion.sense, 1.0)
+    found = Bound.of(criterion, relaxed.cost, cost, relaxed.kind, of_bound, max(of_cost, BLURRED))
+    return replace(found, cost=sized.cost(found.cost, criterion), gap=relaxed.gap)
 
 
 def _by_block(places: Indices, limits: Limits, n: int) -> Indices | None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria import Criterion
-from edtk.design.bound import Bound, BoundedDesign, BoundKind
+from edtk.design.bound import VISIBLE, Bound, BoundedDesign, BoundKind
 from edtk.design.problem import Problem
 from edtk.design.problems import FrameProblem
 from edtk.system.typing import Indices
@@ -32,6 +32,7 @@ class ProblemPlan(BoundedDesign):
         found: How many of them led to a plan as good as this one.
         ended: Why the search ended: "starts", "stagnation", "proved" or "interrupted".
         seconds: Duration of the search [s], the relaxation included.
+        accuracy: Relative error that rounding may have made in cost and bound.
         kept: How often each candidate was measured already (n,); zeros if nothing was kept.
         elsewhere: Number of kept experiments that are none of the candidates.
         block_counts: Counts (b, n) of each block; None without blocks.
@@ -52,6 +53,7 @@ class ProblemPlan(BoundedDesign):
     found: int
     ended: str
     seconds: float
+    accuracy: float
     kept: Indices
     elsewhere: int = 0
     block_counts: Indices | None = None
@@ -65,7 +67,8 @@ class ProblemPlan(BoundedDesign):
         factor, unit = self.criterion.shown
         value = f"{factor * self.value:.4g} {unit}".rstrip()
         experiments = f"{self.size} experiment{'' if self.size == 1 else 's'}"
-        return f"{self.criterion.label} = {value} with {experiments}, {self._bounded}"
+        digits = f", numbers to {self.accuracy:.0e}" if self.accuracy > VISIBLE else ""
+        return f"{self.criterion.label} = {value} with {experiments}, {self._bounded}{digits}"
 
     @property
     def told_bound(self) -> Bound:
