@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from edtk.verbs.relax import relax as relax
     from edtk.verbs.robot import robot as robot
     from edtk.verbs.run import run as run
+    from edtk.verbs.show import show as show
     from edtk.verbs.template import template as template
     from edtk.verbs.verify import verify as verify
 
@@ -83,6 +84,7 @@ _HOME = {
     "relax": "edtk.verbs.relax",
     "run": "edtk.verbs.run",
     "evaluate": "edtk.verbs.evaluate",
+    "show": "edtk.verbs.show",
     "template": "edtk.verbs.template",
     "program": "edtk.verbs.program",
     "identify": "edtk.verbs.identify",

@@ -16,6 +16,7 @@ from edtk.commands import (
     relax,
     robot,
     run,
+    show,
     template,
     verify,
 )
@@ -30,6 +31,7 @@ COMMANDS = (
     run,
     relax,
     evaluate,
+    show,
     template,
     identify,
     predict,

@@ -30,6 +30,7 @@ VERBS = {
     "relax",
     "run",
     "evaluate",
+    "show",
     "template",
     "program",
     "identify",

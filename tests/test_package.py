@@ -47,6 +47,7 @@ def test_wheel_holds_edtk_and_criteria_and_nothing_else(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     assert {n.split("/")[0] for n in names if ".dist-info" not in n} == {"edtk", "criteria"}
     needed = {"edtk/robots/builtin/kuka_kr270.toml", "edtk/py.typed", "criteria/py.typed"}
+    needed |= {f"edtk/report/show/page.{kind}" for kind in ("html", "css", "js")}
     assert needed <= set(names)
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.calibration.extension import Extension
+from edtk.calibration.measured_poses import MeasuredPoses
 from edtk.calibration.posterior_check import PosteriorCheck, check_posterior
 from edtk.calibration.propagation import (
     FittedSprings,
@@ -19,6 +20,7 @@ from edtk.calibration.propagation import (
     propagation_of,
 )
 from edtk.calibration.told_part import ToldPart, interest_estimates
+from edtk.design.plan import Plan
 from edtk.findings.causes.family import Cause
 from edtk.findings.causes.faults import cause_of
 from edtk.findings.finding import Finding, verdict
@@ -153,6 +155,7 @@ def calibration_to_dict(found: "Calibration") -> dict[str, Any]:
         **_of_interest(found),
         "prediction": found.springs.to_dict(found.study.robot),
         **_model_error(found),
+        "poses": found.measured_poses.to_list(),
     }
 
 
@@ -367,6 +370,17 @@ class Calibration(Judged):
     def propagation(self) -> Propagation:
         """How all that is uncertain moves the compliances that commands rest on."""
         return propagation_of(self.fitted)
+
+    @property
+    def measured_poses(self) -> MeasuredPoses:
+        """The poses of the sheet, with the distances of its positions from the fit."""
+        data = self.data
+        first = np.unique(data.pose, return_index=True)[1]
+        plan = Plan(data.q[first], data.wrench[first], np.bincount(data.pose))
+        square = np.where(data.lengths, np.square(self.fit.residual), 0.0).sum(axis=1)
+        return MeasuredPoses.of(
+            plan, data.pose, np.where(data.lengths.any(axis=1), square, np.nan)[:, None]
+        )
 
     @property
     def springs(self) -> FittedSprings:

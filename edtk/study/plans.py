@@ -66,11 +66,16 @@ def _of_sheet(study: StudyObjects, path: Table, made: bool) -> Plan | None:
         UserError: Names the file and the row or column; or no row is filled in.
     """
     table = PoseTable.read(path, "plan")
-    own = {*pose_columns(study.robot), *WRENCH_COLUMNS, *LOAD_COLUMNS, REPEATS}
-    header = with_own_headers([str(name) for name in table.cells], study.robot, SHEET_COLUMNS)
-    if REPEATS in table or set(header) <= own:
+    if not is_sheet(study, table):
         return None
     return _counted(*study.kind.visits(study, path, table, made))
+
+
+def is_sheet(study: StudyObjects, table: PoseTable) -> bool:
+    """Whether a table has columns for measurements; a plan has none."""
+    own = {*pose_columns(study.robot), *WRENCH_COLUMNS, *LOAD_COLUMNS, REPEATS}
+    header = with_own_headers([str(name) for name in table.cells], study.robot, SHEET_COLUMNS)
+    return REPEATS not in table and not set(header) <= own
 
 
 def firsts(number: Indices, *columns: Array) -> tuple[Array, ...]:

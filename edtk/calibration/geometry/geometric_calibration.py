@@ -12,7 +12,9 @@ from criteria.linalg.spectrum import is_semidefinite
 from edtk.calibration.calibration import Judged, Origin
 from edtk.calibration.extension import Extension
 from edtk.calibration.geometry.pieces_left import LeftInTasks, PiecesLeft
+from edtk.calibration.measured_poses import MeasuredPoses
 from edtk.calibration.posterior_check import PosteriorCheck, compared_with_fit, pose_error
+from edtk.design.plan import Plan
 from edtk.findings.finding import Finding, Severity
 from edtk.findings.geometry.counting import Counting
 from edtk.fit.distributions import task_accuracy
@@ -493,7 +495,18 @@ class GeometricCalibration(Judged):
                 "study": self._marks(),
             },
             **self._model_error(),
+            "poses": self.measured_poses.to_list(),
         }
+
+    @property
+    def measured_poses(self) -> MeasuredPoses:
+        """The poses of the sheet, with the distances of its markers from the fit."""
+        data = self.fit.data
+        means = data.means
+        plan = Plan(means.q, means.wrench, np.bincount(data.pose))
+        return MeasuredPoses.of(
+            plan, np.arange(len(means)), np.square(self.fit.residual).sum(axis=-1)
+        )
 
     @cached_property
     def left(self) -> LeftInTasks | None:

@@ -1,0 +1,170 @@
+"""`edtk show`: what it takes, what it tells of each pose, and what it refuses in one line."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+from geometry_sheets import STUDY as GEOMETRY
+from geometry_sheets import by_pose, truth
+from kr270 import REQUIRED, TEST_POSE
+
+import edtk
+from edtk.cli import main
+from edtk.study.study import Study
+
+pytestmark = pytest.mark.slow
+
+STUDIES = Path(__file__).parents[2] / "studies"
+PATH = STUDIES / "kr270_milling.toml"
+PLAN = STUDIES / "plans" / "table_4_12.csv"
+K = np.array([3e-7, 4e-7, 2.8e-6, 2.8e-6, 2.1e-6])
+MOVED = ["dx_mm", "dy_mm", "dz_mm"]
+
+
+def printed(*words: object) -> tuple[int, str]:
+    """Exit code and messages of a command."""
+    answer = CliRunner().invoke(main, [*map(str, words)])
+    return answer.exit_code, answer.stderr
+
+
+@pytest.fixture(scope="module")
+def measured() -> tuple[Study, pd.DataFrame]:
+    """A study, and a filled-in sheet of its published plan with one bad reading."""
+    study = edtk.load_study(PATH)
+    plan = study.load_plan(PLAN)
+    sheet = edtk.template(study, plan)
+    q = np.deg2rad(sheet.iloc[:, :6].to_numpy())
+    rng = np.random.default_rng(4)
+    rows = study.model.regressor(q, np.tile(plan.wrench[0], (len(q), 1))) @ K
+    sheet[MOVED] = 1e3 * (rows + rng.normal(0, 3e-5, rows.shape))
+    sheet.loc[7, "dy_mm"] += 0.4
+    return study, sheet
+
+
+@pytest.mark.cell("`show`", "springs")
+def test_poses_of_a_plan_stand_in_the_order_of_its_sheet() -> None:
+    """Angles are those of the template, row by row, and shares of information add up to one."""
+    study = edtk.load_study(PATH)
+    stage = edtk.show(study, PLAN).stage
+    sheet = edtk.template(study, PLAN).iloc[:, :6].drop_duplicates().to_numpy()
+    assert stage.shown == pytest.approx(sheet, abs=1e-9)
+    (shade,) = stage.shades
+    assert shade.values.sum() == pytest.approx(100, rel=1e-9)
+    # For rho0 it is the trace of what a pose adds to the information, weighted by the slope.
+    M = study.information(study.load_plan(PLAN))
+    slope = study.criterion("rho0").gradient(M)
+    own = study.information(edtk.Plan(stage.q[:1], stage.wrench[:1], stage.repeats[:1]))
+    expected = 100 * np.sum(slope * own) / np.sum(slope * M)
+    assert shade.values[0] == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_sheet_and_its_result_show_the_same_residuals(
+    measured: tuple[Study, pd.DataFrame], tmp_path: Path
+) -> None:
+    """The worst pose is that of the bad reading, from the sheet, the result and its k.json."""
+    study, sheet = measured
+    found = edtk.identify(study, sheet, out=tmp_path)
+    pages = [edtk.show(study, one) for one in (sheet, found, tmp_path / "k.json")]
+    for page in pages:
+        residual = next(one for one in page.stage.shades if one.name == "residual [mm]")
+        assert page.stage.shown[residual.values.argmax()] == pytest.approx(
+            sheet.iloc[7, :6].to_numpy(dtype=float)
+        )
+        assert residual.values == pytest.approx(pages[0].stage.shades[0].values)
+        assert "identified" in page.stage.springs
+    row = found.fit.residual[7]
+    worst = pages[0].stage.shades[0].values.max()
+    assert worst == pytest.approx(1e3 * np.sqrt((row**2).sum()), rel=1e-9)
+
+
+def test_an_empty_sheet_shows_its_poses(tmp_path: Path) -> None:
+    """A template that nobody has filled in yet has poses, and no residuals."""
+    sheet = tmp_path / "sheet.csv"
+    edtk.template(PATH, PLAN, out=sheet)
+    stage = edtk.show(PATH, sheet).stage
+    assert len(stage.q) == 12
+    assert [one.name for one in stage.shades] == ["share of information [%]"]
+
+
+@pytest.mark.cell("`show`", "parameters")
+def test_positions_are_shown_with_their_residuals(tmp_path: Path) -> None:
+    """A sheet of positions has poses, markers by name, and the distance of each from the fit."""
+    q, x = truth(20)
+    found = edtk.identify(GEOMETRY, by_pose(tmp_path / "day.csv", q, x), out=tmp_path)
+    stage = edtk.show(GEOMETRY, tmp_path / "k.json").stage
+    assert [mark.name for mark in stage.marks] == ["A", "B", "C"]
+    distance = np.sqrt((found.fit.residual**2).sum(axis=-1))
+    rms = 1e3 * np.sqrt((distance**2).mean(axis=1))
+    assert stage.shades[0].values == pytest.approx(rms, rel=1e-9)
+    assert stage.shown == pytest.approx(q)
+
+
+def test_without_poses_it_shows_those_of_the_study() -> None:
+    """Test poses where there are some, bent by springs of a file; else the robot near zero."""
+    study = Study(**REQUIRED | {"test_pose": TEST_POSE})
+    stage = edtk.show(study, {"k": {"q2": 3e-7}}).stage
+    assert stage.shown == pytest.approx(np.array([TEST_POSE["q_deg"]]))
+    assert len(edtk.show(Study(**REQUIRED)).stage.q) == 1
+
+
+def test_a_notebook_gets_the_page_in_a_frame() -> None:
+    """What a notebook shows is the whole page, and no text of it ends the frame."""
+    page = edtk.show(PATH, PLAN)
+    frame = page._repr_html_()
+    assert frame.startswith('<iframe srcdoc="&lt;!DOCTYPE html&gt;')
+    assert frame.count('"') == 6
+    assert "12 poses" in repr(page)
+
+
+def test_the_command_writes_the_page(tmp_path: Path) -> None:
+    """The file is what the call makes, and the command says nothing."""
+    out = tmp_path / "page.html"
+    assert printed("show", PATH, PLAN, "--out", out) == (0, "")
+    assert out.read_text(encoding="utf-8") == edtk.show(PATH, PLAN).html
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("q1_deg,q2_deg\n1,2\n", "column 'q3_deg' is missing"),
+        ("", "is no CSV table"),
+        ("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n", "the plan has no rows"),
+        ('{"poses": []}', "no such joint"),
+        ('{"k": {"axis_1": 1e-7}}', "axis_1"),
+        ('{"k": {"q2": 1e-7}, "poses": []}', "poses: expected a table for each pose"),
+        ('{"k": {"q2": 1e-7}, "poses": [{"q": [1]}]}', "poses[1]: expected a table"),
+    ],
+)
+def test_wrong_files_are_refused_in_one_line(content: str, said: str, tmp_path: Path) -> None:
+    """Plans of other robots, empty ones and results of others: one line, and no page."""
+    path = tmp_path / ("k.json" if content.startswith("{") else "plan.csv")
+    path.write_text(content)
+    out = tmp_path / "page.html"
+    code, message = printed("show", PATH, path, "--out", out)
+    assert code == 2
+    assert said in message
+    assert message.count("\n") == 1
+    assert not out.exists()
+
+
+def test_a_result_of_another_robot_is_refused(tmp_path: Path) -> None:
+    """Poses of seven joints are none of a robot of six."""
+    row = {"q": [0.0] * 7, "wrench": [0.0] * 6, "repeats": 1, "residual_mm": 0.1}
+    path = tmp_path / "k.json"
+    path.write_text(json.dumps({"k": {"q2": 1e-7}, "poses": [row]}))
+    code, message = printed("show", PATH, path, "--out", tmp_path / "page.html")
+    assert (code, "has 7 joints; expected the 6" in message) == (2, True)
+
+
+@pytest.mark.parametrize("out", ["", "plan.csv/page.html", "plan.csv"])
+def test_a_path_that_cannot_be_written_is_refused(out: str, tmp_path: Path) -> None:
+    """A folder, a file in a file, and the plan itself are no places for the page."""
+    plan = tmp_path / "plan.csv"
+    plan.write_bytes(PLAN.read_bytes())
+    code, message = printed("show", PATH, plan, "--out", tmp_path / out)
+    assert code == 2
+    assert message.count("\n") == 1
+    assert plan.read_bytes() == PLAN.read_bytes()
