@@ -282,6 +282,8 @@ class Solids:
         start: One end (K, 3) of each, in the frame of its carrier [m].
         end: The other end (K, 3).
         radius: Their radii (K,).
+        anchors: Points (K, 3) from which they hang, in the frame of the carrier; NaN for capsules
+            that the carrier turns. The ends of what hangs are given from there on, in world axes.
         standing: Boxes, and cylinders.
         planes: Normals (S, 3) and offsets (S,) of half spaces.
         first: Index (P,) of the capsule of each pair.
@@ -295,6 +297,7 @@ class Solids:
     start: Array
     end: Array
     radius: Array
+    anchors: Array
     standing: tuple[_Standing, _Standing]
     planes: tuple[Array, Array]
     first: Indices
@@ -308,6 +311,7 @@ class Solids:
         """The shapes and pairs of a cell."""
         listed: dict[type[Shape], list[Shape]] = {kind: [] for kind in KINDS}
         carriers: list[int] = []
+        anchors: list[Array] = []
         at: dict[str, list[tuple[type[Shape], int]]] = {}
         for body in cell.bodies:
             at[body.name] = []
@@ -317,6 +321,7 @@ class Solids:
                 own.append(shape)
                 if isinstance(shape, Capsule):
                     carriers.append(-1 if body.carrier is None else body.carrier)
+                    anchors.append(np.full(3, np.nan) if body.hangs_at is None else body.hangs_at)
         rows = _pairs_of_shapes(cell, at)
         rows.sort(key=lambda row: row[0])
         table = np.array(rows, dtype=int).reshape(-1, 4)
@@ -328,6 +333,7 @@ class Solids:
             start=np.array([one.start for one in capsules]).reshape(-1, 3),
             end=np.array([one.end for one in capsules]).reshape(-1, 3),
             radius=np.array([one.radius for one in capsules]),
+            anchors=np.array(anchors).reshape(-1, 3),
             standing=(
                 _Standing.of([one for one in listed[Box] if isinstance(one, Box)], True),
                 _Standing.of([one for one in listed[Cylinder] if isinstance(one, Cylinder)], False),
@@ -351,11 +357,26 @@ class Solids:
             if carrier < 0:
                 start[:, k], end[:, k] = self.start[k][:, None], self.end[k][:, None]
                 continue
+            if self.hangs[k]:
+                anchor = self._anchor(frames, k)
+                start[:, k], end[:, k] = (x[k][:, None] + anchor for x in (self.start, self.end))
+                continue
             rotation, origin = frames.bodies[int(carrier)]
             axes = rotation.reshape(3, -1)
             start[:, k] = (self.start[k] @ axes).reshape(3, n) + origin
             end[:, k] = (self.end[k] @ axes).reshape(3, n) + origin
         return Placed(start, end)
+
+    @cached_property
+    def hangs(self) -> Mask:
+        """Which capsules (K,) hang from a point, and do not turn."""
+        return ~np.isnan(self.anchors[:, 0])
+
+    def _anchor(self, frames: Frames, k: int) -> Array:
+        """Where the point (3, N) is from which a capsule hangs [m]."""
+        rotation, origin = frames.bodies[int(self.carriers[k])]
+        axes = rotation.reshape(3, -1)
+        return np.asarray((self.anchors[k] @ axes).reshape(3, -1) + origin)
 
     def bounds(self, placed: Placed) -> Array:
         """Lower bounds (P, N) on the distances of all pairs, by the middles of capsules [m].
@@ -455,18 +476,31 @@ class Solids:
 
     def slopes(self, frames: Frames, near: Near) -> Array:
         """Derivatives (n, k) of the distances of some pairs by the free joints."""
-        normal, point = near.nearest.normal, near.nearest.point
+        normal = near.nearest.normal
         axes, origins = frames.axes[..., near.pose], frames.origins[..., near.pose]
-        velocity = cross(axes, point - origins)
-        velocity[frames.prismatic] = axes[frames.prismatic]
-        parting = np.einsum("jck,ck->jk", velocity, normal)
-        joints = np.arange(len(parting))[:, None]
-        first = self.carriers[self.first[near.pair]]
-        other = np.full(len(first), -1)
+        joints = np.arange(len(axes))[:, None]
+        parting = np.zeros((len(axes), len(near.pair)))
         capsules = near.pair < self.kinds[0].stop
-        other[capsules] = self.carriers[self.second[near.pair[capsules]]]
-        moves = (joints <= first).astype(float) - (joints <= other)
-        return frames.folded(moves * parting)
+        second = np.where(capsules, self.second[near.pair], -1)
+        for sign, which in ((1.0, self.first[near.pair]), (-1.0, second)):
+            velocity = cross(axes, self._carried(frames, near, which) - origins)
+            velocity[frames.prismatic] = axes[frames.prismatic]
+            carrier = np.where(which < 0, -1, self.carriers[which])
+            parting += sign * (joints <= carrier) * np.einsum("jck,ck->jk", velocity, normal)
+        return frames.folded(parting)
+
+    def _carried(self, frames: Frames, near: Near, which: Indices) -> Array:
+        """The points (3, k) that move as the nearest points on some capsules (k,) do.
+
+        Of what hangs it is the point from which it hangs; -1 stands for what is no capsule.
+        """
+        if not self.hangs.any():
+            return near.nearest.point
+        point = near.nearest.point.copy()
+        for k in np.flatnonzero(self.hangs):
+            rows = np.flatnonzero(which == k)
+            point[:, rows] = self._anchor(frames, int(k))[:, near.pose[rows]]
+        return point
 
 
 # Kinds of shapes, in the order of `Solids.kinds`.

@@ -17,7 +17,7 @@ from typing import Literal
 
 import numpy as np
 
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 
 Source = Literal["URDF", "typed", "default"]
 
@@ -127,7 +127,7 @@ class Mesh:
     """
 
     vertices: Array
-    faces: Array
+    faces: Indices
 
     def moved(self, T: Array) -> "Mesh":
         """The same triangles where a transform (4, 4) brings them [m]."""

@@ -53,16 +53,24 @@ def load_robot(
         if link is not None:
             message = f"has no links; {link!r} goes with a URDF file"
             raise RobotFileError(message, where=f"robot {name}", key=key)
-    if name.endswith(TOML):
-        content = _content(name, folder or Path())
-    elif name in builtin_robots():
-        content = parse_toml((_builtin_folder() / f"{name}.toml").read_text(encoding="utf-8"))
-    else:
-        raise RobotFileError(
-            f"unknown robot {name!r}; built in: {', '.join(builtin_robots())}; "
-            "or give a path to a .toml, .urdf or .xacro file"
-        )
+    content = robot_content(name, folder)
     return _limited(robot_from_dict(content, where=f"robot {name}"), limits)
+
+
+def robot_content(name: str, folder: Path | None = None) -> dict[str, Any]:
+    """The keys of a built-in robot, or of a robot file in TOML, unchecked.
+
+    Raises:
+        RobotFileError: There is no such robot, or its file cannot be read.
+    """
+    if name.endswith(TOML):
+        return _content(name, folder or Path())
+    if name in builtin_robots():
+        return parse_toml((_builtin_folder() / f"{name}.toml").read_text(encoding="utf-8"))
+    raise RobotFileError(
+        f"unknown robot {name!r}; built in: {', '.join(builtin_robots())}; "
+        "or give a path to a .toml, .urdf or .xacro file"
+    )
 
 
 def _limited(robot: Robot, limits: Mapping[str, tuple[float, float]] | None) -> Robot:

@@ -447,6 +447,25 @@ class CompensatorTable(BaseModel):
         )
 
 
+class BodyTable(BaseModel):
+    """A capsule of a part of the robot, in the frame of the joint that moves it.
+
+    Capsules of one name are one body.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: Line = Field(description="Name of the part, for people")
+    joint: str | None = Field(
+        None,
+        description="The joint that moves it, in whose own frame it is given; without one it "
+        "stands, in the frame of the chain's root",
+    )
+    from_mm: Vector3 = Field(description="One end of the capsule's middle line [mm]")
+    to_mm: Vector3 = Field(description="The other end; the same one for a ball [mm]")
+    radius_mm: Annotated[Finite, Field(gt=0)] = Field(description="Radius of the capsule [mm]")
+
+
 class RobotFileError(UserError):
     """A robot that does not exist, or whose description is not as it should be."""
 
@@ -489,6 +508,9 @@ class RobotFile(BaseModel):
     )
     compensator: tuple[CompensatorTable, ...] = Field(
         (), description="Gravity compensators: springs and gas cylinders across joints"
+    )
+    body: tuple[BodyTable, ...] = Field(
+        (), description="Capsules that hold the parts of the robot, for a study with a `[scene]`"
     )
 
     def build(self, where: str | None) -> Robot:
@@ -584,6 +606,10 @@ class RobotAndMore(BaseModel):
     )
     compensator: tuple[CompensatorTable, ...] = Field(
         (), description="Gravity compensators: springs and gas cylinders across joints"
+    )
+
+    body: tuple[BodyTable, ...] = Field(
+        (), description="Capsules that hold the parts of the robot, in place of those of its file"
     )
 
     @classmethod

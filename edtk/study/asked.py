@@ -1,15 +1,19 @@
 """The keys of a study, checked, and its robot: what all other objects of it are built from."""
 
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from edtk.cell.cell import Cell
 from edtk.design.plan import Plan
 from edtk.measure.pose_table import of_file_units
 from edtk.robots.robot import Robot
 from edtk.study.schema import Specification
+from edtk.study.study_cell import study_cell
 from edtk.system.errors import UserError
+from edtk.system.typing import Array
 
 IN_PYTHON = "Study"  # takes the place of the file's name in messages about a study without a file
 
@@ -79,6 +83,23 @@ class Asked:
         shown = np.array([given.get(name, 0.0) for name in names])
         values = of_file_units(self.robot, shown)
         return {names.index(name): float(values[names.index(name)]) for name in given}
+
+    @cached_property
+    def cell(self) -> Cell | None:
+        """What must not touch; None without a `[scene]`.
+
+        Raises:
+            UserError: A body is not as it should be, or two touch in every pose.
+        """
+        return study_cell(self.specification, self.robot, self.folder, self.where, fixed=self.fixed)
+
+    @property
+    def home(self) -> Array | None:
+        """The pose (n,) in which a day begins and ends [rad or m]; None where nobody says."""
+        scene = self.specification.scene
+        if scene is None or scene.home_deg is None:
+            return None
+        return of_file_units(self.robot, np.array(scene.home_deg))
 
     @property
     def is_absolute(self) -> bool:

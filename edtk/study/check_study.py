@@ -4,7 +4,7 @@ import numpy as np
 
 import criteria
 from edtk.robots.compensator import SAMPLES
-from edtk.robots.robot import Robot, shown_limits
+from edtk.robots.robot import Beyond, Robot, shown_limits
 from edtk.study.check_measured import check_markers, check_noise
 from edtk.study.schema import Specification
 from edtk.study.study_objects import StudyObjects
@@ -12,6 +12,7 @@ from edtk.study.study_parts import check_limits
 
 # Displacement of the tool by 1 rad/(N m) below which a load turns no joint: what rounding leaves.
 LEAST_HARM = 1e-9  # [m]
+LIMIT = 1e-9  # [rad or m] beyond a limit that the conversion of degrees leaves
 KEY_OF_KIND = {"revolute": "fixed_deg", "prismatic": "fixed_mm"}
 
 
@@ -69,10 +70,28 @@ def check_study(study: StudyObjects) -> None:
     check_markers(study)
     check_noise(study)
     _check_compensators(study)
+    _check_home(study)
     check_tasks(study)
     _check_criteria(study, specification)
     if specification.interest is not None:
         study.kind.check_interest(study, specification.interest)
+
+
+def _check_home(study: StudyObjects) -> None:
+    """The home pose has a number for each joint, within its limits."""
+    scene = study.specification.scene
+    if scene is None or scene.home_deg is None:
+        return
+    if len(scene.home_deg) != study.robot.n:
+        message = f"has {len(scene.home_deg)} entries, expected {study.robot.n}, one per joint"
+        raise study.error("scene.home_deg", message)
+    assert study.home is not None
+    beyond = np.flatnonzero(study.robot.bounds.excess(study.home) > LIMIT)
+    if len(beyond):
+        found = Beyond.of(study.robot, study.home, int(beyond[0]))
+        low, high = found.limits
+        message = f"{found.name} = {found.value:g} is outside its limits {low:g} .. {high:g}"
+        raise study.error("scene.home_deg", message)
 
 
 def _check_joint_names(study: StudyObjects, specification: Specification, robot: Robot) -> None:

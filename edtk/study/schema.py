@@ -16,6 +16,7 @@ from pydantic_core import PydanticCustomError
 from edtk.robots.loads.load import Load as LoadFamily
 from edtk.robots.robot_file import ControllerTable
 from edtk.study.table import Count, Table
+from edtk.study.tables_of_cell import SceneTable
 from edtk.study.tables_of_measurement import (
     CostsTable,
     DistanceTable,
@@ -187,6 +188,11 @@ class Specification(Table):
     )
     uncertainty: UncertaintyTable = Field(
         UncertaintyTable(), description="How well the circumstances of a calibration are known"
+    )
+    scene: SceneTable | None = Field(
+        None,
+        description="The cell: what stands around the robot and what it carries, which must not "
+        "touch",
     )
 
     @model_validator(mode="before")

@@ -24,6 +24,8 @@ from edtk.study.study_parts import counts_known, designed_keys, study_robot, wit
 from edtk.study.study_toml import StudyKeys, keys_signature, plain_keys, read_toml, study_toml
 from edtk.system.presented import Presented
 
+# Keys that the cell depends on.
+CELL = {"robot", "base_link", "tip_link", "controller", "tool", "joints", "scene"}
 SPRINGS, COMPENSATORS = "springs", "compensators"  # what designs may depend on a guess of
 DIGITS = 12  # of the SHA-256 that names a study in results
 
@@ -118,6 +120,8 @@ class Study(StudyObjects, Presented):
         other = Study.__new__(Study)
         other._set(friction=self.friction)
         other._fill(kept | _plain(keys), self.folder if folder is None else Path(folder))
+        if folder is None and not CELL & set(keys):
+            other._share_cell(self)
         return other.excluding(self.excluded)
 
     def excluding(self, poses: Path | str | Plan | None) -> "Study":
@@ -131,7 +135,13 @@ class Study(StudyObjects, Presented):
         names = ("specification", "robot", "folder", "path", "digest", "kind", "friction", "_given")
         other._set(**{name: getattr(self, name) for name in names})
         other._set(excluded=Path(poses) if isinstance(poses, str) else poses)
+        other._share_cell(self)
         return other
+
+    def _share_cell(self, other: "Study") -> None:
+        """Take the cell of another study of the same one, if that is known."""
+        if "cell" in vars(other):
+            self._set(cell=other.cell)
 
     def to_toml(self, path: Path | str | None = None) -> str:
         """Write the study as TOML, so that `load_study` gives the same study again.
@@ -210,7 +220,9 @@ class Study(StudyObjects, Presented):
         """
         if of == COMPENSATORS:
             found = tuple(one.times(factor) for one in self.robot.compensators)
-            return self.replace(robot=replace(self.robot, compensators=found))
+            other = self.replace(robot=replace(self.robot, compensators=found))
+            other._set(cell=self.cell)  # a robot in Python has no file with its bodies
+            return other
         simulation = self.specification.simulation
         assert simulation is not None
         guess = simulation.compliance_rad_per_Nm
@@ -229,6 +241,9 @@ class Study(StudyObjects, Presented):
         specification = self.specification
         named = [*specification.published, *specification.workspace.excluded]
         named += filter(None, (specification.prior.earlier_file, specification.robot_file))
+        named += (
+            [] if specification.scene is None else [one.file for one in specification.scene.mesh]
+        )
         if specification.task is not None:
             named.append(specification.task.file)
         own = [] if self.path is None else [self.path]

@@ -237,6 +237,9 @@ def _with_names(content: dict[str, Any], moved: Callable[[str], str]) -> dict[st
     if "earlier_file" in content.get("prior", {}):
         name = moved(content["prior"]["earlier_file"])
         content["prior"] = content["prior"] | {"earlier_file": name}
+    if "mesh" in content.get("scene", {}):
+        meshes = [mesh | {"file": moved(mesh["file"])} for mesh in content["scene"]["mesh"]]
+        content["scene"] = content["scene"] | {"mesh": meshes}
     return content
 
 
@@ -283,6 +286,7 @@ class StudyKeys(TypedDict, total=False):
     noise: Mapping[str, Any] | None
     costs: Mapping[str, Any] | None
     uncertainty: Mapping[str, Any] | None
+    scene: Mapping[str, Any] | None
 
 
 def keys_signature() -> inspect.Signature:

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -184,19 +184,51 @@ def bodies(tree: Urdf, moving: Sequence[UrdfJoint]) -> tuple[Link, ...]:
 def _body(tree: Urdf, carrier: UrdfJoint, carriers: set[str]) -> Link:
     mass = 0.0
     moment = np.zeros(3)
-    waiting = [(carrier.child, np.eye(4))]
-    while waiting:
-        name, T = waiting.pop()
+    for name, T in links_below(tree, carrier.child, carriers):
         link = tree.links[name]
         if link is not None:
             mass += link.mass
             moment += link.mass * (T[:3, :3] @ link.center + T[:3, 3])
-        waiting += [
-            (joint.child, T @ joint.origin @ _at_rest(joint))
-            for joint in tree.below[name]
-            if joint.name not in carriers
-        ]
     return Link(mass, moment / mass if mass else moment)
+
+
+def links_below(
+    tree: Urdf, first: str, carriers: Collection[str], T: Array | None = None
+) -> Iterator[tuple[str, Array]]:
+    """A link and all below it that move with it, and their frames (4, 4) in that of the first [m].
+
+    Args:
+        tree: The links and joints.
+        first: Name of the link.
+        carriers: Joints that move; others stand at zero, or at the limit that is nearest to it.
+        T: Frame of the link itself; defaults to the identity.
+    """
+    waiting = [(first, np.eye(4) if T is None else T)]
+    seen = {first}
+    while waiting:
+        name, place = waiting.pop()
+        yield name, place
+        for joint in tree.below[name]:
+            if joint.name not in carriers and joint.child not in seen:
+                seen.add(joint.child)
+                waiting.append((joint.child, place @ joint.origin @ _at_rest(joint)))
+
+
+def links_at_rest(tree: Urdf, base: str, carriers: Collection[str]) -> Iterator[tuple[str, Array]]:
+    """All links that no joint of a chain moves, and their frames (4, 4) in that of its base [m].
+
+    They are those below the base, and those above it with all that these carry.
+    """
+    yield from links_below(tree, base, carriers)
+    T = np.eye(4)
+    below = base
+    passed: set[str] = set()
+    while below in tree.above and tree.above[below].name not in passed:
+        joint = tree.above[below]
+        passed.add(joint.name)
+        T = T @ np.linalg.inv(joint.origin @ _at_rest(joint))
+        yield from links_below(tree, joint.parent, {*carriers, joint.name}, T)
+        below = joint.parent
 
 
 def _at_rest(joint: UrdfJoint) -> Array:

@@ -64,12 +64,9 @@ def load_urdf(
         RobotFileError: One line that says which joint or link, and what was expected.
     """
     where = f"robot {name or path}"
-    tree = _tree(path, where)
-    ends = chain(tree, base, tip, where)
-    first = ends[0].parent
-    last = ends[-1].child
-    tree = _without_constant_joints(tree, ends, where)
-    joints = [tree.joints[joint.name] for joint in ends]
+    tree, joints = chain_of(path, base, tip, where)
+    first = joints[0].parent
+    last = joints[-1].child
     moving = _Moving(tree, [joint for joint in joints if joint.kind != "fixed"], where)
     if not moving.joints:
         raise RobotFileError("no joint moves it", where=where, key=f"link {last}")
@@ -84,6 +81,22 @@ def load_urdf(
         flange=flange,
         tied=tied,
     )
+
+
+def chain_of(
+    path: Path, base: str | None, tip: str | None, where: str
+) -> tuple[Urdf, list[UrdfJoint]]:
+    """The links and joints of a file, and its joints from one link to another, fixed ones included.
+
+    Joints of the chain that follow one that does not move are fixed.
+
+    Raises:
+        RobotFileError: See `load_urdf`.
+    """
+    tree = _tree(path, where)
+    ends = chain(tree, base, tip, where)
+    tree = _without_constant_joints(tree, ends, where)
+    return tree, [tree.joints[joint.name] for joint in ends]
 
 
 def arm_in(

@@ -69,11 +69,13 @@ class Urdf:
         name: Name of the robot.
         links: Mass and centre of each link in its own frame, by name; None where the file has none.
         joints: The joints by name, in the order of the file.
+        elements: The element of each link, by name: its shapes are read where they are asked for.
     """
 
     name: str
     links: dict[str, Link | None]
     joints: dict[str, UrdfJoint]
+    elements: dict[str, Element]
 
     @cached_property
     def above(self) -> dict[str, UrdfJoint]:
@@ -136,6 +138,7 @@ class _Reader:
             " ".join(root.attributes.get("name", "").split())[:LONGEST_NAME],
             {name: self._link(element, name) for name, element in links.items()},
             {name: self._joint(element, name) for name, element in joints.items()},
+            links,
         )
         self._check_links(tree)
         return tree

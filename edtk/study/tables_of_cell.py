@@ -1,0 +1,145 @@
+"""Tables of a study about the cell: what stands around the robot, what it carries, what hangs."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from edtk.cell.meshes import Unit
+from edtk.cell.shapes import Box, Capsule, Cylinder, Plane
+from edtk.robots.rotations import transform
+from edtk.study.table import NotNegative, Table
+from edtk.system.fields import ZERO, Finite, Line, Vector3
+from edtk.system.typing import Array
+
+MM = 1e-3
+Millimetres = Annotated[Finite, Field(ge=0.1)]  # of a size: a body has one
+
+
+class PartTable(Table):
+    """A named part of the cell. Parts of one name are one body."""
+
+    name: Line = Field(description="Name of the body, for people; parts of one name are one body")
+    joint: str | None = Field(
+        None,
+        description='The joint that carries it, in whose own frame it is then given; "tool" for '
+        "the frame in which `tool.position_mm` is given; without one it stands in the world",
+    )
+
+
+class PlacedPart(PartTable):
+    """A part that is placed and turned."""
+
+    position_mm: Vector3 = Field(ZERO, description="Where its middle is [mm]")
+    rpy_deg: Vector3 = Field(
+        ZERO, description="Roll, pitch and yaw about the fixed axes x, y and z, in this order [deg]"
+    )
+
+    @property
+    def pose(self) -> Array:
+        """Transform (4, 4) [m]."""
+        return transform(MM * np.array(self.position_mm), np.deg2rad(self.rpy_deg))
+
+
+class BoxTable(PlacedPart):
+    """A cuboid."""
+
+    size_mm: tuple[Millimetres, Millimetres, Millimetres] = Field(
+        description="Its edges along its own x, y and z [mm]"
+    )
+
+    def build(self) -> Box:
+        """The box [m]."""
+        return Box(self.pose, MM * np.array(self.size_mm) / 2)
+
+
+class CylinderTable(PlacedPart):
+    """A cylinder along its own z-axis."""
+
+    radius_mm: Millimetres = Field(description="Radius [mm]")
+    height_mm: Millimetres = Field(description="Height [mm]")
+
+    def build(self) -> Cylinder:
+        """The cylinder [m]."""
+        return Cylinder(self.pose, MM * self.radius_mm, MM * self.height_mm / 2)
+
+
+class CapsuleTable(PartTable):
+    """All points within a radius of a segment."""
+
+    from_mm: Vector3 = Field(description="One end of its middle line [mm]")
+    to_mm: Vector3 = Field(description="The other end; the same one for a ball [mm]")
+    radius_mm: Millimetres = Field(description="Radius [mm]")
+
+    def build(self) -> Capsule:
+        """The capsule [m]."""
+        start, end = MM * np.array([self.from_mm, self.to_mm])
+        return Capsule(start, end, MM * self.radius_mm)
+
+
+class PlaneTable(Table):
+    """A floor or a wall: all that is behind the plane is solid."""
+
+    name: Line = Field(description="Name of the body, for people")
+    normal: Vector3 = Field((0.0, 0.0, 1.0), description="Direction out of the solid [-]")
+    position_mm: Vector3 = Field(ZERO, description="A point of the plane [mm]")
+
+    @model_validator(mode="after")
+    def _directed(self) -> "PlaneTable":
+        if not np.any(self.normal):
+            raise PydanticCustomError("normal", "normal: expected a direction, got zero")
+        return self
+
+    def build(self) -> Plane:
+        """The half space [m]."""
+        normal = np.array(self.normal) / np.linalg.norm(self.normal)
+        return Plane(normal, float(MM * normal @ self.position_mm))
+
+
+class MeshTable(PlacedPart):
+    """A file of triangles, placed."""
+
+    position_mm: Vector3 = Field(ZERO, description="Where the origin of the file is [mm]")
+    file: Line = Field(description="STL or OBJ file, beside the study")
+    unit: Unit = Field("mm", description="What a 1 in the file stands for: 'mm', 'm' or 'inch'")
+
+
+class HangingTable(Table):
+    """A weight on a rope that hangs from the tool point, and swings."""
+
+    name: Line = Field("load", description="Name of the weight, for people")
+    rope_mm: NotNegative = Field(description="Length of the rope, down to the weight [mm]")
+    radius_mm: Millimetres = Field(description="Radius of the weight, an upright cylinder [mm]")
+    height_mm: Millimetres = Field(description="Height of the weight [mm]")
+    swing_deg: Annotated[Finite, Field(ge=0, lt=90)] = Field(
+        5.0, description="By how much it swings to every side [deg]"
+    )
+    rope_radius_mm: Millimetres = Field(10.0, description="Radius of rope and hook [mm]")
+
+
+class SceneTable(Table):
+    """The cell: what must not touch."""
+
+    margin_mm: NotNegative = Field(
+        10.0, description="Distance that is kept between all bodies, beyond touching [mm]"
+    )
+    bodies: bool = Field(
+        True, description="Whether the robot's own bodies count: of its URDF or its file"
+    )
+    box: tuple[BoxTable, ...] = Field((), description="Boxes")
+    cylinder: tuple[CylinderTable, ...] = Field((), description="Cylinders")
+    capsule: tuple[CapsuleTable, ...] = Field((), description="Capsules")
+    plane: tuple[PlaneTable, ...] = Field((), description="Floors and walls, which stand")
+    mesh: tuple[MeshTable, ...] = Field((), description="Files of triangles")
+    hanging: HangingTable | None = Field(
+        None, description="A weight that hangs on a rope from the tool point"
+    )
+    ignore: tuple[tuple[str, str], ...] = Field(
+        (), description="Pairs of bodies, by name, that may touch"
+    )
+    home_deg: tuple[Finite, ...] | None = Field(
+        None,
+        description="The pose in which the day begins and ends, one number a joint, as the "
+        "controller shows it [deg; mm for a prismatic joint]",
+    )

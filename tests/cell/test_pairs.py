@@ -1,0 +1,99 @@
+"""Pairs of a cell: those that a joint connects, those that always touch, and what hangs."""
+
+import numpy as np
+import pytest
+
+from edtk.cell.cell import Cell
+from edtk.cell.containing import inside
+from edtk.cell.pairs import pairs_to_look_at
+from edtk.cell.robot_bodies import robot_bodies
+from edtk.cell.shapes import Body, Capsule
+from edtk.cell.swinging import hanging_bodies
+from edtk.robots.load_robot import load_robot
+
+ROBOT = load_robot("kuka_kr270")
+BODIES = robot_bodies(ROBOT, "kuka_kr270")
+OWN = {body.name for body in BODIES}
+POINT = np.array([0.3, 0.1, -0.2])
+
+
+def ball(name, carrier, place, radius=0.05):
+    return Body(name, carrier, (Capsule(np.array(place), np.array(place), radius),))
+
+
+def weight(swing, rope=0.4):
+    return hanging_bodies(
+        "load", 5, POINT, rope=rope, radius=0.1, height=0.3, swing=swing, rope_radius=0.01
+    )
+
+
+def test_neighbours_are_adjacent_and_nothing_is_left_out() -> None:
+    """Each pair of bodies that move against each other is in one list."""
+    found = pairs_to_look_at(ROBOT, BODIES, own=OWN)
+    assert ("base", "carousel") in found.adjacent
+    assert ("forearm", "wrist") in found.adjacent
+    assert ("forearm", "flange") in found.looked_at
+    assert len(found.adjacent) == 6
+    assert len(found.looked_at) + len(found.adjacent) + len(found.always) == 7 * 6 / 2
+
+
+def test_parts_of_the_arm_that_always_touch_are_listed() -> None:
+    """A ring about the wrist that reaches into the forearm is no mistake of a person."""
+    ring = ball("ring", 5, [0, 0, 0], 0.3)
+    own = {*OWN, "ring"}
+    found = pairs_to_look_at(ROBOT, (*BODIES, ring), own=own)
+    assert found.always == (("forearm", "ring"),)
+    with pytest.raises(ValueError, match=r"'forearm' and 'ring' touch in each of 1024 poses"):
+        pairs_to_look_at(ROBOT, (*BODIES, ring), own=OWN)
+    ignored = [frozenset(("ring", "forearm"))]
+    found = pairs_to_look_at(ROBOT, (*BODIES, ring), own=OWN, ignored=ignored)
+    assert not found.always
+
+
+def test_joints_that_stand_make_pairs_that_always_touch() -> None:
+    """A box that the arm leaves when joint 1 turns is in the way where that joint stands."""
+    post = ball("post", None, [0.6, 0, 0.75], 0.1)
+    assert pairs_to_look_at(ROBOT, (*BODIES, post), own=OWN).looked_at
+    with pytest.raises(ValueError, match="'carousel' and 'post' touch"):
+        pairs_to_look_at(ROBOT, (*BODIES, post), own=OWN, fixed={0: 0.0})
+
+
+def test_a_weight_moves_with_its_point_and_does_not_turn() -> None:
+    """The derivative of its distance agrees with differences, and its height follows the point."""
+    still = ball("post", None, [1.5, 0.4, 0.5])
+    cell = Cell(ROBOT, (*weight(0.1), still), 0.0, (("load", "post"),))
+    q = np.random.default_rng(0).uniform(*ROBOT.limits, (5, 6))
+    step = 1e-6 * np.eye(6)
+    up, down = (cell.clearance(q[:, None] + sign * step).least for sign in (1, -1))
+    assert np.allclose(cell.gradient(q), (up - down) / 2e-6, atol=1e-6)
+    turned = ROBOT.frames(q, [5])
+    rotation, origin = turned.bodies[5]
+    hook = np.einsum("k,kcn->nc", POINT, rotation) + origin.T
+    floor = ball("floor", None, [0, 0, -1000.0], 990.0)
+    low = Cell(ROBOT, (*weight(0.0), floor), 0.0, (("load", "floor"),)).distances(q)[:, 0]
+    assert np.allclose(low - low[0], hook[:, 2] - hook[0, 2], atol=0.02)
+
+
+@pytest.mark.parametrize("swing", [0.0, 0.2, 1.0])
+@pytest.mark.parametrize("rope", [0.0, 0.5])
+def test_all_places_of_a_swinging_weight_are_held(swing: float, rope: float) -> None:
+    """Points of weight and rope, turned about the hook by up to the swing, are within."""
+    rng = np.random.default_rng(1)
+    count = 3000
+    around = rng.uniform(0, 2 * np.pi, count)
+    side = 0.1 * np.ones(count)
+    depth = rope + 0.3 * rng.integers(0, 2, count)
+    solid = np.column_stack([side * np.cos(around), side * np.sin(around), -depth])
+    line = np.column_stack([0 * side, 0 * side, -rope * rng.uniform(size=count)])
+    axis = rng.normal(size=(count, 3)) * [1, 1, 0]
+    axis /= np.linalg.norm(axis, axis=1)[:, None]
+    angle = rng.uniform(-swing, swing, count)
+    for body, points in zip(weight(swing, rope), (solid, line), strict=False):
+        turned = (
+            points * np.cos(angle)[:, None]
+            + np.cross(axis, points) * np.sin(angle)[:, None]
+            + axis * (np.sum(axis * points, axis=1) * (1 - np.cos(angle)))[:, None]
+        )
+        assert body.hangs_at is POINT
+        held = np.any([inside(shape, turned) for shape in body.capsules], axis=0)
+        assert held.all()
