@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import criteria as criteria
     from edtk.calibration.calibration import Calibration as Calibration
     from edtk.calibration.compensate import Compensation as Compensation
+    from edtk.calibration.correct_program import CorrectedProgram as CorrectedProgram
     from edtk.calibration.geometry.geometric_calibration import (
         GeometricCalibration as GeometricCalibration,
     )
@@ -114,6 +115,7 @@ _HOME = {
     "PosteriorCheck": "edtk.calibration.posterior_check",
     "PlanBias": "edtk.calibration.planned",
     "Compensation": "edtk.calibration.compensate",
+    "CorrectedProgram": "edtk.calibration.correct_program",
     "Verification": "edtk.certificate.verify_certificate",
     "Bound": "edtk.design.bound",
     "Sampling": "edtk.verbs.bayes",

@@ -67,16 +67,32 @@ class RefusedRowsError(Exception):
         self.rows = tuple(rows)
 
 
+class NoRowError(UserError):
+    """No row of a task has an answer; the message says why of the first one.
+
+    Args:
+        rows: All rows.
+        where: Their file.
+
+    Attributes:
+        rows: As given.
+    """
+
+    def __init__(self, rows: Sequence[RefusedRow], where: Path | str) -> None:
+        first = min(rows, key=lambda row: row.row)
+        super().__init__(first.reason, where=where, key=first.place)
+        self.rows = tuple(rows)
+
+
 def require_one(answered: int, refused: Sequence[RefusedRow], where: Path | str) -> None:
     """Check that a row at least has an answer.
 
     Raises:
-        UserError: None has; says why of the first one.
+        NoRowError: None has.
     """
     if answered or not refused:
         return
-    first = min(refused, key=lambda row: row.row)
-    raise UserError(first.reason, where=where, key=first.place)
+    raise NoRowError(refused, where)
 
 
 def refused_lines(refused: Sequence[RefusedRow]) -> tuple[str, ...]:
@@ -116,10 +132,36 @@ def load_task(study: Study, path: Table | None = None) -> Plan:
         poses = np.array([task.q for task in study.tasks])
         wrenches = np.array([task.wrench for task in study.tasks])
         return Plan(poses, wrenches, np.ones(len(poses), dtype=int))
+    return Plan.from_csv(path, study.robot, study.fixed, _load_of_all(study))
+
+
+def _load_of_all(study: Study) -> Array | None:
+    """The wrench (6,) of all tasks; where they have several, what tasks of such a study have."""
     wrench = task_of_all(study).wrench
     same = all(np.array_equal(task.wrench, wrench) for task in study.tasks)
-    load = wrench if same else study.kind.task.wrench
-    return Plan.from_csv(path, study.robot, study.fixed, load)
+    return wrench if same else study.kind.task.wrench
+
+
+def loaded_poses(study: Study, q: Array) -> Plan:
+    """Poses in which the load of the study's task acts.
+
+    Args:
+        study: Robot and test poses; without any, one of [parameters] has no load.
+        q: Joint variables (t, n) [rad or m].
+
+    Raises:
+        UserError: A study of compliances has no test pose, or test poses have several tools or
+            loads.
+    """
+    wrench = study.kind.task.wrench
+    if wrench is None:
+        require_task(study)
+    if study.tasks:
+        wrench = _load_of_all(study)
+    if wrench is None:
+        message = "the test poses have different loads; expected one, as a program states none"
+        raise study.error("test_pose", message)
+    return Plan(q, np.tile(wrench, (len(q), 1)), np.ones(len(q), dtype=int))
 
 
 def require_task(study: Study) -> None:

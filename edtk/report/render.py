@@ -11,6 +11,7 @@ from edtk.system.presented import Presented
 PAGES = {
     "calibration": "calibration",
     "compensation": "compensation",
+    "corrected_program": "compensation",
     "evaluation": "evaluation",
     "exact_plan": "plan",
     "found_controller": "robot",

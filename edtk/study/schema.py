@@ -36,6 +36,7 @@ from edtk.study.tables_of_robot import (
 )
 from edtk.study.tables_of_task import (
     CriterionTable,
+    FramesTable,
     GiveUpTable,
     InterestTable,
     PayloadTable,
@@ -133,6 +134,9 @@ class Specification(Table):
     )
     task: TaskTable | None = Field(
         None, description="The task as the file of a path, in place of test poses"
+    )
+    frames: FramesTable = Field(
+        FramesTable(), description="Tools and bases that robot programs name, to correct programs"
     )
     interest: InterestTable | None = Field(
         None,

@@ -17,6 +17,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from criteria.named_interest import named_parameters
+from edtk.programs.targets.reading import Frames
 from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.robots.rotations import transform
 from edtk.robots.weights import GRAVITY
@@ -100,6 +101,39 @@ def payload_stands_in(given: Any, info: ValidationInfo, no_load: Load | None) ->
     if all(info.data.get(key) is None for key in ("payload", "parameters")):
         raise PydanticCustomError("missing", "this key is required")
     return Tool(position_mm=ZERO) if info.field_name == "tool" else no_load
+
+
+class FramesTable(Table):
+    """Frames that robot programs name, and where the controller's own ones are.
+
+    Only `edtk compensate` of a program reads them.
+    """
+
+    flange: Tool = Field(
+        Tool(position_mm=ZERO),
+        description="The controller's flange, in the frame in which `tool.position_mm` is given; "
+        "tools of programs begin there",
+    )
+    world: Tool = Field(
+        Tool(position_mm=ZERO),
+        description="The controller's world, in the world of the robot's model; bases of programs "
+        "begin there",
+    )
+    tool: dict[str, Tool] = Field(
+        {},
+        description="Tools by the names or numbers that programs have for them; `default` is that "
+        "of poses before which a program states none",
+    )
+    base: dict[str, Tool] = Field({}, description="Bases, user frames or work objects, likewise")
+
+    def build(self) -> Frames:
+        """Transforms [m]."""
+        return Frames(
+            flange=self.flange.build(),
+            world=self.world.build(),
+            tools={name: one.build() for name, one in self.tool.items()},
+            bases={name: one.build() for name, one in self.base.items()},
+        )
 
 
 Robust = Annotated[Finite, Field(ge=0, le=180)]

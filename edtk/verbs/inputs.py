@@ -19,13 +19,18 @@ from edtk.system.files import (
     STANDARD_OUTPUT,
     Content,
     is_standard_output,
+    read_text,
     require_writable,
     write_files,
 )
+from edtk.system.parsing import json_text, parse_json
 from edtk.system.workers import Workers, WorkersLostError, open_workers
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+MOST_RESULT_MB = 100.0  # of the file of a result
 
 
 class HasPlan(Protocol):
@@ -140,6 +145,19 @@ def content_of(result: object) -> Mapping[str, Any] | None:
     to_dict = getattr(result, "to_dict", None)
     content = to_dict() if callable(to_dict) and not _is_frame(result) else None
     return content if isinstance(content, Mapping) else None
+
+
+def text_of(result: object) -> str:
+    """A text that is the same for a result and its file, and another one for other numbers.
+
+    Raises:
+        UserError: The file is not valid JSON.
+    """
+    if isinstance(result, str | Path):
+        content: Any = parse_json(read_text(result, MOST_RESULT_MB), result)
+    else:
+        content = content_of(result)
+    return str(result) if content is None else json_text(content)
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 from time import monotonic
@@ -33,8 +34,10 @@ from edtk.verbs.inputs import (
     name_of,
     plan_of,
     proved_gap,
+    require_different,
     require_folder,
     require_output,
+    text_of,
     workers_for,
 )
 from edtk.verbs.question import PlanCall, Question, RelaxCall, seconds_for
@@ -47,6 +50,7 @@ if TYPE_CHECKING:
 
     from edtk.calibration.calibration import Calibration
     from edtk.calibration.compensate import Compensation
+    from edtk.calibration.correct_program import CorrectedProgram
     from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
     from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
     from edtk.calibration.prediction import Prediction
@@ -566,6 +570,37 @@ class OfStudy(Question):
         found = self._commands(result, task, self._poses(task) if poses is None else poses)
         if out is not None:
             found.to_csv(out)
+        return found
+
+    def correct(
+        self,
+        result: CompliancesLike,
+        program: Path | str,
+        out: Path | str | None,
+        table: Path | str | None,
+        every: bool,
+    ) -> "CorrectedProgram":
+        """A program whose targets make up for what was found; see `edtk.compensate`."""
+        from edtk.calibration.correct_program import ProgramFile, correct_program
+        from edtk.measure.cells import csv_text
+
+        self._require_result(result, program)
+        require_different(out=out, table=table)
+        for path in (out, table):
+            require_output(path, *self.study.reads, *files_of(result, program))
+        found = correct_program(
+            self.study,
+            ProgramFile.read(Path(program)),
+            partial(self._commands, result, program),
+            text_of(result),
+            every,
+        )
+        files: dict[Path, Content] = {}
+        if out is not None:
+            files[Path(out)] = found.content
+        if table is not None:
+            files[Path(table)] = csv_text(found.to_frame())
+        write_files(files)
         return found
 
     @abstractmethod

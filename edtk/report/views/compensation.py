@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from edtk.calibration.compensate import Compensation
+from edtk.calibration.correct_program import CorrectedProgram
 from edtk.calibration.tasks_in_use import refused_in_words
 from edtk.measure.expected_error import JointPart
 from edtk.measure.pose_table import ROW_COLUMN, pose_columns, pose_factors
@@ -48,6 +49,52 @@ def compensation_text(found: Compensation) -> str:
     lines += [found.rigid] if found.by_noise is None and found.rigid else _parts(found)
     refused = refused_in_words(found.refused)
     return "\n".join([*lines, refused] if refused else lines)
+
+
+def corrected_program_text(found: CorrectedProgram) -> str:
+    """A line for each target that moves, and one for each that is left."""
+    lines = [found.headline()]
+    if not found.already:
+        lines += _targets(found)
+    if found.left:
+        lines.append(f"{len(found.left)} left as they are:")
+        lines += [f"  {one.text}" for one in found.left[:MOST_LINES]]
+    more = len(found.left) - MOST_LINES
+    return "\n".join([*lines, f"  and {more} more, in --json"] if more > 0 else lines)
+
+
+def _targets(found: CorrectedProgram) -> list[str]:
+    """The table of what moved by how much."""
+    names = [one.target.literal.name for one in found.targets]
+    width = max(6, *map(len, names))
+    columns = {
+        "moved [mm]": MM * found.moved,
+        "turned [deg]": np.rad2deg(found.turned),
+        "digits [mm]": MM * found.rounded,
+        "error before [mm]": MM * found.before,
+    }
+    if found.remaining is not None:
+        columns["remaining rms [mm]"] = MM * found.remaining
+    lines = ["  ".join([f"{'line':>6}  {'target':<{width}}  {'kind':<6}", *columns])]
+    for i, one in enumerate(found.targets[:MOST_LINES]):
+        literal = one.target.literal
+        kind = "joints" if literal.joints else "pose"
+        numbers = [f"{values[i]:{len(name)}.4f}" for name, values in columns.items()]
+        lines.append("  ".join([f"{literal.line:6}  {names[i]:<{width}}  {kind:<6}", *numbers]))
+    if len(found.targets) > MOST_LINES:
+        lines.append(f"... and {len(found.targets) - MOST_LINES} more, in --json or --table")
+    return lines
+
+
+def corrected_program_notebook(found: CorrectedProgram) -> str:
+    """A row for each target."""
+    table = found.to_frame()
+    rows = [
+        [f"{value:.6g}" if isinstance(value, float) else value for value in one]
+        for one in table.itertuples(index=False, name=None)
+    ]
+    notes = [one.text for one in found.left]
+    return notebook_table(found.headline(), list(table.columns), rows, notes)
 
 
 def _errors(found: Compensation) -> list[tuple[str, list[str]]]:
