@@ -19,7 +19,7 @@ from edtk.certificate.recompute.setting import Setting
 from edtk.system.typing import Array
 
 KEYS = ("criterion", "kind", "claims", "experiments", "kept", "proof", "setting")
-EXACT = "on_candidates"
+ON_CANDIDATES = "on_candidates"
 DECORATION = ("edtk", "title", "study_sha256")  # keys on which no claim rests
 AMOUNTS = {"relaxation": "weight", "plan": "repeats"}
 LONGEST_NAME = 60
@@ -65,7 +65,9 @@ class Case:
         Raises:
             ValueError: A part is missing, or is not what it should be.
         """
-        content = table(content, KEYS, "certificate", (*DECORATION, "sharing", "day", EXACT))
+        content = table(
+            content, KEYS, "certificate", (*DECORATION, "sharing", "day", ON_CANDIDATES)
+        )
         name = content["criterion"]
         # The name is printed, so that it must not contain a line that looks like a verdict.
         is_name = isinstance(name, str) and name.isprintable() and 0 < len(name) <= LONGEST_NAME
@@ -98,10 +100,12 @@ class Case:
         ]
         require(sum(efforts), "the multipliers and poses of its proof")
         exact = None
-        if EXACT in content:
+        if ON_CANDIDATES in content:
             if kind != "plan" or day is not None:
-                raise ValueError(f"{EXACT}: expected one in the certificate of a plan of m alone")
-            exact = ExactOnCandidates.from_dict(content[EXACT], setting, proof)
+                raise ValueError(
+                    f"{ON_CANDIDATES}: expected one in the certificate of a plan of m alone"
+                )
+            exact = ExactOnCandidates.from_dict(content[ON_CANDIDATES], setting, proof)
         return cls(
             name=name,
             kind=kind,

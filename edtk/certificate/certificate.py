@@ -10,7 +10,7 @@ import numpy as np
 import criteria
 from criteria.linalg.inverse import ROUNDING, unit_spectrum
 from criteria.worst_task_accuracy import WorstTaskAccuracy
-from edtk.certificate.case import EXACT
+from edtk.certificate.case import ON_CANDIDATES
 from edtk.certificate.coverings import coverings_to_list
 from edtk.certificate.recompute.pose_polynomials import require_checkable
 from edtk.certificate.recompute.setting import Setting
@@ -82,7 +82,7 @@ def certificate(
         if day is not None:
             answer["day"] = day
         elif found.on_candidates is not None:
-            answer[EXACT] = _exact(found.on_candidates, relaxed.criterion)
+            answer[ON_CANDIDATES] = _exact(found.on_candidates, relaxed.criterion)
     else:
         answer = {
             "kind": "relaxation",

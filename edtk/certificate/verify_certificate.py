@@ -27,7 +27,7 @@ ABSOLUTE = 1e-8  # difference of a gap or an efficiency, which are of order one
 EXCESS = 1e-3  # relative excess of a sensitivity found here over those that a search rests on
 BOUNDS = ("bound", "bound_searched", "bound_proved")
 BEST = 4e-9  # relative distance to the bound at which a plan is the best: rounding
-EXACT = ("value_exact", "bound_exact", "proved_exact")
+EXACT_CLAIMS = ("value_exact", "bound_exact", "proved_exact")
 ORDER = ("value", *BOUNDS, "gap", "efficiency")
 
 
@@ -251,17 +251,17 @@ def _exact(case: Case) -> list[Claim]:
     assert one is not None
     made = case.made.amount.sum()
     if one.counts.sum() != made:
-        return unproved_exact(f"expected a plan of {made:g} experiments", EXACT)
+        return unproved_exact(f"expected a plan of {made:g} experiments", EXACT_CLAIMS)
     try:
         part = one.part(case.name)
         known = one.beside(case.known_to_all)
         cost = values.cost(case.name, case.value_exact)
     except (ValueError, ArithmeticError) as error:
-        return unproved_exact(f"cannot be recomputed: {' '.join(str(error).split())}", EXACT)
+        return unproved_exact(f"cannot be recomputed: {' '.join(str(error).split())}", EXACT_CLAIMS)
     # Rows were computed in another way: a bound as good but for that is proved.
     replay = Replay(one.tree, part, known, int(made))
     found = exact_claims(case.name, one.stated, replay, cost, AGREE, AGREE)
-    return [replace(claim, claim=name) for claim, name in zip(found, EXACT, strict=False)]
+    return [replace(claim, claim=name) for claim, name in zip(found, EXACT_CLAIMS, strict=False)]
 
 
 def unproved_exact(

@@ -166,6 +166,11 @@ def command(
     if found.ended == "interrupted":
         warn("interrupted; this is the best plan so far")
         end_interrupted()
+    if found.proof_ended == "budget":
+        warn("the budget ended the proof; the bound is the best that was proved by then")
+    if found.proof_ended == "interrupted":
+        warn("interrupted; the plan is whole, and its bound the best that was proved by then")
+        end_interrupted()
     if found.on_candidates is not None and found.on_candidates.ended == "interrupted":
         warn("interrupted; this is the best proof so far")
         end_interrupted()

@@ -1,12 +1,15 @@
 """`edtk run`: a whole study."""
 
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import click
 
 from edtk.commands.shared import (
     SHOWN_AFTER_S,
+    FewLines,
     FilePath,
     FolderPath,
     dask_option,
@@ -16,6 +19,24 @@ from edtk.commands.shared import (
 from edtk.system.errors import shortened
 
 BAR = "{percentage:3.0f} %|{bar}| [{elapsed}<{remaining}]{postfix}"
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[str, float], None]]:
+    """A bar on standard error; a few lines where that is no terminal."""
+    if not sys.stderr.isatty():
+        lines = FewLines()
+        yield lambda label, share: lines.say(f"{share:.0%}, {label}")
+        return
+    from tqdm import tqdm
+
+    with tqdm(total=1.0, file=sys.stderr, bar_format=BAR, delay=SHOWN_AFTER_S) as bar:
+
+        def progress(label: str, share: float) -> None:
+            bar.set_postfix_str(label, refresh=False)
+            bar.update(share - bar.n)
+
+        yield progress
 
 
 @click.command("run", short_help="Plan, compare and report a whole study.")
@@ -33,17 +54,10 @@ def command(
 
     A run that was killed goes on from its finished cases when it is started again.
     """
-    from tqdm import tqdm
-
     from edtk.report.views.study import expected_of_run
     from edtk.verbs.run import run
 
-    with tqdm(total=1.0, file=sys.stderr, bar_format=BAR, delay=SHOWN_AFTER_S) as bar:
-
-        def progress(label: str, share: float) -> None:
-            bar.set_postfix_str(label, refresh=False)
-            bar.update(share - bar.n)
-
+    with _progress() as progress:
         found = run(study, out, workers=workers, dask=dask, fresh=fresh, progress=progress)
     warn_about(study, found.warnings)
     for text in expected_of_run(found):

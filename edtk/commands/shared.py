@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
 from threading import Timer
-from time import time
+from time import monotonic, time
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
@@ -118,7 +118,9 @@ def _notes_at_the_end(program: str) -> Iterator[None]:
 def progress_line(first: str) -> Iterator[Callable[[str], None]]:
     """A line on standard error that says the current step and the time since the beginning.
 
-    It appears after a second, so that short work and refused input show none.
+    It appears after a second, so that short work and refused input show none. Where standard error
+    is no terminal, such as a file, the steps of a long work are few lines: each after twice the
+    time of the one before.
 
     Args:
         first: The first step, which may take long.
@@ -126,6 +128,9 @@ def progress_line(first: str) -> Iterator[Callable[[str], None]]:
     Yields:
         What to call with each next step.
     """
+    if not sys.stderr.isatty():
+        yield FewLines().say
+        return
     from tqdm import tqdm
 
     bar = tqdm(
@@ -155,6 +160,23 @@ def progress_line(first: str) -> Iterator[Callable[[str], None]]:
             yield say
     finally:
         timer.cancel()
+
+
+class FewLines:
+    """Lines on standard error, the first after a while, and fewer and fewer."""
+
+    def __init__(self) -> None:
+        self._since = monotonic()
+        self._next = SHOWN_AFTER_S
+
+    def say(self, step: str) -> None:
+        """Print a step, if it is time for one."""
+        passed = monotonic() - self._since
+        if passed < self._next:
+            return
+        self._next = 2 * passed
+        minutes, seconds = divmod(int(passed), 60)
+        click.echo(f"{step} [{minutes:02d}:{seconds:02d}]", err=True)
 
 
 class NamedPath(click.Path):

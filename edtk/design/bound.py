@@ -1,5 +1,6 @@
 """Bounds on the cost of every design with what they rest on, and designs that have one."""
 
+import math
 from abc import abstractmethod
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -113,6 +114,12 @@ def printed_form(cost: float | NDArray[np.float64], sense: Sense) -> float | NDA
     return 1.0 / float(cost) if cost else float("inf")
 
 
+def printed_bounds(bounds: dict[str, Bound]) -> dict[str, float | None]:
+    """Bounds as the criterion's formula prints them, for JSON; None for one that says nothing."""
+    values = {name: bound.value for name, bound in bounds.items()}
+    return {name: value if math.isfinite(value) else None for name, value in values.items()}
+
+
 class BoundedDesign(Presented):
     """A design with its cost, and a bound on the cost of every design of as many experiments."""
 
@@ -122,6 +129,16 @@ class BoundedDesign(Presented):
     @abstractmethod
     def told_bound(self) -> Bound:
         """The bound with which a design is told."""
+
+    @property
+    @abstractmethod
+    def bounds(self) -> dict[str, Bound]:
+        """All bounds that are known, by what they are on.
+
+        "candidates": proved on candidates; "searched": over all poses or points, as far as a search
+        has seen; "continuum": proved over all of them; "whole_plans": proved of plans of whole
+        experiments on candidates.
+        """
 
     @property
     def value(self) -> float:
@@ -175,6 +192,11 @@ class RelaxedDesign(BoundedDesign):
     def told_bound(self) -> Bound:
         """The proved one."""
         return self.proved_bound
+
+    @property
+    def bounds(self) -> dict[str, Bound]:
+        """That on the candidates."""
+        return {"candidates": self.proved_bound}
 
     @property
     @abstractmethod

@@ -123,14 +123,14 @@ def resolution(values: Array) -> float:
 
 STEPS_DEG = (10.0, 5.0, 1.0, 0.5, 0.1)  # to which angles are rounded, the coarsest first
 COARSE_DEG = 0.5  # no controller shows less: angles as coarse were rounded by a person
-EXACT = 1e-6  # of a step: nearer to a multiple an angle is one, but for rounding
+ROUNDED = 1e-6  # of a step: nearer to a multiple an angle is one, but for rounding
 LIKE_ROUNDING = 0.6  # to its inverse: errors of joints beside those of rounding
 
 
 def steps_of(degrees: Array) -> list[float]:
     """The usual steps that all angles are multiples of, the coarsest first [deg]."""
     off = [np.abs(degrees - step * np.round(degrees / step)).max() / step for step in STEPS_DEG]
-    return [step for step, size in zip(STEPS_DEG, off, strict=True) if size < EXACT]
+    return [step for step, size in zip(STEPS_DEG, off, strict=True) if size < ROUNDED]
 
 
 def like_rounding(size: float, rounding: float) -> bool:

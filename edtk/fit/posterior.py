@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 WALKERS_PER_PARAMETER = 4
 # A fit is exact where the squares of its residuals are this share of those of the measurements:
 # rounding to 1e-11.
-EXACT = 1e-22
+EXACT_FIT = 1e-22
 # Degrees of freedom up to which Student's t has no variance.
 NO_VARIANCE = 2
 EMCEE = "emcee"
@@ -73,7 +73,7 @@ class MeasuredRows:
     @property
     def exact(self) -> bool:
         """Whether the model fits the measurements up to rounding."""
-        return self.squares <= EXACT * float(self.y @ self.y)
+        return self.squares <= EXACT_FIT * float(self.y @ self.y)
 
 
 @dataclass(frozen=True, eq=False)

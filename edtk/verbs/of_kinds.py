@@ -102,6 +102,9 @@ class OfCompliances(OfStudy):
     def _designed(self, asked: Study, criterion: str | None) -> Study:
         return asked.designed_for(criterion)
 
+    def _space(self, asked: Study) -> "DesignSpace":
+        return asked.space
+
     def _criterion(self, asked: Study, name: str | None) -> criteria.Criterion:
         return asked.criterion(name).named(asked.model.parameters)
 
@@ -270,6 +273,11 @@ class OfGeometry(OfStudy):
             seconds=call.budget,
             options=options,
         )
+
+    def _space(self, asked: Study) -> "DesignSpace":
+        from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+
+        return GeometryQuestion.of(asked).space
 
     def _criterion(self, asked: Study, name: str | None) -> criteria.Criterion:
         from edtk.calibration.geometry_design.geometry_question import GeometryQuestion

@@ -21,6 +21,7 @@ from edtk.study.plan_study import no_progress
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError, UserError, note, whole_number
 from edtk.system.files import Content, is_standard_output, write_files
+from edtk.system.time_limit import time_limit
 from edtk.system.typing import Array
 from edtk.system.workers import THIS_PROCESS, Workers
 from edtk.verbs.inputs import (
@@ -129,7 +130,7 @@ class OfStudy(Question):
 
     def plan(self, call: PlanCall) -> "ExactPlan":
         """The best plan of exactly so many experiments; see `edtk.plan`."""
-        from edtk.study.plan_study import RunOptions
+        from edtk.study.plan_study import RunOptions, study_errors
 
         call = self._with_second(self._checked(call))
         if call.exclude is not None:
@@ -145,18 +146,22 @@ class OfStudy(Question):
         if call.certificate is not None:
             self._require_certifiable(asked, criterion, call)
         self._require_provable(asked, criterion, call)
+        since = monotonic()
         with workers_for(call.workers, call.dask) as pool, errors_in(self.study.where):
             options = RunOptions(seed=call.seed, workers=pool, progress=call.progress)
             found = self._best_plan(asked, criterion, kept, call, options)
             if exchange is not None:
                 found = self._given_up(exchange, asked, criterion, call, options, found)
             if gap is not None and found.ended != "interrupted":
-                found = self._proved(found, gap, call)
-            if call.prove is not None and found.ended != "interrupted":
+                left = np.inf if call.budget is None else call.budget - (monotonic() - since)
+                with time_limit(max(left, LEAST_SECONDS)):
+                    found = self._proved(found, gap, call)
+            if call.prove is not None and "interrupted" not in (found.ended, found.proof_ended):
                 from edtk.study.prove_study import prove_on_candidates
 
                 seconds = seconds_for(call.prove)
-                found = prove_on_candidates(found, seconds, call.candidates, options)
+                with study_errors(self.study):
+                    found = prove_on_candidates(found, seconds, call.candidates, options)
         found = self._judged(asked, found, faults)
         found = replace(found, off_guess=self._off_guess(asked, criterion, call, found))
         files.write(lambda: found.whole.to_frame(asked.robot), lambda: self._proof(asked, found))
@@ -300,10 +305,14 @@ class OfStudy(Question):
         """Check, before a long search, that whole plans can be proved to be the best.
 
         Raises:
-            UserError: The criterion has no such proof, or candidates stand without a proof.
+            UserError: The criterion has no such proof, candidates stand without a proof, or what
+                all poses tell has no enclosure for a bound over them.
         """
+        if call.prove_bound is not None:
+            self._require_enclosed(asked, criterion)
         from edtk.design.exact.counts.limits import Limits
         from edtk.design.exact.prove_exact import require_provable
+        from edtk.design.relaxation.relax_poses import DEFAULT_MB, capacity
 
         if call.prove is None:
             if call.candidates is not None:
@@ -313,6 +322,31 @@ class OfStudy(Question):
         seconds_for(call.prove)
         designed = self._designed(asked, criterion)
         require_provable(self._criterion(designed, criterion), Limits(1, np.zeros((1, 1))))
+        space = self._space(designed)
+        number = call.candidates or designed.specification.candidates
+        held = capacity(space.doubles, space.size, DEFAULT_MB)
+        if number > held:
+            message = f"expected {held:,} at most, as a proof holds all in {DEFAULT_MB:g} MB"
+            raise ArgumentError(message, argument="candidates", given=number)
+
+    def _require_enclosed(self, asked: Study, criterion: str | None) -> None:
+        """Check, before a long search, that a bound over all poses can be proved.
+
+        Raises:
+            UserError: What poses tell is no polynomial, or the criterion cannot be relaxed.
+        """
+        from edtk.design.enclosure.prove_continuum import require_enclosed
+        from edtk.design.relaxation.relax import require_relaxable
+        from edtk.study.plan_study import study_errors
+
+        with study_errors(self.study):
+            designed = self._designed(asked, criterion)
+            asked_for = require_relaxable(self._criterion(designed, criterion))
+            require_enclosed(self._space(designed), asked_for)
+
+    @abstractmethod
+    def _space(self, asked: Study) -> "DesignSpace":
+        """The design space of plans."""
 
     def _exchange(self, asked: Study, criterion: str | None, call: PlanCall) -> "Exchange | None":
         """The criteria of which one may be given up for the other; None for one alone.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.certificate.verify_certificate import Claim, Verification, verify_certificate
-from edtk.certificate.verify_exact import KIND as EXACT
+from edtk.certificate.verify_exact import KIND as OF_PLAN
 from edtk.certificate.verify_exact import verify_exact
 from edtk.certificate.verify_problem import KIND, verify_problem
 from edtk.design.plan import Plan
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 # A certificate has some hundred lines; one of 20,000 experiments has 20 MB. A larger file is
 # rejected before it fills the memory.
 MOST_MB = 30.0
-OF_PROBLEMS = {KIND: verify_problem, EXACT: verify_exact}
+OF_PROBLEMS = {KIND: verify_problem, OF_PLAN: verify_exact}
 
 
 def verify(

@@ -31,6 +31,7 @@ KEYS = [
     "bound",
     "bound_searched",
     "bound_proved",
+    "bounds",
     "bound_gap",
     "efficiency",
     "starts",

@@ -16,6 +16,7 @@ import numpy as np
 from criteria import Criterion, Relaxable
 from edtk.design.bound import Bound, BoundKind
 from edtk.design.candidate_source import CandidateSource
+from edtk.design.design_space import DesignSpace
 from edtk.design.enclosure.boxes import Covering, CoveringInterrupted
 from edtk.design.enclosure.cover import cover
 from edtk.design.enclosure.polynomial import Enclosed, NotEnclosedError, Objective
@@ -58,6 +59,11 @@ class ProvedPlan(RelaxedPlan):
     continuum_bound: Bound
     continuum_multipliers: Array
     coverings: tuple[Covering, ...]
+
+    @property
+    def bounds(self) -> dict[str, Bound]:
+        """The others, and that over all poses."""
+        return super().bounds | {"continuum": self.continuum_bound}
 
     @property
     def best_bound(self) -> Bound:
@@ -109,8 +115,8 @@ def prove_poses(
         NotImplementedError: See `relax_poses`.
     """
     relaxable = require_relaxable(criterion)
+    require_enclosed(source.space, relaxable)
     polynomials = polynomials_of(source.space)
-    polynomials.enclosed(np.eye(source.space.p))  # says at once where there is no enclosure
     sharp = replace(
         options,
         gap=min(options.gap, SEARCHED * accuracy),
@@ -143,6 +149,15 @@ def prove_poses(
     return best
 
 
+def require_enclosed(space: DesignSpace, criterion: Relaxable) -> None:
+    """Check, before a long search, that sensitivities of all poses have an enclosure.
+
+    Raises:
+        NotEnclosedError: They have none; says why.
+    """
+    enclosed(polynomials_of(space), criterion, np.eye(space.p))
+
+
 def prove_plan(
     plan: RelaxedPlan,
     accuracy: float,
@@ -161,9 +176,10 @@ def prove_plan(
     """
     attempt = _Attempt(plan, polynomials_of(plan.space), accuracy, True, progress)
     try:
-        return attempt.proved(())
+        found = attempt.proved(())
     except CoveringInterrupted as interrupt:
-        return attempt.rest((), interrupt.best)
+        return replace(attempt.rest((), interrupt.best), ended="interrupted")
+    return replace(found, ended="budget") if out_of_time() else found
 
 
 def _better(first: ProvedPlan | None, second: ProvedPlan) -> ProvedPlan:

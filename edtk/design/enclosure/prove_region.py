@@ -83,6 +83,11 @@ class ProvedRegion(RelaxedRegion):
         return self.continuum_bound
 
     @property
+    def bounds(self) -> dict[str, Bound]:
+        """The others, and that over the whole region."""
+        return super().bounds | {"continuum": self.continuum_bound}
+
+    @property
     def bound_proved(self) -> float:
         """The proved bound over the region as the criterion's formula prints it."""
         return self.continuum_bound.value

@@ -9,7 +9,7 @@ import numpy as np
 from criteria import Criterion
 from criteria.linalg.estimable import range_whitener
 from criteria.linalg.inverse import whitener
-from edtk.design.bound import Bound, BoundedDesign, BoundKind, printed_form
+from edtk.design.bound import Bound, BoundedDesign, BoundKind, printed_bounds, printed_form
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.design.detection import Detection, Separation
@@ -375,6 +375,19 @@ class ExactPlan(BoundedDesign):
         return self.lower_bound
 
     @property
+    def bounds(self) -> dict[str, Bound]:
+        """Those of weights, on so many new experiments, and that of whole plans on candidates."""
+        m = self.plan.experiments
+        found = {name: bound.scaled(m) for name, bound in self.relaxed.bounds.items()}
+        exact = self.on_candidates
+        return found | ({} if exact is None else {"whole_plans": exact.bound})
+
+    @property
+    def proof_ended(self) -> str:
+        """Why the proof of the bound over all poses ended; "proved" where nobody asked for one."""
+        return self.relaxed.ended
+
+    @property
     def bound_gap(self) -> float:
         """Relative gap between the bound and the best weights.
 
@@ -423,6 +436,7 @@ class ExactPlan(BoundedDesign):
             "bound": bound if np.isfinite(bound) else None,
             "bound_searched": self.lower_bound.kind is BoundKind.SEARCHED,
             "bound_proved": self.lower_bound.kind is BoundKind.PROVED,
+            "bounds": printed_bounds(self.bounds),
             "bound_gap": gap if np.isfinite(gap) else None,
             "efficiency": self.efficiency,
             "starts": self.starts,

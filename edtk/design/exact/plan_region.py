@@ -104,6 +104,12 @@ class RegionPlan(BoundedDesign):
         return self.relaxed.told_bound.scaled(int(self.counts.sum()))
 
     @property
+    def bounds(self) -> dict[str, Bound]:
+        """Those of weights, on so many new experiments."""
+        m = int(self.counts.sum())
+        return {name: bound.scaled(m) for name, bound in self.relaxed.bounds.items()}
+
+    @property
     def told_bound(self) -> Bound:
         """That of every plan of so many experiments."""
         return self.lower_bound

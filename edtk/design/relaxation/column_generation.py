@@ -15,7 +15,7 @@ from edtk.design.relaxation.master_equations import leverages
 from edtk.design.relaxation.masters import Masters, has_own_method
 from edtk.design.relaxation.proof import Proof, Step, WarmStart, experiment_blocks
 from edtk.design.relaxation.restricted_master import (
-    EXACT,
+    FINEST,
     INNER,
     LEAST_BATCH,
     NEWTON,
@@ -269,7 +269,7 @@ class ColumnGeneration:
         # Where the first program holds all candidates, it decides nothing but the answer itself.
         by_newton = solvers[0] == NEWTON
         loose = (self.criterion.convex or by_newton) and active < self.problem.n
-        return Effort(solvers, INNER if loose else EXACT)
+        return Effort(solvers, INNER if loose else FINEST)
 
     def _first_active(self) -> Indices:
         """The candidates to begin with: some that tell all parameters, and the most sensitive."""

@@ -11,7 +11,7 @@ from edtk.design.relaxation.master_equations import ActiveInformation
 from edtk.design.relaxation.newton_weights import NewtonError, newton_weights, suits_newton
 from edtk.design.relaxation.proof import Step, WarmStart, experiment_blocks
 from edtk.design.relaxation.restricted_master import (
-    EXACT,
+    FINEST,
     NEWTON,
     Effort,
     RelaxationError,
@@ -152,7 +152,7 @@ class Masters:
         # Where a cost has kinks, many light weights together are worth more than each of them.
         lost = None if self.criterion.smooth else LOST * self.gap
         weights = regular_weights(self.criterion, information, found, NEWTON, lost)
-        if Z is None and accuracy <= EXACT and (weights == 0).any():
+        if Z is None and accuracy <= FINEST and (weights == 0).any():
             # Without its light candidates a design may prove less than the gap that is asked for.
             Z = np.asarray(-self.criterion.gradient(information.information(found)))
         return weights, Z
@@ -175,7 +175,9 @@ class Masters:
             return step
         if not self.criterion.cost(M) <= enough:
             try:
-                weights, _ = self._by_newton(WarmStart(heavy, weights, step.last.multiplier), EXACT)
+                weights, _ = self._by_newton(
+                    WarmStart(heavy, weights, step.last.multiplier), FINEST
+                )
             except RelaxationError:
                 return step
             M = part.information(weights)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from criteria import Relaxable
-from edtk.design.bound import Bound, BoundKind, RelaxedDesign
+from edtk.design.bound import Bound, BoundKind, RelaxedDesign, printed_bounds
 from edtk.design.candidate_source import Candidates, CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
@@ -37,6 +37,8 @@ class RelaxedPlan(RelaxedDesign):
         searched_sensitivities: The largest sensitivities that were found in any pose, and where;
             None without a search.
         seconds: Time that each stage took [s].
+        ended: Why the proof of a bound over all poses ended: "proved", also where nobody asked for
+            one, "budget" or "interrupted".
     """
 
     source: CandidateSource
@@ -47,6 +49,7 @@ class RelaxedPlan(RelaxedDesign):
     proved_sensitivities: LargestSensitivities
     searched_sensitivities: LargestSensitivities | None
     seconds: Mapping[str, float] = field(default_factory=dict)
+    ended: str = "proved"
 
     def headline(self) -> str:
         """Criterion, value, number of poses and proved gap."""
@@ -72,6 +75,12 @@ class RelaxedPlan(RelaxedDesign):
     def places(self) -> Array:
         """Design variables (k, v)."""
         return self.x
+
+    @property
+    def bounds(self) -> dict[str, Bound]:
+        """That on the candidates, and that of the search where there was one."""
+        searched = self.searched_bound
+        return super().bounds | ({} if searched is None else {"searched": searched})
 
     @property
     def best_bound(self) -> Bound:
@@ -159,6 +168,7 @@ class RelaxedPlan(RelaxedDesign):
             "bound": _finite(self.bound),
             "gap": self.gap,
             "bound_searched": None if searched is None else _finite(searched.value),
+            "bounds": printed_bounds(self.bounds),
             "candidates": self.candidates,
             "support": self._support(),
             "multipliers": self.multipliers.tolist(),

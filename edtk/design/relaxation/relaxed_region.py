@@ -150,6 +150,11 @@ class RelaxedRegion(RelaxedDesign):
         return self.searched_bound
 
     @property
+    def bounds(self) -> dict[str, Bound]:
+        """That on the grid, and that of the search."""
+        return super().bounds | {"searched": self.searched_bound}
+
+    @property
     def grid_bound(self) -> Bound:
         """The proved bound, which holds for designs over the grid and these points."""
         return self.proved_bound

@@ -40,7 +40,7 @@ BATCH_PER_PARAMETER = 4
 # Accuracy of Newton's method in parts of the gap that the candidates outside leave, and where they
 # leave none.
 INNER = 0.05
-EXACT = 1e-10
+FINEST = 1e-10
 # While the gap is above this, cvxpy solves a program to a few digits: its multiplier is good enough
 # to say which candidates should enter, and the solver takes fewer iterations.
 FAR = 0.05
@@ -404,7 +404,7 @@ class Effort:
     @property
     def loose(self) -> bool:
         """Whether an answer to a few digits will do."""
-        return self.accuracy > EXACT
+        return self.accuracy > FINEST
 
     def after(
         self, step: Step, inaccurate: bool, gap: float, p: int, is_proved: bool = False
@@ -428,4 +428,4 @@ class Effort:
                 solvers = ()
         by_newton = step.solver == NEWTON
         can_be_loose = self.loose and not inaccurate and (by_newton or gap > FAR)
-        return Effort(solvers, max(INNER * gap, EXACT) if can_be_loose else EXACT)
+        return Effort(solvers, max(INNER * gap, FINEST) if can_be_loose else FINEST)

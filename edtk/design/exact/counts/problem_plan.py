@@ -77,6 +77,13 @@ class ProblemPlan(BoundedDesign):
         return self.lower_bound if exact is None or exact.cost < self.lower_bound.cost else exact
 
     @property
+    def bounds(self) -> dict[str, Bound]:
+        """That of weights where there is one, and that of whole plans where it was asked for."""
+        found = {"candidates": self.lower_bound} if self.lower_bound.cost else {}
+        exact = self.exact_bound
+        return found | ({} if exact is None else {"whole_plans": exact})
+
+    @property
     def proved_exact(self) -> bool:
         """Whether it is proved that no plan of these candidates is better, within the limits."""
         return self.proof is not None and self.proof.proved
