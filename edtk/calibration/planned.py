@@ -22,7 +22,7 @@ from edtk.measure.equilibrium import NoEquilibriumError, why_no_rest
 from edtk.measure.expected_error import ErrorBudget, TaskAccuracy, compensation_accuracy
 from edtk.measure.instruments.pose_marker import COORDINATES
 from edtk.measure.model_error import ASSUMED
-from edtk.measure.noise import VisitNoise, shared_visits
+from edtk.measure.noise import VisitNoise, only_seen, shared_visits
 from edtk.measure.task import Tasks
 from edtk.study.evaluate import accuracy_of_tasks, plan_covariance
 from edtk.study.study import Study
@@ -36,6 +36,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+# [m, rad] of a reading that is not there, beside which any other has no error. So a plan has as
+# many readings in each pose; errors are whitened by correlations, which such a reading has none of.
+NOT_READ = 1e3
+
+
 def plan_noise(study: Study, plan: Plan) -> RowNoise:
     """The noise of the mean of each experiment's repeats (m, rows) [m, rad].
 
@@ -47,7 +52,7 @@ def plan_noise(study: Study, plan: Plan) -> RowNoise:
         plan: The experiments.
     """
     if study.noise is None:
-        return np.asarray(study.sigma / np.sqrt(plan.repeats)[:, None])
+        return _as_read(study, plan, study.sigma / np.sqrt(plan.repeats)[:, None])
     scatter, shared = _parts(study, study.noise, plan)
     return CorrelatedNoise.by_row(scatter / plan.repeats[:, None, None] + shared)
 
@@ -60,7 +65,10 @@ def visits_noise(study: Study, plan: Plan) -> RowNoise:
     """
     visits = int(plan.repeats.sum())
     if study.noise is None:
-        return np.broadcast_to(study.sigma, (visits, len(study.sigma)))
+        if study.sight is None:
+            return np.broadcast_to(study.sigma, (visits, len(study.sigma)))
+        each = _as_read(study, plan, np.tile(study.sigma, (len(plan.q), 1)))
+        return np.repeat(each, plan.repeats, axis=0)
     scatter, shared = _parts(study, study.noise, plan)
     rows = scatter.shape[1]
     if not study.noise.shares:
@@ -91,7 +99,19 @@ def _parts(study: Study, noise: VisitNoise, plan: Plan) -> tuple[Array, Array]:
     visits = shared_visits(plan.q, plan.repeats, prismatic, noise.within, plan.wrench)
     near = visits / plan.repeats
     shared = np.moveaxis(noise.shared_of(study.model, frames, plan.wrench), -1, 0)
+    if study.sight is not None:
+        read = study.sight.rows(plan.q)
+        absent = np.eye(scatter.shape[1]) * (1.0 - read)[:, None]
+        scatter = only_seen(scatter, read) + (NOT_READ**2 - 1.0) * absent
+        shared = only_seen(shared, read) - absent
     return scatter, near[:, None, None] * shared
+
+
+def _as_read(study: Study, plan: Plan, sigma: Array) -> Array:
+    """Standard deviations (m, rows), next to infinite of rows that are not read."""
+    if study.sight is None:
+        return np.asarray(sigma)
+    return np.where(study.sight.rows(plan.q), sigma, NOT_READ)
 
 
 def planned_measurements(study: Study, plan: Plan) -> Measurements:
@@ -111,7 +131,7 @@ def planned_measurements(study: Study, plan: Plan) -> Measurements:
     if study.model.sensors:
         return _of_sensors(study, plan, plan.repeats)
     poses = len(plan.q)
-    sigma = study.sigma / np.sqrt(plan.repeats[:, None].astype(float))
+    sigma = _as_read(study, plan, study.sigma / np.sqrt(plan.repeats[:, None].astype(float)))
     nothing = np.zeros((poses, len(study.sigma)))
     return Measurements(
         plan.q, plan.wrench, nothing, sigma, np.zeros((poses, 3)), absolute=study.is_absolute
@@ -127,8 +147,9 @@ def _of_sensors(study: Study, plan: Plan, repeats: Indices) -> Measurements:
     """The same where markers or distances are measured: all of them in each pose."""
     sensors = study.model.instruments
     poses = len(plan.q)
-    each = np.split(study_sigma(study), len(sensors))
-    sigma = np.tile(each, (poses, 1)) / np.sqrt(_of_instruments(study, repeats))[:, None]
+    single = np.tile(study_sigma(study), (poses, 1))
+    sigma = _as_read(study, plan, single).reshape(poses * len(sensors), -1)
+    sigma = sigma / np.sqrt(_of_instruments(study, repeats))[:, None]
     offsets = [sensor.point.offset for sensor in sensors]
     index = np.tile(np.arange(len(sensors)), poses)
     return Measurements(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 
+from edtk.cell.sight import Sight
 from edtk.design.plan import Plan
 from edtk.fit.sheet import DISTANCES, POSITIONS
 from edtk.measure.cells import csv_text
@@ -367,7 +368,26 @@ def template(study: Study, plan: Plan, positions: bool = False, markers: int = 0
         for column, values in _points(sensors, len(table) // len(sensors)).items():
             table[column] = values
     table[list(_empty_columns(study, positions, markers))] = np.nan
-    return table
+    if study.sight is None:
+        return table
+    read = _read(study.sight, sensors, plan.q[order], rows)
+    return table[read].reset_index(drop=True)
+
+
+def _read(sight: Sight, sensors: Sequence[Sensor], q: Array, rows: int) -> Mask:
+    """Which rows of a sheet there are: those of instruments that are read, for each visit in turn.
+
+    Args:
+        sight: Which instruments are read in which poses.
+        sensors: The instruments, a row each; none where the tool point alone is measured.
+        q: The pose of each visit (v, n) [rad or m].
+        rows: Rows of each visit.
+    """
+    there = sight.rows(q)
+    if not sensors:
+        return np.repeat(there[:, 0], rows)
+    first = np.cumsum([0, *(sensor.rows for sensor in sensors[:-1])])
+    return there[:, first].reshape(-1)
 
 
 def _points(sensors: Sequence[Sensor], times: int) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import numpy as np
 import criteria
 from criteria.linalg.inverse import ROUNDING, unit_spectrum
 from criteria.worst_task_accuracy import WorstTaskAccuracy
+from edtk.cell.sight import Eye, Reflector, Sight
 from edtk.certificate.case import ON_CANDIDATES
 from edtk.certificate.coverings import coverings_to_list
 from edtk.certificate.recompute.pose_polynomials import require_checkable
@@ -438,9 +439,49 @@ def setting_to_dict(study: Study, space: DesignSpace) -> dict[str, Any]:
         **physics_to_dict(study.model),
         **gives_to_dict(study.model.gives),
         **_friction(study.friction),
+        **sight_to_dict(study, study.sight),
         **({} if study.interest is None else {"interest": study.interest.tolist()}),
         **({} if study.prior_information is None else {"prior": _prior(study.prior_information)}),
     }
+
+
+def sight_to_dict(study: Study, sight: Sight | None) -> dict[str, Any]:
+    """Which instruments are read where, in metres and radians: one key; none where all are.
+
+    Args:
+        study: Says whether each has to be read.
+        sight: Eyes, and the instruments' markers.
+    """
+    if sight is None:
+        return {}
+    table = study.specification.sight
+    return {
+        "sight": {
+            "eyes": [_eye(eye) for eye in sight.eyes],
+            "markers": [None if one is None else _reflector(one) for one in sight.reflectors],
+            "needs_all": int(table is not None and table.all_markers),
+        }
+    }
+
+
+def _eye(eye: Eye) -> dict[str, Any]:
+    nearest, farthest = eye.distance
+    limits = {"azimuth": eye.azimuth, "elevation": eye.elevation}
+    return {
+        "position": eye.position.tolist(),
+        "axes": eye.axes.tolist(),
+        "nearest": nearest,
+        **({"farthest": farthest} if np.isfinite(farthest) else {}),
+        **{name: list(pair) for name, pair in limits.items() if pair is not None},
+        **({} if eye.cone is None else {"cone": eye.cone}),
+    }
+
+
+def _reflector(one: Reflector) -> dict[str, Any]:
+    if one.normal is None:
+        return place_to_dict(one.point)
+    looks = {"normal": one.normal.tolist(), "acceptance": one.acceptance}
+    return place_to_dict(one.point) | looks
 
 
 def _friction(friction: Friction | None) -> dict[str, Any]:

@@ -7,11 +7,12 @@ from typing import Protocol, Self
 
 import numpy as np
 
+from edtk.cell.sight import Sight
 from edtk.design.information import pack_gram
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.noise import VisitNoise, Whitener, shared_visits
+from edtk.measure.noise import VisitNoise, Whitener, read_alone, shared_visits
 from edtk.robots.frames import Frames
 from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.robots.loads.listed_load import ListedLoad
@@ -75,6 +76,12 @@ class Points(Protocol):
     def visited(self, visits: Array) -> "Points":
         """The same experiments, whose repeats may share an error."""
 
+    def reading_alike(self) -> "Points":
+        """The same, of which those behind the first along the first axis read the rows it does.
+
+        What an instrument sees is a switch, which differences of neighbours must not cross.
+        """
+
     def information(self, repeats: Array) -> Array:
         """Information matrices (b, p, p) of plans (b, k), the prior included."""
 
@@ -94,17 +101,20 @@ class Experiments:
         x: Design variables (..., v).
         frames: Frames of the robot's chain in these poses.
         visits: Visits (...) of each pose, which share its discrepancy; None for one each.
+        read: Which rows (rows, ...) there are; None for those that the space's instruments see.
     """
 
     space: "DesignSpace"
     x: Array
     frames: Frames
     visits: Array | None = None
+    read: Mask | None = None
 
     def __getitem__(self, chosen: Indices) -> "Experiments":
         """The chosen experiments (n, v); nothing is computed anew."""
         visits = None if self.visits is None else self.visits[chosen]
-        return Experiments(self.space, self.x[chosen], self.frames[chosen], visits)
+        read = None if self.read is None else self.read[:, chosen]
+        return Experiments(self.space, self.x[chosen], self.frames[chosen], visits, read)
 
     def visited(self, visits: Array) -> "Experiments":
         """The same experiments, each of which is one of so many visits of its pose.
@@ -120,6 +130,19 @@ class Experiments:
         shape = self.x.shape[:-1]
         return replace(self, visits=np.broadcast_to(np.maximum(visits, 1.0), shape))
 
+    def reading_alike(self) -> Self:
+        """The same experiments, all of which read the rows that the first along an axis read."""
+        if self._read is None:
+            return self
+        return replace(self, read=np.broadcast_to(self._read[:, :1], self._read.shape))
+
+    @cached_property
+    def _read(self) -> Mask | None:
+        """Which rows (rows, ...) there are; None for all."""
+        if self.read is not None or self.space.sight is None:
+            return self.read
+        return self.space.sight.rows_in(self.frames)
+
     @property
     def _load(self) -> Array:
         """Variables (..., d) of the load."""
@@ -131,9 +154,8 @@ class Experiments:
         noise = self.space.noise
         if noise is None:
             return None
-        return Whitener.of(
-            noise.covariance_of(self.space.model, self.frames, self._wrench, self._visits)
-        )
+        Sigma = noise.covariance_of(self.space.model, self.frames, self._wrench, self._visits)
+        return Whitener.of(Sigma if self._read is None else read_alone(Sigma, self._read))
 
     @property
     def _visits(self) -> Array | float:
@@ -149,6 +171,8 @@ class Experiments:
     def _regressor(self) -> Array:
         """Whitened regressors, ``A/sigma`` or ``L^-1 A`` (p, rows, ...), component first."""
         A = self.space.model.regressor_of(self.frames, self._wrench)
+        if self._read is not None:
+            A = A * self._read
         if self._whitener is not None:
             A = self._whitener.rows(A)
         else:
@@ -205,6 +229,8 @@ class Experiments:
         model = space.model
         if space.prices is not None:
             B = B * space.shares(self.x)[..., None, None]
+        if self._read is not None:
+            B = B * np.moveaxis(self._read, 0, -1)[..., None]
         # All derivatives by joints come from one adjoint pass with these weights.
         if self._whitener is None:
             weights = _component_first(B / space.sigma[:, None], (-1, -2))
@@ -317,6 +343,7 @@ class DesignSpace:
         noise: Errors that are not white, in place of `sigma`; None for white ones.
         prices: What an experiment costs under each of several loads (loads,): the information of an
             experiment is then that for one unit of costs; None where experiments are counted.
+        sight: Which instruments are read in which poses; None where all are in each.
 
     Raises:
         ValueError: A joint is fixed outside its limits.
@@ -332,6 +359,7 @@ class DesignSpace:
     sharing: int = 0
     noise: VisitNoise | None = None
     prices: Array | None = None
+    sight: Sight | None = None
 
     def __post_init__(self) -> None:
         lower, upper = self.workspace.robot.hard_limits
@@ -440,6 +468,8 @@ class DesignSpace:
         """Information matrix (p, p) of a plan under the plan's own wrenches."""
         # A plan from a file may have other loads than this space, and thus no design variables.
         A = self.model.regressor(plan.q, plan.wrench)
+        if self.sight is not None:
+            A = A * self.sight.rows(plan.q)[..., None]
         if self.noise is None:
             problem = Problem(A, self.sigma, self.model.parameters, self.prior)
         else:
@@ -465,7 +495,10 @@ class DesignSpace:
         """Whitened regressors (k, rows, p) of a plan whose visits may share the discrepancy."""
         frames = self.model.frames(plan.q)
         visits = shared_visits(plan.q, plan.repeats, frames.sliding, noise.within, plan.wrench)
-        whitener = Whitener.of(noise.covariance_of(self.model, frames, plan.wrench, visits))
+        Sigma = noise.covariance_of(self.model, frames, plan.wrench, visits)
+        if self.sight is not None:
+            Sigma = read_alone(Sigma, self.sight.rows_in(frames))
+        whitener = Whitener.of(Sigma)
         return np.moveaxis(whitener.rows(np.moveaxis(A, (-1, -2), (0, 1))), (0, 1), (-1, -2))
 
     @property

@@ -249,6 +249,10 @@ class RegionPoints:
         """The same points: repeats share no error."""
         return self
 
+    def reading_alike(self) -> "RegionPoints":
+        """The same points: all rows are read in each."""
+        return self
+
     def information(self, repeats: Array) -> Array:
         """Information matrices (b, p, p) of plans (b, k) with repetitions or weights (b, k)."""
         return weighted_information(self.regressor, repeats, self.space.prior)

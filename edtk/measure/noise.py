@@ -702,8 +702,24 @@ def only_seen(V: Array, seen: Mask) -> Array:
         seen: Which markers (m, k) were seen, or which rows (m, r).
     """
     there = of_rows(seen, V.shape[1])
-    absent = np.eye(V.shape[1]) * (1 - there)[:, None]
-    return V * there[:, :, None] * there[:, None] + absent
+    return np.ascontiguousarray(np.moveaxis(read_alone(np.moveaxis(V, 0, -1), there.T), -1, 0))
+
+
+def read_alone(V: Array, there: Array | Mask) -> Array:
+    """Covariances (r, r, ...) in which rows that are not read are independent, of size one.
+
+    So those that are read have, once whitened, no part in the others: it is as if the others had
+    been struck out before.
+
+    Args:
+        V: Covariances.
+        there: Whether each row (r, ...) is read: true or one, else false or zero.
+    """
+    there = np.asarray(there, dtype=float)
+    found = V * there[:, None] * there
+    for row, own in enumerate(there):
+        found[row, row] += 1 - own
+    return found
 
 
 def white_kinds(rows: int, width: int) -> list[Array]:

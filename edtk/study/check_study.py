@@ -9,6 +9,7 @@ from edtk.study.check_measured import check_markers, check_noise
 from edtk.study.schema import Specification
 from edtk.study.study_objects import StudyObjects
 from edtk.study.study_parts import check_limits
+from edtk.study.study_sight import check_sight
 
 # Displacement of the tool by 1 rad/(N m) below which a load turns no joint: what rounding leaves.
 LEAST_HARM = 1e-9  # [m]
@@ -69,6 +70,7 @@ def check_study(study: StudyObjects) -> None:
     _check_measurement(study, specification)
     check_markers(study)
     check_noise(study)
+    check_sight(study, study.sight)
     _check_compensators(study)
     _check_home(study)
     check_tasks(study)

@@ -297,9 +297,15 @@ def evaluate(study: Study, plan: Plan) -> Evaluation:
 
 def _in_words(study: Study, plan: Plan, error: SingularPlanError) -> SingularPlanError:
     """The same error, with what cannot be told from what in the poses of a plan."""
-    rows = study.model.regressor(plan.q, plan.wrench).reshape(-1, study.model.p)
+    rows = read_regressor(study, plan).reshape(-1, study.model.p)
     words = identifiable(rows, springs_of(study)).words
     return SingularPlanError(error.parameters, error.directions, words[:MOST_NAMED])
+
+
+def read_regressor(study: Study, plan: Plan) -> Array:
+    """Regressors (m, rows, p) of a plan; rows that are not read are zero."""
+    A = study.model.regressor(plan.q, plan.wrench)
+    return A if study.sight is None else A * study.sight.rows(plan.q)[..., None]
 
 
 def _labels(study: Study, names: Iterable[str]) -> dict[str, str]:
@@ -320,6 +326,6 @@ def _interest(study: Study, M: Array) -> dict[str, float]:
 
 def _unscaled(study: Study, plan: Plan) -> dict[str, float]:
     """O1 to O5 of the stacked regressor without division by sigma."""
-    A = study.model.regressor(plan.q, plan.wrench)
+    A = read_regressor(study, plan)
     M = np.einsum("k,kri,krj->ij", plan.repeats, A, A)
     return observability(M, study.criterion)

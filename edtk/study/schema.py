@@ -34,6 +34,7 @@ from edtk.study.tables_of_robot import (
     ParametersTable,
     WorkspaceTable,
 )
+from edtk.study.tables_of_sight import SightTable
 from edtk.study.tables_of_task import (
     CriterionTable,
     FramesTable,
@@ -185,6 +186,11 @@ class Specification(Table):
     prior: PriorTable = Field(PriorTable(), description="Knowledge before the measurements")
     noise: NoiseTable | None = Field(
         None, description="Errors that are not white: of a tracker, of the joints, of the model"
+    )
+    sight: SightTable | None = Field(
+        None,
+        description="What the instrument sees: how far, where, and through which cameras; a marker "
+        "that is not seen in a pose has no rows there",
     )
     costs: CostsTable | None = Field(
         None,

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from edtk.cell.sight import Sight
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.prior import Gaussian
 from edtk.measure.elastostatic_model import ElastostaticModel
@@ -34,6 +35,7 @@ from edtk.study.study_model import (
     own_weights,
     with_likely_sizes,
 )
+from edtk.study.study_sight import sight_by_name
 from edtk.study.tables_of_measurement import DistanceTable, MarkerTable
 from edtk.system.typing import Array, Indices, Mask
 
@@ -249,6 +251,14 @@ class StudyGeometry:
         """Which instruments (k,) a tracker sees; None for all: it reads no distance."""
         distances = self.model.is_distance
         return ~distances if distances.any() else None
+
+    @cached_property
+    def sight(self) -> Sight | None:
+        """Which of the instruments are read in which poses; None for all."""
+        if self.study.sight is None:
+            return None
+        model = self.model
+        return sight_by_name(self.study.sight, self.markers, model.row_count)
 
     @property
     def loads(self) -> "StudyLoads | None":

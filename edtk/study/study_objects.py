@@ -10,6 +10,7 @@ import numpy as np
 
 import criteria
 from criteria.linalg.estimable import combination
+from edtk.cell.sight import AllSeen, Sight
 from edtk.design.candidate_source import CandidateSource, EmptyFeasibleSetError
 from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
@@ -30,6 +31,7 @@ from edtk.study.study_parts import (
     study_tasks,
     study_workspace,
 )
+from edtk.study.study_sight import study_sight
 from edtk.study.tables_of_robot import ParametersTable
 from edtk.study.tables_of_task import CriterionTable, InterestTable
 from edtk.system.errors import UserError
@@ -245,9 +247,18 @@ class StudyObjects(Asked):
         return tuple(combination(column, self.model.parameters) for column in self.interest.T)
 
     @cached_property
+    def sight(self) -> Sight | None:
+        """Which instruments are read in which poses; None where the study says nothing of that."""
+        return study_sight(self, self.model)
+
+    @cached_property
     def workspace(self) -> Workspace:
         """The feasible set: limits, constraints, and poses that plans keep away from."""
-        return study_workspace(self)
+        found = study_workspace(self)
+        table = self.specification.sight
+        if self.sight is None or table is None or not table.all_markers:
+            return found
+        return replace(found, constraints=(*found.constraints, AllSeen(self.sight)))
 
     @cached_property
     def space(self) -> DesignSpace:
@@ -264,8 +275,16 @@ class StudyObjects(Asked):
         fixed = self.fixed
         values = np.array([fixed.get(j, 0.0) for j in range(self.robot.n)])
         free = [j for j in range(self.robot.n) if j not in fixed]
-        sigma = study_sigma(self)
-        return DesignSpace(self.model, self.workspace, sigma, load, free, values, noise=self.noise)
+        return DesignSpace(
+            self.model,
+            self.workspace,
+            study_sigma(self),
+            load,
+            free,
+            values,
+            noise=self.noise,
+            sight=self.sight,
+        )
 
     def least_error(self, q: Array) -> float:
         """The least standard deviation of a coordinate of the first marker in some poses [m].

@@ -60,6 +60,23 @@ class MarkerTable(Table):
     rows: Literal["position", "pose"] | None = Field(
         None, description="What is measured of this marker; defaults to `measurement.rows`"
     )
+    normal: Vector3 | None = Field(
+        None,
+        description="Where the marker's reflector looks, in the frame in which its position is "
+        "given; without it it is seen from all sides [any length]",
+    )
+    acceptance_deg: Annotated[Finite, Field(gt=0, le=180)] | None = Field(
+        None,
+        description="Largest angle between normal and beam at which it is read: 30 of a 1.5-inch "
+        "reflector, the default, and 60 or so of a cat's eye [deg]",
+    )
+
+    @field_validator("normal")
+    @classmethod
+    def _some_normal(cls, given: Vector3 | None) -> Vector3 | None:
+        if given is not None and not any(given):
+            raise PydanticCustomError("normal", "expected a direction, got zeros")
+        return given
 
 
 class DistanceTable(Table):

@@ -117,7 +117,7 @@ def geometry_problem(
     if errors.rows != model.row_count:
         asked = "a size for orientations" if setting.full_poses else "none for orientations"
         raise ValueError(f"noise.turn is {errors.turn}; expected {asked}")
-    blocks = PositionRows(model, loads, errors)(poses, forces)
+    blocks = PositionRows(model, loads, errors, setting.sight)(poses, forces)
     names = tuple(one.name for one in model.parameters)
     problem = Problem.of_kept(rows_of_blocks(blocks, 1.0), names, None)
     return GeometryProblem(problem, poses, forces, model, errors, loads)

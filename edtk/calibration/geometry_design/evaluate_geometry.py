@@ -89,7 +89,7 @@ def poor_left_out(question: GeometryQuestion, plan: Plan) -> tuple[Finding, ...]
         return ()
     # What repeats do not average out is most of such an error.
     noise = question.space.errors
-    of_positions = PositionRows(model, question.setting.loads)
+    of_positions = PositionRows(model, question.setting.loads, sight=question.space.sight)
     points = np.moveaxis(of_positions.columns.at(plan.q).points, -1, 0)
     sigma = float(np.hypot(noise.typical(points), noise.model_white))
     rows = of_positions(plan.q, plan.wrench)
@@ -585,6 +585,6 @@ def _without_value(question: GeometryQuestion) -> dict[str, str]:
 
 def _unscaled(question: GeometryQuestion, plan: Plan) -> dict[str, float]:
     """O1 to O5 of the stacked regressor in mm and mrad, without division by the noise."""
-    rows = PositionRows(question.model, question.setting.loads)(plan.q, plan.wrench)
+    rows = question.rows(plan.q, plan.wrench)
     M = np.einsum("k,kri,krj->ij", plan.repeats, rows, rows)
     return observability(M, question.criterion)

@@ -60,7 +60,8 @@ class ToldByPlan:
         """Covariance (r, r) of these parameters, in their units."""
         question = self.question
         kept = self.told.kept
-        rows = PositionRows(question.model, question.setting.loads, question.space.errors)
+        space = question.space
+        rows = PositionRows(question.model, question.setting.loads, space.errors, space.sight)
         A = rows(self.plan.q, self.plan.wrench, question.space.visits_of(self.plan))
         weighted = np.sqrt(self.plan.repeats)[:, None, None] * A[..., kept]
         # From the rows: their squares would lose half of the digits.
@@ -89,11 +90,13 @@ def visited(
     setting, model, study = question.setting, question.model, question.study
     bending = setting.loads if loads is None else loads
     shared = question.space.visits_of(Plan(q, wrench, np.ones(len(q), dtype=int)))
-    as_taken = PositionRows(model, setting.loads, question.space.errors)
+    space = question.space
+    as_taken = PositionRows(model, setting.loads, space.errors, space.sight)
     root = np.linalg.cholesky(as_taken.covariance(q, wrench, shared))
 
     def columns(parameters: tuple[Parameter, ...], wrench: Array) -> Array:
-        rows = PositionRows(replace(model, parameters=parameters), bending, question.space.errors)
+        own = replace(model, parameters=parameters)
+        rows = PositionRows(own, bending, space.errors, space.sight)
         scales = np.array([one.scale for one in parameters])
         if question.space.errors.error is None:
             return rows(q, wrench, shared) / scales
@@ -195,7 +198,12 @@ def position_sheet(study: Study, plan: Plan) -> "pd.DataFrame":
         changes = DEFLECTION_COLUMNS + ROTATION_COLUMNS * setting.full_poses
         changes += (CHANGE_COLUMN,) * bool(setting.distances)
         table[list(changes)] = np.nan
-    return table
+    if setting.sight is None:
+        return table
+    seen = setting.sight.seen(plan.q[order])
+    always = np.ones((len(order), len(setting.references)), dtype=bool)
+    read = np.concatenate([seen, always], axis=1).reshape(-1)
+    return table[read].reset_index(drop=True)
 
 
 def _turn_columns(study: Study, markers: tuple[str, ...]) -> list[str]:

@@ -9,11 +9,13 @@ import numpy as np
 import criteria
 from edtk.calibration.geometry.told_before import design_prior
 from edtk.calibration.geometry_design.geometry_space import MM, GeometrySpace, PositionRows
+from edtk.cell.sight import Sight
 from edtk.certificate.certificate import (
     error_to_dict,
     feasible_to_dict,
     gives_to_dict,
     place_to_dict,
+    sight_to_dict,
     tracker_to_dict,
     weights_to_list,
 )
@@ -127,7 +129,8 @@ class GeometryQuestion:
         structural = _with(setting.model, told)
         space = _space(study.space_under(load), structural, setting)
         of_structural = before.of(told.kept)
-        shares = _told(setting, structural, *_feasible(space, study, telling), of_structural)
+        feasible = _feasible(space, study, telling)
+        shares = _told(setting, structural, *feasible, of_structural, setting.sight)
         return cls(
             study,
             setting,
@@ -174,7 +177,7 @@ class GeometryQuestion:
 
     def rows(self, q: Array, wrench: Array) -> Array:
         """How markers move with the parameters (m, k r, p) [mm, mrad] in poses under wrenches."""
-        return PositionRows(self.model, self.setting.loads)(q, wrench)
+        return PositionRows(self.model, self.setting.loads, sight=self.space.sight)(q, wrench)
 
     @cached_property
     def tasks(self) -> Tasks:
@@ -297,7 +300,7 @@ class GeometryQuestion:
 
 def _space(base: DesignSpace, model: MeasuredModel, setting: StudyGeometry) -> GeometrySpace:
     """The space of a model, where the poses of another one may lie."""
-    own = {one.name: getattr(base, one.name) for one in fields(base)}
+    own = {one.name: getattr(base, one.name) for one in fields(base)} | {"sight": setting.sight}
     return GeometrySpace(**own, geometry=model, errors=planned_noise(setting), loads=setting.loads)
 
 
@@ -316,10 +319,15 @@ def _springs(model: MeasuredModel, told: Identifiable) -> tuple[str, ...]:
 
 
 def _told(
-    setting: StudyGeometry, model: MeasuredModel, q: Array, wrench: Array, before: PriorRows
+    setting: StudyGeometry,
+    model: MeasuredModel,
+    q: Array,
+    wrench: Array,
+    before: PriorRows,
+    sight: Sight | None = None,
 ) -> Identifiable:
-    """What poses tell apart, and what is known besides adds to that."""
-    rows = PositionRows(model, setting.loads)(q, wrench).reshape(-1, model.p)
+    """What poses tell apart, as far as markers are seen, and what is known besides adds to that."""
+    rows = PositionRows(model, setting.loads, sight=sight)(q, wrench).reshape(-1, model.p)
     return told_apart(model, rows, before)
 
 
@@ -391,6 +399,7 @@ def geometry_setting(question: GeometryQuestion) -> dict[str, Any]:
             **({"places": list(model.places)} if model.is_distance.any() else {}),
         },
         **gives_to_dict(model.gives),
+        **sight_to_dict(question.study, question.space.sight),
         **_interest(question),
         **({} if question.prior is None else {"prior": question.known.tolist()}),
     }

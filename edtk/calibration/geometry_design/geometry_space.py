@@ -5,13 +5,14 @@ from functools import cached_property
 
 import numpy as np
 
+from edtk.cell.sight import Sight
 from edtk.design.design_space import DesignSpace, Experiments
 from edtk.design.enclosure.polynomial import NotEnclosedError
 from edtk.design.enclosure.robot_polynomials import RowPolynomials
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem, rows_of_blocks
 from edtk.measure.measured_model import MeasuredModel
-from edtk.measure.noise import MM2, PositionNoise, shared_visits
+from edtk.measure.noise import MM2, PositionNoise, only_seen, shared_visits
 from edtk.measure.nominal_columns import NominalColumns, PlacedColumns
 from edtk.measure.parameters import LINEAR
 from edtk.robots.loads.listed_load import ListedLoad
@@ -37,11 +38,13 @@ class PositionRows:
         model: Markers and parameters.
         loads: What loads the joints; None without springs.
         noise: The errors of a pose; None for rows in millimetres and milliradians.
+        sight: Which markers are read in which poses; the rows of others are zero. None for all.
     """
 
     model: MeasuredModel
     loads: StudyLoads | None
     noise: PositionNoise | None = None
+    sight: Sight | None = None
 
     @cached_property
     def columns(self) -> NominalColumns:
@@ -73,7 +76,13 @@ class PositionRows:
         """Rows of a pose."""
         return self.model.row_count * len(self.model.markers)
 
-    def __call__(self, q: Array, wrench: Array, visits: Array | None = None) -> Array:
+    def __call__(
+        self,
+        q: Array,
+        wrench: Array,
+        visits: Array | None = None,
+        read: Mask | None = None,
+    ) -> Array:
         """Rows (m, k r, p) for a unit of each parameter, in mm and mrad or in units of the noise.
 
         Args:
@@ -81,12 +90,20 @@ class PositionRows:
             wrench: Their forces and torques (m, 6) [N, N m].
             visits: Visits (m,) that share the model's errors in each pose, of which a row counts as
                 one; one each by default.
+            read: Which rows (m, k r) there are; by default those that are seen.
         """
         found = np.empty((len(q), self._width, self.model.p))
         for first in range(0, len(q), BLOCK):
             part = slice(first, first + BLOCK)
-            found[part] = self._block(q[part], wrench[part], _some(visits, part))
+            given = (q[part], wrench[part], _some(visits, part))
+            found[part] = self._block(
+                *given, self._read(q[part], None if read is None else read[part])
+            )
         return found
+
+    def _read(self, q: Array, read: Mask | None = None) -> Mask | None:
+        """Which rows (m, k r) there are: those that are said, or else those that are seen."""
+        return read if read is not None or self.sight is None else self.sight.rows(q)
 
     def enclosable(self, wrenches: Array) -> tuple[int, Array, float]:
         """What a bound over all poses needs to know of rows, whose errors are white.
@@ -124,10 +141,17 @@ class PositionRows:
     def covariance(self, q: Array, wrench: Array, visits: Array | None = None) -> Array:
         """Covariances (m, k r, k r) [mm^2] by which rows are whitened, see `__call__`."""
         bent = self._bent(q, wrench)
-        return self._covariance(self.columns.at(q), self._differs(wrench), visits, bent)
+        placed = self.columns.at(q)
+        return self._covariance(placed, self._differs(wrench), visits, bent, self._read(q))
 
     def slopes(
-        self, q: Array, wrench: Array, B: Array, changes: Array, visits: Array | None = None
+        self,
+        q: Array,
+        wrench: Array,
+        B: Array,
+        changes: Array,
+        visits: Array | None = None,
+        read: Mask | None = None,
     ) -> Array:
         """Derivatives (m, n + d) of ``<B, rows>``, weights B (m, k r, p) held fixed.
 
@@ -141,19 +165,21 @@ class PositionRows:
         found = np.empty((len(q), q.shape[1] + changes.shape[-1]))
         for first in range(0, len(q), BLOCK):
             part = slice(first, first + BLOCK)
-            own = _some(visits, part)
-            found[part] = self._slope(q[part], wrench[part], B[part], changes[part], own)
+            own = (_some(visits, part), self._read(q[part], None if read is None else read[part]))
+            found[part] = self._slope(q[part], wrench[part], B[part], changes[part], *own)
         return found
 
-    def _block(self, q: Array, wrench: Array, visits: Array | None) -> Array:
+    def _block(self, q: Array, wrench: Array, visits: Array | None, read: Mask | None) -> Array:
         """The rows of a block of poses."""
         placed = self.columns.at(q)
         differs = self._differs(wrench)
         amplitudes = self._amplitudes(q, self._loadings(q, wrench))
         rows = self._rows(placed, amplitudes, differs)
+        if read is not None:
+            rows = rows * read[..., None]
         if self.is_white:
             return np.asarray(rows / self._sigmas(differs, visits)[..., None])
-        return self._whitened(rows, placed, differs, visits, self._bent(q, wrench))
+        return self._whitened(rows, placed, differs, visits, self._bent(q, wrench), read)
 
     def _differs(self, wrench: Array) -> Mask | None:
         """Which visits (m,) are differences of two readings; None for none."""
@@ -184,9 +210,10 @@ class PositionRows:
         differs: Mask | None,
         visits: Array | None,
         bent: Array | None,
+        read: Mask | None,
     ) -> Array:
         """Rows (m, r, p) in units of correlated noise."""
-        L = np.linalg.cholesky(self._covariance(placed, differs, visits, bent))
+        L = np.linalg.cholesky(self._covariance(placed, differs, visits, bent, read))
         return np.asarray(np.linalg.solve(L, rows))
 
     def _covariance(
@@ -195,6 +222,7 @@ class PositionRows:
         differs: Mask | None,
         visits: Array | None,
         bent: Array | None,
+        read: Mask | None,
     ) -> Array:
         """Covariances (m, k r, k r) with which one of some visits of a pose counts."""
         noise = self.noise
@@ -206,7 +234,8 @@ class PositionRows:
         if noise.error is not None and bent is not None:
             bends = noise.error.bends(_by_component(motion), bent)
             D = D + np.moveaxis(noise.error.covariance(bends, noise.groups), -1, 0)
-        return np.asarray(R + _lifted(visits) * D)
+        V = np.asarray(R + _lifted(visits) * D)
+        return V if read is None else only_seen(V, read)
 
     def _bent(self, q: Array, wrench: Array) -> Array | None:
         """Loads (n, m) of the joints of which the model's error is a share; None without one.
@@ -241,9 +270,17 @@ class PositionRows:
         return np.asarray(sum(parts[1:], parts[0]))
 
     def _slope(
-        self, q: Array, wrench: Array, B: Array, changes: Array, visits: Array | None
+        self,
+        q: Array,
+        wrench: Array,
+        B: Array,
+        changes: Array,
+        visits: Array | None,
+        read: Mask | None,
     ) -> Array:
         """The derivatives of a block of poses."""
+        if read is not None:
+            B = B * read[..., None]
         placed = self.columns.at(q)
         loadings = self._loadings(q, wrench)
         amplitudes = self._amplitudes(q, loadings)
@@ -253,8 +290,10 @@ class PositionRows:
             of_loads = np.zeros((q.shape[1], len(q)))
         else:
             rows = self._rows(placed, amplitudes, differs)
-            bent = self._bent(q, wrench)
-            weights, of_noise, of_loads = self._correlated(placed, rows, B, differs, visits, bent)
+            if read is not None:
+                rows = rows * read[..., None]
+            given = (differs, visits, self._bent(q, wrench), read)
+            weights, of_noise, of_loads = self._correlated(placed, rows, B, *given)
         by_motion, by_amplitudes = placed.slope(
             _component_first(weights * self.scales, len(self.model.markers)),
             amplitudes,
@@ -284,6 +323,7 @@ class PositionRows:
         differs: Mask | None,
         visits: Array | None,
         bent: Array | None,
+        read: Mask | None,
     ) -> tuple[Array, Array, Array]:
         """Weights (m, r, p) of the rows in millimetres, and what the noise adds (m, n).
 
@@ -295,7 +335,7 @@ class PositionRows:
         noise = self.noise
         assert noise is not None
         motion = _motion(placed)
-        V = self._covariance(placed, differs, visits, bent)
+        V = self._covariance(placed, differs, visits, bent, read)
         L = np.linalg.cholesky(V)
         W: Array = np.linalg.solve(np.swapaxes(L, 1, 2), B).astype(float, copy=False)
         Q = W @ np.swapaxes(np.linalg.solve(V, rows), 1, 2)
@@ -442,21 +482,26 @@ class GeometrySpace(DesignSpace):
 
     @cached_property
     def _rows(self) -> PositionRows:
-        return PositionRows(self.geometry, self.loads, self.errors)
+        return PositionRows(self.geometry, self.loads, self.errors, self.sight)
 
-    def rows(self, x: Array, visits: Array | None = None) -> Array:
+    def rows(self, x: Array, visits: Array | None = None, read: Mask | None = None) -> Array:
         """Whitened rows (m, r markers, p) of experiments x (m, v), for one unit of costs each."""
         q, wrench = self._visits(x)
-        return self._rows(q, wrench, visits) * self.shares(x)[:, None, None]
+        return self._rows(q, wrench, visits, read) * self.shares(x)[:, None, None]
 
-    def slopes(self, x: Array, B: Array, visits: Array | None = None) -> Array:
+    def slopes(
+        self, x: Array, B: Array, visits: Array | None = None, read: Mask | None = None
+    ) -> Array:
         """Derivatives (m, v) of ``<B, rows>`` by all design variables, weights B held fixed."""
         q, wrench = self._visits(x)
         changes = self.load.derivative(x[:, q.shape[1] :])
-        return self._rows.slopes(q, wrench, B * self.shares(x)[:, None, None], changes, visits)
+        weights = B * self.shares(x)[:, None, None]
+        return self._rows.slopes(q, wrench, weights, changes, visits, read)
 
     def polynomials(self) -> RowPolynomials:
         """Rows as polynomials, with errors that are no larger than those in any pose.
+
+        All rows are read: a bound with rows that may be hidden holds without them, too.
 
         Raises:
             NotEnclosedError: A row is no polynomial.
@@ -464,7 +509,7 @@ class GeometrySpace(DesignSpace):
         errors = _least_errors(self.errors, self.geometry)
         rows = PositionRows(self.geometry, self.loads, errors)
         order, largest, lever = rows.enclosable(self.load.wrench(_largest_load(self.load)))
-        own = replace(self, errors=errors)
+        own = replace(self, errors=errors, sight=None)
         is_white = self.errors.is_white
         return RowPolynomials(self, own.rows, order, largest, lever, is_white)
 
@@ -514,17 +559,19 @@ class GeometryExperiments(Experiments):
     def __getitem__(self, chosen: Indices) -> "GeometryExperiments":
         """The chosen experiments (n, v)."""
         visits = None if self.visits is None else self.visits[chosen]
-        return GeometryExperiments(self.space, self.x[chosen], self.frames[chosen], visits)
+        read = None if self.read is None else self.read[:, chosen]
+        return GeometryExperiments(self.space, self.x[chosen], self.frames[chosen], visits, read)
 
     @property
-    def _flat(self) -> Array | None:
-        """Visits (m,) of all experiments, one after another."""
-        return None if self.visits is None else self.visits.reshape(-1)
+    def _flat(self) -> tuple[Array | None, Mask | None]:
+        """Visits (m,) of all experiments, one after another, and which rows (m, k r) they read."""
+        visits = None if self.visits is None else self.visits.reshape(-1)
+        return visits, None if self._read is None else self._read.reshape(len(self._read), -1).T
 
     @cached_property
     def regressor(self) -> Array:
         """Whitened rows (..., r markers, p)."""
-        A = self.space.rows(self.x.reshape(-1, self.x.shape[-1]), self._flat)
+        A = self.space.rows(self.x.reshape(-1, self.x.shape[-1]), *self._flat)
         return A.reshape(*self.x.shape[:-1], *A.shape[1:])
 
     @cached_property
@@ -536,4 +583,4 @@ class GeometryExperiments(Experiments):
         """Derivatives (..., v) of ``<B, A>`` of the whitened rows A, weights B held fixed."""
         flat = self.x.reshape(-1, self.x.shape[-1])
         weights = np.broadcast_to(B, self.regressor.shape).reshape(len(flat), *B.shape[-2:])
-        return self.space.slopes(flat, weights, self._flat).reshape(self.x.shape)
+        return self.space.slopes(flat, weights, *self._flat).reshape(self.x.shape)

@@ -9,7 +9,7 @@ import numpy as np
 from edtk.certificate.recompute.chain import Chain
 from edtk.certificate.recompute.compensator import Pull
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table, text, whole
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Mask
 
 GRAVITY = 9.80665  # standard acceleration [m/s^2], along -z of the world
 MEASURED = {"position": 3, "pose": 6, "distance": 1}  # rows of each kind of instrument
@@ -98,7 +98,12 @@ class Physics:
     @property
     def measured(self) -> int:
         """Number of measured rows."""
-        return sum(MEASURED[kind] for kind, _, _ in self.sensors)
+        return sum(self.widths)
+
+    @property
+    def widths(self) -> list[int]:
+        """Number of measured rows of each instrument."""
+        return [MEASURED[kind] for kind, _, _ in self.sensors]
 
     def regressors(self, chain: Chain, unknown: list[int], q: Array, wrench: Array) -> Array:
         """Regressors (k, rows, p): motion of what is measured times the torque of its joint."""
@@ -305,8 +310,9 @@ class Noise:
         q: Array,
         visits: Array,
         torque: Array,
+        read: Mask,
     ) -> Array:
-        """Rows of unit covariance (k, rows, p) of regressors A (k, rows, p).
+        """Rows of unit covariance (k, rows, p) of regressors A (k, rows, p); zero if not read.
 
         Args:
             A: The regressors.
@@ -316,6 +322,7 @@ class Noise:
             q: Poses (k, n) [rad or m].
             visits: Visits (k,) that share the model's errors in each pose.
             torque: Loads (k, n) of the free joints, or their change.
+            read: Which rows (k, rows) there are; the others are struck out before.
 
         Raises:
             ValueError: A covariance is not positive definite.
@@ -331,12 +338,12 @@ class Noise:
         Sigma = Sigma + own[:, None] * np.eye(len(sigma))
         if self.tracker is not None:
             self._add_tracker(Sigma, chain, physics, q)
-        size = np.sqrt(np.diagonal(Sigma, axis1=1, axis2=2))
-        try:
-            L = np.linalg.cholesky(Sigma / size[:, :, None] / size[:, None])
-        except np.linalg.LinAlgError as error:
-            raise ValueError("the errors of some rows depend on each other exactly") from error
-        return np.asarray(np.linalg.solve(L, A / size[:, :, None]))
+        found = np.zeros(A.shape)
+        for pattern in np.unique(read, axis=0):
+            some, kept = np.flatnonzero((read == pattern).all(axis=1)), np.flatnonzero(pattern)
+            places = np.ix_(some, kept)
+            found[places] = _of_unit_covariance(A[places], Sigma[np.ix_(some, kept, kept)])
+        return found
 
     def visits(self, chain: Chain, q: Array, wrench: Array, amount: Array) -> Array:
         """How many visits (k,) of a plan share the model's errors of each pose, its own included.
@@ -405,3 +412,17 @@ def _alike(physics: Physics, squares: Array) -> Array:
             found[:, part] = squares[:, part].mean(axis=1, keepdims=True)
             first = part.stop
     return found
+
+
+def _of_unit_covariance(A: Array, Sigma: Array) -> Array:
+    """Rows A (k, r, p) in which errors of covariances Sigma (k, r, r) are independent, of size one.
+
+    Raises:
+        ValueError: A covariance is not positive definite.
+    """
+    size = np.sqrt(np.diagonal(Sigma, axis1=1, axis2=2))
+    try:
+        L = np.linalg.cholesky(Sigma / size[:, :, None] / size[:, None])
+    except np.linalg.LinAlgError as error:
+        raise ValueError("the errors of some rows depend on each other exactly") from error
+    return np.asarray(np.linalg.solve(L, A / size[:, :, None]))

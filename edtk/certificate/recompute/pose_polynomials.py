@@ -354,6 +354,7 @@ def require_checkable(setting: Setting) -> None:
         (setting.gives is not None or pulls, "compensators"),
         (setting.friction is not None, "friction"),
         (setting.price is not None, "costs"),
+        (setting.sight is not None, "markers that are hidden in some poses"),
         (tied, "joints that follow others"),
         (wires, "distances"),
         (len(setting.free) > MOST_JOINTS, f"more than {MOST_JOINTS} joints"),

@@ -20,6 +20,7 @@ from edtk.certificate.recompute.plain_data import (
     whole,
     wrenches_of,
 )
+from edtk.certificate.recompute.sight import Sight
 from edtk.certificate.recompute.tasks import Tasks, combinations
 from edtk.system.typing import Array, Mask
 
@@ -39,7 +40,7 @@ SETTING_KEYS = (
 )
 OPTIONAL = (
     *("physics", "noise", "interest", "prior", "geometry"),
-    *("margin", "coupled_margin", "gives", "friction"),
+    *("margin", "coupled_margin", "gives", "friction", "sight"),
 )
 
 
@@ -192,6 +193,7 @@ class Workspace:
         excluded: Poses (e, n) to stay away from [rad or m].
         distance: Distance to keep from them [rad].
         margin: How far planned poses keep away from the limits of coupled joints (c,) [rad].
+        sight: Which markers are read, where each has to be in each pose; else None.
     """
 
     chain: Chain
@@ -202,9 +204,12 @@ class Workspace:
     excluded: Array
     distance: float
     margin: Array
+    sight: Sight | None = None
 
     @classmethod
-    def from_dict(cls, chain: Chain, keys: Any, excluded: Any, margin: Any) -> "Workspace":
+    def from_dict(
+        cls, chain: Chain, keys: Any, excluded: Any, margin: Any, sight: Sight | None = None
+    ) -> "Workspace":
         """Read the keys of a study's [workspace], and the poses that it excludes.
 
         Raises:
@@ -230,6 +235,7 @@ class Workspace:
             excluded=poses,
             distance=float(np.deg2rad(within)),
             margin=_coupled_margin(margin, chain),
+            sight=sight if sight is not None and sight.needs_all else None,
         )
 
     def violation(self, q: Array) -> Array:
@@ -237,6 +243,8 @@ class Workspace:
         worst = self._violations(q, self.margin).max(axis=1)
         if len(self.excluded):
             worst = np.maximum(worst, self.distance - self._nearest(q))
+        if self.sight is not None:
+            worst[~self.sight.seen(self.chain, q).all(axis=1)] = np.inf
         return np.asarray(worst)
 
     def violation_within_rounding(self, q: Array) -> Array:
@@ -332,6 +340,7 @@ class Setting:
         gives: How joints with compensators give way; None without any.
         friction: What friction holds of the joints' loads, whose shares are parameters behind the
             compliances; None where it counts for nothing.
+        sight: Which rows are read in which poses; None for all in each.
     """
 
     name: str
@@ -352,6 +361,7 @@ class Setting:
     margin: Array | None = None
     gives: Gives | None = None
     friction: Friction | None = None
+    sight: Sight | None = None
 
     @classmethod
     def from_dict(cls, content: Any) -> "Setting":
@@ -375,6 +385,10 @@ class Setting:
         elif "noise" in content or "friction" in content:
             physics = Physics.at_tool_point(kind)
         sigma = numbers(content["sigma"], (measured,), "setting.sigma")
+        sight = None
+        if "sight" in content:
+            widths = [measured] if physics is None else physics.widths
+            sight = Sight.from_dict(content["sight"], len(chain.axes), widths)
         noise = Noise.from_dict(content["noise"], n, measured) if "noise" in content else None
         gives = Gives.from_dict(content["gives"], chain) if "gives" in content else None
         geometry = None
@@ -399,6 +413,7 @@ class Setting:
                 content["workspace"],
                 content["excluded"],
                 content.get("coupled_margin"),
+                sight,
             ),
             load=Load.from_dict(content["load"]),
             free=_indices(content["free"], n, "setting.free"),
@@ -412,6 +427,7 @@ class Setting:
             margin=_margin(content, chain),
             gives=gives,
             friction=friction,
+            sight=sight,
         )
 
     @property
@@ -462,16 +478,24 @@ class Setting:
         """The same, whatever they cost."""
         if self.physics is not None:
             A = self._regressors(self.physics, q, wrench)
+            read = self._read(q)
             if self.noise is None:
-                return A / self.sigma[:, None]
+                return A * read[..., None] / self.sigma[:, None]
             visits = np.ones(len(q)) if visits is None else visits
             if self.geometry is not None:
                 # Rows of a change are in units of one reading, and the model errs in it once.
                 visits = visits / self.geometry.readings(wrench)
             torque = self._torque(self.physics, q, wrench)
-            return self.noise.whitened(A, self.chain, self.physics, self.sigma, q, visits, torque)
-        A = self._left(regressors(self.chain, self.unknown, q, wrench), q)
-        return A[:, : len(self.sigma)] / self.sigma[:, None]
+            given = (A, self.chain, self.physics, self.sigma, q, visits, torque, read)
+            return self.noise.whitened(*given)
+        A = self._left(regressors(self.chain, self.unknown, q, wrench), q)[:, : len(self.sigma)]
+        return A * self._read(q)[..., None] / self.sigma[:, None]
+
+    def _read(self, q: Array) -> Mask:
+        """Which rows (k, rows) are read."""
+        if self.sight is None:
+            return np.ones((len(q), len(self.sigma)), dtype=bool)
+        return self.sight.rows(self.chain, q)
 
     def _torque(self, physics: Physics, q: Array, wrench: Array) -> Array:
         """Loads (k, n) of the joints, by which the model errs; zeros where it does not."""

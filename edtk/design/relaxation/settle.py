@@ -1,6 +1,6 @@
 """A relaxed design whose poses and weights move together to the optimum nearby."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -173,6 +173,10 @@ class WeightedPoints:
     def visited(self, visits: Array) -> "WeightedPoints":
         """Each visit of a relaxed design counts as one of a pose of its own."""
         return self
+
+    def reading_alike(self) -> "WeightedPoints":
+        """All read the rows that the first do, see `Points`."""
+        return replace(self, points=self.points.reading_alike())
 
     def information(self, repeats: Array) -> Array:
         """Information matrices (b, p, p), see `weighted_information`."""

@@ -1,0 +1,334 @@
+"""What instruments see of their markers, and why they do not see the others.
+
+A marker is read in a pose where every eye, a tracker or a camera, sees it: its reflector looks
+towards the eye, it is neither too near nor too far, and it stands within the eye's angles. A marker
+that is not read has no rows in that pose.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from edtk.robots.constraints.constraint import Constraint, Inequality
+from edtk.robots.frames import BodyPoint, Frames, cross, dot
+from edtk.robots.joint import DEGREE, MILLIMETRE
+from edtk.robots.robot import Robot
+from edtk.system.typing import Array, Mask
+
+# Keeps gradients finite where an angle has a kink: along the axis that it is counted from.
+LEAST_SINE = 1e-12
+NEAREST = 1e-9  # distance below which a beam has no direction [m]
+UP = np.array([0.0, 0.0, 1.0])
+STRAIGHT = 1e-6  # sine of an angle to the vertical below which a direction has no azimuth
+
+Reason = Literal["normal", "near", "far", "azimuth", "elevation", "cone"]
+
+
+@dataclass(frozen=True, eq=False)
+class Eye:
+    """A tracker or a camera: where it stands, and how far and where it sees.
+
+    Angles are counted in its own axes: x to where it faces, y to the left, z up. Azimuth turns
+    about z from x to y, and elevation is above the plane of x and y.
+
+    Attributes:
+        name: Name for people.
+        position: Where it stands (3,), in the world [m].
+        axes: Its unit vectors as rows (3, 3), in the world.
+        distance: Least and largest distance of a marker [m].
+        azimuth: Least and largest azimuth [rad]; None for all around.
+        elevation: Least and largest elevation [rad]; None for all.
+        cone: Half the opening angle of a round field of view about x [rad]; None for none.
+    """
+
+    name: str
+    position: Array
+    axes: Array = field(default_factory=lambda: np.eye(3))
+    distance: tuple[float, float] = (0.0, np.inf)
+    azimuth: tuple[float, float] | None = None
+    elevation: tuple[float, float] | None = None
+    cone: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Reflector:
+    """A marker that eyes see.
+
+    Attributes:
+        name: Name for people.
+        point: Where it is on the robot.
+        normal: Unit vector (3,) in the frame of its body, to where it looks; None where it is seen
+            from all sides.
+        acceptance: Largest angle between the normal and the way to an eye [rad].
+    """
+
+    name: str
+    point: BodyPoint
+    normal: Array | None = None
+    acceptance: float = np.pi
+
+
+class Condition(NamedTuple):
+    """One inequality of seeing a marker from an eye.
+
+    Attributes:
+        reason: What it is about.
+        slack: By how much it holds (...) [m or rad].
+        gradient: Derivatives (n, ...) of the slack by the free joints; empty where not asked for.
+        amount: What is compared with a bound (...) [m or rad].
+    """
+
+    reason: Reason
+    slack: Array
+    gradient: Array
+    amount: Array
+
+
+LENGTHS = ("near", "far")
+REASONS: dict[Reason, str] = {
+    "normal": "looks away by {} deg",
+    "near": "nearer than range, at {} mm",
+    "far": "beyond range, at {} mm",
+    "azimuth": "beyond azimuth, at {} deg",
+    "elevation": "beyond elevation, at {} deg",
+    "cone": "out of the field of view, {} deg off its axis",
+}
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """Why a marker is not read in a pose.
+
+    Attributes:
+        reason: What it is about.
+        amount: The distance, or the angle, that is out of bounds [m or rad].
+        eye: Name of the eye that does not see it; empty where there is only one.
+    """
+
+    reason: Reason
+    amount: float
+    eye: str = ""
+
+    def __str__(self) -> str:
+        size = 1e3 * self.amount if self.reason in LENGTHS else float(np.rad2deg(self.amount))
+        return REASONS[self.reason].format(round(size) + 0) + (f" ({self.eye})" if self.eye else "")
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """Which markers are read in which poses.
+
+    Arrays are component first, as in `Frames`.
+
+    Attributes:
+        robot: The chain that carries the markers.
+        eyes: What must see a marker, so that it is read.
+        reflectors: The instruments' markers, one after another; None for an instrument that needs
+            no line of sight, such as a wire.
+        widths: Number of measured rows of each instrument.
+    """
+
+    robot: Robot
+    eyes: tuple[Eye, ...]
+    reflectors: tuple[Reflector | None, ...]
+    widths: tuple[int, ...]
+
+    @cached_property
+    def bodies(self) -> tuple[int, ...]:
+        """Joints whose bodies' frames are needed, see `Robot.frames`."""
+        found = {joint for one in self.seeable for joint in one.point.bodies}
+        return tuple(sorted(found))
+
+    @property
+    def seeable(self) -> tuple[Reflector, ...]:
+        """The markers that need a line of sight."""
+        return tuple(one for one in self.reflectors if one is not None)
+
+    def seen(self, q: ArrayLike) -> Mask:
+        """Which instruments (..., k) are read in poses q (..., n) [rad or m]."""
+        return np.moveaxis(self.seen_in(self.robot.frames(q, self.bodies)), 0, -1)
+
+    def seen_in(self, frames: Frames) -> Mask:
+        """Which instruments (k, ...) are read in poses whose frames are at hand."""
+        frames = self._with_bodies(frames)
+        shape = frames.position.shape[1:]
+        found = np.ones((len(self.reflectors), *shape), dtype=bool)
+        for i, one in enumerate(self.reflectors):
+            if one is None:
+                continue
+            for eye in self.eyes:
+                for condition in _conditions(frames, eye, one):
+                    found[i] &= condition.slack >= 0
+        return found
+
+    def rows(self, q: ArrayLike) -> Mask:
+        """Which measured rows (..., r) there are in poses q (..., n) [rad or m]."""
+        return np.repeat(self.seen(q), self.widths, axis=-1)
+
+    def rows_in(self, frames: Frames) -> Mask:
+        """Which measured rows (r, ...) there are in poses whose frames are at hand."""
+        return np.repeat(self.seen_in(frames), self.widths, axis=0)
+
+    def hidden(self, q: ArrayLike) -> list[list["Hidden | None"]]:
+        """Why instruments are not read in poses q (m, n), by pose and instrument; None if read.
+
+        Of several reasons the first counts, of the first eye that does not see the marker.
+        """
+        frames = self.robot.frames(q, self.bodies)
+        m = frames.position.shape[-1]
+        found: list[list[Hidden | None]] = [[None] * len(self.reflectors) for _ in range(m)]
+        for i, one in enumerate(self.reflectors):
+            if one is None:
+                continue
+            for eye in self.eyes:
+                of_eye = eye.name if len(self.eyes) > 1 else ""
+                for condition in _conditions(frames, eye, one):
+                    for pose in np.flatnonzero(condition.slack < 0):
+                        if found[pose][i] is None:
+                            amount = float(condition.amount[pose])
+                            found[pose][i] = Hidden(condition.reason, amount, of_eye)
+        return found
+
+    def always_hidden(self, q: ArrayLike) -> list[int]:
+        """Indices of the instruments that are read in none of the poses q (..., n)."""
+        seen = self.seen(q).reshape(-1, len(self.reflectors))
+        return np.flatnonzero(~seen.any(axis=0)).tolist()
+
+    def _with_bodies(self, frames: Frames) -> Frames:
+        """Frames that have all bodies that matter here."""
+        if set(self.bodies) <= set(frames.bodies):
+            return frames
+        return self.robot.frames(np.moveaxis(frames.q, 0, -1), self.bodies)
+
+
+def _conditions(frames: Frames, eye: Eye, one: Reflector, slopes: bool = False) -> list[Condition]:
+    """All inequalities of seeing a marker from an eye.
+
+    With the marker p and the eye e, the range is ``r = |p - e|`` and the way to the eye
+    ``u = (e - p) / r``. A joint that moves the marker by v and turns its body by w changes them by
+    ``dr = -u.v`` and ``du = -(v - u u.v) / r``, and the normal by ``w x n``. An angle phi between
+    unit vectors a and b changes by ``-d(a.b) / sin phi``.
+
+    Args:
+        frames: Poses, with the body of the marker.
+        eye: The eye.
+        one: The marker.
+        slopes: Whether gradients are asked for.
+    """
+    p = one.point.position(frames)
+    away = eye.position.reshape(3, *[1] * (p.ndim - 1)) - p
+    r = np.maximum(np.sqrt(np.square(away).sum(axis=0)), NEAREST)
+    u = away / r
+    none = np.zeros((0, *r.shape))
+    v = _velocity(frames, one) if slopes else none[:, None]
+    dr = -dot(v, u[None])
+    du = -(v + u * dr[:, None]) / r
+    found: list[Condition] = []
+
+    def add(reason: Reason, amount: Array, change: Array, low: float, high: float) -> None:
+        """Bounds on both sides, as far as there are any."""
+        if np.isfinite(low):
+            found.append(Condition(reason, amount - low, change, amount))
+        if np.isfinite(high):
+            found.append(Condition(reason, high - amount, -change, amount))
+
+    if one.normal is not None:
+        n = np.einsum("k,kc...->c...", one.normal, one.point.orientation(frames))
+        turned = cross(_turning(frames, one), n[None]) if slopes else none[:, None]
+        angle, sine = _angle(n, u)
+        change = -(dot(turned, u[None]) + dot(du, n[None])) / sine
+        add("normal", angle, change, -np.inf, one.acceptance)
+    nearest, farthest = eye.distance
+    add("near", r, dr, nearest if nearest > 0 else -np.inf, np.inf)
+    add("far", r, dr, -np.inf, farthest)
+    d = -np.einsum("ic,c...->i...", eye.axes, u)
+    dd = -np.einsum("ic,nc...->ni...", eye.axes, du)
+    flat = np.maximum(np.hypot(d[0], d[1]), LEAST_SINE)
+    if eye.azimuth is not None:
+        middle, half = (eye.azimuth[0] + eye.azimuth[1]) / 2, (eye.azimuth[1] - eye.azimuth[0]) / 2
+        azimuth = np.arctan2(d[1], d[0])
+        off = np.mod(azimuth - middle + np.pi, 2 * np.pi) - np.pi
+        change = (d[0] * dd[:, 1] - d[1] * dd[:, 0]) / flat**2
+        found.append(Condition("azimuth", half - np.abs(off), -np.sign(off) * change, azimuth))
+    if eye.elevation is not None:
+        add("elevation", np.arctan2(d[2], flat), dd[:, 2] / flat, *eye.elevation)
+    if eye.cone is not None:
+        off, sine = _angle(d, np.broadcast_to(np.eye(3)[0].reshape(3, *[1] * r.ndim), d.shape))
+        add("cone", off, -dd[:, 0] / sine, -np.inf, eye.cone)
+    return found
+
+
+def _angle(a: Array, b: Array) -> tuple[Array, Array]:
+    """Angles (...) between unit vectors (3, ...) [rad], and their sines, which are never zero."""
+    sine = np.sqrt(np.square(cross(a[None], b[None])[0]).sum(axis=0))
+    angle = np.arctan2(sine, (a * b).sum(axis=0))
+    return angle, np.maximum(sine, LEAST_SINE)
+
+
+def _velocity(frames: Frames, one: Reflector) -> Array:
+    """Velocities (n, 3, ...) of a marker by the free joints."""
+    return np.asarray(frames.folded(one.point.linear(frames)))
+
+
+def _turning(frames: Frames, one: Reflector) -> Array:
+    """Angular velocities (n, 3, ...) of a marker's body by the free joints."""
+    return np.asarray(frames.folded(one.point.angular(frames)))
+
+
+@dataclass(frozen=True, eq=False)
+class AllSeen(Constraint):
+    """Every marker is read: for studies that want no pose in which one is missing.
+
+    Attributes:
+        sight: Eyes and markers.
+    """
+
+    sight: Sight
+
+    def inequalities(self, robot: Robot) -> tuple[Inequality, ...]:
+        """One for each eye, marker and bound."""
+        frames = self.sight.robot.frames(np.zeros(robot.n), self.sight.bodies)
+        return tuple(
+            Inequality(
+                f"line of sight of {one.name} ({condition.reason}, {eye.name})",
+                MILLIMETRE if condition.reason in LENGTHS else DEGREE,
+            )
+            for eye, one, condition in self._each(frames)
+        )
+
+    def slack(self, frames: Frames) -> Array:
+        """By how much each bound holds (c, ...) [m or rad]."""
+        frames = self.sight._with_bodies(frames)
+        return np.stack([condition.slack for _, _, condition in self._each(frames)])
+
+    def gradient(self, frames: Frames) -> Array:
+        """Their derivatives (c, n, ...) by the free joints."""
+        frames = self.sight._with_bodies(frames)
+        return np.stack([condition.gradient for _, _, condition in self._each(frames, True)])
+
+    def _each(self, frames: Frames, slopes: bool = False) -> list[tuple[Eye, Reflector, Condition]]:
+        """All conditions, with the eye and the marker of each."""
+        return [
+            (eye, one, condition)
+            for one in self.sight.seeable
+            for eye in self.sight.eyes
+            for condition in _conditions(frames, eye, one, slopes)
+        ]
+
+
+def facing(towards: Array) -> Array:
+    """The axes (3, 3) of an eye, as rows: x to where it faces, y to the left, z most upwards.
+
+    One that faces straight up or down has its y-axis along that of the world.
+
+    Args:
+        towards: Direction (3,) to which it faces, of any length but zero.
+    """
+    x = towards / np.linalg.norm(towards)
+    y = np.cross(UP, x)
+    length = np.linalg.norm(y)
+    y = y / length if length > STRAIGHT else np.eye(3)[1]
+    return np.stack([x, y, np.cross(x, y)])
