@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from edtk.calibration.posterior_check import PosteriorCheck as PosteriorCheck
     from edtk.calibration.prediction import Prediction as Prediction
     from edtk.calibration.robot_program import WrittenProgram as WrittenProgram
+    from edtk.cell.cell import Cell as Cell
+    from edtk.cell.plan_check import PlanCheck as PlanCheck
     from edtk.certificate.verify_certificate import Verification as Verification
     from edtk.design.bound import Bound as Bound
     from edtk.design.exact.apportion import apportion as apportion
@@ -59,6 +61,7 @@ if TYPE_CHECKING:
     from edtk.verbs.bayes import Sampling as Sampling
     from edtk.verbs.bayes import bayes as bayes
     from edtk.verbs.bias import bias as bias
+    from edtk.verbs.check import check as check
     from edtk.verbs.compensate import compensate as compensate
     from edtk.verbs.controller import controller as controller
     from edtk.verbs.evaluate import evaluate as evaluate
@@ -85,6 +88,7 @@ _HOME = {
     "relax": "edtk.verbs.relax",
     "run": "edtk.verbs.run",
     "evaluate": "edtk.verbs.evaluate",
+    "check": "edtk.verbs.check",
     "show": "edtk.verbs.show",
     "template": "edtk.verbs.template",
     "program": "edtk.verbs.program",
@@ -106,6 +110,8 @@ _HOME = {
     "ExactPlan": "edtk.design.exact.exact_plan",
     "RelaxedPlan": "edtk.design.relaxation.relaxed_plan",
     "Evaluation": "edtk.study.evaluate",
+    "Cell": "edtk.cell.cell",
+    "PlanCheck": "edtk.cell.plan_check",
     "Calibration": "edtk.calibration.calibration",
     "GeometricCalibration": "edtk.calibration.geometry.geometric_calibration",
     "Prediction": "edtk.calibration.prediction",

@@ -5,6 +5,7 @@ import click
 from edtk.commands import (
     bayes,
     bias,
+    check,
     compensate,
     controller,
     criteria,
@@ -31,6 +32,7 @@ COMMANDS = (
     run,
     relax,
     evaluate,
+    check,
     show,
     template,
     identify,

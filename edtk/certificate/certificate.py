@@ -69,6 +69,8 @@ def certificate(
     Returns:
         Plain data for JSON.
     """
+    # Those who check a certificate know no cell.
+    found = found.certified
     relaxed = found.relaxed if isinstance(found, ExactPlan) else found
     if setting is None:
         setting = setting_to_dict(study, relaxed.space)
@@ -148,7 +150,7 @@ def certificate_text(
 
 def _proofs(proofs: Mapping[tuple[int, ...], RelaxedPlan]) -> list[dict[str, Any]]:
     """A proof for each set of loads."""
-    return [{"loads": list(loads), **_proof(one)} for loads, one in proofs.items()]
+    return [{"loads": list(loads), **_proof(one.certified)} for loads, one in proofs.items()]
 
 
 def _proof(relaxed: RelaxedPlan) -> dict[str, Any]:

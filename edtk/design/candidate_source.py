@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -14,6 +14,7 @@ from edtk.design.design_space import DesignSpace
 from edtk.design.problem import Problem
 from edtk.system.typing import Array, Indices
 
+FEW = 200  # poses that tell which bodies are in the way
 CHUNK = 16384  # samples that a thread evaluates at once: their arrays fit into a core's cache
 
 
@@ -60,6 +61,29 @@ class EmptyFeasibleSetError(ValueError):
         return (
             f"no feasible pose among {self.samples} samples; the constraint '{self.constraint}' "
             f"excludes {100 * self.share:.0f} % of them"
+        )
+
+
+class NothingFreeError(EmptyFeasibleSetError):
+    """Poses hold all other constraints, and each of them touches something in the cell.
+
+    Args:
+        poses: Number of poses.
+        first: Name of a body of the pair that is nearest most often.
+        second: Name of the other one.
+        often: The part of the poses in which it is.
+    """
+
+    def __init__(self, poses: int, first: str, second: str, often: float) -> None:
+        super().__init__(poses, f"clearance of {first} and {second}", often)
+        self.first = first
+        self.second = second
+
+    def __str__(self) -> str:
+        return (
+            f"no pose is free: each of {self.samples} that hold all other constraints touches "
+            f"something; {self.first} and {self.second} are nearest in {100 * self.share:.0f} % of "
+            "them"
         )
 
 
@@ -162,7 +186,12 @@ class CandidateSource:
             excluded = excluded + chunk.excluded
             found = len(chunk.x)
             # Patience is counted in samples, so that it does not depend on the size of a chunk.
+            touching = int(excluded[-1]) if self.space.clear is not None else 0
+            if left == n and not found and touching >= CHUNK:
+                raise self._nothing_free(touching)
             if left == n and not found and samples >= self.patience * CHUNK:
+                if touching:
+                    raise self._nothing_free(touching)
                 worst = int(excluded.argmax())
                 share = excluded[worst] / samples
                 raise EmptyFeasibleSetError(samples, self.space.labels[worst], share)
@@ -171,6 +200,20 @@ class CandidateSource:
                 left -= found
             if left <= 0:
                 return
+
+    def _nothing_free(self, poses: int) -> "NothingFreeError":
+        """The error where all of some poses that hold the other constraints touch something."""
+        assert self.space.clear is not None
+        x = self.without_cell.take(min(poses, FEW)).x
+        found = self.space.clear.cell.clearance(x[:, : len(self.space.fixed)])
+        often = np.bincount(found.pair, minlength=len(found.pairs))
+        first, second = found.pairs[int(often.argmax())]
+        return NothingFreeError(poses, first, second, float(often.max() / len(x)))
+
+    @property
+    def without_cell(self) -> "CandidateSource":
+        """The same sequence with the poses that touch something in the cell."""
+        return replace(self, space=self.space.without_cell)
 
     @property
     def seeds(self) -> tuple[int, ...]:
@@ -219,10 +262,16 @@ class CandidateSource:
 
     def _evaluate(self, cube: Array) -> "_Chunk":
         """Evaluate the points of one chunk."""
-        drawn = self.space.at(self.space.draw(cube))
+        # Whether a pose is free takes longest: it is asked of those alone that hold the rest.
+        drawn = self.space.without_cell.at(self.space.draw(cube))
         inside = drawn.slack >= 0
+        excluded = (~inside).sum(axis=0)
         feasible = drawn[np.flatnonzero(inside.all(axis=-1))]
-        return _Chunk(feasible.x, self.space.told(feasible), (~inside).sum(axis=0))
+        if self.space.clear is not None:
+            free = self.space.clear.slack(feasible.frames)[0] >= 0
+            excluded = np.append(excluded, (~free).sum())
+            feasible = feasible[np.flatnonzero(free)]
+        return _Chunk(feasible.x, self.space.told(feasible), excluded)
 
 
 @dataclass(frozen=True, eq=False)

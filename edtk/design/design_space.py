@@ -7,12 +7,14 @@ from typing import Protocol, Self
 
 import numpy as np
 
+from edtk.cell.cell import Clear
 from edtk.cell.sight import Sight
 from edtk.design.information import pack_gram
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.noise import VisitNoise, Whitener, read_alone, shared_visits
+from edtk.robots.constraints.constraint import Constraint
 from edtk.robots.frames import Frames
 from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.robots.loads.listed_load import ListedLoad
@@ -274,7 +276,7 @@ class Experiments:
     def slack(self) -> Array:
         """Slacks (..., c) of the constraints other than the bounds; negative means infeasible."""
         none = np.zeros((*self.x.shape[:-1], 0))
-        constraints = self.space.workspace.beside_limits
+        constraints = self.space.constraints
         own = [_batch_first(constraint.slack(self.frames), (0,)) for constraint in constraints]
         return np.concatenate([none, *own], axis=-1)
 
@@ -283,7 +285,7 @@ class Experiments:
         """Derivative (..., c, v) of the slacks by all design variables."""
         gradients = [
             _batch_first(constraint.gradient(self.frames), (0, 1))
-            for constraint in self.space.workspace.beside_limits
+            for constraint in self.space.constraints
         ]
         G = np.zeros((*self.x.shape[:-1], len(self.space.labels), self.space.size))
         if gradients:
@@ -344,6 +346,7 @@ class DesignSpace:
         prices: What an experiment costs under each of several loads (loads,): the information of an
             experiment is then that for one unit of costs; None where experiments are counted.
         sight: Which instruments are read in which poses; None where all are in each.
+        clear: Keeps poses free of what stands in the cell; None without a cell.
 
     Raises:
         ValueError: A joint is fixed outside its limits.
@@ -360,6 +363,7 @@ class DesignSpace:
     noise: VisitNoise | None = None
     prices: Array | None = None
     sight: Sight | None = None
+    clear: Clear | None = None
 
     def __post_init__(self) -> None:
         lower, upper = self.workspace.robot.hard_limits
@@ -407,7 +411,7 @@ class DesignSpace:
         """Names (c,) of the constraints other than the bounds, for messages."""
         return tuple(
             label
-            for constraint in self.workspace.beside_limits
+            for constraint in self.constraints
             for label in constraint.labels(self.workspace.robot)
         )
 
@@ -420,6 +424,17 @@ class DesignSpace:
         """
         own = wrenches[list(chosen)]
         return replace(self, load=FixedLoad(own[0]) if len(own) == 1 else ListedLoad(own))
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """All constraints other than the bounds; that of the cell, which takes longest, is last."""
+        beside = self.workspace.beside_limits
+        return beside if self.clear is None else (*beside, self.clear)
+
+    @cached_property
+    def without_cell(self) -> Self:
+        """The same space, in which poses may touch what stands in the cell."""
+        return self if self.clear is None else replace(self, clear=None)
 
     def load_of(self, x: Array) -> Indices:
         """Index (...) of the load of experiments x (..., v), of those that are listed."""

@@ -21,6 +21,7 @@ PAGES = {
     "identification": "calibration",
     "plan": "plan",
     "plan_bias": "evaluation",
+    "plan_check": "cell",
     "pose_error": "calibration",
     "posterior": "posterior",
     "posterior_check": "posterior",

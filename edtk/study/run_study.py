@@ -107,12 +107,14 @@ def relaxed_under(criterion: Relaxable, relaxed: RelaxedPlan) -> RelaxedPlan:
         return Bound.of(criterion, criterion.cost_from_plan_criterion(bound.cost), cost, bound.kind)
 
     searched = relaxed.searched_bound
+    beyond = relaxed.without_cell
     return replace(
         relaxed,
         criterion=criterion,
         cost=cost,
         proved_bound=turned(relaxed.proved_bound),
         searched_bound=None if searched is None else turned(searched),
+        without_cell=None if beyond is None else relaxed_under(criterion, beyond),
     )
 
 

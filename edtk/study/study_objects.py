@@ -10,6 +10,7 @@ import numpy as np
 
 import criteria
 from criteria.linalg.estimable import combination
+from edtk.cell.cell import Clear
 from edtk.cell.sight import AllSeen, Sight
 from edtk.design.candidate_source import CandidateSource, EmptyFeasibleSetError
 from edtk.design.design_space import DesignSpace
@@ -284,6 +285,7 @@ class StudyObjects(Asked):
             values,
             noise=self.noise,
             sight=self.sight,
+            clear=None if self.cell is None else Clear(self.cell),
         )
 
     def least_error(self, q: Array) -> float:

@@ -182,8 +182,10 @@ class OfStudy(Question):
                 call.progress(line, level)
 
         with study_errors(self.study):
-            relaxed = prove_plan(found.relaxed, gap, say)
-        return found.beside(relaxed)
+            proved = prove_plan(found.relaxed.certified, gap, say)
+        if found.relaxed.without_cell is None:
+            return found.beside(proved)
+        return found.beside(replace(found.relaxed, without_cell=proved))
 
     def _off_guess(
         self, asked: Study, criterion: str | None, call: PlanCall, found: "ExactPlan"

@@ -4,56 +4,14 @@ import numpy as np
 import pytest
 
 from edtk.cell.cell import Cell, Clear, every_pair
-from edtk.cell.shapes import Body, Box, Capsule, Cylinder, Plane
+from edtk.cell.shapes import Body, Capsule, Plane
 from edtk.robots.load_robot import load_robot
-from edtk.robots.rotations import transform
-
-
-def skeleton(robot):
-    """A capsule for each body of an arm, from its joint to the next one."""
-    count = len(robot.chain)
-    frames = robot.frames(np.zeros(robot.n), range(count))
-    places = [frames.bodies[j][1] for j in range(count)] + [frames.position]
-    return [
-        Body(
-            f"link{j + 1}",
-            j,
-            (Capsule(np.zeros(3), frames.bodies[j][0] @ (places[j + 1] - places[j]), 0.1),),
-        )
-        for j in range(count)
-    ]
-
-
-def surroundings():
-    """One body of each kind of shape that stands still."""
-    turned = transform(position=[0.3, -1.5, 0.8], rpy=[0.3, 0.2, 0.9])
-    return [
-        Body("table", None, (Box(transform(position=[1.6, 0.2, 0.3]), np.array([0.4, 0.6, 0.3])),)),
-        Body("column", None, (Cylinder(turned, 0.2, 0.9),)),
-        Body("floor", None, (Plane(np.array([0.0, 0, 1]), 0.0),)),
-        Body("rail", None, (Capsule(np.array([-1.0, 1, 2]), np.array([1.0, 1, 2]), 0.1),)),
-    ]
-
-
-def cell_of(name, margin=0.0):
-    robot = load_robot(name)
-    bodies = [*skeleton(robot), *surroundings()]
-    far = [
-        (one, other)
-        for one, other in every_pair(bodies)
-        if not (
-            one.startswith("link")
-            and other.startswith("link")
-            and int(other[4:]) - int(one[4:]) < 3
-        )
-        and {one, other} != {"link1", "floor"}
-    ]
-    return Cell(robot, tuple(bodies), margin, tuple(far))
+from tests.support.cells import cell_of, surroundings
 
 
 @pytest.fixture(params=["kuka_kr270", "palletiser"])
 def cell(request):
-    return cell_of(request.param)
+    return cell_of(load_robot(request.param))
 
 
 def poses(cell, count, seed=1):
@@ -76,7 +34,7 @@ def test_poses_are_free_where_the_clearance_is_not_negative(cell):
 
 
 def test_a_margin_is_taken_off_the_clearance():
-    plain, wide = cell_of("kuka_kr270"), cell_of("kuka_kr270", margin=0.05)
+    plain, wide = (cell_of(load_robot("kuka_kr270"), margin) for margin in (0.0, 0.05))
     q = poses(plain, 100)
     assert wide.clearance(q).least == pytest.approx(plain.clearance(q).least - 0.05, abs=1e-8)
     assert (wide.free(q) == (plain.clearance(q).least >= 0.05)).all()

@@ -97,8 +97,10 @@ def prove_poses(
     criterion: Criterion,
     accuracy: float,
     options: RelaxOptions = RelaxOptions(),  # noqa: B008, frozen
-) -> ProvedPlan:
+) -> RelaxedPlan:
     """Find the best weights over all poses, and a bound on every design over all poses.
+
+    With a cell the weights are on free poses; what is proved is their relaxation without the cell.
 
     Args:
         source: Where candidates come from, with model and feasible set.
@@ -115,7 +117,24 @@ def prove_poses(
         NotImplementedError: See `relax_poses`.
     """
     relaxable = require_relaxable(criterion)
-    require_enclosed(source.space, relaxable)
+    require_enclosed(source.without_cell.space, relaxable)
+    try:
+        proved = _prove_poses(source.without_cell, n, relaxable, accuracy, options)
+    except PlanInterrupted as interrupt:
+        if source.space.clear is None:
+            raise
+        with time_limit(0.0):
+            free = relax_poses(source, n, relaxable, True, options, beyond=interrupt.best)
+        raise PlanInterrupted(free) from None
+    if source.space.clear is None:
+        return proved
+    return relax_poses(source, n, relaxable, True, options, beyond=proved)
+
+
+def _prove_poses(
+    source: CandidateSource, n: int, relaxable: Relaxable, accuracy: float, options: RelaxOptions
+) -> ProvedPlan:
+    """`prove_poses` without a cell."""
     polynomials = polynomials_of(source.space)
     sharp = replace(
         options,

@@ -256,6 +256,7 @@ class DayPlan(ExactPlan):
         asked: Number of new experiments that were asked for; None where the budget decides.
         proofs: The relaxations of all sets of loads that the budget pays for, on which the bound
             rests; none of a set that cannot tell what the criterion needs.
+        bound_without_cell: The same bound over all poses, free or not; None without a cell.
     """
 
     bound_of_all: Bound
@@ -264,11 +265,33 @@ class DayPlan(ExactPlan):
     tried: dict[tuple[int, ...], float] = field(default_factory=dict)
     asked: int | None = None
     proofs: dict[tuple[int, ...], RelaxedPlan] = field(default_factory=dict)
+    bound_without_cell: Bound | None = None
+
+    @property
+    def certified(self) -> "DayPlan":
+        """The plan with the bound over all poses, see `ExactPlan.certified`."""
+        if self.bound_without_cell is None:
+            return self
+        return replace(
+            self,
+            relaxed=self.relaxed.certified,
+            on_candidates=None,
+            bound_of_all=self.bound_without_cell,
+            bound_without_cell=None,
+            proofs={loads: one.certified for loads, one in self.proofs.items()},
+        )
 
     def beside(self, relaxed: RelaxedPlan) -> "DayPlan":
         """The same plan, with another relaxation of the same question and its bound."""
-        bound = relaxed.best_bound.scaled(self.plan.experiments)
-        return replace(self, relaxed=relaxed, bound_of_all=bound)
+        bound, beyond = (
+            one.best_bound.scaled(self.plan.experiments) for one in (relaxed, relaxed.certified)
+        )
+        return replace(
+            self,
+            relaxed=relaxed,
+            bound_of_all=bound,
+            bound_without_cell=None if relaxed.without_cell is None else beyond,
+        )
 
     @property
     def lower_bound(self) -> Bound:

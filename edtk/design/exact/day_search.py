@@ -48,6 +48,11 @@ class LoadTrial:
         return self.relaxed.best_bound.scaled(self.total)
 
     @property
+    def bound_beyond(self) -> Bound:
+        """No plan of these loads costs less, whether its poses are free or not."""
+        return self.relaxed.certified.best_bound.scaled(self.total)
+
+    @property
     def promise(self) -> float:
         """The cost of the best weights, which the best plan comes near."""
         return self.relaxed.cost * self.total**-self.relaxed.criterion.degree
@@ -71,8 +76,7 @@ class LoadTrial:
         """The trial with the bound that is proved on candidates and the plan's own poses alone."""
         if self.relaxed.searched_bound is None:
             return self
-        plain = replace(self.relaxed, searched_bound=None, searched_sensitivities=None)
-        return self.of(self.loads, plain, self.total, self.found)
+        return self.of(self.loads, self.relaxed.on_candidates, self.total, self.found)
 
     def or_better(self, earlier: "LoadTrial | None") -> "LoadTrial":
         """The trial with the plan of an earlier one, where that is better or the only one."""
@@ -269,7 +273,8 @@ class DaySearch:
 
         def progress(stage: str, gap: float) -> None:
             nonlocal rounds
-            rounds += stage == "continuum"
+            # With a cell there are two relaxations, each of which begins with its candidates.
+            rounds = 0 if stage == "candidates" else rounds + (stage == "continuum")
             self.progress(f"bound: {stage}", gap)
 
         return relaxed_in_time(
@@ -289,11 +294,15 @@ class DaySearch:
             best = next(one for one in trials if one.loads == best.loads)
         assert best.found is not None
         kind = BoundKind.SEARCHED if searched else BoundKind.PROVED_ON_CANDIDATES
-        least = min(trials, key=lambda one: one.bound.cost).bound
+        least, beyond = (
+            replace(min(bounds, key=lambda one: one.cost), kind=kind)
+            for bounds in ([one.bound for one in trials], [one.bound_beyond for one in trials])
+        )
         plain = ExactPlan.of(best.relaxed, best.found, self.kept)
         return DayPlan(
             **{name: getattr(plain, name) for name in plain.__dataclass_fields__},
-            bound_of_all=replace(least, kind=kind),
+            bound_of_all=least,
+            bound_without_cell=None if best.relaxed.without_cell is None else beyond,
             wrenches=self.wrenches,
             costs=self.costs,
             tried={one.loads: _cost(one) for one in trials} if len(trials) > 1 else {},

@@ -9,6 +9,7 @@ import numpy as np
 from criteria import Criterion
 from criteria.linalg.estimable import range_whitener
 from criteria.linalg.inverse import whitener
+from edtk.cell.plan_check import PlanCheck
 from edtk.design.bound import Bound, BoundedDesign, BoundKind, printed_bounds, printed_form
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
@@ -329,6 +330,22 @@ class ExactPlan(BoundedDesign):
             ended=found.ended,
         )
 
+    @property
+    def certified(self) -> "ExactPlan":
+        """The plan with the bound over all poses, free or not, which certificates are about.
+
+        The plan itself where there is no cell.
+        """
+        if self.relaxed.without_cell is None:
+            return self
+        return replace(self, relaxed=self.relaxed.certified, on_candidates=None)
+
+    @property
+    def in_cell(self) -> PlanCheck | None:
+        """How free its poses are; None without a cell."""
+        clear = self.relaxed.space.clear
+        return None if clear is None else PlanCheck(clear.cell, self.whole.q)
+
     def beside(self, relaxed: RelaxedPlan) -> "ExactPlan":
         """The same plan, with another relaxation of the same question and its bound."""
         return replace(self, relaxed=relaxed)
@@ -452,6 +469,7 @@ class ExactPlan(BoundedDesign):
             "detect": [detection.to_dict() for detection in self.detections],
             **self._told_apart(),
             **({"with_prior": True} if self.with_prior else {}),
+            **self._cell(),
             **({} if self.on_candidates is None else self.on_candidates.to_dict()),
             **({} if self.tasks is None else {"tasks": self.tasks.to_dict()}),
             **({} if self.compromise is None else {"compromise": self.compromise.to_dict()}),
@@ -464,6 +482,15 @@ class ExactPlan(BoundedDesign):
                 "kept": None if self.kept is None else self.kept.to_dict(),
             },
         }
+
+    def _cell(self) -> dict[str, Any]:
+        """How free the poses are, and the bound over all poses, where there is a cell."""
+        if self.in_cell is None:
+            return {}
+        beyond = self.certified
+        bound = beyond.bound if np.isfinite(beyond.bound) else None
+        without = {"bound": bound, "efficiency": beyond.efficiency}
+        return {"cell": self.in_cell.to_dict(), "without_cell": without}
 
     def _told_apart(self) -> dict[str, Any]:
         """The chances of right names, where somebody asked for several faults."""

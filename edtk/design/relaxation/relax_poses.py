@@ -1,7 +1,7 @@
 """The relaxation over poses: candidates in memory, beyond it, and all feasible poses."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from time import perf_counter
 
@@ -45,6 +45,7 @@ FEW = 200  # poses that one program weighs as quickly as several programs would,
 MERGING = ((0.1, 1e-3), (0.03, 1e-3), (0.01, 1e-4), (0.001, 1e-5), (0.0, 1e-5))
 ROUNDS = 40  # passes over the candidates, or searches over all poses, at most
 NEAR_OPTIMAL = 100  # candidates per multiplier that stay beside the support when others are dropped
+SHARE_WITHOUT_CELL = 0.5  # of the time for a bound, at most: the rest is for that with the cell
 SHARE_OF_BOUND = 0.5  # of the time for a plan, at most, that its bound may take
 MERGING_SHARE = 0.5  # of the tolerance, which merging support points may spend
 # Accuracies relative to the present gap of the bound: of an ascent, and of the relaxation over the
@@ -321,6 +322,7 @@ def relax_poses(
     continuous: bool = False,
     options: RelaxOptions = RelaxOptions(),
     known: Array | None = None,
+    beyond: RelaxedPlan | None = None,
 ) -> RelaxedPlan:
     """Find the best weights over candidate poses, and on request over all feasible poses.
 
@@ -329,13 +331,18 @@ def relax_poses(
     sensitivity is larger than the gap allows. In the continuum, ascents from many starts find poses
     of largest sensitivity, which join in the same way; at last equivalent poses are merged.
 
+    In a cell all poses are free, and so the bound is on plans of free poses: "with the cell". The
+    same is found once more without the cell, see `RelaxedPlan.without_cell`.
+
     Args:
         source: Where candidates come from, with model and feasible set.
         n: Number of candidates.
         criterion: A criterion that can be relaxed.
         continuous: Whether to search over all feasible poses as well.
         options: Accuracies, limits and callbacks.
-        known: Feasible experiments (k, v) with which the search over all poses begins besides.
+        known: Feasible experiments (k, v) with which the search over all poses begins besides;
+            with a cell, that without it.
+        beyond: The relaxation without the cell, where it is known already.
 
     Raises:
         MemoryLimitError, EmptyFeasibleSetError: There is no room for candidates, or there are none.
@@ -344,6 +351,39 @@ def relax_poses(
         NotImplementedError: The criterion cannot be relaxed.
         PlanInterrupted: Ctrl-C after a first certified plan, which it carries.
     """
+    if source.space.clear is None:
+        return _relax_poses(source, n, criterion, continuous, options, known)
+    # Poses that touch something may tell more: the bound over all of them is another question,
+    # which certificates are about, as they know no cell.
+    interrupted = False
+    if beyond is None:
+        try:
+            with time_limit(SHARE_WITHOUT_CELL * time_left()):
+                beyond = _relax_poses(source.without_cell, n, criterion, continuous, options, known)
+        except PlanInterrupted as interrupt:
+            beyond = interrupt.best
+            interrupted = True
+    try:
+        with time_limit(0.0 if interrupted else np.inf):
+            free = _relax_poses(source, n, criterion, continuous, options)
+    except PlanInterrupted as interrupt:
+        free = interrupt.best
+        interrupted = True
+    found = replace(free, without_cell=beyond)
+    if interrupted:
+        raise PlanInterrupted(found)
+    return found
+
+
+def _relax_poses(
+    source: CandidateSource,
+    n: int,
+    criterion: Criterion,
+    continuous: bool,
+    options: RelaxOptions,
+    known: Array | None = None,
+) -> RelaxedPlan:
+    """`relax_poses` in one space."""
     require_some(n)
     fit = capacity(source.space.doubles, source.space.size, options.memory_mb)
     relaxable = require_relaxable(criterion)

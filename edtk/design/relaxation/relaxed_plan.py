@@ -39,6 +39,8 @@ class RelaxedPlan(RelaxedDesign):
         seconds: Time that each stage took [s].
         ended: Why the proof of a bound over all poses ended: "proved", also where nobody asked for
             one, "budget" or "interrupted".
+        without_cell: The same over all poses, whether they are free or not, where there is a cell:
+            its bound holds with the cell, too, and is what a certificate proves.
     """
 
     source: CandidateSource
@@ -50,6 +52,7 @@ class RelaxedPlan(RelaxedDesign):
     searched_sensitivities: LargestSensitivities | None
     seconds: Mapping[str, float] = field(default_factory=dict)
     ended: str = "proved"
+    without_cell: "RelaxedPlan | None" = None
 
     def headline(self) -> str:
         """Criterion, value, number of poses and proved gap."""
@@ -106,6 +109,23 @@ class RelaxedPlan(RelaxedDesign):
             weights=np.concatenate([self.weights, np.zeros(len(x))]),
             proved_bound=proved,
             proved_sensitivities=largest,
+            without_cell=None if self.without_cell is None else self.without_cell.holding_for(x),
+        )
+
+    @property
+    def certified(self) -> "RelaxedPlan":
+        """What a certificate is about: the relaxation over all poses, free or not."""
+        return self if self.without_cell is None else self.without_cell
+
+    @property
+    def on_candidates(self) -> "RelaxedPlan":
+        """The same with the bound alone that is proved on candidates."""
+        beyond = self.without_cell
+        return replace(
+            self,
+            searched_bound=None,
+            searched_sensitivities=None,
+            without_cell=None if beyond is None else beyond.on_candidates,
         )
 
     @property
@@ -177,6 +197,7 @@ class RelaxedPlan(RelaxedDesign):
             "solver": self.solver,
             "iterations": self.iterations,
             "seconds": self.seconds,
+            **self._without_cell(),
             "exact": self._exact(),
         }
 
@@ -217,7 +238,14 @@ class RelaxedPlan(RelaxedDesign):
             solver=data["solver"],
             iterations=data["iterations"],
             seconds=data.get("seconds", {}),
+            without_cell=cls.from_dict(source.without_cell, criterion, data["without_cell"])
+            if "without_cell" in data
+            else None,
         )
+
+    def _without_cell(self) -> dict[str, Any]:
+        """The relaxation over poses that may touch something, where there is a cell."""
+        return {} if self.without_cell is None else {"without_cell": self.without_cell.to_dict()}
 
     def _support(self) -> list[dict[str, Any]]:
         """Pose, wrench and weight of each experiment, the heaviest first."""

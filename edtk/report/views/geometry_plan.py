@@ -20,6 +20,7 @@ from edtk.report.views.plan import (
     reach,
     search_summary,
     shown_faults,
+    without_cell,
 )
 from edtk.system.typing import Array
 
@@ -39,6 +40,7 @@ def geometry_plan_text(found: GeometryPlan) -> str:
         f"  value       {factor * found.value:.6g}{unit}",
         f"  bound       {factor * found.bound:.6g}{unit}  ({reach(found)})",
         f"  efficiency  {100 * found.efficiency:.2f} %{among(found)}",
+        *without_cell(found),
         *on_candidates(found),
         *exchanged(found),
         *off_guess(found),

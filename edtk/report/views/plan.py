@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from edtk.cell.plan_check import MM
 from edtk.design.bound import BoundKind
 from edtk.design.detection import ENOUGH, Detection, Separation
 from edtk.design.exact.day import DayPlan
@@ -157,6 +158,7 @@ def exact_plan_text(found: ExactPlan) -> str:
         f"  value       {factor * found.value:.6g}{unit}",
         f"  bound       {factor * found.bound:.6g}{unit}  ({reach(found)})",
         f"  efficiency  {100 * found.efficiency:.2f} %{among(found)}",
+        *without_cell(found),
         *on_candidates(found),
         *exchanged(found),
         *off_guess(found),
@@ -169,6 +171,31 @@ def exact_plan_text(found: ExactPlan) -> str:
     return "\n".join([*lines, *experiments(found), *on_limits(found)])
 
 
+def without_cell(found: ExactPlan) -> list[str]:
+    """The bound over all poses, free or not, and how free the plan is; nothing without a cell."""
+    check = found.in_cell
+    if check is None:
+        return []
+    beyond = found.certified
+    factor, unit = found.relaxed.criterion.shown
+    bound = f"{factor * beyond.bound:.6g} {unit}".rstrip()
+    lines = [
+        f"  without the cell the bound is {bound} ({reach(beyond)}), the efficiency "
+        f"{100 * beyond.efficiency:.2f} %"
+    ]
+    if not check.clearance.pairs:
+        return [*lines, "  clearance   the cell has nothing to look at"]
+    i = check.nearest
+    first, second = check.clearance.names(i) or ("", "")
+    room = MM * float(check.clearance.least[i])
+    margin = f"beyond the margin of {MM * check.cell.margin:g} mm"
+    return [
+        *lines,
+        f"  clearance   {room:.1f} mm or more {margin}; {first} and {second} in row {i + 1}"
+        + ("" if check.free else f": {check.headline()}"),
+    ]
+
+
 def on_candidates(found: ExactPlan) -> list[str]:
     """What is proved about all plans on candidates, and where this plan is beside it."""
     one = found.on_candidates
@@ -176,8 +203,10 @@ def on_candidates(found: ExactPlan) -> list[str]:
         return []
     factor, unit = found.relaxed.criterion.shown
     best, bound = (f"{factor * x:.6g} {unit}".rstrip() for x in (one.value, one.bound.value))
+    free = "" if found.in_cell is None else "free "
     plans = (
-        f"all plans of {found.plan.experiments} experiments on these {one.candidates:,} candidates"
+        f"all plans of {found.plan.experiments} experiments on these {one.candidates:,} "
+        f"{free}candidates"
     )
     if one.proved:
         lines = [f"  exact       {best}, proved: the best of {plans}"]
@@ -258,6 +287,8 @@ def reach(found: ExactPlan) -> str:
         found.lower_bound.kind,
         "over the candidates and these poses alone, for want of time to search all poses",
     )
+    if found.relaxed.without_cell is not None:
+        reach += ", with the cell"
     if found.bound_gap <= CUT_OFF:
         return reach
     too_good = "too optimistic by an unknown amount"

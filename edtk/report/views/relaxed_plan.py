@@ -1,5 +1,6 @@
 """Relaxed designs over poses."""
 
+from dataclasses import replace
 from typing import Any
 
 from edtk.design.enclosure.prove_continuum import ProvedPlan
@@ -16,14 +17,21 @@ def relaxed_plan_text(plan: RelaxedPlan) -> str:
     factor = criterion.shown[0]
     unit = f" {criterion.shown[1]}".rstrip()
     plural = "" if plan.candidates == 1 else "s"
-    proved = f"bound, proved on {plan.candidates:,} candidate{plural}"
+    cell = "" if plan.without_cell is None else " with the cell"
+    free = "free " if cell else ""
+    proved = f"bound{cell}, proved on {plan.candidates:,} {free}candidate{plural}"
     word = "; by a solver's word" if plan.rests_on_solver else ""
     bounds = [(proved, plan.proved_bound, word)]
     if plan.searched_bound is not None:
-        bounds.append(("bound, searched over all poses", plan.searched_bound, "; not proved"))
+        where = f"all {free}poses"
+        bounds.append((f"bound{cell}, searched over {where}", plan.searched_bound, "; not proved"))
     if isinstance(plan, ProvedPlan):
         boxes = f"; {plan.boxes:,} boxes cover all poses{word}"
         bounds.append((f"bound, {plan.continuum_bound.kind.value}", plan.continuum_bound, boxes))
+    if plan.without_cell is not None:
+        beyond = plan.without_cell
+        bound = replace(beyond.best_bound, gap=beyond.best_bound.gap_to(plan.cost))
+        bounds.append((f"bound without the cell, {bound.kind.value}", bound, ""))
     width = max(len(label) for label, *_ in bounds)
     lines = [
         f"{criterion.name}, {criterion.title}, for a single experiment's worth of weight"

@@ -1,0 +1,24 @@
+"""`edtk check`: whether a plan is free of what stands in the cell."""
+
+from pathlib import Path
+
+import click
+
+from edtk.commands.shared import PARTIAL, FilePath, json_option, show
+
+
+@click.command("check", short_help="Say whether a plan touches anything in the cell.")
+@click.argument("study", type=FilePath)
+@click.argument("plan", type=FilePath)
+@json_option
+def command(study: Path, plan: Path, as_json: bool) -> int:
+    """Look at each pose of PLAN (CSV) in the cell of STUDY (TOML, with [scene]).
+
+    The clearance is the least distance of two bodies, less the margin. The exit code is 1 where
+    something touches.
+    """
+    from edtk.verbs.check import check
+
+    found = check(study, plan)
+    show(found, as_json)
+    return 0 if found.free else PARTIAL

@@ -1,0 +1,39 @@
+"""Plans in a cell: which poses are free, and what is nearest in each."""
+
+import numpy as np
+
+from edtk.cell.plan_check import MM, PlanCheck
+from edtk.report.tables import notebook_table, text_table
+
+
+def plan_check_text(found: PlanCheck) -> str:
+    """What was looked at, and a line for each pose."""
+    return "\n".join(
+        [f"{found.headline()}; {looked_at(found)}", text_table(*plan_check_rows(found))]
+    )
+
+
+def plan_check_notebook(found: PlanCheck) -> str:
+    """The rows of the text."""
+    return notebook_table(found.headline(), *plan_check_rows(found), [looked_at(found)])
+
+
+def looked_at(found: PlanCheck) -> str:
+    """Number of bodies and pairs, and the margin."""
+    cell = found.cell
+    defaults = sum(body.source == "default" for body in cell.bodies)
+    typical = f" ({defaults} of them with typical sizes, not measured)" if defaults else ""
+    return (
+        f"{len(cell.bodies)} bodies{typical}, {len(cell.pairs)} pairs, "
+        f"margin {cell.margin * MM:g} mm"
+    )
+
+
+def plan_check_rows(found: PlanCheck) -> tuple[list[str], list[list[str]]]:
+    """Header and rows: pose, clearance beyond the margin, what is nearest."""
+    rows = []
+    for i, (room, free) in enumerate(zip(found.clearance.least, found.clearance.free, strict=True)):
+        pair = " - ".join(found.clearance.names(i) or ("nothing to look at",))
+        millimetres = f"{room * MM:.1f}" if np.isfinite(room) else ""
+        rows.append([str(i + 1), millimetres, "free" if free else "touches", pair])
+    return ["pose", "clearance_mm", "", "nearest"], rows
