@@ -30,6 +30,7 @@ VERBS = {
     "relax",
     "run",
     "evaluate",
+    "check",
     "show",
     "template",
     "program",

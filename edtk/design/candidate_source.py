@@ -14,6 +14,9 @@ from edtk.design.design_space import DesignSpace
 from edtk.design.problem import Problem
 from edtk.system.typing import Array, Indices
 
+# Poses that hold all but the cell's constraint, of which none is free, when nobody looks for more:
+# with fewer free ones, thousands of candidates would take hours.
+NONE_FREE = 4096
 FEW = 200  # poses that tell which bodies are in the way
 CHUNK = 16384  # samples that a thread evaluates at once: their arrays fit into a core's cache
 
@@ -51,6 +54,8 @@ class EmptyFeasibleSetError(ValueError):
         share: The part of the samples that this constraint excludes.
     """
 
+    key = "workspace"  # of a study, which says what excludes them
+
     def __init__(self, samples: int, constraint: str, share: float) -> None:
         super().__init__(samples, constraint, share)
         self.samples = samples
@@ -73,6 +78,8 @@ class NothingFreeError(EmptyFeasibleSetError):
         second: Name of the other one.
         often: The part of the poses in which it is.
     """
+
+    key = "scene"
 
     def __init__(self, poses: int, first: str, second: str, often: float) -> None:
         super().__init__(poses, f"clearance of {first} and {second}", often)
@@ -187,7 +194,7 @@ class CandidateSource:
             found = len(chunk.x)
             # Patience is counted in samples, so that it does not depend on the size of a chunk.
             touching = int(excluded[-1]) if self.space.clear is not None else 0
-            if left == n and not found and touching >= CHUNK:
+            if left == n and not found and touching >= NONE_FREE:
                 raise self._nothing_free(touching)
             if left == n and not found and samples >= self.patience * CHUNK:
                 if touching:

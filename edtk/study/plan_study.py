@@ -68,7 +68,7 @@ def study_errors(study: "Study") -> Iterator[None]:
     try:
         yield
     except EmptyFeasibleSetError as error:
-        raise study.error("workspace", str(error)) from error
+        raise study.error(error.key, str(error)) from error
     except RankDeficientError as error:
         key = "interest" if error.of_interest else study.kind.key
         raise study.error(key, str(error)) from error

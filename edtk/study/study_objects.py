@@ -409,7 +409,7 @@ def friction_of(study: StudyObjects, share: float) -> Friction | None:
     try:
         x = CandidateSource(study.space, 0, workers=1).take(POSES).x
     except EmptyFeasibleSetError as error:
-        raise study.error("workspace", str(error)) from error
+        raise study.error(error.key, str(error)) from error
     plan = study.space.plan(x, np.ones(len(x), dtype=int))
     torque = study.model.torque_of(study.model.frames(plan.q), plan.wrench)
     load = np.abs(torque[study.model.joints]).mean(axis=1)
