@@ -1,8 +1,8 @@
 """What instruments see of their markers, and why they do not see the others.
 
 A marker is read in a pose where every eye, a tracker or a camera, sees it: its reflector looks
-towards the eye, it is neither too near nor too far, and it stands within the eye's angles. A marker
-that is not read has no rows in that pose.
+towards the eye, it is neither too near nor too far, it stands within the eye's angles, and nothing
+crosses the beam. A marker that is not read has no rows in that pose.
 """
 
 from dataclasses import dataclass, field
@@ -12,6 +12,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from edtk.cell.beams import Beams, Passing
 from edtk.robots.constraints.constraint import Constraint, Inequality
 from edtk.robots.frames import BodyPoint, Frames, cross, dot
 from edtk.robots.joint import DEGREE, MILLIMETRE
@@ -24,7 +25,9 @@ NEAREST = 1e-9  # distance below which a beam has no direction [m]
 UP = np.array([0.0, 0.0, 1.0])
 STRAIGHT = 1e-6  # sine of an angle to the vertical below which a direction has no azimuth
 
-Reason = Literal["normal", "near", "far", "azimuth", "elevation", "cone"]
+CHUNK = 4096  # poses whose beams are looked at together
+
+Reason = Literal["normal", "near", "far", "azimuth", "elevation", "cone", "beam"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +90,7 @@ class Condition(NamedTuple):
     amount: Array
 
 
-LENGTHS = ("near", "far")
+LENGTHS = ("near", "far", "beam")
 REASONS: dict[Reason, str] = {
     "normal": "looks away by {} deg",
     "near": "nearer than range, at {} mm",
@@ -95,6 +98,7 @@ REASONS: dict[Reason, str] = {
     "azimuth": "beyond azimuth, at {} deg",
     "elevation": "beyond elevation, at {} deg",
     "cone": "out of the field of view, {} deg off its axis",
+    "beam": "hidden by {}",
 }
 
 
@@ -106,13 +110,17 @@ class Hidden:
         reason: What it is about.
         amount: The distance, or the angle, that is out of bounds [m or rad].
         eye: Name of the eye that does not see it; empty where there is only one.
+        body: Name of the body that hides it; empty where none does.
     """
 
     reason: Reason
     amount: float
     eye: str = ""
+    body: str = ""
 
     def __str__(self) -> str:
+        if self.body:
+            return REASONS[self.reason].format(self.body) + (f" ({self.eye})" if self.eye else "")
         size = 1e3 * self.amount if self.reason in LENGTHS else float(np.rad2deg(self.amount))
         return REASONS[self.reason].format(round(size) + 0) + (f" ({self.eye})" if self.eye else "")
 
@@ -129,12 +137,14 @@ class Sight:
         reflectors: The instruments' markers, one after another; None for an instrument that needs
             no line of sight, such as a wire.
         widths: Number of measured rows of each instrument.
+        beams: What may hide a marker; None for nothing.
     """
 
     robot: Robot
     eyes: tuple[Eye, ...]
     reflectors: tuple[Reflector | None, ...]
     widths: tuple[int, ...]
+    beams: Beams | None = None
 
     @cached_property
     def bodies(self) -> tuple[int, ...]:
@@ -162,6 +172,10 @@ class Sight:
             for eye in self.eyes:
                 for condition in _conditions(frames, eye, one):
                     found[i] &= condition.slack >= 0
+                if self.beams is not None:
+                    there = np.flatnonzero(found[i])
+                    near = self._passing(self._flat(frames)[there], eye, one).distance
+                    found[i].flat[there] = near >= 0
         return found
 
     def rows(self, q: ArrayLike) -> Mask:
@@ -185,12 +199,63 @@ class Sight:
                 continue
             for eye in self.eyes:
                 of_eye = eye.name if len(self.eyes) > 1 else ""
-                for condition in _conditions(frames, eye, one):
+                for condition in self._all(frames, eye, one):
                     for pose in np.flatnonzero(condition.slack < 0):
                         if found[pose][i] is None:
                             amount = float(condition.amount[pose])
-                            found[pose][i] = Hidden(condition.reason, amount, of_eye)
+                            body = self._body(condition, int(amount)) if self.beams else ""
+                            found[pose][i] = Hidden(condition.reason, amount, of_eye, body)
         return found
+
+    def _body(self, condition: Condition, index: int) -> str:
+        """Name of the body that hides a marker; empty where the condition is another one."""
+        assert self.beams is not None
+        return self.beams.cell.bodies[index].name if condition.reason == "beam" else ""
+
+    def _all(
+        self, frames: Frames, eye: Eye, one: Reflector, slopes: bool = False
+    ) -> list[Condition]:
+        """All inequalities of seeing a marker from an eye, that of its beam behind the others."""
+        found = _conditions(frames, eye, one, slopes)
+        return found if self.beams is None else [*found, self._beam(frames, eye, one, slopes)]
+
+    def _beam(self, frames: Frames, eye: Eye, one: Reflector, slopes: bool) -> Condition:
+        """The beam passes all bodies; what counts as its amount is the index of the nearest."""
+        assert self.beams is not None
+        shape = frames.q.shape[1:]
+        q = self._flat(frames)
+        near = self._passing(q, eye, one)
+        gradient = np.zeros((0, *shape))
+        if slopes:
+            gradient = np.zeros((len(frames.q), len(q)))
+            some = np.flatnonzero(near.body >= 0)
+            own = near.some(some)
+            gradient[:, some] = self.beams.slopes(
+                self._near_frames(q[some]), eye.position, one.point, own
+            )
+            gradient = gradient.reshape(-1, *shape)
+        return Condition(
+            "beam", near.distance.reshape(shape), gradient, near.body.reshape(shape).astype(float)
+        )
+
+    def _passing(self, q: Array, eye: Eye, one: Reflector) -> Passing:
+        """How near beams pass bodies in poses q (N, n)."""
+        assert self.beams is not None
+        parts = [
+            self.beams.passing(self._near_frames(q[low : low + CHUNK]), eye.position, one.point)
+            for low in range(0, max(len(q), 1), CHUNK)
+        ]
+        return Passing(*(np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)))
+
+    def _near_frames(self, q: Array) -> Frames:
+        """Frames in poses (N, n), with all bodies of the cell and those of markers."""
+        assert self.beams is not None
+        return self.robot.frames(q, {*self.bodies, *self.beams.cell.carriers})
+
+    @staticmethod
+    def _flat(frames: Frames) -> Array:
+        """The poses (N, n) of frames, one after another."""
+        return frames.q.reshape(len(frames.q), -1).T
 
     def always_hidden(self, q: ArrayLike) -> list[int]:
         """Indices of the instruments that are read in none of the poses q (..., n)."""
@@ -315,7 +380,7 @@ class AllSeen(Constraint):
             (eye, one, condition)
             for one in self.sight.seeable
             for eye in self.sight.eyes
-            for condition in _conditions(frames, eye, one, slopes)
+            for condition in self.sight._all(frames, eye, one, slopes)
         ]
 
 

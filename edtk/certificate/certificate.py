@@ -10,6 +10,8 @@ import numpy as np
 import criteria
 from criteria.linalg.inverse import ROUNDING, unit_spectrum
 from criteria.worst_task_accuracy import WorstTaskAccuracy
+from edtk.cell.beams import Beams
+from edtk.cell.shapes import Box, Capsule, Plane, Shape
 from edtk.cell.sight import Eye, Reflector, Sight
 from edtk.certificate.case import ON_CANDIDATES
 from edtk.certificate.coverings import coverings_to_list
@@ -462,8 +464,31 @@ def sight_to_dict(study: Study, sight: Sight | None) -> dict[str, Any]:
             "eyes": [_eye(eye) for eye in sight.eyes],
             "markers": [None if one is None else _reflector(one) for one in sight.reflectors],
             "needs_all": int(table is not None and table.all_markers),
+            **({} if sight.beams is None else {"beams": _beams(sight.beams)}),
         }
     }
+
+
+def _beams(beams: Beams) -> dict[str, Any]:
+    """What may hide a marker: all convex solids of a cell, in the frames of their carriers."""
+    solids = []
+    for body in beams.cell.bodies:
+        carried = {} if body.carrier is None else {"carrier": body.carrier}
+        hung = {} if body.hangs_at is None else {"hangs_at": body.hangs_at.tolist()}
+        solids += [_solid(shape) | carried | hung for shape in body.shapes]
+    return {"radius": beams.radius, "own": beams.own, "solids": solids}
+
+
+def _solid(shape: Shape) -> dict[str, Any]:
+    if isinstance(shape, Capsule):
+        size = [*shape.start.tolist(), *shape.end.tolist(), shape.radius]
+        return {"kind": "capsule", "size": size}
+    if isinstance(shape, Plane):
+        return {"kind": "plane", "size": [*shape.normal.tolist(), shape.offset]}
+    if isinstance(shape, Box):
+        return {"kind": "box", "size": shape.half.tolist(), "frame": shape.pose.tolist()}
+    size = [shape.radius, shape.half_height]
+    return {"kind": "cylinder", "size": size, "frame": shape.pose.tolist()}
 
 
 def _eye(eye: Eye) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from edtk.cell.beams import Beams
 from edtk.cell.sight import Eye, Reflector, Sight
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.instruments.distance import Distance
@@ -18,6 +19,9 @@ from edtk.system.typing import Array
 
 LOOKED_AT = 4096  # poses within the limits, in one of which a marker must be seen
 FEW = 256  # of these, of which reasons are told
+TRACKER = "tracker"
+BEAM_RADIUS = 5.0  # [mm]
+OWN_BODY = 100.0  # [mm]
 UNNAMED = ""  # the tool point, where a study has no marker
 NEITHER = (
     "expected to know where the instrument stands: noise.tracker_position_mm with along and "
@@ -49,7 +53,17 @@ def study_sight(study: Asked, model: ElastostaticModel) -> Sight | None:
         for sensor in model.whole_instruments
     )
     widths = tuple(sensor.rows for sensor in model.whole_instruments)
-    return Sight(study.robot, tuple(_eyes(study)), reflectors, widths)
+    return Sight(study.robot, tuple(_eyes(study)), reflectors, widths, _beams(study))
+
+
+def _beams(study: Asked) -> Beams | None:
+    """What may hide a marker: the bodies of the cell; None without one."""
+    if study.cell is None:
+        return None
+    table = study.specification.sight or SightTable()
+    radius = BEAM_RADIUS if table.beam_radius_mm is None else table.beam_radius_mm
+    own = OWN_BODY if table.own_body_mm is None else table.own_body_mm
+    return Beams(study.cell, radius / 1e3, own / 1e3)
 
 
 def sight_by_name(sight: Sight, names: tuple[str, ...], rows: int) -> Sight:
@@ -83,7 +97,7 @@ def _eyes(study: Asked) -> Iterator[Eye]:
     given = study.specification
     table = given.sight or SightTable()
     if given.noise is not None and given.noise.tracker_position_mm is not None:
-        yield table.eye("tracker", np.array(given.noise.tracker_position_mm) / 1e3, base)
+        yield table.eye(TRACKER, np.array(given.noise.tracker_position_mm) / 1e3, base)
     for i, camera in enumerate(table.camera):
         name = camera.name or f"camera {i + 1}"
         yield camera.eye(name, np.array(camera.position_mm) / 1e3, base)
@@ -108,6 +122,7 @@ def check_sight(study: Asked, sight: Sight | None) -> None:
     if sight is None:
         return
     _check_eyes(study, sight)
+    _check_beams(study, sight)
     _check_seen(study, sight)
 
 
@@ -122,6 +137,21 @@ def _check_eyes(study: Asked, sight: Sight) -> None:
         raise study.error(key, NEITHER)
     if not tracked and table.of_tracker:
         raise study.error(f"sight.{table.of_tracker[0]}", f"is said of a tracker; {NEITHER}")
+
+
+def _check_beams(study: Asked, sight: Sight) -> None:
+    """Keys of beams go with a cell, in none of whose bodies an eye stands."""
+    table = study.specification.sight or SightTable()
+    if sight.beams is None:
+        for key in ("beam_radius_mm", "own_body_mm"):
+            if getattr(table, key) is not None:
+                raise study.error(f"sight.{key}", "goes with [scene], which has what hides markers")
+        return
+    for eye in sight.eyes:
+        body = sight.beams.around(eye.position)
+        if body is not None:
+            key = "noise.tracker_position_mm" if eye.name == TRACKER else "sight.camera"
+            raise study.error(key, f"the {eye.name} stands inside {body!r}")
 
 
 def _check_seen(study: Asked, sight: Sight) -> None:

@@ -87,6 +87,14 @@ class SightTable(EyeTable):
     camera: tuple[CameraTable, ...] = Field(
         (), description="Cameras that must see a marker too, or alone where there is no tracker"
     )
+    beam_radius_mm: NotNegative | None = Field(
+        None, description="Radius of a beam, which no body of [scene] may cross; defaults to 5 [mm]"
+    )
+    own_body_mm: NotNegative | None = Field(
+        None,
+        description="Last part of a beam, which the body that carries the marker does not hide; "
+        "defaults to 100 [mm]",
+    )
     all_markers: bool = Field(
         False, description="Whether plans have only poses in which every marker is read"
     )

@@ -190,6 +190,32 @@ def test_a_study_may_ask_for_all_markers(study: Study) -> None:
     assert space.sight.seen(relaxed.x[:, :6]).all()
 
 
+@pytest.mark.cell(
+    "`[sight]` beside a `[scene]`, whose bodies hide markers", "springs", "parameters"
+)
+@pytest.mark.parametrize("study", [SPRINGS, GEOMETRY], ids=["springs", "parameters"])
+def test_what_a_body_hides_has_no_rows(study: Study, tmp_path: Path) -> None:
+    """A wall hides markers, which then tell nothing; a certificate with it holds."""
+    box = {"name": "wall", "size_mm": [400, 400, 3000], "position_mm": [2900, 1500, 1500]}
+    behind = study.replace(scene={"box": [box]})
+    space = behind.space if study is SPRINGS else GeometryQuestion.of(behind).space
+    plan = poses(space_of(study), 60)
+    whole = space_of(study).sight
+    assert whole is not None
+    assert space.sight is not None
+    less = whole.seen(plan.q) & ~space.sight.seen(plan.q)
+    assert less.any()
+    words = [
+        str(row[k])
+        for row, own in zip(space.sight.hidden(plan.q), less, strict=True)
+        for k in np.flatnonzero(own)
+    ]
+    assert all(one.startswith("hidden by ") for one in words)
+    path = tmp_path / "certificate.json"
+    edtk.relax(behind, certificate=path)
+    assert edtk.verify(path).valid
+
+
 @pytest.mark.parametrize(
     ("keys", "message"),
     [

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from edtk.certificate.recompute.beams import Beams
 from edtk.certificate.recompute.chain import Chain
 from edtk.certificate.recompute.physics import PLACE, Place
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table, whole
@@ -126,12 +127,14 @@ class Sight:
         markers: One an instrument; None for one that needs no line of sight.
         widths: Rows of each instrument.
         needs_all: Whether a pose is allowed only if each marker is read.
+        beams: What may hide a marker; None for nothing.
     """
 
     eyes: list[Eye]
     markers: list[Marker | None]
     widths: list[int]
     needs_all: bool
+    beams: Beams | None = None
 
     @classmethod
     def from_dict(cls, content: Any, n: int, widths: list[int]) -> "Sight":
@@ -146,7 +149,7 @@ class Sight:
             ValueError: A part is missing, or is not what it should be.
         """
         where = "setting.sight"
-        content = table(content, ("eyes", "markers", "needs_all"), where)
+        content = table(content, ("eyes", "markers", "needs_all"), where, ("beams",))
         eyes = rows(content["eyes"], MOST_EYES, f"{where}.eyes")
         markers = rows(content["markers"], len(widths), f"{where}.markers")
         if not eyes or len(markers) < len(widths):
@@ -160,6 +163,7 @@ class Sight:
             found,
             widths,
             bool(whole(content["needs_all"], 0, 1, f"{where}.needs_all")),
+            Beams.from_dict(content["beams"], n) if "beams" in content else None,
         )
 
     def seen(self, chain: Chain, q: Array) -> Mask:
@@ -171,6 +175,11 @@ class Sight:
             p = chain.point(q, one.place.offset, one.place.joint)
             for eye in self.eyes:
                 found[:, i] &= eye.sees(p) & one.looks_at(chain, q, eye)
+                some = np.flatnonzero(found[:, i])
+                if self.beams is not None and len(some):
+                    joint = len(chain.axes) - 1 if one.place.joint is None else one.place.joint
+                    given = (chain, q[some], eye.position, p[some], joint)
+                    found[some, i] = self.beams.pass_all(*given)
         return found
 
     def rows(self, chain: Chain, q: Array) -> Mask:

@@ -1,0 +1,118 @@
+"""Beams against the bodies of a cell: by hand, by differences, and by a second implementation."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from edtk import Study
+from edtk.cell.sight import AllSeen, Sight
+from edtk.certificate.certificate import setting_to_dict
+from edtk.certificate.recompute.setting import Setting
+from edtk.system.errors import UserError
+from edtk.system.typing import Array
+
+WALL = {"name": "wall", "size_mm": [100, 3000, 3000], "position_mm": [3500, 2000, 1500]}
+KEYS = {
+    "robot": "kuka_kr270",
+    "tool": {"position_mm": [611.5, 0, -460]},
+    "load": {"F_N": [0, 0, -2500]},
+    "measurement": {},
+    "joints": {"unknown": ["q2", "q3", "q4", "q5", "q6"], "fixed_deg": {"q1": 0}},
+    "noise": {"tracker_position_mm": [4500, 2500, 1200], "along": [10, 0.4], "across": [15, 6]},
+    "marker": [
+        {"name": "tip", "position_mm": [0, 100, 0]},
+        {"name": "arm", "position_mm": [200, 0, 300], "joint": "q3"},
+    ],
+    "sight": {},
+}
+SCENE = {
+    "box": [{"name": "column", "size_mm": [400, 400, 3000], "position_mm": [2800, 1300, 1500]}],
+    "cylinder": [{"name": "post", "radius_mm": 80, "height_mm": 2e3, "position_mm": [3e3, 0, 9e2]}],
+    "capsule": [
+        {"name": "pipe", "from_mm": [2900, 900, 0], "to_mm": [2900, 900, 2000], "radius_mm": 50}
+    ],
+    "plane": [{"name": "floor", "normal": [0, 0, 1], "position_mm": [0, 0, -10]}],
+    "hanging": {"rope_mm": 300, "radius_mm": 150, "height_mm": 300, "swing_deg": 5},
+}
+STUDY = Study(**KEYS, scene=SCENE)
+
+
+def sight() -> Sight:
+    """What the study with a cell sees."""
+    assert STUDY.sight is not None
+    return STUDY.sight
+
+
+def poses(count: int) -> Array:
+    """Random poses (count, 6) within the limits."""
+    lower, upper = STUDY.robot.limits
+    return lower + (upper - lower) * np.random.default_rng(0).random((count, 6))
+
+
+def test_a_second_implementation_finds_the_same_markers_hidden() -> None:
+    """The golden section over points of the beam hides the same markers as distances do."""
+    q = poses(800)
+    seen = sight().seen(q)
+    setting = Setting.from_dict(json.loads(json.dumps(setting_to_dict(STUDY, STUDY.space))))
+    assert setting.sight is not None
+    np.testing.assert_array_equal(setting.sight.seen(setting.chain, q), seen)
+    assert (seen.mean(axis=0) > 0.05).all()
+    names = {why.body for row in sight().hidden(q) for why in row if why is not None}
+    assert {"column", "post", "pipe", "floor", "forearm"} <= names
+
+
+def test_a_beam_has_the_slope_of_its_distance() -> None:
+    """Derivatives of the distance to the nearest body are differences, but at kinks."""
+    q = poses(200)
+    constraint = AllSeen(sight())
+    frames = STUDY.robot.frames(q)
+    rows = [i for i, name in enumerate(constraint.labels(STUDY.robot)) if "beam" in name]
+    assert len(rows) == 2
+    found = constraint.gradient(frames)[rows]
+    h = 1e-6
+    off = np.zeros(found.shape)
+    for j, step in enumerate(h * np.eye(6)):
+        up, down = (constraint.slack(STUDY.robot.frames(q + s * step))[rows] for s in (1, -1))
+        off[:, j] = np.abs(found[:, j] - (up - down) / (2 * h))
+    assert np.abs(found).max() > 0.5
+    assert np.quantile(off.max(axis=1), 0.98) < 1e-6
+
+
+def test_the_last_part_of_a_beam_is_not_hidden_by_the_marker_s_own_body() -> None:
+    """A marker inside the capsule of its own body is read if that much of the beam is left out."""
+    assert STUDY.cell is not None
+    q = poses(100)
+    deep = replace(sight(), beams=replace(sight().beams, own=0.0))  # type: ignore[type-var]
+    far = replace(sight(), beams=replace(sight().beams, own=9.0))  # type: ignore[type-var]
+    own = {body.name for body in STUDY.cell.bodies if body.carrier == 2}
+    hiding = [{str(why.body) for row in one.hidden(q) if (why := row[1])} for one in (deep, far)]
+    assert own & hiding[0]
+    assert not own & hiding[1]
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        (
+            {"scene": {"box": [WALL | {"position_mm": [4500, 2500, 1200]}]}},
+            "noise.tracker_position_mm: the tracker stands inside 'wall'",
+        ),
+        (
+            {"scene": None, "sight": {"own_body_mm": 50}},
+            "sight.own_body_mm: goes with [scene], which has what hides markers",
+        ),
+        (
+            {"scene": {"box": [WALL | {"size_mm": [100, 9000, 9000]}]}},
+            "marker: no pose shows 'tip' to the tracker; most often it is so: hidden by wall",
+        ),
+    ],
+)
+def test_a_tracker_that_sees_nothing_is_said_in_one_line(
+    keys: dict[str, object], message: str
+) -> None:
+    """A tracker inside a wall or behind it, and what is said of beams without a cell."""
+    with pytest.raises(UserError) as error:
+        Study(**(KEYS | keys))  # type: ignore[arg-type]
+    assert message in str(error.value)
