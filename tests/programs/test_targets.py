@@ -270,15 +270,22 @@ def test_what_is_left_ends_with_code_1_and_a_line_each(tmp_path: Path) -> None:
 
 def test_a_turn_that_crosses_zero_is_written(tmp_path: Path) -> None:
     """S and T follow the corrected joints: else a controller would go there by a whole turn."""
-    q = np.deg2rad([5.0, -60, 80, 1e-3, 60, 90])
-    T = STUDY.robot.with_tool(STUDY.specification.frames.build().tools["1"]).forward(q)
-    x, y, z = 1e3 * T[:3, 3]
-    a = np.rad2deg(np.arctan2(T[1, 0], T[0, 0]))
-    b = np.rad2deg(np.arctan2(-T[2, 0], np.hypot(T[0, 0], T[1, 0])))
-    c = np.rad2deg(np.arctan2(T[2, 1], T[2, 2]))
-    pose = f"X {x:.6f},Y {y:.6f},Z {z:.6f},A {a:.8f},B {b:.8f},C {c:.8f}"
-    text = f"DEF demo()\n{SET}PTP {{{pose},S 2,T 2}}\nEND\n"
-    found = corrected(tmp_path, "demo.src", text)
-    bits = sum(2**j for j, value in enumerate(found.command[0]) if value < 0)
-    assert bits == 10
-    assert f"S 2,T {bits}}}" in found.text
+    task = {"q_deg": [0, -60, 60, 30, 30, 0], "tool": TOOL, "load": {"F_N": [0, 900, 0]}}
+    study = STUDY.replace(test_pose=task)
+    robot = study.robot.with_tool(study.specification.frames.build().tools["1"])
+    found = []
+    for angle, turn in ((1e-3, 2), (-1e-3, 10)):
+        T = robot.forward(np.deg2rad([5.0, -60, 80, angle, 60, 90]))
+        x, y, z = 1e3 * T[:3, 3]
+        a = np.rad2deg(np.arctan2(T[1, 0], T[0, 0]))
+        b = np.rad2deg(np.arctan2(-T[2, 0], np.hypot(T[0, 0], T[1, 0])))
+        c = np.rad2deg(np.arctan2(T[2, 1], T[2, 2]))
+        pose = f"X {x:.6f},Y {y:.6f},Z {z:.6f},A {a:.8f},B {b:.8f},C {c:.8f}"
+        path = tmp_path / "demo.src"
+        path.write_text(f"DEF demo()\n{SET}PTP {{{pose},S 2,T {turn}}}\nEND\n")
+        one = edtk.compensate(study, FOUND, path)
+        assert isinstance(one, edtk.CorrectedProgram)
+        bits = sum(2**j for j, value in enumerate(one.command[0]) if value < 0)
+        assert f"S 2,T {bits}}}" in one.text
+        found.append(bits)
+    assert found in ([2, 2], [10, 10])
