@@ -463,15 +463,25 @@ class _Writer:
                 literal.joints[axis.place]: written(literal.joints[axis.place], float(x), least)
                 for axis, x in each
             }
-        posture = Posture.of(placed.robot, q)
-        shown = placed.robot.shown(q)
-        branch = self.brand.branch(literal, posture, shown)
-        if not branch and not self.brand.fits(literal, posture, shown):
+        posture, shown = Posture.of(placed.robot, q), placed.robot.shown(q)
+        told = self.brand.fits(literal, posture, shown)
+        if not told and not self.brand.branch(literal, posture, shown):
             return None
         near = [one.value for one in literal.pose]
         numbers = self.brand.numbers(self._in_base(placed, q), near)
         each_number = zip(literal.pose, numbers, self.brand.decimals, strict=True)
-        return branch | {one: written(one, x, least) for one, x, least in each_number}
+        edits = {one: written(one, x, least) for one, x, least in each_number}
+        # The sign of a joint near zero is that of the digits, by which the controller goes.
+        at = self._place(placed, edits)
+        settled, _ = solve(placed.robot, at[None], q[None])
+        posture = Posture.of(placed.robot, settled[0])
+        return edits | self.brand.branch(literal, posture, placed.robot.shown(settled[0]))
+
+    def _place(self, placed: Placed, edits: Mapping[Number, str]) -> Array:
+        """Where the tool of a pose is in the world (4, 4), by its digits."""
+        values = [float(edits[one]) for one in placed.target.literal.pose]
+        base = self.frames.world @ placed.target.base
+        return np.asarray(base @ self.brand.place(values))
 
     def _in_base(self, placed: Placed, q: Array) -> Array:
         """The place (4, 4) of the program's tool in its base."""
@@ -490,8 +500,7 @@ class _Writer:
             shown = np.array(list(map(float, texts))) * _units(self.robot, self.brand)
             at = robot.forward(self.robot.of_shown(shown))
         else:
-            values = [float(edits[one]) for one in literal.pose]
-            at = self.frames.world @ placed.target.base @ self.brand.place(values)
+            at = self._place(placed, edits)
         off = float(np.linalg.norm(at[:3, 3] - after[:3, 3]))
         moved = float(np.linalg.norm(after[:3, 3] - before[:3, 3]))
         return moved, float(np.linalg.norm(turn)), off

@@ -77,7 +77,7 @@ class Brand(ABC):
         return True
 
     def branch(self, literal: Literal, posture: Posture | None, shown: Array) -> dict[Number, str]:
-        """New texts of what tells the branch, where the corrected joints have another one."""
+        """New texts of what tells the branch, where joints have another one."""
         return {}
 
     @abstractmethod

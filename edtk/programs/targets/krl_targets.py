@@ -114,15 +114,16 @@ class KrlTargets(Brand):
         return all(signed(side, bool(bits >> j & 1)) for j, side in enumerate(sides))
 
     def branch(self, literal: Literal, posture: Posture | None, shown: Array) -> dict[Number, str]:
-        """S and T of the corrected joints, where a sign is another one."""
-        if posture is None or self.fits(literal, posture, shown):
+        """S and T of the joints, where they are others."""
+        if posture is None:
             return {}
         status = _bits((posture.ahead, posture.elbow, _turned(shown[4])))
         bits = {"S": (status, 3), "T": (_bits(shown[:BITS].tolist()), BITS)}
-        return {
-            number: str(int(number.value) >> bits[name][1] << bits[name][1] | bits[name][0])
+        new = {
+            number: int(number.value) >> bits[name][1] << bits[name][1] | bits[name][0]
             for name, number in literal.branch.items()
         }
+        return {number: str(one) for number, one in new.items() if one != int(number.value)}
 
     def marked(self, text: str, words: str, end: str) -> str:
         """A comment before the last END or ENDDAT."""

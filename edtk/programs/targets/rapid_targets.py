@@ -97,8 +97,8 @@ class RapidTargets(Brand):
         return all(signed(side, bool(bits >> j & 1)) for j, side in enumerate(sides))
 
     def branch(self, literal: Literal, posture: Posture | None, shown: Array) -> dict[Number, str]:
-        """Configuration data of the corrected joints, where they are others."""
-        if posture is None or self.fits(literal, posture, shown):
+        """Configuration data of the joints, where they are others."""
+        if posture is None:
             return {}
         new = {name: int(np.floor(shown[joint] / QUARTER)) for name, joint in QUADRANTS.items()}
         sides = (shown[4], -posture.elbow, posture.ahead)

@@ -408,4 +408,5 @@ def written(number: Number, value: float, least: int) -> str:
     if float(new) == round(float(old), decimals):
         return number.text
     sign = "+" if old.startswith("+") and not new.startswith("-") else ""
-    return (sign + new).rjust(len(number.text))
+    # In a field with blanks before it a number keeps its place.
+    return (sign + new).rjust(len(number.text) if number.text != old else 0)
