@@ -8,6 +8,8 @@ from click.testing import CliRunner
 
 import edtk
 from edtk.cli import main
+from edtk.programs.program import Move, Program, axes_of
+from edtk.programs.writer import get
 
 FOUND = {"q2": 3e-7, "q3": 4e-7, "q4": 2.8e-6, "q5": 2.8e-6, "q6": 2.1e-6}
 TOOL = {"position_mm": [986, 0, 0]}
@@ -289,3 +291,53 @@ def test_a_turn_that_crosses_zero_is_written(tmp_path: Path) -> None:
         assert f"S 2,T {bits}}}" in one.text
         found.append(bits)
     assert found in ([2, 2], [10, 10])
+
+
+def test_targets_are_what_the_controller_shows(tmp_path: Path) -> None:
+    """With signs, zeros and axes that follow others, joints move as those of a table of poses."""
+    controller = {"sign": {"q1": -1}, "zero_deg": {"q6": 20}, "follows": {"q3": "q2"}}
+    study = STUDY.replace(controller=controller)
+    shown = [-5.0, -60.0, 50.0, 30.0, 40.0, -12.0]
+    table = tmp_path / "task.csv"
+    table.write_text(
+        ",".join(f"q{i}_deg" for i in range(1, 7)) + "\n" + ",".join(map(str, shown)) + "\n"
+    )
+    commands = edtk.compensate(study, FOUND, table)
+    expected = np.rad2deg(study.robot.shown(commands.command[0]))
+
+    robot = study.robot.with_tool(study.specification.frames.build().tools["1"])
+    T = robot.forward(study.robot.of_shown(np.deg2rad(shown)))
+    x, y, z = 1e3 * T[:3, 3]
+    a = np.rad2deg(np.arctan2(T[1, 0], T[0, 0]))
+    b = np.rad2deg(np.arctan2(-T[2, 0], np.hypot(T[0, 0], T[1, 0])))
+    c = np.rad2deg(np.arctan2(T[2, 1], T[2, 2]))
+    turn = sum(2**j for j, value in enumerate(shown) if value < 0)
+    joints = ",".join(f"A{j} {value}" for j, value in enumerate(shown, 1))
+    pose = f"X {x:.6f},Y {y:.6f},Z {z:.6f},A {a:.8f},B {b:.8f},C {c:.8f}"
+    path = tmp_path / "demo.src"
+    path.write_text(f"DEF demo()\nPTP {{{joints}}}\n{SET}PTP {{{pose},T {turn}}}\nEND\n")
+    found = edtk.compensate(study, FOUND, path)
+    assert isinstance(found, edtk.CorrectedProgram)
+    (line,) = [one for one in found.text.splitlines() if one.startswith("PTP {A1")]
+    written = [float(one.split()[1]) for one in line[5:-1].split(",")]
+    assert np.abs(written - expected).max() < 6e-5
+    assert np.abs(np.rad2deg(study.robot.shown(found.command)) - expected).max() < 1e-5
+
+
+@pytest.mark.parametrize("name", ["krl", "rapid", "urscript", "fanuc_ls"])
+def test_programs_that_edtk_writes_are_corrected(tmp_path: Path, name: str) -> None:
+    """Each pose of a written program is found, as the writer rounded it."""
+    axes = axes_of([f"q{i}" for i in range(1, 7)], ["revolute"] * 6)
+    degrees = np.array([[5, -60, 60, 30, 30, 10], [-20, -90, 80, 10, 60.5, 0.125]])
+    writer = get(name)
+    units = writer.taken(degrees, axes)
+    steps = tuple(Move(tuple(map(float, one)), (i, i)) for i, one in enumerate(units, 1))
+    texts = writer.write(Program("demo", axes, steps))
+    for suffix, text in texts.items():
+        (tmp_path / f"demo{suffix}").write_text(text)
+    path = tmp_path / f"demo{'.dat' if '.dat' in texts else next(iter(texts))}"
+    found = edtk.compensate(STUDY, FOUND, path)
+    assert isinstance(found, edtk.CorrectedProgram)
+    assert found.left == ()
+    nominal = np.rad2deg([one.q for one in found.targets])
+    assert np.abs(nominal - degrees).max() < 1e-3

@@ -50,8 +50,8 @@ class FanucTargets(Brand):
 
     title = "FANUC LS"
     suffixes = (".ls",)
-    content = re.compile(r"^\s*/PROG\b", re.M)
-    expected = "a /PROG"
+    content = re.compile(r"^\s*/PROG\b.*^\s*/MN\b.*^\s*/POS\b", re.M | re.S)
+    expected = "/PROG, /MN and /POS"
     joint_decimals: ClassVar[int] = 3
     decimals: ClassVar[tuple[int, ...]] = (3,) * 6
 

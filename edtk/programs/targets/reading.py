@@ -19,6 +19,7 @@ NUMBERED = re.compile(r"(?:TOOL_DATA|BASE_DATA|UTOOL|UFRAME|UT|UF)?\[?(\d+)\]?")
 NO_FRAME = ("0", "TOOL0", "WOBJ0", "$NULLFRAME")  # names that every controller knows
 DEFAULT = "DEFAULT"
 ALL_LITERALS = "--all-literals corrects it"
+LARGEST = 1e10  # of a number in a target; 9E9 stands for an axis that is not there
 SAME = 1e-12  # [m, or of a rotation] by which two frames are one
 
 Frame = Array | str  # a transform (4, 4) [m], or why it is not known
@@ -383,9 +384,11 @@ def closing(text: str, at: int, end: int) -> int:
 
 
 def number_at(text: str, start: int, end: int) -> Number | None:
-    """The number that a part of a text is; None if it is anything else."""
+    """The number that a part of a text is; None if it is anything else, or far too large."""
     part = text[start:end]
-    return Number(start, end, part) if NUMBER.fullmatch(part) else None
+    if NUMBER.fullmatch(part) is None or abs(float(part)) > LARGEST:
+        return None
+    return Number(start, end, part)
 
 
 def numbers_in(text: str, start: int, end: int) -> tuple[Number, ...] | None:
