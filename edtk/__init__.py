@@ -76,6 +76,7 @@ if TYPE_CHECKING:
     from edtk.verbs.run import run as run
     from edtk.verbs.show import show as show
     from edtk.verbs.template import template as template
+    from edtk.verbs.template import timetable as timetable
     from edtk.verbs.verify import verify as verify
 
 _HOME = {
@@ -91,6 +92,7 @@ _HOME = {
     "check": "edtk.verbs.check",
     "show": "edtk.verbs.show",
     "template": "edtk.verbs.template",
+    "timetable": "edtk.verbs.template",
     "program": "edtk.verbs.program",
     "identify": "edtk.verbs.identify",
     "predict": "edtk.verbs.predict",

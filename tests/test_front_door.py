@@ -33,6 +33,7 @@ VERBS = {
     "check",
     "show",
     "template",
+    "timetable",
     "program",
     "identify",
     "predict",

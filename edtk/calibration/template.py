@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 
+from edtk.calibration.timetable import day_of, has_day
+from edtk.calibration.tours import visiting_order
 from edtk.cell.sight import Sight
 from edtk.design.plan import Plan
 from edtk.fit.sheet import DISTANCES, POSITIONS
@@ -38,10 +40,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 LONGEST_HEADER = 10_000  # characters; any file may be asked about, such as a chain without lines
-NEAR = 5  # neighbours of a pose that a leg may lead to, before longer legs are looked at
-BEST_UP_TO = 11  # poses; dynamic programming takes time and memory in proportion to k^2 2^k
-EXCHANGES_UP_TO = 300  # poses; exchanges take time in proportion to k^3
-LEAST_GAIN = 1e-12  # relative: below that an exchange of legs is rounding, and might go on for ever
 
 
 def measured_names(model: ElastostaticModel) -> tuple[str, ...]:
@@ -130,186 +128,15 @@ def _has_content(rows: Iterable[list[str]], places: list[int]) -> bool:
     return any(row[i].strip() for row in rows for i in places if i < len(row))
 
 
-def shortest_legs(x: Array) -> Indices:
-    """Find an open path through all points, from the shortest legs on.
-
-    The shortest leg that joins the ends of two stretches of the path is laid first (the greedy
-    heuristic; Bentley 1992). Legs are looked for among neighbours, then among those of the
-    remaining ends, so that the time grows as k log k.
-
-    Args:
-        x: Points (k, n).
-
-    Returns:
-        Indices (k,), in the order of the path; equal points come one after another.
-    """
-    # Among very many equal points a search for neighbours would look at all of them.
-    points, number = np.unique(x, axis=0, return_inverse=True)
-    number = number.ravel()
-    place = np.empty(len(points), dtype=int)
-    place[_path(points)] = np.arange(len(points))
-    return np.argsort(place[number], kind="stable")
-
-
-def _path(x: Array) -> Indices:
-    """The path through points (k, n) that are all different."""
-    from scipy.spatial import cKDTree
-
-    k = len(x)
-    if k == 1:
-        return np.zeros(1, dtype=int)
-    legs: list[list[int]] = [[] for _ in range(k)]
-    stretch = list(range(k))
-    missing = k - 1
-    while missing:
-        ends = np.array([i for i in range(k) if len(legs[i]) < 2])
-        # A pose, and perhaps the other end of its stretch, are among its own neighbours.
-        distance, near = cKDTree(x[ends]).query(x[ends], min(NEAR + 2, len(ends)))
-        for a, b in _by_length(ends, ends[near], distance):
-            if len(legs[a]) == 2 or len(legs[b]) == 2:
-                continue
-            first = _root(stretch, a)
-            second = _root(stretch, b)
-            if first != second:
-                stretch[first] = second
-                legs[a].append(b)
-                legs[b].append(a)
-                missing -= 1
-    return _walk(legs)
-
-
-def _by_length(ends: Indices, near: Indices, distance: Array) -> list[list[int]]:
-    """Pairs of points, each once, the nearest first."""
-    pairs = np.stack([np.broadcast_to(ends[:, None], near.shape), near], axis=-1).reshape(-1, 2)
-    pairs = np.sort(pairs, axis=1)
-    chosen = np.flatnonzero(pairs[:, 0] != pairs[:, 1])
-    # Equal distances are told apart by the numbers, so that the path is the same everywhere.
-    order = np.lexsort((pairs[chosen, 1], pairs[chosen, 0], distance.ravel()[chosen]))
-    return pairs[chosen[order]].tolist()
-
-
-def _root(stretch: list[int], i: int) -> int:
-    """The number of the stretch that a point is in; the way there is halved."""
-    while stretch[i] != i:
-        stretch[i] = stretch[stretch[i]]
-        i = stretch[i]
-    return i
-
-
-def _walk(legs: list[list[int]]) -> Indices:
-    """The points from one end of the path to the other."""
-    before = -1
-    at = next(i for i, own in enumerate(legs) if len(own) == 1)
-    order = [at]
-    while len(order) < len(legs):
-        following = next(i for i in legs[at] if i != before)
-        before = at
-        at = following
-        order.append(at)
-    return np.array(order)
-
-
-def visiting_order(
-    q: Array, span: Array, best_up_to: int = BEST_UP_TO, exchanges_up_to: int = EXCHANGES_UP_TO
-) -> Indices:
-    """Find an open path through all poses: short, the shortest for a few poses.
-
-    The length of a leg is the root of the sum of squares of the joints' travel, each divided by its
-    range. Many poses are put in order by nearest neighbour, and legs are exchanged while that
-    shortens the path (2-opt). Very many are joined from the shortest legs on.
-
-    Args:
-        q: Joint variables (k, n) [rad or m].
-        span: Range (n,) of each joint [rad or m].
-        best_up_to: Number of poses up to which the shortest path is found.
-        exchanges_up_to: Number of poses up to which legs are exchanged.
-
-    Returns:
-        Indices (k,); the path begins at that of its ends which comes first in q.
-    """
-    x = q / span
-    if len(x) > exchanges_up_to:
-        order = shortest_legs(x)
-    else:
-        distance = np.sqrt(((x[:, None] - x[None]) ** 2).sum(axis=-1))
-        few = len(x) <= best_up_to
-        order = _shortest(distance) if few else _exchanged(distance, _nearest(x))
-    return order if order[0] <= order[-1] else order[::-1]
-
-
-def _shortest(distance: Array) -> Indices:
-    """The shortest open path by dynamic programming over sets of visited poses (Held, Karp 1962).
-
-    A set is a number whose bits say which poses are in it. `cost[s, j]` is the length of the
-    shortest path through the set s that ends at j, and `last[s, j]` the pose before j on it.
-    """
-    k = len(distance)
-    everywhere = (1 << k) - 1
-    cost = np.full((1 << k, k), np.inf)
-    last = np.zeros((1 << k, k), dtype=int)
-    cost[1 << np.arange(k), np.arange(k)] = 0.0
-    for visited in range(1, 1 << k):
-        for j in range(k):
-            before = visited & ~(1 << j)
-            if before and before != visited:
-                ways = cost[before] + distance[:, j]
-                last[visited, j] = ways.argmin()
-                cost[visited, j] = ways[last[visited, j]]
-    visited = everywhere
-    j = int(cost[everywhere].argmin())
-    order = []
-    while visited:
-        order.append(j)
-        before = int(last[visited, j])
-        visited &= ~(1 << j)
-        j = before
-    return np.array(order)
-
-
-def _nearest(x: Array) -> Indices:
-    """From the first pose always on to the nearest one that is left."""
-    left: Mask = np.ones(len(x), dtype=bool)
-    order = np.zeros(len(x), dtype=int)
-    for i in range(1, len(x)):
-        left[order[i - 1]] = False
-        rest = np.flatnonzero(left)
-        squares = ((x[rest] - x[order[i - 1]]) ** 2).sum(axis=1)
-        order[i] = rest[squares.argmin()]
-    return order
-
-
-def _exchanged(distance: Array, order: Indices) -> Indices:
-    """Reverse the stretch of the path that shortens it most, until none does.
-
-    Reversing the positions i..j replaces the legs (i-1, i) and (j, j+1) by (i-1, j) and (i, j+1);
-    at the ends of the path one of each is missing. A pose of no distance to any other stands in
-    for the missing ones.
-    """
-    k = len(distance)
-    open_ended = np.zeros((k + 1, k + 1))
-    open_ended[:k, :k] = distance
-    path = np.r_[k, order, k]
-    least = LEAST_GAIN * (1 + distance.max())
-    upper = np.triu(np.ones((k, k), dtype=bool), 1)
-    while True:
-        before = path[:-2]
-        at = path[1:-1]
-        after = path[2:]
-        legs = open_ended[before, at][:, None] + open_ended[at, after]
-        exchanged = open_ended[np.ix_(before, at)] + open_ended[np.ix_(at, after)]
-        change = np.where(upper, exchanged - legs, 0.0)
-        i, j = np.unravel_index(change.argmin(), change.shape)
-        if change[i, j] >= -least:
-            return path[1:-1]
-        path[i + 1 : j + 2] = path[i + 1 : j + 2][::-1].copy()
-
-
 def visit_order(study: Study, plan: Plan) -> Indices:
     """Indices of the plan's poses in the order in which they are visited, repeats included.
 
     All poses without a load come first, then those under each load. Where the study asks for more
-    load changes, the visits of each load are shared out among so many rounds.
+    load changes, the visits of each load are shared out among so many rounds. Where it says how
+    long things take, or what stands around the robot, the order is that of `day_of`.
     """
+    if has_day(study):
+        return day_of(study, plan).order
     lower, upper = study.robot.limits
     span = upper - lower
     loads = np.unique(plan.wrench, axis=0)
@@ -353,7 +180,7 @@ def template(study: Study, plan: Plan, positions: bool = False, markers: int = 0
     """
     lower, upper = study.robot.limits
     plan = replace(plan, q=rounded(study.robot, plan.q))
-    if study.specification.costs is None:
+    if study.specification.costs is None and study.cell is None:
         path = visiting_order(plan.q, upper - lower)
         order = np.repeat(path, plan.repeats[path])
     else:

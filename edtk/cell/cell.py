@@ -358,7 +358,7 @@ class Solids:
                 start[:, k], end[:, k] = self.start[k][:, None], self.end[k][:, None]
                 continue
             if self.hangs[k]:
-                anchor = self._anchor(frames, k)
+                anchor = self.anchor(frames, k)
                 start[:, k], end[:, k] = (x[k][:, None] + anchor for x in (self.start, self.end))
                 continue
             rotation, origin = frames.bodies[int(carrier)]
@@ -372,7 +372,7 @@ class Solids:
         """Which capsules (K,) hang from a point, and do not turn."""
         return ~np.isnan(self.anchors[:, 0])
 
-    def _anchor(self, frames: Frames, k: int) -> Array:
+    def anchor(self, frames: Frames, k: int) -> Array:
         """Where the point (3, N) is from which a capsule hangs [m]."""
         rotation, origin = frames.bodies[int(self.carriers[k])]
         axes = rotation.reshape(3, -1)
@@ -499,7 +499,7 @@ class Solids:
         point = near.nearest.point.copy()
         for k in np.flatnonzero(self.hangs):
             rows = np.flatnonzero(which == k)
-            point[:, rows] = self._anchor(frames, int(k))[:, near.pose[rows]]
+            point[:, rows] = self.anchor(frames, int(k))[:, near.pose[rows]]
         return point
 
 

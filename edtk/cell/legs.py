@@ -30,7 +30,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from edtk.cell.cell import Cell, Near, Placed
+from edtk.cell.cell import Cell, Near, Placed, Solids
 from edtk.robots.frames import Frames
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array, Indices, Mask
@@ -90,43 +90,51 @@ def prove_legs(cell: Cell, a: Array, b: Array) -> Legs:
 class _Motion:
     """How fast the capsules of a cell move, seen from the solids to which they may come near.
 
-    A view is a capsule, seen from a joint or the world.
+    A view is a capsule, seen from a joint or the world. A weight that hangs moves as the point does
+    from which it hangs, and does not turn: seen from there another capsule moves as it does seen
+    from the world, less the motion of that point.
 
     Attributes:
         robot: The arm.
-        capsule: The capsule (w,) of each view.
+        solids: The shapes of the cell.
+        capsule: The capsule (w,) of each view; -1 for none, which does not move.
         own: The joint (w,) that moves it; -1 for none.
         seen_from: The joint (w,) from which it is seen; -1 for the world.
-        beyond: How far its ends are from the origin of its joint, at most (w,) [m].
-        view: The view (p,) of the later solid of each pair.
-        second_moves: Whether that is the second one of the pair (p,).
+        view: The view (p,) of the solid of each pair that moves seen from the other one.
+        less: The view (p,) of the other one where it hangs, else that of none.
+        second_moves: Whether the one that moves is the second one of the pair (p,).
     """
 
     robot: Robot
+    solids: Solids
     capsule: Indices
     own: Indices
     seen_from: Indices
-    beyond: Array
     view: Indices
+    less: Indices
     second_moves: Mask
 
     @classmethod
     def of(cls, cell: Cell) -> "_Motion":
         """The motion of a cell's capsules."""
         solids = cell.solids
-        first = solids.carriers[solids.first]
-        other = np.full(len(first), -1)
-        capsules = solids.kinds[0]
-        other[capsules] = solids.carriers[solids.second[capsules]]
-        second_moves = other > first
-        later = np.where(second_moves, solids.second, solids.first)
-        views = np.stack([np.minimum(first, other), later], axis=1)
-        views, view = np.unique(views, axis=0, return_inverse=True)
-        seen_from, capsule = views.T
-        ends = np.stack([solids.start, solids.end])[:, capsule]
-        beyond = np.linalg.norm(ends, axis=-1).max(axis=0)
-        own = solids.carriers[capsule]
-        return cls(cell.robot, capsule, own, seen_from, beyond, view.reshape(-1), second_moves)
+        first, lines = solids.first, solids.kinds[0]
+        second = np.full(len(first), -1)
+        second[lines] = solids.second[lines]
+        carrier, other = (np.where(one < 0, -1, solids.carriers[one]) for one in (first, second))
+        hangs, other_hangs = solids.hangs[first], (second >= 0) & solids.hangs[second]
+        hanging = hangs | other_hangs
+        second_moves = np.where(hanging, ~other_hangs & (other >= 0), other > carrier)
+        moving = np.where(second_moves, second, first)
+        resting = np.where(second_moves, first, second)
+        views = np.stack([np.where(hanging, -1, np.minimum(carrier, other)), moving])
+        none = np.full(len(first), -1)
+        others = np.stack([none, np.where(hanging & (other >= 0), resting, -1)])
+        both = np.concatenate([views, others], axis=1)
+        (seen_from, capsule), view = np.unique(both, axis=1, return_inverse=True)
+        view, less = view.reshape(2, -1)
+        own = np.where(capsule < 0, -1, solids.carriers[capsule])
+        return cls(cell.robot, solids, capsule, own, seen_from, view, less, second_moves)
 
     def velocities(self, frames: Frames, ends: Array, rates: Array) -> Array:
         """Velocities of the ends of all views in poses (2, 3, w, m) [m], for t from 0 to 1.
@@ -148,9 +156,24 @@ class _Motion:
         w, u = (np.cumsum(np.pad(one, ((1, 0), (0, 0), (0, 0))), axis=0) for one in (turns, moves))
         turn = (w[self.own + 1] - w[self.seen_from + 1]).swapaxes(0, 1)
         move = (u[self.own + 1] - u[self.seen_from + 1]).swapaxes(0, 1)
-        return np.asarray(
-            move + np.cross(turn, ends[:, :, self.capsule], axisa=0, axisb=1, axisc=1)
-        )
+        at = ends[:, :, self.capsule]
+        for k in np.flatnonzero(self._hangs):
+            at[:, :, k] = self.solids.anchor(frames, int(self.capsule[k]))
+        return np.asarray(move + np.cross(turn, at, axisa=0, axisb=1, axisc=1))
+
+    @cached_property
+    def _hangs(self) -> Mask:
+        """Which views (w,) are of capsules that hang."""
+        return np.asarray((self.capsule >= 0) & self.solids.hangs[self.capsule])
+
+    @cached_property
+    def _beyond(self) -> Array:
+        """How far what moves a view is from the origin of its joint, at most (w,) [m]."""
+        solids = self.solids
+        ends = np.stack([solids.start, solids.end])
+        far = np.linalg.norm(ends, axis=-1).max(axis=0)
+        far = np.where(solids.hangs, np.linalg.norm(solids.anchors, axis=-1), far)
+        return np.asarray(far[self.capsule])
 
     @cached_property
     def _between(self) -> Mask:
@@ -165,7 +188,7 @@ class _Motion:
         links = [float(np.linalg.norm(joint.origin[:3, 3])) for joint in chain]
         slides = [max(map(abs, one.limits)) if one.kind == "prismatic" else 0.0 for one in chain]
         behind = np.cumsum([0.0, *(a + b for a, b in zip(links, slides, strict=True))])
-        reach = behind[self.own + 1][:, None] - behind[1:] + self.beyond[:, None]
+        reach = behind[self.own + 1][:, None] - behind[1:] + self._beyond[:, None]
         return np.where(self._between, reach, 0.0)
 
     def bends(self, rates: Array) -> Array:
@@ -248,20 +271,21 @@ class _Proof:
         bends = self.bends[:, leg]
         speed = np.sqrt(np.einsum("ecwm,ecwm->ewm", velocity, velocity).max(axis=0))
         wander = speed * half + bends * half**2 / 2
+        wander = wander[motion.view] + wander[motion.less]
         # One distance a pose tells about how much is to be proved, before all others are taken.
         bounds = solids.bounds(placed)
         self._keep_least(leg, t, solids.exactly(placed, bounds.argmin(axis=0), np.arange(len(q))))
         floor = self._asked[leg] + self.cell.margin
-        pair, pose = np.nonzero(bounds < floor + wander[motion.view])
+        pair, pose = np.nonzero(bounds < floor + wander)
         near = solids.exactly(placed, pair, pose)
         self._keep_least(leg, t, near)
-        view = motion.view[near.pair]
+        view, less = motion.view[near.pair], motion.less[near.pair]
         height, pace = self._beyond_planes(near, placed, velocity)
         room = height - self._asked[leg[near.pose]]
-        bend = bends[view, near.pose]
+        bend = bends[view, near.pose] + bends[less, near.pose]
         forward, back = _step(room, pace, bend), _step(room, -pace, bend)
         going_on = np.minimum(forward, back) < half[near.pose]
-        further = going_on & (wander[view, near.pose] >= RESOLUTION)
+        further = going_on & (wander[near.pair, near.pose] >= RESOLUTION)
         missing, divisible = np.zeros((2, len(leg)), dtype=bool)
         missing[near.pose[going_on]] = True
         divisible[near.pose[further]] = True
@@ -295,7 +319,8 @@ class _Proof:
         apart = moving[:, None, :, lines] - still
         along = np.einsum("ck,efck->efk", normal[:, lines], apart).min(axis=1)
         height[:, lines] = along - solids.radius[first] - solids.radius[second]
-        pace = np.einsum("ck,eck->ek", normal, velocity[:, :, view, pose])
+        relative = velocity[:, :, view, pose] - velocity[:, :, motion.less[pair], pose]
+        pace = np.einsum("ck,eck->ek", normal, relative)
         return height - self.cell.margin, pace
 
     def _keep_least(self, leg: Indices, t: Array, near: Near) -> None:

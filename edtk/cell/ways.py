@@ -1,11 +1,12 @@
 """Ways: legs from pose to pose that are free, directly or by via poses."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from edtk.cell.cell import Cell
-from edtk.cell.legs import Legs, prove_legs
+from edtk.cell.legs import TOLERANCE, Legs, prove_legs
 from edtk.system.typing import Array, Indices, Mask
 
 # Of the planner: rounds in which each of two trees grows in turn by so many legs, and how far one
@@ -13,7 +14,8 @@ from edtk.system.typing import Array, Indices, Mask
 ROUNDS = 60
 BRANCHES = 16
 STRETCH = 0.35
-UNKNOWN, FREE, BLOCKED = 0, 1, 2
+UNKNOWN, FREE, TOUCHES, NOT_PROVED = range(4)
+VERDICTS = ("unknown", "free", "touches", "not proved")
 TINY = 1e-9  # of a leg: shorter ones are not divided by
 LEAST_GAIN = 1e-9  # relative: what is not more is rounding
 
@@ -37,33 +39,63 @@ class Speeds:
 
 
 @dataclass(frozen=True, eq=False)
+class Leg:
+    """What is known of one leg.
+
+    Attributes:
+        start: Where it begins (n,) [rad or m].
+        end: Where it ends (n,) [rad or m].
+        verdict: "free", "touches" or "not proved".
+        clearance: Least distance less the margin that was found on it [m]; see `Legs`.
+        pair: The names of the two bodies that have it; None where there is nothing to look at.
+        t: Where on the leg that is, from 0 to 1.
+    """
+
+    start: Array
+    end: Array
+    verdict: str
+    clearance: float
+    pair: tuple[str, str] | None
+    t: float
+
+
+@dataclass(frozen=True, eq=False)
 class Way:
     """Free legs from a pose to another one.
 
     Attributes:
-        q: All poses (s, n), both ends and the via poses between them [rad or m].
-        seconds: How long it takes to drive it [s].
-        clearance: Least distance less the margin that was found on it [m]; see `Legs`.
-        pair: The names of the two bodies that have it; None where there is nothing to look at.
+        legs: The legs, each from where the one before ends.
+        seconds: How long it takes to drive them [s].
     """
 
-    q: Array
+    legs: tuple[Leg, ...]
     seconds: float
-    clearance: float
-    pair: tuple[str, str] | None
+
+    @property
+    def q(self) -> Array:
+        """All poses (s, n), both ends and the via poses between them [rad or m]."""
+        return np.array([self.legs[0].start, *(leg.end for leg in self.legs)])
 
     @property
     def via(self) -> Array:
         """The via poses (s - 2, n) [rad or m]."""
         return self.q[1:-1]
 
-    def back(self) -> "Way":
-        """The way in the other direction."""
-        return Way(self.q[::-1], self.seconds, self.clearance, self.pair)
+    @property
+    def nearest(self) -> Leg:
+        """The leg on which bodies are nearest."""
+        return min(self.legs, key=lambda leg: leg.clearance)
+
+    @property
+    def clearance(self) -> float:
+        """Least distance less the margin that was found on it [m]."""
+        return self.nearest.clearance
 
 
 class Roadmap:
     """Poses and the legs between them, which are proved when they are asked for.
+
+    No leg leads to a pose in which something touches.
 
     A way between two poses is looked for among all poses of the map, by time: the quickest way over
     legs that are not known to touch is looked at, its legs are proved, and so on until all of it is
@@ -89,6 +121,7 @@ class Roadmap:
         self.limits = limits
         self.seed = seed
         self.q = np.zeros((0, q.shape[1]))
+        self.shut = np.zeros(0, dtype=bool)
         self.state = np.zeros((0, 0), dtype=int)
         self.gap = np.zeros((0, 0))
         self.pair = np.zeros((0, 0), dtype=int)
@@ -101,6 +134,10 @@ class Roadmap:
         """Add poses; returns their numbers."""
         before = len(self.q)
         self.q = np.concatenate([self.q, q])
+        shut = np.zeros(len(q), dtype=bool)
+        if self.cell is not None:
+            shut = self.cell.clearance(q).least < -min(TOLERANCE, self.cell.margin)
+        self.shut = np.concatenate([self.shut, shut])
         more = ((0, len(q)), (0, len(q)))
         names = ("state", "pair", "t")
         for name in names:
@@ -125,7 +162,7 @@ class Roadmap:
     def _enter(self, a: Indices, b: Indices, legs: Legs) -> None:
         """Take over what is known of legs."""
         for i, j, t in ((a, b, legs.t), (b, a, 1 - legs.t)):
-            self.state[i, j] = np.where(legs.free, FREE, BLOCKED)
+            self.state[i, j] = [VERDICTS.index(verdict) for verdict in legs.verdict]
             self.gap[i, j] = legs.clearance
             self.pair[i, j] = legs.pair
             self.t[i, j] = t
@@ -135,16 +172,22 @@ class Roadmap:
         places = self._places(a, b)
         if places is None:
             return None
-        legs = places[:-1], places[1:]
-        least = int(self.gap[legs].argmin())
+        legs = tuple(self.leg(i, j) for i, j in pairwise(places))
+        return Way(legs, float(self.seconds[places[:-1], places[1:]].sum()))
+
+    def leg(self, a: int, b: int) -> Leg:
+        """What is known of the leg between two poses, by their numbers."""
+        self.prove(np.array([a]), np.array([b]))
         pair = None
         if self.cell is not None and self.cell.pairs:
-            pair = self.cell.pairs[self.pair[places[least], places[least + 1]]]
-        gap = float(self.gap[legs].min())
-        return Way(self.q[list(places)], float(self.seconds[legs].sum()), gap, pair)
+            pair = self.cell.pairs[self.pair[a, b]]
+        clearance, t = float(self.gap[a, b]), float(self.t[a, b])
+        return Leg(self.q[a], self.q[b], VERDICTS[self.state[a, b]], clearance, pair, t)
 
     def _places(self, a: int, b: int) -> list[int] | None:
         """Numbers of the poses of the quickest way."""
+        if self.shut[[a, b]].any():
+            return None
         places = self._known(a, b)
         if places is not None or self._is_apart(a, b):
             return places
@@ -160,7 +203,7 @@ class Roadmap:
     def _known(self, a: int, b: int) -> list[int] | None:
         """The quickest way by poses of the map, all legs of which are proved."""
         while True:
-            places = _quickest(np.where(self.state == BLOCKED, np.inf, self.seconds), a, b)
+            places = _quickest(np.where(self.state > FREE, np.inf, self.seconds), a, b)
             if places is None:
                 return None
             first, second = np.array(places[:-1]), np.array(places[1:])

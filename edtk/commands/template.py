@@ -1,12 +1,15 @@
 """`edtk template`: an empty measurement file, or the program of a robot that fills it."""
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from edtk.commands.shared import FilePath, Range, json_option, print_out, show, warn_about
+from edtk.commands.shared import FilePath, Range, json_option, print_out, show, warn, warn_about
 from edtk.system.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from edtk.study.study import Study
 
 
 @click.command("template", short_help="Make a sheet to fill in in the lab, or a robot program.")
@@ -47,6 +50,11 @@ from edtk.system.errors import ArgumentError
 @click.option(
     "--axes", metavar="AXES", help="With --program: axes of the joints, like E1,1,2,3,4,5,6."
 )
+@click.option(
+    "--timetable",
+    type=FilePath,
+    help="Write when what is visited, too (CSV, or JSON as .json), where the study has times.",
+)
 @json_option
 @click.option("--out", type=FilePath, help="Write the sheet (CSV) or program [default: print it].")
 def command(
@@ -55,6 +63,7 @@ def command(
     positions: bool,
     markers: int | None,
     writer: str | None,
+    timetable: Path | None,
     as_json: bool,
     out: Path | None,
     **of_program: float | str | None,
@@ -88,7 +97,23 @@ def command(
             print_out("".join(found.files.values()))
         else:
             show(found, as_json, out)
+    _tell_of_the_day(question, plan, timetable, quiet=out is None or as_json)
     warn_about(study, doubts)
+
+
+def _tell_of_the_day(question: "Study", plan: Path, out: Path | None, quiet: bool) -> None:
+    """Write the timetable where one is asked for, and say which legs have no free way."""
+    from edtk.calibration.timetable import has_day
+    from edtk.report.views.day import blocked_in_words
+    from edtk.verbs.template import timetable
+
+    if out is None and not has_day(question):
+        return
+    day = timetable(question, plan, out=out)
+    if out is not None and not quiet:
+        show(day, False, out)
+    for line in blocked_in_words(day):
+        warn(line, plan)
 
 
 def _require_one(

@@ -12,6 +12,7 @@ PAGES = {
     "calibration": "calibration",
     "compensation": "compensation",
     "corrected_program": "compensation",
+    "day": "day",
     "evaluation": "evaluation",
     "exact_plan": "plan",
     "found_controller": "robot",

@@ -73,6 +73,7 @@ def check_study(study: StudyObjects) -> None:
     check_sight(study, study.sight)
     _check_compensators(study)
     _check_home(study)
+    _check_speeds(study)
     check_tasks(study)
     _check_criteria(study, specification)
     if specification.interest is not None:
@@ -94,6 +95,20 @@ def _check_home(study: StudyObjects) -> None:
         low, high = found.limits
         message = f"{found.name} = {found.value:g} is outside its limits {low:g} .. {high:g}"
         raise study.error("scene.home_deg", message)
+
+
+def _check_speeds(study: StudyObjects) -> None:
+    """Speeds by name are of joints that there are, in their own unit."""
+    costs = study.specification.costs
+    kinds = {joint.name: joint.kind for joint in study.robot.joints}
+    for key, kind in (("speed_deg_per_s", "revolute"), ("speed_mm_per_s", "prismatic")):
+        given = None if costs is None else getattr(costs, key)
+        for name in given if isinstance(given, dict) else ():
+            if kinds.get(name) != kind:
+                those = [one for one, own in kinds.items() if own == kind]
+                has = ", ".join(those) if those else "none"
+                message = f"no {kind} joint {name!r}; this robot has {has}"
+                raise study.error(f"costs.{key}", message)
 
 
 def _check_joint_names(study: StudyObjects, specification: Specification, robot: Robot) -> None:

@@ -338,7 +338,7 @@ def day_costs(study: Study, budget: float | None = None) -> DayCosts | None:
     """
     given = study.specification.costs
     paired = study.kind.is_paired(study)
-    if given is None:
+    if given is None or not given.is_priced:
         return None if budget is None else DayCosts(budget=budget, paired=paired)
     return DayCosts(
         given.visit,

@@ -8,6 +8,7 @@ from pydantic import Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from edtk.measure.noise import Tracker
+from edtk.robots.joint import Joint
 from edtk.study.table import Compliance, Count, NotNegative, Positive, Sigma, Table
 from edtk.system.fields import LARGEST, ZERO, Finite, Line, Vector3
 from edtk.system.typing import Array
@@ -307,8 +308,24 @@ class UncertaintyTable(Table):
     )
 
 
+# One speed for all joints of a kind, or one for each of some.
+Speed = Positive | dict[str, Positive]
+SPEED_DEG, SPEED_MM = 30.0, 100.0  # a second: arms beside which people stand
+# What of `[costs]` is about the clock, and changes no budget.
+TIMES = frozenset(
+    {
+        "speed_deg_per_s",
+        "speed_mm_per_s",
+        "dwell_s",
+        "warm_up_s",
+        "load_change_s",
+        "spread_percent",
+    }
+)
+
+
 class CostsTable(Table):
-    """Costs of visits and of load changes, in any unit, such as minutes.
+    """Costs of visits and of load changes, in any unit, such as minutes; and the time they take.
 
     A plan costs ``visits * visit + load changes * load_change``. One that visits poses under one
     load alone, or under none, needs no change; one with several loads visits all poses of a load,
@@ -332,6 +349,42 @@ class CostsTable(Table):
         None, description="What a plan may cost; decides its size where none is given [any unit]"
     )
     unit: Line = Field("", description='What the costs are counted in, for reports, such as "min"')
+    speed_deg_per_s: Speed = Field(
+        SPEED_DEG,
+        description="Speed of joints that turn, one for all or by joint, others 30 [deg/s]",
+    )
+    speed_mm_per_s: Speed = Field(
+        SPEED_MM,
+        description="Speed of joints that slide, one for all or by joint, others 100 [mm/s]",
+    )
+    dwell_s: NotNegative = Field(
+        0.0, description="Time that the arm stands in a visit, to come to rest and be measured [s]"
+    )
+    warm_up_s: NotNegative = Field(0.0, description="Time before the first visit [s]")
+    load_change_s: NotNegative = Field(0.0, description="Time of a load change [s]")
+    spread_percent: NotNegative = Field(
+        10.0,
+        description="By how much the visits of a load may take longer so that repetitions of a "
+        "pose are spread over them, against drift [%]",
+    )
+
+    def speed_of(self, joint: Joint) -> float:
+        """Speed of a joint [rad/s or m/s]."""
+        turns = joint.kind == "revolute"
+        given = self.speed_deg_per_s if turns else self.speed_mm_per_s
+        if isinstance(given, dict):
+            given = given.get(joint.name, SPEED_DEG if turns else SPEED_MM)
+        return given * (np.pi / 180 if turns else 1e-3)
+
+    @property
+    def is_timed(self) -> bool:
+        """Whether something is said of the time that a day takes."""
+        return bool(self.model_fields_set & TIMES)
+
+    @property
+    def is_priced(self) -> bool:
+        """Whether visits have costs: where only times are given, none is counted."""
+        return not self.is_timed or bool(self.model_fields_set - TIMES - {"load_changes"})
 
 
 # Numbers that each kind of marginal takes.

@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
     from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
     from edtk.calibration.prediction import Prediction
+    from edtk.calibration.timetable import Day
     from edtk.design.design_space import DesignSpace
     from edtk.design.exact.exact_plan import ExactPlan, OffGuess
     from edtk.design.relaxation.relaxed_plan import RelaxedPlan
@@ -164,8 +165,15 @@ class OfStudy(Question):
                     found = prove_on_candidates(found, seconds, call.candidates, options)
         found = self._judged(asked, found, faults)
         found = replace(found, off_guess=self._off_guess(asked, criterion, call, found))
+        found = replace(found, timetable=self.timetable(found.plan))
         files.write(lambda: found.whole.to_frame(asked.robot), lambda: self._proof(asked, found))
         return found
+
+    def timetable(self, plan: Plan) -> "Day | None":
+        """When a plan's experiments are made; None where the study says nothing of that."""
+        from edtk.calibration.timetable import day_of, has_day
+
+        return day_of(self.study, plan) if has_day(self.study) else None
 
     def _proved(self, found: "ExactPlan", gap: float, call: PlanCall) -> "ExactPlan":
         """The plan with a bound that is proved for all poses."""

@@ -32,20 +32,33 @@ def around(reach):
     ]
 
 
-def crowded(robot, margin=0.01, apart=3):
+def hanging(robot):
+    """A weight that hangs from the last joint, and one from the joint before; they do not turn."""
+    last = len(robot.chain) - 1
+    shape = Capsule(np.array([0.02, 0, -0.05]) * robot.reach, np.array([0, 0, -0.1]), 0.05)
+    places = {last: np.array([0.1, 0.05, -0.1]), last - 1: np.array([0.0, 0.1, 0.1])}
+    return [
+        Body(f"weight{joint + 1}", joint, (shape,), hangs_at=place)
+        for joint, place in places.items()
+    ]
+
+
+def crowded(robot, margin=0.01, apart=3, weights=False):
     """A cell of an arm, whose bodies so many joints apart are looked at.
 
     Args:
         robot: The arm.
         margin: The margin [m].
         apart: Number of joints between two links of a pair, at least.
+        weights: Whether weights hang from it.
     """
     bodies = [*skeleton(robot, 0.03 * robot.reach), *around(robot.reach)]
+    bodies += hanging(robot) if weights else []
     number = {body.name: body.carrier for body in bodies if body.carrier is not None}
     pairs = tuple(
         (one, other)
         for one, other in every_pair(bodies)
-        if one not in number or other not in number or number[other] - number[one] >= apart
+        if one not in number or other not in number or abs(number[other] - number[one]) >= apart
     )
     return Cell(robot, tuple(bodies), margin, pairs)
 

@@ -293,6 +293,8 @@ class ExactPlan(BoundedDesign):
         compromise: What the plan gives up for a second criterion; None where nobody asked.
         off_guess: How good the plan is where springs are others than it was designed for.
         on_candidates: What is proved about all plans on candidates; None where nobody asked.
+        timetable: When the new experiments are made, see `edtk.calibration.timetable`; None where
+            the study says neither how long things take nor what stands around the robot.
     """
 
     relaxed: RelaxedPlan
@@ -314,6 +316,7 @@ class ExactPlan(BoundedDesign):
     compromise: Compromise | None = None
     off_guess: tuple[OffGuess, ...] = ()
     on_candidates: OnCandidates | None = None
+    timetable: Any = None
 
     @classmethod
     def of(cls, relaxed: RelaxedPlan, found: FoundPlan, kept: Plan | None = None) -> "ExactPlan":
@@ -474,6 +477,7 @@ class ExactPlan(BoundedDesign):
             **({} if self.tasks is None else {"tasks": self.tasks.to_dict()}),
             **({} if self.compromise is None else {"compromise": self.compromise.to_dict()}),
             **({"off_guess": [one.to_dict() for one in self.off_guess]} if self.off_guess else {}),
+            **({} if self.timetable is None else {"timetable": self.timetable.to_dict()}),
             "plan": ([] if self.kept is None else self._rows(self.kept, kept=True))
             + self._rows(self.plan, kept=False),
             "exact": {

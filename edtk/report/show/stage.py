@@ -9,7 +9,8 @@ import numpy as np
 
 from criteria import Criterion
 from edtk.calibration.measured_poses import MeasuredPoses
-from edtk.calibration.template import visit_order, visiting_order
+from edtk.calibration.template import visit_order
+from edtk.calibration.tours import visiting_order
 from edtk.cell.shapes import Body, Box, Capsule, Cylinder, Mesh, Shape
 from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan

@@ -9,6 +9,7 @@ from edtk.measure.pose_table import in_file_units, pose_columns
 from edtk.report.shown import expected_rho0
 from edtk.report.tables import name_width, number_columns
 from edtk.report.views.calibration import error_budget
+from edtk.report.views.day import day_lines
 from edtk.report.views.plan import (
     among,
     costs_of_day,
@@ -48,6 +49,7 @@ def geometry_plan_text(found: GeometryPlan) -> str:
         *_rho0(found),
         *_loads(found, poses),
         *costs_of_day(found),
+        *([] if found.timetable is None else day_lines(found.timetable)),
         *shown_faults(found.robot, found.detections, found.separations, "the parameters"),
         search_summary(found.starts, found.seconds, found.found, found.optima),
     ]

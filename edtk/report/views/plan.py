@@ -22,6 +22,7 @@ from edtk.report.figures import panels
 from edtk.report.shown import plain
 from edtk.report.tables import notebook_table, number_columns, text_table
 from edtk.report.views.calibration import error_budget
+from edtk.report.views.day import day_lines
 from edtk.robots.robot import Robot
 from edtk.robots.workspace import on_limits_in_words
 from edtk.system.typing import Array
@@ -165,6 +166,7 @@ def exact_plan_text(found: ExactPlan) -> str:
         *_budget(found),
         *([] if found.expected is None else [str(found.expected)]),
         *costs_of_day(found),
+        *([] if found.timetable is None else day_lines(found.timetable)),
         *shown_faults(found.robot, found.detections, found.separations),
         search_summary(found.starts, found.seconds, found.found, found.optima),
     ]

@@ -1,0 +1,125 @@
+"""Days of measurements: how long they take, over which free ways, and each step with the clock."""
+
+import numpy as np
+
+from edtk.calibration.robot_program import load_in_words
+from edtk.calibration.timetable import Day, Step
+from edtk.cell.ways import Leg
+from edtk.measure.pose_table import wrench_in_file_units
+from edtk.report.tables import text_table
+from edtk.system.typing import Array
+
+MOST_NAMED = 5  # legs without a free way that are named one by one
+MINUTE, HOUR = 60, 3600  # [s]
+SEVERAL = {"warm-up": "warm-ups", "visit": "visits", "load change": "load changes"}
+
+
+def day_text(result: Day) -> str:
+    """What the day is made of, and a line for each step."""
+    return "\n".join([*day_lines(result), text_table(*day_rows(result))])
+
+
+def day_lines(day: Day) -> list[str]:
+    """How long the day takes, and whether its ways are free."""
+    parts = [f"{in_words(day.driving)} of driving"]
+    for what, several in SEVERAL.items():
+        own = [step for step in day.steps if step.what == what]
+        if own:
+            stay = own[0].end - own[0].start - own[0].driving
+            many = len(own) > 1
+            number = f"{len(own)} {several}" if many else f"a {what}"
+            parts.append(f"{number} of {in_words(stay)}{' each' if many else ''}")
+    lines = [f"the day takes {in_words(day.seconds)}: {', '.join(parts)}"]
+    return [*lines, *_ways(day)] if day.in_a_cell else lines
+
+
+def _ways(day: Day) -> list[str]:
+    """How near bodies come on the ways, and the legs without a free way."""
+    ways = [step.way for step in day.steps if step.way is not None]
+    lines = []
+    if ways:
+        by = sum(len(way.via) > 0 for way in ways)
+        all_of = "all" if not day.blocked else "other"
+        told = f"{all_of} ways are free, {by} of {len(ways)} by via poses"
+        least = min((leg for way in ways for leg in way.legs), key=lambda leg: leg.clearance)
+        bodies = " / ".join(least.pair or ())
+        told += f"; least clearance {1e3 * least.clearance:.1f} mm, {bodies}" if bodies else ""
+        lines.append(told)
+    lines += blocked_in_words(day)
+    return lines
+
+
+def blocked_in_words(day: Day) -> list[str]:
+    """A line on poses in which something touches, and one for each leg without a free way."""
+    touching = sorted({_place(step) for step in day.steps if step.touches})
+    lines = []
+    if touching:
+        lines.append(f"no way leads to where something touches: {', '.join(touching)}")
+    legs = {}
+    for before, step in zip((None, *day.steps[:-1]), day.steps, strict=True):
+        leg = step.blocked
+        if leg is None or step.touches or (before is not None and before.touches):
+            continue
+        ends = ("home" if before is None else _place(before), _place(step))
+        found = f"its direct leg {leg.verdict}" + (f", {nearest(leg)}" if leg.pair else "")
+        legs[tuple(sorted(ends))] = f"no free way was found from {ends[0]} to {ends[1]}: {found}"
+    named = list(legs.values())
+    more = len(named) - MOST_NAMED
+    lines += named[:MOST_NAMED]
+    return lines if more <= 0 else [*lines, f"and {more} more legs without a free way"]
+
+
+def _place(step: Step) -> str:
+    """Where a step is, in words."""
+    return "home" if step.row is None else f"row {step.row + 1} of the plan"
+
+
+def nearest(leg: Leg) -> str:
+    """The least clearance of a leg, and between which bodies."""
+    bodies = " / ".join(leg.pair or ())
+    return f"clearance {1e3 * leg.clearance:.1f} mm at {100 * leg.t:.0f} % of it, {bodies}"
+
+
+def day_rows(day: Day) -> tuple[list[str], list[list[str]]]:
+    """Header and rows: when each step begins, what it is, and how the arm gets there."""
+    header = ["", "step", "visit", "plan row", "load", "driving [s]"]
+    header += ["via poses", "clearance [mm]", "nearest"] if day.in_a_cell else []
+    rows = []
+    for step in day.steps:
+        row = [
+            clock(step.start),
+            step.what,
+            "" if step.visit is None else str(step.visit),
+            "" if step.row is None else str(step.row + 1),
+            load_in_words(_in_file_units(step.load)),
+            f"{step.driving:.1f}",
+        ]
+        if day.in_a_cell:
+            leg = step.nearest
+            row += [
+                "none found" if step.blocked is not None else str(step.via),
+                "" if leg is None else f"{1e3 * leg.clearance:.1f}",
+                "" if leg is None else " / ".join(leg.pair or ()),
+            ]
+        rows.append(row)
+    return header, rows
+
+
+def _in_file_units(wrench: Array) -> Array:
+    return np.asarray(wrench_in_file_units(wrench[None])[0])
+
+
+def clock(seconds: float) -> str:
+    """Such as "1:05:30"."""
+    whole = round(seconds)
+    return f"{whole // HOUR}:{whole % HOUR // MINUTE:02d}:{whole % MINUTE:02d}"
+
+
+def in_words(seconds: float) -> str:
+    """Such as "1 h 5 min", "3.2 min" or "20 s"."""
+    if seconds < 2 * MINUTE:
+        return f"{seconds:.3g} s"
+    if seconds < HOUR:
+        return f"{seconds / MINUTE:.1f} min"
+    minutes = round(seconds / MINUTE)
+    return f"{minutes // MINUTE} h {minutes % MINUTE} min"
