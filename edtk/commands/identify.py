@@ -54,7 +54,9 @@ MOST_WITH_HINT = 220
 )
 @sampling_options
 @json_option
-@click.option("--out", type=FolderPath, help="Write k.json, residuals.csv and report.html there.")
+@click.option(
+    "--out", type=FolderPath, help="Write k.json, residuals.csv, report.html and poses.html."
+)
 def command(
     study: Path,
     measurements: Path,

@@ -24,6 +24,9 @@ from edtk.report.extension import extension_section
 from edtk.report.figures import new_figure
 from edtk.report.page import QUALITY, Page, paragraph, picture, section, sentence, table, verdict
 from edtk.report.posterior_report import posterior_report
+from edtk.report.show.page import page_html
+from edtk.report.show.plate import PAGE, poses_section
+from edtk.report.show.stage import stage_of_calibration
 from edtk.report.shown import digits, left_out_sentence
 from edtk.report.views.calibration import assumed_joints
 from edtk.study.study import Study
@@ -46,7 +49,7 @@ LEAST = 1e-300  # keeps a compliance that is zero from being divided by
 SHOWN = 8  # rows of the table of residuals
 WIDTH = 4.4  # of a picture [inch]: letters can be read on a phone, and on a desk two have room
 UNITLESS = ("parameter", "std [%]")  # columns that do not have the parameters' unit
-NAMES = ("k.json", "residuals.csv", "report.html")
+NAMES = ("k.json", "residuals.csv", "report.html", PAGE)
 MANY = 10_000  # measurements from which the file of residuals is to be small:
 FEW_DIGITS = 6  # a residual is a difference, of which no reading has more digits
 DIGITS = 10
@@ -175,6 +178,7 @@ def calibration_report(found: Calibration) -> str:
             _worst(found),
         ),
         section("Which parameters depend on each other?", _correlation(found), _pairs(found)),
+        poses_section(stage_of_calibration(found)),
         *extension_section(found.extension),
     ]
     if found.check is not None:
@@ -330,7 +334,7 @@ def _pairs(found: Calibration) -> str:
 
 
 def calibration_files(calibration: Calibration, folder: Path) -> dict[Path, Content]:
-    """The contents of `k.json`, `residuals.csv` and `report.html`, by path.
+    """The contents of `k.json`, `residuals.csv`, `report.html` and `poses.html`, by path.
 
     Args:
         calibration: The result.
@@ -341,5 +345,6 @@ def calibration_files(calibration: Calibration, folder: Path) -> dict[Path, Cont
         json_text(calibration.to_dict()) + "\n",
         csv_text(calibration.residuals(), digits),
         calibration_report(calibration),
+        page_html(stage_of_calibration(calibration)),
     )
     return {folder / name: content for name, content in zip(NAMES, contents, strict=True)}

@@ -31,6 +31,9 @@ from edtk.report.draw.bars import heat_map
 from edtk.report.draw.names import room_for
 from edtk.report.draw.plans import LONGEST_LABEL, criterion_by_size, task_errors
 from edtk.report.figures import new_figure, png
+from edtk.report.show.page import page_html
+from edtk.report.show.plate import PAGE, plate, plate_words
+from edtk.report.show.stage import MEASURED, Stage, as_on_sheet, shares, stage_of
 from edtk.study.schema import describe_noise
 from edtk.study.study_model import describe_measured
 from edtk.study.study_run import StudyRun
@@ -61,6 +64,7 @@ RELAXATION = (
     "all feasible poses; it was searched by ascent from many starts, and is not proved. For O4, "
     "which is not convex, the proof is by the least corner of a polygon that holds all designs.\n"
 )
+PLATE = "poses.png"
 USUAL_LABEL = 20  # which have their place
 
 
@@ -86,6 +90,7 @@ def comparison_report(run: StudyRun, sizes: Iterable[Efficiencies]) -> str:
         by_size(run),
         *chapters.visits(),
         *chapters.tasks(),
+        *_poses(run),
         f"## What plans for other criteria cost in {main}\n",
         loss_of_others(run),
         "## Fewer distinct poses\n",
@@ -205,6 +210,28 @@ class _OfGeometry(_Chapters):
         )
 
 
+def _poses(run: StudyRun) -> list[str]:
+    """A picture of each pose of the largest plan for the main criterion."""
+    stage = best_stage(run)
+    if stage is None:
+        return []
+    size = run.best.experiments if run.best is not None else 0
+    text = (
+        f"![{plate_words(stage)}]({PLATE})\n\n{plate_words(stage)} "
+        f"[{PAGE}]({PAGE}) shows each from all sides, and bent by its load.\n"
+    )
+    return [f"## The poses of the plan of {size} experiments\n", text]
+
+
+def best_stage(run: StudyRun) -> Stage | None:
+    """The largest plan for the main criterion with what each pose brings; None without one."""
+    if run.best is None:
+        return None
+    plan = as_on_sheet(run.study, run.best)
+    shade = shares(run.designs.information, run.designs.criterion(), plan)
+    return stage_of(run.study, plan, ordered=MEASURED, shades=[shade])
+
+
 def _plain(text: str) -> str:
     """A user's words, in which no link or picture begins."""
     return text.replace("[", "\\[").replace("`", "\\`")
@@ -262,6 +289,10 @@ def comparison_files(run: StudyRun) -> dict[Path, Content]:
             files[run.folder / found.picture] = png(_heat_map(found))
     if run.accuracies:
         files[run.folder / PICTURE] = png(_task_figure(run))
+    stage = best_stage(run)
+    if stage is not None:
+        files[run.folder / PLATE] = png(plate(stage))
+        files[run.folder / PAGE] = page_html(stage)
     return files | {run.folder / "report.md": comparison_report(run, sizes)}
 
 

@@ -25,6 +25,9 @@ from edtk.report.page import (
     verdict,
 )
 from edtk.report.posterior_report import posterior_report
+from edtk.report.show.page import page_html
+from edtk.report.show.plate import poses_section
+from edtk.report.show.stage import stage_of_calibration
 from edtk.report.shown import left_out_sentence, places_of
 from edtk.study.schema import describe_noise
 from edtk.system.files import Content
@@ -136,6 +139,7 @@ def geometry_report(found: GeometricCalibration) -> str:
         section("Residuals of the markers", paragraph(_noise(found)), *_residuals(found)),
         *_parameters(found),
         section("What can be told apart?", *_rank(found)),
+        poses_section(stage_of_calibration(found)),
         *extension_section(found.extension),
         *([] if found.check is None else [posterior_report(found.check)]),
         geometry_facts(found),
@@ -316,7 +320,7 @@ def _rank(found: GeometricCalibration) -> list[str]:
 
 
 def geometry_files(found: GeometricCalibration, folder: Path) -> dict[Path, Content]:
-    """The contents of `k.json`, `residuals.csv` and `report.html`, by path.
+    """The contents of `k.json`, `residuals.csv`, `report.html` and `poses.html`, by path.
 
     Args:
         found: The result.
@@ -326,6 +330,7 @@ def geometry_files(found: GeometricCalibration, folder: Path) -> dict[Path, Cont
         json_text(found.to_dict()),
         csv_text(found.residuals()),
         geometry_report(found),
+        page_html(stage_of_calibration(found)),
     )
     files = {folder / name: content for name, content in zip(NAMES, contents, strict=True)}
     return files | extension_files(found, folder)

@@ -47,7 +47,7 @@ def render(form: str, result: Presented, *arguments: Any, **options: Any) -> Any
     """Render a result in one form, with the function of its class, or else of its nearest base.
 
     Args:
-        form: "text", "notebook" or "plot".
+        form: "text", "notebook", "plot" or "show".
         result: The result.
         arguments: Further arguments of the form, such as axes.
         options: Further arguments of the function of the class.

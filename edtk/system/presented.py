@@ -60,6 +60,22 @@ class Presented:
         """
         return _rendered("plot", self, ax, **options)
 
+    def show(self, *arguments: Any, **options: Any) -> Any:
+        """Make a page with pictures of each pose, which shows itself in a notebook.
+
+        Args:
+            arguments: What the result does not know by itself: a plan alone needs its study.
+            options: Further arguments, such as the joint variables q of a robot; see the function
+                of the class in `edtk.report.views`.
+
+        Returns:
+            The page, whose `.html` is a file's text.
+
+        Raises:
+            TypeError: Such a result has no poses.
+        """
+        return _rendered("show", self, *arguments, **options)
+
 
 def _rendered(form: str, result: Presented, *arguments: Any, **options: Any) -> Any:
     """The result in a form: "text", "notebook" or "plot"."""

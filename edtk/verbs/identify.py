@@ -42,7 +42,7 @@ def identify(
             springs across joints, laws of springs, and compensators; `.extension` of the result
             has all models with their weights. For studies of springs by displacements.
         bayes: Whether the posterior is sampled too; a `Sampling` says how.
-        out: Folder for `k.json`, `residuals.csv` and `report.html`.
+        out: Folder for `k.json`, `residuals.csv`, `report.html` and `poses.html`.
 
     Returns:
         For a study with [parameters], its geometry, base, tools and springs. Otherwise

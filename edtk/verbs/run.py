@@ -29,7 +29,7 @@ from edtk.verbs.of_studies import OfStudy
 # Names of files that a run writes; others in the folder are left alone.
 PLAN = rf"({'|'.join(KINDS)})_(.+_)?m\d+(_k\d+)?"
 WRITTEN = re.compile(
-    r"report\.md|results\.csv|comparison\.png|efficiency_m\d+\.png"
+    r"report\.md|results\.csv|comparison\.png|efficiency_m\d+\.png|poses\.(html|png)"
     rf"|plans/{PLAN}\.csv|(certificates|cases)/[^/]+\.json"
 )
 

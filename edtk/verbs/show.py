@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
     Given = PlanLike | Calibration | GeometricCalibration | Mapping[str, Any] | None
 
-OF_SHEET = "in the order of the sheet"
-
 
 def show(study: StudyLike, plan: "Given" = None, *, out: Path | str | None = None) -> "ShownPage":
     """Make a page with the poses of a plan, a sheet or a result, for a browser without a network.
@@ -69,7 +67,7 @@ def show(study: StudyLike, plan: "Given" = None, *, out: Path | str | None = Non
 
 def _stage(question: OfStudy, given: Any) -> "Stage":
     """What is shown of what is given."""
-    from edtk.report.show.stage import MEASURED, as_on_sheet, stage_of
+    from edtk.report.show.stage import MEASURED, OF_SHEET, as_on_sheet, stage_of
 
     study = question.study
     if given is None:
@@ -98,7 +96,7 @@ def _result(given: object) -> Mapping[str, Any] | None:
 def _of_result(question: OfStudy, content: Mapping[str, Any], where: Path) -> "Stage":
     """The poses of a calibration with their residuals; those of the study where it has none."""
     from edtk.calibration.measured_poses import MeasuredPoses
-    from edtk.report.show.stage import residuals, stage_of
+    from edtk.report.show.stage import OF_SHEET, residuals, stage_of
 
     study = question.study
     known = _known(study, content, where)

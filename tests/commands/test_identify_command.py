@@ -192,7 +192,7 @@ def test_bayes(measured: Path, tmp_path: Path) -> None:
     assert all(abs(row["ratio"] - 1) < 4 * row["ratio_error"] for row in rows)
     page = (tmp_path / "out/report.html").read_text()
     assert "What does the posterior say?" in page
-    assert page.count("<figure") == 8
+    assert page.count("<figure") == 9
     assert (tmp_path / "chain.h5").exists()
     assert (tmp_path / "posterior.nc").exists()
     again = edtk("identify", PAPER, measured, "--bayes", "--accuracy", 0.2, "--json")

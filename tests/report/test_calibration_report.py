@@ -214,9 +214,9 @@ def test_a_pipe_has_no_hash(tmp_path):
 
 
 def test_nothing_from_outside(good):
-    """The file names no other: no links, scripts or addresses; names are escaped."""
+    """It names no other file but the page of poses beside it: no scripts, no addresses."""
     text = good[1]
-    assert re.findall(r'(?:src|href)="(?!data:|#)', text) == []
+    assert re.findall(r'(?:src|href)="(?!data:|#|poses\.html")', text) == []
     assert "<script" not in text
     assert "://" not in re.sub(r"base64,[A-Za-z0-9+/=\s]+", "", text)
     assert "day <1>" not in text
@@ -284,5 +284,5 @@ def test_in_a_browser(tmp_path, good):
     options = SamplingOptions(Demand(0.3, length=10.0))
     sampled = calibration_report(good[0].sampled(np.random.default_rng(3), options))
     seen = in_browser((good[1], sampled), tmp_path)
-    assert seen == [f"{n} {n} true true true {width}" for n in (5, 8) for width in WIDTHS]
+    assert seen == [f"{n} {n} true true true {width}" for n in (6, 9) for width in WIDTHS]
     assert all("Good calibration." in text for text in (good[1], sampled))

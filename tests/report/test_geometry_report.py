@@ -47,7 +47,7 @@ def test_it_says_what_a_person_wants_to_know(found: GeometricCalibration, text: 
     assert len(re.findall("<td>mrad</td>", text)) > 10
     assert "Laplace&#x27;s approximation, checked by" in text
     assert "day &lt;1&gt;.csv" in text
-    assert text.count("<figure") == 6
+    assert text.count("<figure") == 7
 
 
 def test_poses_that_no_other_predicts_are_no_promise(found: GeometricCalibration) -> None:
@@ -76,7 +76,7 @@ def test_open_directions_are_in_the_report(tmp_path: Path) -> None:
 def test_in_a_browser(text: str, tmp_path: Path) -> None:
     """Verdict and pictures are shown at desk and phone width, and nothing is wider than those."""
     seen = in_browser([text], tmp_path)
-    assert seen == [f"6 6 true true true {width}" for width in WIDTHS]
+    assert seen == [f"7 7 true true true {width}" for width in WIDTHS]
 
 
 def test_files_are_written_again(tmp_path: Path) -> None:
@@ -88,7 +88,7 @@ def test_files_are_written_again(tmp_path: Path) -> None:
     words = ("identify", study, sheet, "--out", tmp_path / "out")
     assert run(*words)[0] == 0
     before = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
-    assert set(before) == {"k.json", "residuals.csv", "report.html"}
+    assert set(before) == {"k.json", "residuals.csv", "report.html", "poses.html"}
     assert run(*words)[0] == 0
     assert before == {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
 

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from kr270 import REQUIRED, TEST_POSE
 
 import edtk
 from edtk.report.show.page import page_data
+from edtk.report.show.plate import plate, plate_words
 from edtk.report.show.stage import Stage
 from edtk.study.study import Study
 
@@ -213,3 +215,19 @@ def test_thousands_of_poses_stay_small(stages: dict) -> None:
     assert "2000 poses, of 2500" in page.html
     assert len(page.html.encode()) < 5e6
     assert len(page_data(page.stage)["q"]) == 2000
+
+
+def test_a_plate_has_a_picture_of_each_pose(stages: dict) -> None:
+    """Names and numbers of all poses; of many, the first ones, and the caption says so."""
+    stage = stages["palletiser"]
+    figure = plate(stage)
+    (ax,) = figure.axes
+    assert [text.get_text().partition(":")[0] for text in ax.texts] == list(stage.names)
+    assert plate_words(stage).startswith("The 9 poses, in the order of measuring")
+    (drawn,) = ax.collections
+    assert len(drawn.get_segments()) >= 2 * 9 * len(stage.robot.chain)
+    ends = np.concatenate(drawn.get_segments())
+    assert ends[:, 0].min() >= 0
+    assert ends[:, 1].max() <= 0
+    many = replace(stage, names=stage.names * 4, q=np.tile(stage.q, (4, 1)))
+    assert plate_words(many).startswith("The first 24 of 36 poses")

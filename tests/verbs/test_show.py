@@ -168,3 +168,45 @@ def test_a_path_that_cannot_be_written_is_refused(out: str, tmp_path: Path) -> N
     assert code == 2
     assert message.count("\n") == 1
     assert plan.read_bytes() == PLAN.read_bytes()
+
+
+SCENE = {
+    "margin_mm": 10,
+    "box": [{"name": "table", "size_mm": [600, 600, 300], "position_mm": [1500, 0, 150]}],
+    "hanging": {"name": "weight", "rope_mm": 300, "radius_mm": 100, "height_mm": 200},
+}
+
+
+def test_a_cell_is_there_with_how_far_it_is_and_from_what() -> None:
+    """Bodies are those of the cell; a pose that touches is named, with the nearest two bodies."""
+    study = Study(**REQUIRED, scene=SCENE)
+    q = np.deg2rad([[0, -90, 90, 0, 0, 0], [0, -30, 110, 0, -20, 0]])
+    plan = edtk.Plan(q, np.zeros((2, 6)), np.ones(2, dtype=int))
+    page = edtk.show(study, plan)
+    assert study.cell is not None
+    (shade,) = page.stage.shades
+    order = [int(np.abs(q - pose).sum(axis=1).argmin()) for pose in page.stage.q]
+    assert shade.values == pytest.approx(1e3 * study.cell.clearance(q).least[order])
+    touching = [name for name, mm in zip(page.stage.names, shade.values, strict=True) if mm < 0]
+    assert len(touching) == 1
+    assert f"SOMETHING TOUCHES in pose {touching[0]}" in page.html
+    kinds = {part.name: part.kind for part in page.stage.parts}
+    assert (kinds["table"], kinds["weight"], kinds["forearm"]) == ("around", "load", "link")
+
+
+def test_results_show_themselves(measured: tuple[Study, pd.DataFrame]) -> None:
+    """A plan that was found, a plan of a file, a calibration and a robot have pages of their own.
+
+    What hangs on the poses of the first one is what the verb says of it.
+    """
+    study, sheet = measured
+    found = edtk.plan(study, size=3, criterion="D")
+    page = found.show()
+    assert len(page.stage.q) == len(found.whole.q)
+    (own,) = page.stage.shades
+    assert own.values.sum() == pytest.approx(100)
+    assert len(study.load_plan(PLAN).show(study).stage.q) == 12
+    assert edtk.identify(study, sheet).show().stage.shades[0].name == "residual [mm]"
+    assert len(study.robot.show().stage.q) == 1
+    with pytest.raises(TypeError, match="a Study has no poses to show"):
+        study.show()

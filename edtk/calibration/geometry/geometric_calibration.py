@@ -499,6 +499,13 @@ class GeometricCalibration(Judged):
         }
 
     @property
+    def k(self) -> dict[str, float]:
+        """The compliances that the sheet tells, by joint [rad/(N m)]."""
+        told = {one.of for one in self.fit.fitted.model.parameters if one.place == "compliance"}
+        every = zip(self.study.robot.joint_names, self.fit.fitted.compliances, strict=True)
+        return {name: float(k) for name, k in every if name in told}
+
+    @property
     def measured_poses(self) -> MeasuredPoses:
         """The poses of the sheet, with the distances of its markers from the fit."""
         data = self.fit.data

@@ -87,6 +87,10 @@
   const carrier = (frames, on) =>
     on === WORLD ? IDENTITY : on === TIP ? frames.tip : frames.bodies[on];
 
+  // What hangs keeps the axes of the world.
+  const frameOf = (part, frames) => part.hangs
+    ? shifted(apply(carrier(frames, part.on), part.hangs)) : carrier(frames, part.on);
+
   // ---- Solids: triangles with normals, in the frame of their carrier.
   function solid() {
     const points = [], normals = [];
@@ -343,18 +347,33 @@
   function shadeOf(i) {
     const { values, low, high } = shade();
     if (values[i] === null) return [...palette.arm];
+    if (shade().alarm !== null && values[i] < shade().alarm) return palette.beam;
     return ramp(high > low ? (values[i] - low) / (high - low) : 0.5);
   }
 
-  function drawArm(frames, colours) {
+  // A ghost is drawn where it differs from the arm itself.
+  function drawArm(frames, colours, but = null) {
     for (const part of parts) {
-      if (part.on !== WORLD) draw(part.drawn, carrier(frames, part.on), colours[part.kind]);
+      if (part.on === WORLD) continue;
+      const T = frameOf(part, frames), other = but && frameOf(part, but);
+      if (other && T.every((x, i) => Math.abs(x - other[i]) < 1e-3)) continue;
+      draw(part.drawn, T, colours[part.kind]);
     }
   }
   const drawBase = () => parts.filter(part => part.on === WORLD && part.kind !== "around").forEach(
     part => draw(part.drawn, IDENTITY, palette.arm));
-  const drawAround = () => parts.filter(part => part.kind === "around").forEach(
-    part => draw(part.drawn, IDENTITY, faded(palette.around, 0.72)));
+  // What stands around is of glass, too; a floor or wall hardly shows.
+  const FLAT = 0.13, SOLID = 0.72;
+  function drawAround() {
+    for (const shown of [false, true]) {
+      gl.colorMask(shown, shown, shown, shown);
+      for (const part of parts) {
+        if (part.kind !== "around") continue;
+        const flat = part.shapes.every(shape => shape.plane);
+        if (shown || !flat) draw(part.drawn, IDENTITY, faded(palette.around, flat ? FLAT : SOLID));
+      }
+    }
+  }
   function coloursOf(i, alpha = 1) {
     const arm = state.shade >= 0 ? shadeOf(i) : palette.arm;
     const accent = state.shade >= 0 ? palette.arm : palette.joint;
@@ -362,11 +381,11 @@
     return Object.fromEntries(Object.entries(chosen).map(([kind, c]) => [kind, faded(c, alpha)]));
   }
   // First its depth alone, then its colour once: an arm of glass without its inside.
-  function drawGhost(frames, colours) {
+  function drawGhost(frames, colours, but) {
     gl.colorMask(false, false, false, false);
-    drawArm(frames, colours);
+    drawArm(frames, colours, but);
     gl.colorMask(true, true, true, true);
-    drawArm(frames, colours);
+    drawArm(frames, colours, but);
   }
   const MOST_GHOSTS = 60;
   function ghosts(view) {
@@ -435,8 +454,10 @@
     drawBase();
     axes(thin);
     if (state.beams) wiresAndLoads(shown, thin);
-    if (turns) drawGhost(frames, coloursOf(pose(), 0.3));
-    if (state.ghosts) for (const one of ghosts(view)) drawGhost(one.frames, coloursOf(one.i, 0.3));
+    if (turns) drawGhost(frames, coloursOf(pose(), 0.3), shown);
+    if (state.ghosts) {
+      for (const one of ghosts(view)) drawGhost(one.frames, coloursOf(one.i, 0.3), shown);
+    }
     drawAround();
     label(view, shown);
   }
@@ -515,7 +536,10 @@
       const by = length(sub(originOf(moved.tip), originOf(frames.tip)));
       rows.push(["bent by the load", `${(1000 * by).toPrecision(3)} mm`]);
     }
-    for (const one of data.shades) rows.push([one.name, digits(one.values[i])]);
+    for (const one of data.shades) {
+      const beside = one.beside[i] ? `, ${one.beside[i]}` : "";
+      rows.push([one.name, `${digits(one.values[i])}${beside}`]);
+    }
     return rows;
   }
   function tell() {

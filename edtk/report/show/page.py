@@ -25,6 +25,7 @@ GRIDS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)  # [m]
 CELLS = 8  # of the grid, at least, across the arm
 ROOM = 1.12  # around the arm
 FEW = 30  # poses up to which their table is open at first
+NAMED = 10  # poses in a line
 HEIGHT = 760  # of the page in a notebook [px]
 KEYS = (
     ("\N{LEFTWARDS ARROW} \N{RIGHTWARDS ARROW}", "pose"),
@@ -112,9 +113,19 @@ def _subtitle(stage: Stage) -> str:
     """What is to be seen, in a line."""
     more = f", of {len(stage.q) + stage.left_out}" if stage.left_out else ""
     parts = [stage.robot.name, f"{_counted(len(stage.q))}{more}", stage.ordered]
-    if any(part.name == "foot" for part in stage.parts):
+    if any(part.kind == "joint" for part in stage.parts):
         parts.append("bodies are a sketch from joint to joint")
+    parts += [words for shade in stage.shades if (words := _alarm(stage, shade))]
     return "; ".join(filter(None, parts))
+
+
+def _alarm(stage: Stage, shade: Shade) -> str:
+    """Which poses touch something; empty where none does."""
+    if shade.alarm is None:
+        return ""
+    names = [n for n, value in zip(stage.names, shade.values, strict=True) if value < shade.alarm]
+    shown = ", ".join(names[:NAMED]) + (" and others" if len(names) > NAMED else "")
+    return f"SOMETHING TOUCHES in pose{'s' if len(names) > 1 else ''} {shown}" if names else ""
 
 
 def _json(content: dict[str, Any]) -> str:
@@ -140,8 +151,8 @@ def page_data(stage: Stage) -> dict[str, Any]:
     """All that the script draws, in SI units."""
     robot = stage.robot
     ties = robot.ties or Ties(np.eye(robot.n), np.zeros(robot.n), list(range(robot.n)))
-    middle, size = _ball(_points(stage, far=False))
-    middle_of_all, size_of_all = _ball(_points(stage, far=True))
+    middle, size = picture_ball(stage)
+    middle_of_all, size_of_all = picture_ball(stage, far=True)
     force = stage.wrench[:, :3]
     levers = stage.wrench[:, 6:] if stage.wrench.shape[1] > 6 else np.zeros((len(force), 3))
     return {
@@ -221,6 +232,8 @@ def _shade(one: Shade) -> dict[str, Any]:
         "name": one.name,
         "words": one.words,
         "values": _numbers(one.values),
+        "beside": list(one.beside),
+        "alarm": one.alarm,
         "low": _numbers(ends[0]),
         "high": _numbers(ends[1]),
     }
@@ -230,6 +243,7 @@ def _part(part: Part) -> dict[str, Any]:
     """A part of the picture; what stands still has a place for its name."""
     found: dict[str, Any] = {"name": part.name, "kind": part.kind, "on": part.carrier}
     found["shapes"] = [_shape(shape) for shape in part.shapes]
+    found["hangs"] = None if part.hangs_at is None else _numbers(part.hangs_at)
     if part.kind == "around":
         corners = np.vstack([_corners(shape) for shape in part.shapes] or [np.zeros((1, 3))])
         if len(corners):
@@ -275,13 +289,20 @@ def _corners(shape: Shape | Mesh) -> Array:
     return np.asarray(shape.vertices)
 
 
-def _points(stage: Stage, far: bool) -> Array:
-    """Points (k, 3) that the picture has to hold [m].
+def picture_ball(stage: Stage, far: bool = False) -> tuple[Array, float]:
+    """Middle (3,) and radius of a ball that holds the arm in all poses [m].
 
     Args:
         stage: What is shown.
         far: Whether what stands around the arm counts, and the tracker.
     """
+    points = _points(stage, far)
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    return middle, ROOM * max(float(np.linalg.norm(points - middle, axis=1).max()), 1e-3)
+
+
+def _points(stage: Stage, far: bool) -> Array:
+    """Points (k, 3) that the picture has to hold [m]."""
     frames = stage.frames
     own = np.concatenate([frames.origins, frames.position[None]])
     points = [np.moveaxis(own, 1, -1).reshape(-1, 3), stage.robot.base[None, :3, 3]]
@@ -293,12 +314,6 @@ def _points(stage: Stage, far: bool) -> Array:
     if far:
         points += [mark.anchor[None] for mark in stage.marks if mark.anchor is not None]
     return np.vstack(points)
-
-
-def _ball(points: Array) -> tuple[Array, float]:
-    """Middle (3,) and radius of a ball around points (k, 3)."""
-    middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    return middle, ROOM * max(float(np.linalg.norm(points - middle, axis=1).max()), 1e-3)
 
 
 def _floor(stage: Stage) -> float:

@@ -1,13 +1,15 @@
 """What is to be seen of a plan: the arm, what stands around it, poses, loads, marks and beams."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
 from criteria import Criterion
+from edtk.calibration.calibration import Calibration
+from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.measured_poses import MeasuredPoses
 from edtk.calibration.template import visit_order
 from edtk.calibration.tours import visiting_order
@@ -28,11 +30,13 @@ MOST_SHARES = 200  # poses up to which it is told what each brings: a plan witho
 LINK = (0.040, 0.018)  # radius of the first and of the last link, over the length of the chain
 DRUM = (1.25, 1.15)  # radius and half length of a joint, over the radius of its link
 TOOL = 0.6  # radius of the tool over that of the last link
+MOST_TRIANGLES = 4000  # of a body that is drawn as such: a page stays small
 SHORTEST = 1e-3  # of a link that is drawn, over the length of the chain
 FOOT = (1.9, 0.4)  # radius and height of the base, over the radius of the first link
 TIP = -2  # carrier of what is given in the tool frame; -1 is the world
 WORLD = -1
 MEASURED = "in the order of measuring"
+OF_SHEET = "in the order of the sheet"
 NO_SPRINGS = "No compliance is known: [simulation] may guess some, and a k.json has them."
 
 
@@ -45,12 +49,15 @@ class Part:
         kind: "link", "joint", "tool" or "load" of the arm, and "around" for what does not move.
         carrier: Index of the joint among all of the chain that moves it; `WORLD`, or `TIP`.
         shapes: Its shapes, in the frame of the carrier [m].
+        hangs_at: The point (3,) of the carrier from which it hangs [m]: its shapes are then given
+            from there on, in world axes. None for a part that the carrier turns.
     """
 
     name: str
     kind: str
     carrier: int
     shapes: tuple[Shape | Mesh, ...]
+    hangs_at: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,11 +83,15 @@ class Shade:
         name: What it is, with its unit: "share of information [%]".
         words: The same in a sentence.
         values: The numbers (m,); NaN where there is none.
+        beside: What is said beside each number (m,); none by default.
+        alarm: Below which something touches; None for numbers that say nothing of that.
     """
 
     name: str
     words: str
     values: Array
+    beside: tuple[str, ...] = ()
+    alarm: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +142,14 @@ class Stage:
     def shown(self) -> Array:
         """Poses (m, n) as the controller shows them [deg or mm]."""
         return in_file_units(self.robot, self.q)
+
+
+def place_of(stage: Stage, part: Part, pose: int) -> tuple[Array, Array]:
+    """Rotation (3, 3) and origin (3,) of the frame of a part's shapes in a pose [m]."""
+    rotation, origin = place(stage, part.carrier, pose)
+    if part.hangs_at is None:
+        return rotation, origin
+    return np.eye(3), origin + rotation @ part.hangs_at
 
 
 def place(stage: Stage, carrier: int, pose: int) -> tuple[Array, Array]:
@@ -240,17 +259,58 @@ def _along(axis: Array) -> Array:
     return np.stack([aside, np.cross(axis, aside), axis], axis=1)
 
 
-def parts_of(bodies: Sequence[Body], robot: Robot) -> tuple[Part, ...]:
-    """Bodies of a cell as parts; meshes, where there are any, in place of what contains them."""
-    found = []
-    for body in bodies:
-        moves = body.carrier is not None
+def parts_of(study: Study) -> tuple[Part, ...]:
+    """The bodies of a study's cell; a sketch of the arm where they have none of it."""
+    bodies = () if study.cell is None else study.cell.bodies
+    around = _names_of_scene(study)
+    parts = tuple(_part_of(body, study.robot, around) for body in bodies)
+    if not any(part.carrier != WORLD and part.kind == "link" for part in parts):
+        return (*skeleton(study.robot), *parts)
+    return parts if any(part.kind == "tool" for part in parts) else (*parts, *_thin_tool(study))
+
+
+def _names_of_scene(study: Study) -> frozenset[str]:
+    """Names of the bodies that `[scene]` adds to the robot's own."""
+    scene = study.specification.scene
+    if scene is None:
+        return frozenset()
+    tables = (scene.box, scene.cylinder, scene.capsule, scene.plane, scene.mesh)
+    return frozenset(one.name for group in tables for one in group)
+
+
+def _part_of(body: Body, robot: Robot, around: frozenset[str]) -> Part:
+    """A body as a part; triangles, where there are any, in place of what contains them."""
+    last = len(robot.chain) - 1
+    kind = "link"
+    if body.hangs_at is not None:
+        kind = "load"
+    elif body.carrier is None and body.name in around:
         kind = "around"
-        if moves:
-            kind = "link" if body.name in (*robot.body_names, "base") else "tool"
-        carrier = WORLD if body.carrier is None else body.carrier
-        found.append(Part(body.name, kind, carrier, tuple(body.meshes or body.shapes)))
-    return tuple(found)
+    elif body.name == "tool" or (body.carrier == last and body.name in around):
+        kind = "tool"
+    carrier = WORLD if body.carrier is None else body.carrier
+    small = sum(len(mesh.faces) for mesh in body.meshes) <= MOST_TRIANGLES
+    shapes = body.meshes if body.meshes and small else body.shapes
+    return Part(body.name, kind, carrier, tuple(shapes), body.hangs_at)
+
+
+def _thin_tool(study: Study) -> Iterator[Part]:
+    """The way to the tool point, where no body has it."""
+    lengths = [np.linalg.norm(joint.origin[:3, 3]) for joint in study.robot.chain]
+    length = float(sum(lengths)) or 1.0
+    return _tool(study.robot, TOOL * LINK[1] * length, SHORTEST * length)
+
+
+def clearances(study: Study, q: Array) -> Shade | None:
+    """How far the arm is from touching something in each pose; None without a `[scene]`."""
+    if study.cell is None:
+        return None
+    found = study.cell.clearance(q)
+    words = "Least distance of two bodies in each pose, less the margin; below zero they touch."
+    pairs = tuple(
+        " and ".join(names) if names else "" for names in (found.names(i) for i in range(len(q)))
+    )
+    return Shade("clearance [mm]", words, 1e3 * found.least, pairs, alarm=0.0)
 
 
 def turned(model: ElastostaticModel, q: Array, wrench: Array, k: Array) -> Array:
@@ -326,9 +386,11 @@ def stage_of(
     table = study.specification.noise
     tracker = None if table is None else table.tracker()
     k, springs = _springs(study, compliances)
+    shades = (*shades, clearances(study, plan.q[:MOST]))
     return _stage(
         study.model,
         plan,
+        parts_of(study),
         title=study.specification.title,
         tracker=None if tracker is None else tracker.position,
         k=k,
@@ -345,6 +407,7 @@ def stage_of_space(space: DesignSpace, plan: Plan, shade: Shade | None) -> Stage
     return _stage(
         space.model,
         plan,
+        skeleton(robot),
         title=f"Plan for {robot.name}",
         tracker=None if tracker is None else tracker.position,
         k=None,
@@ -388,6 +451,7 @@ def _springs(study: Study, given: Mapping[str, float] | None) -> tuple[Array | N
 def _stage(
     model: ElastostaticModel,
     plan: Plan,
+    parts: tuple[Part, ...],
     *,
     title: str,
     tracker: Array | None,
@@ -411,11 +475,39 @@ def _stage(
         marks=marks_of(model),
         tracker=tracker,
         load_point=model.load_point,
-        parts=skeleton(model.robot),
+        parts=parts,
         turns=turned(model, q, wrench, k) if loaded and k is not None else None,
         springs=springs,
         shades=tuple(
-            Shade(one.name, one.words, one.values[shown]) for one in shades if one is not None
+            replace(one, values=one.values[shown], beside=one.beside[shown])
+            for one in shades
+            if one is not None
         ),
         ordered=ordered,
     )
+
+
+def stage_of_calibration(found: Calibration | GeometricCalibration) -> Stage:
+    """The poses of a calibration, with the springs that it found and the residuals."""
+    poses = found.measured_poses
+    study = found.study
+    return stage_of(
+        study, poses.plan, ordered=OF_SHEET, compliances=found.k, shades=[residuals(poses)]
+    )
+
+
+def stage_of_robot(robot: Robot, q: Array) -> Stage:
+    """A robot in some poses (m, n), and nothing else."""
+    plan = Plan(q, np.zeros((len(q), 6)), np.ones(len(q), dtype=int))
+    found = _stage(
+        ElastostaticModel(robot),
+        plan,
+        skeleton(robot),
+        title=robot.name,
+        tracker=None,
+        k=None,
+        springs=NO_SPRINGS,
+        shades=(),
+        ordered="",
+    )
+    return replace(found, marks=())

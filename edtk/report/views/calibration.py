@@ -15,6 +15,8 @@ from edtk.report.draw.bars import intervals
 from edtk.report.draw.residuals import ResidualPanel, residuals
 from edtk.report.extension import extension_lines
 from edtk.report.figures import panels
+from edtk.report.show.page import ShownPage
+from edtk.report.show.stage import stage_of_calibration
 from edtk.report.shown import digits, displacement_in_words, left_out_line
 from edtk.report.tables import name_width, notebook_table
 
@@ -90,6 +92,11 @@ def assumed_joint(part: JointPart) -> str:
         return f"{error} by {joint.name}, {rigid}{told}"
     known = f"{joint.compliance:.2g} +- {joint.std:.1g} rad/(N m)"
     return f"{error} by {joint.name}, which counts as known: {known}{told}"
+
+
+def calibration_show(found: Calibration) -> ShownPage:
+    """The poses of the sheet, with the distances of their readings from the fit."""
+    return ShownPage(stage_of_calibration(found))
 
 
 def calibration_text(found: Calibration) -> str:

@@ -7,10 +7,17 @@ from edtk.findings.finding import notes
 from edtk.fit.geometry.fitted_geometry import root_mean_square
 from edtk.report.extension import extension_lines
 from edtk.report.geometry_report import robot_stands
+from edtk.report.show.page import ShownPage
+from edtk.report.show.stage import stage_of_calibration
 from edtk.report.shown import expected_rho0, left_out_line, places_of
 from edtk.report.tables import name_width
 
 MM = 1e3
+
+
+def geometric_calibration_show(found: GeometricCalibration) -> ShownPage:
+    """The poses of the sheet, with the distances of their readings from the fit."""
+    return ShownPage(stage_of_calibration(found))
 
 
 def geometric_calibration_text(found: GeometricCalibration) -> str:

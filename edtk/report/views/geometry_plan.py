@@ -6,6 +6,8 @@ from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.design.exact.day import PosesByLoad
 from edtk.measure.pose_table import in_file_units, pose_columns
+from edtk.report.show.page import ShownPage
+from edtk.report.show.stage import MEASURED, as_on_sheet, shares, stage_of
 from edtk.report.shown import expected_rho0
 from edtk.report.tables import name_width, number_columns
 from edtk.report.views.calibration import error_budget
@@ -24,6 +26,14 @@ from edtk.report.views.plan import (
     without_cell,
 )
 from edtk.system.typing import Array
+
+
+def geometry_plan_show(found: GeometryPlan) -> ShownPage:
+    """The visits in the order of their sheet, with the share of the information of each."""
+    study = found.question.study
+    plan = as_on_sheet(study, found.whole)
+    shade = shares(found.question.information, found.relaxed.criterion, plan)
+    return ShownPage(stage_of(study, plan, ordered=MEASURED, shades=[shade]))
 
 
 def geometry_plan_text(found: GeometryPlan) -> str:

@@ -1,6 +1,7 @@
 """Plans of a study: what they are, what they promise, and how they were found."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,12 +20,22 @@ from edtk.measure.pose_table import (
 )
 from edtk.report.draw.plans import joint_variables
 from edtk.report.figures import panels
+from edtk.report.show.page import ShownPage
+from edtk.report.show.stage import (
+    MEASURED,
+    as_on_sheet,
+    by_travel,
+    shares,
+    stage_of,
+    stage_of_space,
+)
 from edtk.report.shown import plain
 from edtk.report.tables import notebook_table, number_columns, text_table
 from edtk.report.views.calibration import error_budget
 from edtk.report.views.day import day_lines
 from edtk.robots.robot import Robot
 from edtk.robots.workspace import on_limits_in_words
+from edtk.study.study import Study
 from edtk.system.typing import Array
 
 NO_BUDGET = "no error budget: it needs [simulation], and a plan that tells all compliances"
@@ -142,6 +153,22 @@ def plan_plot(result: Plan, ax: Any = None, robot: Robot | None = None) -> Any:
     joint_variables(result, robot, ax)
     ax.set_title(plain(result.headline()), fontsize=10)
     return ax
+
+
+def plan_show(result: Plan, study: Study) -> ShownPage:
+    """The poses of a plan for a study, in the order in which its sheet has them."""
+    plan = as_on_sheet(study, result)
+    return ShownPage(stage_of(study, plan, ordered=MEASURED))
+
+
+def exact_plan_show(found: ExactPlan) -> ShownPage:
+    """The poses, all of them, with the share of the information that hangs on each."""
+    space = found.relaxed.space
+    plan = by_travel(space.model.robot, found.whole)
+    before = 0.0 if space.prior is None else plan.experiments * space.prior
+    bare = replace(space, prior=None)
+    shade = shares(lambda some: bare.information(some) + before, found.relaxed.criterion, plan)
+    return ShownPage(stage_of_space(space, plan, shade))
 
 
 def exact_plan_text(found: ExactPlan) -> str:

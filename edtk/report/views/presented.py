@@ -23,3 +23,12 @@ def presented_plot(result: Presented, ax: Any = None, **options: Any) -> NoRetur
         TypeError: Always.
     """
     raise TypeError(f"a {type(result).__name__} has no picture")
+
+
+def presented_show(result: Presented, *arguments: Any, **options: Any) -> NoReturn:
+    """Refuse: such a result has no poses.
+
+    Raises:
+        TypeError: Always.
+    """
+    raise TypeError(f"a {type(result).__name__} has no poses to show")

@@ -11,6 +11,8 @@ from edtk.measure.pose_table import pose_factors
 from edtk.report.draw.arm import COLOURS, arm
 from edtk.report.draw.names import joint_labels
 from edtk.report.figures import BLUE, GREY, ORANGE
+from edtk.report.show.page import ShownPage
+from edtk.report.show.stage import stage_of_robot
 from edtk.report.shown import plain
 from edtk.report.tables import notebook_table, text_table
 from edtk.robots.compensator import compensator_in_words
@@ -52,6 +54,18 @@ def robot_rows(result: Robot) -> tuple[list[str], list[list[str]]]:
 def robot_notebook(result: Robot) -> str:
     """The rows of the text."""
     return notebook_table(result.headline(), *robot_rows(result))
+
+
+def robot_show(robot: Robot, q: ArrayLike | None = None) -> ShownPage:
+    """The robot in some poses.
+
+    Args:
+        robot: The robot.
+        q: Joint variables (n,) or (m, n) [rad or m]; zero, or the limit that is nearest to it,
+            where they are not given.
+    """
+    given = np.clip(0.0, *robot.hard_limits) if q is None else np.asarray(q, dtype=float)
+    return ShownPage(stage_of_robot(robot, np.atleast_2d(given)))
 
 
 def robot_plot(result: Robot, ax: Any = None, q: ArrayLike | None = None) -> Any:
