@@ -1,9 +1,9 @@
 """A design problem as arrays: the information of candidate experiments. It knows no robot."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,9 @@ from edtk.system.typing import Array, Indices, Mask
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from edtk.design.nonlinear_model import Model
+    from edtk.design.of_model import Robust
 
 SYMMETRIC = 1e-9  # difference across the diagonal that is rounding
 DISTANT = 1e-24  # ratio of squares: of units that are twelve decades apart
@@ -208,6 +211,7 @@ class Problem(WeightedCandidates):
     """
 
     parameters: tuple[str, ...]
+    robust: "Robust | None" = None  # several models side by side, and what a design is for
     # Entries of arrays are what they are; where a model has computed rows, one far below the others
     # may be the rounding of a zero.
     is_exact: bool = False
@@ -269,6 +273,85 @@ class Problem(WeightedCandidates):
         from edtk.design.problems import FrameProblem  # it derives from this class
 
         return FrameProblem(frame, formula, sigma, prior, experiment)
+
+    @classmethod
+    def of_model(
+        cls,
+        f: "Model",
+        theta: Any,
+        candidates: "ArrayLike | pd.DataFrame",
+        family: str = "normal",
+        *,
+        link: str | None = None,
+        sigma: ArrayLike | Callable[..., ArrayLike] = 1.0,
+        covariance: ArrayLike | None = None,
+        gradient: Callable[..., ArrayLike] | None = None,
+        parameters: Sequence[str] | None = None,
+        variables: Sequence[str] | None = None,
+        prior: ArrayLike | None = None,
+        robust: str | None = None,
+        weights: ArrayLike | None = None,
+    ) -> "Problem":
+        """Make a problem of a nonlinear model, linearised at theta.
+
+        Derivatives by theta are exact for a formula, and for a function that runs on complex
+        numbers, as one of numpy does. Of other functions they are differences. Both are compared
+        before any work.
+
+        Args:
+            f: The model: a function f(x, theta) of all points or of one, or a formula such as
+                "Vmax * x / (Km + x)". With a link it is what statisticians call the predictor:
+                the mean is the inverse of the link at f.
+            theta: Parameters (p,), as numbers or as a mapping with their names; several (k, p)
+                with `robust`.
+            candidates: Points (n, d) or (n,), or a data frame with a column a variable.
+            family: "normal", "binomial", "Poisson" or "gamma".
+            link: Identity, log, inverse, logit, probit or cloglog; defaults to the identity for
+                normal, the logit for binomial and the log for Poisson and gamma. Where f is the
+                mean itself it is "identity".
+            sigma: Standard deviation of the noise: a number, one for each response, or a function
+                of x and theta. For other families it is a factor of the family's own deviation,
+                such as 1/sqrt(10) for the share of ten trials.
+            covariance: In its place, the covariance (k, k) of k responses.
+            gradient: Derivatives of f by theta, (n, p) or (n, k, p), if you know them.
+            parameters: Names (p,); a formula needs them unless theta is a mapping.
+            variables: Names (d,); a formula of several variables needs them.
+            prior: Prior information (p, p), see `Problem`.
+            robust: With several theta: "bayes" for the mean over them, "maximin" for the largest
+                least efficiency.
+            weights: How much each theta counts in the mean (k,); by default all count alike.
+
+        Raises:
+            ArgumentError: The model is not finite or not smooth at a point, does not depend on a
+                parameter, or an argument does not fit; one line names what.
+
+        Example:
+            >>> import numpy as np, edtk
+            >>> dose = np.linspace(0, 4, 401)
+            >>> theta = {"Vmax": 2.0, "Km": 1.0}
+            >>> enzyme = edtk.Problem.of_model("Vmax * dose / (Km + dose)", theta, dose)
+            >>> edtk.relax(enzyme, "D").to_frame().round(2)
+                 dose  weight
+            67   0.67     0.5
+            400  4.00     0.5
+        """
+        from edtk.design.of_model import problem_of_model  # it makes objects of this class
+
+        return problem_of_model(
+            f,
+            theta,
+            candidates,
+            robust,
+            weights,
+            prior,
+            variables,
+            family=family,
+            link=link,
+            sigma=sigma,
+            covariance=covariance,
+            gradient=gradient,
+            parameters=parameters,
+        )
 
     @classmethod
     def of_information(

@@ -85,15 +85,48 @@ PARENTHESES = re.compile(r"\([^()]*\)")
 POWER = re.compile(r"\b[^\W\d]\w*\s*(\*\*|\^)\s*\d+")
 
 
-class FrameProblem(Problem):
-    """A `Problem` whose candidates are the rows of a data frame, see `Problem.from_frame`.
+class DescribedProblem(Problem):
+    """A `Problem` whose candidates are the rows of a data frame.
+
+    Attributes:
+        frame: The data frame.
+    """
+
+    frame: "pd.DataFrame"
+
+    def __init__(
+        self,
+        blocks: ArrayLike,
+        parameters: tuple[str, ...],
+        prior: ArrayLike | None,
+        frame: "pd.DataFrame",
+        sigma: ArrayLike = 1.0,
+    ) -> None:
+        super().__init__(blocks, sigma, parameters, prior)
+        self.frame = frame
+
+    def to_frame(self, design: ArrayLike, name: str = "weight") -> "pd.DataFrame":
+        """The rows of a design, with a column for their weights or numbers of repetitions.
+
+        Args:
+            design: Weights or counts of the candidates (n,).
+            name: What the column is called; where the frame has such a column, an underscore is
+                added.
+        """
+        found = np.asarray(design)
+        while name in self.frame.columns:
+            name += "_"
+        return self.frame.assign(**{name: found})[found > 0]
+
+
+class FrameProblem(DescribedProblem):
+    """A problem of a data frame and a formula of its columns, see `Problem.from_frame`.
 
     Attributes:
         frame: A copy of the data frame, or of its first row of each experiment.
         formula: The formula, as it was given.
     """
 
-    frame: "pd.DataFrame"
     formula: str
 
     def __init__(
@@ -109,11 +142,11 @@ class FrameProblem(Problem):
         rows = _numbers(matrix)
         if experiment is None:
             blocks = rows[:, None, :]
-            self.frame = frame.copy()
+            told = frame.copy()
         else:
             blocks, firsts = _stacked(rows, frame, experiment)
-            self.frame = frame.iloc[firsts].copy()
-        super().__init__(blocks, sigma, tuple(map(str, matrix.columns)), prior)
+            told = frame.iloc[firsts].copy()
+        super().__init__(blocks, tuple(map(str, matrix.columns)), prior, told, sigma)
         self.formula = formula
         self._spec = matrix.model_spec
 
@@ -130,19 +163,6 @@ class FrameProblem(Problem):
         """
         _require_frame(frame)
         return _numbers(_by_formulaic(self._spec.get_model_matrix, frame))
-
-    def to_frame(self, design: ArrayLike, name: str = "weight") -> "pd.DataFrame":
-        """The rows of a design, with a column for their weights or numbers of repetitions.
-
-        Args:
-            design: Weights or counts of the candidates (n,).
-            name: What the column is called; where the frame has such a column, an underscore is
-                added.
-        """
-        found = np.asarray(design)
-        while name in self.frame.columns:
-            name += "_"
-        return self.frame.assign(**{name: found})[found > 0]
 
 
 def _require_frame(frame: object) -> None:

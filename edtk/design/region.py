@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +16,9 @@ from edtk.design.problem import Problem, as_names, variable_names
 from edtk.system.errors import ArgumentError, whole_number
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Mask
+
+if TYPE_CHECKING:
+    from edtk.design.of_model import Robust
 
 FEASIBLE = 1e-10  # by which rounding may carry a point over a constraint, in the constraint's units
 # Points at which a model is tried before any work: parts of the range of each variable.
@@ -311,6 +315,7 @@ class Region(Presented):
     parameters: tuple[str, ...]
     variables: tuple[str, ...]
     known: Known | None
+    robust: "Robust | None" = None  # several models side by side, and what a design is for
 
     def __init__(
         self,
@@ -354,6 +359,72 @@ class Region(Presented):
         if degree is not None:
             _ = self._row_polynomials, self._slack_polynomials  # it is refused here and now
         self._variable_first = gradient is not None and self._is_variable_first()
+
+    @classmethod
+    def of_model(
+        cls,
+        f: "str | Callable[..., ArrayLike]",
+        theta: Any,
+        box: Any,
+        family: str = "normal",
+        *,
+        link: str | None = None,
+        sigma: ArrayLike | Callable[..., ArrayLike] = 1.0,
+        covariance: ArrayLike | None = None,
+        gradient: Callable[..., ArrayLike] | None = None,
+        parameters: Sequence[str] | None = None,
+        variables: Sequence[str] | None = None,
+        prior: ArrayLike | None = None,
+        robust: str | None = None,
+        weights: ArrayLike | None = None,
+        constraints: Model | Sequence[Model] = (),
+    ) -> "Region":
+        """Make a region of a nonlinear model, linearised at theta.
+
+        Args:
+            f: See `Problem.of_model`.
+            theta: See `Problem.of_model`.
+            box: (low, high) of one variable, or a pair for each of them; or a mapping with names.
+            family: See `Problem.of_model`.
+            link: See `Problem.of_model`.
+            sigma: See `Problem.of_model`.
+            covariance: See `Problem.of_model`.
+            gradient: See `Problem.of_model`.
+            parameters: See `Problem.of_model`.
+            variables: See `Problem.of_model`.
+            prior: See `Problem.of_model`.
+            robust: See `Problem.of_model`.
+            weights: See `Problem.of_model`.
+            constraints: See `Region`.
+
+        Raises:
+            ArgumentError: See `Problem.of_model`.
+
+        Example:
+            >>> import edtk
+            >>> theta = {"a": 0.0, "b": 1.0}
+            >>> answers = edtk.Region.of_model("a + b * dose", theta, (-10, 10), family="binomial")
+            >>> edtk.relax(answers, "D").points.round(4).tolist()
+            [[-1.5434], [1.5434]]
+        """
+        from edtk.design.of_model import region_of_model  # it makes objects of this class
+
+        return region_of_model(
+            f,
+            theta,
+            box,
+            robust,
+            weights,
+            prior,
+            variables,
+            constraints,
+            family=family,
+            link=link,
+            sigma=sigma,
+            covariance=covariance,
+            gradient=gradient,
+            parameters=parameters,
+        )
 
     def headline(self) -> str:
         """Variables with their bounds, constraints and parameters."""

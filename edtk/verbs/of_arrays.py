@@ -17,9 +17,10 @@ from edtk.design.relaxation.relaxed_region import RelaxedRegion
 from edtk.design.relaxation.search_region import POINTS
 from edtk.system.errors import ArgumentError, UserError, whole_number
 from edtk.system.parsing import json_text
-from edtk.verbs.inputs import TableAndCertificate, given_size, proved_gap
+from edtk.verbs.inputs import CriterionLike, TableAndCertificate, given_size, proved_gap
 from edtk.verbs.plan_problem import plan_problem, plan_region
 from edtk.verbs.question import OF_PROBLEMS, PlanCall, Question, RelaxCall
+from edtk.verbs.robust import criterion_of
 from edtk.verbs.verify import MOST_MB
 
 
@@ -46,7 +47,7 @@ class OfProblem(Question):
         found = plan_problem(
             self.problem,
             call.size,
-            "D" if call.criterion is None else call.criterion,
+            self._criterion(call.criterion),
             call.seed or 0,
             keep=call.keep,
             progress=call.progress,
@@ -57,8 +58,7 @@ class OfProblem(Question):
 
     def relax(self, call: RelaxCall) -> Relaxation:
         """Weights of the candidates; see `edtk.relax`."""
-        asked = "D" if call.criterion is None else call.criterion
-        criterion = criteria.as_criterion(asked, self.problem.parameters)
+        criterion = self._criterion(call.criterion)
         files = TableAndCertificate(call.out, call.certificate)
         files.require()
         found = relax(self.problem, criterion.for_size(_number(call.size)))
@@ -67,6 +67,10 @@ class OfProblem(Question):
             lambda: found.to_frame().reset_index(), lambda: json_text(found.to_dict()) + "\n"
         )
         return found
+
+    def _criterion(self, asked: CriterionLike | None) -> criteria.Criterion:
+        """The criterion, D where none is given."""
+        return criterion_of("D" if asked is None else asked, self.problem, _best)
 
 
 @dataclass(frozen=True)
@@ -87,7 +91,7 @@ class OfRegion(Question):
         found = plan_region(
             self.region,
             given_size(call.size),
-            "D" if call.criterion is None else call.criterion,
+            self._criterion(call.criterion),
             call.seed or 0,
             call.starts,
             call.keep,
@@ -99,8 +103,7 @@ class OfRegion(Question):
 
     def relax(self, call: RelaxCall) -> RelaxedRegion:
         """Points with their weights; see `edtk.relax`."""
-        asked = "D" if call.criterion is None else call.criterion
-        criterion = criteria.as_criterion(asked, self.region.parameters)
+        criterion = self._criterion(call.criterion)
         files = TableAndCertificate(call.out, call.certificate)
         files.require()
         given = call.candidates
@@ -113,6 +116,17 @@ class OfRegion(Question):
             found = prove_region(self.region, of_one, eps, points, call.progress)
         files.write(found.to_frame, lambda: json_text(region_certificate(found)) + "\n")
         return found
+
+    def _criterion(self, asked: CriterionLike | None) -> criteria.Criterion:
+        """The criterion, D where none is given."""
+        return criterion_of("D" if asked is None else asked, self.region, _best)
+
+
+def _best(model: Problem | Region, criterion: criteria.Criterion) -> float:
+    """The best value that a criterion can have for one model alone."""
+    if isinstance(model, Problem):
+        return relax(model, criterion).value
+    return relax_region(model, criterion, POINTS).value
 
 
 def _certificate(found: ProblemPlan) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from criteria import Relaxable
 from edtk.design.bound import VISIBLE, RelaxedDesign
 from edtk.design.problem import Problem
-from edtk.design.problems import FrameProblem
+from edtk.design.problems import DescribedProblem
 from edtk.design.relaxation.proof import InnerProof, normalised
 from edtk.system.typing import Array, Indices
 
@@ -62,7 +62,7 @@ class Relaxation(RelaxedDesign):
         """
         import pandas as pd
 
-        if isinstance(self.problem, FrameProblem):
+        if isinstance(self.problem, DescribedProblem):
             return self.problem.to_frame(self.weights)
         index = pd.Index(self.support, name="candidate")
         return pd.DataFrame({"weight": self.weights[self.support]}, index=index)

@@ -8,7 +8,7 @@ import numpy as np
 from criteria import Criterion
 from edtk.design.bound import VISIBLE, Bound, BoundedDesign, BoundKind
 from edtk.design.problem import Problem
-from edtk.design.problems import FrameProblem
+from edtk.design.problems import DescribedProblem
 from edtk.system.typing import Indices
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ class ProblemPlan(BoundedDesign):
         """
         import pandas as pd
 
-        if isinstance(self.problem, FrameProblem):
+        if isinstance(self.problem, DescribedProblem):
             frame = self.problem.to_frame(self.counts, "count")
         else:
             index = pd.Index(self.support, name="candidate")

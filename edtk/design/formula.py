@@ -1,0 +1,233 @@
+"""A model as a text, such as "Vmax * x / (Km + x)": a small grammar that runs no code."""
+
+import ast
+import re
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from edtk.system.errors import ArgumentError
+from edtk.system.typing import Array
+
+MOST_CHARACTERS = 2000
+CONSTANTS = {"pi": np.pi}
+# Functions of numpy with their derivatives, from the argument u and the value f(u).
+DERIVATIVES: dict[str, Callable[[Any, Any], Any]] = {
+    "exp": lambda u, f: f,
+    "expm1": lambda u, f: f + 1,
+    "log": lambda u, f: 1 / u,
+    "log1p": lambda u, f: 1 / (1 + u),
+    "log2": lambda u, f: 1 / (np.log(2.0) * u),
+    "log10": lambda u, f: 1 / (np.log(10.0) * u),
+    "sqrt": lambda u, f: 0.5 / f,
+    "sin": lambda u, f: np.cos(u),
+    "cos": lambda u, f: -np.sin(u),
+    "tan": lambda u, f: 1 + f**2,
+    "sinh": lambda u, f: np.cosh(u),
+    "cosh": lambda u, f: np.sinh(u),
+    "tanh": lambda u, f: 1 - f**2,
+    "arcsin": lambda u, f: 1 / np.sqrt(1 - u**2),
+    "arccos": lambda u, f: -1 / np.sqrt(1 - u**2),
+    "arctan": lambda u, f: 1 / (1 + u**2),
+}
+SIGNS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow, ast.UAdd, ast.USub)
+
+
+@dataclass(frozen=True, eq=False)
+class Formula:
+    """A model of variables x and parameters theta.
+
+    Attributes:
+        text: As it was given.
+        variables: Names (d,) of the variables.
+        parameters: Names (p,) of the parameters.
+    """
+
+    text: str
+    variables: tuple[str, ...]
+    parameters: tuple[str, ...]
+
+    @classmethod
+    def of(
+        cls, text: str, parameters: Sequence[str], variables: Sequence[str] | None = None
+    ) -> "Formula":
+        """Read a formula.
+
+        Powers are ``**`` or ``^``. Functions are those of numpy: exp, log, sqrt, sin and so on.
+
+        Args:
+            text: The formula.
+            parameters: Names of the parameters, in the order of theta.
+            variables: Names of the variables, in the order of the columns of the points. They are
+                needed only where there are several: all other names are variables.
+
+        Raises:
+            ArgumentError: The text is no such formula, or a name is missing or unknown.
+        """
+        found = sorted(_names(_tree(text)))
+        unused = [name for name in parameters if name not in found]
+        if unused:
+            message = f"{text!r} has no parameter {unused[0]!r}"
+            raise ArgumentError(message, argument="parameters")
+        others = [name for name in found if name not in parameters and name not in CONSTANTS]
+        if variables is None:
+            if len(others) > 1:
+                message = f"expected the order of {', '.join(others)}, or a parameter among them"
+                raise ArgumentError(message, argument="variables")
+            return cls(text, tuple(others), tuple(parameters))
+        unknown = [name for name in others if name not in variables]
+        if unknown:
+            message = f"{text!r} has {unknown[0]!r}; expected {', '.join(parameters)}"
+            raise ArgumentError(f"{message} and {', '.join(variables)}", argument="f")
+        return cls(text, tuple(variables), tuple(parameters))
+
+    def __call__(self, x: Array, theta: Array) -> Array:
+        """Values (n,) at points x (n, d) for parameters theta (p,)."""
+        return np.broadcast_to(self._followed(x, theta).value, x.shape[:1])
+
+    def gradient(self, x: Array, theta: Array) -> list[Any]:
+        """Derivatives by each parameter, (n,) each, at points x (n, d).
+
+        They are exact: those of sums, products, powers and functions are put together as the
+        formula is. Points may be whatever has arithmetic, such as polynomials or intervals.
+        """
+        slopes = self._followed(x, theta).slopes
+        zero = 0.0 * x[:, 0]
+        return [zero + slopes[name] if name in slopes else zero for name in self.parameters]
+
+    def _followed(self, x: Array, theta: Array) -> "_Dual":
+        """The value with its derivatives by the parameters."""
+        known = {name: _Dual(value, {}) for name, value in CONSTANTS.items()}
+        known |= {name: _Dual(x[:, i], {}) for i, name in enumerate(self.variables)}
+        known |= {
+            name: _Dual(value, {name: 1.0})
+            for name, value in zip(self.parameters, theta, strict=True)
+        }
+        return _evaluated(_tree(self.text), known)
+
+
+@dataclass(frozen=True, eq=False)
+class _Dual:
+    """A value, and its derivatives by those parameters on which it depends."""
+
+    value: Any
+    slopes: Mapping[str, Any]
+
+    def scaled(self, factor: Any) -> dict[str, Any]:
+        """The derivatives times a factor."""
+        return {name: factor * slope for name, slope in self.slopes.items()}
+
+
+def _sum(first: dict[str, Any], second: dict[str, Any]) -> dict[str, Any]:
+    """The sum of two sets of derivatives."""
+    both = {name: first[name] + second[name] for name in first if name in second}
+    return {**first, **second, **both}
+
+
+@lru_cache(maxsize=64)
+def _tree(text: str) -> ast.AST:
+    """The syntax tree of a formula.
+
+    Raises:
+        ArgumentError: The text is no formula of this grammar.
+    """
+    shown = text if len(text) <= 60 else f"{text[:57]}..."
+    if len(text) > MOST_CHARACTERS:
+        message = f"{shown!r} is longer than {MOST_CHARACTERS} characters"
+        raise ArgumentError(message, argument="f")
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            tree = ast.parse(re.sub(r"\^", "**", text).strip(), mode="eval").body
+        _check(tree)
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        words = error.msg if isinstance(error, SyntaxError) else str(error)
+        message = f"{shown!r} is no formula: {words}"
+        raise ArgumentError(message, argument="f") from error
+    return tree
+
+
+def _check(node: ast.AST) -> None:
+    """Refuse whatever is not of the grammar.
+
+    Raises:
+        ValueError: A part of the tree is not.
+    """
+    match node:
+        case ast.Constant(value=int() | float()) | ast.Name():
+            return
+        case ast.UnaryOp(op=sign, operand=given) if isinstance(sign, SIGNS):
+            _check(given)
+        case ast.BinOp(left=left, op=sign, right=right) if isinstance(sign, SIGNS):
+            _check(left)
+            _check(right)
+        case ast.Call(func=ast.Name(id=name), args=[given], keywords=[]):
+            if name not in DERIVATIVES:
+                raise ValueError(
+                    f"there is no function {name!r}; expected {', '.join(DERIVATIVES)}"
+                )
+            _check(given)
+        case _:
+            part = ast.unparse(node)[:40] if isinstance(node, ast.expr) else "a part"
+            raise ValueError(f"expected numbers, names, + - * / ** and functions, not {part!r}")
+
+
+def _names(node: ast.AST) -> set[str]:
+    """Names of variables and parameters in a tree."""
+    called = {id(part.func) for part in ast.walk(node) if isinstance(part, ast.Call)}
+    return {
+        part.id for part in ast.walk(node) if isinstance(part, ast.Name) and id(part) not in called
+    }
+
+
+def _evaluated(node: ast.AST, known: Mapping[str, _Dual]) -> _Dual:
+    """The value of a checked tree with its derivatives."""
+    match node:
+        case ast.Constant(value=int() | float() as number):
+            return _Dual(float(number), {})
+        case ast.Name(id=name):
+            return known[name]
+        case ast.UnaryOp(op=ast.USub(), operand=given):
+            u = _evaluated(given, known)
+            return _Dual(-u.value, u.scaled(-1.0))
+        case ast.UnaryOp(operand=given):
+            return _evaluated(given, known)
+        case ast.BinOp(left=left, op=ast.Pow(), right=right):
+            return _power(_evaluated(left, known), right, known)
+        case ast.BinOp(left=left, op=sign, right=right):
+            return _combined(_evaluated(left, known), sign, _evaluated(right, known))
+        case ast.Call(func=ast.Name(id=name), args=[given]):
+            u = _evaluated(given, known)
+            f = getattr(np, name)(u.value)
+            return _Dual(f, u.scaled(DERIVATIVES[name](u.value, f)) if u.slopes else {})
+    raise AssertionError("the tree was checked")
+
+
+def _combined(u: _Dual, sign: ast.AST, v: _Dual) -> _Dual:
+    """The sum, difference, product or quotient of two."""
+    match sign:
+        case ast.Add():
+            return _Dual(u.value + v.value, _sum(u.scaled(1.0), v.scaled(1.0)))
+        case ast.Sub():
+            return _Dual(u.value - v.value, _sum(u.scaled(1.0), v.scaled(-1.0)))
+        case ast.Mult():
+            return _Dual(u.value * v.value, _sum(u.scaled(v.value), v.scaled(u.value)))
+    quotient = u.value / v.value
+    return _Dual(quotient, _sum(u.scaled(1 / v.value), v.scaled(-quotient / v.value)))
+
+
+def _power(u: _Dual, exponent: ast.AST, known: Mapping[str, _Dual]) -> _Dual:
+    """``u^v``; the logarithm of u is taken only where v depends on parameters."""
+    v = _evaluated(exponent, known)
+    if not v.slopes:
+        power = v.value
+        if isinstance(power, float) and power.is_integer():
+            power = int(power)
+        slopes = u.scaled(v.value * u.value ** (power - 1)) if u.slopes else {}
+        return _Dual(u.value**power, slopes)
+    value = u.value**v.value
+    slopes = u.scaled(v.value * u.value ** (v.value - 1)) if u.slopes else {}
+    return _Dual(value, _sum(slopes, v.scaled(value * np.log(u.value))))

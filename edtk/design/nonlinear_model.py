@@ -1,0 +1,253 @@
+"""A nonlinear model of experiments, linearised at parameters: its rows, by exact derivatives."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from edtk.design.families import Response
+from edtk.design.formula import Formula
+from edtk.design.user_model import Slopes, as_called, slopes_of
+from edtk.system.errors import ArgumentError
+from edtk.system.typing import Array
+
+Model = str | Callable[..., ArrayLike]
+
+MOST_TRIED = 256  # points at which derivatives are compared with differences
+
+
+@dataclass(frozen=True, eq=False)
+class NonlinearModel:
+    """Responses ``y = mu(f(x, theta)) + noise`` of a family, at one theta.
+
+    The rows of an experiment are the root of its Fisher information about theta,
+    ``mu'/sqrt(V(mu)) df/dtheta / sigma``, one for each response. Where sigma depends on theta, as
+    ``sigma(x, theta)`` of a normal response, its own rows ``sqrt(2) d log sigma / dtheta`` are
+    information, too (for example Atkinson and Cook, JASA 90, 1995).
+
+    Attributes:
+        predicted: Points (n, d) and theta (p,) to predictors (n, k).
+        slope: The same to derivatives (n, k, p).
+        theta: The parameters (p,).
+        response: Family and link.
+        whitener: Inverse (k, k) of a root of the covariance of the responses.
+        deviation: Points and theta to log sigma (n, k), with its derivatives; or None.
+        parameters: Names (p,).
+        variables: Names (d,).
+    """
+
+    predicted: Callable[[Array, Array], Any]
+    slope: Callable[[Array, Array], Any]
+    theta: Array
+    response: Response
+    whitener: Array
+    deviation: Slopes | None
+    parameters: tuple[str, ...]
+    variables: tuple[str, ...]
+
+    def rows(self, x: Any) -> Any:
+        """Whitened rows (n, rows, p) at points x (n, d)."""
+        J = self.slope(x, self.theta)
+        if not self.response.is_plain:
+            eta = self.predicted(x, self.theta)
+            with np.errstate(invalid="ignore"):  # means that a family cannot have are told below
+                J = J * self.response.root_weights(eta)[..., None]
+        if self.deviation is None:
+            return J if self._is_unit else np.einsum("jk,nkp->njp", self.whitener, J)
+        own = np.exp(self.deviation.value(x, self.theta))
+        of_noise = np.sqrt(2.0) * self.deviation.slope(x, self.theta)
+        parts = [J / own[..., None]]
+        return np.concatenate([*parts, of_noise] if of_noise.any() else parts, axis=1)
+
+    @property
+    def _is_unit(self) -> bool:
+        return bool(np.array_equal(self.whitener, np.eye(len(self.whitener))))
+
+    def require_told(self, x: Array) -> None:
+        """Check the rows at points (n, d).
+
+        Raises:
+            ArgumentError: One is not finite, or a parameter has no effect anywhere.
+        """
+        rows = self.rows(x)
+        lost = np.argwhere(~np.isfinite(rows))
+        if len(lost):
+            i, _, j = lost[0]
+            values = self.predicted(x[i : i + 1], self.theta)
+            if (
+                np.isfinite(values).all()
+                and np.isfinite(self.slope(x[i : i + 1], self.theta)).all()
+            ):
+                family = self.response.family
+                message = f"{family.name} means are {family.range}, and not at {self.point(x[i])}"
+            elif np.isfinite(values).all():
+                name = self.parameters[j]
+                message = f"the derivative by {name!r} is not finite at {self.point(x[i])}"
+            else:
+                message = f"the value is not finite at {self.point(x[i])}"
+            raise ArgumentError(message, argument="f")
+        silent = np.flatnonzero(~rows.any(axis=(0, 1)))
+        if len(silent):
+            message = f"the model does not depend on {self.parameters[silent[0]]!r} at any point"
+            raise ArgumentError(message, argument="f")
+
+    def point(self, x: Array) -> str:
+        """A point (d,) in words."""
+        return ", ".join(f"{n} = {v:.6g}" for n, v in zip(self.variables, x, strict=True))
+
+
+def nonlinear_model(
+    f: Model,
+    theta: ArrayLike | Mapping[str, float],
+    trial: Array,
+    family: str = "normal",
+    link: str | None = None,
+    sigma: ArrayLike | Callable[..., ArrayLike] = 1.0,
+    covariance: ArrayLike | None = None,
+    gradient: Callable[..., ArrayLike] | None = None,
+    parameters: Sequence[str] | None = None,
+    variables: Sequence[str] | None = None,
+) -> NonlinearModel:
+    """Make a model of a function or a formula, and try it.
+
+    Args:
+        f: See `Problem.of_model`.
+        theta: Parameters (p,).
+        trial: Points (n, d) at which it is tried.
+        family: See `Problem.of_model`.
+        link: See `Problem.of_model`.
+        sigma: See `Problem.of_model`.
+        covariance: See `Problem.of_model`.
+        gradient: See `Problem.of_model`.
+        parameters: Names (p,).
+        variables: Names (d,).
+
+    Raises:
+        ArgumentError: An argument does not fit, or the model is not as described; one line.
+    """
+    names, at = _named_theta(theta, parameters)
+    response = Response.of(family, link)
+    spread = trial[np.linspace(0, len(trial) - 1, min(len(trial), MOST_TRIED)).astype(int)]
+    if isinstance(f, str):
+        formula = Formula.of(f, names, variables)
+        _require_columns(formula.variables, trial.shape[1])
+        variables = formula.variables or variables
+        told = Slopes(
+            lambda x, t: formula(x, t)[:, None],
+            lambda x, t: np.stack(formula.gradient(x, t), axis=-1)[:, None, :],
+        )
+    variables = _default_names(variables, trial.shape[1])
+    if not isinstance(f, str):
+        told = slopes_of(f, gradient, at, spread, "f", names, variables)
+    elif gradient is not None:
+        raise ArgumentError("a formula has its own", argument="gradient")
+    k = told.value(spread[:1], at).shape[1]
+    deviation = None
+    if callable(sigma):
+        if family.lower() != "normal" or covariance is not None:
+            message = "a function is for normal responses without a covariance"
+            raise ArgumentError(message, argument="sigma")
+        deviation = _log_deviation(sigma, at, spread, names, variables)
+    whitener = np.eye(k) if deviation is not None else _whitener(sigma, covariance, k)
+    model = NonlinearModel(
+        told.value, told.slope, at, response, whitener, deviation, names, tuple(variables)
+    )
+    model.require_told(trial)
+    return model
+
+
+def _named_theta(
+    theta: ArrayLike | Mapping[str, float], parameters: Sequence[str] | None
+) -> tuple[tuple[str, ...], Array]:
+    """Names (p,) and values (p,) of the parameters.
+
+    Raises:
+        ArgumentError: They are not numbers, or not as many as names.
+    """
+    if isinstance(theta, Mapping):
+        parameters = tuple(theta) if parameters is None else parameters
+        theta = [theta[name] for name in theta]
+    try:
+        at = np.atleast_1d(np.asarray(theta, dtype=float))
+    except (TypeError, ValueError) as error:
+        raise ArgumentError("expected a number for each parameter", argument="theta") from error
+    if at.ndim != 1 or not at.size or not np.isfinite(at).all():
+        raise ArgumentError("expected a finite number for each parameter", argument="theta")
+    names = tuple(parameters) if parameters else tuple(f"k{i + 1}" for i in range(len(at)))
+    if len(names) != len(at) or len(set(names)) != len(names):
+        message = f"{', '.join(names)}; expected {len(at)} different names, as many as in theta"
+        raise ArgumentError(message, argument="parameters")
+    return names, at
+
+
+def _default_names(given: Sequence[str] | None, d: int) -> tuple[str, ...]:
+    from edtk.design.problem import variable_names
+
+    return variable_names(given, d)
+
+
+def _require_columns(variables: Sequence[str], d: int) -> None:
+    """Check that points have a column for each variable of a formula.
+
+    Raises:
+        ArgumentError: They have not.
+    """
+    if len(variables) != d and variables:
+        message = f"points have {d} columns; expected {len(variables)}: {', '.join(variables)}"
+        raise ArgumentError(message, argument="candidates")
+
+
+def _whitener(sigma: Any, covariance: ArrayLike | None, k: int) -> Array:
+    """The inverse (k, k) of a root of the covariance of k responses.
+
+    Raises:
+        ArgumentError: A number is not positive, or there are not as many as responses.
+    """
+    if covariance is None:
+        try:
+            given = np.asarray(sigma, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise ArgumentError("expected numbers or a function", argument="sigma") from error
+        if given.shape not in ((), (k,)) or not (np.isfinite(given) & (given > 0)).all():
+            message = f"expected a positive number, or one for each of {k} responses"
+            raise ArgumentError(message, argument="sigma")
+        return np.diag(np.broadcast_to(1 / given, k))
+    C = np.asarray(covariance, dtype=float)
+    if C.shape != (k, k) or not np.allclose(C, C.T, rtol=1e-12, atol=0.0):
+        message = f"expected a symmetric matrix of {k} responses, not of shape {C.shape}"
+        raise ArgumentError(message, argument="covariance")
+    try:
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(C)))
+    except np.linalg.LinAlgError as error:
+        raise ArgumentError("is not positive definite", argument="covariance") from error
+
+
+def _log_deviation(
+    sigma: Callable[..., ArrayLike],
+    theta: Array,
+    x: Array,
+    names: Sequence[str],
+    variables: Sequence[str],
+) -> Slopes:
+    """The logarithm of a user's sigma(x, theta) with its derivatives.
+
+    Raises:
+        ArgumentError: It is not positive, or has no derivative.
+    """
+    value = as_called(sigma, theta, x, "sigma")
+    values = value(x, theta)
+    if not (np.isfinite(values) & (np.real(values) > 0)).all():
+        i = int(np.flatnonzero(~(np.isfinite(values) & (np.real(values) > 0)).all(axis=1))[0])
+        point = ", ".join(f"{n} = {v:.6g}" for n, v in zip(variables, x[i], strict=True))
+        raise ArgumentError(f"is not positive at {point}", argument="sigma")
+    return slopes_of(
+        lambda points, t: np.log(value(np.reshape(points, (-1, x.shape[1])), t)),
+        None,
+        theta,
+        x,
+        "sigma",
+        names,
+        variables,
+    )

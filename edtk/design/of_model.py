@@ -1,0 +1,213 @@
+"""Problems and regions of nonlinear models: at one theta, or at several of them at once."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import qmc
+
+from edtk.design.nonlinear_model import Model, NonlinearModel, nonlinear_model
+from edtk.design.problem import Problem
+from edtk.design.problems import DescribedProblem, several_models
+from edtk.design.region import Region
+from edtk.system.errors import ArgumentError
+from edtk.system.typing import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+ROBUST = ("bayes", "maximin")
+TRIED = 128  # points of a box at which a model is tried
+
+
+@dataclass(frozen=True, eq=False)
+class Robust:
+    """Several models, of which one design is to be good for each.
+
+    Attributes:
+        kind: "bayes", the mean over the models, or "maximin", the worst of them.
+        models: Each alone.
+        weights: How much each counts in the mean (k,), of sum one.
+    """
+
+    kind: str
+    models: tuple[Problem | Region, ...]
+    weights: Array
+
+
+def problem_of_model(
+    f: Model,
+    theta: Any,
+    candidates: "ArrayLike | pd.DataFrame",
+    robust: str | None,
+    weights: ArrayLike | None,
+    prior: ArrayLike | None,
+    variables: Sequence[str] | None,
+    **options: Any,
+) -> Problem:
+    """Make the problem that `Problem.of_model` describes."""
+    points, columns = _points(candidates)
+    names = columns if variables is None else tuple(variables)
+    models = [
+        nonlinear_model(f, each, points, variables=names, **options)
+        for each in _thetas(theta, robust, weights)
+    ]
+    frame = _frame(points, models[0].variables)
+    each = [
+        DescribedProblem(model.rows(points), model.parameters, prior, frame) for model in models
+    ]
+    if robust is None:
+        return each[0]
+    both = several_models(each)
+    found = DescribedProblem(both.factors(), both.parameters, both.prior, frame)
+    found.robust = Robust(robust, tuple(each), _shares(weights, len(each)))
+    return found
+
+
+def region_of_model(
+    f: Model,
+    theta: Any,
+    box: Any,
+    robust: str | None,
+    weights: ArrayLike | None,
+    prior: ArrayLike | None,
+    variables: Sequence[str] | None,
+    constraints: Any,
+    **options: Any,
+) -> Region:
+    """Make the region that `Region.of_model` describes."""
+    low, high, columns = _limits(box)
+    names = columns if variables is None else tuple(variables)
+    halton = qmc.Halton(len(low), scramble=False).random(TRIED)
+    points = low + (high - low) * halton
+    for constraint in [constraints] if callable(constraints) else constraints:
+        kept = np.asarray(constraint(points)).reshape(len(points), -1).min(axis=1) >= 0
+        points = points[kept] if kept.any() else points
+    models = [
+        nonlinear_model(f, each, points, variables=names, **options)
+        for each in _thetas(theta, robust, weights)
+    ]
+
+    def region(rows: Callable[[Any], Any], parameters: Sequence[str], known: Any) -> Region:
+        return Region(
+            rows,
+            low,
+            high,
+            constraints=constraints,
+            parameters=parameters,
+            prior=known,
+            variables=models[0].variables,
+        )
+
+    each = [region(model.rows, model.parameters, prior) for model in models]
+    if robust is None:
+        return each[0]
+    middle = several_models([one.problem(points[:1]) for one in each])
+    found = region(_side_by_side(models), middle.parameters, middle.prior)
+    found.robust = Robust(robust, tuple(each), _shares(weights, len(each)))
+    return found
+
+
+def _side_by_side(models: Sequence[NonlinearModel]) -> Callable[[Array], Array]:
+    """Rows of all models, each about parameters of its own."""
+
+    def rows(x: Array) -> Array:
+        each = [model.rows(x) for model in models]
+        p = each[0].shape[2]
+        found = np.zeros((len(x), sum(A.shape[1] for A in each), p * len(each)))
+        row = 0
+        for i, A in enumerate(each):
+            found[:, row : row + A.shape[1], i * p : (i + 1) * p] = A
+            row += A.shape[1]
+        return found
+
+    return rows
+
+
+def _points(candidates: "ArrayLike | pd.DataFrame") -> tuple[Array, tuple[str, ...] | None]:
+    """Points (n, d), and the names of their variables where they are told.
+
+    Raises:
+        ArgumentError: They are no numbers.
+    """
+    names = None
+    if hasattr(candidates, "columns"):
+        names = tuple(map(str, candidates.columns))
+    try:
+        points = np.asarray(candidates, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError("expected numbers", argument="candidates") from error
+    points = points[:, None] if points.ndim == 1 else points
+    if points.ndim != 2 or 0 in points.shape or not np.isfinite(points).all():
+        message = f"expected finite points (n, d) or (n,), not of shape {points.shape}"
+        raise ArgumentError(message, argument="candidates")
+    return points, names
+
+
+def _limits(box: Any) -> tuple[Array, Array, tuple[str, ...] | None]:
+    """Lower and upper bounds (d,) of variables, and their names where they are told.
+
+    Raises:
+        ArgumentError: It is not one pair, or a pair for each variable.
+    """
+    names = None
+    if isinstance(box, Mapping):
+        names = tuple(box)
+        box = list(box.values())
+    try:
+        pairs = np.atleast_2d(np.asarray(box, dtype=float))
+    except (TypeError, ValueError) as error:
+        raise ArgumentError("expected (low, high) of each variable", argument="box") from error
+    if pairs.ndim != 2 or pairs.shape[1] != 2 or not (pairs[:, 0] < pairs[:, 1]).all():
+        message = "expected (low, high) of each variable, low below high"
+        raise ArgumentError(message, argument="box")
+    return pairs[:, 0], pairs[:, 1], names
+
+
+def _thetas(theta: Any, robust: str | None, weights: ArrayLike | None) -> list[Any]:
+    """The parameters of each model.
+
+    Raises:
+        ArgumentError: There are several, and nothing says for what; or one, where several are
+            expected.
+    """
+    is_list = isinstance(theta, Sequence) and len(theta) and isinstance(theta[0], Mapping)
+    several = is_list or (not isinstance(theta, Mapping) and np.ndim(theta) == 2)
+    if robust is None:
+        if several:
+            message = f"several of them; expected robust beside it, {' or '.join(ROBUST)}"
+            raise ArgumentError(message, argument="theta")
+        if weights is not None:
+            raise ArgumentError("expected robust='bayes' beside it", argument="weights")
+        return [theta]
+    if robust not in ROBUST:
+        message = f"expected {' or '.join(ROBUST)}"
+        raise ArgumentError(message, argument="robust", given=robust)
+    if not several or not len(theta):
+        raise ArgumentError(f"expected a list of them for robust={robust!r}", argument="theta")
+    if robust == "maximin" and weights is not None:
+        message = "the worst of several models has no weights; expected robust='bayes'"
+        raise ArgumentError(message, argument="weights")
+    return list(theta)
+
+
+def _shares(weights: ArrayLike | None, k: int) -> Array:
+    """Weights (k,) of sum one.
+
+    Raises:
+        ArgumentError: They are not positive, or not as many as models.
+    """
+    found = np.ones(k) if weights is None else np.asarray(weights, dtype=float)
+    if found.shape != (k,) or not (np.isfinite(found) & (found > 0)).all():
+        message = f"expected a positive number for each of {k} theta"
+        raise ArgumentError(message, argument="weights")
+    return found / found.sum()
+
+
+def _frame(points: Array, variables: Sequence[str]) -> "pd.DataFrame":
+    """Candidates as a table."""
+    import pandas as pd
+
+    return pd.DataFrame(points, columns=list(variables))

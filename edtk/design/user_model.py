@@ -1,0 +1,314 @@
+"""A user's function of points and parameters: how it is called, and its derivatives.
+
+They are taken by complex steps where the function runs on complex parameters, else by differences,
+and both are compared before any work.
+"""
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from edtk.system.errors import ArgumentError, note
+from edtk.system.typing import Array, Mask
+
+SLOW = 30.0  # seconds that a model may take before its user is told
+ALIKE = 1e-9  # relative difference of values of points together and one by one
+# A complex step has no difference of nearly equal numbers, so it may be as small as numbers are
+# (Squire and Trapp, SIAM Review 40, 1998).
+COMPLEX_STEP = 1e-30
+# Steps of differences, in parts of a parameter: each is half of the one before. Polynomials through
+# all of them are taken at a step of zero (Ridders 1982).
+FIRST_STEP = 0.02
+STEPS = 8
+AGREES = 1e-6  # of derivatives, in parts of the largest by the same parameter, and of differences
+ROUGH = 0.01  # of the largest derivative, by which differences may be off beside exact ones
+# Slopes to both sides of a kink differ however small the step is. Of a smooth function the
+# difference falls with the step: ten times from one to the other.
+SIDES = (1e-4, 1e-5)
+KINK = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """A function of points and theta with its derivatives by theta.
+
+    Attributes:
+        value: Points (n, d) and theta (p,) to values (n, k).
+        slope: The same to derivatives (n, k, p).
+    """
+
+    value: Callable[[Array, Array], Array]
+    slope: Callable[[Array, Array], Array]
+
+
+def slopes_of(
+    f: Callable[..., ArrayLike],
+    gradient: Callable[..., ArrayLike] | None,
+    theta: Array,
+    x: Array,
+    argument: str,
+    names: Sequence[str],
+    variables: Sequence[str],
+) -> Slopes:
+    """A user's function with its derivatives, tried at points x (n, d).
+
+    Raises:
+        ArgumentError: It fails, or has no derivative.
+    """
+    value = as_called(f, theta, x, argument)
+    checked = _Differences(value, theta, x, argument, names, variables)
+    by_differences, error = checked.slopes()
+    if gradient is not None:
+        slope = _user_slopes(gradient, x, theta, by_differences)
+    elif checked.agrees(_complex_slopes(value, x, theta), by_differences, error):
+        slope = partial(_complex_slopes, value)
+    else:
+        checked.require_smooth(by_differences, error)
+        slope = partial(_differences, value)
+    return Slopes(value, slope)
+
+
+def as_called(
+    f: Callable[..., ArrayLike], theta: Array, x: Array, argument: str
+) -> Callable[[Array, Array], Array]:
+    """The function of many points (n, d) with values (n, k), however the user's wants to be called.
+
+    It may take all points (n, d), those of one variable as (n,), one point (d,), or one number. The
+    first way whose values are those of the points one by one is taken.
+
+    Raises:
+        ArgumentError: None is; the last error is told.
+    """
+    ways: list[Callable[[Array, Array], Any]] = [lambda points, t: f(points, t)]
+    if x.shape[1] == 1:
+        ways.insert(0, lambda points, t: f(points[:, 0], t))
+        ways.append(lambda points, t: [f(point, t) for point in points[:, 0].tolist()])
+    ways.append(lambda points, t: [f(point, t) for point in points])
+    if len(x) < 3:  # fewer points do not tell the ways apart
+        x = np.concatenate([x, x, x])
+    chosen = x[[0, len(x) // 2, len(x) - 1]]
+    wrong: Exception | str = "values have no entry for each point"
+    start = perf_counter()
+    for way in ways:
+        try:
+            with np.errstate(all="ignore"):
+                together = _columns(way(chosen, theta), 3)
+                some = _columns(way(chosen[[2, 0]], theta), 2)
+        except (TypeError, ValueError, IndexError, AttributeError, KeyError) as error:
+            wrong = error
+            continue
+        if together is None or some is None or together.shape[1] != some.shape[1]:
+            continue
+        if np.allclose(together[[2, 0]], some, rtol=ALIKE, atol=0.0, equal_nan=True):
+            _tell_slow(perf_counter() - start, argument)
+            return partial(_values, way, argument=argument)
+    raise ArgumentError(f"fails for points and theta: {wrong}", argument=argument)
+
+
+def _columns(given: Any, n: int) -> Array | None:
+    """Values (n, k), of which (n,) are one column; None where they are of no such shape."""
+    values = np.asarray(given)
+    if values.dtype.kind not in "fciub":
+        raise TypeError(f"values are {values.dtype}; expected numbers")
+    values = values.reshape(n, -1) if values.shape[:1] == (n,) and values.ndim <= 2 else values
+    return values if values.ndim == 2 and values.shape[0] == n and values.shape[1] else None
+
+
+def _values(
+    way: Callable[[Array, Array], Any], points: Array, theta: Array, argument: str
+) -> Array:
+    """Values (n, k) of a user's function.
+
+    Raises:
+        ArgumentError: It fails.
+    """
+    try:
+        with np.errstate(all="ignore"):
+            found = _columns(way(points.copy(), theta), len(points))
+    except (TypeError, ValueError, IndexError, ArithmeticError) as error:
+        message = f"fails for {len(points)} points: {error}"
+        raise ArgumentError(message, argument=argument) from error
+    if found is None:
+        message = f"values of {len(points)} points have another shape than those of three"
+        raise ArgumentError(message, argument=argument)
+    return found
+
+
+def _tell_slow(seconds: float, argument: str) -> None:
+    """Tell the user of a model that will take long: five points took so many seconds."""
+    a_point = seconds / 5
+    if a_point * 1000 > SLOW:
+        note(
+            f"the model takes {a_point:.2g} s a point; a function of all points is faster", argument
+        )
+
+
+def _complex_slopes(value: Callable[[Array, Array], Array], x: Array, theta: Array) -> Array:
+    """``Im f(theta + i h e_j) / h`` (n, k, p).
+
+    They are not numbers where the function refuses complex ones.
+    """
+    found = []
+    for j in range(len(theta)):
+        step = COMPLEX_STEP * max(abs(theta[j]), 1.0)
+        moved = theta.astype(complex)
+        moved[j] += 1j * step
+        try:
+            with warnings.catch_warnings(action="ignore"):  # of one that drops imaginary parts
+                values = value(x, moved)
+        except ArgumentError:
+            return np.full((len(x), 1, len(theta)), np.nan)
+        found.append(np.imag(values) / step)
+    return np.stack(found, axis=-1)
+
+
+def _sizes(theta: Array) -> Array:
+    """Sizes (p,) of the parameters by which steps are taken; a zero has that of the others."""
+    size = np.abs(theta)
+    return np.where(size > 0, size, size.max() if size.any() else 1.0)
+
+
+def _ridders(value: Callable[[Array, Array], Array], x: Array, theta: Array) -> tuple[Array, Array]:
+    """Derivatives (n, k, p) by central differences at several steps, and how far they may be off.
+
+    Neville's scheme on the squares of the steps; of all entries of the table the one is taken which
+    is nearest to both of its parents (Ridders, Advances in Engineering Software 4, 1982).
+    """
+    best, errors = [], []
+    for j, size in enumerate(_sizes(theta)):
+        table: list[Array] = []
+        for i in range(STEPS):
+            h = FIRST_STEP * size / 2**i
+            e = np.zeros(len(theta))
+            e[j] = h
+            row = [(np.real(value(x, theta + e)) - np.real(value(x, theta - e))) / (2 * h)]
+            for m in range(1, i + 1):
+                row.append(row[m - 1] + (row[m - 1] - table[m - 1]) / (4.0**m - 1))
+                off = np.maximum(np.abs(row[m] - row[m - 1]), np.abs(row[m] - table[m - 1]))
+                if i == 1:
+                    found, error = row[m], off
+                else:
+                    better = off < error
+                    found = np.where(better, row[m], found)
+                    error = np.where(better, off, error)
+            table = row
+        best.append(found)
+        errors.append(error)
+    return np.stack(best, axis=-1), np.stack(errors, axis=-1)
+
+
+def _differences(value: Callable[[Array, Array], Array], x: Array, theta: Array) -> Array:
+    """Derivatives (n, k, p) by differences alone."""
+    return _ridders(value, x, theta)[0]
+
+
+@dataclass(frozen=True, eq=False)
+class _Differences:
+    """Derivatives of a user's function by differences, and what they say of others."""
+
+    value: Callable[[Array, Array], Array]
+    theta: Array
+    x: Array
+    argument: str
+    names: Sequence[str]
+    variables: Sequence[str]
+
+    def slopes(self) -> tuple[Array, Array]:
+        """Derivatives (n, k, p), and how far they may be off.
+
+        Raises:
+            ArgumentError: A value is not finite; its point is named.
+        """
+        values = np.real(self.value(self.x, self.theta))
+        lost = np.flatnonzero(~np.isfinite(values).all(axis=1))
+        if len(lost):
+            message = f"the value is not finite at {self._point(lost[0])}"
+            raise ArgumentError(message, argument=self.argument)
+        return _ridders(self.value, self.x, self.theta)
+
+    def agrees(self, given: Array, slopes: Array, error: Array) -> bool:
+        """Whether other derivatives are these, within what both may be off."""
+        if given.shape != slopes.shape or not np.isfinite(given).all():
+            return False
+        # Differences of a steep model are rough; those of a jump are larger than all derivatives.
+        largest = np.abs(given).max(axis=(0, 1))
+        rough = np.minimum(10 * error, ROUGH * largest)
+        return bool((np.abs(given - slopes) <= self._allowed(slopes) + rough).all())
+
+    def require_smooth(self, slopes: Array, error: Array) -> None:
+        """Check that differences tell a derivative.
+
+        Raises:
+            ArgumentError: They do not: point and parameter are named.
+        """
+        unsure = ~(error <= self._allowed(slopes))
+        kinked = self._kinks(self._allowed(slopes) * KINK / AGREES)
+        bad = np.argwhere(unsure | kinked)
+        if len(bad):
+            i, _, j = bad[0]
+            name, point = self.names[j], self._point(i)
+            message = f"no derivative by {name!r} at {point}, as differences show"
+            raise ArgumentError(f"{message}; expected a smooth model", argument=self.argument)
+
+    def _allowed(self, slopes: Array) -> Array:
+        largest = np.abs(slopes).max(axis=(0, 1))
+        return np.broadcast_to(AGREES * np.where(largest > 0, largest, 1.0), slopes.shape)
+
+    def _kinks(self, allowed: Array) -> Mask:
+        """Where slopes to both sides differ at a small step as they do at a larger one."""
+        here = np.real(self.value(self.x, self.theta))
+        found = []
+        for j, size in enumerate(_sizes(self.theta)):
+            gaps = []
+            for part in SIDES:
+                e = np.zeros(len(self.theta))
+                e[j] = part * size
+                up = np.real(self.value(self.x, self.theta + e)) - here
+                down = here - np.real(self.value(self.x, self.theta - e))
+                gaps.append(np.abs(up - down) / e[j])
+            found.append((gaps[1] > allowed[..., j]) & (gaps[1] > 0.5 * gaps[0]))
+        return np.stack(found, axis=-1)
+
+    def _point(self, i: int) -> str:
+        named = zip(self.variables, self.x[i], strict=True)
+        return ", ".join(f"{name} = {value:.6g}" for name, value in named)
+
+
+def _user_slopes(
+    gradient: Callable[..., ArrayLike], x: Array, theta: Array, expected: Array
+) -> Callable[[Array, Array], Any]:
+    """The user's derivatives as (n, k, p).
+
+    Raises:
+        ArgumentError: They are not those of the function, as differences show.
+    """
+    n, k, p = expected.shape
+    ways: list[Callable[[Any, Array], Any]] = [lambda points, t: gradient(points, t)]
+    if x.shape[1] == 1:
+        ways.insert(0, lambda points, t: gradient(points[:, 0], t))
+    allowed = 10 * AGREES * np.maximum(np.abs(expected).max(axis=(0, 1)), 1e-300)
+    for way in ways:
+        try:
+            found = np.asarray(way(x, theta), dtype=float)
+        except (TypeError, ValueError, IndexError):
+            continue
+        if found.shape not in ((n, p), (n, k, p)) or found.size != expected.size:
+            continue
+        if (np.abs(found.reshape(n, k, p) - expected) <= allowed).all():
+            return partial(_each_response, way, found.ndim == 2)
+    message = f"it is not the derivative of f, as differences show; expected shape (n, {p})"
+    raise ArgumentError(message, argument="gradient")
+
+
+def _each_response(
+    way: Callable[[Any, Array], Any], is_single: bool, points: Any, theta: Array
+) -> Any:
+    """A user's derivatives (n, k, p), which may come as (n, p)."""
+    found = way(points, theta)
+    return np.asarray(found)[:, None, :] if is_single else found

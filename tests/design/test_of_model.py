@@ -1,0 +1,299 @@
+"""Problems and regions of nonlinear models: derivatives, families, several theta, bad models."""
+
+import math
+import time
+
+import numpy as np
+import pytest
+
+import edtk
+from edtk.design import user_model
+from edtk.design.families import CLOSED, FAMILIES, LINKS, Response
+from edtk.design.formula import DERIVATIVES, Formula
+from edtk.system.errors import ArgumentError, Note
+
+DOSE = np.linspace(0.0, 4.0, 401)
+ENZYME = "V * x / (K + x)"
+AT = {"V": 2.0, "K": 1.0}
+
+
+@pytest.mark.parametrize("name", DERIVATIVES)
+def test_each_function_of_a_formula_has_its_derivative(name):
+    """A complex step through numpy's own function says the same."""
+    formula = Formula.of(f"a + {name}(a * x / 3) ^ 2 * x", ("a",))
+    x = np.linspace(0.3, 1.2, 5)[:, None]
+    theta = 1.3 + 1e-30j
+    of_numpy = theta + getattr(np, name)(theta * x[:, 0] / 3) ** 2 * x[:, 0]
+    slope = formula.gradient(x, np.array([1.3]))[0]
+    np.testing.assert_allclose(slope, np.imag(of_numpy) / 1e-30, rtol=1e-13)
+
+
+def test_powers_quotients_and_signs_of_a_formula():
+    """Exponents may be parameters; the constant pi is known, and a caret is a power."""
+    formula = Formula.of("-a ** 2 / x ^ b + pi * (a - b) * 3 - +x", ("a", "b"), ("x",))
+    x, a, b = np.array([0.5, 2.0]), 1.7, 0.6
+    gradient = formula.gradient(x[:, None], np.array([a, b]))
+    np.testing.assert_allclose(gradient[0], -2 * a / x**b + 3 * np.pi, rtol=1e-14)
+    np.testing.assert_allclose(gradient[1], a**2 / x**b * np.log(x) - 3 * np.pi, rtol=1e-13)
+    value = -(a**2) / x**b + np.pi * (a - b) * 3 - x
+    np.testing.assert_allclose(formula(x[:, None], np.array([a, b])), value, rtol=1e-14)
+
+
+def by_points(x, theta):
+    return theta[0] * x[:, 0] / (theta[1] + x[:, 0])
+
+
+def by_numbers(x, theta):
+    return theta[0] * x / (theta[1] + x)
+
+
+def by_one_point(x, theta):
+    return theta[0] * x[0] / (theta[1] + x[0])
+
+
+def by_mathematics(x, theta):
+    """It takes floats alone, and so no complex step."""
+    return math.exp(math.log(float(theta[0]))) * x / (float(theta[1]) + x)
+
+
+def by_sizes(x, theta):
+    """It takes complex numbers, and has a wrong derivative by them."""
+    return np.abs(theta[0]) * x / (np.abs(theta[1]) + x)
+
+
+@pytest.mark.parametrize("f", [by_points, by_numbers, by_one_point, by_mathematics, by_sizes])
+def test_a_function_may_be_called_in_several_ways(f):
+    """Points together or one by one, by complex steps or differences: the rows are the same."""
+    problem = edtk.Problem.of_model(f, [2.0, 1.0], DOSE, parameters=("V", "K"))
+    rows = np.stack([DOSE / (1 + DOSE), -2 * DOSE / (1 + DOSE) ** 2], axis=-1)
+    exact = f not in (by_mathematics, by_sizes)
+    np.testing.assert_allclose(problem.factors()[:, 0], rows, atol=1e-14 if exact else 1e-10)
+
+
+def test_a_formula_and_its_gradient_are_the_function():
+    """Rows of the formula, of a stated gradient and of sigma agree; results show the variables."""
+    formula = edtk.Problem.of_model(ENZYME, AT, DOSE, sigma=0.1)
+    stated = edtk.Problem.of_model(
+        by_numbers,
+        [2.0, 1.0],
+        DOSE,
+        sigma=0.1,
+        gradient=lambda x, t: np.stack([x / (t[1] + x), -t[0] * x / (t[1] + x) ** 2], axis=-1),
+    )
+    np.testing.assert_allclose(formula.factors(), stated.factors(), rtol=1e-13)
+    assert formula.parameters == ("V", "K")
+    design = edtk.relax(formula, "D").to_frame()
+    assert design["x"].tolist() == [0.67, 4.0]  # the optimum is at 2/3
+    counts = edtk.plan(formula, size=4).to_frame()
+    assert counts["count"].tolist() == [2, 2]
+
+
+def test_columns_of_a_frame_are_the_variables_of_a_formula():
+    """Their order is that of the frame, whatever the formula's is."""
+    import pandas as pd
+
+    frame = pd.DataFrame({"u": [1.0, 2.0, 3.0], "v": [0.5, 0.1, 0.9]})
+    problem = edtk.Problem.of_model("a * v + b * u", {"a": 1.0, "b": 2.0}, frame)
+    np.testing.assert_allclose(problem.factors()[:, 0], frame[["v", "u"]].to_numpy())
+
+
+@pytest.mark.parametrize(("family", "link"), CLOSED)
+def test_closed_weights_are_those_of_the_formula(family, link):
+    """``mu'/sqrt(V)`` of mean and variance says the same."""
+    eta = np.linspace(-6, 6, 25)
+    mean, slope = LINKS[link].mean(eta), LINKS[link].slope(eta)
+    variance = FAMILIES[family].variance(mean, LINKS[link].complement(eta))
+    weights = Response.of(family, link).root_weights(eta)
+    np.testing.assert_allclose(weights, slope / np.sqrt(variance), rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", LINKS)
+def test_each_link_has_its_slope_and_complement(name):
+    """The slope is that of differences, and mean and complement add up to one."""
+    link = LINKS[name]
+    eta = np.linspace(-2.0, 2.0, 9)
+    eta = eta[eta != 0]
+    step = 1e-6
+    by_differences = (link.mean(eta + step) - link.mean(eta - step)) / (2 * step)
+    np.testing.assert_allclose(link.slope(eta), by_differences, rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(link.mean(eta) + link.complement(eta), 1.0, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("family", "link", "expected"),
+    [
+        ("binomial", "logit", [-1.5434, 1.5434]),  # Atkinson, Donev and Tobias 2007, section 22.4
+        ("binomial", "probit", [-1.1381, 1.1381]),
+        ("binomial", "cloglog", [-1.3377, 0.9796]),
+        ("Poisson", "log", [8.0, 10.0]),  # two below the largest: exp(x) (10 - x)^2
+        ("gamma", "log", [-10.0, 10.0]),
+    ],
+)
+def test_generalised_linear_models_have_their_textbook_optima(family, link, expected):
+    """Half of the experiments at each of two points of a line."""
+    region = edtk.Region.of_model("a + b * x", {"a": 0.0, "b": 1.0}, (-10, 10), family, link=link)
+    design = edtk.relax(region, "D")
+    np.testing.assert_allclose(design.points[:, 0], expected, atol=2e-4)
+    np.testing.assert_allclose(design.weights, [0.5, 0.5], atol=1e-6)
+
+
+def test_a_mean_is_a_predictor_by_the_identity():
+    """A logistic mean with the identity tells as much as its predictor with the logit."""
+    theta = {"a": 0.3, "b": 1.2}
+    x = np.linspace(-3, 3, 21)
+    predictor = edtk.Problem.of_model("a + b * x", theta, x, "binomial")
+    mean = edtk.Problem.of_model("1 / (1 + exp(-a - b * x))", theta, x, "binomial", link="identity")
+    np.testing.assert_allclose(mean.factors(), predictor.factors(), rtol=1e-12)
+
+
+def test_noise_that_depends_on_theta_tells_of_it():
+    """Fisher's information of N(a, s^2) is diag(1, 2)/s^2, and noise by x alone adds no row."""
+    problem = edtk.Problem.of_model(
+        lambda x, t: t[0] + 0 * x, [1.0, 0.5], [0.0, 1.0], sigma=lambda x, t: t[1] + 0 * x
+    )
+    np.testing.assert_allclose(problem.information([0.5, 0.5]), np.diag([4.0, 8.0]), rtol=1e-12)
+    plain = edtk.Problem.of_model("a * x", {"a": 1.0}, [1.0, 2.0], sigma=lambda x, t: x)
+    np.testing.assert_allclose(plain.factors(), np.ones((2, 1, 1)), rtol=1e-12)
+
+
+def test_responses_with_a_covariance():
+    """The information is ``J' C^-1 J``."""
+    C = np.array([[1.0, 0.6], [0.6, 2.0]])
+    problem = edtk.Problem.of_model(
+        lambda x, t: np.stack([t[0] * x, t[1] * x**2], axis=-1),
+        [1.0, 2.0],
+        [1.0, 3.0],
+        covariance=C,
+    )
+    J = np.diag([3.0, 9.0])
+    np.testing.assert_allclose(problem.blocks()[1], J.T @ np.linalg.solve(C, J), rtol=1e-12)
+
+
+THETAS = [[2.0, 0.5], [2.0, 1.0], [2.0, 2.0]]
+WEIGHTS = np.array([0.2, 0.5, 0.3])
+
+
+def informations(design):
+    """Information (3, 2, 2) of a design under each theta."""
+    x = DOSE[:, None]
+    found = []
+    for V, K in THETAS:
+        rows = np.hstack([x / (K + x), -V * x / (K + x) ** 2])
+        found.append(np.einsum("n,np,nq->pq", design.weights, rows, rows))
+    return np.array(found)
+
+
+def test_bayesian_d_is_the_mean_of_logarithms():
+    """The cost is ``exp(-mean log det(M_j) / p)``, and the bound shows that it is the least."""
+    problem = edtk.Problem.of_model(
+        ENZYME, THETAS, DOSE, parameters=("V", "K"), robust="bayes", weights=WEIGHTS
+    )
+    design = edtk.relax(problem, "D")
+    logarithms = np.linalg.slogdet(informations(design))[1]
+    assert design.cost == pytest.approx(np.exp(-WEIGHTS @ logarithms / 2), rel=1e-9)
+    assert design.gap < 1e-6
+
+
+def test_bayesian_a_is_the_mean_of_traces():
+    """So is c, of a combination."""
+    problem = edtk.Problem.of_model(
+        ENZYME, THETAS, DOSE, parameters=("V", "K"), robust="bayes", weights=WEIGHTS
+    )
+    design = edtk.relax(problem, "A")
+    inverse = np.linalg.inv(informations(design))
+    traces = np.trace(inverse, axis1=1, axis2=2)
+    assert design.cost == pytest.approx(WEIGHTS @ traces, rel=1e-9)
+    assert design.gap < 1e-6
+    of_k = edtk.relax(problem, {"name": "c", "c": {"K": 1.0}})
+    variances = np.linalg.inv(informations(of_k))[:, 1, 1]
+    assert of_k.cost == pytest.approx(WEIGHTS @ variances, rel=1e-9)
+
+
+def test_maximin_is_the_best_least_efficiency():
+    """The value is one over the least of the efficiencies, each against its own optimum."""
+    problem = edtk.Problem.of_model(ENZYME, THETAS, DOSE, parameters=("V", "K"), robust="maximin")
+    design = edtk.relax(problem, "D")
+    found = np.sqrt(np.linalg.det(informations(design)))
+    best = [
+        edtk.relax(edtk.Problem.of_model(ENZYME, t, DOSE, parameters=("V", "K")), "D").value
+        for t in THETAS
+    ]
+    assert 1 / design.value == pytest.approx((found / best).min(), rel=1e-6)
+    assert design.gap < 1e-6
+
+
+def test_a_region_takes_several_theta_too():
+    """Its design is that of a fine list of candidates."""
+    options = {"parameters": ("V", "K"), "robust": "bayes"}
+    region = edtk.Region.of_model(ENZYME, THETAS, (0.0, 4.0), **options)
+    listed = edtk.Problem.of_model(ENZYME, THETAS, DOSE, **options)
+    assert edtk.relax(region, "D").cost == pytest.approx(edtk.relax(listed, "D").cost, rel=1e-4)
+
+
+def test_the_bound_of_a_formula_is_proved():
+    """Formulas run on intervals: the optimum of Michaelis and Menten over all doses."""
+    region = edtk.Region.of_model(ENZYME, AT, {"x": (0.0, 4.0)})
+    design = edtk.relax(region, "D", prove=1e-6)
+    assert design.proved_bound.cost >= design.cost * (1 - 1e-6)
+    np.testing.assert_allclose(design.points[:, 0], [2 / 3, 4], atol=1e-4)
+
+
+BAD = {
+    "not finite": (lambda x, t: t[0] / x, [1.0], {}, r"^f: the value is not finite at x = 0$"),
+    "kink": (lambda x, t: abs(x - t[0]), [2.0], {}, r"^f: no derivative by 'k1' at x = 2"),
+    "jump": (lambda x, t: (x > t[0]) * 1.0, [2.0], {}, r"^f: no derivative by 'k1' at x = "),
+    "ignored": (lambda x, t: t[0] * x, [1.0, 2.0], {}, r"^f: .*depend on 'k2' at any point$"),
+    "fails": (lambda x, t: t[7] * x, [1.0], {}, r"^f: fails for points and theta: index 7"),
+    "text": (lambda x, t: "a", [1.0], {}, r"^f: fails for .*expected numbers"),
+    "code": ("__import__('os')", [1.0], {}, r"^f: .* is no formula: there is no function"),
+    "attribute": ("a.real * x", {"a": 1.0}, {}, r"^f: .* no formula: expected numbers, names"),
+    "variables": ("a * x * y", {"a": 1.0}, {}, r"^variables: expected the order of x, y"),
+    "unused": ("a * x", {"a": 1.0, "b": 2.0}, {}, r"^parameters: 'a \* x' has no parameter 'b'"),
+    "names": ("a * x", [1.0], {"parameters": ("a", "b")}, r"^parameters: a, b; expected 1"),
+    "theta": ("a * x", {"a": np.nan}, {}, r"^theta: expected a finite number"),
+    "family": ("a * x", {"a": 1.0}, {"family": "beta"}, r"^family beta: expected one of normal"),
+    "link": ("a * x", {"a": 1.0}, {"link": "logit"}, r"^link logit: expected one of identity"),
+    "mean": ("a * x", {"a": 1.0}, {"family": "gamma", "link": "identity"}, r"at x = 0$"),
+    "sigma": ("a * x", {"a": 1.0}, {"sigma": -1.0}, r"^sigma: expected a positive number"),
+    "noise": ("a * x", {"a": 1.0}, {"sigma": lambda x, t: x}, r"^sigma: is not positive at x = 0"),
+    "shape": ("a * x", {"a": 1.0}, {"covariance": np.eye(2)}, r"^covariance: expected a symm"),
+    "several": ("a * x", [[1.0], [2.0]], {"parameters": ("a",)}, r"^theta: several of them"),
+    "single": ("a * x", {"a": 1.0}, {"robust": "bayes"}, r"^theta: expected a list"),
+    "robust": ("a * x", {"a": 1.0}, {"robust": "worst"}, r"^robust worst: expected bayes or"),
+    "gradient": (
+        by_numbers,
+        [2.0, 1.0],
+        {"gradient": lambda x, t: np.ones((len(x), 2))},
+        r"^gradient: it is not the derivative of f",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_model_is_refused_in_one_line(name):
+    """The line names the argument, and where there are any the point and the parameter."""
+    f, theta, options, words = BAD[name]
+    with pytest.raises(ArgumentError, match=words) as caught:
+        edtk.Problem.of_model(f, theta, DOSE, **options)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_criterion_without_a_mean_is_refused():
+    """E has no mean over several theta that is bounded."""
+    problem = edtk.Problem.of_model(ENZYME, THETAS, DOSE, parameters=("V", "K"), robust="bayes")
+    with pytest.raises(
+        ArgumentError, match=r"criterion: the mean over several theta is known of D"
+    ):
+        edtk.relax(problem, "E")
+
+
+def test_a_slow_model_is_told(monkeypatch):
+    """One line says how long a point takes."""
+    monkeypatch.setattr(user_model, "SLOW", 1.0)
+
+    def slow(x, theta):
+        time.sleep(0.002 * len(x))
+        return theta[0] * x
+
+    with pytest.warns(Note, match=r"f: the model takes .* s a point"):
+        edtk.Problem.of_model(slow, [1.0], [1.0, 2.0, 3.0])
