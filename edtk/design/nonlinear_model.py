@@ -98,6 +98,21 @@ class NonlinearModel:
         return ", ".join(f"{n} = {v:.6g}" for n, v in zip(self.variables, x, strict=True))
 
 
+@dataclass(frozen=True, eq=False)
+class Robust:
+    """Several models, of which one design is to be good for each.
+
+    Attributes:
+        kind: "bayes", the mean over the models, or "maximin", the worst of them.
+        models: The problem or the region of each alone.
+        weights: How much each counts in the mean (k,), of sum one.
+    """
+
+    kind: str
+    models: tuple[Any, ...]
+    weights: Array
+
+
 def nonlinear_model(
     f: Model,
     theta: ArrayLike | Mapping[str, float],
@@ -167,7 +182,7 @@ def _named_theta(
         ArgumentError: They are not numbers, or not as many as names.
     """
     if isinstance(theta, Mapping):
-        parameters = tuple(theta) if parameters is None else parameters
+        parameters = parameters or tuple(theta)
         theta = [theta[name] for name in theta]
     try:
         at = np.atleast_1d(np.asarray(theta, dtype=float))

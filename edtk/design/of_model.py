@@ -1,14 +1,13 @@
 """Problems and regions of nonlinear models: at one theta, or at several of them at once."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import qmc
 
-from edtk.design.nonlinear_model import Model, NonlinearModel, nonlinear_model
+from edtk.design.nonlinear_model import Model, NonlinearModel, Robust, nonlinear_model
 from edtk.design.problem import Problem
 from edtk.design.problems import DescribedProblem, several_models
 from edtk.design.region import Region
@@ -20,21 +19,6 @@ if TYPE_CHECKING:
 
 ROBUST = ("bayes", "maximin")
 TRIED = 128  # points of a box at which a model is tried
-
-
-@dataclass(frozen=True, eq=False)
-class Robust:
-    """Several models, of which one design is to be good for each.
-
-    Attributes:
-        kind: "bayes", the mean over the models, or "maximin", the worst of them.
-        models: Each alone.
-        weights: How much each counts in the mean (k,), of sum one.
-    """
-
-    kind: str
-    models: tuple[Problem | Region, ...]
-    weights: Array
 
 
 def problem_of_model(

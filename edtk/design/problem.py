@@ -19,8 +19,7 @@ from edtk.system.typing import Array, Indices, Mask
 if TYPE_CHECKING:
     import pandas as pd
 
-    from edtk.design.nonlinear_model import Model
-    from edtk.design.of_model import Robust
+    from edtk.design.nonlinear_model import Model, Robust
 
 SYMMETRIC = 1e-9  # difference across the diagonal that is rounding
 DISTANT = 1e-24  # ratio of squares: of units that are twelve decades apart

@@ -18,7 +18,7 @@ from edtk.system.presented import Presented
 from edtk.system.typing import Array, Mask
 
 if TYPE_CHECKING:
-    from edtk.design.of_model import Robust
+    from edtk.design.nonlinear_model import Robust
 
 FEASIBLE = 1e-10  # by which rounding may carry a point over a constraint, in the constraint's units
 # Points at which a model is tried before any work: parts of the range of each variable.

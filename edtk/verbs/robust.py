@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 import criteria
-from edtk.design.of_model import Robust
+from edtk.design.nonlinear_model import Robust
 from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.system.errors import ArgumentError
