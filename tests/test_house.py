@@ -5,7 +5,7 @@ from house import house
 
 # What may be at most. When a count has become better, its limit follows.
 LIMITS = {
-    "files": 485,
+    "files": 480,
     "statements": 52_000,
     "one_function": 3.5,
     "circles": 2,
