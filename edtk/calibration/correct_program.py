@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 DIGITS = 12  # of the SHA-256 that names a calibration, or the targets, in a program
 ENCODING = "latin-1"  # a character for each byte: what is no number stays as it is
+BYTE_ORDER_MARK = "\xef\xbb\xbf"  # of UTF-8, in these characters
 NO_TEXT = "\0"  # in a program that is no text of one byte a character
 MM = 1e3
 OTHER_BRANCH = "its corrected joints are on another branch than it states"
@@ -73,7 +74,7 @@ class ProgramFile:
         brand = brand_of(path.name)
         assert brand is not None
         text = read_bytes(path).decode(ENCODING)
-        if NO_TEXT in text or not brand.content.search(text):
+        if NO_TEXT in text or not brand.content.search(text.removeprefix(BYTE_ORDER_MARK)):
             message = f"is no program in {brand.title}; expected text with {brand.expected}"
             raise UserError(message, where=path)
         return cls(path, brand, text, dict(_beside(path, brand)))

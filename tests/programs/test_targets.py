@@ -71,7 +71,7 @@ LEFT_KRL = {
     f"p1={{E6AXIS: {J}}}\nPTP p1\nx=p1.A2": "line 5 computes with it",
     f"p1={{{P}}}\nPTP p1:{{X 10}}": "is computed at run time",
     f"{SET}p1={{{P}}}\nLIN p1\n$BASE=BASE_DATA[1]\n$TOOL=$NULLFRAME\nLIN p1": "different tools",
-    "PTP elsewhere": "is not here",
+    "PTP elsewhere": "is not declared here",
     f"PTP {{{J.replace('-60', '170')}}}": "outside the joint's limits",
 }
 
@@ -140,7 +140,7 @@ LEFT_RAPID = {
     "tOwn.tframe.trans.x:=3;\nMoveL p1,v100,fine,tOwn;": {3: "line 7 changes TOWN"},
     "MoveL p1,v100,fine,tDrill;\nMoveL p1,v100,fine,tool0;": {3: "different tools"},
     "PDispSet pd;\nMoveL p1,v100,fine,tDrill;": {3: "displaces all targets"},
-    "MoveL elsewhere,v100,fine,tDrill;": {3: "no tool is stated", 7: "is not here"},
+    "MoveL elsewhere,v100,fine,tDrill;": {3: "no tool is stated", 7: "is not declared here"},
 }
 
 
@@ -169,7 +169,7 @@ LEFT_UR = {
     "set_tcp(f())\nmovel(p[1.9,0,1.1,0,1,0])": {5: "the tool is computed at run time"},
     "q1[2]=0.3\nmovej(q1)": {2: "line 4 changes it"},
     "movej([0,0,0])": {4: "has 3 numbers; expected 6"},
-    "movej(other)": {4: "is not here"},
+    "movej(other)": {4: "is not declared here"},
 }
 
 
@@ -222,7 +222,10 @@ WRONG = {
     "a.src": ("q1_deg,q2_deg\n0,1\n", "is no program in KUKA KRL"),
     "b.ls": ("\xff\xfe/\0P\0R\0O\0G\0", "is no program in FANUC LS"),
     "c.mod": ("MODULE a\nENDMODULE\n", "has no targets"),
-    "d.script": ("def a():\nmovej(x)\nend\n", "no target can be corrected: line 2: x: is not here"),
+    "d.script": (
+        "def a():\nmovej(x)\nend\n",
+        "no target can be corrected: line 2: x: is not declared here",
+    ),
     "e.src": (f"DEF a()\nLIN {{{P}}}\nPTP x\nEND\n", "(and 1 more)"),
     "f.src": (f"DEF a()\nPTP {{{J.replace('-60', '170')}}}\nEND\n", "outside the joint's limits"),
 }
@@ -258,8 +261,8 @@ def test_what_is_left_ends_with_code_1_and_a_line_each(tmp_path: Path) -> None:
     done = CliRunner().invoke(main, [*given, "--out", str(out)])
     assert done.exit_code == 1
     assert done.stderr.splitlines() == [
-        f"edtk: {program}: line 3: X: is not here",
-        f"edtk: {program}: line 4: Y: is not here",
+        f"edtk: {program}: line 3: X: is not declared here",
+        f"edtk: {program}: line 4: Y: is not declared here",
     ]
     assert out.exists()
     done = CliRunner().invoke(main, [*given, "--out", str(program)])
@@ -341,3 +344,21 @@ def test_programs_that_edtk_writes_are_corrected(tmp_path: Path, name: str) -> N
     assert found.left == ()
     nominal = np.rad2deg([one.q for one in found.targets])
     assert np.abs(nominal - degrees).max() < 1e-3
+
+
+def test_rapid_moves_of_all_forms_are_read(tmp_path: Path) -> None:
+    """Literals in moves, arcs, outputs at the end of a move, options, and a byte-order mark."""
+    pose = f"[[1900,200,1300],[0.827,0.185,0.5,0.178],[0,-1,0,0],{NONE}]"
+    other = pose.replace("1900", "1850")
+    moves = [
+        f"MoveAbsJ {RJ}\\NoEOffs,v100,fine,tool0;",
+        f"MoveJ {pose},v100,fine,tDrill;",
+        f"MoveC {pose},{other},v100,\n z10,tDrill\\WObj:=wobj0;",
+        f"MoveLDO \\Conc,{pose},v100,z10,tDrill,do1,1;",
+    ]
+    head = "\xef\xbb\xbfMODULE demo\nPROC main()\n"
+    text = head + "\n".join(moves) + "\nENDPROC\nENDMODULE\n"
+    found = corrected(tmp_path, "demo.mod", text)
+    assert lines(found) == [3, 4, 5, 5, 7]
+    assert found.left == ()
+    assert found.content.startswith(head.encode("latin-1"))

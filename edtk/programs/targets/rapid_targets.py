@@ -329,7 +329,8 @@ class _Parser:
             part = self.clean[first:last]
             name = part.partition("\\")[0].strip()
             if part.startswith("["):
-                literal = self._literal(line, "", first, last, "ABSJ" not in word)
+                end_of = first + len(name)
+                literal = self._literal(line, "", first, end_of, "ABSJ" not in word)
                 self.reading.literals.append(literal)
                 self.reading.own[first] = use
             elif re.fullmatch(r"\w+", name):
@@ -350,8 +351,13 @@ class _Parser:
         name = "WOBJ0" if wobj is None else wobj[1]
         base = self.data[name] if name in self.data else self.frames.base(name)
         names = [word.partition("\\")[0].strip() for word in words]
-        known = [one for one in names if one in self.tools or one == "TOOL0"]
         carries = [one for one, word in zip(names, words, strict=True) if "WOBJ" in word]
-        tool = next(iter([*known, *carries, *names[-1:]]), "")
+        named = [one for one in names if re.fullmatch(r"[A-Z]\w*", one)]
+        known = [one for one in named if one in self.tools or self._is_tool(one)]
+        tool = next(iter([*known, *carries, *named[-1:]]), "")
         stated = self.data[tool] if tool in self.data else self.frames.tool(tool)
         return stated, base
+
+    def _is_tool(self, name: str) -> bool:
+        """Whether the study knows a tool of that name."""
+        return not isinstance(self.frames.tool(name), str)

@@ -20,6 +20,7 @@ NO_FRAME = ("0", "TOOL0", "WOBJ0", "$NULLFRAME")  # names that every controller 
 DEFAULT = "DEFAULT"
 ALL_LITERALS = "--all-literals corrects it"
 LARGEST = 1e10  # of a number in a target; 9E9 stands for an axis that is not there
+NOT_HERE = "is not declared here"
 SAME = 1e-12  # [m, or of a rotation] by which two frames are one
 
 Frame = Array | str  # a transform (4, 4) [m], or why it is not known
@@ -293,7 +294,7 @@ def targets_of(reading: Reading, every: bool) -> tuple[list[Target], list[Left]]
     for name, uses in reading.uses.items():
         if name not in names:
             where = reading.known.get(name)
-            reason = f"is declared in {where}; correct that file, too" if where else "is not here"
+            reason = f"is declared in {where}; correct that file, too" if where else NOT_HERE
             if name in reading.changed:
                 reason = f"line {reading.changed[name]} computes it at run time"
             left.append(Left(uses[0].line, reason, name))
