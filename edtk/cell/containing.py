@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 Round = Capsule | Box
 Fit = Callable[[Array, Array], Round]
 
-TIGHT = 0.012  # [m] by which shapes may stand out of the surface before they are cut in two
-MOST = 6  # capsules of one part of an arm; each costs time in each pose
+TIGHT = 0.015  # [m] by which shapes may stand out of the surface before they are cut in two
+MOST = 4  # capsules of one part of an arm; each costs time in each pose
 LEAST_RADIUS = 1e-4  # [m]; of flat or thin parts
 ROUNDING = 1e-9  # by which shapes are larger, relative, so that rounding leaves no corner outside
-ROUNDS = 40  # of the search for the middle of a circle, whose error falls as 1 / rounds
+ROUNDS = 16  # of the search for the middle of a circle, whose error falls as 1 / rounds
 STRETCHES = np.array([1.0, 1.04, 1.1, 1.2])  # of a capsule's least radius: thicker may be shorter
-SHARES = (0.1, 0.25, 0.4, 0.5, 0.6, 0.75, 0.9)  # of the surface, before a cut
+SHARES = (0.12, 0.3, 0.5, 0.7, 0.88)  # of the surface, before a cut
 SAMPLES = 3000  # points of a surface, to which distances are measured
 CLOSER = (0.3, 0.1, 0.03)  # [rad] about the best axis so far, among which a better one is sought
 
@@ -42,7 +42,7 @@ def _spread_directions(count: int) -> Array:
     return np.column_stack([flat * np.cos(angle), flat * np.sin(angle), height])
 
 
-EXTREMES = np.concatenate([_spread_directions(48), -_spread_directions(48)])
+EXTREMES = np.concatenate([_spread_directions(32), -_spread_directions(32)])
 AXES = _spread_directions(60)
 
 
@@ -62,12 +62,13 @@ def containing(
     """
     from scipy.spatial import cKDTree
 
-    surface = cKDTree(_sampled(triangles))
+    points, between = sampled(triangles, SAMPLES)
+    surface = cKDTree(points), between
     fit = _smallest if boxes else _capsule
-    pieces = [_Piece(triangles, fit)]
+    pieces = [_Piece(triangles, fit, surface)]
     done: list[_Piece] = []
     while pieces and len(pieces) + len(done) < most:
-        out = [_stands_out(one, surface, [*pieces, *done]) for one in pieces]
+        out = [_stands_out(one, [*pieces, *done]) for one in pieces]
         worst = int(np.argmax(out))
         if out[worst] <= tight:
             break
@@ -80,10 +81,14 @@ def containing(
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """Triangles (f, 3, 3) [m] that one shape is to hold, and how such a shape is found."""
+    """Triangles (f, 3, 3) [m] that one shape is to hold, and how such a shape is found.
+
+    The surface is that of the whole part: points of it, and how far any other one is from these.
+    """
 
     triangles: Array
     fit: Fit
+    surface: "tuple[cKDTree, float]"
 
     @cached_property
     def corners(self) -> Array:
@@ -116,6 +121,13 @@ class _Piece:
             found = self.fit(self.few, near)
         return self.fit(self.corners, _axis(found)[None])
 
+    @cached_property
+    def around(self) -> tuple[Array, Array]:
+        """Points (k, 3) all over the shape, and how far (k,) each is off the surface [m]."""
+        points = _surface_of(self.shape)
+        tree, between = self.surface
+        return points, np.asarray(tree.query(points)[0] - between)
+
     def cut(self) -> "list[_Piece]":
         """The two pieces whose shapes have the least volume together; none where nothing parts."""
         middles = self.triangles.mean(axis=1)
@@ -123,7 +135,10 @@ class _Piece:
         found: list[tuple[float, int, list[_Piece]]] = []
         for axis in self.axes:
             for place in _places(middles @ axis, areas):
-                two = [_Piece(part, self.fit) for part in _cut(self.triangles, axis, place)]
+                two = [
+                    _Piece(part, self.fit, self.surface)
+                    for part in _cut(self.triangles, axis, place)
+                ]
                 if all(len(part.triangles) for part in two):
                     found.append((sum(part.rough for part in two), len(found), two))
         return min(found)[2] if found else []
@@ -255,13 +270,15 @@ def _areas(triangles: Array) -> Array:
     return np.asarray(np.linalg.norm(np.cross(second - first, third - first), axis=1) / 2)
 
 
-def _sampled(triangles: Array) -> Array:
-    """Points of the surface, all corners among them [m].
+def sampled(triangles: Array, count: int) -> tuple[Array, float]:
+    """Points (k, 3) of a surface, and how far any point of it is from one of these at most [m].
 
-    Triangles that are large for the whole are halved along their longest edge until they are not.
+    Triangles are halved along their longest edge until none has an edge above a length l that
+    leaves about as many as are asked for; the points are their middles. No point of a triangle is
+    farther from it than two thirds of the longest median, which is not longer than ``sqrt(3)/2 l``.
     """
-    spacing = np.sqrt(_areas(triangles).sum() / SAMPLES)
-    found = [triangles.reshape(-1, 3)]
+    spacing = np.sqrt(_areas(triangles).sum() / count)
+    found = []
     while len(triangles):
         edges = triangles[:, [1, 2, 0]] - triangles
         lengths = np.linalg.norm(edges, axis=2)
@@ -271,19 +288,19 @@ def _sampled(triangles: Array) -> Array:
         turn = (lengths[large].argmax(axis=1)[:, None] + np.arange(3)) % 3
         T = T[np.arange(len(T))[:, None], turn]
         middle = T[:, :2].mean(axis=1)
-        found.append(middle)
         first = np.stack([T[:, 0], middle, T[:, 2]], axis=1)
         triangles = np.concatenate([first, np.stack([middle, T[:, 1], T[:, 2]], axis=1)])
-    return np.concatenate(found)
+    return np.concatenate(found), float(2 * spacing / 3**0.5)
 
 
-def _stands_out(piece: _Piece, surface: "cKDTree", pieces: Sequence[_Piece]) -> float:
+def _stands_out(piece: _Piece, pieces: Sequence[_Piece]) -> float:
     """How far a piece's shape stands out of the surface, where no other shape covers it [m]."""
-    points = _surface_of(piece.shape)
+    points, out = piece.around
     for other in pieces:
         if other is not piece:
-            points = points[~inside(other.shape, points)]
-    return float(surface.query(points)[0].max()) if len(points) else 0.0
+            outside = ~inside(other.shape, points)
+            points, out = points[outside], out[outside]
+    return float(out.max()) if len(out) else 0.0
 
 
 def _surface_of(shape: Round) -> Array:

@@ -73,8 +73,7 @@ class _Shapes:
         except ValueError as error:
             message = str(error)
             raise RobotFileError(message, where=self.where, key=f"link {link}") from error
-        meshes = tuple(part for part in parts if isinstance(part, Mesh))
-        return Body(link, carrier, shapes, "URDF", meshes).moved(T)
+        return Body(link, carrier, shapes, "URDF", tuple(map(_mesh_of, parts))).moved(T)
 
     def _parts(self, link: Element) -> list[Shape | Mesh]:
         """The shapes and meshes of a link, in its frame."""
@@ -164,6 +163,14 @@ def _of_bytes(content: bytes, stands: bool) -> tuple[Shape, ...]:
     return containing(triangles, boxes=stands)
 
 
+def _mesh_of(part: Shape | Mesh) -> Mesh:
+    """A part as triangles."""
+    if isinstance(part, Mesh):
+        return part
+    triangles = _triangles(part)
+    return Mesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
+
+
 def _triangles(part: Shape | Mesh) -> Array:
     """Triangles (f, 3, 3) that enclose a part [m]."""
     if isinstance(part, Mesh):
@@ -178,6 +185,15 @@ def _triangles(part: Shape | Mesh) -> Array:
         return _prism(
             np.column_stack([radius * np.cos(angle), radius * np.sin(angle), height]), part.pose
         )
+    if isinstance(part, Capsule):
+        way = part.end - part.start
+        frame = np.eye(4)
+        frame[:3, 3] = (part.start + part.end) / 2
+        if part.length > 0:
+            _, _, rows = np.linalg.svd(way[None])
+            frame[:3, :3] = np.stack([rows[1], rows[2], rows[0]], axis=1)
+        half = part.length / 2 + part.radius
+        return _triangles(Cylinder(frame, part.radius, half))
     raise ValueError("a plane has no end; expected a body that an arm can carry")
 
 

@@ -1,6 +1,6 @@
 """What a robot is for a calibration: its reach, its mass, and what loads its joints."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
@@ -17,6 +17,51 @@ POSES = 4096  # that are searched, always the same ones
 NOTHING = 1e-9  # lever of a load, relative to the reach, that is rounding
 
 
+Pair = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Part:
+    """A body of a robot, as a table of its file would have it.
+
+    Attributes:
+        name: Its name.
+        joint: The joint that moves it; None for one that stands.
+        source: From where its shapes are.
+        shapes: How many there are.
+        capsules: Those that are capsules: start, end and radius of each [m].
+    """
+
+    name: str
+    joint: str | None
+    source: str
+    shapes: int
+    capsules: tuple[tuple[tuple[float, ...], tuple[float, ...], float], ...]
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The bodies of a robot, and which pairs of them a cell does not look at.
+
+    Attributes:
+        parts: The bodies.
+        adjacent: Pairs that a joint connects.
+        always: Other pairs whose shapes touch in every pose.
+        never: Pairs whose shapes touch here and there, and whose meshes never do.
+        unknown: Why there are none; empty where there are.
+    """
+
+    parts: tuple[Part, ...] = ()
+    adjacent: tuple[Pair, ...] = ()
+    always: tuple[Pair, ...] = ()
+    never: tuple[Pair, ...] = ()
+    unknown: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers in SI units."""
+        return asdict(self)
+
+
 @dataclass(frozen=True, eq=False)
 class RobotOverview(Presented):
     """The joints of a robot, how far it reaches, and which loads turn which joint.
@@ -29,10 +74,12 @@ class RobotOverview(Presented):
         robot: The robot.
         open: Names of joints whose limits the robot's file leaves open; those of the robot are
             then one turn, or a metre to either side, and a study has to give them.
+        parts: Its bodies; None where nobody asked for them.
     """
 
     robot: Robot
     open: tuple[str, ...] = ()
+    parts: Parts | None = None
 
     def headline(self) -> str:
         """Name, number of joints and reach."""
@@ -119,4 +166,5 @@ class RobotOverview(Presented):
                 n for n, x in zip(names, self.not_by_gravity, strict=True) if x
             ],
             "never_loaded": [n for n, x in zip(names, self.unloaded, strict=True) if x],
+            "bodies": None if self.parts is None else self.parts.to_dict(),
         }

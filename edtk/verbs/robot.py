@@ -3,8 +3,10 @@
 from pathlib import Path
 
 from edtk.robots.load_robot import load_robot
-from edtk.robots.robot_overview import RobotOverview
+from edtk.robots.robot import Robot
+from edtk.robots.robot_overview import Parts, RobotOverview
 from edtk.robots.urdf.load_urdf import OpenLimitsError
+from edtk.system.errors import UserError
 from edtk.verbs.inputs import require_output
 
 STAND_IN = {"revolute": (-3.141592653589793, 3.141592653589793), "prismatic": (-1.0, 1.0)}
@@ -26,7 +28,7 @@ def robot(
         plot: Picture to write (PNG, SVG or PDF, by its ending).
 
     Returns:
-        Joints, reach and loads. Joints whose limits a file leaves open are listed in `open`.
+        Joints, reach, loads and bodies. Joints whose limits a file leaves open are in `open`.
 
     Raises:
         UserError: The robot or the picture's name is not valid.
@@ -38,11 +40,26 @@ def robot(
         require_picture(plot)
         require_output(plot, name)
     try:
-        found = RobotOverview(load_robot(name, base=base, tip=tip))
+        arm = load_robot(name, base=base, tip=tip)
+        found = RobotOverview(arm, parts=_parts(arm, name, base, tip))
     except OpenLimitsError as error:
         limits = {joint: STAND_IN[kind] for joint, kind in error.joints.items()}
         arm = load_robot(name, base=base, tip=tip, limits=limits)
-        found = RobotOverview(arm, tuple(limits))
+        found = RobotOverview(arm, tuple(limits), _parts(arm, name, base, tip))
     if plot is not None:
         picture_file(found, plot)
     return found
+
+
+def _parts(arm: Robot, name: Path | str, base: str | None, tip: str | None) -> Parts:
+    """The robot's bodies; where they cannot be read, why. A study without a cell needs none."""
+    from edtk.cell.pairs import parts_of
+    from edtk.cell.robot_bodies import robot_bodies
+
+    try:
+        bodies = robot_bodies(arm, str(name), base=base, tip=tip)
+    except UserError as error:
+        return Parts(unknown=str(error))
+    if not bodies:
+        return Parts(unknown="the file has no [[body]] and no shapes")
+    return parts_of(arm, bodies)

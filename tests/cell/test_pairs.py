@@ -2,14 +2,17 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from edtk.cell.cell import Cell
-from edtk.cell.containing import inside
+from edtk.cell.containing import containing, inside
 from edtk.cell.pairs import pairs_to_look_at
 from edtk.cell.robot_bodies import robot_bodies
-from edtk.cell.shapes import Body, Capsule
+from edtk.cell.shapes import Body, Capsule, Mesh
 from edtk.cell.swinging import hanging_bodies
 from edtk.robots.load_robot import load_robot
+from edtk.robots.robot_file import robot_from_dict
+from edtk.robots.rotations import transform
 
 ROBOT = load_robot("kuka_kr270")
 BODIES = robot_bodies(ROBOT, "kuka_kr270")
@@ -97,3 +100,30 @@ def test_all_places_of_a_swinging_weight_are_held(swing: float, rope: float) -> 
         assert body.hangs_at is POINT
         held = np.any([inside(shape, turned) for shape in body.capsules], axis=0)
         assert held.all()
+
+
+def test_meshes_decide_of_parts_that_pass_close_by() -> None:
+    """A pair whose capsules touch is left out where its meshes never do."""
+    plate = np.array([[x, y, z] for x in (-0.2, 0.2) for y in (-0.2, 0.2) for z in (0, 0.02)])
+    triangles = plate[ConvexHull(plate).simplices]
+    mesh = Mesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
+
+    def part(name, carrier, height):
+        body = Body(name, carrier, containing(triangles, most=2), "URDF", (mesh,))
+        return body.moved(transform([0, 0, height]))
+
+    robot = robot_from_dict(
+        {
+            "name": "turntable",
+            "source": "test",
+            "joints": [
+                {"name": n, "origin_m": [0, 0, 0], "axis": [0, 0, 1], "limits_deg": [-90, 90]}
+                for n in ("a", "b")
+            ],
+        }
+    )
+    for height, never in ((0.05, True), (0.015, False)):
+        bodies = (part("below", None, 0.0), part("above", 1, height))
+        found = pairs_to_look_at(robot, bodies, 0.0, own=("below", "above"))
+        assert (found.never == (("below", "above"),)) == never
+        assert (found.always == (("below", "above"),)) == (not never)

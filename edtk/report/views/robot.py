@@ -17,7 +17,7 @@ from edtk.report.shown import plain
 from edtk.report.tables import notebook_table, text_table
 from edtk.robots.compensator import compensator_in_words
 from edtk.robots.robot import Robot, motors_in_words, shown_limits
-from edtk.robots.robot_overview import NOTHING, RobotOverview
+from edtk.robots.robot_overview import NOTHING, Parts, RobotOverview
 from edtk.study.study_toml import inline
 from edtk.system.typing import Array
 
@@ -140,6 +140,9 @@ def _legend(result: Robot, ax: Any) -> None:
     ax.legend(handles=handles, fontsize=7, frameon=False, loc="upper left")
 
 
+SOURCES = {"URDF": "URDF", "typed": "the robot's file", "default": "default, about"}
+
+
 def robot_overview_text(found: RobotOverview) -> str:
     """The joints, a line each, and sentences about reach, mass and loads."""
     robot = found.robot
@@ -152,6 +155,7 @@ def robot_overview_text(found: RobotOverview) -> str:
     mass = "unknown: the file has no masses" if found.mass is None else f"{_digits(found.mass)} kg"
     lines.append(f"moves    {mass}")
     lines += overview_sentences(found)
+    lines += [] if found.parts is None else _parts_in_words(found.parts)
     return "\n".join([*lines, *([f"source: {robot.source}"] if robot.source else [])])
 
 
@@ -214,6 +218,31 @@ def overview_sentences(found: RobotOverview) -> list[str]:
             "[joints] limits_deg or limits_mm. The rest holds for a whole turn, or a metre to "
             "either side."
         )
+    return lines
+
+
+def _parts_in_words(parts: Parts) -> list[str]:
+    """The bodies, a line each, and the pairs that a cell does not look at."""
+    if parts.unknown:
+        return [f"bodies   unknown: {parts.unknown}"]
+    rows = [
+        [
+            part.name,
+            part.joint or "none: it stands",
+            "1 shape" if part.shapes == 1 else f"{part.shapes} shapes",
+            SOURCES[part.source],
+        ]
+        for part in parts.parts
+    ]
+    lines = ["", text_table(["body", "joint that moves it", "held by", "from"], rows), ""]
+    for pairs, words in (
+        (parts.adjacent, "a joint connects"),
+        (parts.always, "touch in every pose, as their shapes are larger than they"),
+        (parts.never, "are near each other, and their meshes never touch"),
+    ):
+        if pairs:
+            listed = "; ".join(f"{first} - {second}" for first, second in pairs)
+            lines.append(f"A cell does not look at pairs that {words}: {listed}.")
     return lines
 
 
