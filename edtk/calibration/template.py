@@ -178,13 +178,8 @@ def template(study: Study, plan: Plan, positions: bool = False, markers: int = 0
         Poses and wrenches in the units of the headers, and empty columns to fill in: a measurement
         file to be.
     """
-    lower, upper = study.robot.limits
     plan = replace(plan, q=rounded(study.robot, plan.q))
-    if study.specification.costs is None and study.cell is None:
-        path = visiting_order(plan.q, upper - lower)
-        order = np.repeat(path, plan.repeats[path])
-    else:
-        order = visit_order(study, plan)
+    order = sheet_order(study, plan)
     sensors = study.model.sensors
     rows = len(sensors) or max(markers, 1)
     table = plan.to_frame(study.robot).drop(columns="repeats")
@@ -199,6 +194,20 @@ def template(study: Study, plan: Plan, positions: bool = False, markers: int = 0
         return table
     read = _read(study.sight, sensors, plan.q[order], rows)
     return table[read].reset_index(drop=True)
+
+
+def sheet_order(study: Study, plan: Plan) -> Indices:
+    """Indices of the plan's poses in the order of its sheet, repeats included.
+
+    Where displacements are measured, loads come and go in each experiment: they make no order as
+    long as that costs nothing.
+    """
+    costs = study.specification.costs
+    if study.kind.keeps_loads or costs is not None or study.cell is not None:
+        return visit_order(study, plan)
+    lower, upper = study.robot.limits
+    path = visiting_order(plan.q, upper - lower)
+    return np.repeat(path, plan.repeats[path])
 
 
 def _read(sight: Sight, sensors: Sequence[Sensor], q: Array, rows: int) -> Mask:

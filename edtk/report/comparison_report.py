@@ -33,7 +33,7 @@ from edtk.report.draw.plans import LONGEST_LABEL, criterion_by_size, task_errors
 from edtk.report.figures import new_figure, png
 from edtk.report.show.page import page_html
 from edtk.report.show.plate import PAGE, plate, plate_words
-from edtk.report.show.stage import MEASURED, Stage, as_on_sheet, shares, stage_of
+from edtk.report.show.stage import Stage, shares, stage_of_plan
 from edtk.study.schema import describe_noise
 from edtk.study.study_model import describe_measured
 from edtk.study.study_run import StudyRun
@@ -227,9 +227,12 @@ def best_stage(run: StudyRun) -> Stage | None:
     """The largest plan for the main criterion with what each pose brings; None without one."""
     if run.best is None:
         return None
-    plan = as_on_sheet(run.study, run.best)
-    shade = shares(run.designs.information, run.designs.criterion(), plan)
-    return stage_of(run.study, plan, ordered=MEASURED, shades=[shade])
+    designs = run.designs
+    return stage_of_plan(
+        run.study,
+        run.best,
+        lambda plan: shares(designs.information, designs.criterion(), plan),
+    )
 
 
 def _plain(text: str) -> str:

@@ -180,6 +180,7 @@ class Geometry(Kind):
 
     key = "parameters"
     task = TaskDefaults(absolute_task_weights, tool=None, wrench=np.zeros(6))
+    keeps_loads = True
 
     def unknowns(self, study: Asked) -> str:
         """Geometry, and how many compliances."""

@@ -76,10 +76,12 @@ class Kind(ABC):
         key: The key of a study that says what is unknown.
         hard_to_believe: Checks besides those of any study, see `plausibility`.
         task: What a task has that says nothing else.
+        keeps_loads: Whether all visits under a load come together, though changes cost nothing.
     """
 
     key: ClassVar[str]
     task: ClassVar[TaskDefaults]
+    keeps_loads: ClassVar[bool] = False
     hard_to_believe: ClassVar[tuple[Callable[["StudyObjects"], Iterator[Finding]], ...]] = ()
 
     @abstractmethod

@@ -67,7 +67,7 @@ def show(study: StudyLike, plan: "Given" = None, *, out: Path | str | None = Non
 
 def _stage(question: OfStudy, given: Any) -> "Stage":
     """What is shown of what is given."""
-    from edtk.report.show.stage import MEASURED, OF_SHEET, as_on_sheet, stage_of
+    from edtk.report.show.stage import OF_SHEET, stage_of, stage_of_plan
 
     study = question.study
     if given is None:
@@ -81,8 +81,7 @@ def _stage(question: OfStudy, given: Any) -> "Stage":
         if found is not None:
             return _of_result(question, found.to_dict(), name_of(given, "sheet"))
         return stage_of(study, plan, ordered=OF_SHEET, shades=[_shares(question, plan)])
-    plan = as_on_sheet(study, plan)
-    return stage_of(study, plan, ordered=MEASURED, shades=[_shares(question, plan)])
+    return stage_of_plan(study, plan, lambda some: _shares(question, some))
 
 
 def _result(given: object) -> Mapping[str, Any] | None:

@@ -12,6 +12,7 @@ from geometry_sheets import by_pose, truth
 from kr270 import REQUIRED, TEST_POSE
 
 import edtk
+from edtk.calibration.timetable import day_of
 from edtk.cli import main
 from edtk.study.study import Study
 
@@ -184,12 +185,13 @@ def test_a_cell_is_there_with_how_far_it_is_and_from_what() -> None:
     plan = edtk.Plan(q, np.zeros((2, 6)), np.ones(2, dtype=int))
     page = edtk.show(study, plan)
     assert study.cell is not None
+    assert "No free way was found to" in page.html
     (shade,) = page.stage.shades
     order = [int(np.abs(q - pose).sum(axis=1).argmin()) for pose in page.stage.q]
     assert shade.values == pytest.approx(1e3 * study.cell.clearance(q).least[order])
     touching = [name for name, mm in zip(page.stage.names, shade.values, strict=True) if mm < 0]
     assert len(touching) == 1
-    assert f"SOMETHING TOUCHES in pose {touching[0]}" in page.html
+    assert f"Something touches in pose {touching[0]}." in page.html
     kinds = {part.name: part.kind for part in page.stage.parts}
     assert (kinds["table"], kinds["weight"], kinds["forearm"]) == ("around", "load", "link")
 
@@ -210,3 +212,28 @@ def test_results_show_themselves(measured: tuple[Study, pd.DataFrame]) -> None:
     assert len(study.robot.show().stage.q) == 1
     with pytest.raises(TypeError, match="a Study has no poses to show"):
         study.show()
+
+
+def test_the_arm_goes_by_the_via_poses_of_the_day() -> None:
+    """Between two poses of a day in a cell it passes where the day's way does, and it is seen there
+    which marker nobody reads.
+    """
+    column = [{"name": "column", "radius_mm": 200, "height_mm": 4000, "position_mm": [1500, 0, 0]}]
+    tracker = {"tracker_position_mm": [5000, 0, 1000], "along": [10, 5], "across": [15, 6]}
+    markers = [{"name": "A", "position_mm": [0, 0, 0], "normal": [0, 0, 1]}, {"name": "B"}]
+    markers[1] |= {"position_mm": [0, 50, 0]}
+    keys = REQUIRED | {"joints": {"unknown": ["q2", "q3"]}}
+    study = Study(**keys, scene={"cylinder": column}, noise=tracker, marker=markers)
+    q = np.deg2rad([[45, -60, 90, 0, 30, 0], [-45, -60, 90, 0, 30, 0]])
+    plan = edtk.Plan(q, np.zeros((2, 6)), np.ones(2, dtype=int))
+    stage = edtk.show(study, plan).stage
+    day = day_of(study, edtk.Plan(q, plan.wrench, plan.repeats))
+    (last,) = (step for step in day.steps if step.visit == 2)
+    assert last.way is not None
+    assert stage.ways[0] == pytest.approx(last.way.via)
+    assert len(stage.ways[0]) > 0
+    assert study.sight is not None
+    assert [name for name, _ in stage.eyes] == [eye.name for eye in study.sight.eyes]
+    read = study.sight.seen(stage.q)
+    assert [[not words for words in pose] for pose in stage.hidden] == read.tolist()
+    assert (~read).any()

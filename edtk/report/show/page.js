@@ -337,9 +337,17 @@
   }
 
   // Between two poses all joints move in step, as a controller's joint move does.
+  // Where it goes by via poses, it is as long on each leg as its joints need.
+  const wayAfter = k => [data.q[k], ...(data.ways[k] || []), data.q[k + 1]];
+  const travel = (a, b) => Math.max(...a.map((x, j) => Math.abs(b[j] - x)));
+  const travelOf = way => way.slice(1).map((q, i) => travel(way[i], q));
   function jointsAt(at) {
     const k = Math.min(Math.floor(at), count - 1), t = at - k;
-    return t > 0 && k + 1 < count ? mix(data.q[k], data.q[k + 1], t) : data.q[k];
+    if (t <= 0 || k + 1 >= count) return data.q[k];
+    const way = wayAfter(k), legs = travelOf(way);
+    let left = t * legs.reduce((sum, leg) => sum + leg, 0), i = 0;
+    while (i < legs.length - 1 && left > legs[i]) left -= legs[i++];
+    return mix(way[i], way[i + 1], legs[i] > 0 ? left / legs[i] : 0);
   }
   const pose = () => Math.round(state.at);
   const isMoving = () => Math.abs(state.at - pose()) > 1e-9;
@@ -398,18 +406,22 @@
     return found.sort((a, b) => far(b) - far(a));
   }
 
+  // Why a marker is not read in this pose; nothing where it is.
+  const why = i => (data.hidden.length ? data.hidden[pose()][i] : "");
   function wiresAndLoads(frames, thin) {
-    for (const mark of data.marks) {
-      const p = apply(carrier(frames, mark.on), mark.at);
-      ball(p, 3.2 * thin, palette.mark);
-      const from = mark.anchor || data.tracker;
-      if (from) rod(from, p, 0.45 * thin, palette.beam, 0);
+    data.marks.forEach((mark, i) => {
+      const T = carrier(frames, mark.on), p = apply(T, mark.at), read = !why(i);
+      ball(p, 3.2 * thin, read ? palette.mark : palette.around);
+      if (mark.normal) rod(p, add(p, times(22 * thin, rotate(T, mark.normal))), 0.8 * thin, palette.mark);
+      const colour = read ? palette.beam : faded(palette.around, 0.5);
+      for (const from of mark.anchor ? [mark.anchor] : data.eyes.map(eye => eye.at)) {
+        rod(from, p, 0.45 * thin, colour, 0);
+      }
       if (mark.anchor) ball(mark.anchor, 3.2 * thin, palette.beam);
-    }
-    if (data.tracker) {
-      const foot = [data.tracker[0], data.tracker[1], Math.min(data.floor, data.tracker[2])];
-      rod(foot, data.tracker, 1.6 * thin, palette.ink);
-      ball(data.tracker, 5 * thin, palette.ink);
+    });
+    for (const { at } of data.eyes) {
+      rod([at[0], at[1], Math.min(data.floor, at[2])], at, 1.6 * thin, palette.ink);
+      ball(at, 5 * thin, palette.ink);
     }
     const force = data.forces[pose()], size = length(force);
     if (size > 0) {
@@ -489,8 +501,9 @@
         put(name, add(o, e), name);
       });
       if (state.beams) {
-        if (data.tracker) put("tracker", data.tracker);
-        for (const mark of data.marks) put(mark.name, apply(carrier(frames, mark.on), mark.at));
+        for (const eye of data.eyes) put(eye.name, eye.at);
+        data.marks.forEach((mark, i) => put(
+          why(i) ? `${mark.name} (not read)` : mark.name, apply(carrier(frames, mark.on), mark.at)));
         const size = length(data.forces[pose()]);
         if (size > 0) {
           const p = apply(carrier(frames, data.load.on), add(data.load.at, data.levers[pose()]));
@@ -531,6 +544,10 @@
     const tip = originOf(place(data.q[i]).tip);
     rows.push(["tool point", `${tip.map(x => (1000 * x).toFixed(1)).join(", ")} mm`]);
     if (data.loads[i]) rows.push(["load", data.loads[i]]);
+    if (data.hidden.length) {
+      const hidden = data.hidden[i].map((words, m) => (words ? `${data.marks[m].name} ${words}` : ""));
+      rows.push(["not read", hidden.filter(Boolean).join("; ") || "none"]);
+    }
     if (data.turns) {
       const frames = place(data.q[i]), moved = bent(frames, data.turns[i], 1);
       const by = length(sub(originOf(moved.tip), originOf(frames.tip)));
@@ -619,8 +636,8 @@
       return play(false);
     } else {
       const k = Math.floor(state.at + 1e-9);
-      const travel = Math.max(...data.q[k].map((x, j) => Math.abs(data.q[k + 1][j] - x)));
-      const share = passed / Math.min(Math.max(travel / SPEED, 0.5), 3);
+      const whole = travelOf(wayAfter(k)).reduce((sum, leg) => sum + leg, 0);
+      const share = passed / Math.min(Math.max(whole / SPEED, 0.5), 8);
       const next = calm.matches ? k + 1 : Math.min(state.at + share, k + 1);
       state.at = next > k + 1 - 1e-6 ? k + 1 : next;
       if (!isMoving()) waited = 0;

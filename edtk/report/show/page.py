@@ -94,6 +94,7 @@ def page_html(stage: Stage) -> str:
         title=escape(stage.title),
         subtitle=escape(_subtitle(stage)),
         policy=policy,
+        alarms="".join(f'<p class="notice">{escape(text)}</p>\n' for text in _alarms(stage)),
         style=style,
         script=script,
         count=len(stage.q),
@@ -115,17 +116,27 @@ def _subtitle(stage: Stage) -> str:
     parts = [stage.robot.name, f"{_counted(len(stage.q))}{more}", stage.ordered]
     if any(part.kind == "joint" for part in stage.parts):
         parts.append("bodies are a sketch from joint to joint")
-    parts += [words for shade in stage.shades if (words := _alarm(stage, shade))]
     return "; ".join(filter(None, parts))
 
 
-def _alarm(stage: Stage, shade: Shade) -> str:
-    """Which poses touch something; empty where none does."""
-    if shade.alarm is None:
-        return ""
-    names = [n for n, value in zip(stage.names, shade.values, strict=True) if value < shade.alarm]
+def _alarms(stage: Stage) -> list[str]:
+    """What a person has to know before the arm moves; nothing where all is free."""
+    found = []
+    for shade in stage.shades:
+        below = np.inf if shade.alarm is None else -shade.alarm
+        touching = tuple(np.flatnonzero(-shade.values > below).tolist())
+        if touching:
+            found.append(f"Something touches in {_poses(stage, touching)}.")
+    if stage.blocked:
+        found.append(f"No free way was found to {_poses(stage, stage.blocked)}.")
+    return found
+
+
+def _poses(stage: Stage, chosen: tuple[int, ...]) -> str:
+    """Some poses by name."""
+    names = [stage.names[i] for i in chosen if i < len(stage.names)]
     shown = ", ".join(names[:NAMED]) + (" and others" if len(names) > NAMED else "")
-    return f"SOMETHING TOUCHES in pose{'s' if len(names) > 1 else ''} {shown}" if names else ""
+    return f"pose{'s' if len(names) > 1 else ''} {shown}"
 
 
 def _json(content: dict[str, Any]) -> str:
@@ -182,10 +193,13 @@ def page_data(stage: Stage) -> dict[str, Any]:
                 "on": carrier_of(mark.point),
                 "at": _numbers(np.ravel(mark.point.offset)[:3]),
                 "anchor": None if mark.anchor is None else _numbers(mark.anchor),
+                "normal": None if mark.normal is None else _numbers(mark.normal),
             }
             for mark in stage.marks
         ],
-        "tracker": None if stage.tracker is None else _numbers(stage.tracker),
+        "eyes": [{"name": name, "at": _numbers(at)} for name, at in stage.eyes],
+        "hidden": [list(pose) for pose in stage.hidden],
+        "ways": [_numbers(way) for way in stage.ways],
         "load": {
             "on": carrier_of(stage.load_point),
             "at": _numbers(np.ravel(stage.load_point.offset)[:3]),
@@ -309,9 +323,8 @@ def _points(stage: Stage, far: bool) -> Array:
     for part in stage.parts:
         if part.carrier == WORLD and (far or part.kind != "around"):
             points += [_corners(shape) for shape in part.shapes]
-    if far and stage.tracker is not None:
-        points.append(np.append(stage.tracker[None], [[*stage.tracker[:2], 0.0]], axis=0))
     if far:
+        points += [np.array([at, [*at[:2], 0.0]]) for _, at in stage.eyes]
         points += [mark.anchor[None] for mark in stage.marks if mark.anchor is not None]
     return np.vstack(points)
 

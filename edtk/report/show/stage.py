@@ -11,14 +11,16 @@ from criteria import Criterion
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.measured_poses import MeasuredPoses
-from edtk.calibration.template import visit_order
+from edtk.calibration.template import sheet_order
+from edtk.calibration.timetable import day_of, has_day
 from edtk.calibration.tours import visiting_order
 from edtk.cell.shapes import Body, Box, Capsule, Cylinder, Mesh, Shape
+from edtk.cell.sight import Sight
 from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.instruments.distance import Distance
-from edtk.measure.pose_table import in_file_units
+from edtk.measure.pose_table import in_file_units, rounded
 from edtk.robots.frames import BodyPoint, Frames
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import transform
@@ -68,11 +70,13 @@ class Mark:
         name: Name for people.
         point: Where it is.
         anchor: The fixed end (3,) of a wire that ends there [m]; None for a marker.
+        normal: Where its reflector looks (3,), in the frame of its body; None for all around.
     """
 
     name: str
     point: BodyPoint
     anchor: Array | None = None
+    normal: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +111,6 @@ class Stage:
         names: What each is called (m,).
         left_out: How many more poses there are that are not shown.
         marks: Markers and ends of wires.
-        tracker: Where the tracker stands (3,) [m]; None where nobody says.
         load_point: Where loads act.
         parts: The arm and its surroundings.
         turns: By how much the load turns each joint of the chain (m, N) [rad or m]; None where no
@@ -115,6 +118,11 @@ class Stage:
         springs: Whose compliances these turns have, in words.
         shades: Numbers by which poses may be coloured.
         ordered: Whether the order is that of measuring, in words.
+        ways: Via poses (k, n) between each two poses that follow each other; none where joints go
+            straight from one to the next.
+        blocked: Poses, counted from 0, to which no free way was found.
+        eyes: Names and places (3,) of what must see the markers [m].
+        hidden: Why each mark is not read in each pose; empty where it is.
     """
 
     title: str
@@ -125,13 +133,16 @@ class Stage:
     names: tuple[str, ...]
     left_out: int = 0
     marks: tuple[Mark, ...] = ()
-    tracker: Array | None = None
     load_point: BodyPoint = field(default_factory=BodyPoint)
     parts: tuple[Part, ...] = ()
     turns: Array | None = None
     springs: str = ""
     shades: tuple[Shade, ...] = ()
     ordered: str = ""
+    ways: tuple[Array, ...] = ()
+    blocked: tuple[int, ...] = ()
+    eyes: tuple[tuple[str, Array], ...] = ()
+    hidden: tuple[tuple[str, ...], ...] = ()
 
     @cached_property
     def frames(self) -> Frames:
@@ -387,7 +398,7 @@ def stage_of(
     tracker = None if table is None else table.tracker()
     k, springs = _springs(study, compliances)
     shades = (*shades, clearances(study, plan.q[:MOST]))
-    return _stage(
+    found = _stage(
         study.model,
         plan,
         parts_of(study),
@@ -398,6 +409,22 @@ def stage_of(
         shades=shades,
         ordered=ordered,
     )
+    return found if study.sight is None else _seen(found, study.sight)
+
+
+def _seen(stage: Stage, sight: Sight) -> Stage:
+    """The same with what the instruments see."""
+    eyes = tuple((eye.name, eye.position) for eye in sight.eyes)
+    if len(sight.reflectors) != len(stage.marks):
+        return replace(stage, eyes=eyes)
+    marks = tuple(
+        mark if one is None else replace(mark, normal=one.normal)
+        for mark, one in zip(stage.marks, sight.reflectors, strict=True)
+    )
+    why = tuple(
+        tuple("" if one is None else str(one) for one in pose) for pose in sight.hidden(stage.q)
+    )
+    return replace(stage, eyes=eyes, marks=marks, hidden=why)
 
 
 def stage_of_space(space: DesignSpace, plan: Plan, shade: Shade | None) -> Stage:
@@ -423,9 +450,48 @@ def by_travel(robot: Robot, plan: Plan) -> Plan:
     return _chosen(plan, visiting_order(plan.q, upper - lower))
 
 
-def as_on_sheet(study: Study, plan: Plan) -> Plan:
-    """The experiments of a plan in the order in which its sheet has them, each once."""
-    return _chosen(plan, np.array(list(dict.fromkeys(visit_order(study, plan).tolist()))))
+def stage_of_plan(
+    study: Study, plan: Plan, shade: Callable[[Plan], Shade | None] | None = None
+) -> Stage:
+    """The experiments of a plan as its sheet has them: in its order, rounded, and each once.
+
+    Args:
+        study: The study.
+        plan: The plan, in any order.
+        shade: Numbers of the poses of the plan that is shown, such as their shares.
+    """
+    plan = Plan(rounded(study.robot, plan.q), plan.wrench, plan.repeats)
+    order = list(dict.fromkeys(sheet_order(study, plan).tolist()))
+    chosen = _chosen(plan, np.array(order))
+    shades = () if shade is None else (shade(chosen),)
+    found = stage_of(study, chosen, ordered=MEASURED, shades=shades)
+    ways, blocked = _ways(study, plan, order)
+    return replace(found, ways=ways[: len(found.q) - 1], blocked=blocked)
+
+
+def _ways(study: Study, plan: Plan, order: list[int]) -> tuple[tuple[Array, ...], tuple[int, ...]]:
+    """Where the arm goes between first visits (k, n), and to which no free way was found.
+
+    Between these poses joints go in step. Nothing is known where the study says neither how long
+    things take nor what stands around the robot.
+    """
+    if not has_day(study):
+        return (), ()
+    day = day_of(study, plan)
+    found: dict[int, Array] = {}
+    passed: list[Array] = []
+    for step in day.steps:
+        passed += [] if step.way is None else list(step.way.via)
+        if step.row is None or step.row in found:
+            passed.append(step.q)
+            continue
+        found[step.row] = np.reshape(passed, (-1, study.robot.n))
+        passed = []
+    if list(found) != order:
+        return (), ()
+    rows = {step.row for step in day.blocked}
+    blocked = tuple(i for i, row in enumerate(order) if row in rows)
+    return tuple(found.values())[1:], blocked
 
 
 def _chosen(plan: Plan, order: Indices) -> Plan:
@@ -473,7 +539,7 @@ def _stage(
         names=tuple(str(i + 1) for i in range(len(q))),
         left_out=len(plan.q) - len(q),
         marks=marks_of(model),
-        tracker=tracker,
+        eyes=() if tracker is None else (("tracker", tracker),),
         load_point=model.load_point,
         parts=parts,
         turns=turned(model, q, wrench, k) if loaded and k is not None else None,

@@ -7,7 +7,7 @@ from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.design.exact.day import PosesByLoad
 from edtk.measure.pose_table import in_file_units, pose_columns
 from edtk.report.show.page import ShownPage
-from edtk.report.show.stage import MEASURED, as_on_sheet, shares, stage_of
+from edtk.report.show.stage import shares, stage_of_plan
 from edtk.report.shown import expected_rho0
 from edtk.report.tables import name_width, number_columns
 from edtk.report.views.calibration import error_budget
@@ -30,10 +30,12 @@ from edtk.system.typing import Array
 
 def geometry_plan_show(found: GeometryPlan) -> ShownPage:
     """The visits in the order of their sheet, with the share of the information of each."""
-    study = found.question.study
-    plan = as_on_sheet(study, found.whole)
-    shade = shares(found.question.information, found.relaxed.criterion, plan)
-    return ShownPage(stage_of(study, plan, ordered=MEASURED, shades=[shade]))
+    question = found.question
+    criterion = found.relaxed.criterion
+    stage = stage_of_plan(
+        question.study, found.whole, lambda plan: shares(question.information, criterion, plan)
+    )
+    return ShownPage(stage)
 
 
 def geometry_plan_text(found: GeometryPlan) -> str:

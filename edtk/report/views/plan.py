@@ -21,14 +21,7 @@ from edtk.measure.pose_table import (
 from edtk.report.draw.plans import joint_variables
 from edtk.report.figures import panels
 from edtk.report.show.page import ShownPage
-from edtk.report.show.stage import (
-    MEASURED,
-    as_on_sheet,
-    by_travel,
-    shares,
-    stage_of,
-    stage_of_space,
-)
+from edtk.report.show.stage import by_travel, shares, stage_of_plan, stage_of_space
 from edtk.report.shown import plain
 from edtk.report.tables import notebook_table, number_columns, text_table
 from edtk.report.views.calibration import error_budget
@@ -157,8 +150,7 @@ def plan_plot(result: Plan, ax: Any = None, robot: Robot | None = None) -> Any:
 
 def plan_show(result: Plan, study: Study) -> ShownPage:
     """The poses of a plan for a study, in the order in which its sheet has them."""
-    plan = as_on_sheet(study, result)
-    return ShownPage(stage_of(study, plan, ordered=MEASURED))
+    return ShownPage(stage_of_plan(study, result))
 
 
 def exact_plan_show(found: ExactPlan) -> ShownPage:
