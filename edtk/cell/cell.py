@@ -1,5 +1,6 @@
 """A robot among its surroundings: how far its bodies are from each other and from what stands."""
 
+import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -91,6 +92,16 @@ class Cell:
     def carriers(self) -> frozenset[int]:
         """Joints that move a body, as `Robot.frames` takes them."""
         return frozenset(body.carrier for body in self.bodies if body.carrier is not None)
+
+    @cached_property
+    def digest(self) -> str:
+        """Digits that differ where a shape, the margin or a pair does."""
+        solids = self.solids
+        places = (solids.start, solids.end, solids.radius, solids.anchors, *solids.planes)
+        standing = (one for each in solids.standing for one in each.arrays)
+        text = f"{self.margin} {self.pairs} {solids.carriers.tolist()}".encode()
+        numbers = (np.ascontiguousarray(one).tobytes() for one in (*places, *standing))
+        return hashlib.sha256(b"".join([text, *numbers])).hexdigest()[:12]
 
     @cached_property
     def solids(self) -> "Solids":
@@ -236,6 +247,11 @@ class _Standing:
         ]
         middle = np.einsum("sij,sj->si", rotation, poses[:, :3, 3])
         return cls(rotation, middle, np.array(sizes).reshape(-1, 3 if is_box else 2).T, is_box)
+
+    @property
+    def arrays(self) -> tuple[Array, ...]:
+        """All its numbers."""
+        return (self.rotation, self.middle, self.size)
 
     def signed(self, x: Array, size: Array) -> tuple[Array, Array]:
         """Signed distances of points (3, ...) in the shapes' own frames, and directions."""

@@ -22,6 +22,7 @@ from edtk.report.comparison_sections import (
     in_each_task,
     loss_of_others,
     margin_in_words,
+    over,
     relaxation_table,
     setting_of_geometry,
     verdict,
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
 AROUND = "What accuracy to expect in the test pose, and around it"
 IN_EACH = "What accuracy to expect in the test poses, and around them"
 EFFICIENCY = (
-    "Efficiency against the bound over all feasible poses (searched, not proved): the bound "
+    "Efficiency against the bound over {poses} (searched, not proved): the bound "
     "divided by the plan's cost. Rows are plans, columns criteria.\n"
 )
 UNITS = (
@@ -61,7 +62,7 @@ RELAXATION = (
     "Bounds come from the relaxation, which puts weights on poses instead of whole experiments; "
     "its values are per experiment. The first bound is proved: "
     "no plan over the candidates, and the poses found on the way, is better. The second speaks of "
-    "all feasible poses; it was searched by ascent from many starts, and is not proved. For O4, "
+    "{poses}; it was searched by ascent from many starts, and is not proved. For O4, "
     "which is not convex, the proof is by the least corner of a polygon that holds all designs.\n"
 )
 PLATE = "poses.png"
@@ -96,13 +97,13 @@ def comparison_report(run: StudyRun, sizes: Iterable[Efficiencies]) -> str:
         "## Fewer distinct poses\n",
         fewer_poses(run),
         "## All plans under all criteria\n",
-        EFFICIENCY,
+        EFFICIENCY.format(poses=over(run)),
         *(efficiencies(found) for found in sizes),
         chapters.units,
         all_values(run),
         "## How it was computed\n",
         chapters.search(),
-        RELAXATION,
+        RELAXATION.format(poses=over(run)),
         relaxation_table(run),
         _origin(run),
     ]

@@ -97,7 +97,7 @@ def by_size(run: StudyRun) -> str:
             cells.append(number(factor * other[main].iloc[0]) if len(other) else "-")
         rows.append([row["experiments"], *cells])
     header = ["experiments", f"optimised for {main}", "efficiency", "bound", *others]
-    text = f"{main} ({unit}), and the bound over all feasible poses:"
+    text = f"{main} ({unit}), and the bound over {over(run)}:"
     return f"{text}\n\n{markdown_table(header, rows)}"
 
 
@@ -356,7 +356,8 @@ def verdict(run: StudyRun) -> str:
         return "No size allows a plan that identifies all parameters.\n"
     row = best.iloc[-1]
     file = f"plans/{row['plan']}.csv"
-    sentences = [*_promise(run, row, file), *_others(run, row), *_on_limits(run, row)]
+    sentences = [*_promise(run, row, file), *_others(run, row), *_in_cell(run, row)]
+    sentences += _on_limits(run, row)
     return f"""{" ".join(sentences)}
 {_total(run)}
 Write the sheet for the day in the lab, and read it when it is filled in, as far as it is:
@@ -385,7 +386,7 @@ def _promise(run: StudyRun, row: "pd.Series", file: str) -> list[str]:
     if bound is None:
         return [text, f"They have {efficiency}."]
     limit = f"{number(factor * bound.value)} {'' if unit == 'SI' else unit}".strip()
-    told = "searched over all feasible poses, not proved"
+    told = f"searched over {over(run)}, not proved"
     return [text, f"No plan of {size} is better than {limit} ({told}): this one has {efficiency}."]
 
 
@@ -413,6 +414,27 @@ def _others(run: StudyRun, row: "pd.Series") -> list[str]:
             ratio = float(others[main].iloc[0] / row[main])
             found.append(f"For the {kind} plan {main} is {ratio:.3f} times that value{better}.")
     return found
+
+
+def over(run: StudyRun) -> str:
+    """Which poses the bounds of a run are over."""
+    return "all feasible poses" if run.study.cell is None else "all free poses, with the cell"
+
+
+def _in_cell(run: StudyRun, row: "pd.Series") -> list[str]:
+    """How free the plan is, and what the bound is without the cell."""
+    found = next((case.found for case in run.cases if case.name == row["plan"]), None)
+    check = None if found is None else found.in_cell
+    if found is None or check is None or not check.clearance.pairs:
+        return []
+    first, second = check.clearance.names(check.nearest) or ("", "")
+    room = 1e3 * float(check.clearance.least[check.nearest])
+    beyond = found.certified
+    return [
+        f"In the cell {check.headline()}: {first} and {second} come nearest, in row "
+        f"{check.nearest + 1}, {room:.1f} mm beyond the margin. Beside all poses, whether they are "
+        f"free or not, the efficiency is {100 * beyond.efficiency:.1f} %."
+    ]
 
 
 def _on_limits(run: StudyRun, row: "pd.Series") -> list[str]:

@@ -128,6 +128,9 @@ def checkpoint_of(
         digest.update(b"" if poses is None else _bytes(poses))
     for task in study.tasks:  # those of a path are in a file of their own
         digest.update(_bytes(np.concatenate([task.q, task.wrench])))
+    if study.cell is not None:
+        # Bodies may be read from files of their own.
+        digest.update(study.cell.digest.encode())
     if study.prior_information is not None:
         digest.update(_bytes(study.prior_information))
     known = study.specification.prior

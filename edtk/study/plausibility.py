@@ -11,6 +11,7 @@ from edtk.design.plan import Plan
 from edtk.findings.finding import Data, Finding, Severity, Wording
 from edtk.fit.least_squares import SingularPlanError, covariance
 from edtk.measure.expected_error import WITHIN, ExpectedError, compensation_accuracy
+from edtk.measure.pose_table import of_file_units
 from edtk.robots.weights import GRAVITY
 from edtk.robots.workspace import neighbourhood
 from edtk.study.study_model import own_scale
@@ -62,7 +63,7 @@ def plausibility(study: StudyObjects) -> tuple[Finding, ...]:
     if length > LONGEST_LINKS:
         # Nothing else can be judged by such an arm.
         return (Finding.of(Severity.WARNING, WORDING, "long_links", length=length),)
-    checks = (_tools, _pose_unit, _upwards, *study.kind.hard_to_believe)
+    checks = (_tools, _pose_unit, _upwards, _in_cell, *study.kind.hard_to_believe)
     return tuple(one for check in checks for one in check(study))
 
 
@@ -126,6 +127,24 @@ def _upwards(study: StudyObjects) -> Iterator[Finding]:
     up = force[2]
     if isinstance(up, int | float) and up >= UPRIGHT * np.linalg.norm(np.array(force, float)) > 0:
         yield Finding.of(Severity.WARNING, WORDING, "upward_load", force=up)
+
+
+def _in_cell(study: StudyObjects) -> Iterator[Finding]:
+    """Test poses in which something touches, with the calibration tool and what hangs on it."""
+    if study.cell is None or not study.specification.test_poses:
+        return
+    given = np.array([pose.q_deg for pose in study.specification.test_poses])
+    found = study.cell.clearance(of_file_units(study.robot, given))
+    for i in np.flatnonzero(~found.free).tolist():
+        yield Finding.of(
+            Severity.WARNING,
+            WORDING,
+            "test_pose_touches",
+            key=study.key_of(i),
+            pair=found.names(i),
+            clearance=float(found.least[i]),
+            margin=study.cell.margin,
+        )
 
 
 def doubtful_noise(study: StudyObjects) -> Iterator[Finding]:
@@ -399,6 +418,11 @@ WORDING: Wording = {
     "upward_load": lambda data: (
         f"load.F_N: {data['force']:g} N along z pulls the tool upwards; a weight pulls along -z, "
         "is the sign meant?"
+    ),
+    "test_pose_touches": lambda data: (
+        f"{data['key']}: in the cell, with the calibration tool, {data['pair'][0]} and "
+        f"{data['pair'][1]} are {1e3 * (data['clearance'] + data['margin']):.0f} mm apart, less "
+        f"than the margin of {1e3 * data['margin']:g} mm; is the scene that of the test pose?"
     ),
     "fine_noise": lambda data: (
         f"{data['key']}: {1e3 * data['sigma']:.3g} mm is finer than any instrument; is it given "

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import edtk
 from edtk.cell.shapes import Body, Box
 from edtk.certificate.certificate import certificate
 from edtk.certificate.verify_certificate import verify_certificate
@@ -121,3 +122,34 @@ def test_a_source_draws_the_same_free_poses_whatever_the_size_of_its_chunks(stud
     source = source_of(study)
     few, many = source.take(20).x, source.take(300).x
     assert (few == many[:20]).all()
+
+
+SCENE = {
+    "margin_mm": 20,
+    "box": [{"name": "block", "size_mm": [700, 700, 700], "position_mm": [1900, 0, 1600]}],
+}
+
+
+def test_a_test_pose_that_touches_is_a_warning_and_no_error():
+    study = load_study(STUDY).replace(scene=SCENE)
+    words = [one.words for one in study.warnings]
+    assert study.cell is not None
+    q = np.deg2rad(study.specification.test_poses[0].q_deg)
+    assert not study.cell.free(q)
+    assert any(
+        word.startswith("test_pose: in the cell, with the calibration tool") for word in words
+    )
+    assert any("and block are" in word for word in words)
+
+
+@pytest.mark.slow
+def test_a_run_in_a_cell_reports_it_and_a_changed_cell_is_another_run(tmp_path):
+    keys = {"optimise": ["D"], "criteria": ["D"], "sizes": [3], "candidates": 100, "starts": 16}
+    study = load_study(STUDY).replace(scene=SCENE, published=[], **keys)
+    run = edtk.run(study, tmp_path)
+    text = (tmp_path / "report.md").read_text(encoding="utf-8")
+    assert "over all free poses, with the cell" in text
+    assert "In the cell all " in text
+    assert run.relaxations["D"].without_cell is not None
+    wider = study.replace(scene=SCENE | {"margin_mm": 21})
+    assert wider.cell.digest != study.cell.digest
