@@ -9,6 +9,8 @@ from click.testing import CliRunner
 import edtk
 from edtk.cli import main
 from edtk.programs.program import Move, Program, axes_of
+from edtk.programs.targets.brand import brand_of
+from edtk.programs.targets.reading import Frames, targets_of
 from edtk.programs.writer import get
 
 FOUND = {"q2": 3e-7, "q3": 4e-7, "q4": 2.8e-6, "q5": 2.8e-6, "q6": 2.1e-6}
@@ -362,3 +364,63 @@ def test_rapid_moves_of_all_forms_are_read(tmp_path: Path) -> None:
     assert lines(found) == [3, 4, 5, 5, 7]
     assert found.left == ()
     assert found.content.startswith(head.encode("latin-1"))
+
+
+def test_arcs_of_fanuc_have_a_second_line(tmp_path: Path) -> None:
+    """The end of an arc stands in the line behind, and registers there are named."""
+    joints = ", ".join(f"J{i}= {x:9.3f} deg" for i, x in enumerate([5, -60, 60, 30, 30, 10], 1))
+    arc = (
+        "1:C P[1]    \n    :  P[2] 100mm/sec FINE    ;\n2:C P[3]    \n    :  PR[4] 100mm/sec FINE ;"
+    )
+    data = "\n".join(f"P[{one}]{{\n GP1:\n UF : 0, UT : 1, {joints}\n}};" for one in (1, 2, 3))
+    found = corrected(tmp_path, "demo.ls", f"/PROG A\n/MN\n{arc}\n/POS\n{data}\n/END\n")
+    assert [one.target.literal.name for one in found.targets] == ["P[1]", "P[2]", "P[3]"]
+    assert left(found) == {6: "is a register, which the program does not hold"}
+
+
+PROGRAMS = {
+    "a.src": [f"DEF demo()\n{SET}PTP {{{J}}}\n{body}\nEND\n" for body in LEFT_KRL],
+    "a.mod": [
+        f"MODULE m\nCONST robtarget p1:={RP};\nPROC main() MoveAbsJ {RJ},v1,fine,tool0;\n{body}\n"
+        "ENDPROC\nENDMODULE\n"
+        for body in LEFT_RAPID
+    ],
+    "a.script": [f"def demo():\nq1=[0,-1,1,0,0,0]\n{body}\nend\n" for body in LEFT_UR],
+    "a.ls": [
+        f"/PROG A\n/MN\n{body}\n/POS\nP[2]{{\n GP1:\n UF : 0, UT : 1, J1= 1 deg\n}};\n/END\n"
+        for body in LEFT_LS
+    ],
+}
+SPLINTERS = ["{", "}", "[", "]", "(", ")", ",", ";", "IF ", "ENDIF", "\\", ":=", '"', "!", "GOTO x"]
+SPLINTERS += [
+    "P[1]",
+    "/POS",
+    "{A1 1}",
+    "1e999",
+    "-",
+    "\n",
+    "\r",
+    "JMP LBL[1]",
+    "p[",
+    "\xe9",
+    "end\n",
+]
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_broken_programs_are_read_without_an_error(name: str) -> None:
+    """Whatever is cut out or put in, numbers of targets stand where the reader says."""
+    rng = np.random.default_rng(0)
+    axes = axes_of([f"q{i}" for i in range(1, 7)], ["revolute"] * 6)
+    brand = brand_of(name)
+    assert brand is not None
+    for i in range(150):
+        text = PROGRAMS[name][i % len(PROGRAMS[name])]
+        for at in rng.integers(0, len(text), 3):
+            cut = int(at + rng.integers(0, 8))
+            text = text[:at] + SPLINTERS[int(rng.integers(len(SPLINTERS)))] + text[cut:]
+        targets, _ = targets_of(brand.read(text, axes, Frames(), {}), bool(i % 2))
+        for target in targets:
+            for number in (*target.literal.joints.values(), *target.literal.pose):
+                assert text[number.start : number.end] == number.text
+                assert abs(number.value) < 1e11

@@ -39,6 +39,9 @@ def test_a_corrected_program_brings_the_markers_where_the_drawing_has_them(tmp_p
     assert (code, err) == (0, "")
     assert out.startswith("URScript: 8 targets corrected by up to")
 
+    # The result itself is the same calibration as its file.
+    assert edtk.compensate(study, found, tmp_path / "out.script").already
+
     numbers = [
         [float(one) for one in found.split(",")]
         for found in re.findall(r"\[(.*?)\]", (tmp_path / "out.script").read_text())
