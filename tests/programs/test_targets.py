@@ -424,3 +424,24 @@ def test_broken_programs_are_read_without_an_error(name: str) -> None:
             for number in (*target.literal.joints.values(), *target.literal.pose):
                 assert text[number.start : number.end] == number.text
                 assert abs(number.value) < 1e11
+
+
+def test_routines_that_set_tools_make_them_unknown_behind_calls(tmp_path: Path) -> None:
+    """In KRL also by way of others; a routine without a tool of its own has its caller's."""
+    line = f"LIN {{{P}}}"
+    main = ["DEF demo()", *SET.splitlines(), line, "harmless()", line, "outer()", line, "END"]
+    outer = ["DEF outer()", "inner()", "END", "DEF inner()", "$TOOL=TOOL_DATA[1]", "END"]
+    harmless = ["DEF harmless()", line, "END"]
+    found = corrected(tmp_path, "demo.src", "\n".join([*main, *outer, *harmless, ""]))
+    assert lines(found) == [4, 6]
+    told = left(found)
+    assert told == {
+        8: "OUTER sets the tool before it",
+        17: "the tool is that of the calling routine",
+    }
+    function = "def tcp():\n set_tcp(p[0.1,0,0,0,0,0])\nend"
+    move = "movel(p[1.9,0,1.1,0,1,0])"
+    text = f"def demo():\nset_tcp(p[0,0,0,0,0,0])\n{move}\n{function}\n{move}\nend\n"
+    found = corrected(tmp_path, "demo.script", text)
+    assert lines(found) == [3]
+    assert list(left(found)) == [7]

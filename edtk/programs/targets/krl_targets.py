@@ -175,13 +175,18 @@ class _Parser:
 
     def __post_init__(self) -> None:
         self.clean = capitals(blanked(self.text, HIDDEN))
+        self.routines: list[tuple[str, Routine]] = []
+        self.calls: list[tuple[Routine, int, str]] = []
         self.routine = self._routine()
         self.open: list[tuple[int, int, str]] = []
         self.labels: dict[str, int] = {}
         self.jumps: list[tuple[str, int, int]] = []
 
-    def _routine(self) -> Routine:
-        return Routine({"tool": self.frames.first("tool"), "base": self.frames.first("base")})
+    def _routine(self, name: str = "") -> Routine:
+        """A routine that begins, see `routines`."""
+        routine = Routine({"tool": self.frames.first("tool"), "base": self.frames.first("base")})
+        self.routines.append((name, routine))
+        return routine
 
     def collect(self, types: dict[str, str]) -> None:
         """Read all lines."""
@@ -196,7 +201,8 @@ class _Parser:
         word = found[1]
         label = LABEL.fullmatch(line)
         if word in ("DEF", "DEFFCT", "DEFDAT"):
-            self._end_routine()
+            name = WORD.findall(line.partition("(")[0])[-1]
+            self._end_routine(name)
         elif word in CLOSES:
             if self.open:
                 start, opened, what = self.open.pop()
@@ -229,10 +235,11 @@ class _Parser:
         elif declared is not None:
             types |= dict.fromkeys(WORD.findall(declared[2]), declared[1])
         else:
+            self.calls.append((self.routine, at, WORD.findall(line)[0]))
             self._note(number, line)
 
-    def _end_routine(self) -> None:
-        """Close what is open, and turn jumps into blocks."""
+    def _end_routine(self, following: str = "") -> None:
+        """Close what is open, turn jumps into blocks, and begin the following routine."""
         end = len(self.text)
         for start, opened, what in self.open:
             self.routine.blocks.append((start, end, f"{what} (line {opened})"))
@@ -241,7 +248,7 @@ class _Parser:
             span = (min(at, target), max(at, target))
             self.routine.blocks.append((*span, f"the reach of the GOTO of line {number}"))
         self.open, self.jumps, self.labels = [], [], {}
-        self.routine = self._routine()
+        self.routine = self._routine(following)
 
     def _note(self, number: int, text: str) -> None:
         """Names that something is computed with."""
@@ -387,7 +394,7 @@ class _Parser:
                     routine.sets.append((at, kind, frame))
             else:
                 routine.sets.append((at, which, self._stated(which, value, values)))
-            routine.sets.sort(key=lambda one: one[0])
+        self._follow_calls()
         found = []
         for literal in self.reading.literals:
             partner = "F" + literal.name[1:]
@@ -395,6 +402,26 @@ class _Parser:
             frames = self._of_fdat(partner, values) if taught else None
             found.append(Literal(**{**vars(literal), "frames": frames}) if frames else literal)
         self.reading.literals = found
+
+    def _follow_calls(self) -> None:
+        """Tools and bases that other routines of the file set are not known behind their calls.
+
+        Where routines set them, those that begin with none have the one of their caller.
+        """
+        setting = {name: {kind for _, kind, _ in one.sets} for name, one in self.routines}
+        name_of = {id(one): name for name, one in self.routines}
+        calls = [call for call in self.calls if call[2] in setting]
+        for _ in self.routines:  # as deep as calls can go
+            for routine, _, name in calls:
+                setting[name_of[id(routine)]] |= setting[name]
+        for routine, at, name in calls:
+            kinds = sorted(setting[name])
+            routine.sets += [(at, one, f"{name} sets the {one} before it") for one in kinds]
+        for _, routine in self.routines[2:]:  # the first one is before the first DEF
+            for kind in set().union(*setting.values()):
+                routine.first[kind] = f"the {kind} is that of the calling routine"
+        for _, routine in self.routines:
+            routine.sets.sort(key=lambda one: one[0])
 
     def _of_fdat(self, name: str, values: Mapping[str, Frame]) -> tuple[Frame, Frame]:
         """Tool and base of a taught point."""

@@ -168,7 +168,8 @@ class Routine:
 
     Attributes:
         first: Tool and base where it begins.
-        blocks: Conditionals and loops: begin, end, and what they are in words.
+        blocks: Conditionals and loops: begin, end, and what they are in words; no words for lines
+            that are somewhere else, as functions inside of others.
         sets: What is set where: position in the text, "tool" or "base", the frame.
     """
 
@@ -178,7 +179,8 @@ class Routine:
 
     def block(self, at: int) -> str:
         """What conditional or loop a position is in, in words; empty for none."""
-        return next((words for start, end, words in self.blocks if start <= at < end), "")
+        inside = (words for start, end, words in self.blocks if start <= at < end)
+        return next(filter(None, inside), "")
 
     def frame(self, which: str, at: int) -> Frame:
         """The tool or base at a position.

@@ -114,6 +114,8 @@ class _Parser:
             start, line, word = self.open.pop()
             if word in WORDS:
                 self.routine.blocks.append((start, at, f"{WORDS[word]} (line {line})"))
+            elif self.open:  # a function inside of another one runs where it is called
+                self.routine.blocks.append((start, at, ""))
 
     def _line(self, number: int, at: int, line: str) -> None:
         """Moves, tools and values of a line."""
