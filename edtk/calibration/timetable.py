@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from edtk.calibration.tours import EXCHANGES_UP_TO, short_tour, shortest_legs
-from edtk.cell.ways import Leg, Roadmap, Speeds, Way
+from edtk.cell.ways import DrivenWay, Leg, Roadmap, Speeds, Way
 from edtk.design.plan import Plan
 from edtk.measure.pose_table import rounded, wrench_columns, wrench_in_file_units
 from edtk.robots.robot import Robot
@@ -40,7 +40,7 @@ class Step:
         row: Index of the plan's row that is visited; None for other steps.
         visit: Number of the visit in the sheet, from 1; None for other steps.
         load: Forces and torques (6,) that are on, or (9,) with their place [N, N m, m].
-        blocked: The leg to it, where no free way was found; else None.
+        direct: The direct leg to it; None where the arm is there already.
         touches: Whether something touches in the pose itself, to which no way leads.
     """
 
@@ -52,8 +52,13 @@ class Step:
     row: int | None
     visit: int | None
     load: Array
-    blocked: Leg | None = None
+    direct: Leg | None = None
     touches: bool = False
+
+    @property
+    def blocked(self) -> Leg | None:
+        """The leg to it where no free way was found; else None."""
+        return self.direct if self.way is None else None
 
     @property
     def nearest(self) -> Leg | None:
@@ -112,6 +117,20 @@ class Day(Presented):
         """The steps to which no free way was found."""
         return tuple(step for step in self.steps if step.blocked is not None)
 
+    @cached_property
+    def ways(self) -> tuple[DrivenWay, ...]:
+        """The ways between rows of the plan and home, each once."""
+        found: dict[tuple[int | None, int | None], DrivenWay] = {}
+        at: int | None = None  # home, or nowhere yet
+        for step in self.steps:
+            rows = (at, step.row)
+            if step.direct is not None and rows[::-1] not in found:
+                found[rows] = DrivenWay(rows, step.direct, step.way)
+            # A load is changed where the arm is, unless it drives home for it.
+            if step.what == "visit" or step.direct is not None:
+                at = step.row
+        return tuple(found.values())
+
     def to_frame(self) -> "pd.DataFrame":
         """A table with a row for each step; poses are those of the plan's rows."""
         import pandas as pd
@@ -130,7 +149,7 @@ class Day(Presented):
                     "via_poses": step.via,
                     "free": step.blocked is None if self.in_a_cell else None,
                     "clearance_mm": None if leg is None else round(1e3 * leg.clearance, 1),
-                    "nearest": None if leg is None else " / ".join(leg.pair or ()),
+                    "nearest": None if leg is None else " - ".join(leg.pair or ()),
                 }
             )
         frame = pd.DataFrame(rows).astype({"visit": "Int64", "plan_row": "Int64"})
@@ -376,10 +395,10 @@ class _DayPlanner:
             way = None if at == to else self.map.way(at, to)
             start = clock
             clock += stay + (0.0 if way is None else way.seconds)
-            blocked = self.map.leg(at, to) if way is None and at != to else None
+            direct = None if at == to else self.map.leg(at, to)
             at = to
             touches = bool(self.map.shut[to])
-            return Step(what, start, clock, self.map.q[to], way, row, visit, load, blocked, touches)
+            return Step(what, start, clock, self.map.q[to], way, row, visit, load, direct, touches)
 
         if self.costs.warm_up_s:
             yield step("warm-up", at, self.costs.warm_up_s)
@@ -411,9 +430,15 @@ def _in_rounds(tour: Indices, repeats: Indices, rounds: int) -> Indices:
     return np.concatenate(parts)
 
 
-def _via_limits(study: Study) -> Array:
-    """Limits (2, n) of via poses: those of the robot, and where joints are fixed these values."""
-    limits = study.robot.limits.copy()
+def _via_limits(study: Study) -> list[Array]:
+    """Limits (2, n) of via poses: first with fixed joints where they are, then those of the robot.
+
+    A joint that poses do not turn, as a load does not excite it, may well turn between them.
+    """
+    every = study.robot.limits
+    if not study.fixed:
+        return [every]
+    still = every.copy()
     for j, value in study.fixed.items():
-        limits[:, j] = value
-    return limits
+        still[:, j] = value
+    return [still, every]

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from edtk.cell.cell import Cell, Clearance
+from edtk.cell.ways import DrivenWay
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
@@ -20,10 +21,12 @@ class PlanCheck(Presented):
     Attributes:
         cell: The cell.
         q: The poses (k, n), in the order of the plan [rad or m].
+        ways: How the arm gets from row to row; none where nobody asked.
     """
 
     cell: Cell
     q: Array
+    ways: tuple[DrivenWay, ...] = ()
 
     @cached_property
     def clearance(self) -> Clearance:
@@ -32,8 +35,13 @@ class PlanCheck(Presented):
 
     @property
     def free(self) -> bool:
-        """Whether nothing touches."""
-        return bool(self.clearance.free.all())
+        """Whether nothing touches, and all ways are free."""
+        return bool(self.clearance.free.all()) and not self.blocked
+
+    @property
+    def blocked(self) -> int:
+        """Number of legs in whose place no free way was found."""
+        return sum(one.way is None for one in self.ways)
 
     @property
     def nearest(self) -> int:
@@ -43,9 +51,14 @@ class PlanCheck(Presented):
     def headline(self) -> str:
         """How many poses touch, or that all are free."""
         touching = int((~self.clearance.free).sum())
-        if not touching:
-            return f"all {len(self.q)} poses are free"
-        return f"{touching} of {len(self.q)} poses touch{'es' if len(self.q) == 1 else ''}"
+        poses = f"all {len(self.q)} poses are free"
+        if touching:
+            poses = f"{touching} of {len(self.q)} poses touch{'es' if len(self.q) == 1 else ''}"
+        if not self.ways:
+            return poses
+        if not self.blocked:
+            return f"{poses}, and all {len(self.ways)} ways between them"
+        return f"{poses}, and {self.blocked} of {len(self.ways)} ways between them are not free"
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON: whether all is free, and how much room each pose leaves beyond the margin."""
@@ -60,5 +73,23 @@ class PlanCheck(Presented):
                 }
                 for i, room in enumerate(least)
             ],
-            "legs": [],
+            "legs": [self._way(one) for one in self.ways],
+        }
+
+    def _way(self, one: DrivenWay) -> dict[str, Any]:
+        """A way for JSON: rows count from 1, home is null; angles are those of the controller."""
+        start, end = (None if row is None else row + 1 for row in one.rows)
+        robot = self.cell.robot
+        leg = one.nearest
+        via = np.zeros((0, robot.n)) if one.way is None else one.way.via
+        return {
+            "from": start,
+            "to": end,
+            "free": one.way is not None,
+            "direct": one.direct.verdict,
+            "via_deg": (robot.shown(via) / robot.units).tolist(),
+            "clearance_mm": leg.clearance * MM if np.isfinite(leg.clearance) else None,
+            "pair": list(leg.pair or ()) or None,
+            "t": leg.t,
+            "seconds": None if one.way is None else one.way.seconds,
         }

@@ -1,5 +1,6 @@
 """Ways: legs from pose to pose that are free, directly or by via poses."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -92,6 +93,26 @@ class Way:
         return self.nearest.clearance
 
 
+@dataclass(frozen=True, eq=False)
+class DrivenWay:
+    """How an arm gets from one row of a plan to another one.
+
+    Attributes:
+        rows: Indices of both rows, None for home.
+        direct: What is known of the direct leg.
+        way: The free way that it takes; None where none was found.
+    """
+
+    rows: tuple[int | None, int | None]
+    direct: Leg
+    way: Way | None
+
+    @property
+    def nearest(self) -> Leg:
+        """The leg on which bodies are nearest: of the way, or the one that is not free."""
+        return self.direct if self.way is None else self.way.nearest
+
+
 class Roadmap:
     """Poses and the legs between them, which are proved when they are asked for.
 
@@ -105,7 +126,12 @@ class Roadmap:
     """
 
     def __init__(
-        self, cell: Cell | None, q: Array, speeds: Speeds, limits: Array, seed: int = 0
+        self,
+        cell: Cell | None,
+        q: Array,
+        speeds: Speeds,
+        limits: Sequence[Array],
+        seed: int = 0,
     ) -> None:
         """Make a map of poses, without any leg.
 
@@ -113,7 +139,8 @@ class Roadmap:
             cell: What legs may touch; None for a robot that nothing surrounds.
             q: The poses (k, n) [rad or m].
             speeds: How fast the joints are.
-            limits: Lower and upper limit (2, n) of via poses [rad or m].
+            limits: Lower and upper limits (2, n) of via poses [rad or m]; later ones of several are
+                tried where no way is found within those before.
             seed: Seed of the planner.
         """
         self.cell = cell
@@ -191,7 +218,8 @@ class Roadmap:
         places = self._known(a, b)
         if places is not None or self._is_apart(a, b):
             return places
-        found = self._connect(a, b)
+        tries = (self._connect(a, b, limits) for limits in self.limits)
+        found = next((via for via in tries if via is not None), None)
         if found is None:
             self._apart.add((a, b))
             return None
@@ -220,14 +248,14 @@ class Roadmap:
             for i, j in self._apart
         )
 
-    def _connect(self, a: int, b: int) -> Array | None:
-        """Via poses (s, n) of a free way that the planner found; None where it found none."""
+    def _connect(self, a: int, b: int, limits: Array) -> Array | None:
+        """Via poses (s, n) within limits of a free way that the planner found, or None."""
         rng = np.random.default_rng([self.seed, a, b])
         trees = _Tree(self.q[a]), _Tree(self.q[b])
         ends = self.q[[a, b]]
         lower, upper = (
-            np.minimum(self.limits[0], ends.min(0)),
-            np.maximum(self.limits[1], ends.max(0)),
+            np.minimum(limits[0], ends.min(0)),
+            np.maximum(limits[1], ends.max(0)),
         )
         stretch = STRETCH * float(self.speeds.seconds(lower, upper))
         for turn in range(ROUNDS):

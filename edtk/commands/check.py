@@ -12,10 +12,11 @@ from edtk.commands.shared import PARTIAL, FilePath, json_option, show
 @click.argument("plan", type=FilePath)
 @json_option
 def command(study: Path, plan: Path, as_json: bool) -> int:
-    """Look at each pose of PLAN (CSV) in the cell of STUDY (TOML, with [scene]).
+    """Look at each pose of PLAN (CSV) in the cell of STUDY (TOML, with [scene]), and at the ways.
 
-    The clearance is the least distance of two bodies, less the margin. The exit code is 1 where
-    something touches.
+    The clearance is the least distance of two bodies, less the margin. The ways lead from pose to
+    pose in the order of the plan's sheet, all joints in step, by via poses where that is not free.
+    The exit code is 1 where something touches, or where no free way is found.
     """
     from edtk.verbs.check import check
 

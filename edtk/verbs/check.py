@@ -9,7 +9,10 @@ if TYPE_CHECKING:
 
 
 def check(study: StudyLike, plan: PlanLike) -> "PlanCheck":
-    """Look at each pose of a plan in the cell of a study.
+    """Look at each pose of a plan in the cell of a study, and at the ways between them.
+
+    The ways are those in the order of the plan's sheet, see `edtk.timetable`: the direct leg where
+    that is proved free, else one by via poses.
 
     Args:
         study: A study with a table [scene], or the path of a study file.
@@ -17,16 +20,17 @@ def check(study: StudyLike, plan: PlanLike) -> "PlanCheck":
 
     Returns:
         For each pose its clearance, which is the least distance of two bodies less the margin, and
-        the names of these two.
+        the names of these two; and for each way whether it is free.
 
     Raises:
         UserError: A file is not valid, or the study has no [scene].
     """
+    from edtk.calibration.timetable import day_of
     from edtk.cell.plan_check import PlanCheck
 
     asked = as_study(study)
     if asked.cell is None:
         raise asked.error("scene", "expected the table that says what stands around the robot")
     with errors_in(name_of(plan, "plan")):
-        poses = as_plan(asked, plan).q
-    return PlanCheck(asked.cell, poses)
+        measured = as_plan(asked, plan)
+    return PlanCheck(asked.cell, measured.q, day_of(asked, measured).ways)

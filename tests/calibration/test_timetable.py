@@ -157,6 +157,35 @@ def test_what_cannot_be_reached_is_named(tmp_path, monkeypatch):
     assert json.loads(Path("t.json").read_text())["free"] is False
 
 
+@pytest.mark.cell("ways in `check`")
+@pytest.mark.parametrize("study", [STUDY, arm()], ids=["geometry", "springs"])
+def test_check_tells_of_ways(study, tmp_path, monkeypatch):
+    """Free ways have their via poses; the exit code is 1 where a pose cannot be reached."""
+    monkeypatch.chdir(tmp_path)
+    bars = [
+        {"name": f"bar {side}", "size_mm": [600, 900, 100], "position_mm": [600, 0, 1000 + side]}
+        for side in (-200, 200)
+    ]
+    for boxes, free in ([POST], True), (bars, False):
+        scene = {key: value for key, value in SCENE.items() if key != "home_deg"}
+        study.replace(scene=scene | {"box": boxes}).to_toml("study.toml")
+        q_deg = [[20, 0], [-20, 0]] if free else [[0, 0], [-90, 0]]
+        plan_of(q_deg, wrench=np.zeros((2, 6))).to_csv("plan.csv", study.robot)
+        result = CliRunner().invoke(main, ["check", "study.toml", "plan.csv", "--json"])
+        assert result.exit_code == (0 if free else 1)
+        found = json.loads(result.stdout)
+        assert found["free"] is free
+        assert all(pose["clearance_mm"] > 0 for pose in found["poses"])
+        (leg,) = found["legs"]
+        assert (leg["from"], leg["to"]) == (1, 2)
+        assert leg["free"] is free
+        assert leg["direct"] == "touches"
+        assert bool(leg["via_deg"]) is free
+        assert set(leg["pair"]) & {"post", "bar -200", "bar 200"}
+        text = CliRunner().invoke(main, ["check", "study.toml", "plan.csv"]).stdout
+        assert ("free by" if free else "no free way found") in text
+
+
 def test_plans_tell_how_long_the_day_is():
     """In words and in JSON; a study that says nothing of time has no such key."""
     found = edtk.plan(arm(costs=TIMES), 3)

@@ -45,7 +45,7 @@ def test_a_way_about_a_post_is_free():
     """The arm bends to pass it; all of the way is far enough from it, and it is planned alike."""
     assert prove_legs(POST, LEFT, RIGHT).verdict.tolist() == ["touches"]
     ways = [
-        Roadmap(POST, np.stack([LEFT, RIGHT]), SPEEDS, POST.robot.limits, seed).way(0, 1)
+        Roadmap(POST, np.stack([LEFT, RIGHT]), SPEEDS, [POST.robot.limits], seed).way(0, 1)
         for seed in (0, 0, 1)
     ]
     for way in ways:
@@ -68,10 +68,10 @@ def test_a_home_pose_serves_where_it_helps():
     """No planner is asked where two free legs meet at home."""
     home = np.array([-1.2, 2.7])
     q = np.stack([LEFT, RIGHT, home])
-    way = Roadmap(POST, q, SPEEDS, POST.robot.limits).way(0, 1)
+    way = Roadmap(POST, q, SPEEDS, [POST.robot.limits]).way(0, 1)
     assert way is not None
     assert way.via.tolist() == [home.tolist()]
-    back = Roadmap(POST, q, SPEEDS, POST.robot.limits).way(1, 0)
+    back = Roadmap(POST, q, SPEEDS, [POST.robot.limits]).way(1, 0)
     assert back is not None
     assert back.q[::-1].tolist() == way.q.tolist()
 
@@ -79,7 +79,7 @@ def test_a_home_pose_serves_where_it_helps():
 def test_what_is_shut_in_is_not_reached():
     """Between two bars the arm cannot turn about; that is found, and not asked twice."""
     q = np.array([[0.0, 0.0], [np.pi - 0.2, 0.2], [0.05, -0.05], [0.0, 1.5]])
-    roadmap = Roadmap(BETWEEN_BARS, q, SPEEDS, BETWEEN_BARS.robot.limits)
+    roadmap = Roadmap(BETWEEN_BARS, q, SPEEDS, [BETWEEN_BARS.robot.limits])
     assert roadmap.way(0, 1) is None
     assert roadmap.way(0, 2) is not None
     known = len(roadmap.q)
@@ -110,7 +110,7 @@ def test_the_quickest_way_on_a_grid():
 
 def test_without_a_cell_every_leg_is_free():
     """There is nothing to touch, and the direct leg is the quickest."""
-    way = Roadmap(None, np.stack([LEFT, RIGHT]), SPEEDS, POST.robot.limits).way(0, 1)
+    way = Roadmap(None, np.stack([LEFT, RIGHT]), SPEEDS, [POST.robot.limits]).way(0, 1)
     assert way is not None
     assert len(way.via) == 0
     assert way.seconds == pytest.approx(2.8)
@@ -120,7 +120,7 @@ def test_all_poses_of_a_crowded_cell_are_reached():
     """An arm of six joints goes from each of some poses to the next one."""
     cell = crowded(load_robot("kuka_kr270"))
     q = free_poses(cell, 8)
-    roadmap = Roadmap(cell, q, Speeds(np.full(6, 0.5)), cell.robot.limits)
+    roadmap = Roadmap(cell, q, Speeds(np.full(6, 0.5)), [cell.robot.limits])
     ways = [roadmap.way(i, i + 1) for i in range(7)]
     assert all(way is not None and way.clearance > -TOLERANCE for way in ways)
     assert any(len(way.via) for way in ways if way is not None)

@@ -7,10 +7,11 @@ from edtk.report.tables import notebook_table, text_table
 
 
 def plan_check_text(found: PlanCheck) -> str:
-    """What was looked at, and a line for each pose."""
-    return "\n".join(
-        [f"{found.headline()}; {looked_at(found)}", text_table(*plan_check_rows(found))]
-    )
+    """What was looked at, and a line for each pose and each way."""
+    lines = [f"{found.headline()}; {looked_at(found)}", text_table(*plan_check_rows(found))]
+    if found.ways:
+        lines += ["", text_table(*way_rows(found))]
+    return "\n".join(lines)
 
 
 def plan_check_notebook(found: PlanCheck) -> str:
@@ -37,3 +38,19 @@ def plan_check_rows(found: PlanCheck) -> tuple[list[str], list[list[str]]]:
         millimetres = f"{room * MM:.1f}" if np.isfinite(room) else ""
         rows.append([str(i + 1), millimetres, "free" if free else "touches", pair])
     return ["pose", "clearance_mm", "", "nearest"], rows
+
+
+def way_rows(found: PlanCheck) -> tuple[list[str], list[list[str]]]:
+    """Header and rows: from where to where, whether it is free, and what is nearest on it."""
+    rows = []
+    for one in found.ways:
+        start, end = ("home" if row is None else str(row + 1) for row in one.rows)
+        leg = one.nearest
+        by = 0 if one.way is None else len(one.way.via)
+        verdict = "no free way found" if one.way is None else "free"
+        if by:
+            verdict = f"free by {by} via pose{'s' if by > 1 else ''}"
+        room = f"{leg.clearance * MM:.1f}" if np.isfinite(leg.clearance) else ""
+        pair = " - ".join(leg.pair or ("nothing to look at",))
+        rows.append([f"{start} to {end}", room, verdict, pair])
+    return ["leg", "clearance_mm", "", "nearest"], rows

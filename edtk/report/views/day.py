@@ -21,6 +21,10 @@ def day_text(result: Day) -> str:
 
 def day_lines(day: Day) -> list[str]:
     """How long the day takes, and whether its ways are free."""
+    if not day.is_timed:
+        visits = sum(step.what == "visit" for step in day.steps)
+        driving = f"the arm drives for {in_words(day.driving)} in {visits} visits"
+        return [f"{driving}, at the speeds of [costs]", *_ways(day)]
     parts = [f"{in_words(day.driving)} of driving"]
     for what, several in SEVERAL.items():
         own = [step for step in day.steps if step.what == what]
@@ -42,7 +46,7 @@ def _ways(day: Day) -> list[str]:
         all_of = "all" if not day.blocked else "other"
         told = f"{all_of} ways are free, {by} of {len(ways)} by via poses"
         least = min((leg for way in ways for leg in way.legs), key=lambda leg: leg.clearance)
-        bodies = " / ".join(least.pair or ())
+        bodies = " - ".join(least.pair or ())
         told += f"; least clearance {1e3 * least.clearance:.1f} mm, {bodies}" if bodies else ""
         lines.append(told)
     lines += blocked_in_words(day)
@@ -76,7 +80,7 @@ def _place(step: Step) -> str:
 
 def nearest(leg: Leg) -> str:
     """The least clearance of a leg, and between which bodies."""
-    bodies = " / ".join(leg.pair or ())
+    bodies = " - ".join(leg.pair or ())
     return f"clearance {1e3 * leg.clearance:.1f} mm at {100 * leg.t:.0f} % of it, {bodies}"
 
 
@@ -99,7 +103,7 @@ def day_rows(day: Day) -> tuple[list[str], list[list[str]]]:
             row += [
                 "none found" if step.blocked is not None else str(step.via),
                 "" if leg is None else f"{1e3 * leg.clearance:.1f}",
-                "" if leg is None else " / ".join(leg.pair or ()),
+                "" if leg is None else " - ".join(leg.pair or ()),
             ]
         rows.append(row)
     return header, rows
