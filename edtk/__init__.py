@@ -68,6 +68,7 @@ if TYPE_CHECKING:
     from edtk.verbs.identify import identify as identify
     from edtk.verbs.inputs import load_study as load_study
     from edtk.verbs.new import new as new
+    from edtk.verbs.next import next as next
     from edtk.verbs.plan import plan as plan
     from edtk.verbs.predict import predict as predict
     from edtk.verbs.program import program as program
@@ -87,6 +88,7 @@ _HOME = {
     "robot": "edtk.verbs.robot",
     "plan": "edtk.verbs.plan",
     "relax": "edtk.verbs.relax",
+    "next": "edtk.verbs.next",
     "run": "edtk.verbs.run",
     "evaluate": "edtk.verbs.evaluate",
     "check": "edtk.verbs.check",

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from edtk.design.bound import VISIBLE
 from edtk.design.problem import Problem
-from edtk.design.problems import FrameProblem
+from edtk.design.problems import DescribedProblem
 from edtk.design.relaxation.proof import is_normalised
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.report.draw.bars import weight_bars
@@ -119,7 +119,7 @@ def _places(problem: Problem, x: ArrayLike | str | None) -> tuple[Array, str]:
                 f"expected a number for each of {problem.n} candidates", argument="x"
             )
         return at, "x"
-    if not isinstance(problem, FrameProblem):
+    if not isinstance(problem, DescribedProblem):
         if x is not None:
             message = "the candidates do not come from a data frame; expected numbers"
             raise ArgumentError(message, argument="x", given=repr(x))

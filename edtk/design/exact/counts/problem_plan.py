@@ -119,6 +119,11 @@ class ProblemPlan(BoundedDesign):
         each = self.counts[None] if self.block_counts is None else self.block_counts
         return np.concatenate([np.repeat(np.arange(self.problem.n), counts) for counts in each])
 
+    @property
+    def new(self) -> Indices:
+        """Indices (k,) of the candidates of new experiments, each as often as it is measured."""
+        return np.repeat(np.arange(self.problem.n), self.counts - self.kept)
+
     def to_frame(self) -> "pd.DataFrame":
         """Make a table with a candidate a row: its count, kept ones, and its count by block.
 

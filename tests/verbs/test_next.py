@@ -1,0 +1,74 @@
+"""The experiments to make after those at hand."""
+
+import numpy as np
+import pytest
+
+import edtk
+from edtk.system.errors import ArgumentError
+
+X = np.linspace(-1.0, 1.0, 41)
+PARABOLA = edtk.Problem(np.vander(X, 3)[:, None, :])
+KEPT = [0, 0, 7, 20]
+
+
+def best_pair(cost):
+    """All pairs of candidates, by their cost."""
+    M = PARABOLA.information(np.bincount(KEPT, minlength=41))
+    A = PARABOLA.blocks()
+    pairs = [(cost(M + A[i] + A[j]), i, j) for i in range(41) for j in range(i, 41)]
+    return min(pairs)
+
+
+@pytest.mark.parametrize(
+    ("criterion", "cost"),
+    [("D", lambda M: -np.linalg.det(M)), ("A", lambda M: np.trace(np.linalg.inv(M)))],
+)
+def test_the_next_two_are_the_best_of_all_pairs(criterion, cost):
+    """Brute force over all pairs finds none that is better."""
+    found = edtk.next(PARABOLA, KEPT, 2, criterion=criterion)
+    best, _, _ = best_pair(cost)
+    i, j = found.new
+    M = PARABOLA.information(np.bincount([*KEPT, i, j], minlength=41))
+    assert cost(M) == pytest.approx(best, rel=1e-9)
+    assert found.size == 6
+
+
+def test_experiments_at_hand_may_be_a_problem():
+    """In a region the next point is that of the largest variance, for D."""
+    made = edtk.Problem(np.vander([-1.0, -1.0, 0.2], 3)[:, None, :])
+    region = edtk.Region(lambda x: np.vander(x[:, 0], 3), -1, 1)
+    found = edtk.next(region, made)
+    np.testing.assert_allclose(found.experiments, [[1.0]], atol=1e-6)
+
+
+def test_nothing_at_hand_is_a_plain_plan():
+    """The first three of a parabola are its ends and its middle."""
+    assert edtk.next(PARABOLA, [], 3).new.tolist() == [0, 20, 40]
+
+
+@pytest.mark.parametrize(
+    ("problem", "keep", "k", "words"),
+    [
+        (PARABOLA, 3, 1, "keep: expected indices"),
+        (PARABOLA, [99], 3, "keep: expected indices of candidates, from 0 to 40"),
+        (PARABOLA, KEPT, 0, "k 0: expected a whole number, 1 or more"),
+        ("study.toml", KEPT, 1, "problem: is about a Problem or a Region"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(problem, keep, k, words):
+    """One line names the argument."""
+    with pytest.raises(ArgumentError, match=words):
+        edtk.next(problem, keep, k)
+
+
+def test_the_fraction_of_design_space_has_the_variances():
+    """The curve is that of the variances ``x' inv(M) x`` in order, and other kinds are refused."""
+    plan = edtk.plan(PARABOLA, size=6)
+    rows = np.vander(X, 3)
+    variances = np.einsum(
+        "ip,pq,iq->i", rows, np.linalg.inv(PARABOLA.information(plan.counts)), rows
+    )
+    line = plan.plot(kind="fds").lines[0]
+    np.testing.assert_allclose(line.get_ydata(), np.sort(variances), rtol=1e-10)
+    with pytest.raises(ArgumentError, match="kind pie: expected one of counts, fds"):
+        plan.plot(kind="pie")
