@@ -1,8 +1,6 @@
 """The experiments that tell most after those that were made already."""
 
-from typing import TYPE_CHECKING
-
-from numpy.typing import ArrayLike
+from typing import TYPE_CHECKING, Any
 
 from edtk.design.problem import Problem
 from edtk.design.region import Region
@@ -16,8 +14,8 @@ if TYPE_CHECKING:
 
 
 def next(
-    problem: Problem | Region,
-    keep: ArrayLike | Problem,
+    problem: Any,
+    keep: Any,
     k: int = 1,
     criterion: CriterionLike = "D",
     seed: int = 0,
@@ -28,7 +26,7 @@ def next(
     nonlinear model at the parameters that all data together give.
 
     Args:
-        problem: The candidates, or a region.
+        problem: The candidates as a `Problem`, or a `Region`.
         keep: Experiments at hand: indices of candidates, each as often as it was measured, or a
             `Problem` whose every candidate was measured once.
         k: Number of new experiments.
@@ -54,9 +52,12 @@ def next(
         message = "is about a Problem or a Region; of a study it is edtk.plan with keep"
         raise ArgumentError(message, argument="problem")
     try:
-        made = keep.n if isinstance(keep, Problem) else len(keep)  # type: ignore[arg-type]
+        made = keep.n if isinstance(keep, Problem) else len(keep)
     except TypeError as error:
         message = "expected indices of candidates, or a Problem"
         raise ArgumentError(message, argument="keep") from error
     size = made + whole_number(k, "k", 1)
-    return plan(problem, size=size, keep=keep if made else None, criterion=criterion, seed=seed)
+    kept = keep if made else None
+    if isinstance(problem, Region):
+        return plan(problem, size=size, keep=kept, criterion=criterion, seed=seed)
+    return plan(problem, size=size, keep=kept, criterion=criterion, seed=seed)
