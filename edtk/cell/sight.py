@@ -5,6 +5,7 @@ towards the eye, it is neither too near nor too far, it stands within the eye's 
 crosses the beam. A marker that is not read has no rows in that pose.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal, NamedTuple
@@ -345,13 +346,15 @@ def _turning(frames: Frames, one: Reflector) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class AllSeen(Constraint):
-    """Every marker is read: for studies that want no pose in which one is missing.
+    """Markers are read: each of them, or some in some poses.
 
     Attributes:
         sight: Eyes and markers.
+        held: Instruments (k, ...) that have to be read in each pose; None for all of them.
     """
 
     sight: Sight
+    held: Mask | None = None
 
     def inequalities(self, robot: Robot) -> tuple[Inequality, ...]:
         """One for each eye, marker and bound."""
@@ -361,27 +364,31 @@ class AllSeen(Constraint):
                 f"line of sight of {one.name} ({condition.reason}, {eye.name})",
                 MILLIMETRE if condition.reason in LENGTHS else DEGREE,
             )
-            for eye, one, condition in self._each(frames)
+            for eye, one, _, condition in self._each(frames)
         )
 
     def slack(self, frames: Frames) -> Array:
-        """By how much each bound holds (c, ...) [m or rad]."""
+        """By how much each bound holds (c, ...) [m or rad]; one where it need not."""
         frames = self.sight._with_bodies(frames)
-        return np.stack([condition.slack for _, _, condition in self._each(frames)])
+        return np.stack([np.where(must, one.slack, 1.0) for _, _, must, one in self._each(frames)])
 
     def gradient(self, frames: Frames) -> Array:
         """Their derivatives (c, n, ...) by the free joints."""
         frames = self.sight._with_bodies(frames)
-        return np.stack([condition.gradient for _, _, condition in self._each(frames, True)])
+        every = self._each(frames, True)
+        return np.stack([np.where(must, one.gradient, 0.0) for _, _, must, one in every])
 
-    def _each(self, frames: Frames, slopes: bool = False) -> list[tuple[Eye, Reflector, Condition]]:
-        """All conditions, with the eye and the marker of each."""
-        return [
-            (eye, one, condition)
-            for one in self.sight.seeable
-            for eye in self.sight.eyes
-            for condition in self.sight._all(frames, eye, one, slopes)
-        ]
+    def _each(
+        self, frames: Frames, slopes: bool = False
+    ) -> Iterator[tuple[Eye, Reflector, Mask | bool, Condition]]:
+        """All conditions, with the eye and the marker of each, and where it has to hold (...)."""
+        for i, one in enumerate(self.sight.reflectors):
+            if one is None:
+                continue
+            must = True if self.held is None else self.held[i]
+            for eye in self.sight.eyes:
+                for condition in self.sight._all(frames, eye, one, slopes):
+                    yield eye, one, must, condition
 
 
 def facing(towards: Array) -> Array:

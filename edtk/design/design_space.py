@@ -8,7 +8,7 @@ from typing import Protocol, Self
 import numpy as np
 
 from edtk.cell.cell import Clear
-from edtk.cell.sight import Sight
+from edtk.cell.sight import AllSeen, Sight
 from edtk.design.information import pack_gram
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem
@@ -40,8 +40,18 @@ class Space(Protocol):
     def prior(self) -> Array | None:
         """Prior information M0 (p, p) per single experiment, or None."""
 
-    def at(self, x: Array) -> "Points":
-        """The experiments of design variables x (..., v)."""
+    @property
+    def sight(self) -> Sight | None:
+        """Which instruments are read in which poses; None where all are in each."""
+
+    def at(self, x: Array, held: Mask | None = None) -> "Points":
+        """The experiments of design variables x (..., v).
+
+        Args:
+            x: The variables.
+            held: Instruments (k, ...) that alone count, and have to be read; None for those that
+                are.
+        """
 
 
 class Points(Protocol):
@@ -78,12 +88,6 @@ class Points(Protocol):
     def visited(self, visits: Array) -> "Points":
         """The same experiments, whose repeats may share an error."""
 
-    def reading_alike(self) -> "Points":
-        """The same, of which those behind the first along the first axis read the rows it does.
-
-        What an instrument sees is a switch, which differences of neighbours must not cross.
-        """
-
     def information(self, repeats: Array) -> Array:
         """Information matrices (b, p, p) of plans (b, k), the prior included."""
 
@@ -103,20 +107,21 @@ class Experiments:
         x: Design variables (..., v).
         frames: Frames of the robot's chain in these poses.
         visits: Visits (...) of each pose, which share its discrepancy; None for one each.
-        read: Which rows (rows, ...) there are; None for those that the space's instruments see.
+        held: Instruments (k, ...) that alone count, and that have to be read; None for those that
+            are read.
     """
 
     space: "DesignSpace"
     x: Array
     frames: Frames
     visits: Array | None = None
-    read: Mask | None = None
+    held: Mask | None = None
 
     def __getitem__(self, chosen: Indices) -> "Experiments":
         """The chosen experiments (n, v); nothing is computed anew."""
         visits = None if self.visits is None else self.visits[chosen]
-        read = None if self.read is None else self.read[:, chosen]
-        return Experiments(self.space, self.x[chosen], self.frames[chosen], visits, read)
+        held = None if self.held is None else self.held[:, chosen]
+        return Experiments(self.space, self.x[chosen], self.frames[chosen], visits, held)
 
     def visited(self, visits: Array) -> "Experiments":
         """The same experiments, each of which is one of so many visits of its pose.
@@ -132,18 +137,22 @@ class Experiments:
         shape = self.x.shape[:-1]
         return replace(self, visits=np.broadcast_to(np.maximum(visits, 1.0), shape))
 
-    def reading_alike(self) -> Self:
-        """The same experiments, all of which read the rows that the first along an axis read."""
-        if self._read is None:
-            return self
-        return replace(self, read=np.broadcast_to(self._read[:, :1], self._read.shape))
-
     @cached_property
     def _read(self) -> Mask | None:
         """Which rows (rows, ...) there are; None for all."""
-        if self.read is not None or self.space.sight is None:
-            return self.read
-        return self.space.sight.rows_in(self.frames)
+        sight = self.space.sight
+        if sight is None:
+            return None
+        if self.held is None:
+            return sight.rows_in(self.frames)
+        return np.repeat(self.held, sight.widths, axis=0)
+
+    @property
+    def _constraints(self) -> tuple[Constraint, ...]:
+        """All constraints other than the bounds: what is held has to be read."""
+        if self.space.sight is None or self.held is None:
+            return self.space.constraints
+        return (*self.space.constraints, AllSeen(self.space.sight, self.held))
 
     @property
     def _load(self) -> Array:
@@ -276,7 +285,7 @@ class Experiments:
     def slack(self) -> Array:
         """Slacks (..., c) of the constraints other than the bounds; negative means infeasible."""
         none = np.zeros((*self.x.shape[:-1], 0))
-        constraints = self.space.constraints
+        constraints = self._constraints
         own = [_batch_first(constraint.slack(self.frames), (0,)) for constraint in constraints]
         return np.concatenate([none, *own], axis=-1)
 
@@ -285,9 +294,10 @@ class Experiments:
         """Derivative (..., c, v) of the slacks by all design variables."""
         gradients = [
             _batch_first(constraint.gradient(self.frames), (0, 1))
-            for constraint in self.space.constraints
+            for constraint in self._constraints
         ]
-        G = np.zeros((*self.x.shape[:-1], len(self.space.labels), self.space.size))
+        count = sum(one.shape[-2] for one in gradients)
+        G = np.zeros((*self.x.shape[:-1], count, self.space.size))
         if gradients:
             G[..., : len(self.space.fixed)] = np.concatenate(gradients, axis=-2)
         return G
@@ -447,9 +457,9 @@ class DesignSpace:
             return np.ones(x.shape[:-1])
         return np.asarray(1.0 / np.sqrt(self.prices[self.load_of(x)]))
 
-    def at(self, x: Array) -> Experiments:
-        """The experiments of design variables x (..., v)."""
-        return Experiments(self, x, self.model.frames(x[..., : len(self.fixed)]))
+    def at(self, x: Array, held: Mask | None = None) -> Experiments:
+        """The experiments of design variables x (..., v), see `Space`."""
+        return Experiments(self, x, self.model.frames(x[..., : len(self.fixed)]), held=held)
 
     def draw(self, cube: Array) -> Array:
         """Stretch points of the unit cube (k, len(drawn)) to design variables (k, v)."""

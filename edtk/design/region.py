@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from edtk.cell.sight import Sight
 from edtk.design.design_space import weighted_information
 from edtk.design.expansion import Expansion, NotPolynomialError, expand
 from edtk.design.information import Known, Rows, nearly_equal, pack_gram
@@ -253,10 +254,6 @@ class RegionPoints:
         """The same points: repeats share no error."""
         return self
 
-    def reading_alike(self) -> "RegionPoints":
-        """The same points: all rows are read in each."""
-        return self
-
     def information(self, repeats: Array) -> Array:
         """Information matrices (b, p, p) of plans (b, k) with repetitions or weights (b, k)."""
         return weighted_information(self.regressor, repeats, self.space.prior)
@@ -448,8 +445,13 @@ class Region(Presented):
         """Indices of the variables that a descent may change: all."""
         return list(range(self.size))
 
-    def at(self, x: Array) -> RegionPoints:
-        """The experiments at points x (..., d)."""
+    @property
+    def sight(self) -> Sight | None:
+        """All rows are read at each point."""
+        return None
+
+    def at(self, x: Array, held: Mask | None = None) -> RegionPoints:
+        """The experiments at points x (..., d), at which nothing can be held."""
         return RegionPoints(self, x)
 
     def problem(self, x: ArrayLike) -> Problem:

@@ -452,9 +452,10 @@ class GeometrySpace(DesignSpace):
         """Numbers that say what a candidate tells: those of its rows."""
         return self.geometry.row_count * len(self.geometry.markers) * self.p
 
-    def at(self, x: Array) -> "GeometryExperiments":
-        """The experiments of design variables x (..., v)."""
-        return GeometryExperiments(self, x, self.model.frames(x[..., : len(self.fixed)]))
+    def at(self, x: Array, held: Mask | None = None) -> "GeometryExperiments":
+        """The experiments of design variables x (..., v), see `Space`."""
+        frames = self.model.frames(x[..., : len(self.fixed)])
+        return GeometryExperiments(self, x, frames, held=held)
 
     def told(self, experiments: Experiments) -> Array:
         """What experiments (k) tell: rows (r markers, p, k)."""
@@ -559,8 +560,8 @@ class GeometryExperiments(Experiments):
     def __getitem__(self, chosen: Indices) -> "GeometryExperiments":
         """The chosen experiments (n, v)."""
         visits = None if self.visits is None else self.visits[chosen]
-        read = None if self.read is None else self.read[:, chosen]
-        return GeometryExperiments(self.space, self.x[chosen], self.frames[chosen], visits, read)
+        held = None if self.held is None else self.held[:, chosen]
+        return GeometryExperiments(self.space, self.x[chosen], self.frames[chosen], visits, held)
 
     @property
     def _flat(self) -> tuple[Array | None, Mask | None]:

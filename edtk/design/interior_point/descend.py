@@ -15,6 +15,7 @@ from functools import partial
 import numpy as np
 
 from edtk.design.design_space import Space
+from edtk.design.interior_point.held import holding
 from edtk.design.interior_point.objective import Objective
 from edtk.design.interior_point.step import Point, ScaledVariables, State, step
 from edtk.system.time_limit import out_of_time
@@ -86,14 +87,27 @@ def descend(
         Design variables (b, k, v), never worse than a feasible start, and feasible where the start
         was or could be pushed inside.
     """
-    answer = np.array(x)
     if not space.movable or not len(x):
-        return answer
+        return np.array(x)
+    held, starts = holding(space, np.array(x))
+    found = _descended(held, starts, objective, iterations, accuracy, barrier)
+    return found[..., : x.shape[-1]]
+
+
+def _descended(
+    space: Space,
+    answer: Array,
+    objective: Objective,
+    iterations: int,
+    accuracy: float,
+    barrier: float,
+) -> Array:
+    """The same of starts (b, k, v) that are overwritten, where nothing switches."""
     inside = inward(space, answer)
     least = _values_of_moved(space, objective, answer, inside)
     variables = ScaledVariables(space, inside)
     look = partial(Point.at, variables, objective)
-    first = State.first(look(variables.begin(), np.arange(len(x))), barrier)
+    first = State.first(look(variables.begin(), np.arange(len(answer))), barrier)
     for here in _points(first, look, iterations, accuracy, barrier):
         better = np.flatnonzero(here.value < least[here.start])
         won = here.start[better]

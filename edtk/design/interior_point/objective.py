@@ -45,7 +45,7 @@ class Neighbourhood:
         x = np.repeat(self.x[None], 1 + len(move), axis=0)
         steps = STEP * self.span
         x[neighbours, ..., move] += steps.reshape(-1, *[1] * (self.x.ndim - 1))
-        return self.space.at(x).reading_alike()
+        return self.space.at(x)
 
     def first(self, gradient: Array) -> Array:
         """First derivatives (..., d) of gradients (..., v) by all design variables."""

@@ -1,6 +1,6 @@
 """A relaxed design whose poses and weights move together to the optimum nearby."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -9,6 +9,7 @@ from criteria import Criterion
 from criteria.criterion import derivatives
 from criteria.linalg.estimable import range_whitener
 from criteria.linalg.typing import triangle
+from edtk.cell.sight import Sight
 from edtk.design.design_space import Points, Space, weighted_information
 from edtk.design.information import distinct
 from edtk.design.interior_point.descend import descend
@@ -119,9 +120,14 @@ class WeightedSpace:
         """Prior information M0 (p, p) of the base."""
         return self.base.prior
 
-    def at(self, x: Array) -> "WeightedPoints":
-        """The weighted experiments (..., v + 1)."""
-        return WeightedPoints(self, x, self.base.at(x[..., :-1]))
+    @property
+    def sight(self) -> Sight | None:
+        """What is read of the base."""
+        return self.base.sight
+
+    def at(self, x: Array, held: Mask | None = None) -> "WeightedPoints":
+        """The weighted experiments (..., v + 1), see `Space`."""
+        return WeightedPoints(self, x, self.base.at(x[..., :-1], held))
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,10 +179,6 @@ class WeightedPoints:
     def visited(self, visits: Array) -> "WeightedPoints":
         """Each visit of a relaxed design counts as one of a pose of its own."""
         return self
-
-    def reading_alike(self) -> "WeightedPoints":
-        """All read the rows that the first do, see `Points`."""
-        return replace(self, points=self.points.reading_alike())
 
     def information(self, repeats: Array) -> Array:
         """Information matrices (b, p, p), see `weighted_information`."""
