@@ -25,7 +25,7 @@ from edtk.programs.targets.reading import (
     targets_of,
     written,
 )
-from edtk.robots.inverse import ROUNDING, Posture, solutions, solve
+from edtk.robots.inverse import ROUNDING, Posture, is_nearest, solutions, solve
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import rotation_vectors
 from edtk.study.study import Study
@@ -434,7 +434,8 @@ def _inverse(
 
     q, good = solve(robot, goal[None], before[None])
     within = robot.bounds.excess(q[0]).max() <= ROUNDING
-    if brand.pins(literal) and good[0] and within and fits(q[0]):
+    alone = brand.pins(literal) or is_nearest(robot, q[0], before)
+    if good[0] and within and alone and fits(q[0]):
         return np.asarray(q[0])
     found = solutions(robot, goal, before)
     if not len(found.q):

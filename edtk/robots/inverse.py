@@ -106,6 +106,30 @@ def solutions(robot: Robot, goal: Array, start: Array | None = None, seed: int =
     return Solutions(within[good], len(found) > 0 and not good.any())
 
 
+def is_nearest(robot: Robot, q: Array, start: Array) -> bool:
+    """Whether no solution of the same place can be nearer to a start than this one.
+
+    Between two solutions ``q`` and ``q + d`` the tool moves by ``J d`` and at most ``L |d|^2 / 2``
+    more, and in all by nothing: ``|d| >= 2 s / L`` with the least singular value s of J. With n
+    joints and the reach r, second derivatives are at most ``hypot(1, r)`` each, and turns compose
+    to their sum up to half of its square, so that ``L = 2 n hypot(1, r)`` is enough. Then no other
+    solution is nearer, in the largest joint motion, if that of q is at most
+    ``(2 s / L - |q - start|) / sqrt(n)``. Chains with joints to spare have others everywhere.
+
+    Args:
+        robot: The chain with its tool.
+        q: A solution (n,) [rad or m].
+        start: Joint variables (n,).
+    """
+    if robot.n > AXES:
+        return False
+    s = float(np.linalg.svd(robot.jacobian(q), compute_uv=False)[-1])
+    L = 2 * robot.n * float(np.hypot(1.0, robot.reach))
+    apart = q - start
+    least = (2 * s / L - float(np.linalg.norm(apart))) / np.sqrt(robot.n)
+    return float(np.abs(apart).max()) <= least
+
+
 def _drawn_limits(robot: Robot) -> Array:
     """Limits (2, n) of poses that are drawn: one turn of a joint is enough."""
     slides = np.array([joint.kind == "prismatic" for joint in robot.joints])

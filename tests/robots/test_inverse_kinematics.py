@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edtk.robots.inverse import Posture, solutions, solve
+from edtk.robots.inverse import Posture, is_nearest, solutions, solve
 from edtk.robots.load_robot import load_robot
 from edtk.robots.robot import Robot
 from edtk.robots.robot_file import robot_from_dict
@@ -40,6 +40,21 @@ def test_the_nearest_is_that_of_the_least_motion() -> None:
         assert nearest is not None
         assert np.abs(nearest - near).max() < 0.03
         assert np.abs(KR270.forward(nearest) - KR270.forward(q)).max() < 3e-9
+
+
+def test_what_is_called_the_nearest_is_so() -> None:
+    """Along a dense path, also through a stretched wrist, where it is left to a search."""
+    said = []
+    for fifth in np.deg2rad([-0.4, 0.0, 0.4, 40.0, 60.0, 80.0]):
+        start = np.array([0.2, -1.0, 1.2, 0.4, fifth, 0.3])
+        goal = KR270.forward(start + 5e-4 * np.array([1, -1, 1, 1, 1, -1]))
+        q, reached = solve(KR270, goal[None], start[None])
+        said.append(bool(reached[0]) and is_nearest(KR270, q[0], start))
+        nearest = solutions(KR270, goal, start).nearest(start)
+        assert nearest is not None
+        if said[-1]:
+            assert np.abs(q[0] - nearest).max() < 1e-8
+    assert said == [False, False, False, True, True, True]
 
 
 def test_what_cannot_be_reached_has_no_solution() -> None:
