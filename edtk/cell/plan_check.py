@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from edtk.cell.cell import Cell, Clearance
+from edtk.cell.sight import Sight
 from edtk.cell.ways import DrivenWay
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
@@ -22,16 +23,29 @@ class PlanCheck(Presented):
         cell: The cell.
         q: The poses (k, n), in the order of the plan [rad or m].
         ways: How the arm gets from row to row; none where nobody asked.
+        sight: Which markers are read; None where all are.
     """
 
     cell: Cell
     q: Array
     ways: tuple[DrivenWay, ...] = ()
+    sight: Sight | None = None
 
     @cached_property
     def clearance(self) -> Clearance:
         """How free each pose (k,) is."""
         return self.cell.clearance(self.q)
+
+    @cached_property
+    def hidden(self) -> list[dict[str, str]]:
+        """Why markers are not read, by pose and name; the tool point where it has none."""
+        if self.sight is None:
+            return [{} for _ in self.q]
+        names = ["" if one is None else one.name or "tool point" for one in self.sight.reflectors]
+        return [
+            {name: str(why) for name, why in zip(names, row, strict=True) if why is not None}
+            for row in self.sight.hidden(self.q)
+        ]
 
     @property
     def free(self) -> bool:
@@ -70,6 +84,7 @@ class PlanCheck(Presented):
                 {
                     "clearance_mm": float(room) * MM if np.isfinite(room) else None,
                     "pair": list(self.clearance.names(i) or ()) or None,
+                    **({} if self.sight is None else {"hidden": self.hidden[i]}),
                 }
                 for i, room in enumerate(least)
             ],

@@ -20,7 +20,8 @@ def check(study: StudyLike, plan: PlanLike) -> "PlanCheck":
 
     Returns:
         For each pose its clearance, which is the least distance of two bodies less the margin, and
-        the names of these two; and for each way whether it is free.
+        the names of these two; why markers are hidden, where the study has a line of sight; and for
+        each way whether it is free.
 
     Raises:
         UserError: A file is not valid, or the study has no [scene].
@@ -33,4 +34,4 @@ def check(study: StudyLike, plan: PlanLike) -> "PlanCheck":
         raise asked.error("scene", "expected the table that says what stands around the robot")
     with errors_in(name_of(plan, "plan")):
         measured = as_plan(asked, plan)
-    return PlanCheck(asked.cell, measured.q, day_of(asked, measured).ways)
+    return PlanCheck(asked.cell, measured.q, day_of(asked, measured).ways, asked.sight)

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from edtk import Study
+from edtk.cell.plan_check import PlanCheck
 from edtk.cell.sight import AllSeen, Sight
 from edtk.certificate.certificate import setting_to_dict
 from edtk.certificate.recompute.setting import Setting
+from edtk.report.views.cell import plan_check_text
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
 
@@ -116,3 +118,16 @@ def test_a_tracker_that_sees_nothing_is_said_in_one_line(
     with pytest.raises(UserError) as error:
         Study(**(KEYS | keys))  # type: ignore[arg-type]
     assert message in str(error.value)
+
+
+def test_a_check_says_what_is_hidden() -> None:
+    """Each pose lists the markers that are hidden with their reasons, in text and JSON."""
+    assert STUDY.cell is not None
+    q = poses(6)
+    found = PlanCheck(STUDY.cell, q, sight=STUDY.sight)
+    names = ("tip", "arm")
+    for row, own in zip(found.to_dict()["poses"], sight().hidden(q), strict=True):
+        expected = {n: str(why) for n, why in zip(names, own, strict=True) if why is not None}
+        assert row["hidden"] == expected
+    assert any("hidden by" in line for line in plan_check_text(found).splitlines())
+    assert "hidden" not in PlanCheck(STUDY.cell, q).to_dict()["poses"][0]

@@ -36,8 +36,13 @@ def plan_check_rows(found: PlanCheck) -> tuple[list[str], list[list[str]]]:
     for i, (room, free) in enumerate(zip(found.clearance.least, found.clearance.free, strict=True)):
         pair = " - ".join(found.clearance.names(i) or ("nothing to look at",))
         millimetres = f"{room * MM:.1f}" if np.isfinite(room) else ""
-        rows.append([str(i + 1), millimetres, "free" if free else "touches", pair])
-    return ["pose", "clearance_mm", "", "nearest"], rows
+        row = [str(i + 1), millimetres, "free" if free else "touches", pair]
+        if found.sight is not None:
+            why = "; ".join(f"{name} {words}" for name, words in found.hidden[i].items())
+            row.append(why or "all markers")
+        rows.append(row)
+    header = ["pose", "clearance_mm", "", "nearest"]
+    return header + ["seen"] * (found.sight is not None), rows
 
 
 def way_rows(found: PlanCheck) -> tuple[list[str], list[list[str]]]:
