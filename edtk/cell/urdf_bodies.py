@@ -109,7 +109,7 @@ class _Shapes:
             message = f"found no file {name!r}; expected it in a folder above the robot's file"
             raise ValueError(message)
         scale = _numbers(geometry, "scale", 3) if "scale" in geometry.attributes else np.ones(3)
-        mesh = read_mesh(file, "m", largest=np.inf)
+        mesh = read_mesh(file, "m", f"mesh {file.name}", largest=np.inf)
         vertices = mesh.vertices * scale
         size = float(np.ptp(vertices, axis=0).max())
         if size > LARGEST_PART:
