@@ -78,14 +78,14 @@ class Cell:
     pairs: tuple[tuple[str, str], ...]
 
     def __post_init__(self) -> None:
-        named = {body.name: body.carrier for body in self.bodies}
+        named = {body.name: body for body in self.bodies}
         if len(named) < len(self.bodies):
             raise ValueError("two bodies have one name; expected a name of its own for each")
         for pair in self.pairs:
             for name in pair:
                 if name not in named:
                     raise ValueError(f"no body {name!r}; the cell has {', '.join(named)}")
-            if named[pair[0]] == named[pair[1]]:
+            if not move_against(*(named[name] for name in pair)):
                 raise ValueError(f"bodies {pair[0]!r} and {pair[1]!r} move together")
 
     @cached_property
@@ -176,12 +176,15 @@ class Cell:
         return self.solids.placed(self.frames(q))
 
 
+def move_against(one: Body, other: Body) -> bool:
+    """Whether two bodies can move against each other: a weight swings where its carrier turns."""
+    return one.carrier != other.carrier or (one.hangs_at is None) != (other.hangs_at is None)
+
+
 def every_pair(bodies: Sequence[Body]) -> tuple[tuple[str, str], ...]:
     """Names of the two bodies of all pairs that do not move together."""
     return tuple(
-        (one.name, other.name)
-        for one, other in combinations(bodies, 2)
-        if one.carrier != other.carrier
+        (one.name, other.name) for one, other in combinations(bodies, 2) if move_against(one, other)
     )
 
 

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
-from edtk.cell.cell import Cell
+from edtk.cell.cell import Cell, move_against
 from edtk.cell.containing import inside, sampled
 from edtk.cell.shapes import Body
 from edtk.robots.frames import Frames
@@ -76,7 +76,7 @@ def pairs_to_look_at(
     others: list[Pair] = []
     for one, other in combinations(bodies, 2):
         pair = (one.name, other.name)
-        if frozenset(pair) in ignored or one.carrier == other.carrier:
+        if frozenset(pair) in ignored or not move_against(one, other):
             continue
         (adjacent if _are_adjacent(one, other, own) else others).append(pair)
     q = poses_within(robot, fixed or {})

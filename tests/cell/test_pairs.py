@@ -6,6 +6,7 @@ from scipy.spatial import ConvexHull
 
 from edtk.cell.cell import Cell
 from edtk.cell.containing import containing, inside
+from edtk.cell.legs import prove_legs
 from edtk.cell.pairs import pairs_to_look_at
 from edtk.cell.robot_bodies import robot_bodies
 from edtk.cell.shapes import Body, Capsule, Mesh
@@ -100,6 +101,23 @@ def test_all_places_of_a_swinging_weight_are_held(swing: float, rope: float) -> 
         assert body.hangs_at is POINT
         held = np.any([inside(shape, turned) for shape in body.capsules], axis=0)
         assert held.all()
+
+
+def test_a_weight_can_swing_into_what_carries_it() -> None:
+    """The weight is looked at with the last joint's body, in poses and on legs; its rope is not."""
+    arm = (*BODIES, *weight(0.0, rope=0.05))
+    found = pairs_to_look_at(ROBOT, arm, own=OWN)
+    assert ("flange", "load") in found.looked_at
+    cell = Cell(ROBOT, arm, 0.0, (("flange", "load"),))
+    q = np.deg2rad([[0, -90, 90, 0, 0, 0], [0, -90, 90, 0, -120, 0], [0, -90, 90, 170, 0, 0]])
+    assert len(set(cell.clearance(q).least.round(3))) == 3
+    step = 1e-6 * np.eye(6)
+    up, down = (cell.clearance(q[:, None] + sign * step).least for sign in (1, -1))
+    assert np.allclose(cell.gradient(q), (up - down) / 2e-6, atol=1e-6)
+    legs = prove_legs(cell, q[[0, 0, 1]], q[[1, 2, 2]])
+    along = np.linspace(0, 1, 2000)[:, None, None]
+    sampled = cell.clearance(q[[0, 0, 1]] + along * (q[[1, 2, 2]] - q[[0, 0, 1]])).least
+    assert (legs.free == (sampled.min(axis=0) >= 0)).all()
 
 
 def test_meshes_decide_of_parts_that_pass_close_by() -> None:
