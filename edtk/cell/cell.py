@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.cell.distance import (
+    TINY,
     Nearest,
     segment_to_convex,
     segment_to_plane,
@@ -543,6 +544,28 @@ def _pairs_of_shapes(
 def _chunks(n: int) -> Iterator[slice]:
     """Parts of n poses that are looked at together."""
     return (slice(low, min(low + CHUNK, n)) for low in range(0, n, CHUNK))
+
+
+def signed_point(shape: Shape, point: Array) -> float:
+    """Signed distance of a point (3,) to a solid [m]: negative inside."""
+    if isinstance(shape, Plane):
+        return float(shape.normal @ point - shape.offset)
+    if isinstance(shape, Capsule):
+        way = shape.end - shape.start
+        share = np.clip(way @ (point - shape.start) / max(float(way @ way), TINY), 0.0, 1.0)
+        return float(np.linalg.norm(point - shape.start - share * way) - shape.radius)
+    local = shape.pose[:3, :3].T @ (point - shape.pose[:3, 3])
+    if isinstance(shape, Box):
+        return float(signed_box(local, shape.half)[0])
+    return float(signed_cylinder(local, np.array(shape.radius), np.array(shape.half_height))[0])
+
+
+def standing_at(bodies: Sequence[Body], point: Array) -> tuple[str, float] | None:
+    """The standing body in which a point (3,) is, and how deep [m]; None where it is in none."""
+    standing = [body for body in bodies if body.carrier is None]
+    deep = [(min(signed_point(one, point) for one in body.shapes), body.name) for body in standing]
+    least, name = min(deep, default=(0.0, ""))
+    return (name, -least) if least < 0 else None
 
 
 @dataclass(frozen=True, eq=False)

@@ -103,6 +103,16 @@ class _FaultOption(click.Option):
     type=Number(MOST_EXPERIMENTS),
     help="With --prove: number of candidate poses [default: the study's].",
 )
+@click.option(
+    "--place-tracker",
+    is_flag=True,
+    help="Choose the tracker's place too, among the study's places or in its box.",
+)
+@click.option(
+    "--placed-study",
+    type=FilePath,
+    help="With --place-tracker: write the study with that place (TOML).",
+)
 @json_option
 @click.option("--out", type=FilePath, help="Write all experiments (CSV, - to print).")
 @certificate_option
@@ -124,6 +134,8 @@ def command(
     prove_bound: bool,
     prove: float | None,
     candidates: int | None,
+    place_tracker: bool,
+    placed_study: Path | None,
     as_json: bool,
     out: Path | None,
     certificate: Path | None,
@@ -157,6 +169,8 @@ def command(
             prove_bound=PROVED_GAP if prove_bound else None,
             prove=prove,
             candidates=candidates,
+            place_tracker=place_tracker,
+            placed_study=placed_study,
             progress=lambda label, number: say(label),
         )
     show(found, as_json, out, certificate)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from edtk.cell.cell import standing_at
 from edtk.measure.instruments.sensor import Sensor
 from edtk.robots.frames import Frames
 from edtk.study.study_model import distance_names, marker_kinds, marker_names
@@ -135,8 +136,16 @@ def _poses(study: StudyObjects, count: int) -> Array:
 
 
 def _check_place(study: StudyObjects, q: Array) -> None:
-    """Neither the arm nor a marker comes near the tracker, as far as a search can tell."""
+    """The tracker is in no body, and neither arm nor marker come near, as a search can tell."""
     tracker = np.array(study.specification.noise.tracker_position_mm) / 1e3  # type: ignore[union-attr]
+    within = None if study.cell is None else standing_at(study.cell.bodies, tracker)
+    if within is not None:
+        name, depth = within
+        raise study.error(
+            "noise.tracker_position_mm",
+            f"the tracker stands {1e3 * depth:.0f} mm inside {name!r}; expected a place outside of "
+            "all bodies of [scene]",
+        )
     frames = study.model.frames(q)
     near = _distance_of_arm(frames, study.robot.base[:3, 3], tracker)
     for sensor in study.model.whole_instruments:

@@ -134,6 +134,16 @@ class NoiseTable(Table):
         description="Where the tracker stands, in the world frame, which is that of the robot's "
         "file; a sheet of positions may have any frame, as the fit tells where the robot is [mm]",
     )
+    tracker_places_mm: tuple[Vector3, ...] | None = Field(
+        None,
+        description="Places among which `edtk plan --place-tracker` chooses, in the world frame "
+        "[mm]",
+    )
+    tracker_box_mm: tuple[Vector3, Vector3] | None = Field(
+        None,
+        description="Lower and upper corner of a box in which it searches for a place, in the "
+        "world frame [mm]",
+    )
     along: Coefficients | None = Field(
         None,
         description="Error a + b r of one reading along a beam of length r, as [a, b] [um, um/m]",
@@ -202,6 +212,27 @@ class NoiseTable(Table):
             missing = " and ".join(key for key in TOGETHER if key not in given)
             raise PydanticCustomError(
                 "tracker", "expected {missing} too, as a tracker is given", {"missing": missing}
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _some_places(self) -> "NoiseTable":
+        if self.tracker_places_mm is not None and not self.tracker_places_mm:
+            raise PydanticCustomError(
+                "places", "tracker_places_mm is empty; expected one place [x, y, z] at least"
+            )
+        box = self.tracker_box_mm
+        if box is not None and any(low > high for low, high in zip(*box, strict=True)):
+            raise PydanticCustomError(
+                "box", "tracker_box_mm: expected its lower corner first, then its upper one"
+            )
+        movable = box is not None or self.tracker_places_mm is not None
+        if movable and not self.has_tracker:
+            missing = " and ".join(TOGETHER)
+            raise PydanticCustomError(
+                "tracker",
+                "expected {missing} too, as places of a tracker are given",
+                {"missing": missing},
             )
         return self
 

@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from edtk.findings.fitted_data import HowFitted
     from edtk.study.evaluate import Evaluation
     from edtk.study.give_up import Exchange
+    from edtk.study.place_tracker import PlaceSearch
     from edtk.study.plan_study import RunOptions
     from edtk.study.study_run import Designs
     from edtk.verbs.bayes import Sampling
@@ -129,8 +130,13 @@ class OfStudy(Question):
     def designs(study: Study) -> "Designs":
         """What a run asks about designs of a study of this kind."""
 
-    def plan(self, call: PlanCall) -> "ExactPlan":
-        """The best plan of exactly so many experiments; see `edtk.plan`."""
+    def plan(self, call: PlanCall, searched: "ExactPlan | None" = None) -> "ExactPlan":
+        """The best plan of exactly so many experiments; see `edtk.plan`.
+
+        Args:
+            call: What is asked.
+            searched: What a search for it has found already.
+        """
         from edtk.study.plan_study import RunOptions, study_errors
 
         call = self._with_second(self._checked(call))
@@ -147,10 +153,12 @@ class OfStudy(Question):
         if call.certificate is not None:
             self._require_certifiable(asked, criterion, call)
         self._require_provable(asked, criterion, call)
+        if call.place_tracker:
+            return self._placed(call)
         since = monotonic()
         with workers_for(call.workers, call.dask) as pool, errors_in(self.study.where):
             options = RunOptions(seed=call.seed, workers=pool, progress=call.progress)
-            found = self._best_plan(asked, criterion, kept, call, options)
+            found = searched or self._best_plan(asked, criterion, kept, call, options)
             if exchange is not None:
                 found = self._given_up(exchange, asked, criterion, call, options, found)
             if gap is not None and found.ended != "interrupted":
@@ -174,6 +182,58 @@ class OfStudy(Question):
         from edtk.calibration.timetable import day_of, has_day
 
         return day_of(self.study, plan) if has_day(self.study) else None
+
+    def _placed(self, call: PlanCall) -> "ExactPlan":
+        """The best plan and place of the tracker; what else is asked is told of that plan."""
+        from edtk.study.place_tracker import Places, study_at
+
+        places = Places.of(self.study)
+        require_output(call.placed_study, *self.study.reads, call.out, call.certificate)
+        with workers_for(call.workers, call.dask) as pool, errors_in(self.study.where):
+            found = self._place_search(call, pool).run(places)
+        assert found.placement is not None
+        there = replace(self, study=study_at(self.study, found.placement.position))
+        whole = there.plan(replace(call, place_tracker=False, placed_study=None), found)
+        if call.placed_study is not None:
+            there.study.to_toml(call.placed_study)
+        return replace(whole, placement=found.placement)
+
+    def _place_search(self, call: PlanCall, pool: Workers) -> "PlaceSearch":
+        """What a search for a place asks of the study at each."""
+        from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+        from edtk.study.place_tracker import CANDIDATES, PlaceSearch
+        from edtk.study.plan_study import RunOptions
+
+        options = RunOptions(seed=call.seed, workers=pool, progress=call.progress)
+        quiet = replace(options, progress=no_progress)
+
+        def asked_at(study: Study) -> tuple[Study, str | None]:
+            return replace(self, study=study).asked_for(call.criterion)
+
+        def planned(study: Study, seconds: float | None) -> "ExactPlan":
+            asked, criterion = asked_at(study)
+            in_time = replace(call, budget=seconds)
+            return replace(self, study=asked)._best_plan(asked, criterion, None, in_time, options)
+
+        def relaxed(study: Study) -> RelaxedPlan:
+            asked, criterion = asked_at(study)
+            few = min(asked.specification.candidates, CANDIDATES)
+            shared = call.size if self._knows(asked, criterion) else None
+            return self._relaxation()(asked, criterion, candidates=few, size=shared, options=quiet)
+
+        def cost(study: Study, design: RelaxedPlan | Plan) -> float:
+            asked, criterion = asked_at(study)
+            designed = self._designed(asked, criterion)
+            designs = self.designs(designed)
+            if isinstance(design, Plan):
+                M = designs.information(design)
+            else:
+                space = designs.space(call.size or asked.specification.sizes[0])
+                M = space.problem(design.x).information(design.weights)
+            return float(self._criterion(designed, criterion).cost(M))
+
+        until = np.inf if call.budget is None else monotonic() + call.budget
+        return PlaceSearch(self.study, planned, relaxed, cost, until, call.progress)
 
     def _proved(self, found: "ExactPlan", gap: float, call: PlanCall) -> "ExactPlan":
         """The plan with a bound that is proved for all poses."""
@@ -214,10 +274,7 @@ class OfStudy(Question):
         if found.kept is not None or priced or timed:
             return ()
         options = RunOptions(seed=call.seed, progress=call.progress)
-        before = asked.specification.prior.in_design or (
-            self._designed(asked, criterion).prior_information is not None
-        )
-        size = found.plan.experiments if before else None
+        size = found.plan.experiments if self._knows(asked, criterion) else None
         each = []
         for of, factor in product(asked.guesses, OFF):
             try:
@@ -236,6 +293,11 @@ class OfStudy(Question):
             cost = float(relaxed.criterion.cost(M))
             each.append(OffGuess(factor, bound.efficiency(cost), of))
         return tuple(each)
+
+    def _knows(self, asked: Study, criterion: str | None) -> bool:
+        """Whether something that is known beforehand counts in designs."""
+        designed = self._designed(asked, criterion)
+        return asked.specification.prior.in_design or designed.prior_information is not None
 
     def _checked(self, call: PlanCall) -> PlanCall:
         """The arguments, whose whole numbers are whole.
@@ -257,6 +319,15 @@ class OfStudy(Question):
                 raise ArgumentError(message, argument="give_up", given=call.give_up)
         costs = self.study.specification.costs
         limited = call.cost_budget is not None or (costs is not None and costs.budget is not None)
+        if call.placed_study is not None and not call.place_tracker:
+            message = "expected place_tracker beside it"
+            raise ArgumentError(message, argument="placed_study")
+        if call.place_tracker and call.keep is not None:
+            message = (
+                "experiments that are kept were read from where the tracker stood; leave them out, "
+                "or its place as it is"
+            )
+            raise ArgumentError(message, argument="keep")
         if call.prove_bound is not None and limited:
             message = "plans within a budget of costs have no bound over all poses; leave this out"
             raise ArgumentError(message, argument="prove_bound")

@@ -40,6 +40,8 @@ def plan(
     prove_bound: float | None = None,
     prove: float | None = None,
     candidates: int | None = None,
+    place_tracker: bool = False,
+    placed_study: Path | str | None = None,
     progress: Progress = ...,
 ) -> ExactPlan: ...
 
@@ -106,6 +108,8 @@ def plan(
     second: CriterionLike | None = None,
     give_up: float | None = None,
     prove_bound: float | None = None,
+    place_tracker: bool = False,
+    placed_study: Path | str | None = None,
     progress: Progress = no_progress,
 ) -> "ExactPlan | ProblemPlan | RegionPlan":
     """Search for the best plan of `size` experiments, and bound how much better any plan can be.
@@ -171,6 +175,11 @@ def plan(
             the bound is proved for all feasible poses, or for all points of a region; `.efficiency`
             is against that bound then. It takes its time after the search of a study; Ctrl-C leaves
             the best bound so far.
+        place_tracker: Whether the place of the tracker is chosen together with the poses, among
+            those that the study's [noise] lists or in its box; `.placement` tells it. The bound of
+            the plan is about its place; that over the listed places is the best of theirs.
+        placed_study: File to write the study with that place to (TOML), from which `edtk.template`
+            and `edtk.identify` go on.
 
     Returns:
         The plan with its `.value`, its `.bound`, and its `.efficiency` between 0 and 1. That of a
@@ -219,6 +228,8 @@ def plan(
         second=second,
         give_up=give_up,
         prove_bound=prove_bound,
+        place_tracker=place_tracker,
+        placed_study=placed_study,
     )
     question.require("plan", **vars(call))
     return question.plan(call)

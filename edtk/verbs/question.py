@@ -36,6 +36,8 @@ OF_STUDIES = (
     "detect",
     "second",
     "give_up",
+    "place_tracker",
+    "placed_study",
 )
 NOT_EXTENDED = (
     "pieces are looked for in studies of springs by displacements; here name those that you "
@@ -128,6 +130,8 @@ class PlanCall:
     second: "CriterionLike | None" = None
     give_up: float | None = None
     prove_bound: float | None = None
+    place_tracker: bool = False
+    placed_study: Path | str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -219,6 +219,80 @@ class Compromise:
 
 
 @dataclass(frozen=True, eq=False)
+class TriedPlace:
+    """A listed place of the tracker.
+
+    Attributes:
+        position: The place (3,), in the world frame [m].
+        cost: Cost of the best plan there; None without one.
+        bound: No plan there costs less; None without a plan.
+        why: Why there is none; empty where there is one.
+        left_out: Whether the search was ended before it came there.
+    """
+
+    position: Array
+    cost: float | None
+    bound: Bound | None
+    why: str = ""
+    left_out: bool = False
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON [m]."""
+        value = None
+        if self.bound is not None and self.cost is not None:
+            value = printed_form(self.cost, self.bound.sense)
+        return {
+            "position": self.position.tolist(),
+            "value": value,
+            "bound": _shown_bound(self.bound),
+            **({"why": self.why} if self.why else {}),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """Where the tracker is to stand, chosen together with the poses.
+
+    Attributes:
+        position: The place (3,), in the world frame [m].
+        source: "listed", or "box" where it was searched.
+        tried: The listed places.
+        looked: Places of the box from which the search began; zero without a box.
+    """
+
+    position: Array
+    source: str
+    tried: tuple[TriedPlace, ...]
+    looked: int
+
+    @property
+    def bound(self) -> Bound | None:
+        """The best of the bounds of the listed places: no plan at any of them costs less.
+
+        A place that has no plan, as it sees no marker, has nothing to bound. None where the search
+        was ended before it came to each of them, or the chosen place is not listed.
+        """
+        bounds = [one.bound for one in self.tried if one.bound is not None]
+        if self.source != "listed" or any(one.left_out for one in self.tried):
+            return None
+        return min(bounds, key=lambda bound: bound.cost)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON [m]."""
+        return {
+            "position": self.position.tolist(),
+            "source": self.source,
+            "bound_over_places": _shown_bound(self.bound),
+            "places": [one.to_dict() for one in self.tried],
+        }
+
+
+def _shown_bound(bound: Bound | None) -> float | None:
+    """A bound as JSON has it, which knows no infinity."""
+    return None if bound is None or not np.isfinite(bound.value) else bound.value
+
+
+@dataclass(frozen=True, eq=False)
 class OnCandidates:
     """What is proved about all plans of as many experiments on some candidate poses.
 
@@ -295,6 +369,8 @@ class ExactPlan(BoundedDesign):
         on_candidates: What is proved about all plans on candidates; None where nobody asked.
         timetable: When the new experiments are made, see `edtk.calibration.timetable`; None where
             the study says neither how long things take nor what stands around the robot.
+        placement: Where the tracker stands, chosen together with the poses; None where nobody
+            asked.
     """
 
     relaxed: RelaxedPlan
@@ -317,6 +393,7 @@ class ExactPlan(BoundedDesign):
     off_guess: tuple[OffGuess, ...] = ()
     on_candidates: OnCandidates | None = None
     timetable: Any = None
+    placement: Placement | None = None
 
     @classmethod
     def of(cls, relaxed: RelaxedPlan, found: FoundPlan, kept: Plan | None = None) -> "ExactPlan":
@@ -475,6 +552,7 @@ class ExactPlan(BoundedDesign):
             **self._cell(),
             **({} if self.on_candidates is None else self.on_candidates.to_dict()),
             **({} if self.tasks is None else {"tasks": self.tasks.to_dict()}),
+            **({} if self.placement is None else {"tracker": self.placement.to_dict()}),
             **({} if self.compromise is None else {"compromise": self.compromise.to_dict()}),
             **({"off_guess": [one.to_dict() for one in self.off_guess]} if self.off_guess else {}),
             **({} if self.timetable is None else {"timetable": self.timetable.to_dict()}),

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from edtk.cell.plan_check import MM
-from edtk.design.bound import BoundKind
+from edtk.design.bound import BoundKind, printed_form
 from edtk.design.detection import ENOUGH, Detection, Separation
 from edtk.design.exact.day import DayPlan
 from edtk.design.exact.exact_plan import ExactPlan
@@ -179,6 +179,7 @@ def exact_plan_text(found: ExactPlan) -> str:
         f"  bound       {factor * found.bound:.6g}{unit}  ({reach(found)})",
         f"  efficiency  {100 * found.efficiency:.2f} %{among(found)}",
         *without_cell(found),
+        *placed(found),
         *on_candidates(found),
         *exchanged(found),
         *off_guess(found),
@@ -215,6 +216,56 @@ def without_cell(found: ExactPlan) -> list[str]:
         f"  clearance   {room:.1f} mm or more {margin}; {first} and {second} in row {i + 1}"
         + ("" if check.free else f": {check.headline()}"),
     ]
+
+
+def placed(found: ExactPlan) -> list[str]:
+    """Where the tracker is to stand, and what the other places would bring."""
+    one = found.placement
+    if one is None:
+        return []
+    factor, unit = found.relaxed.criterion.shown
+    place = f"  tracker     at {_millimetres(one.position)} mm"
+    number = len(one.tried)
+    listed = f"{number} listed place{'s' * (number > 1)}"
+    if one.source == "box":
+        beside = f", better than {listed}" if one.tried else ""
+        lines = [
+            f"{place}, searched in the box{beside}",
+            "              the bound is for this place: none is known for all of the box",
+        ]
+    else:
+        searched = ", and of a search in the box" * bool(one.looked)
+        lines = [f"{place}, the best of {listed}{searched}"]
+    if one.bound is not None:
+        bound = f"{factor * one.bound.value:.6g} {unit}".rstrip()
+        share = 100 * one.bound.efficiency(found.cost)
+        lines += [
+            f"              {bound} bounds plans at any listed place: the best of the bounds of "
+            "each",
+            f"              {share:.2f} % efficiency among plans at all of them",
+        ]
+    return [*lines, *_listed_places(found)]
+
+
+def _millimetres(position: Array) -> str:
+    """A place as people write it."""
+    return ", ".join(f"{x:.6g}" for x in np.round(1e3 * position, 3) + 0.0)
+
+
+def _listed_places(found: ExactPlan) -> list[str]:
+    """A line for each listed place: the value of the best plan there, and its bound."""
+    assert found.placement is not None
+    factor, unit = found.relaxed.criterion.shown
+    lines = []
+    for one in found.placement.tried:
+        where = f"              at {_millimetres(one.position)} mm"
+        if one.bound is None or one.cost is None:
+            lines.append(f"{where}: no plan, {one.why}")
+            continue
+        value = printed_form(one.cost, one.bound.sense)
+        numbers = f"{factor * value:.6g}, bound {factor * one.bound.value:.6g} {unit}".rstrip()
+        lines.append(f"{where}: {numbers}")
+    return lines
 
 
 def on_candidates(found: ExactPlan) -> list[str]:
@@ -384,7 +435,7 @@ def exact_plan_notebook(found: ExactPlan) -> str:
         f"{factor * number:.6g} {unit}".strip() for number in (found.value, found.bound)
     )
     notes = [f"value {value}, and no plan of as many is better than {bound} ({kind})"]
-    notes += [line.strip() for line in on_candidates(found)]
+    notes += [line.strip() for line in (*placed(found), *on_candidates(found))]
     if found.expected is not None:
         notes.append(str(found.expected))
     return notebook_table(found.headline(), ["pose", "", *table.columns], rows, notes)

@@ -1,0 +1,270 @@
+"""Where the tracker is to stand, chosen together with the poses."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import product
+from time import monotonic
+
+import numpy as np
+
+from edtk.design.exact.exact_plan import ExactPlan, Placement, TriedPlace
+from edtk.design.plan import Plan
+from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.study.plan_study import Progress, no_progress
+from edtk.study.study import Study
+from edtk.system.errors import ArgumentError, UserError
+from edtk.system.typing import Array
+
+KEY = "noise.tracker_position_mm"
+KEY_OF_LIST = "noise.tracker_places_mm"
+NO_PLAN = "no place of the box from which the search began has a plan"
+KEY_OF_BOX = "noise.tracker_box_mm"
+LEAST_SECONDS = 1e-3  # of a search whose time is over: its first plan is waited for
+CANDIDATES = 1000  # poses whose best weights say how good a place is
+DRAWN = 5  # the logarithm to the base 2 of places that are drawn in a box, beside its corners
+DESCENTS = 2  # from the best of these
+ROUNDS = 4  # of a descent: the place for the design, the design for the place
+TRIES = 40  # places that are tried for a design
+NEAR = 0.01  # of the box: how near they are in the end, where they differ by less than a gain
+GAIN = 1e-4  # relative: what a round must gain for another one
+MILLIMETRE = 1e-3  # to which a tracker is placed [m]
+FIRST_STEP = 0.2  # of the box
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where a tracker may stand.
+
+    Attributes:
+        listed: Places (k, 3) [m].
+        box: Lower and upper corner (2, 3) of a box [m]; None for none.
+    """
+
+    listed: Array
+    box: Array | None
+
+    @staticmethod
+    def of(study: Study) -> "Places":
+        """The places of a study.
+
+        Raises:
+            ArgumentError: It has no tracker, or says no place for it.
+        """
+        table = study.specification.noise
+        if table is None or not table.has_tracker:
+            message = "the study has no tracker in [noise], whose errors depend on its place"
+            raise ArgumentError(message, argument="place_tracker", where=study.where)
+        listed = np.array(table.tracker_places_mm or ()).reshape(-1, 3) / 1e3
+        box = table.tracker_box_mm
+        if not len(listed) and box is None:
+            message = "expected places in noise.tracker_places_mm, or a box in noise.tracker_box_mm"
+            raise ArgumentError(message, argument="place_tracker", where=study.where)
+        return Places(listed, None if box is None else np.array(box) / 1e3)
+
+
+def study_at(study: Study, place: Array) -> Study:
+    """The same study, whose tracker stands elsewhere (3,) [m].
+
+    Raises:
+        UserError: No tracker can stand there.
+    """
+    noise = study.specification.noise
+    assert noise is not None
+    given = noise.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+    position = np.round(1e3 * place, 6) + 0.0
+    return study.replace(noise=given | {"tracker_position_mm": position.tolist()})
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceSearch:
+    """The search for a place and a plan.
+
+    Attributes:
+        study: The study, whose tracker stands somewhere.
+        planned: The best plan of a study, in the seconds that are left.
+        relaxed: The best weights of a study on few candidates.
+        cost: Cost of weights, or of a plan, in a study.
+        until: When to end [s]; infinite for no limit.
+        progress: Called with a label of what is done.
+    """
+
+    study: Study
+    planned: Callable[[Study, float | None], ExactPlan]
+    relaxed: Callable[[Study], RelaxedPlan]
+    cost: Callable[[Study, RelaxedPlan | Plan], float]
+    until: float = np.inf
+    progress: Progress = no_progress
+
+    def run(self, places: Places) -> ExactPlan:
+        """The best plan, with its place.
+
+        Raises:
+            UserError: A listed place is none, or no place has a plan.
+        """
+        best: tuple[ExactPlan, Array] | None = None
+        source = "listed"
+        tried: list[TriedPlace] = []
+        studies = [self._listed(i, place) for i, place in enumerate(places.listed)]
+        for i, (place, study) in enumerate(zip(places.listed, studies, strict=True)):
+            self.progress(f"place {i + 1} of {len(studies)}", i)
+            one, found = self._tried(place, study, best)
+            tried.append(one)
+            if found is not None and (best is None or found.cost < best[0].cost):
+                best = (found, place)
+        looked = 0
+        if places.box is not None and not (best is not None and self._is_over(best[0])):
+            inside, looked = self._in_box(places.box)
+            if inside is not None and (best is None or inside[0].cost < best[0].cost):
+                best = inside
+                source = "box"
+        if best is None:
+            key, why = (KEY_OF_LIST, tried[0].why) if tried else (KEY_OF_BOX, NO_PLAN)
+            raise self.study.error(key, why)
+        found, place = best
+        return replace(found, placement=Placement(place, source, tuple(tried), looked))
+
+    def _tried(
+        self, place: Array, study: Study | str, best: tuple[ExactPlan, Array] | None
+    ) -> tuple[TriedPlace, ExactPlan | None]:
+        """What comes of a listed place, and its plan; None without one."""
+        if isinstance(study, str):
+            return TriedPlace(place, None, None, study), None
+        if best is not None and self._is_over(best[0]):
+            return TriedPlace(place, None, None, "the search was ended before", True), None
+        try:
+            found = self.planned(study, self._left())
+        except UserError as error:
+            return TriedPlace(place, None, None, error.message), None
+        return TriedPlace(place, found.cost, found.told_bound), found
+
+    def _listed(self, i: int, place: Array) -> Study | str:
+        """The study at a listed place, or why there is no plan: it may see no marker.
+
+        Raises:
+            UserError: No tracker can stand there; names the place.
+        """
+        try:
+            return study_at(self.study, place)
+        except UserError as error:
+            if error.key == KEY:
+                raise self.study.error(f"{KEY_OF_LIST}.{i}", error.message) from error
+            return error.message
+
+    def _left(self) -> float | None:
+        left = self.until - monotonic()
+        return max(left, LEAST_SECONDS) if np.isfinite(left) else None
+
+    def _is_over(self, found: ExactPlan) -> bool:
+        return found.ended == "interrupted" or monotonic() > self.until
+
+    def _in_box(self, box: Array) -> tuple[tuple[ExactPlan, Array] | None, int]:
+        """The best plan in a box with its place, and the number of places that were looked at.
+
+        Weights on few candidates tell where to look: from the best of some places a design and its
+        place are made the best for each other in turn, each of which lowers the cost. A plan of
+        whole experiments is searched where that ends, and its place once more.
+        """
+        drawn = _drawn(box, self.study.specification.seed)
+        ranked = []
+        for i, place in enumerate(drawn):
+            self.progress(f"place {i + 1} of {len(drawn)} in the box", i)
+            design = self._weights(place)
+            if design is not None:
+                ranked.append((design.cost, i, place, design))
+        if not ranked:
+            return None, len(drawn)
+        ranked.sort(key=lambda one: one[:2])
+        ends = [self._descended(place, design, box) for _, _, place, design in ranked[:DESCENTS]]
+        _, place = min(ends, key=lambda one: one[0])
+        return self._settled(place, box), len(drawn)
+
+    def _weights(self, place: Array) -> RelaxedPlan | None:
+        """The best weights at a place; None where no tracker can stand, or nothing is told."""
+        try:
+            return self.relaxed(study_at(self.study, place))
+        except UserError:
+            return None
+
+    def _descended(self, place: Array, design: RelaxedPlan, box: Array) -> tuple[float, Array]:
+        """Cost and place at which neither a place nor weights lower the cost any more."""
+        for turn in range(ROUNDS):
+            self.progress(f"place and poses in turn, {turn + 1}", turn)
+            there, _ = self._best_place(place, design, box)
+            better = self._weights(there)
+            if better is None or not better.cost < design.cost * (1 - GAIN):
+                break
+            place, design = there, better
+        return float(design.cost), place
+
+    def _settled(self, place: Array, box: Array) -> tuple[ExactPlan, Array]:
+        """The best plan near a place of the box, and its place."""
+        found = self.planned(study_at(self.study, place), self._left())
+        for _ in range(ROUNDS):
+            if self._is_over(found):
+                break
+            there, cost = self._best_place(place, found.whole, box)
+            if not cost < found.cost * (1 - GAIN):
+                break
+            again = self.planned(study_at(self.study, there), self._left())
+            if again.cost >= found.cost:
+                break
+            place, found = there, again
+        return found, place
+
+    def _best_place(
+        self, place: Array, design: RelaxedPlan | Plan, box: Array
+    ) -> tuple[Array, float]:
+        """The best place for a design, and its cost there, by the simplex of Nelder and Mead."""
+        from scipy.optimize import minimize
+
+        size = np.ptp(box, axis=0)
+        moved = size > 0
+
+        def cost(x: Array) -> float:
+            there = place.copy()
+            there[moved] = x
+            try:
+                return self.cost(study_at(self.study, _to_the_millimetre(there, box)), design)
+            except UserError:
+                return np.inf
+
+        start = place[moved]
+        now = cost(start)
+        if not len(start):
+            return place, now
+        step = FIRST_STEP * size[moved]
+        inwards = np.where(start + step > box[1][moved], -step, step)
+        found = minimize(
+            cost,
+            start,
+            method="Nelder-Mead",
+            bounds=list(zip(*box[:, moved], strict=True)),
+            options={
+                "initial_simplex": np.vstack([start, start + np.diag(inwards)]),
+                "maxfev": TRIES,
+                "xatol": max(MILLIMETRE, NEAR * size.max()),
+                "fatol": GAIN * now,
+            },
+        )
+        there = place.copy()
+        there[moved] = found.x
+        return _to_the_millimetre(there, box), float(found.fun)
+
+
+def _drawn(box: Array, seed: int) -> Array:
+    """Corners and middle of a box, and places (k, 3) that are spread over it."""
+    from scipy.stats import qmc
+
+    lower, upper = box
+    corners = np.array(list(product(*zip(lower, upper, strict=True))))
+    spread = qmc.Sobol(3, seed=seed).random_base2(DRAWN)
+    inside = lower + (upper - lower) * spread
+    every = np.concatenate([box.mean(axis=0)[None], corners, inside])
+    every = np.array([_to_the_millimetre(place, box) for place in every])
+    return every[np.sort(np.unique(every, axis=0, return_index=True)[1])]
+
+
+def _to_the_millimetre(place: Array, box: Array) -> Array:
+    """The place as one can measure it, within the box."""
+    rounded = MILLIMETRE * np.round(place / MILLIMETRE)
+    return np.asarray(np.clip(rounded, box[0], box[1]))
