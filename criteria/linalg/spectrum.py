@@ -290,7 +290,8 @@ def _turn(T: Array, first: Array, second: Array) -> float:
     a = np.einsum("ij,ij->j", x, x)
     b = np.einsum("ij,ij->j", y, y)
     c = np.einsum("ij,ij->j", x, y)
-    cosine = np.abs(c) / np.sqrt(a * b)
+    # The product of two large squares may be no double where each of them is one.
+    cosine = np.abs(c) / (np.sqrt(a) * np.sqrt(b))
     turned = cosine > EPS
     zeta = (b - a) / (2 * np.where(turned, c, 1.0))
     # The smaller of the two angles, as a tangent: the long column stays the long one.

@@ -293,6 +293,8 @@ def exact_claims(
     value = as_cost(name, stated["value"])
     holds = abs(value - cost) <= unsure * cost and unsure < 2 * AGREE
     reason = "" if holds else "the recomputed number differs"
+    if not holds and unsure >= 2 * AGREE:
+        reason = f"rounding leaves it open: it is recomputed to {unsure:.0e} only"
     claims = [Claim("value", holds, stated["value"], as_cost(name, cost), reason)]
     bound = as_cost(name, stated["bound_exact"])
     why = "expected a positive number"

@@ -5,7 +5,7 @@ claim that is left out fails.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -86,7 +86,7 @@ def _cost(replay: Replay, plan: Indices) -> tuple[float, float]:
     known = replay.candidates
     design = Design.of(known, Frame.of_candidates(known), plan.astype(float))
     cost, most = replay.part.cost(design)
-    return cost, AGREE + (most / cost - 1 if 0 < cost < math.inf else math.inf)
+    return replay.given(cost), AGREE + (most / cost - 1 if 0 < cost < math.inf else math.inf)
 
 
 def verify_exact(content: Any, problem: Problem) -> ExactVerification:
@@ -124,9 +124,12 @@ def verify_exact(content: Any, problem: Problem) -> ExactVerification:
         elif wrong:
             claims += unproved_exact("there is no plan")
         else:
-            part, known = _question(content["criterion"], candidates, kept, size)
+            # Powers of two change no digit, and products of numbers near one stay numbers.
+            power = candidates.power
+            part, known = _question(content["criterion"], candidates, kept, size, power)
             stated["proved_exact"] = content["proved_exact"]
-            replay = Replay(tree, part, known, told, limits)
+            tree = replace(tree, T=np.ldexp(tree.T, -power))
+            replay = Replay(tree, part, known, told, limits, power)
             claims += exact_claims(name, stated, replay, *_cost(replay, plan))
     return ExactVerification(
         criterion=criterion.name,
@@ -144,9 +147,10 @@ def verify_exact(content: Any, problem: Problem) -> ExactVerification:
 
 
 def _question(
-    given: dict[str, Any], candidates: Candidates, kept: Indices, size: int
+    given: dict[str, Any], candidates: Candidates, kept: Indices, size: int, power: int
 ) -> tuple[Part, Candidates]:
-    """The criterion, and the candidates with what every plan has as their prior."""
+    """The criterion, and the candidates with what every plan has as their prior, in a unit."""
+    candidates = candidates.scaled(power)
     known = candidates.with_prior((size - 1.0) * candidates.prior.astype(float))
     chosen = np.flatnonzero(kept)
     U = candidates.rows[chosen]
@@ -157,6 +161,6 @@ def _question(
     if given["name"] in BAYESIAN:
         p = candidates.p
         precision = numbers(given["precision"], (p, p), "criterion.precision")
-        known = known.with_prior(0.5 * (precision + precision.T))
+        known = known.with_prior(np.ldexp(0.5 * (precision + precision.T), 2 * power))
         given = {"name": given["name"].removeprefix("bayes_")}
     return Part.of(given, candidates.p), known

@@ -252,3 +252,22 @@ def test_the_check_takes_less_time_than_the_proof():
     since = time.process_time()
     assert edtk.verify(content, problem).valid
     assert time.process_time() - since < proving
+
+
+@pytest.mark.parametrize("given", CRITERIA, ids=lambda given: given["name"])
+@pytest.mark.parametrize("scale", [1e-100, 1e100])
+def test_true_proofs_hold_in_any_unit(given, scale):
+    """Squares that are no doubles, and costs far from one, are no reason to refuse a proof."""
+    problem = Problem(drawn(0).kept.A * scale)
+    found = edtk.verify(stored(problem, criteria.from_dict(given), 4, (2,)), problem)
+    assert found.valid, found.summary()
+
+
+@pytest.mark.parametrize("name", ["A", "D", "O1", "O5"])
+@pytest.mark.parametrize("far", [1e3, 1e6, 1e9])
+def test_true_proofs_hold_where_a_prior_tells_what_rows_do_not(name, far):
+    """Rows of nearly dependent parameters cancel in those in which a proof stands."""
+    x = far + np.linspace(-1, 1, 9)
+    problem = Problem(np.stack([np.ones(9), x], axis=-1)[:, None, :], prior=np.diag([1.0, far**2]))
+    found = edtk.verify(stored(problem, criteria.create(name), 4), problem)
+    assert found.valid, found.summary()

@@ -121,6 +121,15 @@ def test_a_budget_ends_the_proof_too(tmp_path: Path) -> None:
     assert "the budget ended the proof" in result.stderr
 
 
+def test_what_no_pose_can_exceed_needs_no_box(tmp_path: Path) -> None:
+    """Where the best condition number is one, the check of O2 holds as its multiplier proves it."""
+    path = tmp_path / "certificate.json"
+    found = edtk.relax(Study(**THREE), "O2", prove=1e-2, certificate=path)
+    assert found.value == pytest.approx(1.0, abs=1e-8)
+    checked = edtk.verify(path, Study(**THREE))
+    assert checked.valid, checked.claims
+
+
 def test_too_few_candidates_of_a_proof() -> None:
     """One pose does not tell a geometry: a line says so."""
     with short_search(), pytest.raises(UserError, match="cannot identify all parameters"):

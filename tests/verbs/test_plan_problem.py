@@ -471,3 +471,11 @@ def test_a_proof_that_there_is_not_says_why(more, said):
     """Wrong seconds, criteria and limits without a proof are one line."""
     with pytest.raises(UserError, match=said):
         edtk.plan(edtk.Problem(quadratic(3, 2)[:, None]), **{"size": 8, **more})
+
+
+def test_a_proof_that_time_has_ended_has_a_summary():
+    """What is printed of a plan says that the time was over."""
+    rows = np.random.default_rng(0).normal(size=(60, 1, 6))
+    found = edtk.plan(edtk.Problem(rows), 9, "A", prove=1e-3)
+    assert found.ended == "budget"
+    assert "the time was over" in found.summary()

@@ -348,6 +348,11 @@ def largest_sensitivities(
         seen = about.seen(covering.joints, covering.motions)
         limit = covering.limit * size[j]
         limit += LIFTED * abs(limit) + 2 * seen.blur(limit)
+        # Per trace no sensitivity is above the largest eigenvalue, whatever boxes say.
+        z = np.linalg.eigvalsh(Z.Z[0])
+        if per_trace and z[-1] + 8 * len(z) * U * np.abs(z).max() <= limit:
+            found[j] = max(found[j], limit)
+            continue
         scaled = replace(covering, factors=covering.factors * size[j])
         left = scaled.open_leaves(seen, limit)
         if left:

@@ -30,6 +30,7 @@ MOST_SIZE = 5000  # experiments of a plan
 AT_ONCE = 400_000  # candidates of nodes that are looked at together
 PER_VISIT = 0.15  # of a candidate of a node [us]
 WHOLE = 2**53
+SURE = 1e-12  # part that rounding may take of an eigenvalue, far below what a proof leaves
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,6 +213,8 @@ class Replay:
         candidates: The candidates, what every plan has as their prior.
         m: Number of experiments.
         most: How often each candidate may be chosen (n,); None for no limit.
+        power: The candidates have ``2^power`` times the rows that were given, and the tree's
+            parameters are in such units; costs are those of the rows as given.
     """
 
     tree: Tree
@@ -219,10 +222,16 @@ class Replay:
     candidates: Candidates
     m: int
     most: Indices | None = None
+    power: int = 0
+
+    def given(self, cost: float) -> float:
+        """The cost for the rows as they were given, of a cost here."""
+        return cost * 2.0 ** (2 * self.power * self.part.degree)
 
     def proves(self, cost: float) -> str:
         """Why no plan is proved to cost at least so much; empty if it is."""
         multiplier, _, _, first, stop, count = self.tree.columns
+        cost = cost * 2.0 ** (-2 * self.power * self.part.degree)
         n = len(self.tree.order)
         if (first[0], stop[0], count[0]) != (0, n, self.m):
             return "the root is not all plans"
@@ -358,6 +367,9 @@ class Replay:
         i, j = np.triu_indices(p)
         M = np.empty((len(self.tree.multipliers), p, p))
         M[:, i, j] = M[:, j, i] = self.tree.multipliers
+        # A multiplier proves the same at any length; squares of a long one are no doubles.
+        length = np.abs(M).max(axis=(1, 2), initial=0.0)
+        M = np.ldexp(M, -np.frexp(length)[1][:, None, None])
         r = np.linalg.eigvalsh(M)
         lift = 8 * p * EPS * np.abs(r).max(axis=1, initial=0.0)
         if not (r[:, 0] + lift >= 0).all():
@@ -370,12 +382,10 @@ class Replay:
         part = self.part
         frame = Frame(self.tree.T)
         side = frame.side(part.K)
-        if part.form == "worst" or part.K.shape[1] > self.candidates.p:
-            shares = self.tree.shares
-            each = [None] * len(Z) if shares is None else list(shares)
-            pairs = zip(Z, each, strict=True)
-            least = np.array([part.least(factor_of(z), frame, u) for z, u in pairs])
-        else:
+        least = np.zeros(len(Z))
+        unsure = np.ones(len(Z), dtype=bool)
+        if part.form != "worst" and part.K.shape[1] <= self.candidates.p:
+            # All at once; where squares lose digits, each by itself.
             J = side.J
             N = J.T @ Z @ J
             length = np.linalg.norm(J) * np.linalg.norm(Z, axis=(1, 2))
@@ -383,6 +393,11 @@ class Replay:
             lost += 16 * len(J) * EPS * length * np.linalg.norm(J)
             e = np.linalg.eigvalsh(N) - lost[:, None]
             least = self._least(np.maximum(e, 0.0)) ** part.power
+            unsure = ~(lost <= SURE * e[:, 0])
+        shares = self.tree.shares
+        for i in np.flatnonzero(unsure):
+            own = part.least(factor_of(Z[i]), frame, None if shares is None else shares[i])
+            least[i] = max(own, least[i])
         with np.errstate(divide="ignore"):
             return np.asarray((least * (1 - 64 * EPS)) ** (-1.0 / part.degree))
 
@@ -444,10 +459,11 @@ def _packed(candidates: Candidates, T: Array) -> tuple[Array, float]:
     packed = np.empty((candidates.n, len(i)))
     error = 0.0
     size = np.abs(T)
+    frame = Frame(T)
     for part in candidates.parts():
         if candidates.information is None:
-            X = candidates.rows[part] @ T
-            wrong = p * EPS * np.linalg.norm(np.abs(candidates.rows[part]) @ size, axis=(1, 2))
+            # Where a prior tells what they do not, terms of rows cancel.
+            X, wrong = frame.rows(candidates.rows[part])
             own = np.swapaxes(X, 1, 2) @ X
             length = np.linalg.norm(X, axis=(1, 2))
             lost = (2 * length + wrong) * wrong + len(X[0]) * p * EPS * length**2

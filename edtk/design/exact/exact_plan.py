@@ -306,7 +306,7 @@ class OnCandidates:
         tree: Why no plan costs less than the bound.
         proved: Whether it is the best of all.
         seconds: Duration [s].
-        ended: Why the proof ended: "proved", "budget" or "interrupted".
+        ended: Why the proof ended: "proved", "budget", "interrupted" or "rounding".
     """
 
     candidates: int

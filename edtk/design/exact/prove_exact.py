@@ -59,7 +59,8 @@ class ExactProof:
         proved: Whether that is the best of all: `cost` is 2e-9 of it below, or less.
         tree: Why.
         seconds: Duration [s].
-        ended: Why it ended: "proved", "budget" or "interrupted".
+        ended: Why it ended: "proved", "budget", "interrupted", or "rounding" where the cost of the
+            plan is not known to `MARGIN`.
     """
 
     cost: float

@@ -75,8 +75,11 @@ def _shares(tree: ExactTree, criterion: Criterion, M: Array) -> list[list[float]
     if not isinstance(criterion, Relaxable):
         return None
     found = []
+    # Shares do not depend on the length of a matrix; squares of one far from order one do.
+    M = np.ldexp(M, -int(np.frexp(np.abs(M).max())[1]))
+    T = np.ldexp(tree.T, -int(np.frexp(np.abs(tree.T).max())[1]))
     for Z in tree.multipliers:
-        own = criterion.dual_weights(tree.T @ Z @ tree.T.T, M)
+        own = criterion.dual_weights(T @ (Z / np.abs(Z).max()) @ T.T, M)
         if own is None:
             return None
         found.append(own.tolist())

@@ -23,6 +23,8 @@ ENDED = {
     "stagnation": "more of them brought nothing better",
     "proved": "no plan can be better",
     "interrupted": "interrupted",
+    "budget": "the time was over",
+    "rounding": "rounding hides which plan is the best",
 }
 
 

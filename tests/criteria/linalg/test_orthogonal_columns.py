@@ -41,3 +41,11 @@ def test_others_are_not_taken_for_such():
     T = np.array([[1.0, 0.0, 0.0], [0.0, 1e-9, 1e-9], [0.0, 0.0, 1e-18]])
     assert not have_orthogonal_columns(T)
     assert not have_orthogonal_columns(np.zeros((2, 2)))
+
+
+def test_columns_whose_squares_multiply_beyond_doubles():
+    """Long columns are turned as short ones, without a warning."""
+    T = np.random.default_rng(0).normal(size=(3, 3))
+    np.testing.assert_allclose(
+        orthogonal_columns(1e120 * T) / 1e120, orthogonal_columns(T), rtol=1e-12
+    )

@@ -1,6 +1,7 @@
 """Proofs that no plan of whole experiments is better, against all plans that there are."""
 
 from dataclasses import replace
+from fractions import Fraction
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -11,9 +12,10 @@ import edtk
 from criteria import Relaxable
 from edtk.design.exact.counts.counts_bound import relaxed_counts
 from edtk.design.exact.counts.limits import Limits
-from edtk.design.exact.exact_nodes import Nodes
+from edtk.design.exact.exact_nodes import Merits, Nodes
 from edtk.design.exact.exact_tree import ExactTree
 from edtk.design.exact.prove_exact import ExactProof, UnprovableError, _Search, prove_exact
+from edtk.design.information import Rows, pack, sensitivity_rows, unpack
 from edtk.design.problem import Problem
 from edtk.system.typing import Array
 
@@ -305,3 +307,44 @@ def test_nearly_dependent_parameters_have_no_proof(middle):
     with pytest.raises(UnprovableError, match=r"nearly dependent: .* condition number"):
         edtk.plan(edtk.Problem(far), size=4, criterion="D", prove=5)
     assert edtk.plan(edtk.Problem(line), size=4, criterion="D", prove=5).proved_exact
+
+
+@pytest.mark.parametrize("most", [None, np.full(6, 2)])
+def test_merits_are_above_exact_ones_of_every_plan(most: Array | None) -> None:
+    """What a multiplier tells is not below rational arithmetic, in sums of any signs.
+
+    Without an allowance for rounding about every second one would be.
+    """
+    rng = np.random.default_rng(0)
+    for _ in range(40):
+        rows = rng.normal(size=(6, 2, 3))
+        T = rng.normal(size=(3, 3)) * 10.0 ** rng.uniform(-3, 3, size=3)
+        kept = Rows(rows).times(T)
+        error = 2 * Rows(rows).rounding_of_times(T) * np.linalg.norm(kept.A, axis=(1, 2))
+        criterion = criteria.create("D")
+        assert isinstance(criterion, Relaxable)
+        twice = sensitivity_rows(np.ones((3, 3)))
+        F = np.ascontiguousarray(twice[:, None] * kept.packed()).T.copy()
+        merits = Merits(criterion, F, np.zeros(6), float(error.max()), 4, most)
+        alone = np.zeros(1, dtype=int)
+        whole = Nodes(np.arange(6), np.full(6, 4 / 6), alone, np.array([4]), alone, alone, alone)
+        B = rng.normal(size=(3, 3))
+        Z = pack(B @ B.T)[None]
+        told = merits.tell(whole, Z).merit[0]
+        z = [exact_sensitivity(rows[i], T, unpack(Z[0])) for i in range(6)]
+        times = 4 if most is None else 2
+        best = sum(times * value for value in sorted(z, reverse=True)[: 4 // times])
+        assert Fraction(float(told)) >= best
+
+
+def exact_sensitivity(A: Array, T: Array, Z: Array) -> Fraction:
+    """``<Z, T'A'A T>`` in rational numbers."""
+    p = len(T)
+    X = [
+        [sum(Fraction(float(a[j])) * Fraction(float(T[j, k])) for j in range(p)) for k in range(p)]
+        for a in A
+    ]
+    return sum(
+        (Fraction(float(Z[j, k])) * x[j] * x[k] for x in X for j in range(p) for k in range(p)),
+        Fraction(0),
+    )

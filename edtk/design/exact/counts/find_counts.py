@@ -23,6 +23,7 @@ from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.pricing_for import pricing_for, working_parameters
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.prove_exact import (
+    MARGIN,
     ExactProof,
     prove_exact,
     require_provable,
@@ -38,6 +39,8 @@ from edtk.system.time_limit import time_limit
 from edtk.system.typing import Array, Indices
 
 Progress = Callable[[str, float], object]
+# Margins that may be between the best plan and the bound: the proof has two, its cost one.
+SURE = 3
 PROVED_STARTS = 1  # of a search that a proof continues
 
 
@@ -119,16 +122,16 @@ def find_counts(
             progress=lambda nodes, best, bound: progress(f"node {nodes}", best),
         )
         counts = proof.counts
+    cost, of_cost = inside.cost(counts, found.places)
+    if proof is not None:
+        proof = _outward(_within(proof, cost, of_cost), asked.sized, criterion)
         ended = proof.ended
-        proof = _outward(proof, asked.sized, criterion)
-    M = inside.information(counts, found.places)
-    cost = float(plain.cost(M))
     _require_regular(cost, limits, problem, criterion)
     if relaxed is not None and question is not None and not interrupted:
         relaxed = within_limits(relaxed, *question, counts.astype(float))
         if needs_plan or relaxed.is_near(cost):
             relaxed = blocks_bound(relaxed, search.scatter, search.criterion, found.places)
-    of_cost, of_bound = inside.errors(counts, M, relaxed)
+    _, of_bound = inside.errors(counts, inside.left(found.places), relaxed)
     return ProblemPlan(
         problem=problem,
         criterion=criterion,
@@ -207,12 +210,12 @@ class _Asked:
         limits = self.limits
         problem = self.placed
         if not isinstance(criterion, Relaxable):
-            return _Inside(self, criterion, None, problem.with_prior(None), limits)
+            return _Inside(self, criterion, criterion, None, problem.with_prior(None), limits)
         setting = Setting.of(problem, criterion, as_rows=bool(limits.blocks))
         if setting.whitened is not None:
             limits = replace(limits, base=self.known.times(setting.whitened.T))
         bare = setting.problem.with_prior(None)
-        return _Inside(self, setting.criterion, setting, bare, limits)
+        return _Inside(self, criterion, setting.criterion, setting, bare, limits)
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,6 +224,7 @@ class _Inside:
 
     Attributes:
         asked: The question as it was given, in a good unit.
+        given: The criterion of the parameters as given.
         criterion: The criterion there.
         setting: What rounding the parameters cost; None where the criterion cannot follow others.
         problem: The candidates, without a prior.
@@ -228,39 +232,65 @@ class _Inside:
     """
 
     asked: _Asked
+    given: Criterion
     criterion: Criterion
     setting: Setting | None
     problem: Problem
     limits: Limits
 
-    def information(self, counts: Indices, places: Indices) -> Array:
-        """Information (p, p) of counts (n,), which are at places (m,) where there are blocks."""
-        if self.limits.blocks:
-            scatter = Scatter(self.problem.factors(), self.limits)
-            return np.asarray(scatter.information(places[None])[0])
-        return self.problem.information(counts) + self.limits.base
+    def cost(self, counts: Indices, places: Indices) -> tuple[float, float]:
+        """The cost of a plan, and the relative error that rounding may have made in it.
+
+        Some candidates may be nearly dependent where all together are not: a plan is judged in
+        parameters that its own rows tell equally well.
+
+        Args:
+            counts: The plan (n,).
+            places: The same as places (m,), which blocks depend on.
+        """
+        size = max(int(counts.sum()), 1)
+        nothing = np.zeros((0, self.problem.p, self.problem.p))
+        M = self.left(places)
+        if M is not None:
+            return float(self.criterion.cost(M)), self.errors(counts, M, None)[0]
+        support = np.flatnonzero(counts)
+        known = self.asked.known.shared(size)
+        own = self.asked.sized.problem[support].with_prior(known)
+        weights = counts[support] / size
+        if not isinstance(self.given, Relaxable):
+            M = own.information(weights)
+            lost, _ = errors(own, self.given, weights, nothing)
+            return float(self.given.cost(size * M)), lost
+        setting = Setting.of(own, self.given)
+        M = setting.problem.information(weights)
+        return float(setting.criterion.cost(size * M)), setting.errors(weights, nothing)[0]
+
+    def left(self, places: Indices) -> Array | None:
+        """What blocks leave of the information (p, p) of places (m,); None without blocks."""
+        if not self.limits.blocks:
+            return None
+        scatter = Scatter(self.problem.factors(), self.limits)
+        return np.asarray(scatter.information(places[None])[0])
 
     def errors(
-        self, counts: Indices, M: Array, relaxed: RelaxedCounts | None
+        self, counts: Indices, M: Array | None, relaxed: RelaxedCounts | None
     ) -> tuple[float, float]:
-        """Relative errors that rounding may have made in the cost of counts (n,), and in the bound.
+        """Relative errors of the cost of counts (n,) in these parameters, and of the bound.
 
         Args:
             counts: The plan.
-            M: Its information (p, p).
+            M: Its information (p, p), where it is less than the sum of its experiments.
             relaxed: The bound with its multipliers; those of effects of blocks do not matter.
         """
+        if self.setting is None:
+            return 0.0, 0.0
         size = max(int(counts.sum()), 1)
         p = self.problem.p
         beside = self.problem.with_prior(self.limits.base / size)
-        if self.setting is None:
-            nothing = np.zeros((0, p, p))
-            return errors(beside, self.criterion, counts / size, nothing, design=M / size)[0], 0.0
         known = self.asked.known.shared(size)
         setting = replace(self.setting, problem=beside, known=known)
         Z = np.zeros((0, p, p)) if relaxed is None else relaxed.multipliers[:, :p, :p]
-        of_cost, of_bound = setting.errors(counts / size, Z, M / size)
-        return of_cost, 0.0 if relaxed is None else of_bound
+        return setting.errors(counts / size, Z, None if M is None else M / size)
 
     def outward(self, relaxed: RelaxedCounts) -> RelaxedCounts:
         """The same bound, with multipliers of the parameters as they were given."""
@@ -312,6 +342,17 @@ def _outward(proof: ExactProof, sized: OrderOne, criterion: Criterion) -> ExactP
         best=sized.cost(proof.best, criterion),
         tree=tree,
     )
+
+
+def _within(proof: ExactProof, cost: float, error: float) -> ExactProof:
+    """A proof beside the cost of its plan as it is judged, which rounding leaves to an error.
+
+    A plan whose cost is not known to `MARGIN` is not told from others that are as good.
+    """
+    found = replace(proof, cost=min(proof.cost, cost * (1 - max(error, MARGIN))), best=cost)
+    if proof.proved and found.cost < cost * (1 - SURE * MARGIN):
+        return replace(found, proved=False, ended="rounding")
+    return found
 
 
 def _exact_bound(criterion: Criterion, proof: ExactProof) -> Bound:
