@@ -1,6 +1,7 @@
 """Markers that are read in some poses only, in all that is asked of either kind of study."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from edtk.calibration.planned import plan_noise, planned_measurements
 from edtk.calibration.template import template
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
+from edtk.design.enclosure.robot_polynomials import polynomials_of
 from edtk.design.plan import Plan
 from edtk.fit.least_squares import estimate
 from edtk.system.errors import UserError
@@ -254,3 +256,15 @@ def test_a_camera_sees_without_a_tracker() -> None:
     plan = poses(study.space, 20)
     A = study.model.regressor(plan.q, WRENCH) * study.sight.rows(plan.q)[..., None] / 1e-5
     np.testing.assert_allclose(study.information(plan), np.einsum("krp,krq->pq", A, A))
+
+
+@pytest.mark.parametrize("study", [SPRINGS, GEOMETRY], ids=["springs", "parameters"])
+def test_a_bound_over_all_poses_counts_every_marker(study: Study) -> None:
+    """Its polynomials tell at least as much as what is read, and are not taken for equal to it."""
+    plain = study.replace(noise=None, measurement={"sigma_mm": 0.02}, sight={"camera": [CAMERA]})
+    space = plain.space if study is SPRINGS else GeometryQuestion.of(plain).space
+    polynomials = polynomials_of(space)
+    assert not polynomials.is_exact
+    every = polynomials_of(replace(space, sight=None))
+    assert every.is_exact
+    assert every.kept == polynomials.kept

@@ -511,7 +511,7 @@ class GeometrySpace(DesignSpace):
         rows = PositionRows(self.geometry, self.loads, errors)
         order, largest, lever = rows.enclosable(self.load.wrench(_largest_load(self.load)))
         own = replace(self, errors=errors, sight=None)
-        is_white = self.errors.is_white
+        is_white = self.errors.is_white and self.sight is None
         return RowPolynomials(self, own.rows, order, largest, lever, is_white)
 
     def _visits(self, x: Array) -> tuple[Array, Array]:

@@ -67,9 +67,9 @@ class RobotPolynomials(SpacePolynomials):
 
     @property
     def is_exact(self) -> bool:
-        """Whether errors are white, and no distance counts as its whole point."""
+        """Whether errors are white, no distance counts as its whole point, and none is hidden."""
         wires = any(isinstance(one, Distance) for one in self.space.model.whole_instruments)
-        return self.space.noise is None and not wires
+        return self.space.noise is None and not wires and self.space.sight is None
 
     @property
     def reach(self) -> float:
