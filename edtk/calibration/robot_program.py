@@ -1,6 +1,6 @@
 """From the sheet of a plan to the program of the robot that drives through it, row by row."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from edtk.calibration.timetable import Day
 from edtk.design.plan import Plan
 from edtk.measure.pose_table import (
     LOAD_COLUMNS,
@@ -234,24 +235,68 @@ def load_in_words(wrench: Array) -> str:
     return ", ".join(filter(None, texts))
 
 
-def steps_of(visits: Visits, driven: Driven) -> tuple[Step, ...]:
+Vias = Mapping[tuple[int | None, int | None], Array]  # between visits, None for home
+
+
+def vias_of(
+    day: Day, robot: Robot, writer: Writer, axes: Sequence[Axis], order: Sequence[int]
+) -> Vias:
+    """What the controller takes for the via poses (s, n) between visits, by their indices.
+
+    Args:
+        day: The ways between rows of the plan.
+        robot: The robot.
+        writer: Says what the controller takes.
+        axes: The controller's axes.
+        order: The plan's row of each visit.
+    """
+    between = {}
+    for one in day.ways:
+        if one.way is not None and len(one.way.via):
+            via = taken_by(robot, writer, axes, one.way.via)
+            between[one.rows] = via
+            between[one.rows[::-1]] = via[::-1]
+    rows = [None, *order, None]
+    visits = [None, *range(len(order)), None]
+    pairs = zip(pairwise(visits), pairwise(rows), strict=True)
+    found = {visit: between[row] for visit, row in pairs if row in between}
+    for visit, row in enumerate(order):
+        for places, ends in (((None, visit), (None, row)), ((visit, None), (row, None))):
+            if ends in between:
+                found[places] = between[ends]
+    return found
+
+
+def steps_of(visits: Visits, driven: Driven, vias: Vias | None = None) -> tuple[Step, ...]:
     """The steps of a program: home, each visit with its load and readings, home.
 
-    Loads are changed at home, where there is one.
+    Loads are changed at home, where there is one. Between two places the arm goes by via poses
+    where it has to.
     """
+    between = {} if vias is None else vias
+    at: int | None = None
     steps: list[Step] = []
     home = () if driven.home is None else (Move(driven.home, purpose="home"),)
     steps += home
     load = np.zeros(visits.wrench.shape[1])
-    for taken, wrench, rows in zip(visits.taken, visits.wrench, visits.rows, strict=True):
+    columns = zip(visits.taken, visits.wrench, visits.rows, strict=True)
+    for number, (taken, wrench, rows) in enumerate(columns):
         if not visits.paired and (wrench != load).any():
-            at_home = bool(steps) and isinstance(steps[-1], Move)
-            steps += () if at_home else home
+            if home and at is not None:
+                steps += (*_by(between, (at, None)), *home)
+                at = None
             steps.append(Wait(f"load: {load_in_words(wrench)}"))
             load = wrench
-        steps += [Move(tuple(taken.tolist()), rows), *_rest(driven)]
+        steps += [*_by(between, (at, number)), Move(tuple(taken.tolist()), rows), *_rest(driven)]
+        at = number
         steps += _readings(said(rows), wrench, visits.paired, driven)
-    return (*steps, *home)
+    return (*steps, *(_by(between, (at, None)) if home else ()), *home)
+
+
+def _by(vias: Vias, places: tuple[int | None, int | None]) -> Iterator[Step]:
+    """Moves to the via poses between two places."""
+    for via in vias.get(places, ()):
+        yield Move(tuple(via.tolist()), purpose="via")
 
 
 def _rest(driven: Driven) -> Sequence[Step]:

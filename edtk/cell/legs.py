@@ -254,10 +254,10 @@ class _Proof:
         """Legs (k,) of which no more is asked."""
         return np.asarray(self.stuck | (self.gap < self.least_allowed))
 
-    @property
-    def _asked(self) -> Array:
-        """The gap (k,) that is to be proved for each leg [m]."""
-        told = self.gap - np.maximum(ABOUT, SHARE * self.gap)
+    def _asked(self, leg: Indices) -> Array:
+        """The gap (m,) that is to be proved for legs (m,) that were looked at [m]."""
+        gap = self.gap[leg]
+        told = gap - np.maximum(ABOUT, SHARE * gap)
         return np.maximum(told, self.least_allowed)
 
     def _look(self, leg: Indices, low: Array, high: Array) -> tuple[Indices, Array, Array]:
@@ -275,13 +275,13 @@ class _Proof:
         # One distance a pose tells about how much is to be proved, before all others are taken.
         bounds = solids.bounds(placed)
         self._keep_least(leg, t, solids.exactly(placed, bounds.argmin(axis=0), np.arange(len(q))))
-        floor = self._asked[leg] + self.cell.margin
+        floor = self._asked(leg) + self.cell.margin
         pair, pose = np.nonzero(bounds < floor + wander)
         near = solids.exactly(placed, pair, pose)
         self._keep_least(leg, t, near)
         view, less = motion.view[near.pair], motion.less[near.pair]
         height, pace = self._beyond_planes(near, placed, velocity)
-        room = height - self._asked[leg[near.pose]]
+        room = height - self._asked(leg[near.pose])
         bend = bends[view, near.pose] + bends[less, near.pose]
         forward, back = _step(room, pace, bend), _step(room, -pace, bend)
         going_on = np.minimum(forward, back) < half[near.pose]

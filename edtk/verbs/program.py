@@ -16,6 +16,7 @@ from edtk.calibration.robot_program import (
     home_taken,
     program_axes,
     steps_of,
+    vias_of,
 )
 from edtk.measure.pose_table import pose_factors
 from edtk.programs import writer as writers
@@ -84,6 +85,12 @@ def program(
     with errors_in(name_of(plan, "plan")):
         named = program_axes(robot, axes)
         visits = Visits.of(question.study, table, brand, named)
+        day = question.timetable(measured)
+        vias = None if day is None else vias_of(day, robot, brand, named, day.order.tolist())
+        if home is not None and vias is not None:  # ways lead to the study's own home
+            vias = {places: via for places, via in vias.items() if None not in places}
+        elif question.study.home is not None:
+            home = (robot.shown(question.study.home) / pose_factors(robot)).tolist()
         at_home = None if home is None else tuple(home_taken(robot, brand, named, home).tolist())
         signals = None if handshake is None else _pair(handshake)
         driven = Driven(speed, dwell, signals, at_home, axes)
@@ -92,7 +99,7 @@ def program(
             f"poses of {name_of(plan, 'plan').name}, study {Path(question.study.where).name}",
             f"{len(table)} rows of the sheet",
         )
-        made = Program(name, named, steps_of(visits, driven), speed, heading)
+        made = Program(name, named, steps_of(visits, driven, vias), speed, heading)
         texts = {files[suffix].name: text for suffix, text in brand.files(made).items()}
     rounded = as_taken(robot, brand, named, measured)
     change = (robot.shown(rounded.q) - robot.shown(measured.q)) / pose_factors(robot)

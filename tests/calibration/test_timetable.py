@@ -14,7 +14,7 @@ from loaded_arm import STUDY
 import edtk
 from edtk.calibration.template import visit_order
 from edtk.calibration.timetable import day_of
-from edtk.cell.legs import TOLERANCE
+from edtk.cell.legs import TOLERANCE, prove_legs
 from edtk.cli import main
 from edtk.design.exact.day import DayCosts
 from edtk.design.plan import Plan
@@ -184,6 +184,22 @@ def test_check_tells_of_ways(study, tmp_path, monkeypatch):
         assert set(leg["pair"]) & {"post", "bar -200", "bar 200"}
         text = CliRunner().invoke(main, ["check", "study.toml", "plan.csv"]).stdout
         assert ("free by" if free else "no free way found") in text
+
+
+@pytest.mark.parametrize("study", [STUDY, arm()], ids=["geometry", "springs"])
+def test_programs_drive_by_via_poses(study):
+    """All legs of a program are free, from home and back, as the controller takes the poses."""
+    study = study.replace(scene=SCENE)
+    wrench = np.outer([1, 0, 1, 0], FORCE)
+    plan = plan_of([[20, 0], [-20, 0], [30, 20], [-30, -20]], wrench=wrench)
+    moves = edtk.program(study, plan, "csv").program.moves
+    assert [moves[0].purpose, moves[-1].purpose] == ["home", "home"]
+    assert any(move.purpose == "via" for move in moves)
+    q = np.deg2rad([move.target for move in moves])
+    assert prove_legs(study.cell, q[:-1], q[1:]).free.all()
+    other = edtk.program(study, plan, "csv", home=[-80, 10]).program.moves
+    assert other[0].target == (-80.0, 10.0)
+    assert other[1].purpose == other[-2].purpose == "pose"  # no way there is known
 
 
 def test_plans_tell_how_long_the_day_is():

@@ -130,6 +130,15 @@ def test_what_hardly_misses_is_proved_down_to_the_resolution(gap, verdict):
     assert legs.clearance[0] >= gap - 1e-9
 
 
+def test_many_legs_are_proved_as_few_are():
+    """They are looked at a part at a time."""
+    cell = slider(Box(transform([2, 0, 0]), np.array([0.5, 1, 1])))
+    count = 1200
+    legs = prove_legs(cell, np.full((count, 1), -1.0), np.linspace(0, 3, count)[:, None])
+    touching = np.linspace(0, 3, count) > 1.4
+    assert (legs.free == ~touching).all()
+
+
 def test_nothing_to_look_at_is_free():
     """A cell without pairs has no distances."""
     cell = slider(Box(transform([1, 0, 0]), np.ones(3)))
