@@ -190,6 +190,7 @@ def test_run_writes_results_plans_and_report(study: Path, tmp_path: Path) -> Non
     assert {p.name for p in out.iterdir()} - figures == {
         "results.csv",
         "report.md",
+        "poses.html",
         "cases",
         "certificates",
         "plans",
