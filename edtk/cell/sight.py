@@ -214,30 +214,41 @@ class Sight:
         return self.beams.cell.bodies[index].name if condition.reason == "beam" else ""
 
     def _all(
-        self, frames: Frames, eye: Eye, one: Reflector, slopes: bool = False
+        self,
+        frames: Frames,
+        eye: Eye,
+        one: Reflector,
+        slopes: bool = False,
+        where: Mask | bool = True,
     ) -> list[Condition]:
-        """All inequalities of seeing a marker from an eye, that of its beam behind the others."""
-        found = _conditions(frames, eye, one, slopes)
-        return found if self.beams is None else [*found, self._beam(frames, eye, one, slopes)]
+        """All inequalities of seeing a marker from an eye, that of its beam behind the others.
 
-    def _beam(self, frames: Frames, eye: Eye, one: Reflector, slopes: bool) -> Condition:
+        The beam takes most of the time, and is looked at in the poses (...) alone that are asked.
+        """
+        found = _conditions(frames, eye, one, slopes)
+        if self.beams is None:
+            return found
+        return [*found, self._beam(frames, eye, one, slopes, where)]
+
+    def _beam(
+        self, frames: Frames, eye: Eye, one: Reflector, slopes: bool, where: Mask | bool
+    ) -> Condition:
         """The beam passes all bodies; what counts as its amount is the index of the nearest."""
         assert self.beams is not None
         shape = frames.q.shape[1:]
         q = self._flat(frames)
-        near = self._passing(q, eye, one)
-        gradient = np.zeros((0, *shape))
+        asked = np.flatnonzero(np.broadcast_to(where, shape))
+        near = self._passing(q[asked], eye, one)
+        slack, body = np.ones(len(q)), np.full(len(q), -1.0)
+        slack[asked], body[asked] = near.distance, near.body
+        gradient = np.zeros((len(frames.q) if slopes else 0, len(q)))
         if slopes:
-            gradient = np.zeros((len(frames.q), len(q)))
             some = np.flatnonzero(near.body >= 0)
-            own = near.some(some)
-            gradient[:, some] = self.beams.slopes(
-                self._near_frames(q[some]), eye.position, one.point, own
-            )
-            gradient = gradient.reshape(-1, *shape)
-        return Condition(
-            "beam", near.distance.reshape(shape), gradient, near.body.reshape(shape).astype(float)
-        )
+            which = asked[some]
+            at = self._near_frames(q[which])
+            gradient[:, which] = self.beams.slopes(at, eye.position, one.point, near.some(some))
+        by_joint = gradient.reshape(-1, *shape) if slopes else np.zeros((0, *shape))
+        return Condition("beam", slack.reshape(shape), by_joint, body.reshape(shape))
 
     def _passing(self, q: Array, eye: Eye, one: Reflector) -> Passing:
         """How near beams pass bodies in poses q (N, n)."""
@@ -387,7 +398,7 @@ class AllSeen(Constraint):
                 continue
             must = True if self.held is None else self.held[i]
             for eye in self.sight.eyes:
-                for condition in self.sight._all(frames, eye, one, slopes):
+                for condition in self.sight._all(frames, eye, one, slopes, must):
                     yield eye, one, must, condition
 
 

@@ -99,7 +99,11 @@ def test_the_last_part_of_a_beam_is_not_hidden_by_the_marker_s_own_body() -> Non
     [
         (
             {"scene": {"box": [WALL | {"position_mm": [4500, 2500, 1200]}]}},
-            "noise.tracker_position_mm: the tracker stands inside 'wall'",
+            "noise.tracker_position_mm: the tracker stands 50 mm inside 'wall'",
+        ),
+        (
+            {"scene": {"box": [WALL]}, "sight": {"camera": [{"position_mm": WALL["position_mm"]}]}},
+            "sight.camera: the camera 1 stands inside 'wall'",
         ),
         (
             {"scene": None, "sight": {"own_body_mm": 50}},
