@@ -238,6 +238,19 @@ def load_in_words(wrench: Array) -> str:
 Vias = Mapping[tuple[int | None, int | None], Array]  # between visits, None for home
 
 
+def require_free(day: Day) -> None:
+    """Check that all ways of a day are free: a program must not drive along others.
+
+    Raises:
+        ProgramError: No free way leads to a step, or something touches in its pose.
+    """
+    for step in day.steps:
+        if step.blocked is not None or step.touches:
+            where = step.what if step.visit is None else f"visit {step.visit}"
+            message = "no free way leads there; edtk check says what touches"
+            raise ProgramError(message, key=where)
+
+
 def vias_of(
     day: Day, robot: Robot, writer: Writer, axes: Sequence[Axis], order: Sequence[int]
 ) -> Vias:

@@ -15,6 +15,7 @@ from edtk.calibration.robot_program import (
     as_taken,
     home_taken,
     program_axes,
+    require_free,
     steps_of,
     vias_of,
 )
@@ -86,6 +87,8 @@ def program(
         named = program_axes(robot, axes)
         visits = Visits.of(question.study, table, brand, named)
         day = question.timetable(measured)
+        if day is not None and day.in_a_cell:
+            require_free(day)
         vias = None if day is None else vias_of(day, robot, brand, named, day.order.tolist())
         if home is not None and vias is not None:  # ways lead to the study's own home
             vias = {places: via for places, via in vias.items() if None not in places}

@@ -264,3 +264,16 @@ def test_a_program_replaces_no_input_and_no_filled_sheet(tmp_path: Path) -> None
     filled.to_csv(sheet, index=False)
     with pytest.raises(UserError, match="has measurements in it"):
         edtk.program(study, plan, "csv", out=sheet)
+
+
+def test_no_program_drives_where_something_touches() -> None:
+    """A pose in a wall has no free way, and its visit is named instead of a program."""
+    rod = {"name": "rod", "joint": "q2", "from_mm": [0, 0, 0], "to_mm": [500, 0, 0]}
+    wall = {"name": "wall", "size_mm": [400, 400, 400], "position_mm": [1200, 0, 1000]}
+    study = arm(scene={"bodies": False, "capsule": [rod | {"radius_mm": 20}], "box": [wall]})
+    q = np.deg2rad([[0.0, 0.0], [-60.0, 0.0]])
+    plan = Plan(q, np.tile([0, 0, -100.0, 0, 0, 0], (2, 1)), np.array([1, 1]))
+    with pytest.raises(ProgramError, match="no free way leads there"):
+        edtk.program(study, plan, "csv")
+    alone = Plan(q[1:], plan.wrench[1:], plan.repeats[1:])
+    assert edtk.program(study, alone, "csv").visits == 1
