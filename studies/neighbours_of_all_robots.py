@@ -2,8 +2,8 @@
 
 Of each URDF the chain with the most joints is taken. Two parts are neighbours if one joint of the
 chain lies between them; pinocchio says so of the model whose other joints are locked, by its own
-tree of joints. Parts that touch in every pose although they are no neighbours are compared with
-coal's meshes. Run as
+tree of joints. Listed are, too, other parts whose capsules touch in every pose, and parts that pass
+close by each other and whose meshes never touch. Run as
 
     python studies/neighbours_of_all_robots.py FOLDER
 
@@ -25,7 +25,6 @@ from edtk.robots.urdf.load_urdf import OpenLimitsError, load_urdf
 from edtk.robots.urdf.parse_urdf import parse_urdf
 from edtk.system.errors import UserError
 
-POSES = 100  # in which coal looks at pairs that always touch
 METRE = (-1.0, 1.0)
 PAGE = Path(__file__).with_suffix(".md")
 COLUMNS = ("file", "tip", "joints", "parts", "neighbours", "as pinocchio", "always", "never", "s")
@@ -104,9 +103,10 @@ def main(given: str) -> None:
     for path in sorted(folder.rglob("*.urdf")):
         try:
             rows.append(look_at(path, folder))
-        except UserError as error:
+        except ValueError as error:  # of edtk, or of pinocchio
+            whose = "" if isinstance(error, UserError) else "pinocchio: "
             name = str(path.relative_to(folder))
-            refused.append((name, str(error).replace(str(path), name)))
+            refused.append((name, whose + str(error).replace(str(folder), "...")))
         print(
             path.name,
             rows[-1][1:]
@@ -125,7 +125,7 @@ def main(given: str) -> None:
         "|" + "---|" * len(COLUMNS),
         *("| " + " | ".join(row) + " |" for row in rows),
         "",
-        f"{len(refused)} files are refused in a line:",
+        f"{len(refused)} files are refused in a line, by edtk or by pinocchio:",
         "",
         *(f"- {name}: {said}" for name, said in refused),
     ]
