@@ -8,7 +8,7 @@ import pytest
 import criteria
 from edtk.design.problem import Problem
 from edtk.design.relaxation.restricted_master import (
-    EXACT,
+    FINEST,
     Effort,
     RelaxationError,
     RestrictedMaster,
@@ -21,9 +21,9 @@ def test_a_proved_gap_is_sharpened_by_newton_alone():
     """A last program for more digits is not worth a program of cvxpy's."""
     step = SimpleNamespace(solver="NEWTON")
     proved = Effort(CHAIN, 0.05).after(step, True, 1e-8, 3, is_proved=True)
-    assert proved == Effort(("NEWTON",), EXACT)
-    assert Effort(CHAIN, 0.05).after(step, True, 1e-3, 3) == Effort(CHAIN, EXACT)
-    assert Effort(("NEWTON",), EXACT).after(step, True, 1e-8, 3, is_proved=True).solvers == ()
+    assert proved == Effort(("NEWTON",), FINEST)
+    assert Effort(CHAIN, 0.05).after(step, True, 1e-3, 3) == Effort(CHAIN, FINEST)
+    assert Effort(("NEWTON",), FINEST).after(step, True, 1e-8, 3, is_proved=True).solvers == ()
 
 
 def test_a_program_that_does_not_fit_into_memory_has_failed(monkeypatch):
