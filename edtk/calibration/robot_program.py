@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -269,22 +269,50 @@ def vias_of(
             via = taken_by(robot, writer, axes, one.way.via)
             between[one.rows] = via
             between[one.rows[::-1]] = via[::-1]
-    rows = [None, *order, None]
-    visits = [None, *range(len(order)), None]
-    pairs = zip(pairwise(visits), pairwise(rows), strict=True)
-    found = {visit: between[row] for visit, row in pairs if row in between}
-    for visit, row in enumerate(order):
-        for places, ends in (((None, visit), (None, row)), ((visit, None), (row, None))):
-            if ends in between:
-                found[places] = between[ends]
-    return found
+    places = list(zip([None, *range(len(order))], [None, *order], strict=True))
+    return {
+        (start, end): between[a, b] for start, a in places for end, b in places if (a, b) in between
+    }
 
 
-def steps_of(visits: Visits, driven: Driven, vias: Vias | None = None) -> tuple[Step, ...]:
+class Station(NamedTuple):
+    """A visit under a load, of a day.
+
+    Attributes:
+        visit: Index of the visit.
+        loaded: Whether its load is on; a pair is read without it first, in another pass.
+    """
+
+    visit: int
+    loaded: bool
+
+
+def stations_of(day: Day) -> tuple[Station, ...]:
+    """The visits of a day in its order, those of pairs twice."""
+    return tuple(
+        Station(step.visit - 1, bool(step.load.any()))
+        for step in day.steps
+        if step.visit is not None
+    )
+
+
+def steps_of(
+    visits: Visits,
+    driven: Driven,
+    vias: Vias | None = None,
+    stations: Sequence[Station] | None = None,
+) -> tuple[Step, ...]:
     """The steps of a program: home, each visit with its load and readings, home.
 
     Loads are changed at home, where there is one. Between two places the arm goes by via poses
     where it has to.
+
+    Args:
+        visits: The visits of the sheet.
+        driven: How the arm is driven.
+        vias: The via poses between visits.
+        stations: In which order, those of pairs in passes without a load and with it; without them
+            in the order of the sheet, pairs one after the other.
     """
     between = {} if vias is None else vias
     at: int | None = None
@@ -292,17 +320,25 @@ def steps_of(visits: Visits, driven: Driven, vias: Vias | None = None) -> tuple[
     home = () if driven.home is None else (Move(driven.home, purpose="home"),)
     steps += home
     load = np.zeros(visits.wrench.shape[1])
-    columns = zip(visits.taken, visits.wrench, visits.rows, strict=True)
-    for number, (taken, wrench, rows) in enumerate(columns):
-        if not visits.paired and (wrench != load).any():
+    in_passes = stations is not None or not visits.paired
+    for number, loaded in stations or [Station(i, True) for i in range(len(visits.rows))]:
+        rows, wrench = visits.rows[number], visits.wrench[number]
+        acting = wrench if loaded else np.zeros_like(wrench)
+        if in_passes and (acting != load).any():
             if home and at is not None:
                 steps += (*_by(between, (at, None)), *home)
                 at = None
-            steps.append(Wait(f"load: {load_in_words(wrench)}"))
-            load = wrench
-        steps += [*_by(between, (at, number)), Move(tuple(taken.tolist()), rows), *_rest(driven)]
+            steps.append(Wait(f"load: {load_in_words(acting)}"))
+            load = acting
+        taken = tuple(visits.taken[number].tolist())
+        steps += [*_by(between, (at, number)), Move(taken, rows), *_rest(driven)]
         at = number
-        steps += _readings(said(rows), wrench, visits.paired, driven)
+        pair = visits.paired and bool(wrench[:6].any())
+        if pair and in_passes:
+            how = "under load" if loaded else "without load"
+            steps.append(Wait(f"{said(rows)}: read {how}", driven.handshake))
+        else:
+            steps += _readings(said(rows), wrench, pair, driven)
     return (*steps, *(_by(between, (at, None)) if home else ()), *home)
 
 
@@ -319,7 +355,7 @@ def _rest(driven: Driven) -> Sequence[Step]:
 def _readings(rows: str, wrench: Array, paired: bool, driven: Driven) -> Iterator[Step]:
     """What is waited for in one visit."""
     signals = driven.handshake
-    if not paired or not wrench[:6].any():
+    if not paired:
         yield Wait(f"{rows}: read", signals)
         return
     load = load_in_words(wrench)

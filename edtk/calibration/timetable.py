@@ -16,7 +16,7 @@ from edtk.robots.robot import Robot
 from edtk.study.study import Study
 from edtk.study.tables_of_measurement import CostsTable
 from edtk.system.presented import Presented
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -227,7 +227,8 @@ def day_of(study: Study, plan: Plan) -> Day:
     way by other poses takes its place, and the tour is found again, until all ways are known.
     Repetitions of a pose are spread over several rounds, every other one backwards, as long as that
     costs little: readings that drift evenly then move all poses alike. With a home pose the day
-    begins and ends there, and loads are changed there.
+    begins and ends there, and loads are changed there. A pose in which no marker is read is not
+    visited, as the sheet has no row of it.
 
     Args:
         study: The study.
@@ -253,6 +254,7 @@ class _DayPlanner:
         self.study = study
         self.plan = plan
         self.costs = study.specification.costs or CostsTable()
+        self.read = _read(study, plan)
         keys = np.round(plan.q, DIGITS) + 0.0
         _, first, place = np.unique(keys, axis=0, return_index=True, return_inverse=True)
         self.place = place.reshape(-1)
@@ -283,7 +285,7 @@ class _DayPlanner:
             self.plan,
             self.study.robot,
             tuple(self._steps(passes)),
-            order[: self.plan.experiments],
+            order[: self.plan.repeats[self.read].sum()],
             self.study.cell is not None,
             self.study.specification.costs is not None and self.costs.is_timed,
         )
@@ -311,13 +313,14 @@ class _DayPlanner:
 
     def _passes(self) -> list[_Pass]:
         """The visits in order, by load."""
-        loads = np.unique(self.plan.wrench, axis=0)
+        loads = np.unique(self.plan.wrench[self.read], axis=0)
         loads = loads[np.argsort(loads.any(axis=1), kind="stable")]
         paired = self.study.kind.is_paired(self.study)
         stretches = self._stretches(loads, paired)
         rounds = []
         for load in loads:
-            visits = self._visits(np.flatnonzero((self.plan.wrench == load).all(axis=1)))
+            own = (self.plan.wrench == load).all(axis=1) & self.read
+            visits = self._visits(np.flatnonzero(own))
             rounds.append(np.array_split(visits, stretches))
         blocks = [(i, own[k]) for k in range(stretches) for i, own in enumerate(rounds)]
         number = np.cumsum([0, *(len(rows) for _, rows in blocks)])
@@ -413,6 +416,14 @@ class _DayPlanner:
                 yield step("visit", int(self.place[row]), self.costs.dwell_s, row, visit + 1)
         if self.home is not None:
             yield step("home", self.home, 0.0)
+
+
+def _read(study: Study, plan: Plan) -> Mask:
+    """In which rows of a plan (k,) something is read; all where nothing is anywhere."""
+    if study.sight is None:
+        return np.ones(len(plan.q), dtype=bool)
+    read = study.sight.rows(plan.q).any(axis=1)
+    return np.asarray(read if read.any() else ~read)
 
 
 def _in_rounds(tour: Indices, repeats: Indices, rounds: int) -> Indices:

@@ -1,6 +1,7 @@
 """The bodies of a robot: of its URDF, typed in its file, or the defaults of a built-in one."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -80,7 +81,8 @@ def merged(bodies: Iterable[Body]) -> tuple[Body, ...]:
     """Bodies of one name as one.
 
     Raises:
-        ValueError: Two of one name are moved by different joints.
+        ValueError: Two of one name are moved by different joints, or one of them hangs from a
+            point alone.
     """
     found: dict[str, Body] = {}
     for body in bodies:
@@ -90,9 +92,12 @@ def merged(bodies: Iterable[Body]) -> tuple[Body, ...]:
         if first.carrier != body.carrier:
             message = "is moved by two joints; expected one joint, or two names"
             raise ValueError(f"body {body.name!r}: {message}")
+        if first.hangs_at is not body.hangs_at:
+            message = "hangs, and a part that its joint turns has this name; expected two names"
+            raise ValueError(f"body {body.name!r}: {message}")
         shapes = (*first.shapes, *body.shapes)
         meshes = (*first.meshes, *body.meshes)
-        found[body.name] = Body(body.name, body.carrier, shapes, first.source, meshes)
+        found[body.name] = replace(first, shapes=shapes, meshes=meshes)
     return tuple(found.values())
 
 

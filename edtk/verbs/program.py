@@ -16,6 +16,7 @@ from edtk.calibration.robot_program import (
     home_taken,
     program_axes,
     require_free,
+    stations_of,
     steps_of,
     vias_of,
 )
@@ -102,7 +103,9 @@ def program(
             f"poses of {name_of(plan, 'plan').name}, study {Path(question.study.where).name}",
             f"{len(table)} rows of the sheet",
         )
-        made = Program(name, named, steps_of(visits, driven, vias), speed, heading)
+        stations = None if day is None else stations_of(day)
+        steps = steps_of(visits, driven, vias, stations)
+        made = Program(name, named, steps, speed, heading)
         texts = {files[suffix].name: text for suffix, text in brand.files(made).items()}
     rounded = as_taken(robot, brand, named, measured)
     change = (robot.shown(rounded.q) - robot.shown(measured.q)) / pose_factors(robot)
