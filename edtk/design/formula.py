@@ -107,7 +107,9 @@ class Formula:
             name: _Dual(value, {name: 1.0})
             for name, value in zip(self.parameters, theta, strict=True)
         }
-        return _evaluated(_tree(self.text), known)
+        # Values that are not finite are told by their points, and not as warnings.
+        with np.errstate(all="ignore"):
+            return _evaluated(_tree(self.text), known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +145,7 @@ def _tree(text: str) -> ast.AST:
         with warnings.catch_warnings(action="ignore"):
             tree = ast.parse(re.sub(r"\^", "**", text).strip(), mode="eval").body
         _check(tree)
-    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+    except (SyntaxError, ValueError, OverflowError, RecursionError, MemoryError) as error:
         words = error.msg if isinstance(error, SyntaxError) else str(error)
         message = f"{shown!r} is no formula: {words}"
         raise ArgumentError(message, argument="f") from error
@@ -157,8 +159,10 @@ def _check(node: ast.AST) -> None:
         ValueError: A part of the tree is not.
     """
     match node:
-        case ast.Constant(value=int() | float()) | ast.Name():
+        case ast.Name():
             return
+        case ast.Constant(value=int() | float() as number):
+            float(number)  # an integer may have more digits than a number of the machine
         case ast.UnaryOp(op=sign, operand=given) if isinstance(sign, SIGNS):
             _check(given)
         case ast.BinOp(left=left, op=sign, right=right) if isinstance(sign, SIGNS):
@@ -187,7 +191,7 @@ def _evaluated(node: ast.AST, known: Mapping[str, _Dual]) -> _Dual:
     """The value of a checked tree with its derivatives."""
     match node:
         case ast.Constant(value=int() | float() as number):
-            return _Dual(float(number), {})
+            return _Dual(np.float64(number), {})
         case ast.Name(id=name):
             return known[name]
         case ast.UnaryOp(op=ast.USub(), operand=given):
@@ -230,4 +234,12 @@ def _power(u: _Dual, exponent: ast.AST, known: Mapping[str, _Dual]) -> _Dual:
         return _Dual(u.value**power, slopes)
     value = u.value**v.value
     slopes = u.scaled(v.value * u.value ** (v.value - 1)) if u.slopes else {}
-    return _Dual(value, _sum(slopes, v.scaled(value * np.log(u.value))))
+    return _Dual(value, _sum(slopes, v.scaled(_by_exponent(u.value, v.value, value))))
+
+
+def _by_exponent(u: Any, v: Any, power: Any) -> Any:
+    """``u^v log u``, which goes to zero with u where v is positive."""
+    found = power * np.log(u)
+    if isinstance(u, np.ndarray) and u.dtype.kind == "f":
+        return np.where((u == 0) & (v > 0), 0.0, found)
+    return found

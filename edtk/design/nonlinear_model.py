@@ -182,8 +182,14 @@ def _named_theta(
         ArgumentError: They are not numbers, or not as many as names.
     """
     if isinstance(theta, Mapping):
-        parameters = parameters or tuple(theta)
-        theta = [theta[name] for name in theta]
+        parameters = tuple(parameters or theta)
+        if len(parameters) != len(theta) or set(parameters) != set(theta):
+            given = ", ".join(map(str, theta))
+            message = (
+                f"has {given}; expected a number for each of {', '.join(map(str, parameters))}"
+            )
+            raise ArgumentError(message, argument="theta")
+        theta = [theta[name] for name in parameters]
     try:
         at = np.atleast_1d(np.asarray(theta, dtype=float))
     except (TypeError, ValueError) as error:
@@ -229,7 +235,10 @@ def _whitener(sigma: Any, covariance: ArrayLike | None, k: int) -> Array:
             message = f"expected a positive number, or one for each of {k} responses"
             raise ArgumentError(message, argument="sigma")
         return np.diag(np.broadcast_to(1 / given, k))
-    C = np.asarray(covariance, dtype=float)
+    try:
+        C = np.asarray(covariance, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError("expected a matrix of numbers", argument="covariance") from error
     if C.shape != (k, k) or not np.allclose(C, C.T, rtol=1e-12, atol=0.0):
         message = f"expected a symmetric matrix of {k} responses, not of shape {C.shape}"
         raise ArgumentError(message, argument="covariance")

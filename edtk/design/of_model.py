@@ -34,10 +34,7 @@ def problem_of_model(
     """Make the problem that `Problem.of_model` describes."""
     points, columns = _points(candidates)
     names = columns if variables is None else tuple(variables)
-    models = [
-        nonlinear_model(f, each, points, variables=names, **options)
-        for each in _thetas(theta, robust, weights)
-    ]
+    models = _models(f, _thetas(theta, robust, weights), points, names, options)
     frame = _frame(points, models[0].variables)
     each = [
         DescribedProblem(model.rows(points), model.parameters, prior, frame) for model in models
@@ -69,10 +66,7 @@ def region_of_model(
     for constraint in [constraints] if callable(constraints) else constraints:
         kept = np.asarray(constraint(points)).reshape(len(points), -1).min(axis=1) >= 0
         points = points[kept] if kept.any() else points
-    models = [
-        nonlinear_model(f, each, points, variables=names, **options)
-        for each in _thetas(theta, robust, weights)
-    ]
+    models = _models(f, _thetas(theta, robust, weights), points, names, options)
 
     def region(rows: Callable[[Any], Any], parameters: Sequence[str], known: Any) -> Region:
         return Region(
@@ -92,6 +86,20 @@ def region_of_model(
     found = region(_side_by_side(models), middle.parameters, middle.prior)
     found.robust = Robust(robust, tuple(each), _shares(weights, len(each)))
     return found
+
+
+def _models(
+    f: Model,
+    thetas: Sequence[Any],
+    points: Array,
+    variables: Sequence[str] | None,
+    options: Mapping[str, Any],
+) -> list[NonlinearModel]:
+    """The model at each theta; where they have names, all are in the order of the first."""
+    options = dict(options)
+    if isinstance(thetas[0], Mapping):
+        options["parameters"] = options.get("parameters") or tuple(thetas[0])
+    return [nonlinear_model(f, theta, points, variables=variables, **options) for theta in thetas]
 
 
 def _side_by_side(models: Sequence[NonlinearModel]) -> Callable[[Array], Array]:
@@ -144,8 +152,9 @@ def _limits(box: Any) -> tuple[Array, Array, tuple[str, ...] | None]:
         pairs = np.atleast_2d(np.asarray(box, dtype=float))
     except (TypeError, ValueError) as error:
         raise ArgumentError("expected (low, high) of each variable", argument="box") from error
-    if pairs.ndim != 2 or pairs.shape[1] != 2 or not (pairs[:, 0] < pairs[:, 1]).all():
-        message = "expected (low, high) of each variable, low below high"
+    fits = pairs.ndim == 2 and pairs.shape[1] == 2 and np.isfinite(pairs).all()
+    if not fits or not (pairs[:, 0] < pairs[:, 1]).all():
+        message = "expected finite (low, high) of each variable, low below high"
         raise ArgumentError(message, argument="box")
     return pairs[:, 0], pairs[:, 1], names
 
@@ -158,7 +167,11 @@ def _thetas(theta: Any, robust: str | None, weights: ArrayLike | None) -> list[A
             expected.
     """
     is_list = isinstance(theta, Sequence) and len(theta) and isinstance(theta[0], Mapping)
-    several = is_list or (not isinstance(theta, Mapping) and np.ndim(theta) == 2)
+    try:
+        several = is_list or (not isinstance(theta, Mapping) and np.ndim(theta) == 2)
+    except ValueError as error:
+        message = "expected as many numbers for each model"
+        raise ArgumentError(message, argument="theta") from error
     if robust is None:
         if several:
             message = f"several of them; expected robust beside it, {' or '.join(ROBUST)}"
@@ -183,9 +196,12 @@ def _shares(weights: ArrayLike | None, k: int) -> Array:
     Raises:
         ArgumentError: They are not positive, or not as many as models.
     """
-    found = np.ones(k) if weights is None else np.asarray(weights, dtype=float)
+    message = f"expected a positive number for each of {k} theta"
+    try:
+        found = np.ones(k) if weights is None else np.asarray(weights, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(message, argument="weights") from error
     if found.shape != (k,) or not (np.isfinite(found) & (found > 0)).all():
-        message = f"expected a positive number for each of {k} theta"
         raise ArgumentError(message, argument="weights")
     return found / found.sum()
 

@@ -245,6 +245,12 @@ BAD = {
     "ignored": (lambda x, t: t[0] * x, [1.0, 2.0], {}, r"^f: .*depend on 'k2' at any point$"),
     "fails": (lambda x, t: t[7] * x, [1.0], {}, r"^f: fails for points and theta: index 7"),
     "text": (lambda x, t: "a", [1.0], {}, r"^f: fails for .*expected numbers"),
+    "raises": (lambda x, t: 1 / 0, [1.0], {}, r"^f: fails for .*division by zero"),
+    "digits": (f"a * x * {'9' * 400}", {"a": 1.0}, {}, r"^f: .* is no formula: int too large"),
+    "zero": ("a * x / 0", {"a": 1.0}, {}, r"^f: the value is not finite at x = 0"),
+    "ragged": ("a * x", [[1.0], [1.0, 2.0]], {"robust": "bayes"}, r"^theta: expected as many"),
+    "words": ("a * x", {"a": 1.0}, {"covariance": "C"}, r"^covariance: expected a matrix"),
+    "missing": ("a * x", [{"a": 1.0}, {"b": 1.0}], {"robust": "bayes"}, r"^theta: has b; expected"),
     "code": ("__import__('os')", [1.0], {}, r"^f: .* is no formula: there is no function"),
     "attribute": ("a.real * x", {"a": 1.0}, {}, r"^f: .* no formula: expected numbers, names"),
     "variables": ("a * x * y", {"a": 1.0}, {}, r"^variables: expected the order of x, y"),
@@ -297,3 +303,24 @@ def test_a_slow_model_is_told(monkeypatch):
 
     with pytest.warns(Note, match=r"f: the model takes .* s a point"):
         edtk.Problem.of_model(slow, [1.0], [1.0, 2.0, 3.0])
+
+
+def test_a_power_of_zero_has_a_derivative_by_its_exponent():
+    """It is zero, so that the Hill model takes the dose 0."""
+    theta = {"top": 2.0, "half": 1.5, "h": 2.5}
+    hill = edtk.Problem.of_model("top * x^h / (half^h + x^h)", theta, DOSE)
+    assert DOSE[0] == 0
+    assert not hill.factors()[0].any()
+
+
+def test_names_of_theta_count_and_not_their_order():
+    """Beside parameters in another order, and in a list of several theta."""
+    f, theta = "a * exp(-b * x)", {"a": 3.0, "b": 0.5}
+    turned = dict(reversed(theta.items()))
+    own = edtk.Problem.of_model(f, theta, DOSE).factors()
+    other = edtk.Problem.of_model(f, theta, DOSE, parameters=("b", "a")).factors()
+    np.testing.assert_allclose(other, own[..., ::-1], rtol=1e-15)
+    both = edtk.Problem.of_model(f, [theta, turned], DOSE, robust="bayes")
+    first, second = both.robust.models
+    assert first.parameters == second.parameters
+    np.testing.assert_array_equal(first.factors(), second.factors())
