@@ -129,7 +129,14 @@ def progress_line(first: str) -> Iterator[Callable[[str], None]]:
         What to call with each next step.
     """
     if not sys.stderr.isatty():
-        yield FewLines().say
+        lines = FewLines()
+        timer = Timer(SHOWN_AFTER_S, lines.say, [first])
+        timer.daemon = True
+        timer.start()
+        try:
+            yield lines.say
+        finally:
+            timer.cancel()
         return
     from tqdm import tqdm
 

@@ -117,6 +117,7 @@ KEYS = {
     "causes",
     "expected_error",
     "posterior",
+    "poses",
     "rank",
     "open",
     "not_told",
@@ -150,6 +151,7 @@ def test_json_and_files(save, tmp_path):
     write_files(calibration_files(found, tmp_path / "out"))
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
         "k.json",
+        "poses.html",
         "report.html",
         "residuals.csv",
     ]

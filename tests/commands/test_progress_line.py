@@ -61,3 +61,17 @@ def test_a_file_gets_few_lines(
     lines = capsys.readouterr().err.splitlines()
     assert [line.split(" [")[0] for line in lines] == [f"step {2**k}" for k in range(12)]
     assert lines[-1] == "step 2048 [34:08]"
+
+
+def test_a_file_is_told_of_a_first_step_that_takes_long(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody need tell of a next step."""
+    monkeypatch.setattr(progress, "SHOWN_AFTER_S", 0.01)
+    shown = ""
+    until = time.monotonic() + 20.0
+    with progress.progress_line("first"):
+        while not shown and time.monotonic() < until:
+            time.sleep(0.01)
+            shown = capsys.readouterr().err
+    assert shown == "first [00:00]\n"

@@ -85,8 +85,8 @@ def test_json(name):
     criterion.
     """
     answer = relaxed(name=name)
-    keys = ["criterion", "value", "bound", "gap", "bound_searched", "candidates", "support"]
-    keys += ["multipliers", "seed", "sampling", "solver", "iterations"]
+    keys = ["criterion", "value", "bound", "gap", "bound_searched", "bounds", "candidates"]
+    keys += ["support", "multipliers", "seed", "sampling", "solver", "iterations"]
     assert list(answer) == [*keys, "seconds", "exact"]
     assert list(answer["seconds"]) == ["candidates", "solve", "continuous"]
     assert all(list(s) == ["q_deg", "wrench", "weight"] for s in answer["support"])

@@ -122,7 +122,7 @@ def test_json(name, searched):
     data = json.loads(json.dumps(plan.to_dict(), allow_nan=False))
     promised = {"value", "bound", "gap", "support", "solver", "iterations", "seconds"}
     extra = {"criterion", "bound_searched", "candidates", "multipliers", "seed", "sampling"}
-    extra |= {"exact"}
+    extra |= {"bounds", "exact"}
     assert promised <= set(data) <= promised | extra
     assert set(data["seconds"]) == {"candidates", "solve", "continuous"}
     assert (data["criterion"], data["candidates"]) == (name, 300)
