@@ -130,7 +130,7 @@ def progress_line(first: str) -> Iterator[Callable[[str], None]]:
     """
     if not sys.stderr.isatty():
         lines = FewLines()
-        timer = Timer(SHOWN_AFTER_S, lines.say, [first])
+        timer = Timer(SHOWN_AFTER_S, lines.tell, [first])
         timer.daemon = True
         timer.start()
         try:
@@ -182,7 +182,11 @@ class FewLines:
         if passed < self._next:
             return
         self._next = 2 * passed
-        minutes, seconds = divmod(int(passed), 60)
+        self.tell(step)
+
+    def tell(self, step: str) -> None:
+        """Print a step in any case; the next line comes no later for it."""
+        minutes, seconds = divmod(int(monotonic() - self._since), 60)
         click.echo(f"{step} [{minutes:02d}:{seconds:02d}]", err=True)
 
 
