@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from edtk.design.families import Response
 from edtk.design.formula import Formula
-from edtk.design.user_model import Slopes, as_called, slopes_of
+from edtk.design.user_model import Slopes, as_called, point_text, slopes_of, variable_names
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
 
@@ -57,9 +57,9 @@ class NonlinearModel:
         if self.deviation is None:
             return J if self._is_unit else np.einsum("jk,nkp->njp", self.whitener, J)
         own = np.exp(self.deviation.value(x, self.theta))
+        of_mean = J / own[..., None]
         of_noise = np.sqrt(2.0) * self.deviation.slope(x, self.theta)
-        parts = [J / own[..., None]]
-        return np.concatenate([*parts, of_noise] if of_noise.any() else parts, axis=1)
+        return np.concatenate([of_mean, of_noise], axis=1) if of_noise.any() else of_mean
 
     @property
     def _is_unit(self) -> bool:
@@ -75,27 +75,21 @@ class NonlinearModel:
         lost = np.argwhere(~np.isfinite(rows))
         if len(lost):
             i, _, j = lost[0]
-            values = self.predicted(x[i : i + 1], self.theta)
-            if (
-                np.isfinite(values).all()
-                and np.isfinite(self.slope(x[i : i + 1], self.theta)).all()
-            ):
-                family = self.response.family
-                message = f"{family.name} means are {family.range}, and not at {self.point(x[i])}"
-            elif np.isfinite(values).all():
-                name = self.parameters[j]
-                message = f"the derivative by {name!r} is not finite at {self.point(x[i])}"
-            else:
-                message = f"the value is not finite at {self.point(x[i])}"
-            raise ArgumentError(message, argument="f")
+            raise ArgumentError(self._why_lost(x[i : i + 1], self.parameters[j]), argument="f")
         silent = np.flatnonzero(~rows.any(axis=(0, 1)))
         if len(silent):
             message = f"the model does not depend on {self.parameters[silent[0]]!r} at any point"
             raise ArgumentError(message, argument="f")
 
-    def point(self, x: Array) -> str:
-        """A point (d,) in words."""
-        return ", ".join(f"{n} = {v:.6g}" for n, v in zip(self.variables, x, strict=True))
+    def _why_lost(self, x: Array, parameter: str) -> str:
+        """Why a row is not finite at a point (1, d): by its value, its derivative or its mean."""
+        point = point_text(self.variables, x[0])
+        if not np.isfinite(self.predicted(x, self.theta)).all():
+            return f"the value is not finite at {point}"
+        if not np.isfinite(self.slope(x, self.theta)).all():
+            return f"the derivative by {parameter!r} is not finite at {point}"
+        family = self.response.family
+        return f"{family.name} means are {family.range}, and not at {point}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,18 +140,10 @@ def nonlinear_model(
     response = Response.of(family, link)
     spread = trial[np.linspace(0, len(trial) - 1, min(len(trial), MOST_TRIED)).astype(int)]
     if isinstance(f, str):
-        formula = Formula.of(f, names, variables)
-        _require_columns(formula.variables, trial.shape[1])
-        variables = formula.variables or variables
-        told = Slopes(
-            lambda x, t: formula(x, t)[:, None],
-            lambda x, t: np.stack(formula.gradient(x, t), axis=-1)[:, None, :],
-        )
-    variables = _default_names(variables, trial.shape[1])
+        told, variables = _of_formula(f, gradient, names, variables, trial.shape[1])
+    variables = variable_names(variables, trial.shape[1])
     if not isinstance(f, str):
         told = slopes_of(f, gradient, at, spread, "f", names, variables)
-    elif gradient is not None:
-        raise ArgumentError("a formula has its own", argument="gradient")
     k = told.value(spread[:1], at).shape[1]
     deviation = None
     if callable(sigma):
@@ -167,7 +153,7 @@ def nonlinear_model(
         deviation = _log_deviation(sigma, at, spread, names, variables)
     whitener = np.eye(k) if deviation is not None else _whitener(sigma, covariance, k)
     model = NonlinearModel(
-        told.value, told.slope, at, response, whitener, deviation, names, tuple(variables)
+        told.value, told.slope, at, response, whitener, deviation, names, variables
     )
     model.require_told(trial)
     return model
@@ -203,21 +189,26 @@ def _named_theta(
     return names, at
 
 
-def _default_names(given: Sequence[str] | None, d: int) -> tuple[str, ...]:
-    from edtk.design.problem import variable_names
-
-    return variable_names(given, d)
-
-
-def _require_columns(variables: Sequence[str], d: int) -> None:
-    """Check that points have a column for each variable of a formula.
+def _of_formula(
+    text: str, gradient: object, names: Sequence[str], variables: Sequence[str] | None, d: int
+) -> tuple[Slopes, Sequence[str] | None]:
+    """A formula with its derivatives, and the names of its variables; None where it has none.
 
     Raises:
-        ArgumentError: They have not.
+        ArgumentError: It is none, a gradient stands beside it, or points have other columns.
     """
-    if len(variables) != d and variables:
-        message = f"points have {d} columns; expected {len(variables)}: {', '.join(variables)}"
+    if gradient is not None:
+        raise ArgumentError("a formula has its own", argument="gradient")
+    formula = Formula.of(text, names, variables)
+    found = formula.variables
+    if found and len(found) != d:
+        message = f"points have {d} columns; expected {len(found)}: {', '.join(found)}"
         raise ArgumentError(message, argument="candidates")
+    told = Slopes(
+        lambda x, t: formula(x, t)[:, None],
+        lambda x, t: np.stack(formula.gradient(x, t), axis=-1)[:, None, :],
+    )
+    return told, found or variables
 
 
 def _whitener(sigma: Any, covariance: ArrayLike | None, k: int) -> Array:
@@ -262,10 +253,10 @@ def _log_deviation(
     """
     value = as_called(sigma, theta, x, "sigma")
     values = value(x, theta)
-    if not (np.isfinite(values) & (np.real(values) > 0)).all():
-        i = int(np.flatnonzero(~(np.isfinite(values) & (np.real(values) > 0)).all(axis=1))[0])
-        point = ", ".join(f"{n} = {v:.6g}" for n, v in zip(variables, x[i], strict=True))
-        raise ArgumentError(f"is not positive at {point}", argument="sigma")
+    lost = np.flatnonzero(~(np.isfinite(values) & (np.real(values) > 0)).all(axis=1))
+    if len(lost):
+        i = int(lost[0])
+        raise ArgumentError(f"is not positive at {point_text(variables, x[i])}", argument="sigma")
     return slopes_of(
         lambda points, t: np.log(value(np.reshape(points, (-1, x.shape[1])), t)),
         None,

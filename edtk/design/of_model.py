@@ -9,7 +9,7 @@ from scipy.stats import qmc
 
 from edtk.design.nonlinear_model import Model, NonlinearModel, Robust, nonlinear_model
 from edtk.design.problem import Problem
-from edtk.design.problems import DescribedProblem, several_models
+from edtk.design.problems import DescribedProblem, several_models, side_by_side
 from edtk.design.region import Region
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
@@ -82,8 +82,12 @@ def region_of_model(
     each = [region(model.rows, model.parameters, prior) for model in models]
     if robust is None:
         return each[0]
-    middle = several_models([one.problem(points[:1]) for one in each])
-    found = region(_side_by_side(models), middle.parameters, middle.prior)
+    one = several_models([alone.problem(points[:1]) for alone in each])
+
+    def rows(x: Array) -> Array:
+        return side_by_side([model.rows(x) for model in models])
+
+    found = region(rows, one.parameters, one.prior)
     found.robust = Robust(robust, tuple(each), _shares(weights, len(each)))
     return found
 
@@ -100,22 +104,6 @@ def _models(
     if isinstance(thetas[0], Mapping):
         options["parameters"] = options.get("parameters") or tuple(thetas[0])
     return [nonlinear_model(f, theta, points, variables=variables, **options) for theta in thetas]
-
-
-def _side_by_side(models: Sequence[NonlinearModel]) -> Callable[[Array], Array]:
-    """Rows of all models, each about parameters of its own."""
-
-    def rows(x: Array) -> Array:
-        each = [model.rows(x) for model in models]
-        p = each[0].shape[2]
-        found = np.zeros((len(x), sum(A.shape[1] for A in each), p * len(each)))
-        row = 0
-        for i, A in enumerate(each):
-            found[:, row : row + A.shape[1], i * p : (i + 1) * p] = A
-            row += A.shape[1]
-        return found
-
-    return rows
 
 
 def _points(candidates: "ArrayLike | pd.DataFrame") -> tuple[Array, tuple[str, ...] | None]:

@@ -13,7 +13,6 @@ from criteria.linalg.spectrum import is_semidefinite
 from edtk.design.conditioning import Conditioning
 from edtk.design.information import Known, PackedInformation, Rows, nearly_equal
 from edtk.design.weighted_candidates import WeightedCandidates
-from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Indices, Mask
 
 if TYPE_CHECKING:
@@ -42,28 +41,6 @@ def is_information(M: Array) -> bool:
     if not np.isfinite(M).all() or not nearly_equal(M, M.T, SYMMETRIC):
         return False
     return bool(is_semidefinite(M))
-
-
-def variable_names(given: Sequence[str] | None, n: int) -> tuple[str, ...]:
-    """Names (n,) of variables: x for one, x1 .. xn for several, unless others are given.
-
-    Raises:
-        ArgumentError: Their number is not n, or two are the same.
-    """
-    if given is None:
-        return ("x",) if n == 1 else tuple(f"x{i + 1}" for i in range(n))
-    names = as_names(given) or ()
-    if len(names) != n or len(set(names)) != n:
-        message = f"{', '.join(names)}; expected {n} different names"
-        raise ArgumentError(message, argument="variables")
-    return names
-
-
-def as_names(given: Sequence[str] | None) -> tuple[str, ...] | None:
-    """Names as a tuple; one may stand alone, and None stays None."""
-    if given is None:
-        return None
-    return (given,) if isinstance(given, str) else tuple(given)
 
 
 def require_identifiable(problem: "Problem", criterion: Criterion | None) -> None:

@@ -8,6 +8,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import block_diag
 
 from criteria import Criterion
 from edtk.design.information import Known, PackedInformation, Rows
@@ -53,22 +54,29 @@ def several_models(problems: Sequence[Problem]) -> Problem:
             f"the models have {', '.join(map(str, counts))} candidates; expected as many of each",
             argument="problems",
         )
-    factors = [problem.factors() for problem in problems]
-    p = sum(problem.p for problem in problems)
-    rows = sum(U.shape[1] for U in factors)
-    blocks = np.zeros((counts[0], rows, p))
-    prior = np.zeros((p, p))
-    row = 0
-    column = 0
-    for problem, U in zip(problems, factors, strict=True):
-        own = slice(column, column + problem.p)
-        blocks[:, row : row + U.shape[1], own] = U
-        if problem.prior is not None:
-            prior[own, own] = problem.prior
-        row += U.shape[1]
-        column += problem.p
+    blocks = side_by_side([problem.factors() for problem in problems])
     has_prior = any(problem.prior is not None for problem in problems)
-    return Problem(blocks, parameters=_names(problems), prior=prior if has_prior else None)
+    prior = block_diag(*(_prior_of(problem) for problem in problems)) if has_prior else None
+    return Problem(blocks, parameters=_names(problems), prior=prior)
+
+
+def side_by_side(blocks: Sequence[Array]) -> Array:
+    """Rows (n, rows_1 + .. + rows_k, p_1 + .. + p_k) of models with parameters of their own.
+
+    Args:
+        blocks: Rows (n, rows_j, p_j) of each model.
+    """
+    rows = np.cumsum([0, *(A.shape[1] for A in blocks)])
+    columns = np.cumsum([0, *(A.shape[2] for A in blocks)])
+    found = np.zeros((len(blocks[0]), rows[-1], columns[-1]))
+    for j, A in enumerate(blocks):
+        found[:, rows[j] : rows[j + 1], columns[j] : columns[j + 1]] = A
+    return found
+
+
+def _prior_of(problem: Problem) -> Array:
+    """Prior information (p, p), zeros where there is none."""
+    return np.zeros((problem.p, problem.p)) if problem.prior is None else problem.prior
 
 
 def _names(problems: Sequence[Problem]) -> tuple[str, ...]:

@@ -13,7 +13,8 @@ from edtk.cell.sight import Sight
 from edtk.design.design_space import weighted_information
 from edtk.design.expansion import Expansion, NotPolynomialError, expand
 from edtk.design.information import Known, Rows, nearly_equal, pack_gram
-from edtk.design.problem import Problem, as_names, variable_names
+from edtk.design.problem import Problem
+from edtk.design.user_model import as_names, point_text, variable_names
 from edtk.system.errors import ArgumentError, whole_number
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Mask
@@ -579,7 +580,7 @@ class Region(Presented):
 
     def point_text(self, x: Array) -> str:
         """A point (d,) in words, for messages."""
-        return ", ".join(f"{n} = {v:.6g}" for n, v in zip(self.variables, x, strict=True))
+        return point_text(self.variables, x)
 
     def _middle(self) -> Array:
         """The point (1, d) in the middle of the box."""

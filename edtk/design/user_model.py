@@ -1,4 +1,4 @@
-"""A user's function of points and parameters: how it is called, and its derivatives.
+"""A user's function of points and parameters: how it is called, its derivatives, and its names.
 
 They are taken by complex steps where the function runs on complex parameters, else by differences,
 and both are compared before any work.
@@ -276,8 +276,7 @@ class _Differences:
         return np.stack(found, axis=-1)
 
     def _point(self, i: int) -> str:
-        named = zip(self.variables, self.x[i], strict=True)
-        return ", ".join(f"{name} = {value:.6g}" for name, value in named)
+        return point_text(self.variables, self.x[i])
 
 
 def _user_slopes(
@@ -312,3 +311,30 @@ def _each_response(
     """A user's derivatives (n, k, p), which may come as (n, p)."""
     found = way(points, theta)
     return np.asarray(found)[:, None, :] if is_single else found
+
+
+def variable_names(given: Sequence[str] | None, n: int) -> tuple[str, ...]:
+    """Names (n,) of variables: x for one, x1 .. xn for several, unless others are given.
+
+    Raises:
+        ArgumentError: Their number is not n, or two are the same.
+    """
+    if given is None:
+        return ("x",) if n == 1 else tuple(f"x{i + 1}" for i in range(n))
+    names = as_names(given) or ()
+    if len(names) != n or len(set(names)) != n:
+        message = f"{', '.join(names)}; expected {n} different names"
+        raise ArgumentError(message, argument="variables")
+    return names
+
+
+def as_names(given: Sequence[str] | None) -> tuple[str, ...] | None:
+    """Names as a tuple; one may stand alone, and None stays None."""
+    if given is None:
+        return None
+    return (given,) if isinstance(given, str) else tuple(given)
+
+
+def point_text(variables: Sequence[str], x: Array) -> str:
+    """A point (d,) in words, for messages."""
+    return ", ".join(f"{name} = {value:.6g}" for name, value in zip(variables, x, strict=True))
