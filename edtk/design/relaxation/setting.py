@@ -196,25 +196,32 @@ class Setting:
         return cls(whitened.problem, transformed, criterion, whitened, of_squares, problem.known)
 
     def _lost_by_transforming(self, M: Array) -> float:
-        """Relative error, of a variance, of what is given beside the candidates.
-
-        `Criterion.rounding` is ``2 p eps r``, where r is how far terms of a combination exceed
-        their sum. Where nothing is whitened the covariance itself is multiplied from both sides,
-        ``K' cov K``, and r counts twice: ``2 p eps r^2``.
-        """
+        """Relative error, of a variance, of what is given beside the candidates."""
         if self.whitened is None:
-            each = 2 * len(M) * EPS
-            return float(each * (self.given.rounding(range_whitener(M)) / each) ** 2)
+            return self._lost_by_combining(range_whitener(M))
         W = self.criterion.whitener(M)
         found = self.given.rounding(self.whitened.T @ W)
         if self.known is not None:
             found += self.known.rounding(self.whitened.T, W)
         return found
 
+    def _lost_by_combining(self, F: Array) -> float:
+        """Relative error of ``K' F F' K`` where a matrix ``F F'`` (p, p) is multiplied as it is.
+
+        `Criterion.rounding` is ``2 p eps r``, where r is how far terms of a combination ``K'F``
+        exceed their sum. A matrix that is multiplied from both sides has r twice: ``2 p eps r^2``.
+        """
+        each = 2 * len(F) * EPS
+        return float(each * (self.given.rounding(F) / each) ** 2)
+
     def errors(
         self, weights: Array | None, multipliers: Array, design: Array | None = None
     ) -> tuple[float, float]:
         """Relative errors that rounding may have made in the cost of weights, and in a bound.
+
+        A cost combines the covariance, ``K' cov K``, and a bound a multiplier, ``K' Z K``. Of a
+        design that is all but singular the first cancels, and the second need not. What weighs
+        little in Z does not count: there the error of the cost is the smaller estimate.
 
         Args:
             weights: Weights (n,); None for equal ones.
@@ -227,9 +234,15 @@ class Setting:
         )
         M = self.problem.mean if weights is None else self.problem.information(weights)
         M = M if design is None else design
-        of_given = self._lost_by_transforming(M)
-        of_given *= self.criterion.degree if self.criterion.monotone else 1 + self.criterion.degree
-        return of_cost + of_given, of_bound + of_given
+        lost = self._lost_by_transforming(M)
+        if not self.criterion.monotone:
+            lost *= 1 + self.criterion.degree
+            return of_cost + lost, of_bound + lost
+        by_Z = lost
+        if self.whitened is None and len(multipliers):
+            by_Z = min(lost, max(self._lost_by_combining(root(Z).T) for Z in multipliers))
+        degree = self.criterion.degree
+        return of_cost + degree * lost, of_bound + degree * by_Z
 
     def inward(self, multipliers: Array | None) -> Array | None:
         """Multipliers (r, p, p) of the parameters as given as those of the problem here."""
