@@ -71,6 +71,11 @@ class Legs:
         return np.asarray(self.verdict == "free")
 
 
+def least_gap(cell: Cell) -> float:
+    """The gap below which bodies touch [m]: `TOLERANCE` below none, or the margin if it is less."""
+    return -min(TOLERANCE, cell.margin)
+
+
 def prove_legs(cell: Cell, a: Array, b: Array) -> Legs:
     """Prove legs free, or find where they touch.
 
@@ -222,7 +227,7 @@ class _Proof:
         ties = cell.robot.ties
         self.rates = self.way if ties is None else self.way @ ties.matrix.T
         self.bends = self.motion.bends(self.rates)
-        self.least_allowed = -min(TOLERANCE, cell.margin)
+        self.least_allowed = least_gap(cell)
         self.gap = np.full(len(a), np.inf)
         self.pair = np.zeros(len(a), dtype=int)
         self.t = np.zeros(len(a))

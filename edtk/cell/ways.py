@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from edtk.cell.cell import Cell
-from edtk.cell.legs import TOLERANCE, Legs, prove_legs
+from edtk.cell.legs import Legs, least_gap, prove_legs
 from edtk.system.typing import Array, Indices, Mask
 
 # Of the planner: rounds in which each of two trees grows in turn by so many legs, and how far one
@@ -163,7 +163,7 @@ class Roadmap:
         self.q = np.concatenate([self.q, q])
         shut = np.zeros(len(q), dtype=bool)
         if self.cell is not None:
-            shut = self.cell.clearance(q).least < -min(TOLERANCE, self.cell.margin)
+            shut = self.cell.clearance(q).least < least_gap(self.cell)
         self.shut = np.concatenate([self.shut, shut])
         more = ((0, len(q)), (0, len(q)))
         names = ("state", "pair", "t")
