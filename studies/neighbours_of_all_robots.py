@@ -68,8 +68,8 @@ def of_pinocchio(path: Path, robot: Robot) -> tuple[dict[str, int], list[int]]:
     return links, list(reduced.parents)
 
 
-def look_at(path: Path, folder: Path) -> list[str]:
-    """The cells of the row of one file."""
+def look_at(path: Path) -> list[str]:
+    """The cells of the row of one file, behind its name."""
     begun = time.process_time()
     tip = longest(path)
     robot = robot_of(path, tip)
@@ -84,7 +84,6 @@ def look_at(path: Path, folder: Path) -> list[str]:
     }
     same = theirs == {frozenset(pair) for pair in found.adjacent}
     return [
-        str(path.relative_to(folder)),
         tip,
         str(len(robot.chain)),
         str(len(bodies)),
@@ -101,19 +100,15 @@ def main(given: str) -> None:
     folder = Path(given)
     rows, refused = [], []
     for path in sorted(folder.rglob("*.urdf")):
+        name = str(path.relative_to(folder))
         try:
-            rows.append(look_at(path, folder))
+            rows.append([name, *look_at(path)])
         except ValueError as error:  # of edtk, or of pinocchio
             whose = "" if isinstance(error, UserError) else "pinocchio: "
-            name = str(path.relative_to(folder))
             refused.append((name, whose + str(error).replace(str(folder), "...")))
-        print(
-            path.name,
-            rows[-1][1:]
-            if not refused or refused[-1][0] != str(path.relative_to(folder))
-            else refused[-1],
-            flush=True,
-        )
+            print(*refused[-1], flush=True)
+        else:
+            print(*rows[-1], flush=True)
     right = sum(row[5] == "yes" for row in rows)
     lines = [
         "# Neighbours of all robots",
