@@ -165,7 +165,7 @@ def _meshes_touch(one: Body, other: Body, frames: Frames) -> bool:
 
 def _corners(body: Body) -> Array:
     """All triangles (f, 3, 3) of a body [m]."""
-    return np.concatenate([mesh.vertices[mesh.faces] for mesh in body.meshes])
+    return np.concatenate([mesh.triangles for mesh in body.meshes])
 
 
 def _relative(one: Body, other: Body, frames: Frames) -> Array:

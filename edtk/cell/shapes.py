@@ -129,6 +129,11 @@ class Mesh:
     vertices: Array
     faces: Indices
 
+    @property
+    def triangles(self) -> Array:
+        """Corners (f, 3, 3) of the triangles [m]."""
+        return self.vertices[self.faces]
+
     def moved(self, T: Array) -> "Mesh":
         """The same triangles where a transform (4, 4) brings them [m]."""
         return replace(self, vertices=_moved(T, self.vertices))

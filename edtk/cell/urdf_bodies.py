@@ -174,7 +174,7 @@ def _mesh_of(part: Shape | Mesh) -> Mesh:
 def _triangles(part: Shape | Mesh) -> Array:
     """Triangles (f, 3, 3) that enclose a part [m]."""
     if isinstance(part, Mesh):
-        return part.vertices[part.faces]
+        return part.triangles
     if isinstance(part, Box):
         corners = np.array([[x, y, 1] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
         return _prism(corners * part.half, part.pose)
