@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from edtk.cell.cell import Cell
+from edtk.cell.cell import Cell, Placed
 from edtk.cell.distance import Nearest, dot, segment_to_plane, segment_to_segment
 from edtk.cell.shapes import Box, Capsule, Cylinder, Plane
 from edtk.robots.frames import BodyPoint, Frames, cross
@@ -76,24 +76,23 @@ class Beams:
         carrier = len(frames.axes) - 1 if marker.joint is None else marker.joint
         n = p.shape[-1]
         best = Passing(np.full(n, REACH), np.full(n, NOTHING), np.zeros((3, n)), np.zeros((3, n)))
+        placed = self.cell.solids.placed(frames)
         for own_body, end in ((False, p), (True, short)):
             bodies = np.flatnonzero((self.carriers == carrier) == own_body)
-            self._pass_capsules(best, frames, bodies, start, end)
+            self._pass_capsules(best, placed, bodies, start, end)
             if not own_body:  # what stands still carries no marker of the robot
                 self._pass_standing(best, start, end)
         return best._replace(distance=best.distance - self.radius)
 
     def _pass_capsules(
-        self, best: Passing, frames: Frames, bodies: Indices, start: Array, end: Array
+        self, best: Passing, placed: Placed, bodies: Indices, start: Array, end: Array
     ) -> None:
         """Lessen distances by those of the capsules of some bodies."""
         solids, owner = self.cell.solids, self.owners[Capsule]
-        placed = solids.placed(frames)
-        size = 0.5 * np.sqrt(np.square(solids.end - solids.start).sum(axis=1)) + solids.radius
         for k in np.flatnonzero(np.isin(owner, bodies)):
             a, b = placed.start[:, k], placed.end[:, k]
             middle = 0.5 * (a + b)
-            far = segment_to_segment(middle, middle, start, end).distance - size[k]
+            far = segment_to_segment(middle, middle, start, end).distance - solids.around[k]
             near = np.flatnonzero(far < best.distance)
             found = segment_to_segment(start[:, near], end[:, near], a[:, near], b[:, near])
             _keep(best, near, found, solids.radius[k], owner[k])
@@ -110,17 +109,6 @@ class Beams:
             normal, offset = solids.planes[0][s][:, None], solids.planes[1][s]
             found = segment_to_plane(start, end, normal, offset)
             _keep(best, np.arange(start.shape[1]), found, 0.0, owner)
-
-    def around(self, point: Array) -> str | None:
-        """Name of a body that stands still and has a point (3,) inside; None for none."""
-        still = np.zeros((1, self.cell.robot.n))
-        frames = self.cell.frames(still)
-        n = np.full(1, REACH)
-        best = Passing(n, np.full(1, NOTHING), np.zeros((3, 1)), np.zeros((3, 1)))
-        at = point[:, None]
-        self._pass_capsules(best, frames, np.flatnonzero(self.carriers < 0), at, at)
-        self._pass_standing(best, at, at)
-        return self.cell.bodies[best.body[0]].name if best.distance[0] < 0 else None
 
     def slopes(self, frames: Frames, eye: Array, marker: BodyPoint, near: Passing) -> Array:
         """Derivatives (n, N) of the distances by the free joints.

@@ -1,7 +1,7 @@
 """A robot among its surroundings: how far its bodies are from each other and from what stands."""
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, pairwise
@@ -20,7 +20,7 @@ from edtk.cell.distance import (
     signed_box,
     signed_cylinder,
 )
-from edtk.cell.shapes import Body, Box, Capsule, Cylinder, Plane, Shape
+from edtk.cell.shapes import Body, Box, Capsule, Cylinder, Plane, Shape, capsule_arrays
 from edtk.robots.constraints.constraint import Constraint, Inequality
 from edtk.robots.frames import Frames, cross
 from edtk.robots.joint import MILLIMETRE
@@ -118,7 +118,7 @@ class Cell:
         flat, batch = self._flat(q)
         least = np.full(len(flat), np.inf)
         pair = np.zeros(len(flat), dtype=int)
-        for part in _chunks(len(flat)):
+        for part in chunks(len(flat)):
             near = self.solids.nearest(self._placed(flat[part]))
             least[part.start + near.pose] = near.nearest.distance
             pair[part.start + near.pose] = self.solids.bodies[near.pair]
@@ -132,7 +132,7 @@ class Cell:
         """
         flat, batch = self._flat(q)
         found = np.empty((len(flat), len(self.pairs)))
-        for part in _chunks(len(flat)):
+        for part in chunks(len(flat)):
             found[part] = self.solids.all_distances(self._placed(flat[part]))
         return found.reshape(*batch, len(self.pairs))
 
@@ -144,7 +144,7 @@ class Cell:
         """
         flat, batch = self._flat(q)
         found = np.ones(len(flat), dtype=bool)
-        for part in _chunks(len(flat)):
+        for part in chunks(len(flat)):
             near = self.solids.near(self._placed(flat[part]), self.margin)
             found[part.start + near.pose] = False
         return found.reshape(batch)
@@ -158,7 +158,7 @@ class Cell:
         """
         flat, batch = self._flat(q)
         found = np.zeros(flat.shape)
-        for part in _chunks(len(flat)):
+        for part in chunks(len(flat)):
             frames = self.frames(flat[part])
             near = self.solids.nearest(self.solids.placed(frames))
             found[part.start + near.pose] = self.solids.slopes(frames, near).T
@@ -346,13 +346,15 @@ class Solids:
         rows.sort(key=lambda row: row[0])
         table = np.array(rows, dtype=int).reshape(-1, 4)
         edges = np.searchsorted(table[:, 0], range(len(KINDS) + 1))
-        capsules = [one for one in listed[Capsule] if isinstance(one, Capsule)]
+        start, end, radius = capsule_arrays(
+            one for one in listed[Capsule] if isinstance(one, Capsule)
+        )
         planes = [one for one in listed[Plane] if isinstance(one, Plane)]
         return cls(
             carriers=np.array(carriers, dtype=int),
-            start=np.array([one.start for one in capsules]).reshape(-1, 3),
-            end=np.array([one.end for one in capsules]).reshape(-1, 3),
-            radius=np.array([one.radius for one in capsules]),
+            start=start,
+            end=end,
+            radius=radius,
             anchors=np.array(anchors).reshape(-1, 3),
             standing=(
                 _Standing.of([one for one in listed[Box] if isinstance(one, Box)], True),
@@ -392,6 +394,12 @@ class Solids:
         """Which capsules (K,) hang from a point, and do not turn."""
         return ~np.isnan(self.anchors[:, 0])
 
+    @cached_property
+    def around(self) -> Array:
+        """How far any point of a capsule is from its middle, at most (K,) [m]."""
+        length = np.sqrt(np.square(self.end - self.start).sum(axis=1))
+        return 0.5 * length + self.radius
+
     def anchor(self, frames: Frames, k: int) -> Array:
         """Where the point (3, N) is from which a capsule hangs [m]."""
         rotation, origin = frames.bodies[int(self.carriers[k])]
@@ -404,8 +412,7 @@ class Solids:
         No point of a capsule is farther from its middle than half its length and its radius.
         """
         middle = 0.5 * (placed.start + placed.end)
-        length = np.sqrt(np.square(self.end - self.start).sum(axis=1))
-        around = 0.5 * length + self.radius
+        around = self.around
         found = np.empty((len(self.first), middle.shape[-1]))
         capsules, boxes, cylinders, planes = self.kinds
         apart = middle[:, self.first[capsules]] - middle[:, self.second[capsules]]
@@ -541,9 +548,9 @@ def _pairs_of_shapes(
     return found
 
 
-def _chunks(n: int) -> Iterator[slice]:
+def chunks(n: int) -> list[slice]:
     """Parts of n poses that are looked at together."""
-    return (slice(low, min(low + CHUNK, n)) for low in range(0, n, CHUNK))
+    return [slice(low, min(low + CHUNK, n)) for low in range(0, n, CHUNK)]
 
 
 def signed_point(shape: Shape, point: Array) -> float:
@@ -618,7 +625,7 @@ class Clear(Constraint):
         flat = q.reshape(n, -1).T
         slack = np.empty(len(flat))
         gradient = np.empty((n, len(flat)))
-        for part in _chunks(len(flat)):
+        for part in chunks(len(flat)):
             slack[part], gradient[:, part] = self._of_poses(flat[part])
         return slack.reshape(1, *batch), gradient.reshape(1, n, *batch)
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.cell.beams import Beams, Passing
+from edtk.cell.cell import chunks
 from edtk.robots.constraints.constraint import Constraint, Inequality
 from edtk.robots.frames import BodyPoint, Frames, cross, dot
 from edtk.robots.joint import DEGREE, MILLIMETRE
@@ -25,8 +26,6 @@ LEAST_SINE = 1e-12
 NEAREST = 1e-9  # distance below which a beam has no direction [m]
 UP = np.array([0.0, 0.0, 1.0])
 STRAIGHT = 1e-6  # sine of an angle to the vertical below which a direction has no azimuth
-
-CHUNK = 4096  # poses whose beams are looked at together
 
 Reason = Literal["normal", "near", "far", "azimuth", "elevation", "cone", "beam"]
 
@@ -254,8 +253,8 @@ class Sight:
         """How near beams pass bodies in poses q (N, n)."""
         assert self.beams is not None
         parts = [
-            self.beams.passing(self._near_frames(q[low : low + CHUNK]), eye.position, one.point)
-            for low in range(0, max(len(q), 1), CHUNK)
+            self.beams.passing(self._near_frames(q[part]), eye.position, one.point)
+            for part in chunks(len(q)) or [slice(0)]
         ]
         return Passing(*(np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)))
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from edtk.cell.beams import Beams
+from edtk.cell.cell import standing_at
 from edtk.cell.sight import Eye, Reflector, Sight
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.instruments.distance import Distance
@@ -148,10 +149,10 @@ def _check_beams(study: Asked, sight: Sight) -> None:
                 raise study.error(f"sight.{key}", "goes with [scene], which has what hides markers")
         return
     for eye in sight.eyes:
-        body = sight.beams.around(eye.position)
-        if body is not None:
+        within = standing_at(sight.beams.cell.bodies, eye.position)
+        if within is not None:
             key = "noise.tracker_position_mm" if eye.name == TRACKER else "sight.camera"
-            raise study.error(key, f"the {eye.name} stands inside {body!r}")
+            raise study.error(key, f"the {eye.name} stands inside {within[0]!r}")
 
 
 def _check_seen(study: Asked, sight: Sight) -> None:
