@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Union
 import numpy as np
 
 from edtk.measure.cells import PoseFileError, read_cells
-from edtk.robots.joint import Joint
+from edtk.robots.joint import UNITS, Joint
 from edtk.robots.robot import Robot
 from edtk.system.errors import UserError, note
 from edtk.system.files import read_text
@@ -88,7 +88,6 @@ REMAINING_ROTATION_COLUMN = "remaining_rotation_rms_deg"
 NAMES = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
 MARK = "joint:"  # before a header that would otherwise mean something else
 FORMULA = ("=", "+", "-", "@")  # a spreadsheet runs a cell that begins with one of these
-UNITS = {"revolute": "deg", "prismatic": "mm"}
 MOST_MB = 1000.0  # of a file; a million rows have 200 MB
 MOST_DIGITS = 300  # of a cell of a column that is not all numbers
 LARGEST = 1e12  # number in a file; no quantity here comes near it in its unit

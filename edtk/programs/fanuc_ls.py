@@ -5,12 +5,12 @@ from typing import ClassVar
 
 from edtk.programs.program import Axis, Comment, Dwell, Move, Program, Step, Wait, said
 from edtk.programs.writer import Writer, folded, plain, register
+from edtk.robots.joint import UNITS
 
 REMARK = 32  # characters of a remark
 SHOWN = 24  # characters of a message
 Target = tuple[float, ...]
 TITLE = 16  # characters of a comment of the program, or of a pose
-UNITS = {"revolute": "deg", "prismatic": "mm"}
 ATTRIBUTES = """\
 OWNER\t\t= MNEDITOR;
 COMMENT\t\t= "{title}";

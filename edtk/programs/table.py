@@ -7,8 +7,8 @@ from typing import ClassVar
 
 from edtk.programs.program import Comment, Dwell, Move, Program, Step, Wait
 from edtk.programs.writer import Writer, register
+from edtk.robots.joint import UNITS
 
-UNITS = {"revolute": "deg", "prismatic": "mm"}
 MANY = 1000  # axes
 
 

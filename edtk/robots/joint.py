@@ -60,6 +60,7 @@ class Link:
 
 
 Kind = Literal["revolute", "prismatic"]
+UNITS: dict[Kind, str] = {"revolute": "deg", "prismatic": "mm"}  # of what people read
 ONE_TURN = (-np.pi, np.pi)  # limits of a joint that has none [rad]
 UNIT_LENGTH = 8 * np.finfo(float).eps  # rounding of the length of a vector that was normalised
 

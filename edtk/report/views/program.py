@@ -3,9 +3,9 @@
 from edtk.calibration.robot_program import WrittenProgram
 from edtk.programs.program import Dwell, Wait
 from edtk.report.tables import notebook_table
+from edtk.robots.joint import UNITS
 
 LEAST = 1e-9  # [deg or mm]: below that it is the conversion to SI units and back
-UNIT = {"revolute": "deg", "prismatic": "mm"}
 
 
 def _facts(found: WrittenProgram) -> list[tuple[str, str]]:
@@ -36,7 +36,7 @@ def _facts(found: WrittenProgram) -> list[tuple[str, str]]:
 def _as_rounded(found: WrittenProgram) -> str:
     """What rounding does to the plan."""
     kinds = {axis.kind for axis in found.program.axes}
-    units = " or ".join(UNIT[kind] for kind in sorted(kinds, reverse=True))
+    units = " or ".join(UNITS[kind] for kind in sorted(kinds, reverse=True))
     change = f"by {found.rounding:.1g} {units} at most" if found.rounding > LEAST else "no change"
     if found.efficiency is None:
         return f"{change}; {found.criterion} is not known of this plan"

@@ -16,12 +16,12 @@ from edtk.report.show.stage import stage_of_robot
 from edtk.report.shown import plain
 from edtk.report.tables import notebook_table, text_table
 from edtk.robots.compensator import compensator_in_words
+from edtk.robots.joint import UNITS
 from edtk.robots.robot import Robot, motors_in_words, shown_limits
 from edtk.robots.robot_overview import NOTHING, Parts, RobotOverview
 from edtk.study.study_toml import inline
 from edtk.system.typing import Array
 
-UNITS = {"revolute": "deg", "prismatic": "mm"}
 MARGIN = 0.12  # around the arm, over its size
 VIEW = (22.0, -58.0)  # elevation and azimuth from which it is seen [deg]
 SIZE = (10.0, 5.6)  # [inch]
