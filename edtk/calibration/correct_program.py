@@ -270,7 +270,7 @@ def correct_program(
     text = _edited(program.text, [edits[i] or {} for i in good])
     numbers = program.brand.read(text, axes, frames, program.beside).literals
     words = f"edtk {own} {_of_numbers(numbers)}"
-    moves = [writer.moved(chosen[i], found.command[i], found.robot) for i in good]
+    moves = [writer.moved(chosen[i], found.command[i], found.robot, edits[i] or {}) for i in good]
     moved, turned, rounded = np.array(moves).T
     return CorrectedProgram(
         path=program.path,
@@ -490,13 +490,14 @@ class _Writer:
         base = self.frames.world @ placed.target.base
         return np.asarray(np.linalg.inv(base) @ placed.robot.forward(q))
 
-    def moved(self, placed: Placed, q: Array, task: Robot) -> tuple[float, float, float]:
+    def moved(
+        self, placed: Placed, q: Array, task: Robot, edits: Mapping[Number, str]
+    ) -> tuple[float, float, float]:
         """How far a target moves [m] and turns [rad], and how far its digits are off [m]."""
         literal = placed.target.literal
         robot = task if literal.joints else placed.robot
         before, after = robot.forward(np.stack([placed.q, q]))
         turn = rotation_vectors((after[:3, :3] @ before[:3, :3].T)[None])[0]
-        edits = self.edits(placed, q) or {}
         if literal.joints:
             texts = [edits[literal.joints[axis.place]] for axis in self.axes]
             shown = np.array(list(map(float, texts))) * _units(self.robot, self.brand)
