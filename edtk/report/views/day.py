@@ -7,6 +7,8 @@ from edtk.calibration.timetable import Day, Step
 from edtk.cell.ways import Leg
 from edtk.measure.pose_table import wrench_in_file_units
 from edtk.report.tables import text_table
+from edtk.robots.robot import Robot
+from edtk.study.tables_of_measurement import SPEED_DEG, SPEED_MM
 from edtk.system.typing import Array
 
 MOST_NAMED = 5  # legs without a free way that are named one by one
@@ -24,7 +26,7 @@ def day_lines(day: Day) -> list[str]:
     if not day.is_timed:
         visits = sum(step.what == "visit" for step in day.steps)
         driving = f"the arm drives for {in_words(day.driving)} in {visits} visits"
-        return [f"{driving}, at the speeds of [costs]", *_ways(day)]
+        return [f"{driving}, at {_default_speeds(day.robot)}", *_ways(day)]
     parts = [f"{in_words(day.driving)} of driving"]
     for what, several in SEVERAL.items():
         own = [step for step in day.steps if step.what == what]
@@ -35,6 +37,14 @@ def day_lines(day: Day) -> list[str]:
             parts.append(f"{number} of {in_words(stay)}{' each' if many else ''}")
     lines = [f"the day takes {in_words(day.seconds)}: {', '.join(parts)}"]
     return [*lines, *_ways(day)] if day.in_a_cell else lines
+
+
+def _default_speeds(robot: Robot) -> str:
+    """How fast joints are where a study does not say it."""
+    kinds = {joint.kind for joint in robot.joints}
+    speeds = {"revolute": f"{SPEED_DEG:g} deg/s", "prismatic": f"{SPEED_MM:g} mm/s"}
+    own = " and ".join(speed for kind, speed in speeds.items() if kind in kinds)
+    return f"the default speed of {own}"
 
 
 def _ways(day: Day) -> list[str]:
