@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from edtk.calibration.tours import EXCHANGES_UP_TO, short_tour, shortest_legs
+from edtk.calibration.tours import EXCHANGES_UP_TO, short_tour, shortest_legs, tour_seconds
 from edtk.cell.ways import DrivenWay, Leg, Roadmap, Speeds, Way
 from edtk.design.plan import Plan
 from edtk.measure.pose_table import rounded, wrench_columns, wrench_in_file_units
@@ -360,10 +360,9 @@ class _DayPlanner:
 
     def _length(self, rows: Indices) -> float:
         """Time of visits in order [s]."""
-        at = self.place[rows]
-        before, after = self._ends(at)
-        legs = self.seconds[at[:-1], at[1:]].sum()
-        return float(before[0] + legs + after[-1] + len(rows) * self.costs.dwell_s)
+        ends = self._ends(np.arange(self.places))
+        driving = tour_seconds(self.seconds, *ends, self.place[rows])
+        return driving + len(rows) * self.costs.dwell_s
 
     def _tour(self, rows: Indices) -> Indices:
         """Rows in the order of a short tour; those of one place follow each other."""
@@ -431,11 +430,9 @@ def _in_rounds(tour: Indices, repeats: Indices, rounds: int) -> Indices:
 
     The j-th of r visits of a pose is in round ``floor((j + 1/2) rounds / r)``.
     """
+    shares = [np.floor((np.arange(times) + 0.5) * rounds / times).astype(int) for times in repeats]
     parts = []
     for number in range(rounds):
-        shares = [
-            np.floor((np.arange(times) + 0.5) * rounds / times).astype(int) for times in repeats
-        ]
         own = np.repeat(tour, [(share == number).sum() for share in shares])
         parts.append(own if number % 2 == 0 else own[::-1])
     return np.concatenate(parts)
