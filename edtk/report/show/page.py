@@ -123,8 +123,8 @@ def _alarms(stage: Stage) -> list[str]:
     """What a person has to know before the arm moves; nothing where all is free."""
     found = []
     for shade in stage.shades:
-        below = np.inf if shade.alarm is None else -shade.alarm
-        touching = tuple(np.flatnonzero(-shade.values > below).tolist())
+        below = -np.inf if shade.alarm is None else shade.alarm
+        touching = tuple(np.flatnonzero(shade.values < below).tolist())
         if touching:
             found.append(f"Something touches in {_poses(stage, touching)}.")
     if stage.blocked:
