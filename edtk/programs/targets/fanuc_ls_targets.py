@@ -3,7 +3,7 @@
 import re
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -16,8 +16,8 @@ from edtk.programs.targets.reading import (
     Left,
     Literal,
     Number,
+    Parser,
     Reading,
-    Routine,
     Use,
     blanked,
     lines_of,
@@ -94,20 +94,13 @@ class FanucTargets(Brand):
 
 
 @dataclass(eq=False)
-class _Parser:
+class _Parser(Parser):
     """One file: its positions, then its motions."""
-
-    text: str
-    axes: Sequence[Axis]
-    frames: Frames
-    reading: Reading = field(default_factory=Reading)
 
     def parse(self) -> Reading:
         """Read everything."""
         self.clean = blanked(self.text, HIDDEN)
-        self.routine = Routine(
-            {"tool": self.frames.first("tool"), "base": self.frames.first("base")}
-        )
+        self.routine = self.new_routine()
         sections = list(SECTION.finditer(self.clean))
         spans = {
             one[1].upper(): (one.end(), after.start() if after else len(self.text))
@@ -118,7 +111,7 @@ class _Parser:
             self._motions(*spans["MN"])
         if "POS" in spans:
             self._positions(*spans["POS"])
-        self.reading.first = (self.frames.first("tool"), self.frames.first("base"))
+        self.reading.first = self.first()
         return self.reading
 
     def _line(self, at: int) -> int:

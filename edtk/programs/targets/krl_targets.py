@@ -16,6 +16,7 @@ from edtk.programs.targets.reading import (
     Left,
     Literal,
     Number,
+    Parser,
     Reading,
     Routine,
     Use,
@@ -73,7 +74,7 @@ class KrlTargets(Brand):
         reading = parsers[0].reading
         for parser in parsers[1:]:
             _join(reading, parser)
-        reading.first = (frames.first("tool"), frames.first("base"))
+        reading.first = parsers[0].first()
         used = set(reading.uses)
         reading.literals = [
             one
@@ -153,21 +154,14 @@ def _join(reading: Reading, other: "_Parser") -> None:
 
 
 @dataclass(eq=False)
-class _Parser:
+class _Parser(Parser):
     """One file, line by line.
 
     Attributes:
-        text: The file.
-        axes: The robot's axes.
-        frames: Frames that it may name.
         name: Its name; empty for the file that is corrected.
     """
 
-    text: str
-    axes: Sequence[Axis]
-    frames: Frames
     name: str = ""
-    reading: Reading = field(default_factory=Reading)
     values: dict[str, Frame] = field(default_factory=dict)
     fdat: dict[str, tuple[str, str]] = field(default_factory=dict)
     words: list[tuple[str, int]] = field(default_factory=list)
@@ -184,7 +178,7 @@ class _Parser:
 
     def _routine(self, name: str = "") -> Routine:
         """A routine that begins, see `routines`."""
-        routine = Routine({"tool": self.frames.first("tool"), "base": self.frames.first("base")})
+        routine = self.new_routine()
         self.routines.append((name, routine))
         return routine
 

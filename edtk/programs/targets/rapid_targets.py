@@ -16,6 +16,7 @@ from edtk.programs.targets.reading import (
     Left,
     Literal,
     Number,
+    Parser,
     Reading,
     Routine,
     Use,
@@ -117,13 +118,9 @@ class RapidTargets(Brand):
 
 
 @dataclass(eq=False)
-class _Parser:
+class _Parser(Parser):
     """One module, statement by statement."""
 
-    text: str
-    axes: Sequence[Axis]
-    frames: Frames
-    reading: Reading = field(default_factory=Reading)
     data: dict[str, Frame] = field(default_factory=dict)
     tools: set[str] = field(default_factory=set)
     statements: list[tuple[int, int, Routine]] = field(default_factory=list)
@@ -138,7 +135,7 @@ class _Parser:
             self._frame_change(start, end)
         for start, end, routine in rest:
             self._statement(start, end, routine)
-        self.reading.first = (self.frames.first("tool"), self.frames.first("base"))
+        self.reading.first = self.first()
         return self.reading
 
     def _split(self) -> None:

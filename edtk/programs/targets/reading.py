@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from edtk.programs.program import ProgramError
+from edtk.programs.program import Axis, ProgramError
 from edtk.system.typing import Array
 
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
@@ -271,6 +271,32 @@ class Reading:
     def use(self, name: str, use: Use) -> None:
         """Note a motion to a name."""
         self.uses.setdefault(name, []).append(use)
+
+
+@dataclass(eq=False)
+class Parser:
+    """What the readers of all brands begin with: one file.
+
+    Attributes:
+        text: The file.
+        axes: The robot's axes.
+        frames: Frames that it may name.
+        reading: What is found.
+    """
+
+    text: str
+    axes: Sequence[Axis]
+    frames: Frames
+    reading: Reading = field(default_factory=Reading, kw_only=True)
+
+    def first(self) -> tuple[Frame, Frame]:
+        """Tool and base that hold before the program states others."""
+        return self.frames.first("tool"), self.frames.first("base")
+
+    def new_routine(self) -> Routine:
+        """A routine that begins with them."""
+        tool, base = self.first()
+        return Routine({"tool": tool, "base": base})
 
 
 def targets_of(reading: Reading, every: bool) -> tuple[list[Target], list[Left]]:

@@ -8,13 +8,14 @@ from typing import ClassVar
 from edtk.programs.program import Axis
 from edtk.programs.targets.brand import Brand, of_vector, vector_of
 from edtk.programs.targets.reading import (
+    DEFAULT,
     WORD,
     Frame,
     Frames,
     Left,
     Literal,
+    Parser,
     Reading,
-    Routine,
     Use,
     blanked,
     closing,
@@ -66,21 +67,16 @@ class UrTargets(Brand):
 
 
 @dataclass(eq=False)
-class _Parser:
+class _Parser(Parser):
     """One file, line by line."""
 
-    text: str
-    axes: Sequence[Axis]
-    frames: Frames
-    reading: Reading = field(default_factory=Reading)
     maybe: list[Literal] = field(default_factory=list)
     open: list[tuple[int, int, str]] = field(default_factory=list)
 
     def parse(self) -> Reading:
         """Read all lines."""
         self.clean = blanked(self.text, HIDDEN)
-        self.base = self.frames.first("base") if self._has_base() else self.frames.base("0")
-        self.routine = self._new_routine()
+        self.routine = self.new_routine()
         for number, at, line in lines_of(self.clean):
             opens = OPENS.match(line)
             if END.match(line):
@@ -88,7 +84,7 @@ class _Parser:
                 continue
             if opens is not None:
                 if opens[1] in ("def", "sec") and not self.open:
-                    self.routine = self._new_routine()
+                    self.routine = self.new_routine()
                 self.open.append((at, number, opens[1]))
             self._line(number, at, line)
         while self.open:
@@ -99,14 +95,14 @@ class _Parser:
         self.reading.literals += [
             one for name in values if name in self.reading.uses for one in values[name]
         ]
-        self.reading.first = (self.frames.first("tool"), self.base)
+        self.reading.first = self.first()
         return self.reading
 
-    def _has_base(self) -> bool:
-        return any(name.upper() == "DEFAULT" for name in self.frames.bases)
-
-    def _new_routine(self) -> Routine:
-        return Routine({"tool": self.frames.first("tool"), "base": self.base})
+    def first(self) -> tuple[Frame, Frame]:
+        """Tool and base of the start; the robot's own base where the study has no default."""
+        tool, base = super().first()
+        has_base = any(name.upper() == DEFAULT for name in self.frames.bases)
+        return tool, base if has_base else self.frames.base("0")
 
     def _close(self, at: int) -> None:
         """The end of a block."""
