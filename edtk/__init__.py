@@ -16,6 +16,7 @@ from edtk.version import __version__
 
 if TYPE_CHECKING:
     import criteria as criteria
+    from edtk import candidates as candidates
     from edtk.calibration.calibration import Calibration as Calibration
     from edtk.calibration.compensate import Compensation as Compensation
     from edtk.calibration.correct_program import CorrectedProgram as CorrectedProgram
@@ -144,7 +145,8 @@ _HOME = {
     "exchange": "edtk.design.exact.exchange",
     "geometry_problem": "edtk.calibration.geometry.geometry_problem",
 }
-__all__ = ["__version__", "criteria", *_HOME]
+_MODULES = {"criteria": "criteria", "candidates": "edtk.candidates"}
+__all__ = ["__version__", *_MODULES, *_HOME]
 
 
 def __getattr__(name: str) -> Any:
@@ -153,8 +155,8 @@ def __getattr__(name: str) -> Any:
     Raises:
         AttributeError: The package has no such name.
     """
-    if name == "criteria":
-        found: Any = importlib.import_module("criteria")
+    if name in _MODULES:
+        found: Any = importlib.import_module(_MODULES[name])
     elif name in _HOME:
         found = getattr(importlib.import_module(_HOME[name]), name)
     else:

@@ -1,0 +1,177 @@
+"""Linear constraints as users state them: sums with a least and a largest value."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from edtk.system.errors import ArgumentError
+from edtk.system.typing import Array, Indices
+
+# Coefficients of a sum, least and largest value; None where there is no such limit.
+Linear = tuple[ArrayLike | str | Mapping[str, float], float | None, float | None]
+
+
+@dataclass(frozen=True, eq=False)
+class LinearConstraints:
+    """``low <= C x <= high`` for x (n,).
+
+    Attributes:
+        C: Coefficients (k, n).
+        low: Least sums (k,), minus infinity for none.
+        high: Largest sums (k,), infinity for none.
+        names: How messages call them (k,).
+    """
+
+    C: Array
+    low: Array
+    high: Array
+    names: tuple[str, ...]
+
+    @classmethod
+    def none(cls, n: int) -> "LinearConstraints":
+        """No constraint on n numbers."""
+        return cls(np.zeros((0, n)), np.zeros(0), np.zeros(0), ())
+
+    def __len__(self) -> int:
+        """Number of constraints."""
+        return len(self.C)
+
+    def and_also(
+        self, C: Array, low: ArrayLike, high: ArrayLike, *names: str
+    ) -> "LinearConstraints":
+        """These and more of them."""
+        each = (len(C),)
+        return LinearConstraints(
+            np.concatenate([self.C, C]),
+            np.concatenate([self.low, np.broadcast_to(np.asarray(low, dtype=float), each)]),
+            np.concatenate([self.high, np.broadcast_to(np.asarray(high, dtype=float), each)]),
+            (*self.names, *names),
+        )
+
+    def shifted(self, x: Array) -> "LinearConstraints":
+        """The same for what is added to x (n,)."""
+        sums = self.C @ x
+        return LinearConstraints(self.C, self.low - sums, self.high - sums, self.names)
+
+    def conflict(
+        self,
+        least: Array,
+        most: Array,
+        integral: bool = False,
+    ) -> tuple[str, ...]:
+        """Names of constraints that no x (n,) obeys together; none where all can be obeyed.
+
+        None of the named ones can be left out: without it there is an x.
+
+        Args:
+            least: Least numbers (n,).
+            most: Largest numbers (n,), at least as large.
+            integral: Whether the numbers are whole.
+        """
+        chosen = np.arange(len(self))
+        if self._is_feasible(chosen, least, most, integral):
+            return ()
+        for one in range(len(self)):
+            rest = chosen[chosen != one]
+            if not self._is_feasible(rest, least, most, integral):
+                chosen = rest
+        return tuple(self.names[i] for i in chosen)
+
+    def _is_feasible(self, chosen: Indices, least: Array, most: Array, integral: bool) -> bool:
+        """Whether some of the constraints can be obeyed together."""
+        if not len(chosen):
+            return True
+        zeros = np.zeros(self.C.shape[1])
+        return self.subset(chosen).best(zeros, least, most, integral) is not None
+
+    def subset(self, chosen: Indices) -> "LinearConstraints":
+        """Some of them."""
+        names = tuple(self.names[i] for i in chosen)
+        return LinearConstraints(self.C[chosen], self.low[chosen], self.high[chosen], names)
+
+    def best(self, gains: Array, least: Array, most: Array, integral: bool = False) -> Array | None:
+        """An x (n,) of the largest ``gains @ x``; None where nothing obeys the constraints.
+
+        Args:
+            gains: Gains (n,).
+            least: Least numbers (n,).
+            most: Largest numbers (n,).
+            integral: Whether the numbers are whole.
+        """
+        from scipy.optimize import Bounds, LinearConstraint, milp
+
+        found = milp(
+            -gains,
+            integrality=np.full(len(gains), int(integral)),
+            bounds=Bounds(least, most),
+            constraints=[LinearConstraint(self.C, self.low, self.high)] if len(self) else [],
+        )
+        if found.x is None:
+            return None
+        x = np.clip(found.x, least, most)
+        return np.round(x) if integral else x
+
+
+def linear_constraints(
+    given: object,
+    coefficients: Callable[[Any], tuple[Array, str]],
+    n: int,
+    argument: str = "constraints",
+) -> LinearConstraints:
+    """Read constraints on n numbers.
+
+    Args:
+        given: A list of triples, see `Linear`.
+        coefficients: Reads the first of a triple: numbers (n,), and a name or nothing.
+        n: How many numbers.
+        argument: What the call names them.
+
+    Raises:
+        ArgumentError: One is no such triple, or its least value is above its largest.
+    """
+    found = LinearConstraints.none(n)
+    if isinstance(given, str | Mapping) or not isinstance(given, Sequence):
+        message = "expected a list of (coefficients, least, largest)"
+        raise ArgumentError(message, argument=argument)
+    for number, one in enumerate(given):
+        where = f"{argument}[{number}]"
+        if not isinstance(one, Sequence) or isinstance(one, str) or len(one) != 3:
+            raise ArgumentError("expected (coefficients, least, largest)", argument=where)
+        first, low, high = one
+        row, name = coefficients(first)
+        row = _numbers(row, where)
+        if row.shape != (n,):
+            message = f"{row.size} coefficients, expected {n}"
+            raise ArgumentError(message, argument=where)
+        least = _limit(low, -np.inf, where)
+        largest = _limit(high, np.inf, where)
+        if least > largest:
+            message = f"the least value {least:g} is above the largest, {largest:g}"
+            raise ArgumentError(message, argument=where)
+        found = found.and_also(row[None], least, largest, f"{where} ({name})" if name else where)
+    return found
+
+
+def _numbers(given: object, where: str) -> Array:
+    """Finite numbers of any shape."""
+    try:
+        found = np.asarray(given, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError("expected numbers as coefficients", argument=where) from error
+    if not np.isfinite(found).all():
+        raise ArgumentError("expected finite coefficients", argument=where)
+    return found
+
+
+def _limit(given: object, default: float, where: str) -> float:
+    """A limit of a sum; infinite for None."""
+    if given is None:
+        return default
+    if isinstance(given, bool) or not isinstance(given, int | float | np.number):
+        raise ArgumentError("expected a number, or None, as a limit", argument=where)
+    if np.isnan(given):
+        raise ArgumentError("a limit is not a number", argument=where)
+    return float(given)
