@@ -40,6 +40,7 @@ def problem_of_model(
         DescribedProblem(model.rows(points), model.parameters, prior, frame) for model in models
     ]
     if robust is None:
+        each[0].rows_of = lambda other: models[0].rows(other.to_numpy(dtype=float))
         return each[0]
     both = several_models(each)
     found = DescribedProblem(both.factors(), both.parameters, both.prior, frame)

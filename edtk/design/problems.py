@@ -1,7 +1,7 @@
 """Problems that are made of others or of data frames: formulas, several models, other units."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
@@ -98,9 +98,12 @@ class DescribedProblem(Problem):
 
     Attributes:
         frame: The data frame.
+        rows_of: Whitened rows (k, r, p) of other frames with the same columns; None where they are
+            not known.
     """
 
     frame: "pd.DataFrame"
+    rows_of: "Callable[[pd.DataFrame], Array] | None" = None
 
     def __init__(
         self,
@@ -157,6 +160,8 @@ class FrameProblem(DescribedProblem):
         super().__init__(blocks, tuple(map(str, matrix.columns)), prior, told, sigma)
         self.formula = formula
         self._spec = matrix.model_spec
+        if experiment is None:
+            self.rows_of = lambda other: self.regressors(other)[:, None, :] / np.asarray(sigma)
 
     def regressors(self, frame: "pd.DataFrame") -> Array:
         """The model's regressors (k, p) at the rows of another data frame.

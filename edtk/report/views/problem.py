@@ -1,21 +1,16 @@
 """Problems of arrays, exact plans of them, and their checked certificates."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
-from criteria.linalg.inverse import root as root_of
 from edtk.design.bound import BoundKind
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.problem import Problem
 from edtk.design.problems import DescribedProblem
-from edtk.report.figures import panels
-from edtk.report.shown import plain
+from edtk.report.draw.designs import draw
 from edtk.report.tables import notebook_table, text_table
-from edtk.system.errors import ArgumentError
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Indices
 
 MOST_COLUMNS = 6  # of a data frame: of wider ones the first
 ENDED = {
@@ -101,13 +96,18 @@ def problem_plan_notebook(result: ProblemPlan) -> str:
     return notebook_table(result.headline(), *problem_plan_rows(result))
 
 
-def problem_plan_plot(found: ProblemPlan, ax: Any = None, kind: str = "counts") -> Any:
-    """Draw how often each candidate is measured, or how well the plan predicts.
+def problem_plan_plot(
+    found: ProblemPlan, ax: Any = None, kind: str = "counts", **options: Any
+) -> Any:
+    """Draw how often each candidate is measured, or what the plan tells.
 
     Args:
         found: The plan.
         ax: Axes to draw into.
-        kind: "counts", or "fds" for the fraction of design space.
+        kind: "counts", or a picture that all designs have, see `KINDS`: "fds" for the fraction of
+            design space, "variance" of predictions over one factor or two, "power", "correlation",
+            "alias", "efficiencies" under other criteria, "sizes" for other numbers of experiments.
+        options: Further arguments of the picture, such as `factors=("dose", "time")`.
 
     Returns:
         The axes.
@@ -115,13 +115,7 @@ def problem_plan_plot(found: ProblemPlan, ax: Any = None, kind: str = "counts") 
     Raises:
         ArgumentError: There is no such picture.
     """
-    if kind not in PICTURES:
-        message = f"expected one of {', '.join(PICTURES)}"
-        raise ArgumentError(message, argument="kind", given=kind)
-    ax = panels(ax, 1, 1, (7.0, 3.6))[0, 0]
-    PICTURES[kind](found, ax)
-    ax.set_title(plain(found.headline()), fontsize=10)
-    return ax
+    return draw(found, kind, {"counts": _draw_counts}, ax, options)
 
 
 def _draw_counts(found: ProblemPlan, ax: Any) -> None:
@@ -133,56 +127,3 @@ def _draw_counts(found: ProblemPlan, ax: Any) -> None:
     ax.set_xlabel("candidate")
     ax.set_ylabel("experiments")
     ax.yaxis.get_major_locator().set_params(integer=True)
-
-
-def _draw_fds(found: ProblemPlan, ax: Any) -> None:
-    """Variances of predictions at all candidates in order, over their fraction.
-
-    The variance at a candidate of rows A is ``trace(A cov A')``, the sum over its rows, in units of
-    the noise (Zahran, Anderson-Cook and Myers, Journal of Quality Technology 35, 2003).
-    """
-    variances = np.sort(prediction_variances(found))
-    fraction = (np.arange(len(variances)) + 0.5) / len(variances)
-    middle = float(np.median(variances))
-    ax.plot(fraction, variances)
-    ax.axhline(middle, linewidth=0.8, linestyle="--", color="0.5")
-    ax.annotate(f"median {middle:.3g}, largest {variances[-1]:.3g}", (0.02, middle), va="bottom")
-    ax.set_xlabel("fraction of the candidates")
-    ax.set_ylabel("variance of prediction / variance of noise")
-    ax.set_xlim(0, 1)
-    ax.set_ylim(bottom=0)
-
-
-def prediction_variances(found: ProblemPlan) -> Array:
-    """Variances (n,) of what a plan predicts at each candidate, in units of the noise.
-
-    Raises:
-        ArgumentError: The plan leaves parameters open.
-    """
-    if found.block_counts is not None or found.elsewhere:
-        message = "blocks and experiments kept elsewhere are no candidates; expected counts alone"
-        raise ArgumentError(message, argument="kind")
-    problem = found.problem
-    root = np.linalg.qr(_measured_rows(found), mode="r")
-    if np.linalg.matrix_rank(root) < problem.p:
-        raise ArgumentError("the plan leaves parameters open", argument="kind", given="fds")
-    A = problem.factors()
-    solved = solve_triangular(root, A.reshape(-1, problem.p).T, trans="T")
-    return np.asarray(np.square(solved).sum(axis=0).reshape(A.shape[:2]).sum(axis=1))
-
-
-def _measured_rows(found: ProblemPlan) -> Array:
-    """Rows of all experiments of a plan, each times the root of its count; and the prior's."""
-    problem = found.problem
-    chosen = found.support
-    A = problem.factors(chosen) * np.sqrt(found.counts[chosen])[:, None, None]
-    rows = [A.reshape(-1, problem.p)]
-    if problem.prior is not None:
-        rows.append(np.sqrt(found.size) * root_of(problem.prior))
-    return np.concatenate(rows)
-
-
-PICTURES: dict[str, Callable[[ProblemPlan, Any], None]] = {
-    "counts": _draw_counts,
-    "fds": _draw_fds,
-}

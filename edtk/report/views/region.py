@@ -8,6 +8,7 @@ from edtk.design.enclosure.prove_region import ProvedRegion
 from edtk.design.exact.plan_region import RegionPlan
 from edtk.design.region import Region
 from edtk.design.relaxation.relaxed_region import RelaxedRegion
+from edtk.report.draw.designs import draw
 from edtk.report.draw.plans import design_stems
 from edtk.report.figures import BLUE, panels
 from edtk.report.shown import plain
@@ -80,11 +81,19 @@ def relaxed_region_notebook(result: RelaxedRegion) -> str:
     return notebook_table(result.headline(), *region_rows(result), region_bounds(result))
 
 
-def relaxed_region_plot(found: RelaxedRegion, ax: Any = None) -> Any:
+def relaxed_region_plot(
+    found: RelaxedRegion, ax: Any = None, kind: str = "theorem", **options: Any
+) -> Any:
     """Draw the sensitivity over a region of one or two variables, and the points of the design.
 
     The sensitivity is in parts of the largest. At an optimum it is one at the design's points and
     nowhere larger. Where several multipliers prove the bound, the largest of theirs is drawn.
+
+    Args:
+        found: The design.
+        ax: Axes to draw into.
+        kind: "theorem", or a picture that all designs have, see `problem_plan_plot`.
+        options: Further arguments of that picture.
 
     Returns:
         The axes.
@@ -92,13 +101,17 @@ def relaxed_region_plot(found: RelaxedRegion, ax: Any = None) -> Any:
     Raises:
         UserError: The region has more than two variables.
     """
-    ax = over_region(found, found.points, found.weights, "weight", ax)
+    return draw(found, kind, {"theorem": _theorem}, ax, options)
+
+
+def _theorem(found: RelaxedRegion, ax: "Axes") -> None:
+    """The points of weights over their sensitivity."""
+    over_region(found, found.points, found.weights, "weight", ax)
     ax.set_title(
         f"{plain(found.criterion.label)} = {found.value:.5g}, bound {found.bound:.5g} "
         f"({found.kind.value})",
         fontsize=10,
     )
-    return ax
 
 
 def over_region(
@@ -192,8 +205,14 @@ def region_plan_notebook(result: RegionPlan) -> str:
     return notebook_table(result.headline(), *plan_rows(result), [plan_bound(result)])
 
 
-def region_plan_plot(plan: RegionPlan, ax: Any = None) -> Any:
+def region_plan_plot(plan: RegionPlan, ax: Any = None, kind: str = "points", **options: Any) -> Any:
     """Draw the points of a plan over the sensitivity of the relaxation that bounds it.
+
+    Args:
+        plan: The plan.
+        ax: Axes to draw into.
+        kind: "points", or a picture that all designs have, see `problem_plan_plot`.
+        options: Further arguments of that picture.
 
     Returns:
         The axes.
@@ -201,10 +220,14 @@ def region_plan_plot(plan: RegionPlan, ax: Any = None) -> Any:
     Raises:
         UserError: The region has more than two variables.
     """
-    ax = over_region(plan.relaxed, plan.points, plan.counts / plan.size, "share", ax)
+    return draw(plan, kind, {"points": _plan_points}, ax, options)
+
+
+def _plan_points(plan: RegionPlan, ax: "Axes") -> None:
+    """The points of a plan over the sensitivity of the weights."""
+    over_region(plan.relaxed, plan.points, plan.counts / plan.size, "share", ax)
     ax.set_title(
         f"{plan.size} experiments: {plain(plan.criterion.label)} = {plan.value:.5g}, bound "
         f"{plan.bound:.5g}",
         fontsize=10,
     )
-    return ax

@@ -11,8 +11,9 @@ from edtk.design.problems import DescribedProblem
 from edtk.design.relaxation.proof import is_normalised
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.report.draw.bars import weight_bars
+from edtk.report.draw.designs import draw
 from edtk.report.draw.plans import design_stems
-from edtk.report.figures import BLUE, panels
+from edtk.report.figures import BLUE
 from edtk.report.shown import plain
 from edtk.report.tables import notebook_table, text_table
 from edtk.report.views.problem import candidate_columns
@@ -54,7 +55,13 @@ def relaxation_notebook(result: Relaxation) -> str:
     return notebook_table(result.headline(), *relaxation_rows(result))
 
 
-def relaxation_plot(found: Relaxation, ax: Any = None, x: ArrayLike | str | None = None) -> Any:
+def relaxation_plot(
+    found: Relaxation,
+    ax: Any = None,
+    x: ArrayLike | str | None = None,
+    kind: str = "theorem",
+    **options: Any,
+) -> Any:
     """Draw the sensitivities of all candidates, and a stem of its weight at each that has some.
 
     Sensitivities are in parts of the largest. By the equivalence theorem an optimal design has
@@ -68,6 +75,8 @@ def relaxation_plot(found: Relaxation, ax: Any = None, x: ArrayLike | str | None
         x: What to draw over: a number for each candidate (n,), or the name of a column of the data
             frame that the candidates came from. Defaults to its only column of numbers, or else to
             the candidates' numbers from zero.
+        kind: "theorem", or a picture that all designs have, see `problem_plan_plot`.
+        options: Further arguments of that picture.
 
     Returns:
         The axes.
@@ -75,7 +84,12 @@ def relaxation_plot(found: Relaxation, ax: Any = None, x: ArrayLike | str | None
     Raises:
         ArgumentError: x is not such.
     """
-    ax = panels(ax, 1, 1, (7.0, 3.6))[0, 0]
+    given = options if x is None else {"x": x, **options}
+    return draw(found, kind, {"theorem": _theorem}, ax, given)
+
+
+def _theorem(found: Relaxation, ax: "Axes", x: ArrayLike | str | None = None) -> None:
+    """The sensitivities with the weights, or the weights alone."""
     if found.problem is None:
         names = [str(i) for i in found.support]
         weight_bars(found.weights[found.support], names, "candidate", ax)
@@ -86,7 +100,6 @@ def relaxation_plot(found: Relaxation, ax: Any = None, x: ArrayLike | str | None
         f"({found.proved_bound.kind.value})",
         fontsize=10,
     )
-    return ax
 
 
 def _sensitivities(

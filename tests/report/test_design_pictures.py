@@ -1,0 +1,212 @@
+"""Pictures of designs: each has the numbers of arithmetic done in another way."""
+
+import itertools
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib import pyplot
+from scipy.integrate import quad
+from scipy.stats import chi2, norm, t
+
+import edtk
+from edtk.design.exact.model_design import ModelDesign
+from edtk.system.errors import ArgumentError, UserError
+
+X = np.linspace(-1.0, 1.0, 41)
+PARABOLA = edtk.Problem(np.vander(X, 3)[:, None, :])
+LEVELS = pd.DataFrame(itertools.product([-1.0, 1.0], repeat=5), columns=list("ABCDE"))
+SCREEN = edtk.Problem.from_frame(LEVELS, "A + B + C + D + E")
+ENZYME = edtk.Region.of_model("V * s / (K + s)", {"V": 2.0, "K": 1.0}, {"s": (0, 4)}, sigma=0.1)
+
+
+class Hidden(edtk.criteria.Criterion):
+    """A criterion that cannot be relaxed."""
+
+    name = "hidden"
+    title = "Hidden"
+    formula = "trace(cov)"
+    sense = "min"
+    degree = 1.0
+
+    def _cost(self, M, cov):
+        return np.trace(cov, axis1=-2, axis2=-1)
+
+    def _gradient(self, M, cov):
+        return -cov @ cov
+
+
+@pytest.fixture(scope="module")
+def designs():
+    """A design of each kind."""
+    return {
+        "plan": edtk.plan(PARABOLA, size=6, starts=2),
+        "weights": edtk.relax(PARABOLA, "A"),
+        "screen": edtk.plan(SCREEN, size=8, starts=4),
+        "region": edtk.plan(ENZYME, size=5, starts=4),
+        "relaxed": edtk.relax(ENZYME, "D"),
+    }
+
+
+@pytest.fixture(autouse=True)
+def _closed():
+    """No picture stays open."""
+    yield
+    pyplot.close("all")
+
+
+def test_variance_over_a_factor_is_that_of_the_formula(designs):
+    """The curve of a region is ``g' inv(M) g``, with the derivatives g of the model by hand."""
+    plan = designs["region"]
+    line = plan.plot(kind="variance").lines[0]
+    s, shown = line.get_data()
+    g = np.stack([s / (1 + s), -2 * s / (1 + s) ** 2], axis=-1) / 0.1
+    p = plan.points[:, 0]
+    rows = np.stack([p / (1 + p), -2 * p / (1 + p) ** 2], axis=-1) / 0.1
+    cov = np.linalg.inv(rows.T @ (plan.counts[:, None] * rows))
+    np.testing.assert_allclose(shown, np.einsum("ip,pq,iq->i", g, cov, g), rtol=1e-7)
+
+
+def test_variance_over_a_frame_goes_between_its_rows(designs):
+    """Between the levels of a screening design the variance is ``(1 + sum of squares) / 8``."""
+    ax = designs["screen"].plot(kind="variance", factors="B", at={"A": 0.5})
+    b, shown = ax.lines[0].get_data()
+    np.testing.assert_allclose(shown, (1 + 0.25 + b**2) / 8, rtol=1e-12)
+    assert designs["screen"].plot(kind="variance", factors=("A", "E")).get_ylabel() == "E"
+
+
+def test_variances_of_weights_are_those_of_one_experiment(designs):
+    """Of arrays they are drawn over what is given for x, times the number of experiments."""
+    found = designs["weights"]
+    x, shown = found.plot(kind="variance", x=X).lines[0].get_data()
+    cov = np.linalg.inv(PARABOLA.information(found.weights))
+    rows = np.vander(x, 3)
+    np.testing.assert_allclose(shown, np.einsum("ip,pq,iq->i", rows, cov, rows), rtol=1e-9)
+
+
+@pytest.mark.parametrize(("name", "freedom"), [("screen", 2), ("region", 3)])
+def test_power_is_that_of_the_t_test(designs, name, freedom):
+    """It is the mean, over the estimate of the noise, of both tails of a normal estimate."""
+    seen = ModelDesign.of(designs[name])
+    deviations = np.sqrt(np.diag(seen.covariance))
+    assert seen.freedom == freedom
+    edge = t.isf(0.025, freedom)
+
+    def both_tails(v, edge, shift):
+        limit = edge * np.sqrt(v / freedom)
+        return (norm.sf(limit - shift) + norm.cdf(-limit - shift)) * chi2.pdf(v, freedom)
+
+    for line, deviation in zip(
+        designs[name].plot(kind="power").lines, deviations[: seen.p], strict=True
+    ):
+        effect, power = line.get_data()
+        shift = effect[60] / deviation
+        mean, _ = quad(both_tails, 0, 99, args=(edge, shift), epsabs=1e-12, epsrel=1e-11)
+        assert power[60] == pytest.approx(mean, abs=1e-9)
+
+
+def test_power_without_freedom_takes_the_noise_for_known():
+    """Three experiments of a parabola leave nothing for the noise: the test is that of Gauss."""
+    seen = ModelDesign.of(edtk.plan(PARABOLA, size=3, starts=1))
+    assert seen.freedom == 0
+    deviation = np.sqrt(seen.covariance[0, 0])
+    both = norm.sf(1.959963984540054 - 2 / deviation) + norm.cdf(-1.959963984540054 - 2 / deviation)
+    assert seen.powers(np.array([2.0]))[0, 0] == pytest.approx(both, rel=1e-12)
+    assert seen.powers(np.array([0.0]))[0, 0] == 0.05
+
+
+def test_aliases_of_a_fraction_are_its_words(designs):
+    """A quarter of 2^5 in eight runs: each product is a factor, another product, or nothing."""
+    plan = designs["screen"]
+    names, bias = ModelDesign.of(plan).aliases()
+    runs = LEVELS.to_numpy()[plan.experiments]
+    by_hand = np.stack(
+        [
+            [
+                np.mean(column * runs[:, i] * runs[:, j])
+                for i, j in itertools.combinations(range(5), 2)
+            ]
+            for column in [np.ones(8), *runs.T]
+        ]
+    )
+    np.testing.assert_allclose(bias, by_hand, atol=1e-12)
+    assert names[0] == "A B"
+    told, sizes = ModelDesign.of(plan).correlations()
+    assert told == (*"ABCDE", *names)
+    np.testing.assert_allclose(np.abs(sizes[:5, 5:]), np.abs(by_hand[1:]), atol=1e-12)
+    assert plan.plot(kind="correlation").images[0].get_array().shape == (15, 15)
+    assert plan.plot(kind="alias").images[0].get_array().shape == (6, 10)
+
+
+def test_terms_beyond_may_be_given(designs):
+    """Beside a parabola at -1, 0 and 1 a cube looks like a slope."""
+    _, bias = ModelDesign.of(designs["weights"]).aliases({"x^3": X**3})
+    np.testing.assert_allclose(bias[:, 0], [0.0, 1.0, 0.0], atol=1e-6)
+    _, of_region = ModelDesign.of(designs["region"]).aliases(lambda s: s**0)
+    assert of_region.shape == (2, 1)
+
+
+def test_efficiencies_are_bounds_over_costs(designs):
+    """Of a plan under D, A and the largest variance: against relaxations and Kiefer's p."""
+    plan = designs["plan"]
+    seen = ModelDesign.of(plan)
+    told = {name: seen.efficiency(one) for name, one in seen.other_criteria().items()}
+    cov = np.linalg.inv(PARABOLA.information(plan.counts))
+    assert told["D"] == pytest.approx(plan.efficiency, rel=1e-9)
+    assert told["A"] == pytest.approx(edtk.relax(PARABOLA, "A").bound / 6 / np.trace(cov), rel=1e-9)
+    rows = np.vander(X, 3)
+    largest = np.einsum("ip,pq,iq->i", rows, cov, rows).max()
+    assert told["prediction_G"] == pytest.approx(3 / 6 / largest, rel=1e-9)
+    bars = plan.plot(kind="efficiencies", criteria=["A", "E"]).patches
+    assert bars[0].get_width() == pytest.approx(100 * told["A"])
+    assert [name for name, e in told.items() if not 0 < e <= 1 + 1e-9] == []
+
+
+def test_the_curve_over_sizes_has_plans_above_bounds(designs):
+    """For the cost: three experiments of D reach the bound, four do not."""
+    for name in ("plan", "region", "weights"):
+        bounds, values, *own = designs[name].plot(kind="sizes", sizes=[3, 4, 6]).lines
+        sign = 1 if name == "weights" else -1
+        assert (sign * values.get_ydata() >= sign * bounds.get_ydata() * (1 - sign * 1e-9)).all()
+        assert len(own) == (name != "weights")
+    kept = edtk.next(PARABOLA, [7, 7], 3, criterion="A")
+    assert kept.plot(kind="sizes", sizes=[4, 5]).lines[1].get_ydata()[1] == pytest.approx(
+        kept.value
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "words"),
+    [
+        ("plan", {"kind": "pie"}, "kind pie: expected one of counts, fds, variance, power"),
+        ("relaxed", {"kind": "pie"}, "kind pie: expected one of theorem, fds"),
+        ("plan", {"kind": "fds", "factors": "x"}, "factors: this picture takes no further"),
+        ("region", {"kind": "variance", "factors": "t"}, "factors t: expected one or two of s"),
+        ("region", {"kind": "variance", "at": {"t": 1}}, "at t: expected values of s"),
+        ("screen", {"kind": "variance", "at": {"t": 1}}, "at t: expected values of A, B"),
+        ("plan", {"kind": "variance", "x": [1, 2]}, "x: expected one number or two for each of 41"),
+        ("weights", {"kind": "power"}, "size: weights stand for a number"),
+        ("plan", {"kind": "power", "parameters": ["z"]}, "parameters z: expected some of k1"),
+        ("plan", {"kind": "power", "level": 2}, "level 2: expected between 0 and 1"),
+        ("plan", {"kind": "alias", "beyond": [[1.0]]}, r"beyond: expected columns \(n, q\) of 41"),
+        ("region", {"kind": "alias"}, "beyond: the model has all products"),
+        (
+            "plan",
+            {"kind": "efficiencies", "criteria": [Hidden()]},
+            "criteria: hidden has no convex form",
+        ),
+        ("plan", {"kind": "sizes", "sizes": [0]}, "sizes 0: expected a whole number, 1 or more"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(designs, name, options, words):
+    """One line names the argument."""
+    with pytest.raises(ArgumentError, match=words):
+        designs[name].plot(**options)
+
+
+def test_blocks_have_no_such_pictures():
+    """Their effects would have to be known."""
+    slopes = edtk.Problem(np.stack([X, X**2], axis=-1)[:, None, :])
+    plan = edtk.plan(slopes, blocks=(3, 3), starts=1)
+    with pytest.raises(UserError, match="blocks and experiments kept elsewhere"):
+        plan.plot(kind="fds")
