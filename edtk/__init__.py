@@ -36,7 +36,9 @@ if TYPE_CHECKING:
     from edtk.cell.plan_check import PlanCheck as PlanCheck
     from edtk.certificate.verify_certificate import Verification as Verification
     from edtk.design.bound import Bound as Bound
+    from edtk.design.errors import Errors as Errors
     from edtk.design.exact.apportion import apportion as apportion
+    from edtk.design.exact.arranged.arranged_plan import ArrangedPlan as ArrangedPlan
     from edtk.design.exact.counts.problem_plan import ProblemPlan as ProblemPlan
     from edtk.design.exact.exact_plan import ExactPlan as ExactPlan
     from edtk.design.exact.exchange import exchange as exchange
@@ -136,8 +138,10 @@ _HOME = {
     # any linear(ised) model
     "Problem": "edtk.design.problem",
     "Region": "edtk.design.region",
+    "Errors": "edtk.design.errors",
     "several_models": "edtk.design.problems",
     "Relaxation": "edtk.design.relaxation.relaxation",
+    "ArrangedPlan": "edtk.design.exact.arranged.arranged_plan",
     "ProblemPlan": "edtk.design.exact.counts.problem_plan",
     "RelaxedRegion": "edtk.design.relaxation.relaxed_region",
     "RegionPlan": "edtk.design.exact.plan_region",

@@ -9,6 +9,7 @@ from edtk.system.presented import Presented
 # The page of `edtk.report.views` that shows a result. It holds `exact_plan_text`, and where there
 # are a table and a picture `exact_plan_notebook` and `exact_plan_plot`.
 PAGES = {
+    "arranged_plan": "problem",
     "calibration": "calibration",
     "compensation": "compensation",
     "corrected_program": "compensation",

@@ -14,6 +14,7 @@ from edtk.verbs.inputs import CriterionLike, PlanLike, StudyLike
 from edtk.verbs.question import FIXED, PlanCall, Question
 
 if TYPE_CHECKING:
+    from edtk.design.errors import Errors
     from edtk.design.exact.counts.problem_plan import ProblemPlan
     from edtk.design.exact.plan_region import RegionPlan
 
@@ -60,6 +61,7 @@ def plan(
     cost_budget: float | None = None,
     blocks: Sequence[int] | None = None,
     block_variance: float = ...,
+    errors: "Errors | None" = None,
     prove: float | None = None,
     out: Path | str | None = None,
     certificate: Path | str | None = None,
@@ -94,6 +96,7 @@ def plan(
     cost_budget: float | None = None,
     blocks: Sequence[int] | None = None,
     block_variance: float = FIXED,
+    errors: "Errors | None" = None,
     prove: float | None = None,
     candidates: int | None = None,
     keep: PlanLike | ArrayLike | Problem | None = None,
@@ -151,6 +154,9 @@ def plan(
             of its own on all its readings. It is nuisance: only what differs within blocks counts.
         block_variance: Variance of random effects of blocks, in units of the noise; infinite, the
             default, are fixed effects, of which nothing is known.
+        errors: How the errors of the runs hang together (`edtk.Errors`): split plots and other
+            strata, series in time or space, trends. The plan is an order of runs then, the best
+            under generalised least squares; of the other options it takes `starts`.
 
         distinct: Distinct new poses at most; defaults to p(p+1)/2 + 1 for p parameters.
         exclude: A plan (CSV file) of poses to stay away from.
@@ -216,6 +222,7 @@ def plan(
         cost_budget=cost_budget,
         blocks=blocks,
         block_variance=None if block_variance == FIXED else block_variance,
+        errors=errors,
         prove=prove,
         candidates=candidates,
         distinct=distinct,

@@ -9,7 +9,9 @@ from numpy.typing import ArrayLike
 
 import criteria
 from edtk.design.enclosure.prove_region import prove_region
+from edtk.design.errors import Errors
 from edtk.design.exact import plan_region as exact
+from edtk.design.exact.arranged.find_arranged import find_arranged
 from edtk.design.exact.counts.find_counts import find_counts
 from edtk.design.exact.counts.limits import ROUNDING, Limits
 from edtk.design.exact.counts.problem_plan import ProblemPlan
@@ -72,6 +74,7 @@ def plan_problem(
     cost_budget: float | None = None,
     blocks: Sequence[int] | None = None,
     block_variance: float = np.inf,
+    errors: Errors | None = None,
     prove: float | None = None,
     progress: Callable[[str, float], object] = lambda label, cost: None,
 ) -> ProblemPlan:
@@ -88,6 +91,20 @@ def plan_problem(
         raise ArgumentError("expected a whole number", argument="size", given=size)
     seed = whole_number(seed, "seed", 0)
     starts = None if starts is None else whole_number(starts, "starts", 1)
+    if errors is not None:
+        beside: dict[str, object] = {
+            "keep": keep,
+            "most": most,
+            "costs": costs,
+            "cost_budget": cost_budget,
+        }
+        beside |= {"blocks": blocks, "prove": prove}
+        _require_arranged(errors, problem, beside)
+        m = errors.size_of(size)
+        if m > MOST_PLACES:
+            message = f"plans of more than {MOST_PLACES} runs are not searched for"
+            raise ArgumentError(message, argument="size", given=m)
+        return find_arranged(problem, criterion, errors, m, seed, starts, progress)
     sizes = _block_sizes(blocks, block_variance, keep, problem)
     if sizes and size is None:
         size = sum(sizes)
@@ -117,6 +134,19 @@ def plan_problem(
         prove=None if prove is None else seconds_for(prove),
         known=known,
     )
+
+
+def _require_arranged(errors: object, problem: Problem, beside: dict[str, object]) -> None:
+    """Check that a plan of runs in order is asked for, and nothing that it does not know."""
+    if not isinstance(errors, Errors):
+        message = "expected a structure of errors, such as edtk.Errors.split_plot('oven', 6)"
+        raise ArgumentError(message, argument="errors")
+    for argument, given in beside.items():
+        if given is not None:
+            raise ArgumentError("not for plans with a structure of errors", argument=argument)
+    if not isinstance(problem.kept, Rows) or _are_not_as_measured(problem.kept.A):
+        message = "errors need the rows of all candidates as measured, as many of each, at most p"
+        raise ArgumentError(message, argument="errors")
 
 
 def _block_sizes(

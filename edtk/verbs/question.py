@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Union
 from edtk.system.errors import ArgumentError
 
 if TYPE_CHECKING:
+    from edtk.design.errors import Errors
     from edtk.design.exact.counts.problem_plan import ProblemPlan
     from edtk.design.exact.exact_plan import ExactPlan
     from edtk.design.exact.plan_region import RegionPlan
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from edtk.verbs.inputs import CriterionLike, StudyLike
 
 FIXED = float("inf")  # variance of effects of blocks of which nothing is known
-OF_PROBLEMS = ("starts", "most", "costs", "blocks", "block_variance")
+OF_PROBLEMS = ("starts", "most", "costs", "blocks", "block_variance", "errors")
 OF_WORKERS = ("workers", "dask")
 OF_STUDIES = (
     "distinct",
@@ -118,6 +119,7 @@ class PlanCall:
     cost_budget: float | None = None
     blocks: Sequence[int] | None = None
     block_variance: float | None = None
+    errors: "Errors | None" = None
     prove: float | None = None
     candidates: int | None = None
     distinct: int | None = None

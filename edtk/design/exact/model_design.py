@@ -1,7 +1,7 @@
 """Designs of all kinds for a linear(ised) model, seen as rows: what they tell and predict."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 from typing import Any
@@ -12,6 +12,7 @@ from scipy.stats import chi2, f, ncf, ncx2, qmc
 
 import criteria
 from criteria import Criterion, Relaxable
+from edtk.design.exact.arranged.arranged_plan import ArrangedPlan
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.plan_region import RegionPlan
 from edtk.design.information import Known
@@ -78,6 +79,7 @@ class ModelDesign:
         known: What is known beside them, shared by `size` experiments; None for nothing.
         kept: Number of experiments at hand that are none of the support.
         chosen: Numbers (k,) of the support among the candidates; None in a region.
+        turned: Rows (k, p) of all runs, whitened, where their errors hang together.
     """
 
     criterion: Criterion
@@ -88,6 +90,7 @@ class ModelDesign:
     known: Known | None
     kept: int = 0
     chosen: Indices | None = None
+    turned: Array | None = None
 
     @classmethod
     def of(cls, design: Design) -> "ModelDesign":
@@ -111,7 +114,8 @@ class ModelDesign:
             raise UserError(
                 "blocks and experiments kept elsewhere are no candidates; expected counts alone"
             )
-        return cls.of_counts(problem, design.criterion, design.counts, design.size)
+        found = cls.of_counts(problem, design.criterion, design.counts, design.size)
+        return replace(found, turned=design.turned) if isinstance(design, ArrangedPlan) else found
 
     @classmethod
     def of_counts(
@@ -161,7 +165,7 @@ class ModelDesign:
     def rows(self) -> Array:
         """Rows F (k, p) with ``F'F = M``: each times the root of its count, and what is known."""
         A = self.support.rows * np.sqrt(self.counts)[:, None, None]
-        parts = [A.reshape(-1, self.p)]
+        parts = [A.reshape(-1, self.p) if self.turned is None else self.turned]
         if self.known is not None:
             # Weights are of one experiment, and new experiments share what is known.
             parts.append(np.sqrt(float(self.counts.sum())) * self.known.root)
@@ -239,7 +243,13 @@ class ModelDesign:
         return np.asarray(np.where(lam > 0, power, level))
 
     def efficiency(self, criterion: Criterion) -> float:
-        """``bound / cost`` against every design of as many experiments on this model."""
+        """``bound / cost`` against every design of as many experiments on this model.
+
+        Raises:
+            UserError: The errors of the runs hang together, so that weights have no bound.
+        """
+        if self.turned is not None:
+            raise UserError("plans whose errors have a structure are compared by their own bound")
         new = 1.0 if self.size is None else float(self.size - self.kept)
         return self._least(criterion, new) * new**-criterion.degree / self.cost(criterion)
 

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from edtk.design.bound import BoundKind
+from edtk.design.exact.arranged.arranged_plan import ArrangedPlan
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.problem import Problem
 from edtk.design.problems import DescribedProblem
@@ -64,6 +65,12 @@ def problem_notebook(result: Problem) -> str:
 
 def problem_plan_text(found: ProblemPlan) -> str:
     """Value, bound, search, and a line for each candidate that is measured."""
+    experiments = f"{found.size} experiment{'' if found.size == 1 else 's'}"
+    return _plan_text(found, experiments, *problem_plan_rows(found))
+
+
+def _plan_text(found: ProblemPlan, size: str, header: list[str], rows: list[list[str]]) -> str:
+    """Value, bound, search, and a table."""
     believed = found.lower_bound.kind is BoundKind.SOLVED
     proved = "by a solver's word" if believed else "proved"
     bound = (
@@ -71,14 +78,33 @@ def problem_plan_text(found: ProblemPlan) -> str:
         if found.lower_bound.cost
         else found.basis
     )
-    experiments = f"{found.size} experiment{'' if found.size == 1 else 's'}"
     spent = "" if found.spent is None else f"The new experiments cost {found.spent:g}.\n"
     return (
         f"{found.criterion.label} ({found.criterion.formula}): {found.value:.7g}, {bound}\n"
-        f"{experiments}; {found.found} of {found.starts} starts led to a plan as good "
+        f"{size}; {found.found} of {found.starts} starts led to a plan as good "
         f"({ENDED[found.ended]})\n{spent}"
-        f"{text_table(*problem_plan_rows(found))}"
+        f"{text_table(header, rows)}"
     )
+
+
+def arranged_plan_text(found: ArrangedPlan) -> str:
+    """Value, bound, search, and a line for each run in order."""
+    words = f"{found.size} runs in {found.structure.errors.headline()}"
+    return _plan_text(found, words, *arranged_plan_rows(found))
+
+
+def arranged_plan_rows(found: ArrangedPlan) -> tuple[list[str], list[list[str]]]:
+    """Header and rows: run, counted from 1, the groups that it is in, and its candidate."""
+    columns = candidate_columns(found.problem, found.places)
+    groups = {name: [str(i) for i in own] for name, own in found.groups.items()}
+    runs = [str(i + 1) for i in range(found.size)]
+    cells = zip(runs, *groups.values(), *columns.values(), strict=True)
+    return ["run", *groups, *columns], [list(row) for row in cells]
+
+
+def arranged_plan_notebook(result: ArrangedPlan) -> str:
+    """The rows of the text."""
+    return notebook_table(result.headline(), *arranged_plan_rows(result))
 
 
 def problem_plan_rows(found: ProblemPlan) -> tuple[list[str], list[list[str]]]:

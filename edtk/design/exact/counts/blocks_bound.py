@@ -139,7 +139,7 @@ class BlockQuadratic:
         found = np.unique(self.improved(starts), axis=0)
         values = self.values(found)
         order = np.argsort(-values, kind="stable")
-        upper, better = self._proved(float(values[order[0]]))
+        upper, better = self.proved(float(values[order[0]]))
         found = found[order[:JOINING]]
         value = float(values[order[0]])
         if better is not None:
@@ -147,7 +147,7 @@ class BlockQuadratic:
             value = float(self.values(better[None])[0])
         return BestBlock(max(upper, value), value, found)
 
-    def _proved(self, known: float) -> tuple[float, Indices | None]:
+    def proved(self, known: float) -> tuple[float, Indices | None]:
         """What no block is above, and a block that is better than a known one, if there is any.
 
         Blocks grow by one place after another, in rising order of candidates, all blocks of as many

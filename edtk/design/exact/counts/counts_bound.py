@@ -112,7 +112,7 @@ def beside_blocks(problem: Problem, criterion: Criterion, limits: Limits) -> Que
     free = replace(limits, blocks=())
     n, r, p = problem.factors().shape
     try:
-        beside = _of_interest(criterion, p, r)
+        beside = of_interest(criterion, p, r)
     except CriterionError:
         # Without blocks plans tell more: a bound on them is one here, if a weaker one.
         return problem, criterion, free
@@ -127,7 +127,7 @@ def beside_blocks(problem: Problem, criterion: Criterion, limits: Limits) -> Que
     return Problem(rows), beside, replace(free, base=base)
 
 
-def _of_interest(criterion: Relaxable, p: int, r: int) -> Interest:
+def of_interest(criterion: Relaxable, p: int, r: int) -> Interest:
     """The criterion of p parameters, beside r of nuisance."""
     base = criterion
     K = np.eye(p)

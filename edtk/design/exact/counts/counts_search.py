@@ -279,7 +279,7 @@ class CountsSearch:
         most = MOST_WAVES * self.pricing.wave if starts is None else starts
         # A wave of long searches shall not hold more starts than are worth it.
         wave = min(self.pricing.wave, patience) if starts is None else self.pricing.wave
-        record = _Record()
+        record = Record()
         ended = "starts"
         try:
             while record.starts < most:
@@ -318,7 +318,7 @@ class CountsSearch:
         affordable = EFFORT / pricing.effort(self.limits)
         return int(np.clip(affordable, LEAST_STARTS, pricing.patience))
 
-    def _is_settled(self, record: "_Record") -> bool:
+    def _is_settled(self, record: "Record") -> bool:
         """Whether long searches have most likely seen all optima that starts lead to.
 
         Of w optima that s starts have led to, the expected number of others is
@@ -330,7 +330,7 @@ class CountsSearch:
         w = record.optima
         return w * (w + 1) < UNSEEN * (len(record.drawn) - w - 2)
 
-    def _around(self, record: "_Record") -> Indices | None:
+    def _around(self, record: "Record") -> Indices | None:
         """The best plan (m,) so far where the next wave starts around it, as every other one does.
 
         Long searches of one start kick it themselves.
@@ -417,7 +417,7 @@ class CountsSearch:
         return np.where(np.isnan(costs), np.inf, costs)
 
 
-class _Record:
+class Record:
     """The best plan so far."""
 
     def __init__(self) -> None:

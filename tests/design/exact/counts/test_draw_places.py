@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edtk.design.exact.counts.counts_search import _Record, draw_places, kicked
+from edtk.design.exact.counts.counts_search import Record, draw_places, kicked
 from edtk.design.exact.counts.limits import Limits
 
 N = 12
@@ -66,7 +66,7 @@ def test_candidates_are_drawn_with_their_chances() -> None:
 
 def test_optima_are_counted_by_their_costs() -> None:
     """Costs that rounding alone sets apart are of one optimum; kicks of the best do not count."""
-    record = _Record()
+    record = Record()
     places = np.zeros((3, 1), dtype=int)
     record.enter((np.array([1.0, 1.0 + 1e-12, 2.0]), places), True)
     record.enter((np.array([3.0, np.inf, 4.0]), places), False)

@@ -1,0 +1,320 @@
+"""The search for the best arrangement of runs: exchanges of the settings of runs and of groups.
+
+A plan of the rows X tells ``M = X'W X`` with the precision W of its runs. Let g be some of them,
+and ``C = W_go X_o`` what the others o bring to them. With ``W_gg = L L'`` the plan whose runs g
+have other rows Y tells
+
+    M = R + F'F ,   F = L'Y + L^+ C ,   R = what the others alone tell.
+
+So an exchange of one run has rank one, and of a whole plot of k runs rank k: `exchange_costs`
+prices all alternatives without an inverse for each.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from criteria import Criterion
+from edtk.design.exact.arranged.settings import Move, Settings
+from edtk.design.exact.counts.counts_search import Record
+from edtk.design.exact.counts.prices import GAIN
+from edtk.design.exact.exchange_costs import exchange_costs
+from edtk.system.errors import UserError
+from edtk.system.time_limit import out_of_time
+from edtk.system.typing import Array, Indices
+
+# Part of the candidates' mean information that is added to every plan at first, so that a singular
+# start has prices: far below what a plan tells, far above rounding.
+RIDGE = 1e-6
+SWEEPS = 60  # over all moves, at most: some ten are usual
+AT_ONCE = 1_000_000  # entries of the matrices that are priced together
+WAVE = 24  # plans that are improved in step with each other
+KICKED = 0.15  # part of the moves of a plan that a kick draws anew; two at least
+WAVES = 4  # without an improvement after which a search ends; and as many as it took besides
+MOST_WAVES = 512
+EFFORT = 6e9  # products that waves without an improvement may take
+DRAWS = 200  # of a start, before candidates count as too few
+MOST_SWAPPED = 80  # runs up to which pairs of them are swapped
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """A move with what the precision says about its runs.
+
+    Attributes:
+        move: The move.
+        own: W_gg (k, k).
+        beside: Rows of W (k, m) of its runs.
+        root: L (k, q), ``L L' = W_gg``.
+        inverse: L^+ (q, k).
+    """
+
+    move: Move
+    own: Array
+    beside: Array
+    root: Array
+    inverse: Array
+
+    @classmethod
+    def of(cls, move: Move, W: Array) -> "_Block":
+        """The part of a precision W (m, m) that a move is about."""
+        own = W[np.ix_(move.runs, move.runs)]
+        r, V = np.linalg.eigh(own)
+        # Fixed effects leave directions of which the runs tell nothing.
+        told = r > 1e-12 * max(float(r[-1]), np.finfo(float).tiny)
+        root = V[:, told] * np.sqrt(r[told])
+        inverse = (V[:, told] / np.sqrt(r[told])).T
+        return cls(move, own, W[move.runs], root, inverse)
+
+
+@dataclass(frozen=True, eq=False)
+class FoundArrangement:
+    """The best plan of a search.
+
+    Attributes:
+        places: Candidates (m,) of its runs, in order.
+        cost: Its cost.
+        starts: Number of starts.
+        found: How many of them led to a plan as good.
+        ended: Why the search ended: "starts", "stagnation", "budget" or "interrupted".
+    """
+
+    places: Indices
+    cost: float
+    starts: int
+    found: int
+    ended: str
+
+
+@dataclass(frozen=True, eq=False)
+class ArrangedSearch:
+    """A search over arrangements, ready to run.
+
+    Attributes:
+        rows: Rows (n, r, p) of the candidates, in parameters of order one.
+        W: Precision (m, m) of the runs.
+        base: Information (p, p) that every plan has.
+        criterion: The criterion to minimise.
+        settings: Settings of the candidates, and the groups that keep them.
+    """
+
+    rows: Array
+    W: Array
+    base: Array
+    criterion: Criterion
+    settings: Settings
+
+    @property
+    def m(self) -> int:
+        """Number of runs."""
+        return len(self.W)
+
+    @cached_property
+    def blocks(self) -> list[_Block]:
+        """All moves."""
+        return [_Block.of(move, self.W) for move in self.settings.moves(self.m)]
+
+    @cached_property
+    def swaps(self) -> bool:
+        """Whether runs differ by more than the group they are in, so that their order matters."""
+        return self.m <= MOST_SWAPPED
+
+    def information(self, places: Indices) -> Array:
+        """Information (b, p, p) of plans (b, m)."""
+        X = self.rows[places]
+        return (
+            np.asarray(np.einsum("bsri,bsrj->bij", X, self._turned(X), optimize=True)) + self.base
+        )
+
+    def costs(self, M: Array) -> Array:
+        """Costs (...) of information (..., p, p); inf where it is singular."""
+        costs = np.asarray(self.criterion.plan_criterion.cost(M))
+        return np.where(np.isnan(costs), np.inf, costs)
+
+    def run(
+        self, seed: int, starts: int | None, progress: Callable[[int, float], object]
+    ) -> FoundArrangement:
+        """Search from so many starts, or until as many again as it took bring nothing better."""
+        record = Record()
+        ended = "starts"
+        most = MOST_WAVES * WAVE if starts is None else starts
+        try:
+            while record.starts < most:
+                size = min(WAVE, most - record.starts)
+                rng = np.random.default_rng((seed, record.waves))
+                kick = record.waves % 2 == 1
+                begin = self._kicked(rng, record, size) if kick else self.drawn(rng, size)
+                record.enter(self.improved(begin), not kick)
+                progress(record.starts, record.cost)
+                if out_of_time():
+                    ended = "budget"
+                    break
+                idle = record.starts - record.improved
+                if starts is None and idle >= max(self._patience(), record.starts // 2):
+                    ended = "stagnation"
+                    break
+        except KeyboardInterrupt:
+            if record.places is None:
+                raise
+            ended = "interrupted"
+        assert record.places is not None
+        return FoundArrangement(record.places, record.cost, record.starts, record.found, ended)
+
+    def improved(self, places: Indices) -> tuple[Array, Indices]:
+        """Costs (b,) and places (b, m) of plans that no move improves."""
+        p = self.base.shape[0]
+        places = self._descended(places, self.base + RIDGE * self.m * np.eye(p))
+        places = self._descended(places, self.base)
+        return self.costs(self.information(places)), places
+
+    def _patience(self) -> int:
+        """Starts without an improvement after which the search ends."""
+        p = self.base.shape[0]
+        priced = sum(block.root.shape[1] * len(block.move.options) for block in self.blocks)
+        effort = 10.0 * WAVE * priced * self.rows.shape[1] * p * p
+        return WAVE * int(np.clip(EFFORT / effort, 2, WAVES))
+
+    def drawn(self, rng: np.random.Generator, number: int) -> Indices:
+        """Plans (b, m) that are drawn at random.
+
+        Raises:
+            UserError: The candidates have no plan of this structure, as far as draws have seen.
+        """
+        found: list[Indices] = []
+        for _ in range(number * DRAWS):
+            drawn = self.settings.drawn(rng, self.m)
+            if drawn is not None:
+                found.append(drawn)
+            if len(found) == number:
+                return np.array(found)
+        raise UserError(
+            "no plan was found in which groups keep their hard-to-change settings: the candidates "
+            "do not have every setting of one stratum with those of the others"
+        )
+
+    def _kicked(self, rng: np.random.Generator, record: Record, number: int) -> Indices:
+        """The best plan so far (b, m), with some of its moves drawn at random."""
+        assert record.places is not None
+        places = np.tile(record.places, (number, 1))
+        each = np.arange(number)
+        several = max(2, round(KICKED * len(self.blocks)))
+        for _ in range(rng.integers(2, several + 1)):
+            move = self.blocks[rng.integers(len(self.blocks))].move
+            alternatives = self.settings.alternatives(move, places)
+            new = alternatives[each, rng.integers(len(move.options), size=number)]
+            fits = (new >= 0).all(axis=1)
+            places[np.ix_(each[fits], move.runs)] = new[fits]
+        return places
+
+    def _turned(self, X: Array) -> Array:
+        """W X (b, m, r, p)."""
+        b, m, r, p = X.shape
+        return np.asarray((self.W @ X.reshape(b, m, r * p)).reshape(b, m, r, p))
+
+    def _descended(self, places: Indices, base: Array) -> Indices:
+        """Plans (b, m) after exchanges, and swaps, as long as these improve them."""
+        places = places.copy()
+        left = np.arange(len(places))
+        for _ in range(SWEEPS):
+            own = places[left]
+            M = self.information(own) + (base - self.base)
+            costs = self.costs(M)
+            moved = np.zeros(len(left), dtype=bool)
+            for block in self.blocks:
+                moved |= self._exchange(block, own, M, costs)
+            if self.swaps and not moved.all():
+                still = np.flatnonzero(~moved)
+                part, part_M, part_costs = own[still], M[still], costs[still]
+                moved[still] = self._swap_all(part, part_M, part_costs)
+                own[still] = part
+            places[left] = own
+            left = left[moved]
+            if not len(left) or out_of_time():
+                break
+        return places
+
+    def _exchange(self, block: _Block, places: Indices, M: Array, costs: Array) -> Array:
+        """Make the best exchange of a move in each plan; which plans (b,) it has improved."""
+        move = block.move
+        alternatives = self.settings.alternatives(move, places)
+        X = self.rows[places]
+        b, _, r, p = X.shape
+        k = len(move.runs)
+        old = X[:, move.runs].reshape(b, k, r * p)
+        turned = block.beside @ X.reshape(b, -1, r * p)
+        others = turned - block.own @ old
+        rest = M - _joined(block.root.T @ old + block.inverse @ others, r, p)
+        reached = self._reached(block, alternatives, others, rest)
+        best = reached.argmin(axis=1)
+        each = np.arange(b)
+        least = reached[each, best]
+        better = least < costs * (1 - GAIN)
+        if better.any():
+            new = alternatives[each[better], best[better]]
+            places[np.ix_(each[better], move.runs)] = new
+            Y = self.rows[new].reshape(len(new), k, r * p)
+            F = block.root.T @ Y + block.inverse @ others[better]
+            M[better] = rest[better] + _joined(F, r, p)
+            costs[better] = least[better]
+        return better
+
+    def _reached(self, block: _Block, alternatives: Indices, others: Array, rest: Array) -> Array:
+        """Costs (b, S) of the alternatives of a move."""
+        b, S, k = alternatives.shape
+        r, p = self.rows.shape[1:]
+        q = block.root.shape[1]
+        center = block.inverse @ others
+        found = np.empty((b, S))
+        pieces = max(1, -(-b * S * max(p * p, q * r * p) // AT_ONCE))
+        for part in np.array_split(np.arange(S), min(pieces, S)):
+            Y = self.rows[alternatives[:, part]].reshape(b, len(part), k, r * p)
+            F = (block.root.T @ Y + center[:, None]).reshape(b, len(part), q * r, p)
+            joined = np.swapaxes(F, -1, -2) @ F
+            found[:, part] = exchange_costs(
+                self.criterion.plan_criterion, rest, joined, F, np.ones(b)
+            )
+        is_there = (alternatives >= 0).all(axis=-1)
+        return np.where(is_there & ~np.isnan(found), found, np.inf)
+
+    def _swap_all(self, places: Indices, M: Array, costs: Array) -> Array:
+        """Swap each run with the best other one, in each plan; which plans (b,) it has improved.
+
+        With ``d = x_t - x_s`` and ``g = (W X)_s - (W X)_t`` a swap of s and t adds
+        ``g'd + d'g + (W_ss - 2 W_st + W_tt) d'd``.
+        """
+        b = len(places)
+        each = np.arange(b)
+        moved = np.zeros(b, dtype=bool)
+        diagonal = np.diag(self.W)
+        for s in range(self.m):
+            X = self.rows[places]
+            turned = self._turned(X)
+            d = X - X[:, [s]]
+            g = turned[:, [s]] - turned
+            w = diagonal[s] - 2 * self.W[s] + diagonal
+            half = g + 0.5 * w[None, :, None, None] * d
+            step = np.einsum("btri,btrj->btij", half, d)
+            reached = self.costs(M[:, None] + step + np.swapaxes(step, -1, -2))
+            allowed = self.settings.may_swap(places, s)
+            reached = np.where(allowed & (places != places[:, [s]]), reached, np.inf)
+            best = reached.argmin(axis=1)
+            least = reached[each, best]
+            better = np.flatnonzero(least < costs * (1 - GAIN))
+            if len(better):
+                t = best[better]
+                first = places[better, s].copy()
+                places[better, s] = places[better, t]
+                places[better, t] = first
+                joined = step[better, t]
+                M[better] += joined + np.swapaxes(joined, -1, -2)
+                costs[better] = least[better]
+                moved[better] = True
+        return moved
+
+
+def _joined(F: Array, r: int, p: int) -> Array:
+    """F'F (b, p, p) of factors (b, q, r p)."""
+    rows = F.reshape(len(F), -1, p)
+    return np.asarray(np.swapaxes(rows, -1, -2) @ rows)

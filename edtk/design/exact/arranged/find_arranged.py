@@ -1,0 +1,191 @@
+"""The search for the best plan of runs whose errors have a structure, and its bound."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from time import monotonic
+
+import numpy as np
+
+from criteria import Criterion, Relaxable
+from edtk.design.bound import BLURRED, Bound, BoundKind
+from edtk.design.errors import Errors, RunErrors
+from edtk.design.exact.arranged.arranged_bound import ArrangedBound
+from edtk.design.exact.arranged.arranged_plan import ArrangedPlan
+from edtk.design.exact.arranged.arranged_search import ArrangedSearch
+from edtk.design.exact.arranged.settings import Settings
+from edtk.design.exact.counts.counts_bound import RelaxedCounts
+from edtk.design.exact.counts.limits import Limits
+from edtk.design.exact.counts.pricing_for import working_parameters
+from edtk.design.problem import Problem, RankDeficientError
+from edtk.design.relaxation.setting import OrderOne, Setting
+from edtk.system.errors import UserError
+from edtk.system.typing import Array, Indices
+
+TRIED = 24  # random plans whose sum tells what no plan of this structure can tell
+
+
+def find_arranged(
+    problem: Problem,
+    criterion: Criterion,
+    errors: Errors,
+    size: int,
+    seed: int = 0,
+    starts: int | None = None,
+    progress: Callable[[str, float], object] = lambda step, cost: None,
+) -> ArrangedPlan:
+    """Search for the best order of runs whose errors have a structure, and bound how good any is.
+
+    From random settings, and from the best plan with some of its settings drawn anew, plans are
+    improved by exchanges of runs and of the settings of whole groups (`ArrangedSearch`). The same
+    seed gives the same plan. Ctrl-C ends the search with the best plan so far.
+
+    Args:
+        problem: The candidates, with their rows as measured.
+        criterion: The criterion to minimise.
+        errors: The structure of the errors.
+        size: Number of runs.
+        seed: Seed.
+        starts: Number of starts; None to go on until nothing better is found.
+        progress: Called with a line about the current step, and the best cost.
+
+    Raises:
+        ArgumentError: So many runs have no such structure, or there is no such factor.
+        UserError: No plan of so few runs was found that identifies all parameters.
+        RankDeficientError: No plan of this structure identifies all parameters.
+    """
+    since = monotonic()
+    runs = errors.of_runs(size)
+    settings = Settings.of(problem, runs)
+    problem.require_identifiable(criterion)
+    plain = criterion.without_prior
+    base = np.zeros((problem.p, problem.p))
+    if criterion.precision is not None:
+        base = base + criterion.precision
+    if problem.prior is not None:
+        base = base + size * problem.prior
+    sized = OrderOne.of(problem.with_prior(base / size if base.any() else None))
+    search, setting = _search(sized.problem, plain, settings, runs.precision)
+    _require_told(search, problem, plain)
+    found = search.run(seed, starts, lambda n, cost: progress(f"start {n}", cost))
+    cost = search.criterion.cost_from_plan_criterion(found.cost)
+    if not np.isfinite(cost):
+        needed = f"the {problem.p} parameters" if plain.needs_all else f"what {plain.label} needs"
+        raise UserError(
+            f"no plan of {size} runs in {errors.headline()} was found that identifies {needed}; "
+            "more are needed"
+        )
+    counts = np.bincount(found.places, minlength=problem.n)
+    of_cost = _accuracy(setting, search, found.places, counts / size)
+    relaxed, reason = _bound(search, runs, found.places, cost, found.ended)
+    return ArrangedPlan(
+        problem=problem,
+        criterion=criterion,
+        counts=counts,
+        cost=sized.cost(cost, criterion),
+        lower_bound=_told(criterion, relaxed, sized, cost, of_cost),
+        basis=f"no bound: {reason}" if relaxed is None else relaxed.basis,
+        starts=found.starts,
+        found=found.found,
+        ended=found.ended,
+        seconds=monotonic() - since,
+        accuracy=of_cost,
+        kept=np.zeros(problem.n, dtype=int),
+        places=found.places,
+        structure=runs,
+    )
+
+
+def _search(
+    problem: Problem, criterion: Criterion, settings: Settings, W: Array
+) -> tuple[ArrangedSearch, Setting | None]:
+    """The search, in parameters of order one, and what rounding they cost."""
+    setting = None
+    given = criterion
+    if isinstance(criterion, Relaxable):
+        setting = Setting.of(problem, criterion, as_rows=True)
+        problem, criterion = setting.problem, setting.criterion
+    m = len(W)
+    base = np.zeros((problem.p, problem.p)) if problem.prior is None else m * problem.prior
+    rows = problem.factors()
+    T = working_parameters(criterion.plan_criterion, rows, Limits(m, base))
+    transformed = criterion.transformed(T)
+    if transformed is None:
+        T = np.eye(problem.p)
+        transformed = given if setting is None else criterion
+    return ArrangedSearch(rows @ T, W, T.T @ base @ T, transformed, settings), setting
+
+
+def _require_told(search: ArrangedSearch, problem: Problem, criterion: Criterion) -> None:
+    """Check that what is nuisance leaves what the criterion needs to be told.
+
+    What the sum of many random plans leaves open is open in all of them.
+
+    Raises:
+        RankDeficientError: It does not; the message names what.
+    """
+    drawn = search.drawn(np.random.default_rng(0), TRIED)
+    X = problem.factors()[drawn]
+    turned = np.einsum("st,btri->bsri", search.W, X)
+    M = np.einsum("bsri,bsrj->ij", X, turned)
+    if problem.prior is not None:
+        M = M + TRIED * len(search.W) * problem.prior
+    if criterion.precision is not None:
+        M = M + criterion.precision
+    missing = criterion.missing(M, problem.parameters)
+    if missing:
+        raise RankDeficientError(
+            f"beside effects of which nothing is known, nothing tells {' or '.join(missing)}: "
+            "leave such parameters out of the model, or give the effects a variance"
+        )
+
+
+def _accuracy(
+    setting: Setting | None, search: ArrangedSearch, places: Indices, weights: Array
+) -> float:
+    """Relative error that rounding may have made in the cost of a plan (m,)."""
+    if setting is None:
+        return 0.0
+    p = setting.problem.p
+    m = len(search.W)
+    X = setting.problem.factors()[places]
+    M = np.einsum("st,sri,trj->ij", search.W, X, X, optimize=True) / m
+    if setting.problem.prior is not None:
+        M = M + setting.problem.prior
+    return setting.errors(weights, np.zeros((0, p, p)), M)[0]
+
+
+def _bound(
+    search: ArrangedSearch, runs: RunErrors, places: Indices, cost: float, ended: str
+) -> tuple[RelaxedCounts | None, str]:
+    """The sharpest bound, or why there is none."""
+    criterion = search.criterion
+    if not isinstance(criterion, Relaxable):
+        return None, f"{criterion.label} has no convex form"
+    if criterion.degree == 0:
+        return None, f"{criterion.label} does not depend on how much a plan tells"
+    if ended == "interrupted":
+        return None, "interrupted before one was found"
+    bound = ArrangedBound(search.rows, runs, search.base, criterion, search.settings, places, cost)
+    try:
+        found = bound.sharpest()
+    except KeyboardInterrupt:
+        return None, "interrupted before one was found"
+    if found is None:
+        return None, f"none is known of {criterion.label} under such errors"
+    return found, ""
+
+
+def _told(
+    criterion: Criterion,
+    relaxed: RelaxedCounts | None,
+    sized: OrderOne,
+    cost: float,
+    of_cost: float,
+) -> Bound:
+    """The bound as an object; zero, which says nothing, where there is none."""
+    if relaxed is None:
+        kind = BoundKind.PROVED_ON_CANDIDATES
+        return Bound(0.0, kind, criterion.degree, criterion.sense, 1.0)
+    blurred = max(of_cost, BLURRED)
+    found = Bound.of(criterion, relaxed.cost, cost, relaxed.kind, of_cost, blurred)
+    return replace(found, cost=sized.cost(found.cost, criterion), gap=relaxed.gap)

@@ -1,0 +1,193 @@
+"""Plans of runs whose errors hang together: brute force, published cases, bounds, wrong input."""
+
+from itertools import combinations_with_replacement, product
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import edtk
+from edtk.design.problem import RankDeficientError
+from edtk.system.errors import UserError
+
+LEVELS = [-1.0, 0.0, 1.0]
+FRAME = pd.DataFrame(list(product(LEVELS, LEVELS)), columns=["w", "s"])
+FULL = "1 + w + s + w:s + I(w**2) + I(s**2)"
+Errors = edtk.Errors
+
+
+def quadratic() -> edtk.Problem:
+    """A full quadratic of two factors at three levels."""
+    return edtk.Problem.from_frame(FRAME, FULL)
+
+
+def line() -> edtk.Problem:
+    """A straight line of five places."""
+    return edtk.Problem.from_frame(pd.DataFrame({"x": np.linspace(-1, 1, 5)}), "1 + x")
+
+
+def dense(plan: edtk.ArrangedPlan, V: np.ndarray, N: np.ndarray | None = None) -> np.ndarray:
+    """Information of generalised least squares, with nuisance N as more parameters."""
+    X = plan.problem.factors(plan.places)[:, 0]
+    p = X.shape[1]
+    if N is None:
+        return X.T @ np.linalg.solve(V, X)
+    whole = np.hstack([X, N])
+    cov = np.linalg.inv(whole.T @ np.linalg.solve(V, whole))
+    return np.linalg.inv(cov[:p, :p])
+
+
+def grouped(m: int, number: int) -> np.ndarray:
+    """Covariance of m runs in equal groups of variance one."""
+    labels = np.repeat(np.arange(number), m // number)
+    return np.eye(m) + (labels[:, None] == labels)
+
+
+@pytest.mark.parametrize("criterion", ["D", "A", "E"])
+def test_split_plot_is_the_best_of_all(criterion: str) -> None:
+    """Of two whole plots of two runs all arrangements are tried, and none is better or bounded."""
+    frame = pd.DataFrame(list(product([-1.0, 1.0], LEVELS)), columns=["w", "s"])
+    problem = edtk.Problem.from_frame(frame, "1 + s + w:s")
+    plan = edtk.plan(problem, 4, criterion, errors=Errors.split_plot("w", 2, 0.7))
+    labels = np.repeat([0, 1], 2)
+    V = np.eye(4) + 0.7 * (labels[:, None] == labels)
+    rows = problem.factors()[:, 0]
+    own = [list(combinations_with_replacement(np.flatnonzero(frame.w == w), 2)) for w in (-1, 1)]
+    blocks = [*own[0], *own[1]]
+    X = np.array([rows[[*a, *b]] for a in blocks for b in blocks])
+    costs = plan.criterion.cost(np.swapaxes(X, 1, 2) @ np.linalg.inv(V) @ X)
+    assert plan.cost == pytest.approx(costs.min(), rel=1e-9)
+    assert plan.lower_bound.cost <= plan.cost * (1 + 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("errors", "V", "N"),
+    [
+        (
+            Errors.autoregressive(0.5),
+            0.5 ** np.abs(np.subtract.outer(np.arange(5), np.arange(5))),
+            None,
+        ),
+        (Errors.trend(1), np.eye(5), np.arange(-2.0, 3.0)[:, None]),
+        (
+            Errors.spatial([0, 1, 3, 4, 7], 2.0, nugget=0.25),
+            0.25 * np.eye(5)
+            + 0.75 * np.exp(-np.abs(np.subtract.outer([0, 1, 3, 4, 7], [0, 1, 3, 4, 7])) / 2),
+            None,
+        ),
+    ],
+    ids=["series", "trend", "places"],
+)
+def test_an_order_is_the_best_of_all(
+    errors: edtk.Errors, V: np.ndarray, N: np.ndarray | None
+) -> None:
+    """Of five runs of a line all orders are tried: the plan is the best, the bound is below."""
+    plan = edtk.plan(line(), 5, "D", errors=errors)
+    rows = plan.problem.factors()[:, 0]
+    X = rows[np.array(list(product(range(5), repeat=5)))]
+    W = np.linalg.inv(V)
+    if N is not None:
+        W = W - W @ N @ np.linalg.solve(N.T @ W @ N, N.T @ W)
+    best = np.linalg.det(np.swapaxes(X, 1, 2) @ W @ X).max() ** 0.5
+    assert plan.value == pytest.approx(best, rel=1e-9)
+    assert plan.bound >= best * (1 - 1e-9)
+    np.testing.assert_allclose(plan.information, dense(plan, V, N), atol=1e-9)
+
+
+def test_bound_of_series_is_near() -> None:
+    """Mixtures of sequences bound the plans of an AR(1) series far below what independence says."""
+    plan = edtk.plan(quadratic(), 12, "D", errors=Errors.autoregressive(0.5), starts=48)
+    assert plan.efficiency > 0.95
+    assert plan.basis == "mixtures of sequences"
+
+
+def test_whole_plots_keep_their_setting() -> None:
+    """In each whole plot the hard factor has one setting; the table has runs in order."""
+    plan = edtk.plan(quadratic(), 12, "D", errors=Errors.split_plot("w", 4), starts=24)
+    table = plan.to_frame()
+    assert (table.groupby("whole plot").w.nunique() == 1).all()
+    assert list(table.columns) == ["whole plot", "w", "s"]
+    assert table.index.tolist() == list(range(1, 13))
+    np.testing.assert_allclose(plan.information, dense(plan, grouped(12, 4)), atol=1e-9)
+    assert plan.value == pytest.approx(np.linalg.det(plan.information) ** (1 / 6))
+    assert 0.96 < plan.efficiency < 1
+    assert "whole plot" in plan.summary()
+    again = edtk.plan(quadratic(), 12, "D", errors=Errors.split_plot("w", 4), starts=24)
+    assert (again.places == plan.places).all()
+
+
+def test_strips_keep_both_settings() -> None:
+    """In a strip plot rows keep one factor, and columns the other one."""
+    plan = edtk.plan(quadratic(), criterion="A", errors=Errors.strip_plot("w", "s", 3, 4), starts=8)
+    table = plan.to_frame()
+    assert (table.groupby("row").w.nunique() == 1).all()
+    assert (table.groupby("column").s.nunique() == 1).all()
+    rows, columns = np.repeat(np.arange(3), 4), np.tile(np.arange(4), 3)
+    V = np.eye(12) + (rows[:, None] == rows) + (columns[:, None] == columns)
+    np.testing.assert_allclose(plan.information, dense(plan, V), atol=1e-9)
+
+
+def test_blocks_are_the_smallest_case() -> None:
+    """Strata without hard factors give what `blocks` gives, of random and of fixed effects."""
+    x = np.linspace(-1, 1, 9)
+    slopes = edtk.Problem(np.stack([x, x**2], axis=-1)[:, None, :])
+    for variance in (0.5, np.inf):
+        blocks = edtk.plan(slopes, blocks=(4, 4), block_variance=variance)
+        strata = edtk.plan(slopes, 8, errors=Errors.strata({"block": 2}, variance), starts=24)
+        assert strata.cost == pytest.approx(blocks.cost, rel=1e-9)
+        assert strata.bound == pytest.approx(blocks.bound, rel=1e-4)
+
+
+def test_nested_strata_with_a_trend() -> None:
+    """Structures are added: days, whole plots in them and a trend are nuisance together."""
+    errors = Errors.strata({"day": 2, "batch": 6}, {"day": np.inf, "batch": 0.5}, {"batch": "w"})
+    problem = edtk.Problem.from_frame(FRAME, "0 + w + s + w:s")
+    plan = edtk.plan(problem, 12, "A", errors=errors + Errors.trend(), starts=24)
+    days = np.repeat(np.eye(2), 6, axis=0)
+    N = np.column_stack([days, np.arange(12.0)])
+    V = np.eye(12) + 0.5 * (grouped(12, 6) - np.eye(12))
+    np.testing.assert_allclose(plan.information, dense(plan, V, N), atol=1e-9)
+    assert plan.to_frame().groupby("batch").w.nunique().max() == 1
+
+
+def test_pyoptex_finds_no_better_one() -> None:
+    """Pyoptex's quick start, 5 whole plots of 4 runs: it reached 8.432135863585366 with 100 tries
+    (version 1.2.1, the same coding of effects).
+    """
+    frame = pd.DataFrame(list(product([0, 1, 2], LEVELS, LEVELS)), columns=["A", "B", "C"])
+    codes = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, -1.0]])
+    frame["a1"], frame["a2"] = codes[frame.A].T
+    formula = "1 + a1 + a2 + B + C + (a1 + a2):B + (a1 + a2):C + B:C + I(B**2) + I(C**2)"
+    problem = edtk.Problem.from_frame(frame, formula)
+    plan = edtk.plan(problem, 20, "D", errors=Errors.split_plot("A", 5, 0.1), starts=24)
+    assert plan.value >= 8.432135863585366 * (1 - 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: edtk.plan(quadratic(), 12, errors=Errors.split_plot("v", 4)), "no factor 'v'"),
+        (lambda: edtk.plan(quadratic(), 12, errors=Errors.split_plot("w", 5)), "12 runs do not"),
+        (lambda: edtk.plan(quadratic(), 11, errors=Errors.split_plot("w", (4, 4))), "of 8 runs"),
+        (lambda: edtk.plan(quadratic(), errors=Errors.trend()), "number of runs"),
+        (lambda: edtk.plan(quadratic(), 12, errors="AR"), "structure of errors"),
+        (lambda: edtk.plan(quadratic(), 12, errors=Errors.trend(), most=1), "most"),
+        (lambda: Errors.autoregressive(1.0), "between -1 and 1"),
+        (lambda: Errors.covariance([[1, 2], [2, 1]]), "not positive definite"),
+        (lambda: Errors.spatial([0, 0, 1], 1.0), "nugget"),
+        (lambda: Errors.strata({"day": 2}, -1.0), "above 0"),
+        (lambda: Errors.strata({"day": 2}, hard={"week": "w"}), "no stratum 'week'"),
+        (lambda: Errors.autoregressive(0.1) + Errors.covariance(np.eye(2)), "both say"),
+        (
+            lambda: edtk.plan(quadratic(), 12, errors=Errors.strata({"day": 3}, np.inf)),
+            "nothing tells Intercept",
+        ),
+        (lambda: edtk.plan(quadratic(), 5, errors=Errors.trend()), "more are needed"),
+    ],
+)
+def test_wrong_input_is_one_line(make, words: str) -> None:
+    """Each mistake is told in one line that names it."""
+    with pytest.raises((UserError, RankDeficientError)) as told:
+        make()
+    assert words in str(told.value)
+    assert "\n" not in str(told.value)
