@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from edtk.design.errors import Errors as Errors
     from edtk.design.exact.apportion import apportion as apportion
     from edtk.design.exact.arranged.arranged_plan import ArrangedPlan as ArrangedPlan
+    from edtk.design.exact.comparison import Comparison as Comparison
     from edtk.design.exact.counts.problem_plan import ProblemPlan as ProblemPlan
     from edtk.design.exact.exact_plan import ExactPlan as ExactPlan
     from edtk.design.exact.exchange import exchange as exchange
@@ -65,6 +66,7 @@ if TYPE_CHECKING:
     from edtk.verbs.bayes import bayes as bayes
     from edtk.verbs.bias import bias as bias
     from edtk.verbs.check import check as check
+    from edtk.verbs.compare import compare as compare
     from edtk.verbs.compensate import compensate as compensate
     from edtk.verbs.controller import controller as controller
     from edtk.verbs.evaluate import evaluate as evaluate
@@ -92,6 +94,7 @@ _HOME = {
     "plan": "edtk.verbs.plan",
     "relax": "edtk.verbs.relax",
     "next": "edtk.verbs.next",
+    "compare": "edtk.verbs.compare",
     "run": "edtk.verbs.run",
     "evaluate": "edtk.verbs.evaluate",
     "check": "edtk.verbs.check",
@@ -142,6 +145,7 @@ _HOME = {
     "several_models": "edtk.design.problems",
     "Relaxation": "edtk.design.relaxation.relaxation",
     "ArrangedPlan": "edtk.design.exact.arranged.arranged_plan",
+    "Comparison": "edtk.design.exact.comparison",
     "ProblemPlan": "edtk.design.exact.counts.problem_plan",
     "RelaxedRegion": "edtk.design.relaxation.relaxed_region",
     "RegionPlan": "edtk.design.exact.plan_region",

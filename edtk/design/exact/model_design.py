@@ -242,26 +242,36 @@ class ModelDesign:
         # Without an effect the distribution is the central one.
         return np.asarray(np.where(lam > 0, power, level))
 
+    @property
+    def new(self) -> float:
+        """Number of new experiments, among which what is known is shared; one of weights."""
+        return 1.0 if self.size is None else float(self.size - self.kept)
+
     def efficiency(self, criterion: Criterion) -> float:
-        """``bound / cost`` against every design of as many experiments on this model.
+        """``bound / cost`` against every design of as many experiments on this model."""
+        return self.bound(criterion, self.new) / self.cost(criterion)
 
-        Raises:
-            UserError: The errors of the runs hang together, so that weights have no bound.
-        """
-        if self.turned is not None:
-            raise UserError("plans whose errors have a structure are compared by their own bound")
-        new = 1.0 if self.size is None else float(self.size - self.kept)
-        return self._least(criterion, new) * new**-criterion.degree / self.cost(criterion)
-
-    def _least(self, criterion: Criterion, new: float) -> float:
-        """The bound on the cost of weights of so many experiments."""
+    def bound(self, criterion: Criterion, new: float) -> float:
+        """No design of so many new experiments on this model has a lower cost."""
         if criterion is self.largest_prediction:
             # It is at least the mean over the design itself, which is p (Kiefer, Wolfowitz 1960).
-            return float(self.p)
-        of_one = criterion.for_size(new)
-        if isinstance(self.model, Problem):
-            return relax(self.model, of_one).proved_bound.cost
-        return relax_region(self.model, of_one).told_bound.cost
+            return self.p / new
+        return self._least(criterion.for_size(new)) * new**-criterion.degree
+
+    def _least(self, criterion: Criterion) -> float:
+        """The bound on the cost of weights."""
+        if criterion not in self._found:
+            if isinstance(self.model, Problem):
+                found = relax(self.model, criterion).proved_bound
+            else:
+                found = relax_region(self.model, criterion).told_bound
+            self._found[criterion] = found.cost
+        return self._found[criterion]
+
+    @cached_property
+    def _found(self) -> dict[Criterion, float]:
+        """Bounds that were computed already."""
+        return {}
 
     @cached_property
     def largest_prediction(self) -> Criterion | None:

@@ -37,7 +37,13 @@ def correlation(matrix: np.ndarray, parameters: tuple[str, ...], ax: "Axes") -> 
     ax.figure.colorbar(image, ax=ax, label="correlation")
 
 
-def heat_map(percent: Array, plans: list[str], names: list[str], ax: "Axes") -> None:
+def heat_map(
+    percent: Array,
+    plans: list[str],
+    names: list[str],
+    ax: "Axes",
+    label: str = "% of the bound over all poses",
+) -> None:
     """Draw efficiencies [%] of plans (rows) under criteria (columns), each with its number."""
     image = ax.imshow(percent, cmap="viridis", vmin=0, vmax=100, aspect="auto")
     for i, row in enumerate(percent):
@@ -46,7 +52,7 @@ def heat_map(percent: Array, plans: list[str], names: list[str], ax: "Axes") -> 
             ax.text(j, i, _cell(value), ha="center", va="center", fontsize=8, color=colour)
     name_ticks(ax, names, top=True)
     ax.set_yticks(range(len(plans)), [plain(name) for name in plans])
-    ax.figure.colorbar(image, ax=ax, label="% of the bound over all poses")
+    ax.figure.colorbar(image, ax=ax, label=label)
 
 
 def _cell(value: float) -> str:
