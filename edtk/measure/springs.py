@@ -252,24 +252,24 @@ class Answers:
         """
         assert self.gives is not None
         found = np.zeros((3, len(self.numbers.places), q.shape[1]))
-        for i, (which, place) in enumerate(self.numbers.places):
+        rests = 1.0 if self._rests else 0.0
+        each = [which for which, _ in self.numbers.places]
+        for which in dict.fromkeys(each):
+            own = [i for i, one in enumerate(each) if one == which]
+            places = [self.numbers.places[i][1] for i in own]
             j = self.numbers.joints[which]
             k = float(self.gives.compliances[j])
             give = k * u[j]
-            moved = give * torque[j] if self._rests else np.zeros_like(give)
-
-            def by(at: Array, which: int = which, place: int = place) -> Array:
-                return np.asarray(self.numbers.pulls[which].by_numbers(at)[place])
-
-            D = by(q[j] + moved)
-            found[0, i] = give * D
+            rest = q[j] + rests * give * torque[j]
+            pulls = self.numbers.pulls[which].by_numbers
+            D = pulls(rest)[places]
+            found[0, own] = give * D
             if slope is None:
                 continue
-            changed = (by(q[j] + moved + STEP) - by(q[j] + moved - STEP)) / (2 * STEP)
-            rests = 1.0 if self._rests else 0.0
-            found[1, i] = rests * give**2 * changed
-            found[2, i] = k * slope[j] * D
-            found[2, i] += give * changed * (1 + rests * k * slope[j] * torque[j])
+            changed = (pulls(rest + STEP)[places] - pulls(rest - STEP)[places]) / (2 * STEP)
+            found[1, own] = rests * give**2 * changed
+            found[2, own] = k * slope[j] * D
+            found[2, own] += give * changed * (1 + rests * k * slope[j] * torque[j])
         return found[0], found[1], found[2]
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
@@ -181,7 +182,7 @@ class Pull:
         ends = self.given.before, self.given.behind
         return Line.of((*slides, False), axes, ends, np.moveaxis(x, 0, -1))
 
-    @property
+    @cached_property
     def _numbers(self) -> tuple[float, float, float]:
         """A, B and C [m^2]."""
         a, b, n = self.given.before, self.given.behind, self.axis
@@ -189,6 +190,17 @@ class Pull:
         A = float(a @ b) - along
         B = float(a @ np.cross(n, b))
         return A, B, float(a @ a + b @ b) - 2 * along
+
+    @cached_property
+    def _of_numbers(self) -> Array:
+        """Derivatives (3, 8) of A, B and C by the compensator's numbers."""
+        a, b, n = self.given.before, self.given.behind, self.axis
+        aside, turned = (point - float(point @ n) * n for point in (a, b))
+        none = np.zeros(2)
+        dA = np.concatenate([turned, aside, none])
+        dB = np.concatenate([np.cross(n, b), np.cross(a, n), none])
+        dC = 2 * np.concatenate([a - (b - turned), b - (a - aside), none])
+        return np.stack([dA, dB, dC])
 
     def reach(self, q: Array) -> Reach:
         """The anchors' distance at angles q (...) [rad]."""
@@ -201,7 +213,7 @@ class Pull:
         second = (along - first**2) / s
         return Reach(s, first, second, (-across - 3 * first * second) / s)
 
-    @property
+    @cached_property
     def rest(self) -> float:
         """The anchors' distance s0 where the joint is at zero [m]."""
         A, _, C = self._numbers
@@ -240,12 +252,7 @@ class Pull:
 
         Those of A, B and C first: ``tau = -F m/s``, ``m = A sin q - B cos q``, ``s0^2 = C - 2 A``.
         """
-        a, b, n = self.given.before, self.given.behind, self.axis
-        aside, turned = (point - float(point @ n) * n for point in (a, b))
-        lift = (slice(None),) + (None,) * q.ndim
-        dA = np.concatenate([turned, aside, [0, 0]])[lift]
-        dB = np.concatenate([np.cross(n, b), np.cross(a, n), [0, 0]])[lift]
-        dC = 2 * np.concatenate([a - (b - turned), b - (a - aside), [0, 0]])[lift]
+        dA, dB, dC = self._of_numbers.reshape(3, 8, *[1] * q.ndim)
         reach = self.reach(q)
         s = reach.length
         F, by_length, _ = self.force(s)

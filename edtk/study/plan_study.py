@@ -169,6 +169,7 @@ def relax_study(
     prove: float | None = None,
     size: int | None = None,
     tolerance: float = TOLERANCE,
+    near: Array | None = None,
     memory_mb: float = DEFAULT_MB,
     options: RunOptions = DEFAULTS,
 ) -> RelaxedPlan:
@@ -183,6 +184,7 @@ def relax_study(
         size: Number of experiments that share a prior which counts in designs; defaults to the
             first of the study's sizes.
         tolerance: Relative gap at which that search ends.
+        near: Feasible experiments (k, v) with which that search begins besides.
         memory_mb: Limit on memory [MB].
         options: Seed, progress, and what does the work: the result does not depend on that.
 
@@ -207,7 +209,7 @@ def relax_study(
         asked = study.criterion(criterion)
         if prove is not None:
             return prove_poses(source, number, asked, prove, how)
-        return relax_poses(source, number, asked, continuous, how)
+        return relax_poses(source, number, asked, continuous, how, near)
 
 
 def plan_study(

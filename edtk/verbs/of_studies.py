@@ -45,6 +45,8 @@ from edtk.verbs.question import PlanCall, Question, RelaxCall, seconds_for
 
 FEW = 12  # parameters, up to which two more bounds take seconds
 OFF = (0.5, 1.5)  # times the guess of the springs, which may well be 50 % off
+# Relative gap of these bounds: what is told is by how many per cent a plan suffers.
+OFF_TOLERANCE = 1e-3
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -262,8 +264,9 @@ class OfStudy(Question):
 
         Rows of springs are the same whatever these are; what the model leaves out is not, nor how
         far joints with a compensator give way, nor what one of unknown numbers does. Bounds are
-        those of a search over all poses. Nothing is said where that takes time that nobody gave, as
-        with many parameters, or experiments cost or exist already.
+        those of a search over all poses, which begins at the best weights for the guess. Nothing is
+        said where that takes time that nobody gave, as with many parameters, or experiments cost or
+        exist already.
         """
         from edtk.design.exact.exact_plan import OffGuess
         from edtk.study.plan_study import RunOptions
@@ -284,7 +287,13 @@ class OfStudy(Question):
                 continue
             try:
                 relaxed = self._relaxation()(
-                    other, criterion, continuous=True, size=size, options=options
+                    other,
+                    criterion,
+                    continuous=True,
+                    size=size,
+                    tolerance=OFF_TOLERANCE,
+                    near=found.relaxed.x,
+                    options=options,
                 )
             except KeyboardInterrupt:
                 return ()

@@ -27,6 +27,7 @@ from edtk.study.plan_study import (
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
 from edtk.system.time_limit import time_limit
+from edtk.system.typing import Array
 
 # Relative gap at which a search over all poses ends. Designs of 35 parameters rest on a hundred
 # poses and more, whose last digits would take minutes.
@@ -43,6 +44,8 @@ def relax_geometry(
     continuous: bool = False,
     prove: float | None = None,
     size: int | None = None,
+    tolerance: float = TOLERANCE,
+    near: Array | None = None,
     memory_mb: float = DEFAULT_MB,
     options: RunOptions = DEFAULTS,
 ) -> RelaxedPlan:
@@ -56,6 +59,8 @@ def relax_geometry(
         prove: Relative gap up to which the bound is proved for all feasible poses; None for none.
         size: Number of visits that share what is known besides, where that counts in designs;
             defaults to the first of the study's sizes.
+        tolerance: Relative gap at which that search ends.
+        near: Feasible visits (k, v) with which that search begins besides.
         memory_mb: Limit on memory [MB].
         options: Seed, progress, and what does the work: the result does not depend on that.
 
@@ -71,7 +76,7 @@ def relax_geometry(
         space = question.space_for(size or study.specification.sizes[0])
         source: CandidateSource = source_of(study, options.seed, space, options.threads)
         how = RelaxOptions(
-            tolerance=TOLERANCE,
+            tolerance=tolerance,
             memory_mb=memory_mb,
             workers=options.workers,
             progress=options.progress,
@@ -80,7 +85,7 @@ def relax_geometry(
         asked = question.criterion(criterion)
         if prove is not None:
             return prove_poses(source, number, asked, prove, how)
-        return relax_poses(source, number, asked, continuous, how)
+        return relax_poses(source, number, asked, continuous, how, near)
 
 
 def plan_geometry(
