@@ -72,13 +72,8 @@ class Compound(SeveralCriteria):
 
     def curvatures(self, R: Array) -> tuple[Curvature, ...]:
         """Those of the losses, times their weights: log cost is the sum of their logs."""
-        found = []
-        for loss, weight in zip(self.each_loss(), self.weights, strict=True):
-            term = loss.curvature(R)
-            if term is None:
-                return ()
-            found.append(term.power(weight))
-        return tuple(found)
+        terms = self.loss_curvatures(R) or ()
+        return tuple(term.power(float(a)) for term, a in zip(terms, self.weights, strict=False))
 
     def polar(self, Z: Array, M: Array) -> float:
         """``prod (q_j / a_j)^(a_j)``."""
@@ -99,9 +94,12 @@ class Compound(SeveralCriteria):
         mean = sum(a * log for a, (log, _) in zip(self.weights, found, strict=True))
         return cp.exp(-mean), [*(each for _, more in found for each in more), total == 1]
 
+    def cost_of_losses(self, losses: Array) -> Array:
+        """The weighted geometric mean."""
+        return np.asarray(np.exp(np.log(losses) @ self.weights))
+
     def _cost(self, M: Array, cov: Array) -> Array:
-        return np.asarray(np.exp(np.log(self.losses(M, cov)) @ self.weights))
+        return self.cost_of_losses(self.losses(M, cov))
 
     def _gradient(self, M: Array, cov: Array) -> Array:
-        slope = np.einsum("j,...jab->...ab", self.weights, self.slopes(M, cov))
-        return -self._cost(M, cov)[..., None, None] * slope
+        return -self._cost(M, cov)[..., None, None] * self.mixed_slope(self.weights, M, cov)

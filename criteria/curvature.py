@@ -23,9 +23,9 @@ class Curvature:
     scaled upper triangles P (p(p+1)/2, k), less one square.
 
     Attributes:
-        V: Orthogonal matrix (p, p).
-        z: The multiplier, which is diagonal in these parameters (p,); of the degree's sum.
-        W: Weights (p, p), symmetric and not negative.
+        V: Orthonormal columns (p, s): all parameters, or those of one model of several.
+        z: The multiplier, which is diagonal in these parameters (s,); of the degree's sum.
+        W: Weights (s, s), symmetric and not negative.
         c: The factor of the square of the slope.
     """
 

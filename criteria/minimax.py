@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from criteria.criterion import Criterion, KinkedCriterion, Loss
+from criteria.criterion import Criterion, KinkedCriterion
 from criteria.linalg.logarithms import soft_maximum
 from criteria.linalg.typing import Array, triangle
 from criteria.registry import register
@@ -57,11 +57,9 @@ class Minimax(KinkedCriterion, SeveralCriteria):
         KinkedCriterion.__init__(other, sharpness)
         return other
 
-    def largest_of(self, p: int) -> tuple[Loss, ...] | None:
+    def largest_of(self, p: int) -> "Minimax | None":
         """Its losses, unless it is smoothed, or a part has no curvature in closed form."""
-        losses = self.each_loss()
-        has_form = all(loss.curvature(np.eye(p)) is not None for loss in losses)
-        return losses if has_form and not self.smooth else None
+        return None if self.smooth or self.loss_curvatures(np.eye(p)) is None else self
 
     def polar(self, Z: Array, M: Array) -> float:
         """``sum q_j`` for parts of Z by the best shares that were found.
@@ -74,6 +72,9 @@ class Minimax(KinkedCriterion, SeveralCriteria):
 
     def dual_weights(self, Z: Array, M: Array) -> Array:
         """The shares u (k,) of sum one that `polar` takes."""
+        if self.models is not None:
+            q = self.part_polars(Z, M, np.ones(len(self.parts)))
+            return np.asarray(q / q.sum() if q.sum() > 0 else np.full(len(q), 1 / len(q)))
         if not self.needs_all:
             Q, N, regular = self._regular(M)
             return regular.dual_weights(Q.T @ Z @ Q, N)
@@ -135,9 +136,13 @@ class Minimax(KinkedCriterion, SeveralCriteria):
         return np.asarray(shares / found if found > 0 else np.full(len(shares), 1 / len(shares)))
 
     def _cost(self, M: Array, cov: Array) -> Array:
-        return soft_maximum(self.losses(M, cov), self.sharpness)[0]
+        return self.cost_of_losses(self.losses(M, cov))
 
     def _gradient(self, M: Array, cov: Array) -> Array:
         losses = self.losses(M, cov)
         _, slopes = soft_maximum(losses, self.sharpness)
-        return -np.einsum("...j,...jab->...ab", slopes * losses, self.slopes(M, cov))
+        return -self.mixed_slope(slopes * losses, M, cov)
+
+    def cost_of_losses(self, losses: Array) -> Array:
+        """The largest, or its soft maximum."""
+        return soft_maximum(losses, self.sharpness)[0]

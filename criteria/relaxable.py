@@ -2,11 +2,12 @@
 
 from abc import abstractmethod
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from criteria.criterion import Criterion, Loss
+from criteria.criterion import Criterion
+from criteria.curvature import Curvature
 from criteria.linalg.typing import Array
 
 if TYPE_CHECKING:
@@ -50,6 +51,18 @@ class SpectralBand:
         return replace(
             self, floor=T.T @ self.floor @ T, cap=np.asarray(np.linalg.solve(T, self.cap))
         )
+
+
+class Losses(Protocol):
+    """Smooth losses ``f_j(M)`` of degree one, of which a cost is the largest."""
+
+    def logs_and_slopes(self, M: Array) -> tuple[Array, Array]:
+        """``log f_j`` (k,) at M (p, p), and minus their gradients (k, p, p)."""
+        ...
+
+    def loss_curvatures(self, R: Array) -> tuple[Curvature, ...] | None:
+        """The derivatives of each ``log f_j`` at a root R (p, p) of the covariance, if known."""
+        ...
 
 
 Formulation = tuple["cp.Expression", list["cp.Constraint"]]
@@ -146,7 +159,7 @@ class Relaxable(Criterion):
         """
         return None
 
-    def largest_of(self, p: int) -> tuple[Loss, ...] | None:
+    def largest_of(self, p: int) -> Losses | None:
         """Smooth losses of which the cost is the largest.
 
         Args:

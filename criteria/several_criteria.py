@@ -3,22 +3,73 @@
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from copy import copy
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from criteria.criterion import Criterion, Loss
+from criteria.criterion import Criterion
+from criteria.curvature import Curvature
 from criteria.errors import CriterionError
-from criteria.interest import Interest, in_models
+from criteria.interest import Interest
 from criteria.linalg.estimable import estimable_inverse
 from criteria.linalg.inverse import ROUNDING, full_rank_root, guarded_inverse, unit_spectrum
+from criteria.linalg.models import Models, put, taken
 from criteria.linalg.spectrum import is_semidefinite
-from criteria.linalg.typing import Array, Mask
+from criteria.linalg.typing import Array, Indices, Mask
+from criteria.one_model import OneModel, in_models
 from criteria.relaxable import Relaxable
 
 FLOOR = 1e-12  # least eigenvalue, of the largest, of what splits a multiplier into parts
+
+
+@dataclass(frozen=True, eq=False)
+class Alike:
+    """Parts with the same criterion, which are computed together.
+
+    Attributes:
+        criterion: The criterion.
+        numbers: Which parts (g,) they are.
+        places: Their parameters (g, s); None for a part that is about all of them.
+    """
+
+    criterion: Relaxable
+    numbers: Indices
+    places: Indices | None
+
+    @classmethod
+    def of(cls, parts: Sequence[Relaxable]) -> "tuple[Alike, ...]":
+        """Sort parts by what they are about."""
+        if not isinstance(parts[0], OneModel):
+            return tuple(cls(part, np.array([i]), None) for i, part in enumerate(parts))
+        groups: dict[tuple[int, int], list[OneModel]] = {}
+        for part in parts:
+            assert isinstance(part, OneModel)
+            size = part.models.sizes[part.number]
+            groups.setdefault((id(part.base), size), []).append(part)
+        found = []
+        for some in groups.values():
+            numbers = np.array([part.number for part in some])
+            found.append(cls(some[0].base, numbers, some[0].models.places(numbers)))
+        return tuple(found)
+
+    def blocks(self, M: Array) -> Array:
+        """What they are about (..., g, s, s) of matrices (..., p, p)."""
+        return M[..., None, :, :] if self.places is None else taken(M, self.places)
+
+    def costs(self, M: Array, cov: Array) -> Array:
+        """Costs (..., g) of regular M (..., p, p) with their inverses."""
+        return self.criterion.cost_of_regular(self.blocks(M), self.blocks(cov))
+
+    def slopes(self, M: Array, cov: Array) -> Array:
+        """Minus the gradients (..., g, s, s) of the logarithms of the losses."""
+        own = self.blocks(M)
+        inverse = self.blocks(cov)
+        cost = self.criterion.cost_of_regular(own, inverse)
+        G = self.criterion.gradient_of_regular(own, inverse)
+        return np.asarray(-G / (self.criterion.degree * cost)[..., None, None])
 
 
 class SeveralCriteria(Relaxable):
@@ -30,7 +81,9 @@ class SeveralCriteria(Relaxable):
     homogeneous of degree one, is concave, and f_j is convex.
 
     **Several models.** Let ``M = diag(M_1, .., M_k)`` be the information about k models side by
-    side, see `edtk.several_models`. With `sizes` the criterion j is about model j alone.
+    side, see `edtk.several_models`. With `sizes` the criterion j is about model j alone. Costs,
+    slopes and curvatures are then those of the blocks, of which models with the same criterion are
+    computed together, and the parts of a multiplier are its own blocks.
 
     **Dual bound.** Of any parts ``Z_j >= 0`` with ``sum Z_j <= Z`` each bounds its own loss,
     ``f_j(X) >= q_j / y_j`` where ``y_j = <Z_j, X>`` and q_j is the polar of f_j, and
@@ -87,7 +140,10 @@ class SeveralCriteria(Relaxable):
     def _take(self, parts: Sequence[Relaxable]) -> None:
         """Set the criteria, each about its part of the parameters."""
         self.parts = tuple(parts)
-        self.needs_all = any(part.needs_all for part in parts)
+        self.alike = Alike.of(self.parts)
+        self.models = parts[0].models if isinstance(parts[0], OneModel) else None
+        needed = [each.criterion.needs_all for each in self.alike]
+        self.needs_all = any(needed) if self.models is None else all(needed)
         self.unit_free = all(part.unit_free for part in parts)
 
     @property
@@ -124,19 +180,55 @@ class SeveralCriteria(Relaxable):
         other._take(parts)
         return other
 
-    def transformed(self, T: Array) -> Self:
-        """The parts as functions of other parameters; what they cost stays as it is."""
+    def transformed(self, T: Array) -> Self | None:
+        """The parts as functions of other parameters; what they cost stays as it is.
+
+        Returns:
+            The criterion; None where T mixes parameters of several models.
+        """
+        if self.models is not None and not self.models.are_apart(T):
+            return None
         parts = [part.transformed(T) for part in self.parts]
         other = self._copy()
         other._take([part for part in parts if isinstance(part, Relaxable)])
         return other
 
     def inverse(self, M: Array) -> tuple[Array, Array, Mask]:
-        """An inverse that is good enough for all parts."""
+        """An inverse that is good enough for all parts; of several models, block by block.
+
+        Raises:
+            CriterionError: The parts are about models, and M is not block diagonal.
+        """
+        if self.models is not None:
+            return self._inverse_of_models(M, self.models)
         if self.needs_all:
             return guarded_inverse(M)
         rounded = max(part.rounded for part in self.interests)
         return estimable_inverse(M, np.hstack([part.K for part in self.interests]), rounded)
+
+    def _inverse_of_models(self, M: Array, models: Models) -> tuple[Array, Array, Mask]:
+        """The inverses of the blocks, with zeros beside them."""
+        if not models.are_apart(M):
+            raise CriterionError(
+                f"criterion {self.name!r}: sizes are those of models side by side; expected "
+                "information of several_models, which has zeros between them"
+            )
+        safe = np.zeros(M.shape)
+        cov = np.zeros(M.shape)
+        regular = np.ones(M.shape[:-2], dtype=bool)
+        for each in self.alike:
+            assert each.places is not None
+            own, inverse, good = each.criterion.inverse(each.blocks(M))
+            put(safe, each.places, own)
+            put(cov, each.places, inverse)
+            regular &= good.all(axis=-1)
+        return safe, cov, regular
+
+    def whitener(self, M: Array) -> Array:
+        """T (p, r) with ``T' M T = I``; of several models, block by block."""
+        if self.models is None:
+            return super().whitener(M)
+        return np.hstack([part.whitener(M) for part in self.parts])
 
     def strayed(self, M: Array) -> float:
         """The largest of the parts'."""
@@ -149,26 +241,51 @@ class SeveralCriteria(Relaxable):
 
     def losses(self, M: Array, cov: Array) -> Array:
         """The losses f_j (..., k) of regular M (..., p, p) with their inverses."""
-        found = [
-            (part.cost_of_regular(M, cov) / best) ** (1 / part.degree)
-            for part, best in zip(self.parts, self.best, strict=True)
-        ]
-        return np.stack(found, axis=-1)
+        found = np.empty((*M.shape[:-2], len(self.parts)))
+        for each in self.alike:
+            best = self.best[each.numbers]
+            found[..., each.numbers] = (each.costs(M, cov) / best) ** (1 / each.criterion.degree)
+        return found
 
     def slopes(self, M: Array, cov: Array) -> Array:
         """Minus the gradients of ``log f_j`` (..., k, p, p)."""
-        found = [
-            -part.gradient_of_regular(M, cov)
-            / (part.degree * part.cost_of_regular(M, cov))[..., None, None]
-            for part in self.parts
-        ]
-        return np.stack(found, axis=-3)
+        p = M.shape[-1]
+        found = np.zeros((*M.shape[:-2], len(self.parts), p, p))
+        for each in self.alike:
+            if each.places is None:
+                found[..., each.numbers, :, :] = each.slopes(M, cov)
+                continue
+            rows = each.places[:, :, None]
+            own = each.numbers[:, None, None]
+            found[..., own, rows, each.places[:, None, :]] = each.slopes(M, cov)
+        return found
 
-    def each_loss(self) -> tuple[Loss, ...]:
-        """The losses f_j one by one."""
-        return tuple(
-            Loss(part, float(best)) for part, best in zip(self.parts, self.best, strict=True)
-        )
+    def mixed_slope(self, shares: Array, M: Array, cov: Array) -> Array:
+        """``sum_j u_j G_j`` (..., p, p) of the slopes, for shares u (..., k)."""
+        found = np.zeros(M.shape)
+        for each in self.alike:
+            own = shares[..., each.numbers, None, None] * each.slopes(M, cov)
+            if each.places is None:
+                found += own.sum(axis=-3)
+            else:
+                put(found, each.places, own)
+        return found
+
+    def logs_and_slopes(self, M: Array) -> tuple[Array, Array]:
+        """``log f_j`` (k,) and their slopes (k, p, p) at M (p, p); inf where M is singular."""
+        safe, cov, regular = self.inverse(M)
+        losses = np.where(regular, self.losses(safe, cov), np.inf)
+        return np.log(losses), self.slopes(safe, cov)
+
+    def loss_curvatures(self, R: Array) -> tuple[Curvature, ...] | None:
+        """The derivatives of each ``log f_j`` at a root R (p, p) of the covariance, if known."""
+        found = []
+        for part in self.parts:
+            term = part.curvature(R)
+            if term is None:
+                return None
+            found.append(term.power(1 / part.degree))
+        return tuple(found)
 
     def dependence(self, scale: Array) -> float:
         """The largest of the parts'."""
@@ -188,7 +305,7 @@ class SeveralCriteria(Relaxable):
         Of parts that are about combinations, Q holds all of them: as ``X >= Q C_Q(X) Q'``, the
         multiplier Q'Z Q bounds ``C_Q(X)``, which is regular where X need not be. See `Interest`.
         """
-        if not self.needs_all:
+        if not self.needs_all and self.models is None:
             Q, N, regular = self._regular(M)
             # Q'Z Q may be semidefinite although Z is not, and then proves nothing.
             within = np.where(is_semidefinite(Z)[:, None, None], Q.T @ Z @ Q, np.nan)
@@ -222,6 +339,10 @@ class SeveralCriteria(Relaxable):
         return tuple(part for part in self.parts if isinstance(part, Interest))
 
     @abstractmethod
+    def cost_of_losses(self, losses: Array) -> Array:
+        """The costs (...) of losses (..., k)."""
+
+    @abstractmethod
     def polar(self, Z: Array, M: Array) -> float:
         """A lower bound on the cost of every X with ``<Z, X> <= 1``."""
 
@@ -231,8 +352,11 @@ class SeveralCriteria(Relaxable):
         Let ``Z = R'R`` with R (r, p), and ``W_j = R^-T (u_j G_j) R^-1`` with the slopes G_j and the
         shares u_j. Then ``Z_j = R' S W_j S R`` with ``S = (sum W_j)^(-1/2)`` are semidefinite and
         add up to Z, whatever the shares are; where Z is ``sum u_j G_j``, S is the identity, and the
-        parts are what the optimality of M asks for.
+        parts are what the optimality of M asks for. Of several models they are the blocks of Z,
+        ``<Z, X> = sum <Z_jj, X_j>``, whatever the shares are.
         """
+        if self.models is not None:
+            return self._polars_of_parts([Z] * len(self.parts), M)
         R, inverse = _factor(Z)
         if not len(R):
             return np.zeros(len(self.parts))
@@ -255,12 +379,15 @@ class SeveralCriteria(Relaxable):
         left = np.sqrt(np.maximum(r - len(Z) * ROUNDING, 0.0))[:, None] * V.T
         given = np.sqrt(shares / shares.sum())[:, None, None] * left
         roots = np.concatenate([roots, given], axis=1) @ R
-        parts = np.swapaxes(roots, 1, 2) @ roots
+        return self._polars_of_parts(np.swapaxes(roots, 1, 2) @ roots, M)
+
+    def _polars_of_parts(self, Z: Sequence[Array] | Array, M: Array) -> Array:
+        """Polars q_j (k,) of the losses, each for a multiplier (p, p) of its own."""
         one = np.ones(1)
         return np.array(
             [
                 (criterion.lower_bound(z[None], one, M) / best) ** (1 / criterion.degree)
-                for criterion, z, best in zip(self.parts, parts, self.best, strict=True)
+                for criterion, z, best in zip(self.parts, Z, self.best, strict=True)
             ]
         )
 

@@ -1,12 +1,13 @@
 """How well candidates tell their parameters apart, and parameters in which they tell all alike."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from criteria.linalg.estimable import directions_in_words
 from criteria.linalg.inverse import ROUNDING, unit_scale
+from criteria.linalg.models import Models
 from criteria.linalg.spectrum import orthogonal_columns
 from edtk.system.typing import Array, Mask
 
@@ -98,6 +99,11 @@ class Conditioning:
         return np.asarray(self.s <= self.least)
 
     @property
+    def open_columns(self) -> Mask:
+        """Which columns (p,) of `whitener` are open directions."""
+        return self.is_open
+
+    @property
     def number(self) -> float:
         """The condition number; inf where a direction is exactly open."""
         return float(self.s[-1] / self.s[0]) if self.s[0] > 0 else float("inf")
@@ -138,3 +144,65 @@ class Conditioning:
         """Information (p, p) that leaves the same directions open, exactly, and no other nearly."""
         kept = self.V[:, ~self.is_open] * self.scale[:, None]
         return np.asarray(kept @ kept.T)
+
+
+@dataclass(frozen=True, eq=False)
+class ConditioningOfModels(Conditioning):
+    """That of several models, whose singular values are those of each.
+
+    Attributes:
+        models: Where the models stand.
+        each: The conditioning of each.
+    """
+
+    models: Models = field(kw_only=True)
+    each: tuple[Conditioning, ...] = field(kw_only=True)
+
+    @classmethod
+    def joined(cls, models: Models, each: Sequence[Conditioning]) -> "ConditioningOfModels":
+        """Join those of all models, in order of the singular values."""
+        s = np.concatenate([one.s for one in each])
+        order = np.argsort(s, kind="stable")
+        V = models.diagonal([one.V for one in each])
+        scale = np.concatenate([one.scale for one in each])
+        return cls(
+            scale,
+            s[order],
+            V[:, order],
+            max(one.least for one in each),
+            max(one.clear for one in each),
+            any(one.of_squares for one in each),
+            models=models,
+            each=tuple(each),
+        )
+
+    @property
+    def keeps_digits(self) -> bool:
+        """Whether squares of each model's rows do."""
+        return all(one.keeps_digits for one in self.each)
+
+    @property
+    def is_well(self) -> bool:
+        """Whether squares of each model's rows are."""
+        return all(one.is_well for one in self.each)
+
+    @property
+    def fades(self) -> bool:
+        """Whether the singular values of any model do."""
+        return any(one.fades for one in self.each)
+
+    @property
+    def open_columns(self) -> Mask:
+        """Those of each model."""
+        return np.concatenate([one.is_open for one in self.each])
+
+    @property
+    def is_open(self) -> Mask:
+        """Those of each model, in the order of the singular values."""
+        order = np.argsort(np.concatenate([one.s for one in self.each]), kind="stable")
+        return np.asarray(self.open_columns[order])
+
+    @property
+    def whitener(self) -> Array:
+        """T (p, p), which mixes no models."""
+        return self.models.diagonal([one.whitener for one in self.each])

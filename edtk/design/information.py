@@ -4,7 +4,7 @@ A million 5 x 5 information matrices are then one array (15, 10^6), and the sens
 them are one matrix product.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria.linalg.inverse import root
+from criteria.linalg.models import Models, taken
 from criteria.linalg.typing import triangle
 from edtk.design.conditioning import Conditioning
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
 
 # Relative size of a pivot below which a candidate's factorization ends: information is a sum of
 # products, and what rounding leaves of a zero pivot stays below this.
@@ -220,6 +221,23 @@ class PackedInformation:
             found[:, part] = pack(0.5 * (M + np.swapaxes(M, 1, 2)))
         return PackedInformation(found)
 
+    @property
+    def models(self) -> Models:
+        """One model: how the blocks of block diagonal information lie."""
+        return Models((self.p,))
+
+    def entries(self, chosen: Indices) -> Array:
+        """The entries (k, e) of the blocks of some candidates, see `Models.entries`."""
+        return self.blocks(chosen).reshape(len(chosen), -1)
+
+    def largest_entry(self) -> float:
+        """The root of the largest entry on a diagonal."""
+        return float(np.sqrt(self.largest().max()))
+
+    def in_unit(self, power: int) -> "PackedInformation":
+        """The same candidates with ``2^power`` times the rows."""
+        return PackedInformation(np.ldexp(self.triangles, 2 * power))
+
     def rounding_of_times(self, T: Array) -> Array:
         """Bounds (n,) on the rounding of `times`: ``2 p eps | |T|' |M_i| |T| |``.
 
@@ -408,6 +426,33 @@ class Rows:
         return np.longdouble if self.A.size * self.p <= AT_LENGTH else np.float64
 
     @property
+    def models(self) -> Models:
+        """One model: how the blocks of block diagonal information lie."""
+        return Models((self.p,))
+
+    def entries(self, chosen: Indices) -> Array:
+        """The entries (k, e) of the blocks of some candidates, see `Models.entries`."""
+        return self.blocks(chosen).reshape(len(chosen), -1)
+
+    def largest_entry(self) -> float:
+        """The largest entry of a row."""
+        return float(np.abs(self.A).max())
+
+    def in_unit(self, power: int) -> "Rows":
+        """The same candidates with ``2^power`` times the rows."""
+        return Rows(np.ldexp(self.A, power))
+
+    def whitened(self, T: Array, is_open: Mask, as_rows: bool) -> "Rows | PackedInformation":
+        """The candidates about k', ``k = T k'``, of which some (p,) no candidate tells.
+
+        Their columns are rounding alone, and become zero. Squares take the place of rows where
+        these are more numbers, unless rows are wanted.
+        """
+        rows = Rows(np.where(is_open, 0.0, self.times(T).A))
+        fewer = 2 * self.A.shape[1] > self.p and not as_rows
+        return PackedInformation(rows.packed()) if fewer else rows
+
+    @property
     def flat(self) -> Array:
         """All rows (n r, p), one below the other."""
         return self.A.reshape(-1, self.p)
@@ -420,6 +465,174 @@ class Rows:
         for start in range(0, len(flat), step):
             found[start : start + step] = of_rows(flat[start : start + step])
         return np.asarray(found.reshape(self.n, -1).sum(axis=1))
+
+
+class ModelRows(Rows):
+    """Rows of the same candidates under k models, whose information is ``diag(M_1, .., M_k)``.
+
+    Each model keeps its own rows. Of k models of order s with r rows each that are ``n k r s``
+    numbers, where rows of all parameters, most of them zero, are k times as many. Sums over models
+    are sums of what their rows tell: sensitivities are ``sum_j <Z_jj, M_ij>``.
+
+    Args:
+        parts: The rows of each model.
+    """
+
+    def __init__(self, parts: Sequence[Rows]) -> None:
+        object.__setattr__(self, "parts", tuple(parts))
+        object.__setattr__(self, "_models", Models(tuple(part.p for part in parts)))
+
+    parts: tuple[Rows, ...]
+    _models: Models
+
+    @property
+    def A(self) -> Array:
+        """The rows (n, r_1 + .. + r_k, p) about all parameters, made anew."""
+        return side_by_side([part.A for part in self.parts])
+
+    @property
+    def models(self) -> Models:
+        """Where the models stand."""
+        return self._models
+
+    @property
+    def n(self) -> int:
+        """Number of candidates."""
+        return self.parts[0].n
+
+    @property
+    def p(self) -> int:
+        """Number of parameters of all models."""
+        return self._models.p
+
+    def __getitem__(self, chosen: Indices) -> "ModelRows":
+        """Some of the candidates."""
+        return ModelRows([part[chosen] for part in self.parts])
+
+    def __add__(self, others: Rows) -> Rows:
+        """These candidates, then others."""
+        if not isinstance(others, ModelRows) or others._models.sizes != self._models.sizes:
+            return Rows(self.A) + others
+        return ModelRows([a + b for a, b in zip(self.parts, others.parts, strict=True)])
+
+    def factors(self, chosen: ArrayLike) -> Array:
+        """The rows (k, r, p) of some candidates."""
+        return side_by_side([part.factors(chosen) for part in self.parts])
+
+    def entries(self, chosen: Indices) -> Array:
+        """The entries (k, e) of the blocks of some candidates, see `Models.entries`."""
+        return np.hstack([part.entries(chosen) for part in self.parts])
+
+    def largest_entry(self) -> float:
+        """The largest entry of a row."""
+        return max(part.largest_entry() for part in self.parts)
+
+    def in_unit(self, power: int) -> "ModelRows":
+        """The same candidates with ``2^power`` times the rows."""
+        return ModelRows([part.in_unit(power) for part in self.parts])
+
+    def blocks(self, chosen: ArrayLike) -> Array:
+        """Information (k, p, p) of some candidates."""
+        return self._diagonal([part.blocks(chosen) for part in self.parts])
+
+    def weighted(self, weights: Array) -> Array:
+        """``sum_i w_i M_i`` (p, p) of weights (n,)."""
+        return self._diagonal([part.weighted(weights) for part in self.parts])
+
+    def mean(self) -> Array:
+        """Mean information (p, p)."""
+        return self._diagonal([part.mean() for part in self.parts])
+
+    def weighted_plans(self, chosen: Indices, repeats: Array) -> Array:
+        """``sum_j r_bj M_bj`` (b, p, p) of chosen candidates (b, k) and repeats (b, k)."""
+        return self._diagonal([part.weighted_plans(chosen, repeats) for part in self.parts])
+
+    def sensitivities(self, Z: Array) -> Array:
+        """``sum_j <Z_jj, M_ij>`` (..., n) of symmetric Z (..., p, p)."""
+        found = np.zeros((*Z.shape[:-2], self.n))
+        for places, A in self._alike:
+            # One product for all models of an order.
+            flat = A.reshape(len(A), -1, A.shape[-1])
+            told = ((flat @ taken(Z, places)) * flat).sum(axis=-1)
+            found += told.reshape(*told.shape[:-1], *A.shape[1:3]).sum(axis=(-1, -3))
+        return found
+
+    def largest_sensitivities(self, Z: Array) -> Array:
+        """The largest sensitivity (r,) to each of symmetric Z (r, p, p)."""
+        return np.array([self.sensitivities(z).max() for z in Z])
+
+    def sensitivities_to_root(self, B: Array) -> Array:
+        """``sum_j |A_ij B_j|^2`` (n,) of B (p, q)."""
+        found = np.zeros(self.n)
+        for part, own in zip(self.parts, self._models.parts, strict=True):
+            # Columns of other models are zeros.
+            mine = B[own]
+            found += part.sensitivities_to_root(mine[:, mine.any(axis=0)])
+        return found
+
+    def diagonals(self) -> Array:
+        """The diagonal entries (n, p) of ``A_i' A_i``."""
+        return np.hstack([part.diagonals() for part in self.parts])
+
+    def scaled(self, factor: Array) -> "ModelRows":
+        """The same candidates with so many times the information (n,)."""
+        return ModelRows([part.scaled(factor) for part in self.parts])
+
+    def times(self, T: Array) -> Rows:
+        """The rows ``A_i T`` of parameters k' where ``k = T k'``; of models unless T mixes them."""
+        if not self._models.are_apart(T):
+            return Rows(self.A).times(T)
+        own = zip(self.parts, self._models.parts, strict=True)
+        return ModelRows([part.times(T[at, at]) for part, at in own])
+
+    def rounding_of_times(self, T: Array) -> Array:
+        """Bounds (n,) on the rounding ``|E_i|`` of `times`: rows of models are of a sum."""
+        if not self._models.are_apart(T):
+            return Rows(self.A).rounding_of_times(T)
+        own = zip(self.parts, self._models.parts, strict=True)
+        squares = [np.square(part.rounding_of_times(T[at, at])) for part, at in own]
+        return np.sqrt(np.sum(squares, axis=0))
+
+    def whitened(self, T: Array, is_open: Mask, as_rows: bool) -> Rows | PackedInformation:
+        """The candidates about k', see `Rows.whitened`; they stay rows of models."""
+        if not self._models.are_apart(T):
+            return Rows(self.A).whitened(T, is_open, as_rows)
+        own = zip(self.parts, self._models.parts, strict=True)
+        return ModelRows(
+            [Rows(np.where(is_open[at], 0.0, part.times(T[at, at]).A)) for part, at in own]
+        )
+
+    @cached_property
+    def _alike(self) -> list[tuple[Indices, Array]]:
+        """Places (g, s) and rows (g, n, r, s) of models of the same shape."""
+        groups: dict[tuple[int, ...], list[int]] = {}
+        for j, part in enumerate(self.parts):
+            groups.setdefault(part.A.shape, []).append(j)
+        return [
+            (self._models.places(np.array(some)), np.stack([self.parts[j].A for j in some]))
+            for some in groups.values()
+        ]
+
+    def _diagonal(self, blocks: Sequence[Array]) -> Array:
+        """Matrices (..., p, p) of blocks (..., s_j, s_j)."""
+        found = np.zeros((*blocks[0].shape[:-2], self.p, self.p))
+        for at, block in zip(self._models.parts, blocks, strict=True):
+            found[..., at, at] = block
+        return found
+
+
+def side_by_side(blocks: Sequence[Array]) -> Array:
+    """Rows (n, rows_1 + .. + rows_k, p_1 + .. + p_k) of models with parameters of their own.
+
+    Args:
+        blocks: Rows (n, rows_j, p_j) of each model.
+    """
+    rows = np.cumsum([0, *(A.shape[-2] for A in blocks)])
+    columns = np.cumsum([0, *(A.shape[-1] for A in blocks)])
+    found = np.zeros((*blocks[0].shape[:-2], rows[-1], columns[-1]))
+    for j, A in enumerate(blocks):
+        found[..., rows[j] : rows[j + 1], columns[j] : columns[j + 1]] = A
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -453,6 +666,10 @@ class Known:
     def root(self) -> Array:
         """F (k', p) with ``F'F`` the information, for measures of its condition."""
         return np.concatenate([root(self.squares), self.rows]) / np.sqrt(self.share)
+
+    def part(self, at: slice) -> "Known":
+        """What is known about some parameters, where it mixes them with no others."""
+        return replace(self, squares=self.squares[at, at], rows=self.rows[:, at])
 
     def plus(self, squares: Array) -> "Known":
         """The same with more information (p, p) for each experiment."""

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import qmc
 
+from edtk.design.information import side_by_side
 from edtk.design.nonlinear_model import Model, NonlinearModel, Robust, nonlinear_model
 from edtk.design.problem import Problem
-from edtk.design.problems import DescribedProblem, several_models, side_by_side
+from edtk.design.problems import DescribedProblem, several_models
 from edtk.design.region import Region
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
@@ -42,8 +43,7 @@ def problem_of_model(
     if robust is None:
         each[0].rows_of = lambda other: models[0].rows(other.to_numpy(dtype=float))
         return each[0]
-    both = several_models(each)
-    found = DescribedProblem(both.factors(), both.parameters, both.prior, frame)
+    found = DescribedProblem.of(several_models(each), frame)
     found.robust = Robust(robust, tuple(each), _shares(weights, len(each)))
     return found
 

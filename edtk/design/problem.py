@@ -1,6 +1,7 @@
 """A design problem as arrays: the information of candidate experiments. It knows no robot."""
 
 import hashlib
+import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -9,9 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria import Criterion
+from criteria.linalg.models import Models
 from criteria.linalg.spectrum import is_semidefinite
-from edtk.design.conditioning import Conditioning
-from edtk.design.information import Known, PackedInformation, Rows, nearly_equal
+from edtk.design.conditioning import Conditioning, ConditioningOfModels
+from edtk.design.information import Known, ModelRows, PackedInformation, Rows, nearly_equal
 from edtk.design.weighted_candidates import WeightedCandidates
 from edtk.system.typing import Array, Indices, Mask
 
@@ -420,11 +422,39 @@ class Problem(WeightedCandidates):
         return bool(self.is_exact and len(told) and told.min() <= DISTANT * told.max())
 
     @cached_property
+    def models(self) -> Models:
+        """Where the blocks of the information stand: one, unless there are several models."""
+        return self.kept.models
+
+    @property
+    def width(self) -> int:
+        """The order of a matrix with as many entries as the blocks have: p of a single model."""
+        return math.ceil(np.sqrt(np.square(self.models.sizes).sum()))
+
+    @property
+    def _is_apart(self) -> bool:
+        """Whether the prior mixes no models."""
+        return self.prior is None or self.models.are_apart(self.prior)
+
+    @cached_property
+    def each(self) -> "list[Problem]":
+        """The problem of each of several models alone."""
+        kept = self.kept
+        parts = kept.parts if isinstance(kept, ModelRows) else (kept,)
+        found = []
+        for part, at in zip(parts, self.models.parts, strict=True):
+            known = None if self.known is None else self.known.part(at)
+            found.append(Problem.of_kept(part, self.parameters[at], known))
+        return found
+
+    @cached_property
     def conditioning(self) -> Conditioning:
         """How well the candidates, and the prior, tell all parameters apart.
 
         Of rows whose squares have lost too many digits it comes from a QR factorization.
         """
+        if isinstance(self.kept, ModelRows) and self._is_apart:
+            return ConditioningOfModels.joined(self.models, [one.conditioning for one in self.each])
         found = Conditioning.of_information(self.mean)
         if not isinstance(self.kept, Rows) or found.keeps_digits:
             return found

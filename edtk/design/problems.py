@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
 from criteria import Criterion
-from edtk.design.information import Known, PackedInformation, Rows
+from edtk.design.information import Known, ModelRows, Rows
 from edtk.design.problem import Problem
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.typing import Array
@@ -54,24 +54,17 @@ def several_models(problems: Sequence[Problem]) -> Problem:
             f"the models have {', '.join(map(str, counts))} candidates; expected as many of each",
             argument="problems",
         )
-    blocks = side_by_side([problem.factors() for problem in problems])
     has_prior = any(problem.prior is not None for problem in problems)
     prior = block_diag(*(_prior_of(problem) for problem in problems)) if has_prior else None
-    return Problem(blocks, parameters=_names(problems), prior=prior)
-
-
-def side_by_side(blocks: Sequence[Array]) -> Array:
-    """Rows (n, rows_1 + .. + rows_k, p_1 + .. + p_k) of models with parameters of their own.
-
-    Args:
-        blocks: Rows (n, rows_j, p_j) of each model.
-    """
-    rows = np.cumsum([0, *(A.shape[1] for A in blocks)])
-    columns = np.cumsum([0, *(A.shape[2] for A in blocks)])
-    found = np.zeros((len(blocks[0]), rows[-1], columns[-1]))
-    for j, A in enumerate(blocks):
-        found[:, rows[j] : rows[j + 1], columns[j] : columns[j + 1]] = A
+    kept = ModelRows([_rows_of(problem) for problem in problems])
+    found = Problem.of_kept(kept, _names(problems), prior)
+    found.is_exact = all(problem.is_exact for problem in problems)
     return found
+
+
+def _rows_of(problem: Problem) -> Rows:
+    """The rows of a problem, or factors of its information."""
+    return problem.kept if isinstance(problem.kept, Rows) else Rows(problem.factors())
 
 
 def _prior_of(problem: Problem) -> Array:
@@ -115,6 +108,15 @@ class DescribedProblem(Problem):
     ) -> None:
         super().__init__(blocks, sigma, parameters, prior)
         self.frame = frame
+
+    @classmethod
+    def of(cls, problem: Problem, frame: "pd.DataFrame") -> "DescribedProblem":
+        """A problem whose candidates are the rows of a frame."""
+        found = cls.__new__(cls)
+        found._set(problem.kept, problem.parameters, problem.known)
+        found.is_exact = problem.is_exact
+        found.frame = frame
+        return found
 
     def to_frame(self, design: ArrayLike, name: str = "weight") -> "pd.DataFrame":
         """The rows of a design, with a column for their weights or numbers of repetitions.
@@ -325,16 +327,12 @@ class Whitened:
     @classmethod
     def by(cls, problem: Problem, T: Array, as_rows: bool = False) -> "Whitened":
         """The problem for parameters k' with ``k = T k'``, whatever T (p, p) is."""
-        white = problem.in_units(T)
         rounding = problem.kept.rounding_of_times(T)
-        if isinstance(white.kept, Rows):
-            # Directions that no candidate tells have columns of rounding alone.
-            A = np.where(problem.conditioning.is_open, 0.0, white.kept.A)
-            kept: Rows | PackedInformation = Rows(A)
-            if 2 * A.shape[1] > white.p and not as_rows:  # squares are fewer numbers
-                kept = PackedInformation(Rows(A).packed())
-            white = Problem.of_kept(kept, None, white.prior)
-        return cls(white, T, rounding)
+        if not isinstance(problem.kept, Rows):
+            return cls(problem.in_units(T), T, rounding)
+        kept = problem.kept.whitened(T, problem.conditioning.open_columns, as_rows)
+        prior = None if problem.known is None else problem.known.times(T)
+        return cls(Problem.of_kept(kept, None, prior), T, rounding)
 
 
 # Several criteria of one problem share the work; it is forgotten with the problem.

@@ -1,13 +1,18 @@
 """One design for several models: textbook optima, and the block diagonal problem."""
 
+import json
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 import criteria
 import edtk
+from edtk.certificate.verify_problem import verify_problem
+from edtk.design.information import ModelRows, Rows
 from edtk.design.problem import Problem
 from edtk.design.problems import several_models
+from edtk.design.relaxation.certify import store
 from edtk.design.relaxation.relax import relax
 from edtk.system.errors import ArgumentError
 
@@ -106,3 +111,73 @@ def test_models_of_other_candidates_are_refused(problems):
     """One line says what was expected."""
     with pytest.raises(ArgumentError, match=r"problems: .*expected"):
         several_models(problems)
+
+
+def test_rows_of_models_are_rows_with_zeros_between():
+    """What models keep apart says the same as rows of all parameters, in every sum over them."""
+    rng = np.random.default_rng(5)
+    shapes = [(2, 3), (1, 2), (2, 3)]
+    parts = [Rows(rng.normal(size=(7, *shape))) for shape in shapes]
+    models = ModelRows(parts)
+    whole = Rows(models.A)
+    roots = rng.normal(size=(2, 8, 8))
+    Z = roots @ np.swapaxes(roots, 1, 2)
+    w = rng.random(7)
+    some = np.array([4, 1])
+    T = models.models.diagonal([rng.normal(size=(s, s)) for _, s in shapes])
+    pairs = [
+        (models.sensitivities(Z), whole.sensitivities(Z * _apart(models))),
+        (models.weighted(w), whole.weighted(w)),
+        (models.mean(), whole.mean()),
+        (models.blocks(some), whole.blocks(some)),
+        (models.sensitivities_to_root(T), whole.sensitivities_to_root(T)),
+        (models.diagonals(), whole.diagonals()),
+        (models.times(T).A, whole.times(T).A),
+        (models[some].A, whole[some].A),
+        ((models + models[some]).A, (whole + whole[some]).A),
+    ]
+    for own, expected in pairs:
+        np.testing.assert_allclose(own, expected, rtol=1e-12, atol=1e-13)
+
+
+def _apart(models):
+    """Ones in the blocks, zeros beside them."""
+    return np.where(models.models.outside, 0.0, 1.0)
+
+
+def test_sizes_ask_for_models_side_by_side():
+    """Information between models is an error of one line, and not a wrong number."""
+    both = criteria.create("minimax", criteria=["D", "D"], sizes=[1, 1])
+    with pytest.raises(criteria.CriterionError, match="expected information of several_models"):
+        both.cost(np.array([[2.0, 1.0], [1.0, 2.0]]))
+
+
+@pytest.mark.parametrize("kind", ["compound", "minimax"])
+def test_bounds_of_many_models_hold_in_the_second_implementation(kind):
+    """Logits at nine slopes and middles: the certificate is recomputed from the rows alone."""
+    x = np.linspace(-4, 4, 61)
+    models = []
+    for slope in (0.5, 1.0, 2.0):
+        for middle in (-1.0, 0.0, 1.0):
+            u = slope * (x - middle)
+            rows = (
+                np.column_stack([x - middle, np.full(61, -slope)]) / (2 * np.cosh(u / 2))[:, None]
+            )
+            models.append(Problem(rows[:, None, :]))
+    problem = several_models(models)
+    criterion = criteria.create(kind, criteria=["D"] * 9, sizes=[2] * 9)
+    found = relax(problem, criterion)
+    assert found.proved_bound.gap <= 1e-6
+    assert verify_problem(json.loads(json.dumps(store(found, problem))), problem).valid
+
+
+def test_plans_of_models_in_distant_units_are_those_in_good_ones():
+    """The search works in parameters of each model, which units do not change."""
+    units = np.array([1.0, 1e4, 1e-4])
+    far = Problem(PARABOLA.factors() * units)
+    criterion = criteria.create("compound", criteria=["D", "D"], sizes=[2, 3])
+    near, other = (
+        edtk.plan(several_models([LINE, one])[::5], size=6, criterion=criterion)
+        for one in (PARABOLA, far)
+    )
+    assert near.counts.tolist() == other.counts.tolist() == [2, 0, 0, 0, 2, 0, 0, 0, 2]

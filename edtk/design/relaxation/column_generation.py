@@ -117,7 +117,7 @@ def first_active_set(problem: Problem, size: int) -> Indices:
 
     Args:
         problem: Candidates that identify all parameters.
-        size: Number of candidates to choose; at least as many as there are parameters are taken.
+        size: Number of candidates to choose; at least as many as a model has parameters are taken.
 
     Returns:
         Indices (k,), in the order of the choice.
@@ -138,7 +138,7 @@ def _chosen(problem: Problem, size: int) -> Indices:
     every = np.arange(problem.n)
     for among in (sample, every):
         part = problem[among] if len(among) < problem.n else problem
-        chosen = _most_informative(part, problem.mean, min(max(size, problem.p), part.n))
+        chosen = _most_informative(part, problem.mean, min(max(size, problem.width), part.n))
         if not open_directions(experiment_blocks(part, chosen).mean(axis=0), problem.parameters):
             break
     return among[chosen]
@@ -228,7 +228,7 @@ class ColumnGeneration:
             # After an exact solution a candidate outside has the largest sensitivity, unless the
             # gap is closed: where an active one has it, the solver was not accurate enough.
             inaccurate = gap <= self.gap or bool(sensitivities.argmax() in start.candidates)
-            effort = effort.after(step, inaccurate, gap, self.problem.p, gap <= self.gap)
+            effort = effort.after(step, inaccurate, gap, self.problem.width, gap <= self.gap)
             if not effort.solvers:
                 return
             start = self._next(step, sensitivities, gap, least)
@@ -254,7 +254,7 @@ class ColumnGeneration:
     @property
     def _batch(self) -> int:
         """Candidates that enter per round."""
-        return self.options.batch_of(self.problem.p)
+        return self.options.batch_of(self.problem.width)
 
     @cached_property
     def _masters(self) -> Masters:
@@ -273,8 +273,8 @@ class ColumnGeneration:
 
     def _first_active(self) -> Indices:
         """The candidates to begin with: some that tell all parameters, and the most sensitive."""
-        p = self.problem.p
-        chosen = first_active_set(self.problem, min(self._batch, max(p, LEAST_BATCH)))
+        least = max(self.problem.width, LEAST_BATCH)
+        chosen = first_active_set(self.problem, min(self._batch, least))
         missing = self._batch - len(chosen)
         if missing <= 0 or len(chosen) == self.problem.n:
             return chosen

@@ -1,15 +1,14 @@
 """The restricted master problem of a criterion that is the largest of several smooth losses."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from criteria.criterion import Loss
-from criteria.curvature import Curvature
 from criteria.linalg.inverse import whitener
 from criteria.linalg.typing import triangle
+from criteria.relaxable import Losses
 from edtk.design.relaxation.master_equations import (
     SPREAD,
     ActiveInformation,
@@ -29,7 +28,7 @@ ASTRAY = 1.0
 
 
 def loss_weights(
-    losses: Sequence[Loss], active: ActiveInformation, start: Array, accuracy: float
+    losses: Losses, active: ActiveInformation, start: Array, accuracy: float
 ) -> tuple[Array, Array]:
     """Minimise the largest of losses ``f_j(M(w))`` over weights of sum one.
 
@@ -82,7 +81,7 @@ class _Point(PathPoint[_Direction]):
         u: Duals of the losses (j,), positive.
     """
 
-    losses: Sequence[Loss]
+    losses: Losses
     active: ActiveInformation
     w: Array
     room: float
@@ -90,10 +89,10 @@ class _Point(PathPoint[_Direction]):
     u: Array
 
     @classmethod
-    def first(cls, losses: Sequence[Loss], active: ActiveInformation, start: Array) -> "_Point":
+    def first(cls, losses: Losses, active: ActiveInformation, start: Array) -> "_Point":
         """A point that satisfies all equations, with products ``u_j c_j`` that are the same."""
         w = (1 - SPREAD) * start + SPREAD / len(start)
-        point = cls(losses, active, w, ABOVE, w, np.zeros(len(losses)))
+        point = cls(losses, active, w, ABOVE, w, np.empty(0))
         if not np.isfinite(point.h).all():
             raise np.linalg.LinAlgError("the first weights leave a direction open")
         u = 1.0 / point.c
@@ -109,19 +108,24 @@ class _Point(PathPoint[_Direction]):
         return self.active.information(self.w)
 
     @cached_property
+    def _at_M(self) -> tuple[Array, Array]:
+        """Logarithms (j,) and slopes (j, p, p) of the losses."""
+        return self.losses.logs_and_slopes(self.M)
+
+    @cached_property
     def h(self) -> Array:
         """h_j (j,)."""
-        return np.array([loss.log(self.M) for loss in self.losses]) + self.w.sum()
+        return self._at_M[0] + self.w.sum()
 
     @property
     def c(self) -> Array:
         """How far the h_j (j,) are below t."""
         return self.h.max() - self.h + self.room
 
-    @cached_property
+    @property
     def slopes(self) -> Array:
         """G_j (j, p, p)."""
-        return np.array([loss.slope(self.M) for loss in self.losses])
+        return self._at_M[1]
 
     @cached_property
     def J(self) -> Array:
@@ -223,21 +227,14 @@ class _Point(PathPoint[_Direction]):
     def _equations(self) -> Solve:
         """The equations of a step: ``sum u_j h_j'' + S/W + J' (Q - q q' / sum q) J``."""
         T = whitener(self.M)
-        one = np.ones(len(triangle(len(T))[0]))
-        curved = [
-            np.sqrt(u) * each.squares(self.active.triangles(T @ each.V, one))
-            for u, each in zip(self.u, self._curvatures(T), strict=True)
-        ]
+        curvatures = self.losses.loss_curvatures(T)
+        assert curvatures is not None  # of losses that this method was asked for
+        curved = []
+        for u, each in zip(self.u, curvatures, strict=True):
+            own = T @ each.V
+            one = np.ones(len(triangle(own.shape[1])[0]))
+            curved.append(np.sqrt(u) * each.squares(self.active.triangles(own, one)))
         q = self.u / self.c
         values, U = np.linalg.eigh(np.diag(q) - np.outer(q, q) / q.sum())
         among = (np.sqrt(np.maximum(values, 0.0)) * U).T @ self.J
         return weight_equations(np.vstack([*curved, among]), self.s / self.w, most=np.inf)
-
-    def _curvatures(self, T: Array) -> list[Curvature]:
-        """The curvatures of the losses, where T (p, p) whitens the design."""
-        found = []
-        for loss in self.losses:
-            curvature = loss.curvature(T)
-            assert curvature is not None  # of losses that this method was asked for
-            found.append(curvature)
-        return found

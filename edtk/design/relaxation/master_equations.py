@@ -8,10 +8,11 @@ from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
 import numpy as np
 
 from criteria.linalg.inverse import guarded_inverse
+from criteria.linalg.models import Models
 from criteria.linalg.typing import triangle
 from criteria.relaxable import SpectralBand
 from edtk.design.problem import Problem
-from edtk.design.relaxation.proof import experiment_blocks
+from edtk.design.relaxation.proof import experiment_blocks, experiment_entries
 from edtk.system.typing import Array, Indices
 
 TOWARDS_BOUNDARY = 0.95  # part of the way to the boundary that a step may take
@@ -207,6 +208,9 @@ class ActiveInformation(ABC):
     @staticmethod
     def of(problem: Problem, active: Indices) -> "ActiveInformation":
         """The information of some candidates (k,) of a problem."""
+        models = problem.models
+        if len(models) > 1 and (problem.prior is None or models.are_apart(problem.prior)):
+            return _Blocks.of_entries(experiment_entries(problem, active), models)
         if problem.p <= SMALL:
             return ActiveInformation.of_blocks(experiment_blocks(problem, active))
         return _Rows(problem[active].factors(), problem.prior)
@@ -214,7 +218,7 @@ class ActiveInformation(ABC):
     @staticmethod
     def of_blocks(blocks: Array) -> "ActiveInformation":
         """Information that is given as matrices (k, p, p)."""
-        return _Blocks(blocks.reshape(len(blocks), -1))
+        return _Blocks.of_entries(blocks.reshape(len(blocks), -1), Models((blocks.shape[-1],)))
 
     @abstractmethod
     def information(self, weights: Array) -> Array:
@@ -226,32 +230,48 @@ class ActiveInformation(ABC):
 
     @abstractmethod
     def triangles(self, T: Array, scale: Array) -> Array:
-        """Scaled upper triangles (q, k) of ``T' M_i T``, q = p (p + 1)/2.
+        """Scaled upper triangles (q, k) of ``T' M_i T``.
 
         Args:
-            T: Matrix (p, p).
+            T: Matrix (p, s), where q = s (s + 1)/2.
             scale: Factor (q,) of each entry.
         """
 
 
 @dataclass(frozen=True, eq=False)
 class _Blocks(ActiveInformation):
-    """Whole matrices, flat (k, p p)."""
+    """The entries (k, e) of block diagonal matrices, of one block or of several.
+
+    Attributes:
+        flat: The entries.
+        p: Order of the matrices.
+        rows: Row (e,) of each entry.
+        columns: Column (e,) of each.
+    """
 
     flat: Array
+    p: int
+    rows: Indices
+    columns: Indices
+
+    @classmethod
+    def of_entries(cls, flat: Array, models: Models) -> "_Blocks":
+        """Take entries in the order of `Models.entries`."""
+        return cls(flat, models.p, *models.entries)
 
     def information(self, weights: Array) -> Array:
-        p = round(self.flat.shape[1] ** 0.5)
-        return (weights @ self.flat).reshape(p, p)
+        found = np.zeros((self.p, self.p))
+        found[self.rows, self.columns] = weights @ self.flat
+        return found
 
     def sensitivities(self, Z: Array) -> Array:
-        return np.asarray(self.flat @ Z.ravel())
+        return np.asarray(self.flat @ Z[self.rows, self.columns])
 
     def triangles(self, T: Array, scale: Array) -> Array:
-        rows, columns = triangle(len(T))
+        rows, columns = triangle(T.shape[1])
         # vec(T' M T) is linear in vec(M): one product for all candidates.
-        change = T[:, None, rows] * T[None, :, columns] * scale
-        return np.asarray(change.reshape(-1, len(rows)).T @ self.flat.T)
+        change = T[self.rows][:, rows] * T[self.columns][:, columns] * scale
+        return np.asarray(change.T @ self.flat.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,7 +292,7 @@ class _Rows(ActiveInformation):
         return found if self.prior is None else found + np.vdot(Z, self.prior)
 
     def triangles(self, T: Array, scale: Array) -> Array:
-        rows, columns = triangle(len(T))
+        rows, columns = triangle(T.shape[1])
         U = self.factors @ T
         P = np.empty((len(rows), len(U)))
         step = max(1, CHUNK // T.size)

@@ -215,8 +215,10 @@ class _Point:
         if not terms:
             return weight_equations(self._by_differences(), D, self.sensitivities)
         if len(terms) > 1:
-            one = np.ones(len(rows))
-            P = [each.squares(self.active.triangles(T @ each.V, one)) for each in terms]
+            P = []
+            for each in terms:
+                one = np.ones(len(triangle(len(each.z))[0]))
+                P.append(each.squares(self.active.triangles(T @ each.V, one)))
             return weight_equations(np.vstack(P), D)
         (found,) = terms
         scale = np.sqrt(found.W[rows, columns] * twice)

@@ -75,6 +75,17 @@ def experiment_blocks(problem: Problem, chosen: Indices) -> Array:
     return blocks if problem.prior is None else blocks + problem.prior
 
 
+def experiment_entries(problem: Problem, chosen: Indices) -> Array:
+    """The same (k, e) of several models: the entries of their blocks alone, see `Models.entries`.
+
+    Args:
+        problem: The candidates, and prior information that is block diagonal.
+        chosen: Indices (k,) of the candidates.
+    """
+    entries = problem.kept.entries(chosen)
+    return entries if problem.prior is None else entries + problem.prior[problem.models.entries]
+
+
 @dataclass(frozen=True, eq=False)
 class InnerProof:
     """Multipliers Z' of the information about parameters k' with ``k = T k'``.

@@ -9,7 +9,7 @@ from criteria.interest import DEPENDENT
 from criteria.linalg.estimable import open_subspace, range_whitener
 from criteria.linalg.inverse import root
 from edtk.design.bound import BLURRED, Bound, BoundKind
-from edtk.design.information import Known, PackedInformation, Rows
+from edtk.design.information import Known, Rows
 from edtk.design.problem import Problem
 from edtk.design.problems import Whitened
 from edtk.design.relaxation.proof import EPS, InnerProof, errors
@@ -89,10 +89,7 @@ class OrderOne:
 
 def _largest_row(problem: Problem) -> float:
     """The largest entry of a row; of information, the root of the largest on a diagonal."""
-    if isinstance(problem.kept, Rows):
-        own = float(np.abs(problem.kept.A).max())
-    else:
-        own = float(np.sqrt(problem.kept.largest().max()))
+    own = problem.kept.largest_entry()
     if problem.prior is None:
         return own
     return max(own, float(np.sqrt(np.diag(problem.prior).max())))
@@ -100,11 +97,7 @@ def _largest_row(problem: Problem) -> float:
 
 def _times(problem: Problem, power: int) -> Problem:
     """The candidates with ``2^power`` times the rows."""
-    kept: Rows | PackedInformation
-    if isinstance(problem.kept, Rows):
-        kept = Rows(np.ldexp(problem.kept.A, power))
-    else:
-        kept = PackedInformation(np.ldexp(problem.kept.triangles, 2 * power))
+    kept = problem.kept.in_unit(power)
     known = None if problem.known is None else problem.known.in_unit(power)
     found = Problem.of_kept(kept, problem.parameters, known)
     found.is_exact = problem.is_exact
@@ -124,7 +117,7 @@ def without_open_directions(problem: Problem) -> Problem:
     Returns:
         A problem whose prior has W W' besides; the problem itself where no direction is open.
     """
-    _, W = open_subspace(problem.mean)
+    W = problem.models.diagonal([open_subspace(one.mean)[1] for one in problem.each])
     if not W.size:
         return problem
     prior = W @ W.T if problem.prior is None else problem.prior + W @ W.T
@@ -141,7 +134,9 @@ def proved_on(problem: Problem, found: Relaxation) -> Relaxation:
         problem: The problem as it was given.
         found: The relaxation of `without_open_directions`, with costs of the problem as given.
     """
-    U, W = open_subspace(problem.mean)
+    found_open = [open_subspace(one.mean) for one in problem.each]
+    U = problem.models.diagonal([left for left, _ in found_open])
+    W = problem.models.diagonal([closing for _, closing in found_open])
     P = np.eye(problem.p) - U @ W.T
     # A product of a root with itself is semidefinite, where P Z P' may leave a noise that is not.
     roots = np.array([root(z) @ P.T for z in found.multipliers])

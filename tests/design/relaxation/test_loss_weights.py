@@ -117,4 +117,4 @@ def test_which_have_the_form():
     """A smoothed maximum is another program, and a part needs a curvature in closed form."""
     assert minimax("D, A").smoothed(10.0).largest_of(4) is None
     assert criteria.create("G").largest_of(4) is None
-    assert len(minimax("phi").largest_of(4)) == 3
+    assert len(minimax("phi").largest_of(4).parts) == 3

@@ -396,6 +396,17 @@ def _relaxed(
     return None, "the multipliers found prove nothing", False
 
 
+def _working_parameters(bare: Problem, criterion: Criterion, limits: Limits) -> Array:
+    """See `working_parameters`; those of several models are of each alone, so that none mix."""
+    if len(bare.models) == 1 or not bare.models.are_apart(limits.base):
+        return working_parameters(criterion, bare.factors(), limits)
+    found = []
+    for one, at in zip(bare.each, bare.models.parts, strict=True):
+        own = replace(limits, base=limits.base[at, at])
+        found.append(working_parameters(criterion, one.factors(), own))
+    return bare.models.diagonal(found)
+
+
 def _search(
     bare: Problem,
     criterion: Criterion,
@@ -405,7 +416,7 @@ def _search(
 ) -> CountsSearch:
     """The search, in parameters of order one."""
     rows = bare.factors()
-    T = working_parameters(criterion.plan_criterion, rows, limits)
+    T = _working_parameters(bare, criterion.plan_criterion, limits)
     transformed = criterion.transformed(T)
     if transformed is None:
         T = np.eye(bare.p)
