@@ -23,7 +23,7 @@ from edtk.design.exact.counts.prices import GAIN
 from edtk.design.exact.exchange_costs import exchange_costs
 from edtk.system.errors import UserError
 from edtk.system.time_limit import out_of_time
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
 
 # Part of the candidates' mean information that is added to every plan at first, so that a singular
 # start has prices: far below what a plan tells, far above rounding.
@@ -36,6 +36,7 @@ WAVES = 4  # without an improvement after which a search ends; and as many as it
 MOST_WAVES = 512
 EFFORT = 6e9  # products that waves without an improvement may take
 DRAWS = 200  # of a start, before candidates count as too few
+ALIKE = 1e-12  # part of the largest entry of a precision up to which two entries are the same
 MOST_SWAPPED = 80  # runs up to which pairs of them are swapped
 
 
@@ -117,9 +118,20 @@ class ArrangedSearch:
         return [_Block.of(move, self.W) for move in self.settings.moves(self.m)]
 
     @cached_property
-    def swaps(self) -> bool:
-        """Whether runs differ by more than the group they are in, so that their order matters."""
-        return self.m <= MOST_SWAPPED
+    def differ(self) -> Mask:
+        """Which two runs (m, m) may not change places without a change of the precision.
+
+        Runs of one group that are linked to all others alike tell the same in either order.
+        """
+        W = self.W
+        found = np.zeros(W.shape, dtype=bool)
+        least = ALIKE * np.abs(W).max()
+        for s in range(self.m):
+            across = np.abs(W - W[s])
+            across[:, s] = 0.0
+            np.fill_diagonal(across, np.abs(np.diag(W) - W[s, s]))
+            found[s] = across.max(axis=1) > least
+        return found
 
     def information(self, places: Indices) -> Array:
         """Information (b, p, p) of plans (b, m)."""
@@ -165,8 +177,9 @@ class ArrangedSearch:
     def improved(self, places: Indices) -> tuple[Array, Indices]:
         """Costs (b,) and places (b, m) of plans that no move improves."""
         p = self.base.shape[0]
-        places = self._descended(places, self.base + RIDGE * self.m * np.eye(p))
-        places = self._descended(places, self.base)
+        ridge = RIDGE * self.m * np.eye(p)
+        places = self._descended(places, self.base + ridge, swaps=False)
+        places = self._descended(places, self.base, swaps=self.m <= MOST_SWAPPED)
         return self.costs(self.information(places)), places
 
     def _patience(self) -> int:
@@ -213,7 +226,7 @@ class ArrangedSearch:
         b, m, r, p = X.shape
         return np.asarray((self.W @ X.reshape(b, m, r * p)).reshape(b, m, r, p))
 
-    def _descended(self, places: Indices, base: Array) -> Indices:
+    def _descended(self, places: Indices, base: Array, swaps: bool) -> Indices:
         """Plans (b, m) after exchanges, and swaps, as long as these improve them."""
         places = places.copy()
         left = np.arange(len(places))
@@ -224,7 +237,7 @@ class ArrangedSearch:
             moved = np.zeros(len(left), dtype=bool)
             for block in self.blocks:
                 moved |= self._exchange(block, own, M, costs)
-            if self.swaps and not moved.all():
+            if swaps and not moved.all():
                 still = np.flatnonzero(~moved)
                 part, part_M, part_costs = own[still], M[still], costs[still]
                 moved[still] = self._swap_all(part, part_M, part_costs)
@@ -294,11 +307,15 @@ class ArrangedSearch:
             d = X - X[:, [s]]
             g = turned[:, [s]] - turned
             w = diagonal[s] - 2 * self.W[s] + diagonal
+            allowed = self.settings.may_swap(places, s) & self.differ[s] & (np.arange(self.m) > s)
+            plans, others = np.nonzero(allowed & (places != places[:, [s]]))
+            if not len(plans):
+                continue
             half = g + 0.5 * w[None, :, None, None] * d
-            step = np.einsum("btri,btrj->btij", half, d)
-            reached = self.costs(M[:, None] + step + np.swapaxes(step, -1, -2))
-            allowed = self.settings.may_swap(places, s)
-            reached = np.where(allowed & (places != places[:, [s]]), reached, np.inf)
+            step = np.swapaxes(half[plans, others], -1, -2) @ d[plans, others]
+            step = step + np.swapaxes(step, -1, -2)
+            reached = np.full(places.shape, np.inf)
+            reached[plans, others] = self.costs(M[plans] + step)
             best = reached.argmin(axis=1)
             least = reached[each, best]
             better = np.flatnonzero(least < costs * (1 - GAIN))
@@ -307,7 +324,7 @@ class ArrangedSearch:
                 first = places[better, s].copy()
                 places[better, s] = places[better, t]
                 places[better, t] = first
-                joined = step[better, t]
+                joined = np.swapaxes(half[better, t], -1, -2) @ d[better, t]
                 M[better] += joined + np.swapaxes(joined, -1, -2)
                 costs[better] = least[better]
                 moved[better] = True
