@@ -183,6 +183,8 @@ class Errors(Presented):
         size = rows * columns * whole_number(each, "each", 1)
         row_variance = _variance(row_variance, "row_variance")
         column_variance = _variance(column_variance, "column_variance")
+        _require_factors(row_factors)
+        _require_factors(column_factors)
         return cls(
             (
                 Stratum("row", rows, row_variance, row_factors),
@@ -210,7 +212,12 @@ class Errors(Presented):
         if not isinstance(groups, Mapping) or not groups:
             message = "expected groups by the name of their stratum, such as {'day': 4}"
             raise ArgumentError(message, argument="groups")
+        for name, own in groups.items():
+            if np.ndim(own) == 0:
+                whole_number(own, str(name), 1)
         held = {} if hard is None else dict(hard)
+        for kept in held.values():
+            _require_factors(kept)
         given = dict(variance) if isinstance(variance, Mapping) else dict.fromkeys(groups, variance)
         for argument, named in (("hard", held), ("variance", given)):
             unknown = [name for name in named if name not in groups]
@@ -472,6 +479,17 @@ def _variance(given: object, argument: str) -> float:
     if not _is_number(given) or not given > 0:  # type: ignore[operator]
         raise ArgumentError("expected above 0", argument=argument, given=given)
     return float(given)  # type: ignore[arg-type]
+
+
+def _require_factors(hard: object) -> None:
+    """Check that something names factors, or labels candidates.
+
+    Raises:
+        ArgumentError: It does not.
+    """
+    if np.ndim(hard) == 0 and not isinstance(hard, str):  # type: ignore[arg-type]
+        message = "expected names of factors, or a label for each candidate"
+        raise ArgumentError(message, argument="hard", given=repr(hard))
 
 
 def _is_number(given: object) -> bool:

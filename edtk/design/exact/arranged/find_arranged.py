@@ -7,6 +7,7 @@ from time import monotonic
 import numpy as np
 
 from criteria import Criterion, Relaxable
+from criteria.linalg.inverse import root
 from edtk.design.bound import BLURRED, Bound, BoundKind
 from edtk.design.errors import Errors, RunErrors
 from edtk.design.exact.arranged.arranged_bound import ArrangedBound
@@ -21,6 +22,7 @@ from edtk.design.relaxation.setting import OrderOne, Setting
 from edtk.system.errors import UserError
 from edtk.system.typing import Array, Indices
 
+ROUNDED = 1e-12  # part of the squares of a column that a root of rounding leaves
 TRIED = 24  # random plans whose sum tells what no plan of this structure can tell
 
 
@@ -56,7 +58,6 @@ def find_arranged(
     since = monotonic()
     runs = errors.of_runs(size)
     settings = Settings.of(problem, runs)
-    problem.require_identifiable(criterion)
     plain = criterion.without_prior
     base = np.zeros((problem.p, problem.p))
     if criterion.precision is not None:
@@ -64,8 +65,9 @@ def find_arranged(
     if problem.prior is not None:
         base = base + size * problem.prior
     sized = OrderOne.of(problem.with_prior(base / size if base.any() else None))
+    sized.problem.require_identifiable(plain)
     search, setting = _search(sized.problem, plain, settings, runs.precision)
-    _require_told(search, problem, plain)
+    _require_told(search, sized.problem, plain)
     found = search.run(seed, starts, lambda n, cost: progress(f"start {n}", cost))
     cost = search.criterion.cost_from_plan_criterion(found.cost)
     if not np.isfinite(cost):
@@ -125,12 +127,13 @@ def _require_told(search: ArrangedSearch, problem: Problem, criterion: Criterion
     """
     drawn = search.drawn(np.random.default_rng(0), TRIED)
     X = problem.factors()[drawn]
-    turned = np.einsum("st,btri->bsri", search.W, X)
-    M = np.einsum("bsri,bsrj->ij", X, turned)
+    turned = np.einsum("st,btri->bsri", root(search.W), X).reshape(-1, problem.p)
+    # What is left of a column that is all nuisance is rounding.
+    whole = np.square(X).sum(axis=(0, 1, 2)) * np.abs(search.W).max()
+    turned[:, np.square(turned).sum(axis=0) <= ROUNDED * whole] = 0.0
+    M = turned.T @ turned
     if problem.prior is not None:
         M = M + TRIED * len(search.W) * problem.prior
-    if criterion.precision is not None:
-        M = M + criterion.precision
     missing = criterion.missing(M, problem.parameters)
     if missing:
         raise RankDeficientError(

@@ -177,6 +177,14 @@ def test_pyoptex_finds_no_better_one() -> None:
         (lambda: Errors.spatial([0, 0, 1], 1.0), "nugget"),
         (lambda: Errors.strata({"day": 2}, -1.0), "above 0"),
         (lambda: Errors.strata({"day": 2}, hard={"week": "w"}), "no stratum 'week'"),
+        (lambda: Errors.strata({"day": "two"}), "whole number"),
+        (lambda: Errors.split_plot(5, 4), "names of factors"),
+        (
+            lambda: edtk.plan(
+                quadratic(), 12, errors=Errors.strata({"day": 3, "pair": [0, 1] * 6}, np.inf)
+            ),
+            "nothing tells Intercept",
+        ),
         (lambda: Errors.autoregressive(0.1) + Errors.covariance(np.eye(2)), "both say"),
         (
             lambda: edtk.plan(quadratic(), 12, errors=Errors.strata({"day": 3}, np.inf)),
