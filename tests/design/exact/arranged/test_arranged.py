@@ -199,3 +199,35 @@ def test_wrong_input_is_one_line(make, words: str) -> None:
         make()
     assert words in str(told.value)
     assert "\n" not in str(told.value)
+
+
+def test_factorials_free_of_a_trend() -> None:
+    """Three factors in eight runs have an order whose main effects no linear trend touches (Daniel
+    and Wilcoxon 1966; Cheng and Jacroux 1988): nothing is lost to it, and that is proved.
+    """
+    frame = pd.DataFrame(list(product([-1.0, 1.0], repeat=3)), columns=["a", "b", "c"])
+    problem = edtk.Problem.from_frame(frame, "1 + a + b + c")
+    plan = edtk.plan(problem, 8, "D", errors=Errors.trend(1))
+    assert plan.value == pytest.approx(8.0)
+    assert plan.efficiency == pytest.approx(1.0, abs=1e-6)
+
+
+def test_first_order_split_plot() -> None:
+    """Easy factors that are orthogonal in each whole plot lose nothing; constant and hard factor
+    lose ``1 + k v`` (Goos and Vandebroek 2001): both closed forms are reached and proved.
+    """
+    frame = pd.DataFrame(list(product([-1.0, 1.0], repeat=2)), columns=["w", "s"])
+    problem = edtk.Problem.from_frame(frame, "1 + w + s")
+    plan = edtk.plan(problem, 16, "D", errors=Errors.split_plot("w", 4, 0.75), starts=8)
+    assert plan.value == pytest.approx((16 * (16 / (1 + 4 * 0.75)) ** 2) ** (1 / 3))
+    assert plan.efficiency == pytest.approx(1.0, abs=1e-6)
+
+
+def test_signs_alternate_in_a_series() -> None:
+    """Of correlated runs of a line the slope is told best by ends in turn."""
+    plan = edtk.plan(
+        line(), 6, {"name": "Ds", "interest": ["x"]}, errors=Errors.autoregressive(0.6)
+    )
+    x = plan.to_frame().x.to_numpy()
+    assert (np.abs(x) == 1).all()
+    assert (x[1:] == -x[:-1]).all()
