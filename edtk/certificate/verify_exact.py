@@ -12,7 +12,14 @@ import numpy as np
 
 from edtk.certificate.recompute.array_criteria import BAYESIAN, FORMS, Part
 from edtk.certificate.recompute.arrays import Candidates, Design, Frame
-from edtk.certificate.recompute.exact_tree import MOST_SIZE, Replay, Tree, counts_of, plan_of
+from edtk.certificate.recompute.exact_tree import (
+    MOST_SIZE,
+    Budget,
+    Replay,
+    Tree,
+    counts_of,
+    plan_of,
+)
 from edtk.certificate.recompute.plain_data import number, numbers, table, whole
 from edtk.certificate.verify_certificate import AGREE, Claim, exact_claims, unproved_exact
 from edtk.certificate.verify_problem import (
@@ -38,20 +45,23 @@ class ExactVerification(ProblemVerification):
 
     Attributes:
         best: Whether the plan is said to be the best.
-        limited: Whether each candidate may be measured so often only.
+        limited: Whether each candidate may be measured so often only, or all cost so much at most.
+        sized: Whether all plans have as many experiments.
     """
 
     best: bool = False
     limited: bool = False
+    sized: bool = True
 
     @property
     def proved(self) -> str:
         """What is proved, and on what."""
         if not self.valid:
             return "nothing is proved"
-        plans = f"all plans of {self.experiments} experiments on these {self.candidates} candidates"
+        number = f" of {self.experiments} experiments" if self.sized else ""
+        plans = f"all plans{number} on these {self.candidates} candidates"
         if self.limited:
-            plans += " within the limits of each"
+            plans += " within the limits"
         if self.best:
             return f"for this problem; the plan is the best of {plans}"
         return f"for this problem; the bound holds for {plans}"
@@ -72,8 +82,29 @@ def _limits(given: Any, kept: Indices) -> Indices | None:
     return np.asarray(found.astype(int) - kept)
 
 
-def _no_plan(plan: Indices, told: int, limits: Indices | None) -> str:
+def _budget(given: dict[str, Any], n: int) -> Budget | None:
+    """What the new experiments may cost together; None for no limit."""
+    if ("costs" in given) != ("cost_budget" in given) or ("places" in given) > ("costs" in given):
+        raise ValueError("costs: expected beside cost_budget")
+    if "costs" not in given:
+        return None
+    costs = numbers(given["costs"], (n,), "costs")
+    funds = number(given["cost_budget"], "cost_budget")
+    if not (costs > 0).all() or not funds > 0:
+        raise ValueError("costs: expected above 0, and a cost_budget above 0")
+    return Budget(np.append(costs, np.zeros(int("places" in given))), funds)
+
+
+def _no_plan(
+    plan: Indices, told: int, limits: Indices | None, budget: Budget | None, sized: bool
+) -> str:
     """Why counts (n,) are no plan of so many experiments within limits; empty if they are."""
+    if budget is not None and plan @ budget.costs[: len(plan)] > budget.most:
+        return "the plan costs more than it may"
+    if not sized:
+        assert budget is not None
+        affordable = budget.number(limits)
+        return f"expected {affordable} places" if told < affordable else ""
     if limits is not None and (plan > limits).any():
         return "a candidate is measured more often than it may be"
     if told <= 0 or plan.sum() != told:
@@ -100,7 +131,7 @@ def verify_exact(content: Any, problem: Problem) -> ExactVerification:
         ValueError: The content is no such certificate, or would take too long; one line says where.
     """
     with np.errstate(all="ignore"):
-        table(content, KEYS, "certificate", ("most",))
+        table(content, KEYS, "certificate", ("most", "costs", "cost_budget", "places"))
         require_table(content["criterion"])
         criterion = criterion_of(content["criterion"])
         size = whole(content["size"], 1, MOST_SIZE, "size")
@@ -110,12 +141,18 @@ def verify_exact(content: Any, problem: Problem) -> ExactVerification:
         if not isinstance(content["proved_exact"], bool):
             raise ValueError("proved_exact: expected true or false")
         stated = {name: number(content[name], name) for name in ("value", "bound_exact")}
-        tree = Tree.of(content["tree"], problem.n, problem.p)
+        budget = _budget(content, problem.n)
+        sized = "places" not in content
+        positions = problem.n if sized else problem.n + 1
+        tree = Tree.of(content["tree"], positions, problem.p, int(budget is not None))
         candidates = candidates_of(problem)
         claims = [same_candidates(content["candidates"], problem, candidates.sha256)]
-        told = size - int(kept.sum())
+        made = size - int(kept.sum())
+        told = made if sized else whole(content["places"], made, MOST_SIZE, "places")
         limits = _limits(content.get("most"), kept)
-        wrong = _no_plan(plan, told, limits)
+        wrong = _no_plan(plan, told, limits, budget, sized)
+        if not sized and plan.sum() != made:
+            wrong = f"expected {made} experiments beside the kept ones"
         claims.append(Claim("plan", not wrong, float(size), float(plan.sum() + kept.sum()), wrong))
         name = content["criterion"]["name"]
         if name.removeprefix("bayes_") not in FORMS:
@@ -129,7 +166,7 @@ def verify_exact(content: Any, problem: Problem) -> ExactVerification:
             part, known = _question(content["criterion"], candidates, kept, size, power)
             stated["proved_exact"] = content["proved_exact"]
             tree = replace(tree, T=np.ldexp(tree.T, -power))
-            replay = Replay(tree, part, known, told, limits, power)
+            replay = Replay(tree, part, known, told, limits, budget, power)
             claims += exact_claims(name, stated, replay, *_cost(replay, plan))
     return ExactVerification(
         criterion=criterion.name,
@@ -142,7 +179,8 @@ def verify_exact(content: Any, problem: Problem) -> ExactVerification:
         experiments=size,
         about=criterion.label,
         best=content["proved_exact"],
-        limited=limits is not None,
+        limited=limits is not None or budget is not None,
+        sized=sized,
     )
 
 

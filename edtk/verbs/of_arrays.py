@@ -7,7 +7,7 @@ from edtk.certificate.region_certificate import region_certificate
 from edtk.design.enclosure.prove_region import prove_region
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.plan_region import RegionPlan
-from edtk.design.exact.store_exact import store_exact
+from edtk.design.exact.store_exact import require_checkable, store_exact
 from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.design.relaxation.relax import relax
@@ -42,6 +42,8 @@ class OfProblem(Question):
         if call.certificate is not None and call.prove is None:
             message = "it is about a proof; expected prove beside it"
             raise ArgumentError(message, argument="certificate")
+        if call.certificate is not None:
+            require_checkable(self.problem, call.keep is not None)
         options = {name: getattr(call, name) for name in (*OF_PROBLEMS, "prove", "cost_budget")}
         given = {name: value for name, value in options.items() if value is not None}
         found = plan_problem(

@@ -271,3 +271,47 @@ def test_true_proofs_hold_where_a_prior_tells_what_rows_do_not(name, far):
     problem = Problem(np.stack([np.ones(9), x], axis=-1)[:, None, :], prior=np.diag([1.0, far**2]))
     found = edtk.verify(stored(problem, criteria.create(name), 4), problem)
     assert found.valid, found.summary()
+
+
+PRICES = np.array([1.0, 2.0, 1.5, 1.0, 3.0, 2.0, 1.0, 2.5, 1.0])
+
+
+def within_budget(size):
+    """The certificate of a plan within a budget, of a given size or not."""
+    options = {"costs": PRICES, "cost_budget": 6.0, "prove": 60.0}
+    return json.loads(json.dumps(store_exact(edtk.plan(PROBLEM, size, "A", **options))))
+
+
+@pytest.mark.parametrize("size", [4, None])
+def test_a_proof_within_a_budget_is_confirmed_and_no_other_one(size):
+    """Prices go with multipliers; a larger budget, other costs, or prices below zero prove none."""
+    content = within_budget(size)
+    found = edtk.verify(content, PROBLEM)
+    assert found.valid, found.summary()
+    assert "within the limits" in found.proved
+    assert ("all plans of 4 experiments" in found.proved) == (size is not None)
+
+    def fails(**changes):
+        return bool(edtk.verify(content | changes, PROBLEM).failed)
+
+    assert fails(cost_budget=9.0)
+    assert fails(cost_budget=4.0)
+    assert fails(costs=(PRICES / 2).tolist())
+    prices = np.array(content["tree"]["prices"])
+    assert prices.max() > 0
+    assert fails(tree=content["tree"] | {"prices": (0.0 * prices).tolist()})
+    with pytest.raises(UserError, match="not negative"):
+        fails(tree=content["tree"] | {"prices": (-prices).tolist()})
+    if size is None:
+        assert fails(places=content["places"] + 1)
+        without = {name: own for name, own in content.items() if name != "places"}
+        with pytest.raises(UserError):
+            edtk.verify(without, PROBLEM)
+
+
+def test_parameters_too_dependent_for_the_check_have_no_certificate(tmp_path):
+    """It is said before the search, and the proof is there without one."""
+    x = np.arange(-3.0, 4.0)
+    far = Problem(np.stack([np.ones(7), 1e7 + x], axis=-1)[:, None])
+    with pytest.raises(UserError, match="nearly dependent"):
+        edtk.plan(far, 4, "D", prove=5, certificate=tmp_path / "proof.json")

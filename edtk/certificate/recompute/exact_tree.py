@@ -9,8 +9,13 @@ merit of the stated bound has no better plan. Of others, candidates without whic
 it are left out, and a group is divided: its children have every number of experiments in one part
 of it, and the rest in the other. Nothing in the file is believed: that a tree misses no plan, and
 each u, is computed here, with rounding on the safe side.
+
+Where the counts r of plans obey ``C r <= f``, any prices ``mu >= 0`` may be added, as
+``<mu, f - C r> >= 0``: what every plan has is K and f, what an experiment adds is M_i and minus its
+costs. Where places may stay empty there is one candidate more, that tells and costs nothing.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -30,6 +35,7 @@ MOST_SIZE = 5000  # experiments of a plan
 AT_ONCE = 400_000  # candidates of nodes that are looked at together
 PER_VISIT = 0.15  # of a candidate of a node [us]
 WHOLE = 2**53
+SPENT = 2e-12  # part of the funds by which the rounding of a sum of costs may exceed them
 SURE = 1e-12  # part that rounding may take of an eigenvalue, far below what a proof leaves
 
 
@@ -41,6 +47,7 @@ class Tree:
         T: Multipliers are those of parameters k' with ``k = T k'`` (p, p).
         order: Candidate (n,) at each position.
         multipliers: Upper triangles (r, q), row by row.
+        prices: Prices (r, k) of budgets beside each.
         shares: Shares (r, groups) that go with each, of a criterion that is the worst of several.
         columns: Multiplier, parent, group, first, stop and count (6, nodes).
     """
@@ -48,20 +55,26 @@ class Tree:
     T: Array
     order: Indices
     multipliers: Array
+    prices: Array
     shares: Array | None
     columns: Indices
 
     @classmethod
-    def of(cls, given: Any, n: int, p: int) -> "Tree":
-        """Read a tree about n candidates and p parameters.
+    def of(cls, given: Any, n: int, p: int, budgets: int = 0) -> "Tree":
+        """Read a tree about n candidates, p parameters, and a number of budgets.
 
         Raises:
             ValueError: It is none; one line says where.
         """
-        table(given, TREE, "tree", ("shares",))
+        table(given, TREE, "tree", ("shares", "prices"))
         T = numbers(given["T"], (p, p), "tree.T")
         order = _whole(given["order"], 0, n - 1, "tree.order")
         Z = numbers(given["multipliers"], (None, p * (p + 1) // 2), "tree.multipliers")
+        prices = np.zeros((len(Z), 0))
+        if given.get("prices") is not None:
+            prices = numbers(given["prices"], (len(Z), budgets), "tree.prices")
+            if not (prices >= 0).all():
+                raise ValueError("tree.prices: expected prices that are not negative")
         shares = None
         if given.get("shares") is not None:
             shares = numbers(given["shares"], (len(Z), None), "tree.shares")
@@ -72,7 +85,7 @@ class Tree:
         columns = [_whole(given[name], -1, WHOLE, f"tree.{name}") for name in names]
         if len({len(column) for column in columns}) > 1 or not 0 < len(columns[0]) <= MOST_NODES:
             raise ValueError("tree: expected as many entries of each node, and one node or more")
-        found = cls(T, order, Z, shares, np.array(columns))
+        found = cls(T, order, Z, prices, shares, np.array(columns))
         found._require_order()
         return found
 
@@ -204,6 +217,41 @@ class _Batch:
 
 
 @dataclass(frozen=True, eq=False)
+class Budget:
+    """What the new experiments of a plan may cost together.
+
+    Attributes:
+        costs: Costs (n,) of an experiment, above zero; where places may stay empty, a last zero.
+        funds: Their sum at most.
+    """
+
+    costs: Array
+    funds: float
+
+    @property
+    def unit(self) -> float:
+        """What both are counted in, so that they are of order one."""
+        return float(self.costs.max())
+
+    @property
+    def most(self) -> float:
+        """The funds, with the rounding of a sum of costs."""
+        return self.funds * (1 + SPENT)
+
+    def number(self, most: Indices | None) -> int:
+        """The largest number of experiments that the funds pay for."""
+        order = np.argsort(self.costs[self.costs > 0], kind="stable")
+        left = self.most
+        number = 0
+        for i in order:
+            affordable = math.floor(left / self.costs[i])
+            bought = affordable if most is None else min(affordable, int(most[i]))
+            number += bought
+            left -= bought * self.costs[i]
+        return number
+
+
+@dataclass(frozen=True, eq=False)
 class Replay:
     """A tree on its candidates, ready to be replayed.
 
@@ -213,6 +261,7 @@ class Replay:
         candidates: The candidates, what every plan has as their prior.
         m: Number of experiments.
         most: How often each candidate may be chosen (n,); None for no limit.
+        budget: What plans may cost; None for no limit.
         power: The candidates have ``2^power`` times the rows that were given, and the tree's
             parameters are in such units; costs are those of the rows as given.
     """
@@ -222,6 +271,7 @@ class Replay:
     candidates: Candidates
     m: int
     most: Indices | None = None
+    budget: "Budget | None" = None
     power: int = 0
 
     def given(self, cost: float) -> float:
@@ -317,8 +367,11 @@ class Replay:
         frame = Frame.of_candidates(self.candidates)
         for i in range(len(own.nodes)):
             some = own.node == i
-            counts = np.zeros(self.candidates.n)
+            counts = np.zeros(self.number)
             counts[self.tree.order[own.position[some]]] = own.counts[i, own.group[some]]
+            if self.budget is not None and counts @ self.budget.costs > self.budget.most:
+                continue
+            counts = counts[: self.candidates.n]
             found, _ = self.part.cost(Design.of(self.candidates, frame, counts))
             if found < cost:
                 return "a plan of the tree costs less"
@@ -326,29 +379,47 @@ class Replay:
 
     def _misses_candidates(self) -> bool:
         """Whether a candidate without a position differs from all that have one."""
-        if len(self.tree.order) == self.candidates.n:
+        if len(self.tree.order) == self.number:
             return False
         if self.most is not None:
             return True
         packed = _packed(self.candidates, np.eye(self.candidates.p))[0]
+        if self.budget is not None:
+            packed = np.append(packed, self.budget.costs[: len(packed), None], axis=1)
+        if self.number > len(packed):
+            # The empty place: of a kind of its own, as no experiment is for nothing.
+            packed = np.append(packed, np.zeros((1, packed.shape[1])), axis=0)
         _, kinds = np.unique(packed, axis=0, return_inverse=True)
         return len(np.unique(kinds)) > len(np.unique(kinds[self.tree.order]))
 
     @cached_property
     def limit(self) -> Indices | None:
         """How often the candidate at each position may be chosen (n,); None for no limit."""
-        return None if self.most is None else np.minimum(self.most, self.m)[self.tree.order]
+        if self.most is None:
+            return None
+        most = np.append(self.most, np.full(self.number - len(self.most), self.m))
+        return np.asarray(np.minimum(most, self.m)[self.tree.order])
+
+    @property
+    def number(self) -> int:
+        """Number of candidates, with the empty place where there is one."""
+        return self.candidates.n if self.budget is None else len(self.budget.costs)
 
     @cached_property
     def twice(self) -> Array:
-        """How often each entry (q,) of a triangle stands in a matrix."""
+        """How often each entry (q + k,) of a triangle stands in a matrix; budgets once."""
         i, j = np.triu_indices(self.candidates.p)
-        return np.where(i == j, 1.0, 2.0)
+        budgets = self.tree.prices.shape[1]
+        return np.append(np.where(i == j, 1.0, 2.0), np.ones(budgets))
 
     @cached_property
     def _information(self) -> tuple[Array, float]:
-        """Triangles (n, q) at each position, and a bound on the rounding of the worst."""
+        """Features (n, q + k) at each position, and a bound on the rounding of the worst."""
         packed, error = _packed(self.candidates, self.tree.T)
+        empty = np.zeros((self.number - len(packed), packed.shape[1]))
+        packed = np.concatenate([packed, empty])
+        if self.budget is not None:
+            packed = np.append(packed, -self.budget.costs[:, None] / self.budget.unit, axis=1)
         return packed[self.tree.order], error
 
     @cached_property
@@ -358,7 +429,7 @@ class Replay:
 
     @cached_property
     def Z(self) -> Array:
-        """Multipliers (r, q), scaled so that no merit is above ``<Z, X>``.
+        """Multipliers (r, q + k), scaled so that no merit is above ``<Z, X>``.
 
         Raises:
             ValueError: One is not positive semidefinite.
@@ -369,13 +440,19 @@ class Replay:
         M[:, i, j] = M[:, j, i] = self.tree.multipliers
         # A multiplier proves the same at any length; squares of a long one are no doubles.
         length = np.abs(M).max(axis=(1, 2), initial=0.0)
-        M = np.ldexp(M, -np.frexp(length)[1][:, None, None])
+        power = -np.frexp(length)[1][:, None]
+        M = np.ldexp(M, power[:, :, None])
         r = np.linalg.eigvalsh(M)
         lift = 8 * p * EPS * np.abs(r).max(axis=1, initial=0.0)
         if not (r[:, 0] + lift >= 0).all():
             raise ValueError("tree.multipliers: expected positive semidefinite matrices")
         M = M + (2 * lift)[:, None, None] * np.eye(p)
-        return np.asarray(M[:, i, j] * self._scales(M)[:, None])
+        features = M[:, i, j]
+        if self.budget is not None:
+            # Any price proves something; in this unit it belongs to its multiplier.
+            prices = np.ldexp(self.tree.prices, power) * self.budget.unit
+            features = np.append(features, prices, axis=1)
+        return np.asarray(features * self._scales(M)[:, None])
 
     def _scales(self, Z: Array) -> Array:
         """``P^(-1/d)`` (r,), rounded up; infinite of a multiplier that bounds nothing."""
@@ -423,12 +500,15 @@ class Replay:
         p = self.candidates.p
         K, wrong = Frame(self.tree.T).squares(self.candidates.prior)
         K = K.astype(float)
+        i, j = np.triu_indices(p)
+        every = K[i, j]
+        if self.budget is not None:
+            every = np.append(every, self.budget.funds * (1 + SPENT) / self.budget.unit)
         length = np.sqrt((np.square(self.Z) * self.twice).sum(axis=1))
         largest = float(np.sqrt((np.square(packed) * self.twice).sum(axis=1).max()))
-        size = float(np.linalg.norm(K)) + self.m * largest
+        size = float(np.linalg.norm(every * np.sqrt(self.twice))) + self.m * largest
         rounding = (4 * p * p + self.m) * EPS * size + self.m * error + float(np.linalg.norm(wrong))
-        i, j = np.triu_indices(p)
-        return np.asarray(self.Z @ (K[i, j] * self.twice) + length * rounding)
+        return np.asarray(self.Z @ (every * self.twice) + length * rounding)
 
 
 def _incomplete(batch: _Batch, tree: Tree, begin: Indices, number: Indices) -> str:

@@ -1,5 +1,6 @@
 """Many nodes of a proof at once: their groups of candidates, and what multipliers tell of them."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -20,6 +21,10 @@ DENSE = 4  # positions for each candidate up to which the product is one of all 
 EVEN = 1e-2  # part of a group's experiments that all its candidates get evenly
 HEAVY = 2.0  # times such a weight from which on one tells something
 SHARPNESS = (8.0, 32.0, 128.0, 1024.0)  # of soft maxima, one step after the other
+PRICED = 8  # looks at the candidates for the best price of a budget
+LEAST_PRICE = 1e-4  # part of a bound by which another price still matters
+TILTED = 8  # Newton steps by which weights come within a budget
+STEEPEST = 50.0  # logarithm of the largest ratio of weights that such steps make
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +150,35 @@ class Nodes:
         )
 
 
+class Line(NamedTuple):
+    """Linear functions (b,) of a price: the value at none, and the slope."""
+
+    value: Array
+    slope: Array
+
+    def at(self, price: Array) -> Array:
+        """Values (b,) at prices."""
+        return np.asarray(self.value + price * self.slope)
+
+    def crossing(self, other: "Line") -> Array:
+        """Prices (b,) at which these, which fall, meet others that fall less.
+
+        Where these fall, too, it is one at which they are below zero.
+        """
+        steep = other.slope - self.slope
+        nothing = np.zeros_like(steep)
+        meets = np.divide(self.value - other.value, steep, out=nothing, where=steep > 0)
+        falls = other.slope < 0
+        zero = np.divide(-np.abs(other.value), other.slope, out=nothing.copy(), where=falls)
+        return np.asarray(np.maximum(np.maximum(meets, 2.0 * zero), 0.0))
+
+    def where(self, chosen: Mask, other: "Line") -> "Line":
+        """Another one for some (b,)."""
+        return Line(
+            np.where(chosen, other.value, self.value), np.where(chosen, other.slope, self.slope)
+        )
+
+
 class Told(NamedTuple):
     """What multipliers tell of nodes (b,).
 
@@ -180,13 +214,21 @@ class Told(NamedTuple):
 class Merits:
     """Merits of plans of candidates in parameters of order one, and multipliers that bound them.
 
+    *Budgets.* Let the counts r of a plan obey ``C r <= f`` for k budgets. Then any prices
+    ``mu >= 0`` bound its merit by ``<Z, X> + <mu, f - C r>``. That is linear in r as ``<Z, X>`` is:
+    a candidate's features are its information and minus its costs, what every plan has is K and f,
+    and a multiplier is Z and mu. Of a node without a plan within its budgets some mu makes the
+    bound negative.
+
     Attributes:
         criterion: The criterion of these parameters.
-        F: Information (n, q) of the candidates, packed, entries off the diagonal twice.
-        K: The same of what every plan has (q,).
+        F: Features (n, q + k) of the candidates: information, packed, entries off the diagonal
+            twice, and minus the costs.
+        K: The same of what every plan has (q + k,).
         error: Bound on the rounding of a candidate's information, its largest (Frobenius).
         m: Number of experiments.
         most: How often each candidate may be chosen (n,); None for no limit.
+        budgets: Their number k.
     """
 
     criterion: Relaxable
@@ -195,17 +237,23 @@ class Merits:
     error: float
     m: int
     most: Indices | None = None
+    budgets: int = 0
+
+    @cached_property
+    def q(self) -> int:
+        """Number of entries of a triangle."""
+        return self.F.shape[1] - self.budgets
 
     @cached_property
     def p(self) -> int:
         """Number of parameters."""
-        return order(self.F.shape[1])
+        return order(self.q)
 
     @cached_property
     def twice(self) -> Array:
-        """How often each entry (q,) of a triangle stands in a matrix."""
+        """How often each entry (q + k,) of a triangle stands in a matrix; budgets once."""
         rows, columns = triangle(self.p)
-        return np.where(rows == columns, 1.0, 2.0)
+        return np.append(np.where(rows == columns, 1.0, 2.0), np.ones(self.budgets))
 
     @cached_property
     def largest(self) -> float:
@@ -231,9 +279,14 @@ class Merits:
         """The cost of a merit; inf where it is zero."""
         return float(merit**-self.criterion.degree) if merit > 0 else np.inf
 
-    def unpacked(self, triangles: Array) -> Array:
-        """Matrices (b, p, p) of triangles (b, q) that have each entry once."""
-        return unpack(triangles.T)
+    def unpacked(self, features: Array) -> Array:
+        """Matrices (b, p, p) of features (b, q + k) that have each entry once."""
+        return unpack(features[:, : self.q].T)
+
+    def packed(self, Z: Array) -> Array:
+        """Multipliers (b, q + k) of matrices Z (b, p, p), at no price."""
+        rows, columns = triangle(self.p)
+        return np.concatenate([Z[:, rows, columns], np.zeros((len(Z), self.budgets))], axis=1)
 
     def information(self, nodes: Nodes, counts: Array) -> Array:
         """Information (b, p, p) of counts (s,), whole or not, of the nodes' candidates."""
@@ -246,7 +299,7 @@ class Merits:
         return self.unpacked((chosen @ self.F + self.K) / self.twice)
 
     def sensitivities(self, nodes: Nodes, Z: Array) -> Array:
-        """``<Z, M_i>`` (s,) of the candidates of nodes with multipliers (b, q)."""
+        """``<Z, M_i>`` (s,) of the candidates of nodes with multipliers (b, q + k)."""
         found = np.empty(len(nodes.candidates))
         starts = nodes.starts
         large = np.flatnonzero(nodes.sizes >= LARGE)
@@ -269,7 +322,7 @@ class Merits:
         return self.F[chosen] @ z
 
     def tell(self, nodes: Nodes, Z: Array) -> Told:
-        """What multipliers (b, q) tell of nodes (b,), rounding included.
+        """What multipliers (b, q + k) tell of nodes (b,), rounding included.
 
         Every product of a multiplier and information errs by less than ``p^2 eps`` times the
         lengths of both, and by what the information itself does.
@@ -294,26 +347,132 @@ class Merits:
         if self.most is None:
             marginal = np.maximum.reduceat(z, nodes.heads)
             return np.asarray(nodes.counts * marginal), np.asarray(marginal)
+        order, taken, begun = self._taken(nodes, z)
+        tops = np.add.reduceat(taken * z[order], nodes.heads)
+        last = nodes.heads + np.add.reduceat(begun.astype(int), nodes.heads) - 1
+        short = np.add.reduceat(taken, nodes.heads) < nodes.counts
+        return np.where(short, -np.inf, tops), z[order][last]
+
+    def _taken(self, nodes: Nodes, z: Array) -> tuple[Indices, Indices, Mask]:
+        """An order (s,) by descending z in each group, and what the largest sum takes of each.
+
+        The last array says which of them it comes to.
+        """
+        assert self.most is not None
         order = np.lexsort((-z, nodes.group_of))
         most = self.most[nodes.candidates[order]]
         before = np.cumsum(most) - most
         before -= before[nodes.heads][nodes.group_of]
         counts = nodes.counts[nodes.group_of]
-        taken = np.clip(counts - before, 0, most)
-        tops = np.add.reduceat(taken * z[order], nodes.heads)
-        last = nodes.heads + np.add.reduceat((before < counts).astype(int), nodes.heads) - 1
-        short = np.add.reduceat(taken, nodes.heads) < nodes.counts
-        return np.where(short, -np.inf, tops), z[order][last]
+        return order, np.clip(counts - before, 0, most), before < counts
 
     def allows(self, nodes: Nodes, counts: Array) -> Mask:
         """Whether plans (b,) of counts (s,) are within the limits."""
+        exceeds = np.zeros(nodes.n, dtype=bool)
+        if self.most is not None:
+            over = counts > self.most[nodes.candidates]
+            exceeds |= np.bincount(nodes.node_of, over, nodes.n) > 0
+        for left, own in self._of_budgets(nodes):
+            exceeds |= np.bincount(nodes.node_of, counts * own, nodes.n) > left
+        return np.asarray(~exceeds)
+
+    def _of_budgets(self, nodes: Nodes) -> Iterator[tuple[float, Array]]:
+        """The funds of each budget, and the costs (s,) of the candidates."""
+        for j in range(self.q, self.F.shape[1]):
+            yield float(self.K[j]), -self.F[nodes.candidates, j]
+
+    def priced(self, nodes: Nodes, Z: Array) -> Array:
+        """The same multipliers (b, q + k) with prices of budgets that bound nodes (b,) well.
+
+        By a price mu the bound is a maximum of lines ``v + mu s``, one for each plan, where s is
+        what it leaves of the funds. So the lines at two prices on either side of the least one
+        cross at a better price (Kelley 1960). The last price is the side that the sequence has
+        found to be the lower one.
+        """
+        Z = Z.copy()
+        for j, (funds, costs) in enumerate(self._of_budgets(nodes), start=self.q):
+            Z[:, j] = 0.0
+            z = self.sensitivities(nodes, Z)
+            own = np.nan_to_num(Z[:, : self.q] @ self.K[: self.q])
+            rest = own + Z[:, self.q :] @ self.K[self.q :]
+            Z[:, j] = self._price(nodes, z, rest, costs, funds)
+        return Z
+
+    def _price(self, nodes: Nodes, z: Array, own: Array, costs: Array, funds: float) -> Array:
+        """Prices (b,) of one budget, for sensitivities (s,) at no price of it."""
+        low = self._line(nodes, z, z, own, costs, funds)
+        best, at = low.value, np.zeros(nodes.n)
+        matters = low.slope < 0
+        if not matters.any():
+            return at
+        high = self._line(nodes, -costs, z, own, costs, funds)
+        for _ in range(PRICED):
+            price = low.crossing(high)
+            reduced = z - price[nodes.node_of] * costs
+            line = self._line(nodes, reduced, z, own, costs, funds)
+            value = line.at(price)
+            better = matters & (value < best)
+            best, at = np.where(better, value, best), np.where(better, price, at)
+            # No price brings the bound below the crossing; a negative one closes the node.
+            matters &= (best > 0) & (best - low.at(price) > LEAST_PRICE * best)
+            if not matters.any():
+                break
+            left = line.slope < 0
+            low = low.where(left, line)
+            high = high.where(~left, line)
+        return at
+
+    def _line(
+        self, nodes: Nodes, reduced: Array, z: Array, own: Array, costs: Array, funds: float
+    ) -> "Line":
+        """What the plan of the largest reduced sensitivities has, and what it leaves."""
+        counts = self._best_plan(nodes, reduced)
+        value = own + np.bincount(nodes.node_of, counts * z, nodes.n)
+        spent = np.bincount(nodes.node_of, counts * costs, nodes.n)
+        return Line(value, np.asarray(funds - spent))
+
+    def _best_plan(self, nodes: Nodes, z: Array) -> Array:
+        """Counts (s,) of the experiments of the largest z in each group, as far as these go."""
+        counts = np.zeros(len(z))
         if self.most is None:
-            return np.ones(nodes.n, dtype=bool)
-        exceeds = counts > self.most[nodes.candidates]
-        return np.asarray(np.bincount(nodes.node_of, exceeds, nodes.n) == 0)
+            top = np.maximum.reduceat(z, nodes.heads)
+            reach = np.flatnonzero(z >= top[nodes.group_of])
+            chosen = np.empty(len(nodes.heads), dtype=int)
+            chosen[nodes.group_of[reach]] = reach
+            counts[chosen] = nodes.counts
+            return counts
+        order, taken, _ = self._taken(nodes, z)
+        counts[order] = taken
+        return counts
+
+    def within(self, nodes: Nodes) -> Nodes:
+        """Weights that spend no more than the funds: the nearest by relative entropy.
+
+        They are ``w_i exp(-l c_i)``, scaled in each group, where l solves an equation whose left
+        side falls in l (Newton).
+        """
+        for funds, costs in self._of_budgets(nodes):
+            size = np.maximum(np.maximum.reduceat(np.abs(costs), nodes.starts), EPS)
+            relative = costs / size[nodes.node_of]
+            tilt = np.zeros(nodes.n)
+            tilted = nodes
+            for _ in range(TILTED):
+                spent = np.bincount(nodes.node_of, tilted.weights * relative, nodes.n)
+                over = spent - funds / size
+                if not (over > EPS).any():
+                    break
+                sums = np.add.reduceat(tilted.weights * relative, nodes.heads)
+                mean = (sums / nodes.counts)[nodes.group_of]
+                varies = tilted.weights * np.square(relative - mean)
+                falls = np.bincount(nodes.node_of, varies, nodes.n)
+                step = np.divide(over, falls, out=np.full(nodes.n, STEEPEST), where=falls > EPS)
+                tilt = np.clip(tilt + np.minimum(step, STEEPEST), 0.0, STEEPEST)
+                tilted = nodes.with_weights(nodes.weights * np.exp(-tilt[nodes.node_of] * relative))
+            nodes = tilted
+        return nodes
 
     def multipliers(self, X: Array, sharpness: float = np.inf) -> Array:
-        """Multipliers (b, q) that bound merits best at information X (b, p, p).
+        """Multipliers (b, q + k) that bound merits best at information X (b, p, p), at no price.
 
         Of a convex cost f of degree d the gradient -Z at X has ``<Z, X> = d f(X)``, and every Y
         with ``<Z, Y> <= <Z, X>`` costs f(X) at least. So ``Z/d f^(-1/d-1)`` bounds the merit. At
@@ -321,30 +480,33 @@ class Merits:
         takes the place of this formula. Either errs by ``p^2 eps`` times the condition number.
         """
         p = self.p
+        X = self._regular(X)
         size = np.trace(X, axis1=1, axis2=2)
-        X = X + (RIDGE * size / p)[:, None, None] * np.eye(p)
-        rows, columns = triangle(p)
         if self.criterion.smooth:
             scale, G = _by_convexity(self.criterion, X)
         else:
             scale, G = self._by_polar(X, sharpness)
         error = 8 * p * p * EPS * size * np.trace(np.linalg.inv(X), axis1=1, axis2=2)
-        return -G[:, rows, columns] * (scale * (1.0 + error))[:, None]
+        return self.packed(-G * (scale * (1.0 + error))[:, None, None])
 
     def scaled(self, Z: Array, X: Array) -> Array:
-        """Multipliers (b, q) of any matrices Z (b, p, p), by their polars near X (b, p, p).
+        """Multipliers (b, q + k) of any matrices Z (b, p, p), by their polars near X (b, p, p).
 
         They are no numbers where a matrix proves nothing.
         """
         z, V = np.linalg.eigh(0.5 * (Z + np.swapaxes(Z, 1, 2)))
         Z = V * np.maximum(z, 0.0)[:, None] @ np.swapaxes(V, 1, 2)
-        X = X + (RIDGE * np.trace(X, axis1=1, axis2=2) / self.p)[:, None, None] * np.eye(self.p)
+        X = self._regular(X)
         polars = self.criterion.polars(Z, X)
         proves = np.where(polars > 0, polars, np.nan)
-        rows, columns = triangle(self.p)
         error = 8 * self.p**2 * EPS * np.linalg.cond(X)
         scale = proves ** (-1.0 / self.criterion.degree) * (1.0 + error)
-        return np.asarray(Z[:, rows, columns] * scale[:, None])
+        return self.packed(Z * scale[:, None, None])
+
+    def _regular(self, X: Array) -> Array:
+        """Information (b, p, p) with a little of all directions: empty places tell none."""
+        size = np.trace(X, axis1=1, axis2=2) + RIDGE * self.largest
+        return np.asarray(X + (RIDGE * size / self.p)[:, None, None] * np.eye(self.p))
 
     def _by_polar(self, X: Array, sharpness: float) -> tuple[Array, Array]:
         """Factors (b,), and gradients (b, p, p) of the smoothed cost, as `_by_convexity` has it."""

@@ -1,10 +1,10 @@
 """The tree of a proof that no plan of whole experiments is better, as flat arrays."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from edtk.design.exact.exact_nodes import Merits
 from edtk.system.typing import Array, Indices
 
 
@@ -48,6 +48,11 @@ class ExactTree:
     the group takes the place of ``count * (largest z)``, and the least of these z that of the
     largest in fixing; a group that has fewer experiments to choose than its count closes the node.
 
+    *Budgets.* Where the counts r of plans obey ``C r <= f``, each multiplier has prices ``mu >= 0``
+    beside it: ``z_i - <mu, C_i>`` takes the place of z_i, and ``<Z, T' K T> + <mu, f>`` that of
+    what every plan has, as ``<mu, f - C r>`` is not negative. Where places may stay empty, there is
+    one candidate more, of the number n, that tells and costs nothing.
+
     A check needs the parents before their children, which the order of nodes grants, and two
     products of the candidates' rows a node. It may leave out less than was left out here: bounds
     have a margin of 1e-9 for that.
@@ -57,6 +62,7 @@ class ExactTree:
         order: Candidate (n,) at each position. Equal candidates stand for one another: only one of
             them has a position, unless there are limits on how often each is chosen.
         multipliers: Z (r, p, p), symmetric.
+        prices: Prices (r, k) of budgets beside each.
         multiplier: Index of the multiplier of each node.
         parent: Parent of each node; -1 of the root.
         group: Number of the group that is divided; -1 of the root.
@@ -69,6 +75,7 @@ class ExactTree:
     T: Array
     order: Indices
     multipliers: Array
+    prices: Array
     multiplier: Indices
     parent: Indices
     group: Indices
@@ -93,7 +100,7 @@ class TreeRecord:
         self.multipliers = 0
 
     def add_multipliers(self, packed: Array) -> Indices:
-        """Keep multipliers (b, q); their indices (b,)."""
+        """Keep multipliers (b, q + k); their indices (b,)."""
         self._multipliers.append(packed)
         self.multipliers += len(packed)
         return np.arange(self.multipliers - len(packed), self.multipliers)
@@ -114,14 +121,16 @@ class TreeRecord:
         return np.arange(self.nodes - columns.shape[1], self.nodes)
 
     def tree(
-        self, T: Array, order: Indices, unpack: Callable[[Array], Array], target: float
+        self, T: Array, order: Indices, merits: Merits, unit: Array, target: float
     ) -> ExactTree:
-        """The tree as it is."""
+        """The tree as it is; budgets are counted in units (k,)."""
+        features = np.concatenate(self._multipliers)
         parent, group, first, stop, count, multiplier = np.concatenate(self._nodes, axis=1)
         return ExactTree(
             T=T,
             order=order,
-            multipliers=unpack(np.concatenate(self._multipliers)),
+            multipliers=merits.unpacked(features),
+            prices=features[:, merits.q :] / unit,
             multiplier=multiplier,
             parent=parent,
             group=group,

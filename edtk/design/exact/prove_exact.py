@@ -11,13 +11,14 @@ from criteria import Criterion, Relaxable
 from criteria.linalg.inverse import unit_scale, whitener
 from criteria.linalg.typing import triangle
 from edtk.design.exact.counts.counts_bound import RelaxedCounts, relaxed_counts
+from edtk.design.exact.counts.limits import ROUNDING as SPENT
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.exact_kinks import spectral_multipliers
 from edtk.design.exact.exact_nodes import SHARPNESS, Merits, Nodes, Told
 from edtk.design.exact.exact_split import Division, halved_order, parts, with_some_weight
 from edtk.design.exact.exact_tree import ExactTree, TreeRecord
 from edtk.design.exact.exchange import exchange
-from edtk.design.information import Rows, sensitivity_rows
+from edtk.design.information import Known, Rows, sensitivity_rows
 from edtk.design.problem import Problem
 from edtk.system.errors import UserError
 from edtk.system.time_limit import out_of_time, time_limit
@@ -40,6 +41,7 @@ AMONG = 5000  # candidates that starts are exchanged among
 LIGHT = 1e-3  # experiments that are not rounded up
 ROUNDED = 1e-6  # distance to a whole number that counts as none
 FRESH = 1e-4  # weight that candidates get which had none, in parts of all
+TINY = float(np.finfo(float).tiny)
 
 Progress = Callable[[int, float, float], object]
 
@@ -87,28 +89,44 @@ def require_provable(criterion: Criterion, limits: Limits) -> None:
         )
     if limits.blocks:
         raise UnprovableError("plans in blocks have no proof")
-    if limits.costs is not None:
-        raise UnprovableError("plans within a budget of costs have no proof")
 
 
 def require_told_apart(problem: Problem) -> None:
-    """Check that sums of squares keep enough digits for a proof to `MARGIN`.
+    """Check that what is known of the candidates keeps enough digits for a proof to `MARGIN`.
 
-    Squares lose ``eps`` times the square of the condition number of the rows, each column scaled to
-    length one. Directions that the candidates leave open altogether do not count.
+    Rows are whitened before they are squared, so that they keep theirs. Squares lose ``eps`` times
+    the square of the condition number of the rows, each column scaled to length one; so does what
+    the candidates leave open altogether, once it is mixed with what they hardly tell.
 
     Raises:
         UnprovableError: Parameters are nearly dependent.
     """
     found = problem.conditioning
     told = found.s[found.s > found.least]
+    if isinstance(problem.kept, Rows) and len(told) == len(found.s):
+        return
     condition = float(told[-1] / told[0]) if len(told) else 1.0
     if condition > MOST_DEPENDENT:
         raise UnprovableError(
             f"the parameters are nearly dependent: the candidates' rows have the condition number "
             f"{condition:.1e}, each column scaled; a proof of whole plans expects "
-            f"{MOST_DEPENDENT:.0e} at most, as after centring the variables"
+            f"{MOST_DEPENDENT:.0e} at most, as after centring the variables, or rows that tell all"
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """The candidates as they were given, where a proof is about other parameters.
+
+    Attributes:
+        problem: The candidates, for parameters k.
+        T: Parameters k' (p, p) of the proof, with ``k = T k'``.
+        known: What every plan has for each experiment, for k.
+    """
+
+    problem: Problem
+    T: Array
+    known: Known
 
 
 def prove_exact(
@@ -119,6 +137,7 @@ def prove_exact(
     *,
     seconds: float = np.inf,
     relaxed: RelaxedCounts | None = None,
+    given: Given | None = None,
     progress: Progress = lambda nodes, cost, bound: None,
 ) -> ExactProof:
     """Prove that no plan within limits is better than the best that is known, or how much better.
@@ -138,6 +157,8 @@ def prove_exact(
         incumbent: A plan (n,) within the limits.
         seconds: Time to spend [s].
         relaxed: The relaxation of the same limits.
+        given: The candidates as given, of which `problem` is what was whitened. The tree is about
+            these; all that it multiplies with is computed from their rows.
         progress: Called with the number of nodes, the best cost, and the bound so far.
 
     Raises:
@@ -151,7 +172,7 @@ def prove_exact(
     if relaxed is None:
         relaxed = relaxed_counts(bare, criterion, limits)
     with time_limit(seconds):
-        search = _Search(bare, criterion, limits, relaxed, incumbent)
+        search = _Search(bare, criterion, limits, relaxed, incumbent, given)
         ended = search.run(progress)
     return search.proof(monotonic() - since, ended)
 
@@ -160,43 +181,80 @@ def prove_exact(
 class _Working:
     """Candidates in parameters of order one, equal ones together.
 
+    Where places may stay empty there is one candidate more, of the next number, that tells and
+    costs nothing.
+
     Attributes:
         merits: Merits of plans of them.
-        T: The parameters.
+        T: The parameters, of those as given.
         members: One candidate (n,) for each of them.
+        unit: What the costs (k,) of each budget are counted in.
     """
 
     merits: Merits
     T: Array
     members: Indices
+    unit: Array
 
     @classmethod
     def of(
-        cls, problem: Problem, criterion: Relaxable, limits: Limits, weights: Array
+        cls,
+        problem: Problem,
+        criterion: Relaxable,
+        limits: Limits,
+        weights: Array,
+        given: Given,
     ) -> "_Working":
         """Whiten the mean of the best weights and of all candidates."""
         M = 0.5 * (problem.mean + problem.information(weights) / limits.m) + limits.base / limits.m
-        T = _parameters(M)
-        transformed = criterion.transformed(T)
+        own = _parameters(M)
+        transformed = criterion.transformed(own)
         assert isinstance(transformed, Relaxable)
-        kept = problem.kept.times(T)
-        error = problem.kept.rounding_of_times(T)
+        T = given.T @ own
+        kept = given.problem.kept.times(T)
+        error = given.problem.kept.rounding_of_times(T)
         packed = kept.packed()
         if isinstance(kept, Rows):
             error = 2.0 * error * np.sqrt(np.square(kept.A).sum(axis=(1, 2)))
-        members = np.arange(problem.n)
-        if limits.most is None:
-            _, members = np.unique(problem.packed, axis=1, return_index=True)
+        prices, funds, unit = _prices(limits, problem.n)
+        empty = 0 if limits.sized else 1
+        packed = np.concatenate([packed, np.zeros((len(packed), empty))], axis=1)
+        most = limits.most
+        members = np.arange(problem.n + empty)
+        if most is None:
+            same = np.concatenate([given.problem.packed, prices[:, : problem.n]])
+            _, members = np.unique(same, axis=1, return_index=True)
+            members = np.append(members, np.arange(problem.n, problem.n + empty))
+        elif empty:
+            most = np.append(most, limits.m)
         twice = sensitivity_rows(np.ones((problem.p, problem.p)))
+        F = np.concatenate([twice[:, None] * packed, -prices])[:, members]
         merits = Merits(
             criterion=transformed,
-            F=np.ascontiguousarray((twice[:, None] * packed[:, members]).T),
-            K=sensitivity_rows(T.T @ limits.base @ T),
+            F=np.ascontiguousarray(F.T),
+            K=np.append(sensitivity_rows(limits.m * given.known.times(T)), funds),
             error=float(error.max()),
             m=limits.m,
-            most=limits.most,
+            most=most,
+            budgets=len(funds),
         )
-        return cls(merits, T, members)
+        return cls(merits, T, members, unit)
+
+
+def _prices(limits: Limits, n: int) -> tuple[Array, Array, Array]:
+    """Costs (k, n or n + 1) of budgets, their funds (k,), and the units (k,) of both.
+
+    Where places may stay empty the last candidate is the empty one.
+    """
+    width = n if limits.sized else n + 1
+    if limits.costs is None:
+        return np.zeros((0, width)), np.zeros(0), np.ones(0)
+    costs = np.atleast_2d(limits.costs)
+    funds = np.atleast_1d(np.asarray(limits.funds, dtype=float))
+    unit = np.abs(costs).max(axis=1)
+    prices = np.concatenate([costs, np.zeros((len(costs), width - n))], axis=1)
+    # Plans may exceed their funds by as much as a sum of costs is rounded.
+    return prices / unit[:, None], (funds + 2 * SPENT * np.abs(funds)) / unit, unit
 
 
 def _parameters(M: Array) -> Array:
@@ -248,11 +306,16 @@ class _Search:
         limits: Limits,
         relaxed: RelaxedCounts,
         incumbent: Indices | None,
+        given: Given | None = None,
     ) -> None:
+        if given is None:
+            known = Known.of(limits.base).shared(limits.m)
+            given = Given(problem, np.eye(problem.p), known)
         self.limits = limits
         self.criterion = criterion
         self.beside = problem.with_prior(limits.base / limits.m)
-        self.working = _Working.of(problem, criterion, limits, relaxed.counts)
+        self.working = _Working.of(problem, criterion, limits, relaxed.counts, given)
+        self.inside = np.linalg.solve(given.T, self.working.T)
         self.merits = self.working.merits
         self.m = limits.m
         self.record = TreeRecord()
@@ -262,7 +325,9 @@ class _Search:
         if incumbent is not None:
             self.counts = incumbent
             self.best = float(criterion.cost(problem.information(incumbent) + limits.base))
-        self._plant(relaxed.counts[self.working.members], relaxed.multipliers)
+        empty = max(limits.m - float(relaxed.counts.sum()), 0.0)
+        weights = np.append(relaxed.counts, empty)
+        self._plant(weights[self.working.members], relaxed.multipliers)
 
     @property
     def target(self) -> float:
@@ -294,7 +359,7 @@ class _Search:
         self._start(root, told)
         keep, alive = told.fixed(root, self.least)
         left = np.flatnonzero(keep & alive[0])
-        points = self._points(root, left)
+        points = self._points(root, Z[0], float(told.merit[0]), left)
         inside = halved_order(points) if len(left) else alone[:0]
         self.order = np.concatenate([left[inside], np.flatnonzero(~(keep & alive[0]))])
         self.merits = self.merits[self.order]
@@ -311,24 +376,28 @@ class _Search:
     def _first(self, whole: Nodes, known: Array) -> tuple[Told, Array]:
         """The best multiplier of the weights, or of some that are known (r, p, p)."""
         X = self.merits.information(whole, whole.weights)
-        Z = self.merits.multipliers(X)
+        Z = self.merits.priced(whole, self.merits.multipliers(X))
         best = (self.merits.tell(whole, Z), Z)
-        S = np.linalg.inv(self.working.T)
+        S = np.linalg.inv(self.inside)
         for own in known:
-            Z = self.merits.scaled((S @ own @ S.T)[None], X)
+            Z = self.merits.priced(whole, self.merits.scaled((S @ own @ S.T)[None], X))
             best = _better(whole, best, self.merits.tell(whole, Z), Z)
         return best
 
-    def _points(self, root: Nodes, left: Indices) -> Array:
-        """Information (k, q) of candidates, in parameters that whiten the best weights."""
+    def _points(self, root: Nodes, Z: Array, merit: float, left: Indices) -> Array:
+        """Features (k, q + k) of candidates, in parameters that whiten the best weights."""
         if not len(left):
             return np.zeros((0, 1))
         X = self.merits.information(root, root.weights)[0]
         # The best weights for a part of the parameters may be singular.
         R = whitener(X + BLURRED * np.trace(X) * np.eye(self.merits.p))
         rows, columns = triangle(self.merits.p)
+        q = self.merits.q
         blocks = self.merits.unpacked(self.merits.F[left] / self.merits.twice)
-        return np.asarray((R.T @ blocks @ R)[:, rows, columns] * np.sqrt(self.merits.twice))
+        told = (R.T @ blocks @ R)[:, rows, columns] * np.sqrt(self.merits.twice[:q])
+        # The price of a cost in parts of all merit, of which each of p directions is one.
+        worth = Z[q:] * self.merits.p / max(merit, TINY)
+        return np.asarray(np.concatenate([told, self.merits.F[left, q:] * worth], axis=1))
 
     def run(self, progress: Progress) -> str:
         """Divide node after node until none is left; why it ended."""
@@ -419,7 +488,7 @@ class _Search:
         Args:
             nodes: The nodes (b,).
             told: What known multipliers tell of them.
-            Z: These multipliers (b, q).
+            Z: These multipliers (b, q + k).
 
         Returns:
             The nodes with their last weights, what the best multipliers tell, and these.
@@ -435,11 +504,13 @@ class _Search:
             for step in range(STEPS):
                 Z = self._multipliers(some, LOOKS * look + step)
                 z = self.merits.sensitivities(some, Z)
-                some = some.with_weights(some.weights * _ratios(some, z))
+                some = some.with_weights(some.weights * self._ratios(some, z, Z))
+                some = self.merits.within(some)
             weights = np.zeros(len(nodes.weights))
             weights[heavy] = some.weights
             nodes = replace(nodes, weights=weights)
             Z = self._multipliers(some, LOOKS * look + STEPS)
+            Z = self.merits.priced(nodes, Z)
             told = self.merits.tell(nodes, Z)
             best = _better(nodes, best, told, Z)
             if look < LOOKS - 1:
@@ -453,15 +524,31 @@ class _Search:
             Z, weights = spectral_multipliers(self.merits, nodes, *best, near, self.least)
             # Its polar does not depend on the information.
             one = np.broadcast_to(np.eye(self.merits.p), (nodes.n, self.merits.p, self.merits.p))
+            prices = Z[:, self.merits.q :]
             Z = self.merits.scaled(self.merits.unpacked(Z), one)
+            Z[:, self.merits.q :] = prices
             nodes = nodes.with_weights(weights)
             best = _better(nodes, best, self.merits.tell(nodes, Z), Z)
         return nodes, *best
 
     def _multipliers(self, nodes: Nodes, step: int) -> Array:
-        """The best multipliers (b, q) of the weights of nodes."""
+        """The best multipliers (b, q + k) of the weights of nodes."""
         X = self.merits.information(nodes, nodes.weights)
-        return self.merits.multipliers(X, SHARPNESS[min(step, len(SHARPNESS) - 1)])
+        Z = self.merits.multipliers(X, SHARPNESS[min(step, len(SHARPNESS) - 1)])
+        return self.merits.priced(nodes, Z)
+
+    def _ratios(self, nodes: Nodes, z: Array, Z: Array) -> Array:
+        """Sensitivities (s,) in parts of the largest of each group; one where that is no number.
+
+        Prices lower them by costs, so that they are counted from the dearest experiment.
+        """
+        q = self.merits.q
+        for j in range(self.merits.budgets):
+            costs = -self.merits.F[nodes.candidates, q + j]
+            dearest = np.maximum.reduceat(costs, nodes.starts) * Z[:, q + j]
+            z = z + dearest[nodes.node_of]
+        marginal = np.maximum.reduceat(z, nodes.heads)[nodes.group_of]
+        return np.maximum(np.divide(z, marginal, out=np.ones(len(z)), where=marginal > 0), 0.0)
 
     def _round(self, nodes: Nodes) -> None:
         """Round the weights of nodes to whole experiments, and take over the best plan."""
@@ -488,8 +575,9 @@ class _Search:
             chosen = np.flatnonzero((nodes.node_of == least) & (counts > 0))
             members = self.working.members[self.order[nodes.candidates[chosen]]]
             self.best = float(costs[least])
-            self.counts = np.zeros_like(self.counts)
-            self.counts[members] = counts[chosen].astype(int)
+            n = len(self.counts)
+            # What is behind the candidates stays empty.
+            self.counts = np.bincount(members, counts[chosen], n + 1)[:n].astype(int)
             self._exchange()
 
     def _start(self, root: Nodes, told: Told) -> None:
@@ -523,7 +611,7 @@ class _Search:
         """What is proved so far."""
         bound = self.bound
         order = self.working.members[self.order]
-        tree = self.record.tree(self.working.T, order, self.merits.unpacked, bound)
+        tree = self.record.tree(self.working.T, order, self.merits, self.working.unit, bound)
         return ExactProof(
             cost=bound * (1.0 - MARGIN),
             counts=self.counts,
@@ -533,12 +621,6 @@ class _Search:
             seconds=seconds,
             ended=ended,
         )
-
-
-def _ratios(nodes: Nodes, z: Array) -> Array:
-    """Sensitivities (s,) in parts of the largest of each group; one where that is no number."""
-    marginal = np.maximum.reduceat(z, nodes.heads)[nodes.group_of]
-    return np.maximum(np.divide(z, marginal, out=np.ones(len(z)), where=marginal > 0), 0.0)
 
 
 def _better(nodes: Nodes, best: tuple[Told, Array], told: Told, Z: Array) -> tuple[Told, Array]:

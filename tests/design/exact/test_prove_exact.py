@@ -296,17 +296,53 @@ def sensitivities(
     return white.sensitivities(Z)[:, tree.order], np.einsum("kij,ij->k", Z, K)
 
 
-@pytest.mark.parametrize("middle", [1e5, 1e7])
-def test_nearly_dependent_parameters_have_no_proof(middle):
-    """Squares of a line far from the origin lose digits, so nothing is said to be proved; a line
-    that is centred is.
-    """
-    x = np.arange(-3.0, 4.0)
-    line = np.stack([np.ones(7), x], axis=-1)[:, None]
-    far = line + np.array([0.0, middle])
+def far_line(middle: float) -> Array:
+    """Rows (1, x) of seven points about a middle far from the origin."""
+    return np.stack([np.ones(7), middle + np.arange(-3.0, 4.0)], axis=-1)[:, None]
+
+
+@pytest.mark.parametrize("middle", [0.0, 1e5, 1e7])
+def test_nearly_dependent_parameters_are_proved_from_their_rows(middle: float) -> None:
+    """The determinant of a line does not change with its middle, nor do plan and proof."""
+    found = edtk.plan(Problem(far_line(middle)), size=4, criterion="D", prove=5)
+    assert found.proved_exact
+    np.testing.assert_array_equal(found.counts, [2, 0, 0, 0, 0, 0, 2])
+    assert found.cost == pytest.approx(1 / 12, rel=1e-9)
+
+
+def test_squares_of_nearly_dependent_rows_have_no_proof() -> None:
+    """What squares have lost nothing brings back, so that nothing is said to be proved."""
+    rows = far_line(1e5)
+    problem = Problem.of_information(pack(np.swapaxes(rows, 1, 2) @ rows))
     with pytest.raises(UnprovableError, match=r"nearly dependent: .* condition number"):
-        edtk.plan(edtk.Problem(far), size=4, criterion="D", prove=5)
-    assert edtk.plan(edtk.Problem(line), size=4, criterion="D", prove=5).proved_exact
+        edtk.plan(problem, size=4, criterion="D", prove=5)
+
+
+@pytest.mark.parametrize("seed", range(18))
+def test_the_best_plan_within_a_budget_of_costs_is_proved(seed: int) -> None:
+    """Costs whole or not, beside a size or in its place, with equal experiments of other costs."""
+    problem, limits, rng = drawn(seed)
+    criterion = criterion_of(NAMES[seed % len(NAMES)], problem.p, rng)
+    base = limits.base + 0.1 * np.eye(problem.p)
+    problem = Problem(np.concatenate([problem.factors()[:5], problem.factors()[:2]]))
+    costs = rng.integers(1, 5, 7).astype(float) if seed % 2 else rng.uniform(1.0, 3.0, 7)
+    m = 4
+    sized = seed % 3 > 0
+    funds = float(np.sort(costs)[:3].sum() + 1.0)
+    if not sized:
+        funds = min(funds, 4.9 * costs.min())
+        m = int(funds / costs.min())
+    limits = Limits(m, base, costs=costs, funds=max(funds, m * costs.min()), sized=sized)
+    sizes = [m] if sized else range(m + 1)
+    plans = [p for k in sizes for p in combinations_with_replacement(range(7), k)]
+    counts = np.array([np.bincount(np.array(p, dtype=int), minlength=7) for p in plans])
+    counts = counts[counts @ costs <= limits.funds * (1 + 1e-12)]
+    best = min(criterion.cost(problem.information(own) + base) for own in counts)
+    found = prove_exact(problem, criterion, limits, seconds=60)
+    assert found.proved
+    assert found.counts @ costs <= limits.funds * (1 + 1e-12)
+    assert found.best == pytest.approx(best, rel=1e-9)
+    assert best * (1 - 3e-9) <= found.cost <= best
 
 
 @pytest.mark.parametrize("most", [None, np.full(6, 2)])

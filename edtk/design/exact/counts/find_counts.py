@@ -25,13 +25,14 @@ from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.prove_exact import (
     MARGIN,
     ExactProof,
+    Given,
     prove_exact,
     require_provable,
     require_told_apart,
 )
 from edtk.design.information import Known, Rows
 from edtk.design.problem import Problem, RankDeficientError
-from edtk.design.relaxation.proof import InnerProof, errors
+from edtk.design.relaxation.proof import errors
 from edtk.design.relaxation.restricted_master import RelaxationError
 from edtk.design.relaxation.setting import OrderOne, Setting
 from edtk.system.errors import UserError
@@ -113,12 +114,13 @@ def find_counts(
     proof = None
     if prove is not None and relaxed is not None and not interrupted:
         proof = prove_exact(
-            asked.sized.problem.with_prior(None),
-            criterion.without_prior,
-            asked.limits,
+            inside.problem,
+            plain,
+            limits,
             counts,
             seconds=prove,
-            relaxed=inside.outward(relaxed),
+            relaxed=relaxed,
+            given=inside.whence,
             progress=lambda nodes, best, bound: progress(f"node {nodes}", best),
         )
         counts = proof.counts
@@ -151,6 +153,7 @@ def find_counts(
         spent=None if limits.costs is None else float(limits.costs @ counts),
         exact_bound=None if proof is None else _exact_bound(criterion, proof),
         proof=proof,
+        limits=asked.limits,
     )
 
 
@@ -292,12 +295,13 @@ class _Inside:
         Z = np.zeros((0, p, p)) if relaxed is None else relaxed.multipliers[:, :p, :p]
         return setting.errors(counts / size, Z, None if M is None else M / size)
 
-    def outward(self, relaxed: RelaxedCounts) -> RelaxedCounts:
-        """The same bound, with multipliers of the parameters as they were given."""
-        if self.setting is None or self.setting.whitened is None:
-            return relaxed
-        inner = InnerProof(self.setting.whitened.T, relaxed.multipliers)
-        return replace(relaxed, multipliers=inner.outward())
+    @property
+    def whence(self) -> Given:
+        """The candidates that a proof about these is about."""
+        problem = self.asked.sized.problem
+        of = None if self.setting is None else self.setting.whitened
+        T = np.eye(problem.p) if of is None else of.T
+        return Given(problem, T, self.asked.known.shared(self.limits.m))
 
 
 def _centred(problem: Problem) -> Problem:
@@ -334,6 +338,7 @@ def _outward(proof: ExactProof, sized: OrderOne, criterion: Criterion) -> ExactP
         proof.tree,
         T=np.ldexp(proof.tree.T, sized.power),
         multipliers=np.ldexp(proof.tree.multipliers, -2 * sized.power),
+        prices=np.ldexp(proof.tree.prices, -2 * sized.power),
         target=sized.cost(proof.tree.target, criterion),
     )
     return replace(

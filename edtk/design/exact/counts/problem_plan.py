@@ -7,6 +7,7 @@ import numpy as np
 
 from criteria import Criterion
 from edtk.design.bound import VISIBLE, Bound, BoundedDesign, BoundKind
+from edtk.design.exact.counts.limits import Limits
 from edtk.design.problem import Problem
 from edtk.design.problems import DescribedProblem
 from edtk.system.typing import Indices
@@ -41,6 +42,7 @@ class ProblemPlan(BoundedDesign):
             is; None where no proof of plans was asked for.
         proof: Why, of the new experiments (`ExactProof`); likewise.
         most: How often each candidate may be measured (n,), kept ones counted; None for no limit.
+        limits: What the new experiments obey.
     """
 
     problem: Problem
@@ -61,6 +63,7 @@ class ProblemPlan(BoundedDesign):
     exact_bound: Bound | None = None
     proof: "ExactProof | None" = None
     most: Indices | None = None
+    limits: Limits | None = None
 
     def headline(self) -> str:
         """Criterion, value, size and efficiency."""
