@@ -51,7 +51,7 @@ def compare(
         >>> edtk.compare(mine, parabola, criteria=["D", "A"]).to_frame()["efficiency D"].round(3)
         design
         ends and middle    1.000
-        even               0.811
+        even               0.795
         Name: efficiency D, dtype: float64
     """
     path = None if out is None else Path(out)

@@ -41,6 +41,56 @@ def test_experiments_at_hand_may_be_a_problem():
     np.testing.assert_allclose(found.experiments, [[1.0]], atol=1e-6)
 
 
+@pytest.mark.parametrize(("keep", "share"), [([0, 0, 7, 20], 0.95), ([3, 4, 5, 6], 0.9)])
+def test_as_few_as_reach_an_efficiency(keep, share):
+    """All together are so efficient as asked; the best plan of one less is not."""
+    found = edtk.next(PARABOLA, keep, efficiency=share)
+    best = (4 / 27) ** (1 / 3)
+
+    def efficiency(counts):
+        return np.linalg.det(PARABOLA.information(counts) / counts.sum()) ** (1 / 3) / best
+
+    assert efficiency(found.counts) >= share * (1 - 1e-6)
+    fewer = edtk.next(PARABOLA, keep, len(found.new) - 1)
+    assert efficiency(fewer.counts) < share
+    assert edtk.next(PARABOLA, found.experiments, efficiency=share) is None
+
+
+def test_as_few_as_make_intervals_narrow():
+    """Both intervals are as narrow as asked, and with one experiment less no plan makes them so."""
+    made = edtk.Problem(np.vander([-1.0, -1.0, 0.2], 3)[:, None, :])
+    until = {"k1": 3.0, "k3": 2.0}
+    found = edtk.next(PARABOLA, made, until=until)
+
+    def widths(counts):
+        M = PARABOLA.information(counts) + made.information(np.ones(3))
+        return 2 * 1.959963984540054 * np.sqrt(np.diag(np.linalg.inv(M)))[[0, 2]]
+
+    assert (widths(found.counts) <= [3.0 + 1e-9, 2.0 + 1e-9]).all()
+    rows = np.diag(2 * 1.959963984540054 / np.array([3.0, 1.0, 2.0]))[[0, 2]]
+    worst = edtk.criteria.create("prediction_G", points=rows)
+    assert edtk.next(PARABOLA, made, len(found.new) - 1, criterion=worst).cost > 1
+    region = edtk.Region(lambda x: np.vander(x[:, 0], 3), -1, 1)
+    many = edtk.Problem(np.vander(np.tile([-1.0, 0.0, 1.0], 50), 3)[:, None, :])
+    assert edtk.next(region, many, until={"k3": 2.0}) is None
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"efficiency": 1.5}, "efficiency 1.5: expected above 0, to 1"),
+        ({"efficiency": 0.9, "until": {"k1": 1}}, "until: expected one of"),
+        ({"until": {"z": 1}}, "until z: expected some of k1, k2, k3"),
+        ({"until": {"k1": 0}}, "until 0: expected a width above 0 of k1"),
+        ({"until": 3}, "until: expected widths by names"),
+    ],
+)
+def test_goals_that_make_no_sense_are_refused(options, words):
+    """One line names the argument."""
+    with pytest.raises(ArgumentError, match=words):
+        edtk.next(PARABOLA, KEPT, **options)
+
+
 def test_nothing_at_hand_is_a_plain_plan():
     """The first three of a parabola are its ends and its middle."""
     assert edtk.next(PARABOLA, [], 3).new.tolist() == [0, 20, 40]
