@@ -51,7 +51,7 @@ class LinearConstraints:
             (*self.names, *names),
         )
 
-    def shifted(self, x: Array) -> "LinearConstraints":
+    def shifted(self, x: Array | Indices) -> "LinearConstraints":
         """The same for what is added to x (n,)."""
         sums = self.C @ x
         return LinearConstraints(self.C, self.low - sums, self.high - sums, self.names)
@@ -86,6 +86,12 @@ class LinearConstraints:
             return True
         zeros = np.zeros(self.C.shape[1])
         return self.subset(chosen).best(zeros, least, most, integral) is not None
+
+    def is_obeyed(self, x: Array, within: float) -> bool:
+        """Whether x (n,) is at most so far, in units of its numbers, from obeying them all."""
+        sums = self.C @ x
+        room = within * np.abs(self.C).max(axis=1, initial=0.0)
+        return bool(((sums >= self.low - room) & (sums <= self.high + room)).all())
 
     def subset(self, chosen: Indices) -> "LinearConstraints":
         """Some of them."""

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from edtk.design.errors import Errors
     from edtk.design.exact.counts.problem_plan import ProblemPlan
     from edtk.design.exact.plan_region import RegionPlan
+    from edtk.verbs.asked_limits import Constraint
 
 
 @overload
@@ -56,9 +57,11 @@ def plan(
     *,
     starts: int | None = None,
     keep: ArrayLike | Problem | None = None,
+    least: ArrayLike | None = None,
     most: ArrayLike | None = None,
     costs: ArrayLike | None = None,
-    cost_budget: float | None = None,
+    cost_budget: ArrayLike | None = None,
+    constraints: "Sequence[Constraint] | None" = None,
     blocks: Sequence[int] | None = None,
     block_variance: float = ...,
     errors: "Errors | None" = None,
@@ -91,9 +94,11 @@ def plan(
     seed: int | None = None,
     *,
     starts: int | None = None,
+    least: ArrayLike | None = None,
     most: ArrayLike | None = None,
     costs: ArrayLike | None = None,
-    cost_budget: float | None = None,
+    cost_budget: ArrayLike | None = None,
+    constraints: "Sequence[Constraint] | None" = None,
     blocks: Sequence[int] | None = None,
     block_variance: float = FIXED,
     errors: "Errors | None" = None,
@@ -145,11 +150,18 @@ def plan(
         progress: Called with a line about the current step, and its gap or its best cost.
 
         starts: Number of starts; by default as many as bring improvements, and as many again.
+        least: How often each candidate must be measured, kept ones counted: a number (n,) for each,
+            or one for all.
         most: How often each candidate may be measured, kept ones counted: a number (n,) for each,
             or one for all; 1 is a plan without replacement. Defaults to no limit.
-        costs: Costs (n,) of one experiment with each candidate.
-        cost_budget: What the new experiments may cost together. For a study: what a day may
-            cost, load changes included, by the costs that the study says.
+        costs: Costs (n,) of one experiment with each candidate; (k, n) for k budgets.
+        cost_budget: What the new experiments may cost together, a number for each budget (k,). For
+            a study: what a day may cost, load changes included, by the costs that the study says.
+        constraints: A list of linear constraints on the counts, kept candidates counted: triples of
+            coefficients (n,), a least and a largest sum, with None for no limit. Of candidates
+            from a data frame the coefficients may be an expression of its columns, such as
+            "hours" or "oven == 'left'"; and {"oven": 4} says that each level of a column is used
+            four times, {"oven": (2, 6)} two to six times, {"oven": {"left": 4}} one level.
         blocks: Sizes of the blocks in which the experiments are made, each with an unknown effect
             of its own on all its readings. It is nuisance: only what differs within blocks counts.
         block_variance: Variance of random effects of blocks, in units of the noise; infinite, the
@@ -217,9 +229,11 @@ def plan(
         out=out,
         progress=progress,
         starts=starts,
+        least=least,
         most=most,
         costs=costs,
         cost_budget=cost_budget,
+        constraints=constraints,
         blocks=blocks,
         block_variance=None if block_variance == FIXED else block_variance,
         errors=errors,

@@ -1,8 +1,10 @@
 """`edtk.plan` of a problem of arrays or of a region: its arguments, checked."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from numbers import Real
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +25,13 @@ from edtk.design.relaxation.relax_region import relax_region
 from edtk.study.plan_study import Progress
 from edtk.system.errors import ArgumentError, whole_number
 from edtk.system.typing import Array, Indices
+from edtk.verbs.asked_limits import (
+    Budgets,
+    Constraint,
+    asked_constraints,
+    counts_of_candidates,
+    numbers,
+)
 from edtk.verbs.inputs import CriterionLike
 from edtk.verbs.question import seconds_for
 
@@ -69,9 +78,11 @@ def plan_problem(
     *,
     starts: int | None = None,
     keep: ArrayLike | Problem | None = None,
+    least: ArrayLike | None = None,
     most: ArrayLike | None = None,
     costs: ArrayLike | None = None,
-    cost_budget: float | None = None,
+    cost_budget: ArrayLike | None = None,
+    constraints: Sequence[Constraint] | None = None,
     blocks: Sequence[int] | None = None,
     block_variance: float = np.inf,
     errors: Errors | None = None,
@@ -113,20 +124,57 @@ def plan_problem(
         raise ArgumentError(message, argument="blocks")
     kept, experiments, number = _kept(keep, problem)
     left = _left(most, kept, problem.n)
-    prices, funds = _funds(costs, cost_budget, kept, problem.n)
-    m = _places(size, number, left, prices, funds)
-    known, base = _as_rows(experiments, problem.p)
+    lacking = _lacking(least, kept, left, problem.n)
+    linear = asked_constraints(constraints, problem)
+    if sizes:
+        # Whoever must be in some block may be in any.
+        linear = linear.and_also(*_each_at_least(lacking))
+        lacking = np.zeros_like(lacking)
+    budgets = Budgets.of(costs, cost_budget, problem.n)
+    if budgets is not None:
+        _require_affordable(lacking, budgets)
+        budgets = budgets.without(lacking)
+    left = None if left is None else left - lacking
+    m = _places(size, number, lacking, left, budgets)
+    if m == 0:
+        # All experiments are told: one of them is then the only choice that is left.
+        left = np.bincount([int(np.flatnonzero(lacking)[0])], minlength=problem.n)
+        lacking = lacking - left
+        budgets = None if budgets is None else budgets.without(-left)
+        m = 1
+    prices, funds = (None, np.inf) if budgets is None else budgets.joint
+    fixed = kept + lacking
+    linear = linear.shifted(fixed)
+    if budgets is not None and len(budgets.costs) > 1:
+        # Budgets are about new experiments, and know already what fixed ones cost.
+        linear = linear.and_also(budgets.costs, -np.inf, budgets.funds, *budgets.rows.names)
+        if size is not None:
+            prices, funds = None, np.inf
+    known, base = _as_rows(
+        [experiments, problem.kept[np.repeat(np.arange(problem.n), lacking)]], problem.p
+    )
     if problem.prior is not None:
         if size is None:
             message = "a prior counts per experiment, so that a size is needed beside it"
             raise ArgumentError(message, argument="size")
         base = base + size * problem.prior
-    limits = Limits(m, base, left, prices, funds, size is not None, sizes, block_variance)
-    return find_counts(
+    limits = Limits(
+        m,
+        base,
+        left,
+        prices,
+        funds,
+        size is not None,
+        sizes,
+        block_variance,
+        linear if len(linear) else None,
+    )
+    _require_consistent(limits, problem.n)
+    found = find_counts(
         problem,
         criterion,
         limits,
-        kept,
+        fixed,
         number - int(kept.sum()),
         seed,
         starts,
@@ -134,6 +182,8 @@ def plan_problem(
         prove=None if prove is None else seconds_for(prove),
         known=known,
     )
+    spent = None if budgets is None else budgets.spent(found.counts - kept)
+    return replace(found, kept=kept, least=fixed if lacking.any() else None, spent=spent)
 
 
 def _require_arranged(errors: object, problem: Problem, beside: dict[str, object]) -> None:
@@ -159,7 +209,7 @@ def _block_sizes(
         if np.isfinite(variance):
             raise ArgumentError("expected blocks beside it", argument="block_variance")
         return ()
-    given = _numbers(blocks, "blocks")
+    given = numbers(blocks, "blocks")
     sizes = tuple(int(b) for b in given.ravel())
     if given.ndim != 1 or not sizes or (given < 1).any() or (given != sizes).any():
         raise ArgumentError("expected sizes of blocks, whole and positive", argument="blocks")
@@ -204,13 +254,16 @@ def _kept(
     return np.bincount(chosen, minlength=problem.n), problem.kept[chosen], len(chosen)
 
 
-def _as_rows(experiments: Rows | PackedInformation | None, p: int) -> tuple[Array | None, Array]:
+def _as_rows(
+    parts: Sequence[Rows | PackedInformation | None], p: int
+) -> tuple[Array | None, Array]:
     """Rows (k, p) of experiments that have some, and the information (p, p) of those without."""
-    if isinstance(experiments, Rows):
-        return experiments.flat, np.zeros((p, p))
-    if experiments is None or not experiments.n:
-        return None, np.zeros((p, p))
-    return None, experiments.weighted(np.ones(experiments.n))
+    rows = [part.flat for part in parts if isinstance(part, Rows) and part.n]
+    base = np.zeros((p, p))
+    for part in parts:
+        if isinstance(part, PackedInformation) and part.n:
+            base = base + part.weighted(np.ones(part.n))
+    return np.concatenate(rows) if rows else None, base
 
 
 def _left(most: ArrayLike | None, kept: Indices, n: int) -> Indices | None:
@@ -229,80 +282,122 @@ def _left(most: ArrayLike | None, kept: Indices, n: int) -> Indices | None:
     return left
 
 
-def _funds(
-    costs: ArrayLike | None, budget: float | None, kept: Indices, n: int
-) -> tuple[Array | None, float]:
-    """Costs (n,) of the candidates, and what the new experiments may cost together."""
-    if costs is None and budget is None:
-        return None, np.inf
-    if costs is None or budget is None:
-        missing, given = ("costs", "cost_budget") if costs is None else ("cost_budget", "costs")
-        raise ArgumentError(f"expected beside {given}", argument=missing)
-    prices = _numbers(costs, "costs")
-    if prices.shape != (n,) or not (np.isfinite(prices) & (prices > 0)).all():
-        message = f"expected a positive number for each of {n} candidates"
-        raise ArgumentError(message, argument="costs")
-    if not (_is_number(budget) and np.isfinite(budget) and budget > 0):
-        raise ArgumentError("expected above 0", argument="cost_budget", given=budget)
-    return prices, float(budget)
+def _lacking(least: ArrayLike | None, kept: Indices, left: Indices | None, n: int) -> Indices:
+    """How many new experiments of each candidate every plan has (n,).
+
+    Raises:
+        ArgumentError: They are no whole numbers, or more than are allowed.
+    """
+    if least is None:
+        return np.zeros(n, dtype=int)
+    given = counts_of_candidates(least, n, "least")
+    if (given != np.round(given)).any():
+        raise ArgumentError("expected whole numbers", argument="least")
+    lacking = np.maximum(given.astype(int) - kept, 0)
+    if left is not None and (lacking > left).any():
+        i = int(np.flatnonzero(lacking > left)[0])
+        message = f"candidate {i}: {int(given[i])} or more, but most allows {left[i] + kept[i]}"
+        raise ArgumentError(message, argument="least")
+    return lacking
+
+
+def _each_at_least(lacking: Indices) -> tuple[Any, ...]:
+    """Least counts (n,) as constraints."""
+    some = np.flatnonzero(lacking)
+    names = (f"least of candidate {i}" for i in some)
+    return (np.eye(len(lacking))[some], lacking[some], np.inf, *names)
+
+
+def _require_affordable(lacking: Indices, budgets: Budgets) -> None:
+    """Check that the experiments that every plan has are within the budgets."""
+    for cost, own in zip(budgets.costs @ lacking, budgets.funds, strict=True):
+        if cost > own * (1 + ROUNDING):
+            message = f"the experiments that least asks for cost {cost:g}"
+            raise ArgumentError(message, argument="cost_budget", given=f"{own:g}")
+
+
+def _require_consistent(limits: Limits, n: int) -> None:
+    """Check that some plan obeys all constraints; name those that contradict each other."""
+    if limits.linear is None:
+        return
+    clash = limits.rows(n).conflict(np.zeros(n), limits.largest(n), integral=True)
+    if clash:
+        beside = " within most" if limits.most is not None else ""
+        message = f"no plan of whole experiments{beside} obeys {' and '.join(clash)}"
+        raise ArgumentError(f"{message} together", argument="constraints")
 
 
 def _is_number(given: object) -> bool:
     return isinstance(given, Real)
 
 
-def _numbers(given: object, argument: str) -> Array:
-    """An argument as an array of finite numbers.
-
-    Raises:
-        ArgumentError: It is none.
-    """
-    try:
-        found = np.asarray(given, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError("expected numbers", argument=argument) from error
-    if not np.isfinite(found).all():
-        raise ArgumentError("expected finite numbers", argument=argument)
-    return found
-
-
 def _places(
-    size: int | None, kept: int, left: Indices | None, prices: Array | None, funds: float
+    size: int | None,
+    kept: int,
+    lacking: Indices,
+    left: Indices | None,
+    budgets: Budgets | None,
 ) -> int:
-    """Number of new experiments, or the largest number where the funds decide.
+    """Number of new experiments to choose, or the largest number where the budgets decide.
+
+    Args:
+        size: Number of all experiments.
+        kept: Number of kept ones.
+        lacking: New experiments (n,) that every plan has.
+        left: How often each candidate may be chosen beside them (n,).
+        budgets: What is left to spend.
+
+    Returns:
+        The number; zero where no choice is left.
 
     Raises:
         ArgumentError: There is no such number, or it is too large for a search.
     """
-    if size is None and prices is None:
+    if size is None and budgets is None:
         message = "expected the number of experiments, or costs and a cost_budget"
         raise ArgumentError(message, argument="size")
     if size is not None and not np.isfinite(size):
         raise ArgumentError("expected a whole number", argument="size", given=size)
-    m = _affordable(left, prices, funds) if size is None else int(size) - kept
-    if size is not None and (m != size - kept or m < 1):
+    fixed = int(lacking.sum())
+    new = fixed + _most_affordable(left, budgets) if size is None else int(size) - kept
+    if size is not None and (new != size - kept or new < 1):
         beside = f" beside {kept} kept experiments" if kept else ""
         raise ArgumentError(f"expected one or more{beside}", argument="size", given=size)
-    if left is not None and left.sum() < m:
-        message = f"allows {left.sum()} new experiments, expected {m} or more"
+    if new < fixed:
+        message = f"asks for {fixed} new experiments, expected {new} or fewer"
+        raise ArgumentError(message, argument="least")
+    if left is not None and left.sum() + fixed < new:
+        message = f"allows {left.sum() + fixed} new experiments, expected {new} or more"
         raise ArgumentError(message, argument="most")
-    if prices is not None and size is not None:
-        least = _cheapest(left, prices, m)
-        if least > funds * (1 + ROUNDING):
-            message = f"{m} new experiments cost {least:g} or more"
-            raise ArgumentError(message, argument="cost_budget", given=funds)
-    if m < 1:
-        message = f"the cheapest candidate costs {np.min(prices):g}"  # type: ignore[arg-type]
-        raise ArgumentError(message, argument="cost_budget", given=funds)
-    if m > MOST_PLACES:
-        message = f"plans of more than {MOST_PLACES} experiments are not searched for, here {m}"
+    if budgets is not None and size is not None:
+        _require_cheap(left, budgets, new, fixed)
+    if new < 1:
+        assert budgets is not None
+        message = f"the cheapest candidate costs {np.min(budgets.costs):g}"
+        raise ArgumentError(message, argument="cost_budget", given=f"{budgets.funds.min():g}")
+    if new > MOST_PLACES:
+        message = f"plans of more than {MOST_PLACES} experiments are not searched for, here {new}"
         raise ArgumentError(message, argument="cost_budget" if size is None else "size")
-    return m
+    return new - fixed
 
 
-def _affordable(left: Indices | None, prices: Array | None, funds: float) -> int:
+def _require_cheap(left: Indices | None, budgets: Budgets, new: int, fixed: int) -> None:
+    """Check that each budget alone allows so many experiments beside fixed ones."""
+    for prices, funds in zip(budgets.costs, budgets.funds, strict=True):
+        least = _cheapest(left, prices, new - fixed)
+        if least > funds * (1 + ROUNDING):
+            message = f"{new - fixed} new experiments cost {least:g} or more"
+            raise ArgumentError(message, argument="cost_budget", given=f"{funds:g}")
+
+
+def _most_affordable(left: Indices | None, budgets: Budgets | None) -> int:
+    """The largest number of experiments that the joint budget allows, which is none too few."""
+    assert budgets is not None
+    return _affordable(left, *budgets.joint)
+
+
+def _affordable(left: Indices | None, prices: Array, funds: float) -> int:
     """The largest number of experiments that the funds allow."""
-    assert prices is not None
     order = np.argsort(prices, kind="stable")
     allowed = np.floor(funds * (1 + ROUNDING) / prices)
     if left is not None:

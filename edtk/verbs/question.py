@@ -25,7 +25,16 @@ if TYPE_CHECKING:
     from edtk.verbs.inputs import CriterionLike, StudyLike
 
 FIXED = float("inf")  # variance of effects of blocks of which nothing is known
-OF_PROBLEMS = ("starts", "most", "costs", "blocks", "block_variance", "errors")
+OF_PROBLEMS = (
+    "starts",
+    "least",
+    "most",
+    "costs",
+    "constraints",
+    "blocks",
+    "block_variance",
+    "errors",
+)
 OF_WORKERS = ("workers", "dask")
 OF_STUDIES = (
     "distinct",
@@ -114,9 +123,11 @@ class PlanCall:
     out: Path | str | None
     progress: Callable[[str, float], object]
     starts: int | None = None
+    least: Any = None
     most: Any = None
     costs: Any = None
-    cost_budget: float | None = None
+    cost_budget: Any = None
+    constraints: Any = None
     blocks: Sequence[int] | None = None
     block_variance: float | None = None
     errors: "Errors | None" = None

@@ -58,6 +58,8 @@ def store_exact(plan: ProblemPlan) -> dict[str, Any]:
     M = problem.with_prior(None).information(plan.counts)
     if problem.prior is not None:
         M = M + plan.size * problem.prior
+    # What every plan has, whether it was measured already or must be, is the same for a proof.
+    kept = plan.kept if plan.least is None else plan.least
     within: dict[str, Any] = (
         {} if plan.most is None else {"most": np.minimum(plan.most, plan.size).tolist()}
     )
@@ -73,7 +75,7 @@ def store_exact(plan: ProblemPlan) -> dict[str, Any]:
             "sha256": problem_digest(problem),
         },
         "size": plan.size,
-        "kept": np.repeat(np.arange(problem.n), plan.kept).tolist(),
+        "kept": np.repeat(np.arange(problem.n), kept).tolist(),
         "plan": {"candidate": new.tolist(), "count": proof.counts[new].tolist()},
         "value": plan.value,
         "bound_exact": plan.exact_bound.value,

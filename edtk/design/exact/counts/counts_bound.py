@@ -169,6 +169,8 @@ class RelaxedCounts:
         """Whether these counts break a limit, so that a better bound may be proved."""
         if limits.most is not None and (self.counts > limits.most + WITHIN).any():
             return True
+        if limits.linear is not None and not limits.linear.is_obeyed(self.counts, WITHIN):
+            return True
         if limits.costs is None or not limits.sized:
             return False
         return bool(self.counts @ limits.costs > limits.funds * (1 + WITHIN))
@@ -184,7 +186,8 @@ def relaxed_counts(problem: Problem, criterion: Relaxable, limits: Limits) -> Re
     Args:
         problem: The candidates, without a prior.
         criterion: What is minimised.
-        limits: What plans must obey; `most` is not regarded here, nor are costs beside a size.
+        limits: What plans must obey; `most` and `linear` are not regarded here, nor are costs
+            beside a size.
     """
     total = float(limits.m)
     each = np.ones(problem.n)
@@ -204,7 +207,8 @@ def relaxed_counts(problem: Problem, criterion: Relaxable, limits: Limits) -> Re
         found = _relaxed(interrupt.best)
         interrupted = True
     weights, bound, multipliers = found
-    basis = "weights, their limits set aside" if limits.restricts and limits.sized else "weights"
+    aside = limits.restricts if limits.sized else limits.linear is not None
+    basis = "weights, their limits set aside" if aside else "weights"
     return RelaxedCounts(
         counts=weights * total / each,
         cost=bound.scaled(total).cost,

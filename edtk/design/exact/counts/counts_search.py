@@ -9,6 +9,12 @@ from criteria import Criterion
 from criteria.linalg.inverse import guarded_inverse
 from edtk.design.exact.apportion import apportion
 from edtk.design.exact.counts.counts_bound import Scatter
+from edtk.design.exact.counts.joint_exchanges import (
+    KINDS,
+    exchange_jointly,
+    kicked_jointly,
+    nearest_plans,
+)
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.prices import GAIN, Pricing
 from edtk.system.time_limit import out_of_time
@@ -48,6 +54,9 @@ def draw_places(rng: np.random.Generator, limits: Limits, chances: Sequence[Arra
     n = len(chances[0])
     if not limits.restricts:
         return np.array([rng.choice(n, size=limits.m, p=own / own.sum()) for own in chances])
+    if limits.linear is not None:
+        drawn = np.array([rng.choice(n, size=limits.m, p=own / own.sum()) for own in chances])
+        return rng.permuted(nearest_plans(limits, n, drawn), axis=1)
     order = rng.random((len(chances), limits.m)).argsort(axis=1)
     places = np.tile(_cheapest(limits, n), (len(chances), 1))
     if limits.blocks:
@@ -73,7 +82,10 @@ def kicked(
     number = min(limits.m, number)
     some = rng.random(places.shape).argsort(axis=1)[:, :number]
     if limits.restricts:
-        return _redrawn(rng, limits, places, some, [np.ones(n)] * len(places))
+        places = _redrawn(rng, limits, places, some, [np.ones(n)] * len(places))
+        if limits.linear is not None:
+            places = kicked_jointly(rng, limits, places, n, number)
+        return places
     places = places.copy()
     places[np.arange(len(places))[:, None], some] = rng.integers(n, size=some.shape)
     return places
@@ -315,8 +327,14 @@ class CountsSearch:
     def _patience(self) -> int:
         """Starts without an improvement after which the search ends."""
         pricing = self.pricing
-        affordable = EFFORT / pricing.effort(self.limits)
+        affordable = EFFORT / self._effort()
         return int(np.clip(affordable, LEAST_STARTS, pricing.patience))
+
+    def _effort(self) -> float:
+        """About how many products a start takes, exchanges of two places included."""
+        limits = self.limits
+        one = self.pricing.effort(limits)
+        return one if limits.linear is None else one * (1 + KINDS * limits.m)
 
     def _is_settled(self, record: "Record") -> bool:
         """Whether long searches have most likely seen all optima that starts lead to.
@@ -324,7 +342,7 @@ class CountsSearch:
         Of w optima that s starts have led to, the expected number of others is
         ``w (w + 1) / (s - w - 2)`` (Boender and Rinnooy Kan 1987).
         """
-        affordable = SETTLED * EFFORT / self.pricing.effort(self.limits)
+        affordable = SETTLED * EFFORT / self._effort()
         if record.starts < affordable or not np.isfinite(record.cost):
             return False
         w = record.optima
@@ -375,6 +393,8 @@ class CountsSearch:
         regular = np.isfinite(costs) & self._has_inverse(places)
         if regular.any() and not out_of_time():
             places[regular] = self._improved(places[regular], 0.0)
+            if self.limits.linear is not None:
+                places[regular] = self._improved_jointly(places[regular])
             costs = self._costs(places)
         return costs, places
 
@@ -400,6 +420,17 @@ class CountsSearch:
             return places
         swapped = swap_between_blocks(self.criterion.plan_criterion, self.scatter, places)
         return descend_places(self.pricing, self.limits, swapped, ridge)
+
+    def _improved_jointly(self, places: Indices) -> Indices:
+        """Plans (b, m) that no exchange of two places improves; equal ones share the work."""
+        limits = self.limits
+        if limits.blocks:
+            return self._improved(exchange_jointly(self.pricing, limits, places, 0.0), 0.0)
+        _, first, back = np.unique(
+            np.sort(places, axis=1), axis=0, return_index=True, return_inverse=True
+        )
+        own = exchange_jointly(self.pricing, limits, places[first], 0.0)
+        return self._improved(own, 0.0)[back.ravel()]
 
     def _has_inverse(self, places: Indices) -> Mask:
         """Which plans (b, m) have an inverse from which prices can be taken.

@@ -26,6 +26,7 @@ from edtk.design.exact.prove_exact import (
     MARGIN,
     ExactProof,
     Given,
+    UnprovableError,
     prove_exact,
     require_provable,
     require_told_apart,
@@ -69,7 +70,8 @@ def find_counts(
         problem: The candidates; its prior is part of `Limits.base` already.
         criterion: The criterion to minimise.
         limits: Size, limits on counts, costs, blocks, and what every plan has.
-        kept: How often each candidate was measured already (n,); counts of the result have it too.
+        kept: How often each candidate is measured in every plan (n,); counts of the result have it
+            too.
         elsewhere: Number of kept experiments that are none of the candidates.
         seed: Seed.
         starts: Number of starts; None to go on until nothing better is found.
@@ -150,7 +152,6 @@ def find_counts(
         elsewhere=elsewhere,
         block_counts=_by_block(found.places, limits, problem.n),
         most=None if limits.most is None else limits.most + kept,
-        spent=None if limits.costs is None else float(limits.costs @ counts),
         exact_bound=None if proof is None else _exact_bound(criterion, proof),
         proof=proof,
         limits=asked.limits,
@@ -194,6 +195,8 @@ class _Asked:
         """
         self.sized.problem.require_identifiable(criterion)
         if proves:
+            if self.limits.linear is not None:
+                raise UnprovableError("plans under constraints on sums of counts have no proof")
             require_provable(criterion, self.limits)
             require_told_apart(self.sized.problem)
         if self.limits.blocks:

@@ -1,10 +1,11 @@
 """What a plan of whole experiments must obey, and how much plans within limits can have."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from edtk.design.linear_constraints import LinearConstraints
 from edtk.system.typing import Array, Indices, Mask
 
 # Part of the funds by which a sum of costs may exceed them: the rounding of such a sum.
@@ -30,6 +31,7 @@ class Limits:
         blocks: Sizes of the blocks that the places are divided into, in order; none for no blocks.
         block_variance: Variance of the blocks' effects, in units of the variance of the noise;
             infinite where nothing is known about them (fixed effects).
+        linear: Further constraints on sums of the counts; None for none.
     """
 
     m: int
@@ -40,11 +42,31 @@ class Limits:
     sized: bool = True
     blocks: tuple[int, ...] = ()
     block_variance: float = np.inf
+    linear: LinearConstraints | None = None
 
     @property
     def restricts(self) -> bool:
         """Whether a candidate may be forbidden at a place by what the others hold."""
-        return self.most is not None or self.costs is not None
+        return self.most is not None or self.costs is not None or self.linear is not None
+
+    def rows(self, n: int) -> LinearConstraints:
+        """All sums of n counts that are limited: given constraints, funds and size."""
+        linear = LinearConstraints.none(n) if self.linear is None else self.linear
+        if self.costs is not None:
+            linear = linear.and_also(self.costs[None], -np.inf, self.funds, "cost_budget")
+        least = self.m if self.sized else 0
+        return linear.and_also(np.ones((1, n)), least, self.m, "size")
+
+    def largest(self, n: int) -> Array:
+        """How often each of n candidates may be chosen (n,)."""
+        if self.most is None:
+            return np.full(n, float(self.m))
+        return np.minimum(self.most, self.m).astype(float)
+
+    @cached_property
+    def apart(self) -> "Limits":
+        """The same without constraints on sums."""
+        return replace(self, linear=None)
 
     @cached_property
     def prices(self) -> Array:
@@ -98,7 +120,58 @@ class Limits:
         if self.costs is not None:
             room = self.funds - self.spent(places) + self.prices[old]
             mask[:, :n] &= self.costs <= room[:, None] + ROUNDING * abs(self.funds)
+        if self.linear is not None:
+            mask &= self._fitting(places, old)[:, : mask.shape[1]]
         return mask
+
+    def obeyed(self, places: Indices) -> Mask:
+        """Whether plans (b, m) obey the constraints on sums of their counts."""
+        assert self.linear is not None
+        sums = self.kinds.columns[:, self.kinds.of[places]].sum(axis=-1)
+        return np.asarray(self._within(sums).all(axis=0))
+
+    @cached_property
+    def kinds(self) -> "Kinds":
+        """Candidates told apart by the constraints on sums alone."""
+        assert self.linear is not None
+        return Kinds.of_columns(self.linear.C)
+
+    def _fitting(self, places: Indices, old: Indices) -> Mask:
+        """Which candidates (b, n + 1) keep sums of plans (b, m) within, in place of old (b,)."""
+        kinds = self.kinds
+        sums = kinds.columns[:, kinds.of[places]].sum(axis=-1) - kinds.columns[:, kinds.of[old]]
+        fits: Mask = np.all(self._within(sums[:, :, None] + kinds.columns[:, None, :]), axis=0)
+        return np.asarray(fits[:, kinds.of])
+
+    def _within(self, sums: Array) -> Mask:
+        """Whether sums (k, ...) of counts are within their limits, but for rounding."""
+        linear = self.linear
+        assert linear is not None
+        shape = (-1, *[1] * (sums.ndim - 1))
+        error = ROUNDING * self.m * np.abs(linear.C).max(axis=1, initial=1e-300)
+        low = (linear.low - error).reshape(shape)
+        high = (linear.high + error).reshape(shape)
+        return np.asarray((sums >= low) & (sums <= high))
+
+
+@dataclass(frozen=True, eq=False)
+class Kinds:
+    """Candidates in kinds, of which each has one column of the constraints.
+
+    Attributes:
+        columns: Columns (k, s) of the kinds.
+        of: The kind (n + 1,) of each candidate, and of the empty place, whose column is zero.
+    """
+
+    columns: Array
+    of: Indices
+
+    @classmethod
+    def of_columns(cls, C: Array) -> "Kinds":
+        """The kinds of candidates with columns C (k, n)."""
+        every = np.column_stack([C, np.zeros(len(C))])
+        columns, of = np.unique(every, axis=1, return_inverse=True)
+        return cls(columns, of.ravel())
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +193,8 @@ class Reachable:
         multiplier q of the funds: whatever q is, the bound holds, and the best q is searched for.
         """
         limits = self.limits
+        if limits.linear is not None:
+            return self._of_linear(gains, limits.linear)
         if limits.costs is None:
             return self._of_size(gains)
         if not limits.sized:
@@ -129,11 +204,21 @@ class Reachable:
             return total, counts
         return self._of_both(gains)
 
-    def _most(self) -> Array:
-        """How often each candidate may be chosen (n,)."""
-        if self.limits.most is None:
-            return np.full(self.n, float(self.limits.m))
-        return np.minimum(self.limits.most, self.limits.m).astype(float)
+    def _of_linear(self, gains: Array, linear: LinearConstraints) -> tuple[float, Array]:
+        """The bound of multipliers y of the constraints, which a linear program tells.
+
+        ``s'n = (s - C'y)'n + y'C n``, and y'C n is at most the sum of y high where y is positive
+        and of y low elsewhere. So whatever the program's solver says, the bound holds.
+        """
+        scale = float(np.abs(gains).max()) or 1.0
+        y, counts = linear_program(gains / scale, self.limits, self.n)
+        y = scale * y[: len(linear)]
+        free = Reachable(replace(self.limits, linear=None), self.n)
+        value, nearly = free.largest(gains - y @ linear.C)
+        # Where a sum has no such limit its multiplier is zero.
+        up = np.where(y > 0, linear.high, 0.0)
+        down = np.where(y < 0, linear.low, 0.0)
+        return value + float(y @ (up + down)), nearly if counts is None else counts
 
     def _of_size(self, gains: Array) -> tuple[float, Array]:
         """The candidates of the largest gains, m in all."""
@@ -144,7 +229,7 @@ class Reachable:
             counts[best] = limits.m
             return float(limits.m * gains[best]), counts
         order = np.argsort(-gains, kind="stable")
-        most = self._most()[order]
+        most = limits.largest(self.n)[order]
         counts[order] = np.clip(limits.m - (np.cumsum(most) - most), 0.0, most)
         return float(gains @ counts), counts
 
@@ -185,3 +270,31 @@ class Reachable:
         below = funds - cheap @ costs
         share = below / (above + below) if above + below > 0 else 0.0
         return value + high * funds, share * dear + (1 - share) * cheap
+
+
+def linear_program(gains: Array, limits: Limits, n: int) -> tuple[Array, Array | None]:
+    """Multipliers (k,) of all rows of limits, and counts (n,), of the largest sum of gains (n,).
+
+    A multiplier is positive where the largest value of its sum binds, negative where the least one
+    does. Of a program that its solver does not solve they are zero, and there are no counts.
+    """
+    from scipy.optimize import linprog
+
+    rows = limits.rows(n)
+    most = limits.largest(n)
+    above = np.isfinite(rows.high)
+    below = np.isfinite(rows.low)
+    found = linprog(
+        -gains,
+        A_ub=np.concatenate([rows.C[above], -rows.C[below]]),
+        b_ub=np.concatenate([rows.high[above], -rows.low[below]]),
+        bounds=np.column_stack([np.zeros(n), most]),
+        method="highs",
+    )
+    y = np.zeros(len(rows))
+    if found.status != 0:
+        return y, None
+    duals = np.asarray(found.ineqlin.marginals)
+    y[above] = np.maximum(-duals[: above.sum()], 0.0)
+    y[below] -= np.maximum(-duals[above.sum() :], 0.0)
+    return y, np.clip(found.x, 0.0, most)

@@ -54,7 +54,7 @@ def pricing_for(criterion: Criterion, scatter: Scatter, mean: Array) -> Pricing:
 def _of_several_rows(criterion: Criterion, scatter: Scatter, mean: Array) -> Pricing | None:
     """Prices that leave most candidates out, where they are very many and it can be told which."""
     few = scatter.rows.size * len(mean) < MANY_PRODUCTS
-    if few or scatter.limits.blocks:
+    if few or scatter.limits.blocks or scatter.limits.linear is not None:
         return None
     loss = convex_loss(criterion, mean)
     return None if loss is None else SeveralRowsPricing(criterion, scatter, mean, loss)
@@ -63,7 +63,8 @@ def _of_several_rows(criterion: Criterion, scatter: Scatter, mean: Array) -> Pri
 def _with_kinks(criterion: Criterion, rows: Array, limits: Limits, mean: Array) -> Pricing | None:
     """Prices of a largest variance or of a least eigenvalue, if the criterion is one."""
     p = len(mean)
-    if not isinstance(criterion, Relaxable):
+    # Beside constraints on sums, worse exchanges have prices too.
+    if not isinstance(criterion, Relaxable) or limits.linear is not None:
         return None
     targets = criterion.variance_rows(p)
     if targets is not None:

@@ -10,7 +10,7 @@ from edtk.design.bound import VISIBLE, Bound, BoundedDesign, BoundKind
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.problem import Problem
 from edtk.design.problems import DescribedProblem
-from edtk.system.typing import Indices
+from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,12 +37,15 @@ class ProblemPlan(BoundedDesign):
         kept: How often each candidate was measured already (n,); zeros if nothing was kept.
         elsewhere: Number of kept experiments that are none of the candidates.
         block_counts: Counts (b, n) of each block; None without blocks.
-        spent: What the new experiments cost; None where costs do not matter.
+        spent: What the new experiments cost, in each budget (k,) if there are several; None where
+            costs do not matter.
         exact_bound: No plan of whole experiments within the limits costs less, and which bound that
             is; None where no proof of plans was asked for.
         proof: Why, of the new experiments (`ExactProof`); likewise.
         most: How often each candidate may be measured (n,), kept ones counted; None for no limit.
         limits: What the new experiments obey.
+        least: How often each candidate is measured in every plan (n,), kept ones counted; None
+            where that is how often it was measured already.
     """
 
     problem: Problem
@@ -59,11 +62,12 @@ class ProblemPlan(BoundedDesign):
     kept: Indices
     elsewhere: int = 0
     block_counts: Indices | None = None
-    spent: float | None = None
+    spent: float | Array | None = None
     exact_bound: Bound | None = None
     proof: "ExactProof | None" = None
     most: Indices | None = None
     limits: Limits | None = None
+    least: Indices | None = None
 
     def headline(self) -> str:
         """Criterion, value, size and efficiency."""

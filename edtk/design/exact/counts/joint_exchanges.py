@@ -1,0 +1,194 @@
+"""Plans under constraints on sums of counts: the nearest one, and exchanges of two places at once.
+
+An equation leaves few exchanges of one place, or none. Two places that change together can keep it.
+"""
+
+import numpy as np
+
+from edtk.design.exact.counts.limits import Limits
+from edtk.design.exact.counts.prices import GAIN, Pricing
+from edtk.system.time_limit import out_of_time
+from edtk.system.typing import Array, Indices, Mask
+
+KINDS = 8  # kinds of candidates, the best one of each, that are tried at the first of two places
+SWEEPS = 20  # over all places, at most
+TRIES = 8  # second places that a random exchange tries
+# Part of the mean information that is added to plans whose first exchange may leave them singular.
+LEAST_RIDGE = 1e-9
+
+
+def nearest_plans(limits: Limits, n: int, drawn: Indices) -> Indices:
+    """The plans (b, m) within limits whose counts are nearest to those of plans (b, m) as drawn.
+
+    The sum of all differences of counts is least: a program in whole numbers. Places where the
+    counts agree keep their candidates.
+    """
+    targets = limits.counts(drawn, n)
+    found = np.array([nearest_counts(limits, target) for target in targets])
+    rest = limits.m - found.sum(axis=1)
+    every = np.arange(n + 1)
+    return np.array(
+        [np.repeat(every, np.append(own, empty)) for own, empty in zip(found, rest, strict=True)]
+    )
+
+
+def nearest_counts(limits: Limits, target: Array) -> Indices:
+    """Whole counts (n,) within limits that differ least from a target (n,); there are some."""
+    from scipy.optimize import Bounds, LinearConstraint, milp
+    from scipy.sparse import csr_array, eye_array, hstack, vstack
+
+    n = len(target)
+    rows = limits.rows(n)
+    own = eye_array(n)
+    differences = vstack([hstack([own, -own]), hstack([-own, -own])])
+    sums = hstack([csr_array(rows.C), csr_array((len(rows), n))])
+    found = milp(
+        np.concatenate([np.zeros(n), np.ones(n)]),
+        integrality=np.concatenate([np.ones(n), np.zeros(n)]),
+        bounds=Bounds(0.0, np.concatenate([limits.largest(n), np.full(n, np.inf)])),
+        constraints=[
+            LinearConstraint(differences, -np.inf, np.concatenate([target, -target])),
+            LinearConstraint(sums, rows.low, rows.high),
+        ],
+    )
+    if found.x is None:
+        raise RuntimeError(f"no counts within limits: {found.message}")
+    return np.asarray(np.round(found.x[:n]).astype(int))
+
+
+def kicked_jointly(
+    rng: np.random.Generator, limits: Limits, places: Indices, n: int, number: int
+) -> Indices:
+    """Plans (b, m) after some random exchanges of two places at once, within the limits."""
+    for _ in range(number):
+        trials = places.copy()
+        first = rng.integers(limits.m, size=len(places))
+        _take_any(rng, limits.apart, trials, first, n)
+        open_ = np.arange(len(places))
+        for _ in range(TRIES):
+            second = (first[open_] + rng.integers(1, max(limits.m, 2), size=len(open_))) % limits.m
+            own = trials[open_]
+            fits = _take_any(rng, limits, own, second, n)
+            done = open_[fits]
+            places = places.copy()
+            places[done] = own[fits]
+            open_ = open_[~fits]
+            if not len(open_):
+                break
+    return places
+
+
+def _take_any(
+    rng: np.random.Generator, limits: Limits, places: Indices, place: Indices, n: int
+) -> Mask:
+    """Put an allowed candidate into a place (b,) of plans (b, m), which change; where it was."""
+    each = np.arange(len(places))
+    allowed = limits.allowed(places, place, n)
+    if allowed is None:
+        allowed = np.ones((len(places), n), dtype=bool)
+    waits = np.where(allowed, rng.random(allowed.shape), np.inf)
+    new = waits.argmin(axis=1)
+    done = np.isfinite(waits[each, new])
+    places[each[done], place[done]] = new[done]
+    return np.asarray(done)
+
+
+def exchange_jointly(pricing: Pricing, limits: Limits, places: Indices, ridge: float) -> Indices:
+    """Improve plans by exchanging two places at once, as long as that helps.
+
+    The first place takes the best candidate of a kind, whatever becomes of the sums; the second one
+    then takes the best candidate that brings them back within their limits.
+
+    Args:
+        pricing: Prices of the criterion.
+        limits: What plans must obey; the given ones do.
+        places: Candidates (b, m) at the places of b plans.
+        ridge: See `Pricing.prices`.
+
+    Returns:
+        Places (b, m) of plans that are no worse.
+    """
+    places = places.copy()
+    ridge = max(ridge, LEAST_RIDGE)
+    size = max(1, pricing.batch // KINDS)
+    for first in range(0, len(places), size):
+        part = slice(first, first + size)
+        for _ in range(SWEEPS):
+            moved = _swept(pricing, limits, places[part], ridge)
+            if not moved or out_of_time():
+                break
+    return places
+
+
+def _swept(pricing: Pricing, limits: Limits, places: Indices, ridge: float) -> bool:
+    """Try each place of plans (b, m), which change, as the first of two; whether one has moved."""
+    scores = pricing.scores(places, ridge)
+    moved = False
+    for place in range(places.shape[1]):
+        whose, trials = _first_exchanged(pricing, limits, places, place, ridge)
+        if not len(whose):
+            continue
+        valid, trials = _second_exchanged(pricing, limits, trials, place, ridge)
+        reached = np.full(len(whose), np.inf)
+        if valid.any():
+            reached[valid] = pricing.scores(trials[valid], ridge)
+        for b in np.unique(whose):
+            own = np.flatnonzero(whose == b)
+            best = own[reached[own].argmin()]
+            if reached[best] < scores[b] - GAIN * max(1.0, abs(scores[b])):
+                places[b] = trials[best]
+                scores[b] = reached[best]
+                moved = True
+    return moved
+
+
+def _first_exchanged(
+    pricing: Pricing, limits: Limits, places: Indices, place: int, ridge: float
+) -> tuple[Indices, Indices]:
+    """Plans (t, m) with the best candidate of some kinds at a place, and whose they are (t,)."""
+    n = pricing.candidates
+    each = np.arange(len(places))
+    prices = pricing.prices(places, ridge, pricing.rounds[-1])
+    allowed = limits.apart.allowed(places, place, n)
+    width = n if limits.sized else n + 1
+    left = np.ones((len(places), width), dtype=bool) if allowed is None else allowed
+    kinds = limits.kinds.of[:width]
+    left &= kinds != limits.kinds.of[places[:, place]][:, None]
+    whose = []
+    trials = []
+    for _ in range(min(KINDS, limits.kinds.columns.shape[1])):
+        some = left.any(axis=1)
+        if not some.any():
+            break
+        new, gain = prices.best(place, left)
+        some &= left[each, new] & np.isfinite(gain)
+        own = places[some].copy()
+        own[:, place] = new[some]
+        whose.append(each[some])
+        trials.append(own)
+        left &= kinds != kinds[new][:, None]
+    return np.concatenate([each[:0], *whose]), np.concatenate([places[:0], *trials])
+
+
+def _second_exchanged(
+    pricing: Pricing, limits: Limits, trials: Indices, first: int, ridge: float
+) -> tuple[Mask, Indices]:
+    """Plans (t, m) whose best second exchange obeys the limits, and which have one (t,)."""
+    each = np.arange(len(trials))
+    prices = pricing.prices(trials, ridge, pricing.rounds[-1])
+    gains = np.full(len(trials), -np.inf)
+    found = trials.copy()
+    for place in range(trials.shape[1]):
+        if place == first:
+            continue
+        allowed = limits.allowed(trials, place, pricing.candidates)
+        assert allowed is not None
+        if not allowed.any():
+            continue
+        new, gain = prices.best(place, allowed)
+        gain = np.where(allowed[each, new], gain, -np.inf)
+        better = gain > gains
+        gains[better] = gain[better]
+        found[better] = trials[better]
+        found[better, place] = new[better]
+    return np.isfinite(gains), found
