@@ -2,13 +2,16 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Indices
+
+if TYPE_CHECKING:
+    from scipy.optimize import Bounds, LinearConstraint
 
 # Coefficients of a sum, least and largest value; None where there is no such limit.
 Linear = tuple[ArrayLike | str | Mapping[str, float], float | None, float | None]
@@ -107,18 +110,40 @@ class LinearConstraints:
             most: Largest numbers (n,).
             integral: Whether the numbers are whole.
         """
-        from scipy.optimize import Bounds, LinearConstraint, milp
+        from scipy.optimize import Bounds, LinearConstraint
 
-        found = milp(
+        found = solved(
             -gains,
-            integrality=np.full(len(gains), int(integral)),
-            bounds=Bounds(least, most),
-            constraints=[LinearConstraint(self.C, self.low, self.high)] if len(self) else [],
+            np.full(len(gains), int(integral)),
+            Bounds(least, most),
+            [LinearConstraint(self.C, self.low, self.high)] if len(self) else [],
         )
-        if found.x is None:
+        if found is None:
             return None
-        x = np.clip(found.x, least, most)
+        x = np.clip(found, least, most)
         return np.round(x) if integral else x
+
+
+def solved(
+    costs: Array, integrality: ArrayLike, bounds: "Bounds", constraints: "list[LinearConstraint]"
+) -> Array | None:
+    """Solution (n,) of a program partly in whole numbers; None where it has none.
+
+    HiGHS's reductions call programs infeasible that have rows nearly alike, and are left out then.
+    """
+    from scipy.optimize import milp
+
+    for reduced in (True, False):
+        found = milp(
+            costs,
+            integrality=integrality,
+            bounds=bounds,
+            constraints=constraints,
+            options={"presolve": reduced},
+        )
+        if found.x is not None:
+            return np.asarray(found.x)
+    return None
 
 
 def linear_constraints(

@@ -3,16 +3,22 @@
 An equation leaves few exchanges of one place, or none. Two places that change together can keep it.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.prices import GAIN, Pricing
+from edtk.design.linear_constraints import LinearConstraints, solved
+from edtk.system.errors import UserError
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices, Mask
 
 KINDS = 8  # kinds of candidates, the best one of each, that are tried at the first of two places
 SWEEPS = 20  # over all places, at most
 TRIES = 8  # second places that a random exchange tries
+REPAIRS = 4  # of counts that a solver takes for within limits
+TOLERANCE = 1e-5  # room, relative, that a sum beyond its limit loses
 # Part of the mean information that is added to plans whose first exchange may leave them singular.
 LEAST_RIDGE = 1e-9
 
@@ -33,27 +39,48 @@ def nearest_plans(limits: Limits, n: int, drawn: Indices) -> Indices:
 
 
 def nearest_counts(limits: Limits, target: Array) -> Indices:
-    """Whole counts (n,) within limits that differ least from a target (n,); there are some."""
-    from scipy.optimize import Bounds, LinearConstraint, milp
+    """Whole counts (n,) within limits that differ least from a target (n,).
+
+    Solvers take a sum for obeyed that is not by a ten-millionth. Such a sum gets less room.
+
+    Raises:
+        UserError: None were found.
+    """
+    n = len(target)
+    rows = limits.rows(n)
+    for _ in range(REPAIRS):
+        counts = _nearest_by_program(rows, limits.largest(n), target)
+        if counts is None:
+            break
+        places = np.repeat(np.arange(n + 1), np.append(counts, limits.m - counts.sum()))
+        beyond = limits.beyond(places[None])[:, 0]
+        if not beyond.any():
+            return counts
+        room = TOLERANCE * np.maximum(np.abs(rows.high[: len(beyond)]), 1.0)
+        high = np.append(rows.high[: len(beyond)] - beyond * room, rows.high[len(beyond) :])
+        rows = replace(rows, high=high)
+    raise UserError("no whole counts within all limits were found")
+
+
+def _nearest_by_program(rows: LinearConstraints, most: Array, target: Array) -> Indices | None:
+    """The counts (n,) of a program in whole numbers; None where it has no solution."""
+    from scipy.optimize import Bounds, LinearConstraint
     from scipy.sparse import csr_array, eye_array, hstack, vstack
 
     n = len(target)
-    rows = limits.rows(n)
     own = eye_array(n)
     differences = vstack([hstack([own, -own]), hstack([-own, -own])])
     sums = hstack([csr_array(rows.C), csr_array((len(rows), n))])
-    found = milp(
+    found = solved(
         np.concatenate([np.zeros(n), np.ones(n)]),
-        integrality=np.concatenate([np.ones(n), np.zeros(n)]),
-        bounds=Bounds(0.0, np.concatenate([limits.largest(n), np.full(n, np.inf)])),
-        constraints=[
+        np.concatenate([np.ones(n), np.zeros(n)]),
+        Bounds(0.0, np.concatenate([most, np.full(n, np.inf)])),
+        [
             LinearConstraint(differences, -np.inf, np.concatenate([target, -target])),
             LinearConstraint(sums, rows.low, rows.high),
         ],
     )
-    if found.x is None:
-        raise RuntimeError(f"no counts within limits: {found.message}")
-    return np.asarray(np.round(found.x[:n]).astype(int))
+    return None if found is None else np.asarray(np.round(found[:n]).astype(int))
 
 
 def kicked_jointly(

@@ -124,11 +124,11 @@ class Limits:
             mask &= self._fitting(places, old)[:, : mask.shape[1]]
         return mask
 
-    def obeyed(self, places: Indices) -> Mask:
-        """Whether plans (b, m) obey the constraints on sums of their counts."""
+    def beyond(self, places: Indices) -> Mask:
+        """Which of the constraints on sums of counts plans (b, m) do not obey (k, b)."""
         assert self.linear is not None
         sums = self.kinds.columns[:, self.kinds.of[places]].sum(axis=-1)
-        return np.asarray(self._within(sums).all(axis=0))
+        return ~self._within(sums)
 
     @cached_property
     def kinds(self) -> "Kinds":
