@@ -27,8 +27,8 @@ DISTANT = 10.0  # ratio of two effects beyond which they share a logarithmic axi
 WRITTEN = 12  # columns up to which each cell of a map has its number
 AREA = 120.0  # of the marker of the experiment that is made most often [square points]
 FULL = 0.999  # power at which the axis of effects ends
-BY_NOISE = "variance of prediction / variance of noise"
-OF_ONE = "variance of prediction x experiments / variance of noise"
+BY_NOISE = "variance of prediction /\nvariance of noise"
+OF_ONE = "variance of prediction x experiments /\nvariance of noise"
 
 
 def draw(
@@ -264,7 +264,7 @@ def _variance_map(
     first, second = (plain(places.names[i]) for i in where)
     ax.set(xlabel=f"{first} (discs: the experiments, area by number)", ylabel=second)
     assert ax.figure is not None
-    ax.figure.colorbar(shown, ax=ax, label=_variance_label(design).replace(" / ", " /\n"))
+    ax.figure.colorbar(shown, ax=ax, label=_variance_label(design))
 
 
 def _made(design: ModelDesign, places: Places) -> Array:

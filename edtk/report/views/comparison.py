@@ -93,7 +93,7 @@ def _fractions(found: Comparison, ax: "Axes") -> None:
         style = STYLES[i // len(COLOURS) % len(STYLES)]
         ax.plot(fraction, variances, style, color=COLOURS[i % len(COLOURS)], label=plain(name))
     ax.set_xlabel("fraction of the places")
-    ax.set_ylabel("variance of prediction x experiments / variance of noise")
+    ax.set_ylabel("variance of prediction x experiments /\nvariance of noise")
     ax.set_xlim(0, 1)
     ax.set_ylim(bottom=0)
     ax.grid(alpha=0.3)
