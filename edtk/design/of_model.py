@@ -11,7 +11,7 @@ from edtk.design.information import side_by_side
 from edtk.design.nonlinear_model import Model, NonlinearModel, Robust, nonlinear_model
 from edtk.design.problem import Problem
 from edtk.design.problems import DescribedProblem, several_models
-from edtk.design.region import Region
+from edtk.design.region import Region, user_functions
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
 
@@ -64,8 +64,8 @@ def region_of_model(
     names = columns if variables is None else tuple(variables)
     halton = qmc.Halton(len(low), scramble=False).random(TRIED)
     points = low + (high - low) * halton
-    for constraint in [constraints] if callable(constraints) else constraints:
-        kept = np.asarray(constraint(points)).reshape(len(points), -1).min(axis=1) >= 0
+    for constraint in user_functions(constraints, "constraints"):
+        kept = constraint(points).reshape(len(points), -1).min(axis=1) >= 0
         points = points[kept] if kept.any() else points
     models = _models(f, _thetas(theta, robust, weights), points, names, options)
 

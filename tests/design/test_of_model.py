@@ -284,6 +284,12 @@ def test_a_bad_model_is_refused_in_one_line(name):
     assert "\n" not in str(caught.value)
 
 
+def test_constraints_of_a_region_are_functions() -> None:
+    """A number in their place is one line that names the argument."""
+    with pytest.raises(ArgumentError, match=r"^constraints: expected a function of points"):
+        edtk.Region.of_model("a * x", {"a": 1.0}, {"x": (0, 1)}, constraints=3)  # type: ignore[arg-type]
+
+
 def test_a_criterion_without_a_mean_is_refused():
     """E has no mean over several theta that is bounded."""
     problem = edtk.Problem.of_model(ENZYME, THETAS, DOSE, parameters=("V", "K"), robust="bayes")
