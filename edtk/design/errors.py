@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
 
-from edtk.system.errors import ArgumentError, whole_number
+from edtk.system.errors import ArgumentError, finite_numbers, whole_number
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
 
@@ -261,7 +261,7 @@ class Errors(Presented):
             nugget: Part of the variance that is a run's own.
             metric: "euclidean", or "cityblock" for the product of correlations along the axes.
         """
-        x = _numbers(positions, "positions")
+        x = finite_numbers(positions, "positions")
         if x.ndim not in (1, 2) or not len(x):
             raise ArgumentError("expected places (m, d) of m runs", argument="positions")
         if not _is_number(length) or not 0 < length < np.inf:
@@ -279,7 +279,7 @@ class Errors(Presented):
     @classmethod
     def covariance(cls, V: ArrayLike) -> "Errors":
         """Any covariance (m, m) of the m runs' noise, in the order of the runs."""
-        found = _numbers(V, "V")
+        found = finite_numbers(V, "V")
         if found.ndim != 2 or found.shape[0] != found.shape[1] or not len(found):
             raise ArgumentError("expected a matrix (m, m)", argument="V")
         if not np.allclose(found, found.T, rtol=1e-9, atol=0):
@@ -494,17 +494,6 @@ def _require_factors(hard: object) -> None:
 
 def _is_number(given: object) -> bool:
     return isinstance(given, Real) and not isinstance(given, bool)
-
-
-def _numbers(given: object, argument: str) -> Array:
-    """An argument as an array of finite numbers."""
-    try:
-        found = np.asarray(given, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError("expected numbers", argument=argument) from error
-    if not np.isfinite(found).all():
-        raise ArgumentError("expected finite numbers", argument=argument)
-    return found
 
 
 def _stratum_words(stratum: Stratum) -> str:

@@ -5,7 +5,10 @@ import warnings
 from functools import partial
 from operator import index
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from edtk.system.typing import Array
 
 LONGEST = 300  # characters of a line on standard error
 PROGRAM = 10  # of them for the program's name, which an error does not know
@@ -172,3 +175,20 @@ def whole_number(given: object, argument: str, least: int) -> int:
         message = f"expected a whole number, {least} or more"
         raise ArgumentError(message, argument=argument, given=given)
     return number
+
+
+def finite_numbers(given: object, argument: str) -> "Array":
+    """The argument as an array of finite numbers of any shape.
+
+    Raises:
+        ArgumentError: It is none.
+    """
+    import numpy as np  # commands that read no numbers start without it
+
+    try:
+        found = np.asarray(given, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError("expected numbers", argument=argument) from error
+    if not np.isfinite(found).all():
+        raise ArgumentError("expected finite numbers", argument=argument)
+    return found

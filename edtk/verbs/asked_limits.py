@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from edtk.design.linear_constraints import Linear, LinearConstraints, linear_constraints
 from edtk.design.problem import Problem
 from edtk.design.problems import DescribedProblem
-from edtk.system.errors import ArgumentError
+from edtk.system.errors import ArgumentError, finite_numbers
 from edtk.system.typing import Array, Indices, Mask
 
 # A triple, or how often each level of columns is used: one number, two, or those of each level.
@@ -25,7 +25,7 @@ def counts_of_candidates(given: ArrayLike, n: int, argument: str) -> Array:
     Raises:
         ArgumentError: It is none.
     """
-    found = numbers(given, argument)
+    found = finite_numbers(given, argument)
     if found.shape not in ((), (n,)) or (found < 0).any():
         message = f"expected a number, zero or more, or one for each of {n} candidates"
         raise ArgumentError(message, argument=argument)
@@ -58,7 +58,7 @@ class Budgets:
         if costs is None or budget is None:
             missing, given = ("costs", "cost_budget") if costs is None else ("cost_budget", "costs")
             raise ArgumentError(f"expected beside {given}", argument=missing)
-        each = numbers(costs, "costs")
+        each = finite_numbers(costs, "costs")
         prices = np.atleast_2d(each)
         free = (prices <= 0).all(axis=0) if prices.ndim == 2 else np.zeros(1, dtype=bool)
         if prices.ndim != 2 or prices.shape[1] != n or (prices < 0).any() or free.any():
@@ -66,7 +66,7 @@ class Budgets:
             sign = "number, zero or more," if several else "positive number"
             message = f"expected a {sign} for each of {n} candidates{several}"
             raise ArgumentError(message, argument="costs")
-        funds = numbers(budget, "cost_budget")
+        funds = finite_numbers(budget, "cost_budget")
         if each.ndim > 1 and funds.shape != (len(prices),):
             message = f"expected {len(prices)} numbers, one for each row of costs"
             raise ArgumentError(message, argument="cost_budget", given=budget)
@@ -176,18 +176,3 @@ def _frame(problem: Problem, where: str) -> Any:
         message = "columns need a problem of a data frame; give coefficients as numbers"
         raise ArgumentError(message, argument=where)
     return problem.frame
-
-
-def numbers(given: object, argument: str) -> Array:
-    """An argument as an array of finite numbers.
-
-    Raises:
-        ArgumentError: It is none.
-    """
-    try:
-        found = np.asarray(given, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError("expected numbers", argument=argument) from error
-    if not np.isfinite(found).all():
-        raise ArgumentError("expected finite numbers", argument=argument)
-    return found

@@ -23,14 +23,13 @@ from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.design.relaxation.relax_region import relax_region
 from edtk.study.plan_study import Progress
-from edtk.system.errors import ArgumentError, whole_number
+from edtk.system.errors import ArgumentError, finite_numbers, whole_number
 from edtk.system.typing import Array, Indices
 from edtk.verbs.asked_limits import (
     Budgets,
     Constraint,
     asked_constraints,
     counts_of_candidates,
-    numbers,
 )
 from edtk.verbs.inputs import CriterionLike
 from edtk.verbs.question import seconds_for
@@ -209,7 +208,7 @@ def _block_sizes(
         if np.isfinite(variance):
             raise ArgumentError("expected blocks beside it", argument="block_variance")
         return ()
-    given = numbers(blocks, "blocks")
+    given = finite_numbers(blocks, "blocks")
     sizes = tuple(int(b) for b in given.ravel())
     if given.ndim != 1 or not sizes or (given < 1).any() or (given != sizes).any():
         raise ArgumentError("expected sizes of blocks, whole and positive", argument="blocks")

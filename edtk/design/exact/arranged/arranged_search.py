@@ -18,7 +18,7 @@ import numpy as np
 
 from criteria import Criterion
 from edtk.design.exact.arranged.settings import Move, Settings
-from edtk.design.exact.counts.counts_search import Record
+from edtk.design.exact.counts.counts_search import FoundPlaces, Record
 from edtk.design.exact.counts.prices import GAIN
 from edtk.design.exact.exchange_costs import exchange_costs
 from edtk.system.errors import UserError
@@ -68,25 +68,6 @@ class _Block:
         root = V[:, told] * np.sqrt(r[told])
         inverse = (V[:, told] / np.sqrt(r[told])).T
         return cls(move, own, W[move.runs], root, inverse)
-
-
-@dataclass(frozen=True, eq=False)
-class FoundArrangement:
-    """The best plan of a search.
-
-    Attributes:
-        places: Candidates (m,) of its runs, in order.
-        cost: Its cost.
-        starts: Number of starts.
-        found: How many of them led to a plan as good.
-        ended: Why the search ended: "starts", "stagnation", "budget" or "interrupted".
-    """
-
-    places: Indices
-    cost: float
-    starts: int
-    found: int
-    ended: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +128,7 @@ class ArrangedSearch:
 
     def run(
         self, seed: int, starts: int | None, progress: Callable[[int, float], object]
-    ) -> FoundArrangement:
+    ) -> FoundPlaces:
         """Search from so many starts, or until as many again as it took bring nothing better."""
         record = Record()
         ended = "starts"
@@ -172,7 +153,7 @@ class ArrangedSearch:
                 raise
             ended = "interrupted"
         assert record.places is not None
-        return FoundArrangement(record.places, record.cost, record.starts, record.found, ended)
+        return FoundPlaces(record.places, record.cost, record.starts, record.found, ended)
 
     def improved(self, places: Indices) -> tuple[Array, Indices]:
         """Costs (b,) and places (b, m) of plans that no move improves."""

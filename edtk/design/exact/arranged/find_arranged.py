@@ -102,7 +102,6 @@ def _search(
 ) -> tuple[ArrangedSearch, Setting | None]:
     """The search, in parameters of order one, and what rounding they cost."""
     setting = None
-    given = criterion
     if isinstance(criterion, Relaxable):
         setting = Setting.of(problem, criterion, as_rows=True)
         problem, criterion = setting.problem, setting.criterion
@@ -113,7 +112,7 @@ def _search(
     transformed = criterion.transformed(T)
     if transformed is None:
         T = np.eye(problem.p)
-        transformed = given if setting is None else criterion
+        transformed = criterion
     return ArrangedSearch(rows @ T, W, T.T @ base @ T, transformed, settings), setting
 
 

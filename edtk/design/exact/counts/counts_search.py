@@ -135,8 +135,7 @@ def _cheapest(limits: Limits, n: int) -> Indices:
         return np.full(limits.m, n)
     costs = np.zeros(n) if limits.costs is None else limits.costs
     order = np.argsort(costs, kind="stable")
-    most = np.full(n, limits.m) if limits.most is None else np.minimum(limits.most, limits.m)
-    return np.repeat(order, most[order])[: limits.m]
+    return np.repeat(order, limits.largest(n)[order].astype(int))[: limits.m]
 
 
 def descend_places(pricing: Pricing, limits: Limits, places: Indices, ridge: float) -> Indices:
@@ -239,7 +238,7 @@ def _costs(criterion: Criterion, scatter: Scatter, places: Indices) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class FoundCounts:
+class FoundPlaces:
     """The best plan of a search.
 
     Attributes:
@@ -282,7 +281,7 @@ class CountsSearch:
 
     def run(
         self, seed: int, starts: int | None, progress: Callable[[int, float], object]
-    ) -> FoundCounts:
+    ) -> FoundPlaces:
         """Search from so many starts, or until as many again as it took bring nothing better.
 
         Wave after wave depends on the seed and its number alone.
@@ -316,7 +315,7 @@ class CountsSearch:
                 raise
             ended = "interrupted"
         assert record.places is not None
-        return FoundCounts(record.places, record.cost, record.starts, record.found, ended)
+        return FoundPlaces(record.places, record.cost, record.starts, record.found, ended)
 
     def _is_proved(self, cost: float) -> bool:
         """Whether no plan can be better than one of this cost."""
