@@ -12,6 +12,7 @@ from forked_command import ForkedCommand
 from short_search import short_search
 
 from edtk.cli import main
+from edtk.design.exact.find_plan import SearchOptions
 from edtk.design.relaxation.relax_poses import RelaxOptions
 from edtk.findings.causes.faults import FAULTS
 from edtk.study.study import load_study
@@ -294,7 +295,10 @@ def test_ctrl_c_leaves_the_best_plan(tmp_path, monkeypatch):
     study = write(tmp_path)
     out = tmp_path / "plan.csv"
     options = ["--size", 6, "--criterion", "A", "--workers", 1, "--json", "--out", out]
-    monkeypatch.setattr("edtk.study.plan_study.STARTS", 10**6)  # it does not end by itself
+    # It does not end by itself, neither by its starts nor because nothing better is found.
+    monkeypatch.setattr("edtk.study.plan_study.STARTS", 10**6)
+    endless = partial(SearchOptions, patience=10**4)
+    monkeypatch.setattr("edtk.study.plan_study.SearchOptions", endless)
     with ForkedCommand("plan", study, *options) as running:
         stdout, said = running.interrupted(b"starts")
     assert running.returncode == 130, said
