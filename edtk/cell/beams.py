@@ -1,5 +1,6 @@
 """Beams between eyes and markers: how far they are from all bodies of a cell."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -10,14 +11,14 @@ from edtk.cell.cell import Cell, Placed
 from edtk.cell.distance import Nearest, dot, segment_to_plane, segment_to_segment
 from edtk.cell.shapes import Box, Capsule, Cylinder, Plane
 from edtk.robots.frames import BodyPoint, Frames, cross
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
 
 REACH = 0.05  # a body that is farther from a beam counts as this far [m]
 NOTHING = -1  # index of the body that is near, where none is
 
 
 class Passing(NamedTuple):
-    """How near a beam passes bodies, in poses (N,).
+    """How near beams pass bodies (N,).
 
     Attributes:
         distance: Least distance from any body, `REACH` at most, less the beam's radius [m].
@@ -31,10 +32,15 @@ class Passing(NamedTuple):
     normal: Array
     point: Array
 
-    def some(self, poses: Indices) -> "Passing":
-        """In some of the poses."""
-        of_each = (self.normal[:, poses], self.point[:, poses])
-        return Passing(self.distance[poses], self.body[poses], *of_each)
+    def some(self, chosen: Indices) -> "Passing":
+        """Some of them."""
+        of_each = (self.normal[..., chosen], self.point[..., chosen])
+        return Passing(self.distance[..., chosen], self.body[..., chosen], *of_each)
+
+    def of_view(self, index: int) -> "Passing":
+        """Of one view, where each array has them before the poses."""
+        of_each = (self.normal[:, index], self.point[:, index])
+        return Passing(self.distance[index], self.body[index], *of_each)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,49 +72,71 @@ class Beams:
         every = (body.carrier for body in self.cell.bodies)
         return np.array([-1 if joint is None else joint for joint in every], dtype=int)
 
-    def passing(self, frames: Frames, eye: Array, marker: BodyPoint) -> Passing:
-        """How near the beams from an eye (3,) to a marker pass, in poses with one axis."""
-        p = marker.position(frames)
-        start = np.broadcast_to(eye[:, None], p.shape)
-        way = p - start
-        length = np.maximum(np.sqrt(dot(way, way)), np.finfo(float).tiny)
-        short = start + way * np.maximum(1 - self.own / length, 0.0)
-        carrier = len(frames.axes) - 1 if marker.joint is None else marker.joint
-        n = p.shape[-1]
+    def passing(
+        self, frames: Frames, views: Sequence[tuple[Array, BodyPoint]], asked: Mask
+    ) -> Passing:
+        """How near beams pass, of `asked` views (b, N) in poses with one axis, as nonzero has them.
+
+        Lower bounds leave most pairs of a beam and a shape out. Capsules come first, and what
+        stands is asked for within what they leave.
+
+        Args:
+            frames: The poses (N,), with the bodies of the cell and of the markers.
+            views: Eyes (3,) and the markers that they look at.
+            asked: Which views count in which poses.
+        """
+        view, pose = np.nonzero(asked)
+        start = np.array([eye for eye, _ in views])[view].T
+        ends = np.array([marker.position(frames) for _, marker in views])
+        way = ends[view, :, pose].T - start
+        last = len(frames.axes) - 1
+        moved = np.array([last if one.joint is None else one.joint for _, one in views])
+        n = len(view)
         best = Passing(np.full(n, REACH), np.full(n, NOTHING), np.zeros((3, n)), np.zeros((3, n)))
-        placed = self.cell.solids.placed(frames)
-        for own_body, end in ((False, p), (True, short)):
-            bodies = np.flatnonzero((self.carriers == carrier) == own_body)
-            self._pass_capsules(best, placed, bodies, start, end)
-            if not own_body:  # what stands still carries no marker of the robot
-                self._pass_standing(best, start, end)
+        self._pass_capsules(best, self.cell.solids.placed(frames), pose, moved[view], start, way)
+        self._pass_standing(best, start, start + way)  # what stands still carries no marker
         return best._replace(distance=best.distance - self.radius)
 
     def _pass_capsules(
-        self, best: Passing, placed: Placed, bodies: Indices, start: Array, end: Array
+        self,
+        best: Passing,
+        placed: Placed,
+        pose: Indices,
+        carrier: Indices,
+        start: Array,
+        way: Array,
     ) -> None:
-        """Lessen distances by those of the capsules of some bodies."""
+        """Lessen distances by those of capsules: of the marker's own body up to `own` before it.
+
+        The lower bound is the distance of the capsule's middle, less all that is around it.
+        """
         solids, owner = self.cell.solids, self.owners[Capsule]
-        for k in np.flatnonzero(np.isin(owner, bodies)):
-            a, b = placed.start[:, k], placed.end[:, k]
-            middle = 0.5 * (a + b)
-            far = segment_to_segment(middle, middle, start, end).distance - solids.around[k]
-            near = np.flatnonzero(far < best.distance)
-            found = segment_to_segment(start[:, near], end[:, near], a[:, near], b[:, near])
-            _keep(best, near, found, solids.radius[k], owner[k])
+        squared = np.maximum(dot(way, way), np.finfo(float).tiny)
+        free = np.maximum(1 - self.own / np.sqrt(squared), 0.0)
+        until = np.where(self.carriers[owner][:, None] == carrier, free, 1.0)
+        middle = 0.5 * (placed.start + placed.end)
+        apart = middle[:, :, pose] - start[:, None]
+        share = np.clip(np.einsum("ckn,cn->kn", apart, way) / squared, 0.0, until)
+        apart -= share * way[:, None]
+        bound = np.sqrt(np.einsum("ckn,ckn->kn", apart, apart)) - solids.around[:, None]
+        k, beam = np.nonzero(bound < best.distance)
+        a, at = start[:, beam], pose[beam]
+        b = a + until[k, beam] * way[:, beam]
+        found = segment_to_segment(a, b, placed.start[:, k, at], placed.end[:, k, at])
+        _keep(best, beam, found, solids.radius[k], owner[k])
 
     def _pass_standing(self, best: Passing, start: Array, end: Array) -> None:
         """Lessen distances by those of boxes, cylinders and planes."""
         solids = self.cell.solids
         for kind, standing in zip((Box, Cylinder), solids.standing, strict=True):
-            for s, owner in enumerate(self.owners[kind]):
-                which = np.full(start.shape[1], s)
-                found = standing.nearest(which, start, end, best.distance)
-                _keep(best, np.arange(len(which)), found, 0.0, owner)
-        for s, owner in enumerate(self.owners[Plane]):
-            normal, offset = solids.planes[0][s][:, None], solids.planes[1][s]
+            s, beam = np.nonzero(standing.below(start, end) < best.distance)
+            found = standing.nearest(s, start[:, beam], end[:, beam], best.distance[beam])
+            _keep(best, beam, found, 0.0, self.owners[kind][s])
+        every = np.arange(start.shape[1])
+        for plane, owner in enumerate(self.owners[Plane]):
+            normal, offset = solids.planes[0][plane][:, None], solids.planes[1][plane]
             found = segment_to_plane(start, end, normal, offset)
-            _keep(best, np.arange(start.shape[1]), found, 0.0, owner)
+            _keep(best, every, found, 0.0, np.full(len(every), owner))
 
     def slopes(self, frames: Frames, eye: Array, marker: BodyPoint, near: Passing) -> Array:
         """Derivatives (n, N) of the distances by the free joints.
@@ -145,12 +173,16 @@ class Beams:
         return point
 
 
-def _keep(best: Passing, poses: Indices, found: Nearest, radius: float, body: int) -> None:
-    """Take what is nearer than the best so far, in some poses."""
+def _keep(
+    best: Passing, beam: Indices, found: Nearest, radius: Array | float, body: Indices
+) -> None:
+    """Take the nearest of what is found of each beam, where it is nearer than the best so far."""
     distance = found.distance - radius
-    nearer = distance < best.distance[poses]
-    which = poses[nearer]
+    order = np.lexsort((distance, beam))
+    order = order[np.unique(beam[order], return_index=True)[1]]
+    nearer = order[distance[order] < best.distance[beam[order]]]
+    which = beam[nearer]
     best.distance[which] = distance[nearer]
-    best.body[which] = body
+    best.body[which] = body[nearer]
     best.normal[:, which] = found.normal[:, nearer]
     best.point[:, which] = found.point[:, nearer]

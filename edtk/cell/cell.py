@@ -279,6 +279,29 @@ class _Standing:
         far = np.einsum("sckn,sckn->skn", own, own)
         return np.where(deepest > 0, np.sqrt(far, out=far), deepest)
 
+    def below(self, start: Array, end: Array) -> Array:
+        """Lower bounds (S, k) on the distances of segments (3, k) [m], by directions that part.
+
+        Along a unit vector, what lies between the shadows of a segment and of a solid is no more
+        than their distance. Taken are the shape's axes, and what is across one of them and the
+        segment: of boxes one of these has a gap wherever they are apart (Gottschalk, Lin and
+        Manocha, OBBTree, 1996). A cylinder counts as round across its axis.
+        """
+        count, n = len(self.rotation), start.shape[1]
+        half = self.size if self.is_box else self.size[[0, 0, 1]]
+        c = (self.rotation.reshape(-1, 3) @ (0.5 * (start + end))).reshape(count, 3, n)
+        c -= self.middle[:, :, None]
+        w = (self.rotation.reshape(-1, 3) @ (0.5 * (end - start))).reshape(count, 3, n)
+        size = np.abs(w)
+        gap = (np.abs(c) - size - half.T[:, :, None]).max(axis=1)
+        for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
+            length = np.maximum(np.hypot(w[:, j], w[:, k]), TINY)
+            off = np.abs(c[:, j] * w[:, k] - c[:, k] * w[:, j]) / length
+            across = half[j][:, None] * size[:, k] + half[k][:, None] * size[:, j]
+            is_round = not self.is_box and i == 2
+            np.maximum(gap, off - (half[0][:, None] if is_round else across / length), out=gap)
+        return gap
+
     def nearest(self, which: Indices, start: Array, end: Array, beyond: Array) -> Nearest:
         """How near segments (3, k) are to shapes (k,), up to some distances (k,)."""
         axes = self.rotation[which].transpose(1, 2, 0)

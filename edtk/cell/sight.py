@@ -7,13 +7,14 @@ crosses the beam. A marker that is not read has no rows in that pose.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Literal, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from edtk.cell.beams import Beams, Passing
+from edtk.cell.beams import NOTHING, Beams, Passing
 from edtk.cell.cell import chunks
 from edtk.robots.constraints.constraint import Constraint, Inequality
 from edtk.robots.frames import BodyPoint, Frames, cross, dot
@@ -125,6 +126,14 @@ class Hidden:
         return REASONS[self.reason].format(round(size) + 0) + (f" ({self.eye})" if self.eye else "")
 
 
+class View(NamedTuple):
+    """A marker from an eye, with the index of its instrument."""
+
+    instrument: int
+    eye: Eye
+    marker: Reflector
+
+
 @dataclass(frozen=True, eq=False)
 class Sight:
     """Which markers are read in which poses.
@@ -161,21 +170,29 @@ class Sight:
         """Which instruments (..., k) are read in poses q (..., n) [rad or m]."""
         return np.moveaxis(self.seen_in(self.robot.frames(q, self.bodies)), 0, -1)
 
+    @cached_property
+    def views(self) -> tuple[View, ...]:
+        """Each marker from each eye, markers in the order of instruments."""
+        return tuple(
+            View(i, eye, one)
+            for i, one in enumerate(self.reflectors)
+            if one is not None
+            for eye in self.eyes
+        )
+
     def seen_in(self, frames: Frames) -> Mask:
         """Which instruments (k, ...) are read in poses whose frames are at hand."""
         frames = self._with_bodies(frames)
         shape = frames.position.shape[1:]
         found = np.ones((len(self.reflectors), *shape), dtype=bool)
-        for i, one in enumerate(self.reflectors):
-            if one is None:
-                continue
-            for eye in self.eyes:
-                for condition in _conditions(frames, eye, one):
-                    found[i] &= condition.slack >= 0
-                if self.beams is not None:
-                    there = np.flatnonzero(found[i])
-                    near = self._passing(self._flat(frames)[there], eye, one).distance
-                    found[i].flat[there] = near >= 0
+        for view in self.views:
+            for condition in _conditions(frames, view.eye, view.marker):
+                found[view.instrument] &= condition.slack >= 0
+        if self.beams is not None:
+            of_view = [view.instrument for view in self.views]
+            near = self._look(frames).passing(found[of_view])
+            for instrument, slack in zip(of_view, near.distance, strict=True):
+                found[instrument] &= slack.reshape(shape) >= 0
         return found
 
     def rows(self, q: ArrayLike) -> Mask:
@@ -194,17 +211,14 @@ class Sight:
         frames = self.robot.frames(q, self.bodies)
         m = frames.position.shape[-1]
         found: list[list[Hidden | None]] = [[None] * len(self.reflectors) for _ in range(m)]
-        for i, one in enumerate(self.reflectors):
-            if one is None:
-                continue
-            for eye in self.eyes:
-                of_eye = eye.name if len(self.eyes) > 1 else ""
-                for condition in self._all(frames, eye, one):
-                    for pose in np.flatnonzero(condition.slack < 0):
-                        if found[pose][i] is None:
-                            amount = float(condition.amount[pose])
-                            body = self._body(condition, int(amount)) if self.beams else ""
-                            found[pose][i] = Hidden(condition.reason, amount, of_eye, body)
+        for view, condition in self.conditions(frames):
+            of_eye = view.eye.name if len(self.eyes) > 1 else ""
+            for pose in np.flatnonzero(condition.slack < 0):
+                if found[pose][view.instrument] is None:
+                    amount = float(condition.amount[pose])
+                    body = self._body(condition, int(amount)) if self.beams else ""
+                    why = Hidden(condition.reason, amount, of_eye, body)
+                    found[pose][view.instrument] = why
         return found
 
     def _body(self, condition: Condition, index: int) -> str:
@@ -212,61 +226,40 @@ class Sight:
         assert self.beams is not None
         return self.beams.cell.bodies[index].name if condition.reason == "beam" else ""
 
-    def _all(
-        self,
-        frames: Frames,
-        eye: Eye,
-        one: Reflector,
-        slopes: bool = False,
-        where: Mask | bool = True,
-    ) -> list[Condition]:
-        """All inequalities of seeing a marker from an eye, that of its beam behind the others.
+    def conditions(
+        self, frames: Frames, slopes: bool = False, held: Mask | None = None
+    ) -> Iterator[tuple[View, Condition]]:
+        """All inequalities of each view, that of its beam behind the others.
 
-        The beam takes most of the time, and is looked at in the poses (...) alone that are asked.
+        The beam takes most of the time, and is looked at where an instrument is held alone.
+
+        Args:
+            frames: Poses, with the bodies of the markers.
+            slopes: Whether gradients are asked for.
+            held: Instruments (k, ...) that are asked for in each pose; None for all.
         """
-        found = _conditions(frames, eye, one, slopes)
-        if self.beams is None:
-            return found
-        return [*found, self._beam(frames, eye, one, slopes, where)]
-
-    def _beam(
-        self, frames: Frames, eye: Eye, one: Reflector, slopes: bool, where: Mask | bool
-    ) -> Condition:
-        """The beam passes all bodies; what counts as its amount is the index of the nearest."""
-        assert self.beams is not None
         shape = frames.q.shape[1:]
-        q = self._flat(frames)
-        asked = np.flatnonzero(np.broadcast_to(where, shape))
-        near = self._passing(q[asked], eye, one)
-        slack, body = np.ones(len(q)), np.full(len(q), -1.0)
-        slack[asked], body[asked] = near.distance, near.body
-        gradient = np.zeros((len(frames.q) if slopes else 0, len(q)))
-        if slopes:
-            some = np.flatnonzero(near.body >= 0)
-            which = asked[some]
-            at = self._near_frames(q[which])
-            gradient[:, which] = self.beams.slopes(at, eye.position, one.point, near.some(some))
-        by_joint = gradient.reshape(-1, *shape) if slopes else np.zeros((0, *shape))
-        return Condition("beam", slack.reshape(shape), by_joint, body.reshape(shape))
+        if self.beams is not None:
+            asked = np.ones((len(self.views), *shape), dtype=bool)
+            if held is not None:
+                asked &= held[[view.instrument for view in self.views]]
+            look = self._look(frames)
+            near = look.passing(asked)
+        for index, view in enumerate(self.views):
+            for condition in _conditions(frames, view.eye, view.marker, slopes):
+                yield view, condition
+            if self.beams is not None:
+                change = look.slopes(index) if slopes else np.zeros((0, near.distance.shape[1]))
+                by_joint = change.reshape(-1, *shape)
+                of_view = (near.distance[index].reshape(shape), near.body[index].reshape(shape))
+                yield view, Condition("beam", of_view[0], by_joint, of_view[1].astype(float))
 
-    def _passing(self, q: Array, eye: Eye, one: Reflector) -> Passing:
-        """How near beams pass bodies in poses q (N, n)."""
-        assert self.beams is not None
-        parts = [
-            self.beams.passing(self._near_frames(q[part]), eye.position, one.point)
-            for part in chunks(len(q)) or [slice(0)]
-        ]
-        return Passing(*(np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)))
-
-    def _near_frames(self, q: Array) -> Frames:
-        """Frames in poses (N, n), with all bodies of the cell and those of markers."""
-        assert self.beams is not None
-        return self.robot.frames(q, {*self.bodies, *self.beams.cell.carriers})
-
-    @staticmethod
-    def _flat(frames: Frames) -> Array:
-        """The poses (N, n) of frames, one after another."""
-        return frames.q.reshape(len(frames.q), -1).T
+    def _look(self, frames: Frames) -> "_Look":
+        """What is known of beams in poses whose frames are at hand."""
+        known = _known.setdefault(frames, {})
+        if self not in known:
+            known[self] = _Look(self, frames.q.reshape(len(frames.q), -1).T)
+        return known[self]
 
     def always_hidden(self, q: ArrayLike) -> list[int]:
         """Indices of the instruments that are read in none of the poses q (..., n)."""
@@ -278,6 +271,50 @@ class Sight:
         if set(self.bodies) <= set(frames.bodies):
             return frames
         return self.robot.frames(np.moveaxis(frames.q, 0, -1), self.bodies)
+
+
+class _Look:
+    """Beams in some poses (N, n): each is looked at once, whoever asks how often."""
+
+    def __init__(self, sight: Sight, q: Array) -> None:
+        assert sight.beams is not None
+        self.beams = sight.beams
+        self.views = [(view.eye.position, view.marker.point) for view in sight.views]
+        self.frames = partial(
+            sight.robot.frames, bodies={*sight.bodies, *sight.beams.cell.carriers}
+        )
+        self.q = q
+        every = (len(self.views), len(q))
+        self.known = np.zeros(every, dtype=bool)
+        unseen = (np.ones(every), np.full(every, NOTHING))
+        self.near = Passing(*unseen, *np.zeros((2, 3, *every)))
+
+    def passing(self, asked: Mask) -> Passing:
+        """How near beams (b, N) pass bodies; a metre for those that nobody has asked for."""
+        new = asked.reshape(self.known.shape) & ~self.known
+        self.known |= new
+        poses = np.flatnonzero(new.any(axis=0))
+        for part in chunks(len(poses)):
+            some = poses[part]
+            view, pose = np.nonzero(new[:, some])
+            found = self.beams.passing(self.frames(self.q[some]), self.views, new[:, some])
+            for every, one in zip(self.near, found, strict=True):
+                every[..., view, some[pose]] = one
+        return self.near
+
+    def slopes(self, index: int) -> Array:
+        """Derivatives (n, N) of the distances of one view."""
+        found = np.zeros((self.q.shape[1], len(self.q)))
+        own = self.near.of_view(index)
+        which = np.flatnonzero(own.body != NOTHING)
+        if len(which):
+            at = self.frames(self.q[which])
+            found[:, which] = self.beams.slopes(at, *self.views[index], own.some(which))
+        return found
+
+
+# What is known of frames that are still in use.
+_known: WeakKeyDictionary[Frames, dict[Sight, _Look]] = WeakKeyDictionary()
 
 
 def _conditions(frames: Frames, eye: Eye, one: Reflector, slopes: bool = False) -> list[Condition]:
@@ -371,34 +408,27 @@ class AllSeen(Constraint):
         frames = self.sight.robot.frames(np.zeros(robot.n), self.sight.bodies)
         return tuple(
             Inequality(
-                f"line of sight of {one.name} ({condition.reason}, {eye.name})",
+                f"line of sight of {view.marker.name} ({condition.reason}, {view.eye.name})",
                 MILLIMETRE if condition.reason in LENGTHS else DEGREE,
             )
-            for eye, one, _, condition in self._each(frames)
+            for view, condition in self.sight.conditions(frames)
         )
 
     def slack(self, frames: Frames) -> Array:
         """By how much each bound holds (c, ...) [m or rad]; one where it need not."""
         frames = self.sight._with_bodies(frames)
-        return np.stack([np.where(must, one.slack, 1.0) for _, _, must, one in self._each(frames)])
+        every = self.sight.conditions(frames, held=self.held)
+        return np.stack([np.where(self._must(view), one.slack, 1.0) for view, one in every])
 
     def gradient(self, frames: Frames) -> Array:
         """Their derivatives (c, n, ...) by the free joints."""
         frames = self.sight._with_bodies(frames)
-        every = self._each(frames, True)
-        return np.stack([np.where(must, one.gradient, 0.0) for _, _, must, one in every])
+        every = self.sight.conditions(frames, True, self.held)
+        return np.stack([np.where(self._must(view), one.gradient, 0.0) for view, one in every])
 
-    def _each(
-        self, frames: Frames, slopes: bool = False
-    ) -> Iterator[tuple[Eye, Reflector, Mask | bool, Condition]]:
-        """All conditions, with the eye and the marker of each, and where it has to hold (...)."""
-        for i, one in enumerate(self.sight.reflectors):
-            if one is None:
-                continue
-            must = True if self.held is None else self.held[i]
-            for eye in self.sight.eyes:
-                for condition in self.sight._all(frames, eye, one, slopes, must):
-                    yield eye, one, must, condition
+    def _must(self, view: View) -> Mask | bool:
+        """Where (...) a marker has to be read."""
+        return True if self.held is None else self.held[view.instrument]
 
 
 def facing(towards: Array) -> Array:

@@ -2,12 +2,16 @@
 
 import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from edtk import Study
+from edtk.cell.beams import Beams
+from edtk.cell.cell import _Standing
 from edtk.cell.plan_check import PlanCheck
+from edtk.cell.shapes import Box, Cylinder
 from edtk.cell.sight import AllSeen, Sight
 from edtk.certificate.certificate import setting_to_dict
 from edtk.certificate.recompute.setting import Setting
@@ -135,3 +139,43 @@ def test_a_check_says_what_is_hidden() -> None:
         assert row["hidden"] == expected
     assert any("hidden by" in line for line in plan_check_text(found).splitlines())
     assert "hidden" not in PlanCheck(STUDY.cell, q).to_dict()["poses"][0]
+
+
+def test_no_lower_bound_is_above_the_distance_of_a_beam() -> None:
+    """Of random segments and turned shapes; of nearly all that are apart it is positive."""
+    rng = np.random.default_rng(3)
+    turned = np.linalg.qr(rng.normal(size=(6, 3, 3)))[0]
+    poses = np.tile(np.eye(4), (6, 1, 1))
+    poses[:, :3, :3] = turned * np.linalg.det(turned)[:, None, None]
+    poses[:, :3, 3] = rng.normal(size=(6, 3))
+    start, end = 3 * rng.normal(size=(2, 3, 2000))
+    boxes = [Box(pose, rng.uniform(0.1, 1.0, 3)) for pose in poses]
+    cylinders = [Cylinder(pose, *rng.uniform(0.1, 1.0, 2)) for pose in poses]
+    for standing in (_Standing.of(boxes, True), _Standing.of(cylinders, False)):
+        bound = standing.below(start, end)
+        which, beam = (one.ravel() for one in np.indices(bound.shape))
+        beyond = np.full(which.shape, np.inf)
+        found = standing.nearest(which, start[:, beam], end[:, beam], beyond).distance
+        assert (bound.ravel() <= found + 1e-9).all()
+        apart = found > 0.01
+        assert (bound.ravel()[apart] > 0).mean() > (0.999 if standing.is_box else 0.97)
+
+
+def test_a_beam_is_looked_at_once_in_each_pose(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Slacks, their slopes and what is read of the same frames share the distances of beams."""
+    looked: list[int] = []
+    passing = Beams.passing
+
+    def counted(*given: Any) -> Any:
+        looked.append(int(given[-1].sum()))
+        return passing(*given)
+
+    monkeypatch.setattr(Beams, "passing", counted)
+    frames = STUDY.robot.frames(poses(50), sight().bodies)
+    half = np.arange(100).reshape(2, 50) % 2 == 0
+    AllSeen(sight(), half).slack(frames)
+    constraint = AllSeen(sight())
+    constraint.slack(frames)
+    constraint.gradient(frames)
+    sight().seen_in(frames)
+    assert looked == [50, 50]
