@@ -75,7 +75,7 @@ def certificate(
     found = found.certified
     relaxed = found.relaxed if isinstance(found, ExactPlan) else found
     if setting is None:
-        setting = setting_to_dict(study, relaxed.space)
+        setting = setting_to_dict(study, relaxed.space, relaxed.criterion.name)
     continuum = _continuum(relaxed, setting)
     if isinstance(found, ExactPlan):
         answer = {
@@ -423,7 +423,7 @@ def _robot(robot: Robot) -> dict[str, Any]:
     }
 
 
-def setting_to_dict(study: Study, space: DesignSpace) -> dict[str, Any]:
+def setting_to_dict(study: Study, space: DesignSpace, criterion: str) -> dict[str, Any]:
     """Write robot, load, noise, constraints and test pose as plain data.
 
     All is in SI units and radians, but for the study's own keys, which name their units.
@@ -431,8 +431,9 @@ def setting_to_dict(study: Study, space: DesignSpace) -> dict[str, Any]:
     Args:
         study: The study.
         space: The design space that was searched, with the poses that it excludes.
+        criterion: Name of the criterion of the design: not all count what is uncertain besides.
     """
-    study = study.designed
+    study = study.designed_for(criterion)
     return {
         **feasible_to_dict(study, space),
         "unknown": list(study.model.joints),

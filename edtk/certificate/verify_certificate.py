@@ -137,7 +137,7 @@ class Verification(Presented):
         of = f" on {self._plans}" if self.kind == "plan" else ""
         beyond = "other poses may be better"
         if self.searched:
-            beyond = f"over all poses it is {searched}"
+            beyond = "over all poses it is searched, not proved"
         if self.covered:
             beyond = "another one is proved over all poses"
         return f"{where}; the bound{of} is proved on {drawn}: {beyond}"

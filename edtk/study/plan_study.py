@@ -256,7 +256,7 @@ def plan_study(
                 found = search.run()
     except ArgumentError as error:
         raise error_of_costs(study, error, cost_budget) from error
-    expected = plan_accuracy(design, found.whole)
+    expected = plan_accuracy(study.designed, found.whole)
     return replace(
         found,
         expected=expected,

@@ -194,7 +194,7 @@ def _count(designs: Designs, questions: list[Case]) -> int:
     """
     study = designs.study
     bases = {_base(designs, name) for name in _relaxed_names(study)}
-    relaxations = len(bases) * len(_shares(designs))
+    relaxations = sum(len(_shares(designs, name)) for name in bases)
     searches = {_search_name(designs, case) for case in questions}
     begin_and_end = 2
     return relaxations + len(searches) + len(study.specification.sizes) + begin_and_end
@@ -232,14 +232,16 @@ def _base(designs: Designs, name: str) -> str:
     return designs.criterion(name).plan_criterion.name
 
 
-def _shares(designs: Designs) -> tuple[int | None, ...]:
-    """Sizes that have relaxations of their own: with a prior in the design all, else none has."""
-    return designs.study.specification.sizes if designs.has_prior else (None,)
+def _shares(designs: Designs, name: str) -> tuple[int | None, ...]:
+    """Sizes that have relaxations of their own under a criterion: all with a prior in the design,
+    else none has.
+    """
+    return designs.study.specification.sizes if designs.has_prior(name) else (None,)
 
 
 def _key(designs: Designs, name: str, size: int) -> str:
     """Key of the relaxation under a criterion that plans of this size are compared with."""
-    return relaxation_key(name, size if designs.has_prior else None)
+    return relaxation_key(name, size if designs.has_prior(name) else None)
 
 
 def _relaxation_name(key: str) -> str:
@@ -271,9 +273,15 @@ class _Relax:
     criterion: criteria.Relaxable
     share: int | None
 
+    @property
+    def source(self) -> CandidateSource:
+        """Where its candidates come from; that depends on the size where a prior counts."""
+        space = self.designs.space(self.share, self.criterion.name)
+        return source_of(self.designs.study, space=space)
+
     def __call__(self) -> Answer:
         found = relax_poses(
-            _source(self.designs, self.share),
+            self.source,
             self.designs.study.specification.candidates,
             self.criterion,
             continuous=True,
@@ -284,11 +292,6 @@ class _Relax:
         return answer
 
 
-def _source(designs: Designs, share: int | None) -> CandidateSource:
-    """Where candidates come from, for plans of so many experiments if that matters."""
-    return source_of(designs.study, space=designs.space(share))
-
-
 def _relaxed_bases(designs: Designs, complete: Complete) -> dict[str, RelaxedPlan]:
     """The relaxations over all feasible poses, one for all criteria that share their plans."""
     study = designs.study
@@ -296,14 +299,12 @@ def _relaxed_bases(designs: Designs, complete: Complete) -> dict[str, RelaxedPla
     bases = {criterion.name: require_relaxable(criterion) for criterion in every}
     pieces = {
         relaxation_key(name, share): _Relax(designs, base, share)
-        for share in _shares(designs)
         for name, base in bases.items()
+        for share in _shares(designs, name)
     }
     answers = complete({_relaxation_name(key): piece for key, piece in pieces.items()})
     return {
-        key: RelaxedPlan.from_dict(
-            _source(designs, piece.share), piece.criterion, answers[_relaxation_name(key)]
-        )
+        key: RelaxedPlan.from_dict(piece.source, piece.criterion, answers[_relaxation_name(key)])
         for key, piece in pieces.items()
     }
 
@@ -316,8 +317,8 @@ def _relaxations(designs: Designs, bases: dict[str, RelaxedPlan]) -> dict[str, R
             require_relaxable(designs.criterion(name)),
             bases[relaxation_key(_base(designs, name), share)],
         )
-        for share in _shares(designs)
         for name in _relaxed_names(study)
+        for share in _shares(designs, name)
     }
 
 

@@ -24,7 +24,6 @@ from edtk.study.evaluate import accuracy_of_tasks, plan_accuracy, plan_covarianc
 from edtk.study.plan_study import plan_study, planning_space
 from edtk.study.plausibility import plan_plausibility
 from edtk.study.study import Study
-from edtk.study.study_parts import counts_known
 from edtk.system.errors import ArgumentError
 from edtk.system.files import Content
 from edtk.system.presented import Presented
@@ -111,31 +110,31 @@ class Designs:
     unit: ClassVar[str] = "SI"
     of_visits: ClassVar[bool] = False
 
-    @property
-    def design(self) -> Study:
-        """The study by which plans are designed and compared, the same for all criteria."""
-        return self.study.designed if all(map(counts_known, self.study.names)) else self.study
+    def space(self, size: int | None = None, name: str | None = None) -> DesignSpace:
+        """Where plans of so many experiments are searched, with what is known besides.
 
-    def space(self, size: int | None = None) -> DesignSpace:
-        """Where plans of so many experiments are searched, with what is known besides."""
-        return planning_space(self.design, size)
+        Args:
+            size: Number of experiments; defaults to the first of the study's sizes.
+            name: Name of the criterion that plans are for; defaults to the main one.
+        """
+        size = size or self.study.specification.sizes[0]
+        return planning_space(self.study.designed_for(name), size)
 
     def criterion(self, name: str | None = None) -> criteria.Criterion:
         """A criterion; by default the one that the study is about."""
-        return self.design.criterion(name)
+        return self.study.designed_for(name).criterion(name)
 
     def error_budget(self, plan: Plan) -> ErrorBudget | None:
         """The error budget of visits; that of springs is `edtk.calibration.planned.plan_budget`."""
         return None
 
-    def information(self, plan: Plan) -> Array:
-        """Information matrix (p, p) of a plan, and of a prior that counts."""
-        return self.design.information(plan)
+    def information(self, plan: Plan, name: str | None = None) -> Array:
+        """Information matrix (p, p) of a plan, and of a prior that counts, for a criterion."""
+        return self.study.designed_for(name).information(plan)
 
-    @property
-    def has_prior(self) -> bool:
-        """Whether the study's prior counts beside the experiments."""
-        return self.design.prior_information is not None
+    def has_prior(self, name: str | None = None) -> bool:
+        """Whether a prior counts beside the experiments in plans for a criterion."""
+        return self.study.designed_for(name).prior_information is not None
 
     def relax_options(self) -> RelaxOptions:
         """How accurate relaxations over all poses are."""
@@ -189,13 +188,13 @@ class Designs:
 
     def expected(self, plan: Plan) -> ExpectedError | None:
         """Errors to expect in the test poses and around them; None where nothing tells them."""
-        return plan_accuracy(self.design, plan)
+        return plan_accuracy(self.study.designed, plan)
 
     def accuracy(self, plan: Plan) -> TaskAccuracy | None:
         """Errors to expect in each of several test poses; None where nothing tells them."""
         try:
-            cov = plan_covariance(self.design, self.information(plan))
-            return accuracy_of_tasks(self.design, cov)
+            design = self.study.designed
+            return accuracy_of_tasks(design, plan_covariance(design, design.information(plan)))
         except SingularPlanError:
             return None
 
@@ -235,10 +234,17 @@ def _row(designs: Designs, case: Case, relaxations: Mapping[str, RelaxedPlan]) -
         "poses": 0 if case.plan is None else len(case.plan.q),
         "reason": case.reason,
     }
-    M = None if case.plan is None else designs.information(case.plan)
+    relaxed = dict.fromkeys(one.criterion.name for one in relaxations.values())
+    told = {
+        name: designs.information(case.plan, name)
+        for name in (*study.specification.criteria, *relaxed)
+        if case.plan is not None
+    }
     for name in study.specification.criteria:
+        M = told.get(name)
         row[name] = np.nan if M is None else float(designs.criterion(name).value(M))
-    for name in dict.fromkeys(relaxed.criterion.name for relaxed in relaxations.values()):
+    for name in relaxed:
+        M = told.get(name)
         cost = np.inf if M is None else float(designs.criterion(name).cost(M))
         bound = bound_for(relaxations, name, case.size)
         row[f"efficiency_{name}"] = np.nan if bound is None else bound.efficiency(cost)

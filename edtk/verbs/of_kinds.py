@@ -60,11 +60,11 @@ class OfCompliances(OfStudy):
                 raise
             return str(criterion["name"])  # of parts that get their task with the study
 
-    def setting(self, space: "DesignSpace | None" = None) -> dict[str, Any]:
-        """That of the study, in the space that was searched."""
+    def setting(self, criterion: str, space: "DesignSpace | None" = None) -> dict[str, Any]:
+        """That of the study by which plans for a criterion are designed, in the space searched."""
         from edtk.certificate.certificate import setting_to_dict
 
-        return setting_to_dict(self.study, self.study.space if space is None else space)
+        return setting_to_dict(self.study, self.study.space if space is None else space, criterion)
 
     @staticmethod
     def designs(study: Study) -> "Designs":
@@ -235,8 +235,8 @@ class OfGeometry(OfStudy):
     def _name_of(self, criterion: Mapping[str, Any]) -> str:
         return str(criterion.get("name"))  # which parameters it has only the design knows
 
-    def setting(self, space: "DesignSpace | None" = None) -> dict[str, Any]:
-        """That of all designs of the study, whose space says no more."""
+    def setting(self, criterion: str, space: "DesignSpace | None" = None) -> dict[str, Any]:
+        """That of all designs of the study: neither criterion nor space says more."""
         from edtk.calibration.geometry_design.geometry_question import geometry_setting
 
         return geometry_setting(self._question)

@@ -120,10 +120,11 @@ class OfStudy(Question):
         """The name of a criterion with parameters, which are checked as far as they can be."""
 
     @abstractmethod
-    def setting(self, space: "DesignSpace | None" = None) -> dict[str, Any]:
+    def setting(self, criterion: str, space: "DesignSpace | None" = None) -> dict[str, Any]:
         """Robot, load, noise, constraints and tasks of the study as plain data.
 
         Args:
+            criterion: Name of the criterion of the design.
             space: The design space that was searched; defaults to the study's.
         """
 
@@ -569,7 +570,7 @@ class OfStudy(Question):
         """The certificate of a relaxation."""
         from edtk.certificate.certificate import certificate_text
 
-        setting = replace(self, study=asked).setting(found.space)
+        setting = replace(self, study=asked).setting(found.criterion.name, found.space)
         return certificate_text(asked, found, setting)
 
     @staticmethod

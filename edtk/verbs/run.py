@@ -113,13 +113,13 @@ def _certificates(asked: OfStudy, found: StudyRun) -> dict[Path, Content]:
     }
     results |= {case.name: case.found for case in found.cases if case.found is not None}
     folder = found.folder / "certificates"
-    return {
-        folder / f"{name}.json": certificate_text(
-            found.study, result, asked.setting(_relaxed_of(result).space)
-        )
-        for name, result in results.items()
-        if is_certifiable(_relaxed_of(result).criterion.name)
-    }
+    written: dict[Path, Content] = {}
+    for name, result in results.items():
+        relaxed = _relaxed_of(result)
+        if is_certifiable(relaxed.criterion.name):
+            setting = asked.setting(relaxed.criterion.name, relaxed.space)
+            written[folder / f"{name}.json"] = certificate_text(found.study, result, setting)
+    return written
 
 
 def _relaxed_of(result: RelaxedPlan | ExactPlan) -> RelaxedPlan:

@@ -127,7 +127,7 @@ def _beside_study(
 
     question = of_study(study)
     known = question.study
-    expected = json.loads(json.dumps(question.setting()))
+    expected = json.loads(json.dumps(question.setting(content["criterion"])))
     stated = content["setting"]
     keys = [*expected, *(key for key in stated if key not in expected)]
     other = [key for key in keys if stated.get(key) != expected.get(key)]

@@ -61,7 +61,8 @@ def test_a_second_implementation_finds_the_same_markers_hidden() -> None:
     """The golden section over points of the beam hides the same markers as distances do."""
     q = poses(800)
     seen = sight().seen(q)
-    setting = Setting.from_dict(json.loads(json.dumps(setting_to_dict(STUDY, STUDY.space))))
+    plain = setting_to_dict(STUDY, STUDY.space, STUDY.main_criterion)
+    setting = Setting.from_dict(json.loads(json.dumps(plain)))
     assert setting.sight is not None
     np.testing.assert_array_equal(setting.sight.seen(setting.chain, q), seen)
     assert (seen.mean(axis=0) > 0.05).all()

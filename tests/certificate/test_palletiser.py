@@ -203,6 +203,6 @@ def test_a_neighbourhood_keeps_to_the_limits_of_coupled_joints():
     assert back.any()
     shortened = (poses - q)[back] / (free - q)[back]
     np.testing.assert_allclose(shortened, shortened[:, :1] * np.ones(4), rtol=1e-9)
-    chain = Chain.from_dict(setting_to_dict(STUDY, STUDY.space)["robot"])
+    chain = Chain.from_dict(setting_to_dict(STUDY, STUDY.space, STUDY.main_criterion)["robot"])
     both = [np.array(sorted(one.round(9).tolist())) for one in (poses, around(chain, q, within))]
     np.testing.assert_allclose(*both, rtol=0, atol=2e-9)

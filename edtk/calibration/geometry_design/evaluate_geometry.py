@@ -378,7 +378,7 @@ class GeometryDesigns(Designs):
         """
         return cls(study, GeometryQuestion.of(study))
 
-    def space(self, size: int | None = None) -> GeometrySpace:
+    def space(self, size: int | None = None, name: str | None = None) -> GeometrySpace:
         """Where plans of so many visits are searched, with what is known besides."""
         return self.question.space_for(size or self.study.specification.sizes[0])
 
@@ -386,12 +386,11 @@ class GeometryDesigns(Designs):
         """A criterion of the parameters in their own units."""
         return self.question.criterion(name)
 
-    def information(self, plan: Plan) -> Array:
+    def information(self, plan: Plan, name: str | None = None) -> Array:
         """Information matrix (p, p) of a plan, and of what is known besides."""
         return self.question.information(plan)
 
-    @property
-    def has_prior(self) -> bool:
+    def has_prior(self, name: str | None = None) -> bool:
         """Whether something that is known besides counts."""
         return self.question.prior is not None
 
@@ -418,7 +417,7 @@ class GeometryDesigns(Designs):
         space = self.space(case.size)
         criterion = relaxed.criterion
         places = case.size if case.distinct is None else case.distinct
-        if criterion.needs_all and not self.has_prior:
+        if criterion.needs_all and not self.has_prior():
             require_enough(space, case.size, places, criterion)
         seed = self.study.specification.seed
         search = VisitSearch(
