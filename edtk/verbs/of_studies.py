@@ -226,14 +226,13 @@ class OfStudy(Question):
 
         def cost(study: Study, design: RelaxedPlan | Plan) -> float:
             asked, criterion = asked_at(study)
-            designed = self._designed(asked, criterion)
-            designs = self.designs(designed)
+            designs = self.designs(asked)
             if isinstance(design, Plan):
-                M = designs.information(design)
+                M = designs.information(design, criterion)
             else:
-                space = designs.space(call.size or asked.specification.sizes[0])
+                space = designs.space(call.size or asked.specification.sizes[0], criterion)
                 M = space.problem(design.x).information(design.weights)
-            return float(self._criterion(designed, criterion).cost(M))
+            return float(designs.criterion(criterion).cost(M))
 
         until = np.inf if call.budget is None else monotonic() + call.budget
         return PlaceSearch(self.study, planned, relaxed, cost, until, call.progress)
@@ -298,7 +297,7 @@ class OfStudy(Question):
                 )
             except KeyboardInterrupt:
                 return ()
-            M = self.designs(self._designed(other, criterion)).information(found.plan)
+            M = self.designs(other).information(found.plan, criterion)
             bound = relaxed.best_bound.scaled(found.plan.experiments)
             cost = float(relaxed.criterion.cost(M))
             each.append(OffGuess(factor, bound.efficiency(cost), of))
@@ -594,9 +593,8 @@ class OfStudy(Question):
             Name of the criterion, and cost of the other plan by the cost of this one; None where a
             plan leaves open what the criterion is about.
         """
-        designed = self._designed(self.study, None)
-        criterion = self._criterion(designed, None)
-        designs = self.designs(designed)
+        designs = self.designs(self.study)
+        criterion = designs.criterion()
         costs = [float(criterion.cost(designs.information(one))) for one in (of, plan)]
         known = bool(np.isfinite(costs).all()) and min(costs) > 0
         return criterion.name, costs[0] / costs[1] if known else None

@@ -4,8 +4,11 @@ import json
 
 import pytest
 from arm import ROBOT, arm
+from short_search import short_search
 
+import criteria
 import edtk
+from edtk.study.study_parts import counts_known
 
 WRIST = {"name": "q3", "origin_m": [0.5, 0, 0], "axis": [0, 1, 0], "limits_deg": [-120, 120]}
 TOOL = {"position_mm": [400, 0, 0]}
@@ -57,3 +60,25 @@ def test_a_run_designs_for_each_criterion_as_a_plan_does(names, tmp_path):
         assert {name: row[name] for name in names} == pytest.approx(
             {name: values[name] for name in names}
         )
+
+
+def test_relaxations_under_all_criteria_are_certified(tmp_path):
+    """Each holds beside the study, and has what is known beforehand where its criterion counts."""
+    asked = study(**KNOWN, candidates=20)
+    path = tmp_path / "certificate.json"
+    for name in criteria.load_all().classes:
+        if criteria.get(name).needs_parameters:
+            continue
+        edtk.relax(asked, name, certificate=path)
+        assert edtk.verify(path, asked).valid, name
+        stated = json.loads(path.read_text(encoding="utf-8"))["setting"]
+        assert ("prior" in stated) == counts_known(name), name
+
+
+def test_plans_are_judged_under_their_own_criterion():
+    """What a plan loses for a wrong guess counts what the criterion counts, not the main one."""
+    asked = study(**KNOWN | ERRING, candidates=20)
+    with short_search():
+        found = edtk.plan(asked, 3, "O2")
+    assert all(0 < one.efficiency <= 1 + 1e-3 for one in found.off_guess)
+    assert len(found.off_guess) == 2
