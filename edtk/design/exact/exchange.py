@@ -7,12 +7,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria import Criterion
-from edtk.design.exact.exchange_costs import CandidatePrices, exchange_costs
+from criteria.linalg.inverse import guarded_inverse
+from edtk.design.exact.counts.any_prices import AnyPricing
+from edtk.design.exact.counts.limits import Limits
+from edtk.design.exact.counts.pricing_for import search_for
+from edtk.design.exact.exchange_costs import ACCURATE, CandidatePrices, exchange_costs
 from edtk.design.problem import Problem
 from edtk.design.problems import absorb_prior
 from edtk.system.errors import UserError
 from edtk.system.time_limit import out_of_time
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
 
 EXCHANGES_AT_ONCE = 20_000  # their matrices, of some megabytes, stay in a core's cache
 GAIN = 1e-12  # relative improvement that counts: less than this may be rounding
@@ -34,10 +38,13 @@ def exchange(
 ) -> tuple[Indices, Array]:
     """Improve plans by exchanging one place after another for a better candidate.
 
-    This is Fedorov's exchange algorithm with short lists (Atkinson and Donev's KL). Each round
-    computes the cost of every exchange of a place for a candidate of large sensitivity, and makes
-    the best one. Only when none helps, a longer list is tried, and all candidates at last. Many
-    plans may be improved at once: they are independent and share their array operations.
+    Where each experiment has one row and is measured once, the places take the best of all
+    candidates in turn, as long as that helps: Cook and Nachtsheim's modified Fedorov algorithm.
+
+    Elsewhere this is Fedorov's exchange algorithm with short lists (Atkinson and Donev's KL). Each
+    round computes the cost of every exchange of a place for a candidate of large sensitivity, and
+    makes the best one. Only when none helps, a longer list is tried, and all candidates at last.
+    Many plans may be improved at once: they are independent and share their array operations.
 
     Args:
         problem: The candidates, and the prior information if there is any.
@@ -71,7 +78,13 @@ def exchange(
     times = np.broadcast_to(times, first.shape).reshape(-1, first.shape[-1])
     places = first.reshape(times.shape)
     problem, criterion = absorb_prior(problem, criterion, _size(times, criterion))
-    found, costs = _exchanged(problem, criterion, places, times, shortlists, thorough)
+    found, settled = _settled(problem, criterion, places, times, thorough)
+    left = np.flatnonzero(~settled)
+    costs = np.asarray(criterion.cost(problem.plan_information(found, times))).reshape(-1)
+    if len(left):
+        found[left], costs[left] = _exchanged(
+            problem, criterion, found[left], times[left], shortlists, thorough
+        )
     stuck = ~np.isfinite(costs)
     if stuck.all() or (stuck.any() and not out_of_time()):
         ridge = RIDGE * problem.mean
@@ -98,6 +111,30 @@ def _size(times: Array, criterion: Criterion) -> float:
     if criterion.precision is not None and (sizes != sizes[0]).any():
         raise UserError(f"plans under {criterion.label} share a prior; expected plans of one size")
     return float(sizes[0]) if len(sizes) else 1.0
+
+
+def _settled(
+    problem: Problem, criterion: Criterion, places: Indices, times: Array, thorough: bool
+) -> tuple[Indices, Mask]:
+    """Places (b, k) of plans after exchanges in turn, and which plans (b,) none improves any more.
+
+    All are as given where prices of exchanges in turn do not suit; those that tell too little for
+    such prices are left to others.
+    """
+    m = places.shape[1]
+    none = np.zeros(len(places), dtype=bool)
+    suits = thorough and m > 0 and len(places) > 0 and bool((times == 1.0).all())
+    if not suits or problem.factors().shape[1] > 1:
+        return places.copy(), none
+    if not guarded_inverse(problem.mean, ACCURATE)[2].all():
+        return places.copy(), none
+    base = np.zeros((problem.p, problem.p)) if problem.prior is None else m * problem.prior
+    bare = problem.with_prior(None)
+    search = search_for(bare, criterion, Limits(m, base), None, thorough)
+    if isinstance(search.pricing, AnyPricing):
+        return places.copy(), none
+    costs, found = search.descended(places)
+    return found, np.isfinite(costs) & search.has_inverse(found)
 
 
 def _exchanged(

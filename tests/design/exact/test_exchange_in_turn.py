@@ -35,3 +35,29 @@ def test_exchange_in_turn(name):
             for i in range(4)
         ]
         np.testing.assert_array_equal(places, alone)
+
+
+@pytest.mark.parametrize("name", ["D", "A", "E"])
+def test_saturated_plans_of_one_row_are_exchanged_without_an_inverse_for_each_candidate(
+    monkeypatch, name
+):
+    """From singular starts, with as many places as parameters, no single exchange is left over."""
+    X = np.array(np.meshgrid(*[[-1.0, 1.0]] * 7)).reshape(7, -1).T
+    problem = Problem(np.column_stack([np.ones(128), X])[:, None, :])
+    criterion = create(name)
+    start = np.random.default_rng(0).integers(0, 128, (6, 8))
+    start[0] = 5
+    asked = []
+    cost_of = type(criterion).cost
+    monkeypatch.setattr(
+        type(criterion), "cost", lambda self, M: asked.append(len(M)) or cost_of(self, M)
+    )
+    places, costs = exchange(problem, criterion, start)
+    assert sum(asked) < 128
+    monkeypatch.undo()
+    M = problem.plan_information(places, np.ones((6, 8)))
+    np.testing.assert_allclose(criterion.cost(M), costs, rtol=1e-12)
+    blocks = problem.blocks()
+    for own, plan, cost in zip(M, places, costs, strict=True):
+        tried = own - blocks[plan][:, None] + blocks
+        assert criterion.cost(tried).min() >= cost * (1 - 1e-9)

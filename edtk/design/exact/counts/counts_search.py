@@ -388,14 +388,22 @@ class CountsSearch:
             trials = trials.reshape(size, together, -1)[each, best]
             places[better] = trials[better]
             scores[better] = reached[each, best][better]
+        return self._settled(places)
+
+    def _settled(self, places: Indices) -> tuple[Array, Indices]:
+        """Costs (b,) and places (b, m) of plans, improved without a ridge where that may be."""
         costs = self._costs(places)
-        regular = np.isfinite(costs) & self._has_inverse(places)
+        regular = np.isfinite(costs) & self.has_inverse(places)
         if regular.any() and not out_of_time():
             places[regular] = self._improved(places[regular], 0.0)
             if self.limits.linear is not None:
                 places[regular] = self._improved_jointly(places[regular])
             costs = self._costs(places)
         return costs, places
+
+    def descended(self, places: Indices) -> tuple[Array, Indices]:
+        """Costs (b,) and places (b, m) after exchanges, of which none improves a regular plan."""
+        return self._settled(self._improved(places, RIDGE))
 
     def _starts(self, rng: np.random.Generator, first: bool, size: int) -> Indices:
         """Places (b, m) to start from: rounded weights, then by weight and at random in turn."""
@@ -431,7 +439,7 @@ class CountsSearch:
         own = exchange_jointly(self.pricing, limits, places[first], 0.0)
         return self._improved(own, 0.0)[back.ravel()]
 
-    def _has_inverse(self, places: Indices) -> Mask:
+    def has_inverse(self, places: Indices) -> Mask:
         """Which plans (b, m) have an inverse from which prices can be taken.
 
         A criterion of some combinations may be finite, and the best, where there is none.

@@ -20,7 +20,7 @@ from edtk.design.exact.counts.counts_bound import (
 )
 from edtk.design.exact.counts.counts_search import CountsSearch
 from edtk.design.exact.counts.limits import Limits
-from edtk.design.exact.counts.pricing_for import pricing_for, working_parameters
+from edtk.design.exact.counts.pricing_for import search_for
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.prove_exact import (
     MARGIN,
@@ -99,7 +99,7 @@ def find_counts(
     limits = inside.limits
     question = beside_blocks(inside.problem, plain, limits)
     relaxed, reason, interrupted = _relaxed(question, plain)
-    search = _search(inside.problem, plain, limits, relaxed, thorough)
+    search = search_for(inside.problem, plain, limits, relaxed, thorough)
     try:
         relaxed, needs_plan = _of_blocks(relaxed, search, seed)
     except KeyboardInterrupt:
@@ -402,48 +402,6 @@ def _relaxed(
     if found.cost > 0:
         return found, "", found.interrupted
     return None, "the multipliers found prove nothing", False
-
-
-def _working_parameters(bare: Problem, criterion: Criterion, limits: Limits) -> Array:
-    """See `working_parameters`; those of several models are of each alone, so that none mix."""
-    if len(bare.models) == 1 or not bare.models.are_apart(limits.base):
-        return working_parameters(criterion, bare.factors(), limits)
-    found = []
-    for one, at in zip(bare.each, bare.models.parts, strict=True):
-        own = replace(limits, base=limits.base[at, at])
-        found.append(working_parameters(criterion, one.factors(), own))
-    return bare.models.diagonal(found)
-
-
-def _search(
-    bare: Problem,
-    criterion: Criterion,
-    limits: Limits,
-    relaxed: RelaxedCounts | None,
-    thorough: bool,
-) -> CountsSearch:
-    """The search, in parameters of order one."""
-    rows = bare.factors()
-    T = _working_parameters(bare, criterion.plan_criterion, limits)
-    transformed = criterion.transformed(T)
-    if transformed is None:
-        T = np.eye(bare.p)
-        transformed = criterion
-    rows = rows @ T
-    flat = rows.reshape(-1, bare.p)
-    # From the rows: squares of those as given may have no digits left.
-    mean = flat.T @ flat / bare.n + T.T @ limits.base @ T / limits.m
-    if not limits.sized:
-        rows = np.concatenate([rows, np.zeros((1, *rows.shape[1:]))])
-    scatter = Scatter(rows, replace(limits, base=T.T @ limits.base @ T))
-    pricing = pricing_for(transformed.plan_criterion, scatter, mean)
-    return CountsSearch(
-        criterion=transformed,
-        scatter=scatter,
-        pricing=pricing if thorough else pricing.brief(),
-        relaxed=np.zeros(bare.n) if relaxed is None else relaxed.counts,
-        bound=0.0 if relaxed is None else relaxed.cost,
-    )
 
 
 def _require_regular(cost: float, limits: Limits, problem: Problem, criterion: Criterion) -> None:

@@ -1,4 +1,4 @@
-"""The quickest way to price the candidates of a problem under a criterion."""
+"""The quickest way to price the candidates of a problem under a criterion, and to search them."""
 
 from dataclasses import replace
 
@@ -9,7 +9,8 @@ from criteria.criterion import DeterminantCriterion
 from criteria.linalg.inverse import root
 from edtk.design.exact.counts.any_prices import AnyPricing
 from edtk.design.exact.counts.convex_loss import convex_loss
-from edtk.design.exact.counts.counts_bound import Scatter
+from edtk.design.exact.counts.counts_bound import RelaxedCounts, Scatter
+from edtk.design.exact.counts.counts_search import CountsSearch
 from edtk.design.exact.counts.determinant_prices import DeterminantPricing
 from edtk.design.exact.counts.largest_variance_prices import LargestVariancePricing
 from edtk.design.exact.counts.least_eigenvalue_prices import LeastEigenvaluePricing
@@ -19,6 +20,7 @@ from edtk.design.exact.counts.prices import Pricing
 from edtk.design.exact.counts.several_rows_pricing import SeveralRowsPricing
 from edtk.design.exact.counts.two_level_prices import TwoLevelPricing, two_levels
 from edtk.design.exact.exchange_costs import constant_slope
+from edtk.design.problem import Problem
 from edtk.system.typing import Array
 
 MOST_VARIANCES = 2_000_000  # of a look at all candidates; beyond it short lists are quicker
@@ -81,6 +83,56 @@ def _with_kinks(criterion: Criterion, rows: Array, limits: Limits, mean: Array) 
     own = replace(limits, base=T.T @ limits.base @ T)
     guide = LinearPricing(rows, limits, band.floor)
     return LeastEigenvaluePricing(rows @ T, own, T.T @ mean @ T, guide)
+
+
+def search_for(
+    bare: Problem,
+    criterion: Criterion,
+    limits: Limits,
+    relaxed: RelaxedCounts | None,
+    thorough: bool,
+) -> CountsSearch:
+    """A search for the best plan of a problem, in parameters of order one.
+
+    Args:
+        bare: The candidates; what every plan has is `Limits.base`.
+        criterion: The criterion to minimise.
+        limits: What plans must obey.
+        relaxed: The relaxation, if there is one.
+        thorough: Whether no exchange of one place shall improve the plan.
+    """
+    rows = bare.factors()
+    T = _of_each_model(bare, criterion.plan_criterion, limits)
+    transformed = criterion.transformed(T)
+    if transformed is None:
+        T = np.eye(bare.p)
+        transformed = criterion
+    rows = rows @ T
+    flat = rows.reshape(-1, bare.p)
+    # From the rows: squares of those as given may have no digits left.
+    mean = flat.T @ flat / bare.n + T.T @ limits.base @ T / limits.m
+    if not limits.sized:
+        rows = np.concatenate([rows, np.zeros((1, *rows.shape[1:]))])
+    scatter = Scatter(rows, replace(limits, base=T.T @ limits.base @ T))
+    pricing = pricing_for(transformed.plan_criterion, scatter, mean)
+    return CountsSearch(
+        criterion=transformed,
+        scatter=scatter,
+        pricing=pricing if thorough else pricing.brief(),
+        relaxed=np.zeros(bare.n) if relaxed is None else relaxed.counts,
+        bound=0.0 if relaxed is None else relaxed.cost,
+    )
+
+
+def _of_each_model(bare: Problem, criterion: Criterion, limits: Limits) -> Array:
+    """See `working_parameters`; those of several models are of each alone, so that none mix."""
+    if len(bare.models) == 1 or not bare.models.are_apart(limits.base):
+        return working_parameters(criterion, bare.factors(), limits)
+    found = []
+    for one, at in zip(bare.each, bare.models.parts, strict=True):
+        own = replace(limits, base=limits.base[at, at])
+        found.append(working_parameters(criterion, one.factors(), own))
+    return bare.models.diagonal(found)
 
 
 def working_parameters(criterion: Criterion, rows: Array, limits: Limits) -> Array:
