@@ -161,9 +161,10 @@ class OfStudy(Question):
         since = monotonic()
         with workers_for(call.workers, call.dask) as pool, errors_in(self.study.where):
             options = RunOptions(seed=call.seed, workers=pool, progress=call.progress)
-            found = searched or self._best_plan(asked, criterion, kept, call, options)
-            if exchange is not None:
-                found = self._given_up(exchange, asked, criterion, call, options, found)
+            with time_limit(np.inf if call.budget is None else call.budget):
+                found = searched or self._best_plan(asked, criterion, kept, call, options)
+                if exchange is not None:
+                    found = self._given_up(exchange, asked, criterion, call, options, found)
             if gap is not None and found.ended != "interrupted":
                 left = np.inf if call.budget is None else call.budget - (monotonic() - since)
                 with time_limit(max(left, LEAST_SECONDS)):

@@ -22,6 +22,7 @@ from edtk.system.typing import Array
 from edtk.system.workers import THIS_PROCESS, Workers, one_thread
 
 AS_GOOD = 1e-4  # relative difference of costs of plans below which the cheaper day is better
+MORE_TIME = 1.25  # times the share that was too short for a set of loads: less finds no more
 Loads = tuple[int, ...]
 OfSize = Callable[[RelaxedPlan, int, int | None], FoundPlan]
 
@@ -79,12 +80,14 @@ class LoadTrial:
         return self.of(self.loads, self.relaxed.on_candidates, self.total, self.found)
 
     def or_better(self, earlier: "LoadTrial | None") -> "LoadTrial":
-        """The trial with the plan of an earlier one, where that is better or the only one."""
-        if earlier is None or earlier.found is None:
+        """The trial with what an earlier one knew better: its plan, and its bound of this kind."""
+        if earlier is None:
             return self
-        if self.found is not None and self.found.cost <= earlier.found.cost:
-            return self
-        return LoadTrial.of(self.loads, self.relaxed, self.total, earlier.found)
+        bounds = self.bound, earlier.bound
+        tells_more = bounds[0].kind is bounds[1].kind and bounds[0].cost < bounds[1].cost
+        relaxed = earlier.relaxed if tells_more else self.relaxed
+        found = min(self, earlier, key=_cost).found
+        return LoadTrial.of(self.loads, relaxed, self.total, found)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -185,6 +188,9 @@ class DaySearch:
     def _search_all(self, sets: dict[Loads, float], trials: dict[Loads, LoadTrial]) -> str:
         """Search each set of loads, whose first plans are there already where it has others.
 
+        Each has its share of the time. What is left of it goes to the sets whose share was too
+        short, as long as they get more than before.
+
         Args:
             sets: The sets, and what the budget leaves for experiments.
             trials: The best of each, which changes.
@@ -192,23 +198,43 @@ class DaySearch:
         Returns:
             Why the search ended, "budget" or "interrupted"; empty where it came to its end.
         """
-        for i, (loads, funds) in enumerate(sets.items()):
-            if trials and out_of_time():
-                return "budget"
-            least = min((_cost(one) for key, one in trials.items() if key != loads), default=np.inf)
-            try:
-                with time_limit(time_left() / (len(sets) - i)):
-                    trial = self._trial(loads, funds, least)
-            except KeyboardInterrupt:
-                if not trials:
-                    raise
-                return "interrupted"
-            # A first plan counts no more where no plan of these loads can be the best one.
-            is_open = trial.bound.cost < least
-            trials[loads] = trial.or_better(trials.get(loads)) if is_open else trial
-            if trial.found is not None and trial.found.ended == "interrupted":
-                return "interrupted"
-        return "budget" if out_of_time() else ""
+        shares = dict.fromkeys(sets, 0.0)
+        ended = ""
+        try:
+            while shares:
+                last, shares = shares, {}
+                for i, (loads, had) in enumerate(last.items()):
+                    left = time_left()
+                    share = max(left / (len(last) - i), MORE_TIME * had)
+                    if trials and (left <= 0 or left < share):
+                        ended = "budget"
+                    elif self._is_cut(loads, sets[loads], share, trials):
+                        shares[loads] = share
+        except KeyboardInterrupt:
+            if not trials:
+                raise
+            return "interrupted"
+        return "budget" if out_of_time() else ended
+
+    def _is_cut(
+        self, loads: Loads, funds: float, share: float, trials: dict[Loads, LoadTrial]
+    ) -> bool:
+        """Search a set of loads, and tell whether more time than its share might find more.
+
+        Raises:
+            KeyboardInterrupt: The search was interrupted; what it had found is among the trials.
+        """
+        least = min((_cost(one) for key, one in trials.items() if key != loads), default=np.inf)
+        with time_limit(share):
+            trial = self._trial(loads, funds, least)
+            is_over = out_of_time()
+        ended = "" if trial.found is None else trial.found.ended
+        # A first plan counts no more where no plan of these loads can be the best one.
+        is_open = trial.bound.cost < least
+        trials[loads] = trial.or_better(trials.get(loads)) if is_open else trial
+        if ended == "interrupted":
+            raise KeyboardInterrupt
+        return is_open and (is_over or ended == "budget")
 
     def _cheapest(self, found: list[LoadTrial]) -> LoadTrial:
         """Of the plans that are as good as the best one, that which costs least."""
