@@ -7,7 +7,7 @@ import numpy as np
 
 from edtk.system.typing import Array
 
-# Of a joint's usual load: friction holds a load whole that is smaller than that.
+# Of a joint's usual load: friction holds most of a load that is smaller than that.
 GIVES = 0.1
 
 
@@ -16,13 +16,15 @@ class Friction:
     """Friction of joints, each of which holds a share of its usual load.
 
     The spring of joint j turns by ``k_j tau_j``. Friction that holds the load ``u_j m_j``, a share
-    of the usual load m_j, takes ``k_j m_j sign(tau_j)`` times that share from it. A load of less
-    than a tenth of m_j is held in proportion, so that the shares have the columns
+    of the usual load m_j, takes ``k_j m_j sign(tau_j)`` times that share from it. A load of far
+    less than a tenth of m_j is held in proportion, so that the shares have the columns
 
-        U_j = y_j k_j h(tau_j),   h(t) = m_j clip(10 t / m_j, -1, 1) = t min(10, m_j / |t|),
+        U_j = y_j k_j h(tau_j),   h(t) = m_j t / sqrt(t^2 + (m_j / 10)^2),
 
     with the motion y_j of what is measured: that of the spring, times a factor of its load. Loads
-    of one size leave both one and the same; those of several sizes tell them apart.
+    of one size leave both one and the same; those of several sizes tell them apart. The way from
+    one to the other is smooth, as that of gears is, and so that ascents do not stop at a bend: the
+    best poses have loads of this size.
 
     Where a load is put on, friction holds back in every joint, so that shares go together: any two
     of them are correlated by a half.
@@ -42,20 +44,13 @@ class Friction:
 
     def factors(self, torque: Array) -> Array:
         """``k_j h(tau_j) / tau_j`` (p, ...), of loads tau (p, ...)."""
-        return self._lifted(self.k, torque) * np.minimum(1 / GIVES, self._over(torque))
+        k, load = self._lifted(self.k, torque), self._lifted(self.load, torque)
+        return np.asarray(k * load / np.hypot(torque, GIVES * load))
 
     def slopes(self, torque: Array) -> Array:
         """The derivatives (p, ...) of these factors by the loads."""
-        over = self._over(torque)
-        whole = np.abs(torque) > GIVES * self._lifted(self.load, torque)
-        falls = np.divide(-over, torque, out=np.zeros_like(torque), where=whole)
-        return self._lifted(self.k, torque) * falls
-
-    def _over(self, torque: Array) -> Array:
-        """``m_j / |tau_j|`` (p, ...); infinite without a load."""
-        load = np.broadcast_to(self._lifted(self.load, torque), torque.shape)
-        found = np.full(torque.shape, np.inf)
-        return np.divide(load, np.abs(torque), out=found, where=torque != 0)
+        small = GIVES * self._lifted(self.load, torque)
+        return -self.factors(torque) * torque / (torque**2 + small**2)
 
     @staticmethod
     def _lifted(values: Array, torque: Array) -> Array:

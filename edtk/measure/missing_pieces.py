@@ -89,8 +89,8 @@ class MissingPieces:
             parts.append(motion_of(tilted) * turned[:, None])
         load = self.load.reshape(soft.shape)
         torque = model.torque_of(frames, wrench)
-        some = np.where(load > 0, GIVES * load, 1.0)
-        held = self.k.reshape(soft.shape) * load * np.clip(torque / some, -1.0, 1.0)
+        some = np.where(load > 0, load, 1.0)
+        held = self.k.reshape(soft.shape) * load * torque / np.hypot(torque, GIVES * some)
         parts.append(together(motion_of(frames) * held[:, None]))
         return np.moveaxis(np.concatenate(parts), (0, 1), (-1, -2))
 

@@ -48,13 +48,24 @@ def test_columns_are_what_is_held_of_a_usual_load():
     share = torque / friction.load[:, None]
     assert (np.abs(share) < GIVES).any()
     assert (np.abs(share) > GIVES).any()
-    turned = (friction.k * friction.load)[:, None] * np.clip(share / GIVES, -1, 1)
+    turned = (friction.k * friction.load)[:, None] * share / np.hypot(share, GIVES)
     expected = np.moveaxis(model.motion_of(model.frames(q)) * turned[:, None], (0, 1), (-1, -2))
     A = model.regressor(q, wrench)
     assert A.shape[-1] == model.p == 4
     assert model.parameters == ("k1", "k2", "friction of q1", "friction of q2")
     np.testing.assert_allclose(A[..., 2:], expected, rtol=1e-9, atol=1e-15)
     np.testing.assert_array_equal(A[..., :2], STUDY.model.regressor(q, wrench))
+
+
+def test_what_is_held_has_no_bend():
+    """Slopes hardly change over a small change of the load, where ascents would else stop."""
+    friction = Friction(np.array([2e-6]), np.array([50.0]), 0.1)
+    torque = np.linspace(-2.0, 2.0, 40001)[None] * GIVES * friction.load
+    held = friction.factors(torque) * torque
+    np.testing.assert_allclose(held[0, [0, -1]], [-8.944e-5, 8.944e-5], rtol=1e-4)
+    by_load = friction.slopes(torque) * torque + friction.factors(torque)
+    np.testing.assert_allclose(by_load[0], np.gradient(held[0], torque[0]), rtol=2e-4, atol=1e-12)
+    assert np.abs(np.diff(by_load)).max() < 1e-3 * np.abs(by_load).max()
 
 
 @pytest.mark.parametrize("size", [100.0, 3.0])

@@ -20,7 +20,7 @@ KEYS = ("tracker", "repeatability", "discrepancy", "within", "readings")
 SPRINGS = ("k", "turn", "anywhere")
 SAME = 1e-9  # [rad]: poses nearer than this are one pose, and distances are compared as exactly
 COORDINATES = 3  # of a marker that the tracker sees
-HELD = 0.1  # of a usual load: friction holds less than that in proportion
+HELD = 0.1  # of a usual load: friction holds far less than that in proportion
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,8 +218,8 @@ def loads(
 class Friction:
     """What friction holds of the loads of the unknown joints, by a share of a usual load.
 
-    A joint whose load is ``t`` turns less by ``k m`` for a share of one, or by ``10 k t`` where
-    that is less: its column is that of the compliance, times ``k m / |t|`` but ``10 k`` at most.
+    A joint whose load is ``t`` turns less by ``k m t / sqrt(t^2 + (m / 10)^2)`` for a share of one:
+    by ``k m`` under a large load, and by ``10 k t`` under a small one.
 
     Attributes:
         k: Compliances (p,) [rad/(N m)].
@@ -247,7 +247,7 @@ class Friction:
 
     def beside(self, A: Array, torque: Array) -> Array:
         """Columns (k, rows, 2p): those A of compliances, and of friction under loads (k, p)."""
-        size = np.maximum(np.abs(torque), HELD * self.load)
+        size = np.sqrt(torque**2 + (HELD * self.load) ** 2)
         return np.concatenate([A, A * (self.k * self.load / size)[:, None]], axis=2)
 
 

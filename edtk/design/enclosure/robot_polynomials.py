@@ -52,8 +52,7 @@ class RobotPolynomials(SpacePolynomials):
             )
         if model.friction is not None:
             raise NotEnclosedError(
-                "what friction holds grows with a joint's load to a tenth of a usual one and no "
-                "further: no polynomial"
+                "what friction holds is a root of a polynomial of a joint's load, and no polynomial"
             )
         if self.space.noise is not None and not self._variances.all():
             raise NotEnclosedError(

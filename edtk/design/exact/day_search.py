@@ -69,7 +69,7 @@ class LoadTrial:
         cls, loads: Loads, relaxed: RelaxedPlan, total: float, found: FoundPlan | None
     ) -> "LoadTrial":
         """A trial whose bound holds for the plan that was found."""
-        if found is not None and relaxed.searched_bound is None:
+        if found is not None:
             relaxed = relaxed.holding_for(found.x)
         return cls(loads, relaxed, total, found)
 

@@ -250,9 +250,8 @@ def find_plan(
     since = monotonic()
     with time_limit(options.seconds):
         found = search_plan(relaxed, m, places, kept, options)
-    if relaxed.searched_bound is None:
-        # The poses of the plan are no candidates, and the bound has to hold for them, too.
-        relaxed = relaxed.holding_for(found.x)
+    # The poses of the plan are no candidates, and the bound has to hold for them, too.
+    relaxed = relaxed.holding_for(found.x)
     return replace(ExactPlan.of(relaxed, found, kept), seconds=monotonic() - since)
 
 

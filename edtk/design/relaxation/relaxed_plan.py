@@ -91,26 +91,42 @@ class RelaxedPlan(RelaxedDesign):
         return self.proved_bound if self.searched_bound is None else self.searched_bound
 
     def holding_for(self, x: Array) -> "RelaxedPlan":
-        """The same with a proved bound that holds for designs on further experiments, too.
+        """The same with a bound that holds for designs on further experiments, too.
 
-        They join the poses, without weight, so that a certificate has all that its bound is on.
+        One of a search becomes lower where they are more sensitive than all that it has found.
+        Where there is none, they join the poses, without weight, so that a certificate has all that
+        its bound is on.
 
         Args:
             x: Their design variables (k, v); they need not be candidates.
         """
+        beyond = None if self.without_cell is None else self.without_cell.holding_for(x)
         others = Candidates(x, self.space.problem(x))
         own = LargestSensitivities.over(others, self.criterion, self.multipliers)
-        largest = self.proved_sensitivities.or_larger(own)
-        cost = self.criterion.lower_bound(self.multipliers, largest.values, self.information)
-        proved = Bound.of(self.criterion, cost, self.cost, BoundKind.PROVED_ON_CANDIDATES)
+        if self.searched_bound is None or self.searched_sensitivities is None:
+            largest = self.proved_sensitivities.or_larger(own)
+            return replace(
+                self,
+                x=np.concatenate([self.x, x]),
+                weights=np.concatenate([self.weights, np.zeros(len(x))]),
+                proved_bound=self._bound_of(largest, BoundKind.PROVED_ON_CANDIDATES),
+                proved_sensitivities=largest,
+                without_cell=beyond,
+            )
+        largest = self.searched_sensitivities.or_larger(own)
+        if (largest.values == self.searched_sensitivities.values).all():
+            return replace(self, without_cell=beyond)
         return replace(
             self,
-            x=np.concatenate([self.x, x]),
-            weights=np.concatenate([self.weights, np.zeros(len(x))]),
-            proved_bound=proved,
-            proved_sensitivities=largest,
-            without_cell=None if self.without_cell is None else self.without_cell.holding_for(x),
+            searched_bound=self._bound_of(largest, self.searched_bound.kind),
+            searched_sensitivities=largest,
+            without_cell=beyond,
         )
+
+    def _bound_of(self, largest: LargestSensitivities, kind: BoundKind) -> Bound:
+        """The bound that follows from the largest sensitivities."""
+        cost = self.criterion.lower_bound(self.multipliers, largest.values, self.information)
+        return Bound.of(self.criterion, cost, self.cost, kind)
 
     @property
     def certified(self) -> "RelaxedPlan":

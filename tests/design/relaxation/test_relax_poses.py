@@ -267,6 +267,24 @@ def test_a_bound_that_holds_for_other_poses():
     assert held.proved_bound.cost <= better.cost
 
 
+def test_a_searched_bound_holds_for_poses_that_the_search_has_missed():
+    """It becomes lower for more sensitive poses, so that no design on them beats it."""
+    better = paper(0, 1000)
+    options = RelaxOptions(stop=lambda plan: True)
+    short = relax_poses(CandidateSource(KR270, 0), 50, RHO0, True, options)
+    blind = replace(
+        short,
+        searched_bound=short.proved_bound,
+        searched_sensitivities=short.proved_sensitivities,
+    )
+    assert blind.best_bound.cost > better.cost
+    held = blind.holding_for(better.x)
+    assert held.best_bound.cost <= better.cost
+    assert held.best_bound.kind is blind.best_bound.kind
+    np.testing.assert_array_equal(held.x, blind.x)
+    assert held.holding_for(better.x).best_bound == held.best_bound
+
+
 @pytest.mark.parametrize(("name", "seed"), [("rho0", 0), ("A", 3), ("E", 1)])
 def test_a_search_that_is_cut_short_is_sharp(name, seed):
     """Its ends are uphill to a hundredth of the excess that a check of the claim tolerates."""
