@@ -17,6 +17,7 @@ from edtk.certificate.recompute.array_criteria import (
 from edtk.certificate.recompute.arrays import Candidates
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table, text
 from edtk.certificate.recompute.region import Region
+from edtk.certificate.recompute.weight_limits import WeightLimits
 from edtk.certificate.verify_certificate import ABSOLUTE, AGREE, Claim, Verification
 from edtk.design.information import Rows
 from edtk.design.problem import Problem
@@ -24,7 +25,8 @@ from edtk.system.typing import Array
 
 KIND = "relaxation of a problem"
 KEYS = ("kind", "criterion", "candidates", "weights", "value", "bound", "gap", "multipliers")
-OPTIONAL = ("dual_weights", "inner", "region", "bound_proved")
+OF_LIMITS = ("limits", "experiments", "limit_multipliers")
+OPTIONAL = ("dual_weights", "inner", "region", "bound_proved", *OF_LIMITS)
 OVER_REGION = "bound_proved"
 MOST_MULTIPLIERS = 100
 
@@ -46,7 +48,11 @@ class ProblemVerification(Verification):
             return "nothing is proved"
         if any(claim.claim == OVER_REGION for claim in self.claims):
             return "for this region; the bound is proved for all of its points"
-        return f"for this problem; the bound is proved on its {self.candidates} candidates alone"
+        within = ""
+        if any(claim.claim == "limits" for claim in self.claims):
+            within = ", within the limits that the certificate states"
+        told = f"the bound is proved on its {self.candidates} candidates alone{within}"
+        return f"for this problem; {told}"
 
     @property
     def subject(self) -> str:
@@ -111,10 +117,17 @@ def verify_problem(content: Any, problem: Problem) -> ProblemVerification:
         criterion = criterion_of(given)
         claims = [same_candidates(content["candidates"], problem, candidates.sha256)]
         claims.append(_sound(places, shares))
+        limits, experiments = _limits(content, problem, len(multipliers))
+        if limits is not None:
+            counts = experiments * np.bincount(places, shares, problem.n).astype(float)
+            broken = limits.broken(counts)
+            claims.append(Claim("limits", not broken, experiments, float(counts.sum()), broken))
         found = Found(math.nan, math.inf, math.nan)
         if claims[1].holds and not plug_in:
             weights = np.bincount(places, shares, problem.n).astype(float)
-            found = recompute(given, candidates, weights, multipliers, inner, duals)
+            if limits is not None:
+                weights = weights * (experiments / limits.unit)
+            found = recompute(given, candidates, weights, multipliers, inner, duals, limits)
         if "region" in content and claims[1].holds and not plug_in:
             claims.append(_over_region(content, criterion, candidates, weights))
     return ProblemVerification(
@@ -127,6 +140,26 @@ def verify_problem(content: Any, problem: Problem) -> ProblemVerification:
         claims=(*claims, *_numbers(criterion.name, stated, found, problem.n, plug_in)),
         about=criterion.label,
     )
+
+
+def _limits(
+    content: dict[str, Any], problem: Problem, multipliers: int
+) -> tuple[WeightLimits | None, float]:
+    """The limits that a certificate states, and the number of experiments; None without any."""
+    stated = [key for key in OF_LIMITS if key in content]
+    if not stated:
+        return None, 1.0
+    if len(stated) < len(OF_LIMITS) or "region" in content:
+        raise ValueError(f"limits: expected {', '.join(OF_LIMITS)} together, and no region")
+    limits = WeightLimits.from_dict(
+        content["limits"], content["limit_multipliers"], problem.n, multipliers
+    )
+    experiments = number(content["experiments"], "experiments")
+    if limits.size is None and (problem.prior is not None or "precision" in content["criterion"]):
+        raise ValueError("limits.size: expected beside a prior, which counts per experiment")
+    if not experiments > 0:
+        raise ValueError("experiments: expected above 0")
+    return limits, experiments
 
 
 def _over_region(

@@ -123,6 +123,42 @@ class LinearConstraints:
         x = np.clip(found, least, most)
         return np.round(x) if integral else x
 
+    def priced(self, gains: Array, least: Array, most: Array) -> tuple[Array, Array | None]:
+        """Multipliers (k,) of the constraints, and x (n,), of the largest ``gains @ x``.
+
+        A multiplier is positive where the largest value of its sum binds, negative where the least
+        one does. Of a program that its solver does not solve they are zero, and there is no x.
+
+        Args:
+            gains: Gains (n,).
+            least: Least numbers (n,).
+            most: Largest numbers (n,).
+        """
+        from scipy.optimize import linprog
+
+        above = np.isfinite(self.high)
+        below = np.isfinite(self.low)
+        found = linprog(
+            -gains,
+            A_ub=np.concatenate([self.C[above], -self.C[below]]),
+            b_ub=np.concatenate([self.high[above], -self.low[below]]),
+            bounds=np.column_stack([least, most]),
+            method="highs",
+        )
+        y = np.zeros(len(self))
+        if found.status != 0:
+            return y, None
+        duals = np.asarray(found.ineqlin.marginals)
+        y[above] = np.maximum(-duals[: above.sum()], 0.0)
+        y[below] -= np.maximum(-duals[above.sum() :], 0.0)
+        return y, np.clip(found.x, least, most)
+
+    def at_most(self, y: Array) -> float:
+        """What ``y'C x`` is at most, for multipliers y (k,) that are zero where nothing binds."""
+        up = np.where(y > 0, self.high, 0.0)
+        down = np.where(y < 0, self.low, 0.0)
+        return float(y @ (up + down))
+
 
 def solved(
     costs: Array, integrality: ArrayLike, bounds: "Bounds", constraints: "list[LinearConstraint]"

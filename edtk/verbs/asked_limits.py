@@ -12,9 +12,11 @@ from numpy.typing import ArrayLike
 from edtk.design.linear_constraints import Linear, LinearConstraints, linear_constraints
 from edtk.design.problem import Problem
 from edtk.design.problems import DescribedProblem
+from edtk.design.relaxation.weight_limits import WeightLimits
 from edtk.system.errors import ArgumentError, finite_numbers
 from edtk.system.typing import Array, Indices, Mask
 
+ROUNDING = 1e-9  # part of a size by which sums of limits may be off it
 # A triple, or how often each level of columns is used: one number, two, or those of each level.
 Constraint = Linear | Mapping[str, Any]
 
@@ -97,6 +99,64 @@ class Budgets:
         """What counts (n,) cost: a number, or one for each budget (k,)."""
         found = np.asarray(self.costs @ counts)
         return float(found[0]) if self.single else found
+
+
+def asked_weight_limits(
+    problem: Problem,
+    has_prior: bool,
+    size: int | None,
+    least: ArrayLike | None,
+    most: ArrayLike | None,
+    costs: ArrayLike | None,
+    cost_budget: ArrayLike | None,
+    constraints: Sequence[Constraint] | None,
+) -> WeightLimits | None:
+    """Limits on the weights of a relaxation, as a call states them; None without any.
+
+    They are about the counts of `size` experiments; of one, so about weights, where none is given;
+    and about any number of experiments where none is given but a budget.
+
+    Raises:
+        ArgumentError: An argument is impossible, or nothing obeys all of them.
+    """
+    if all(given is None for given in (least, most, costs, cost_budget, constraints)):
+        return None
+    n = problem.n
+    budgets = Budgets.of(costs, cost_budget, n)
+    rows = asked_constraints(constraints, problem)
+    number: float | None = 1.0 if size is None else float(size)
+    largest = np.full(n, number)
+    if budgets is not None:
+        named = budgets.rows
+        rows = rows.and_also(named.C, named.low, named.high, *named.names)
+    if budgets is not None and size is None:
+        if has_prior:
+            message = "a prior counts per experiment, so that a size is needed beside it"
+            raise ArgumentError(message, argument="size")
+        number = None
+        prices = np.maximum(budgets.costs, np.finfo(float).tiny)
+        with np.errstate(over="ignore"):
+            largest = (budgets.funds[:, None] / prices).min(axis=0)
+    if most is not None:
+        largest = np.minimum(counts_of_candidates(most, n, "most"), largest)
+    fewest = np.zeros(n) if least is None else counts_of_candidates(least, n, "least")
+    if (fewest > largest).any():
+        i = int(np.flatnonzero(fewest > largest)[0])
+        message = f"candidate {i}: {fewest[i]:g} or more, but {largest[i]:g} at most"
+        raise ArgumentError(message, argument="least")
+    found = WeightLimits(rows, fewest, largest, number)
+    of = "experiments" if size is not None or number is None else "weights of sum one"
+    if number is not None and largest.sum() < number * (1 - ROUNDING):
+        message = f"allows {largest.sum():g} in all, expected {number:g} or more: {of}"
+        raise ArgumentError(message, argument="most")
+    if number is not None and fewest.sum() > number * (1 + ROUNDING):
+        message = f"asks for {fewest.sum():g} in all, expected {number:g} or less: {of}"
+        raise ArgumentError(message, argument="least")
+    clash = found.program.conflict(fewest, largest)
+    if clash:
+        message = f"no {of} within least and most obey {' and '.join(clash)} together"
+        raise ArgumentError(message, argument="constraints")
+    return found
 
 
 def asked_constraints(given: Sequence[Constraint] | None, problem: Problem) -> LinearConstraints:

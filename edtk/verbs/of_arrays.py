@@ -6,6 +6,7 @@ import criteria
 from edtk.certificate.region_certificate import region_certificate
 from edtk.design.enclosure.prove_region import prove_region
 from edtk.design.exact.counts.problem_plan import ProblemPlan
+from edtk.design.exact.counts.relax_within import relax_within
 from edtk.design.exact.plan_region import RegionPlan
 from edtk.design.exact.store_exact import require_checkable, store_exact
 from edtk.design.problem import Problem
@@ -17,9 +18,10 @@ from edtk.design.relaxation.relaxed_region import RelaxedRegion
 from edtk.design.relaxation.search_region import POINTS
 from edtk.system.errors import ArgumentError, UserError, whole_number
 from edtk.system.parsing import json_text
+from edtk.verbs.asked_limits import asked_weight_limits
 from edtk.verbs.inputs import CriterionLike, TableAndCertificate, given_size, proved_gap
 from edtk.verbs.plan_problem import plan_problem, plan_region
-from edtk.verbs.question import OF_PROBLEMS, PlanCall, Question, RelaxCall
+from edtk.verbs.question import OF_PROBLEMS, OF_WEIGHTS, PlanCall, Question, RelaxCall
 from edtk.verbs.robust import criterion_of
 from edtk.verbs.verify import MOST_MB
 
@@ -63,8 +65,14 @@ class OfProblem(Question):
         criterion = self._criterion(call.criterion)
         files = TableAndCertificate(call.out, call.certificate)
         files.require()
-        found = relax(self.problem, criterion.for_size(_number(call.size)))
-        found = replace(found, problem=self.problem)
+        own = criterion.for_size(_number(call.size))
+        has_prior = self.problem.prior is not None or own.precision is not None
+        asked = (getattr(call, name) for name in OF_WEIGHTS)
+        limits = asked_weight_limits(self.problem, has_prior, call.size, *asked)
+        if limits is None:
+            found = replace(relax(self.problem, own), problem=self.problem)
+        else:
+            found = relax_within(self.problem, own, limits)
         files.write(
             lambda: found.to_frame().reset_index(), lambda: json_text(found.to_dict()) + "\n"
         )

@@ -35,6 +35,7 @@ OF_PROBLEMS = (
     "block_variance",
     "errors",
 )
+OF_WEIGHTS = ("least", "most", "costs", "cost_budget", "constraints")  # limits, of plans too
 OF_WORKERS = ("workers", "dask")
 OF_STUDIES = (
     "distinct",
@@ -79,19 +80,19 @@ REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
         "plan": _none_of(
             (*OF_PROBLEMS[1:], "prove", "cost_budget", *OF_STUDIES), "not for plans of a region"
         ),
-        "relax": _none_of(("seed", *OF_WORKERS), "not for the relaxation of a region"),
+        "relax": _none_of(("seed", *OF_WORKERS, *OF_WEIGHTS), "not for the relaxation of a region"),
     },
     "compliances": {
         "plan": _none_of(OF_PROBLEMS, "not for plans of a study"),
+        "relax": _none_of(OF_WEIGHTS, "not for the relaxation of a study"),
         "predict": {
             "tool_rows": "where a marker sits on the tool is no part of a displacement but in "
             "marker_x_mm marker_y_mm marker_z_mm; leave this out",
         },
     },
     "geometry": {
-        "plan": {
-            **_none_of(OF_PROBLEMS, "not for plans of a study"),
-        },
+        "plan": _none_of(OF_PROBLEMS, "not for plans of a study"),
+        "relax": _none_of(OF_WEIGHTS, "not for the relaxation of a study"),
         "template": {
             "markers": "the markers of a study of geometry are its [[marker]]; leave this out",
             "positions": "a sheet of a study of geometry has positions anyway; leave this out",
@@ -163,6 +164,11 @@ class RelaxCall:
     certificate: Path | str | None
     progress: Callable[[str, float], object]
     prove: float | None = None
+    least: Any = None
+    most: Any = None
+    costs: Any = None
+    cost_budget: Any = None
+    constraints: Any = None
 
 
 class Question(ABC):

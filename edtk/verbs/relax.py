@@ -1,17 +1,20 @@
 """`edtk.relax`: the best weights over candidate experiments, with a bound on every design."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
 from edtk.verbs.question import Question, RelaxCall
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from edtk.design.problem import Problem
     from edtk.design.region import Region
     from edtk.design.relaxation.relaxation import Relaxation
     from edtk.design.relaxation.relaxed_plan import RelaxedPlan
     from edtk.design.relaxation.relaxed_region import RelaxedRegion
+    from edtk.verbs.asked_limits import Constraint
     from edtk.verbs.inputs import CriterionLike, StudyLike
 
 Progress = Callable[[str, float], object]
@@ -43,6 +46,11 @@ def relax(
     criterion: "CriterionLike | None" = None,
     *,
     size: int | None = None,
+    least: "ArrayLike | None" = None,
+    most: "ArrayLike | None" = None,
+    costs: "ArrayLike | None" = None,
+    cost_budget: "ArrayLike | None" = None,
+    constraints: "Sequence[Constraint] | None" = None,
     out: Path | str | None = None,
     certificate: Path | str | None = None,
 ) -> "Relaxation": ...
@@ -77,6 +85,11 @@ def relax(
     certificate: Path | str | None = None,
     progress: Progress = lambda stage, gap: None,
     prove: float | None = None,
+    least: "ArrayLike | None" = None,
+    most: "ArrayLike | None" = None,
+    costs: "ArrayLike | None" = None,
+    cost_budget: "ArrayLike | None" = None,
+    constraints: "Sequence[Constraint] | None" = None,
 ) -> "RelaxedPlan | Relaxation | RelaxedRegion":
     """Minimise a criterion over weights instead of whole experiments, and prove a bound.
 
@@ -101,9 +114,18 @@ def relax(
         prove: Relative gap, such as 0.01, to which the bound is proved for all feasible poses of a
             study, or for all points of a region whose functions can be enclosed, see the how-to of
             regions: no design is better. It is `.bound_proved`, beside `.bound_searched`.
+        least: Of a problem: limits as `edtk.plan` has them, but on counts that need not be whole.
+            They are counts of `size` experiments, `.counts` of the result; without a size they are
+            limits on weights. Least count of each candidate (n,), or of all.
+        most: Largest count of each candidate (n,), or of all.
+        costs: Costs (n,) of one experiment with each candidate; (k, n) for k budgets.
+        cost_budget: What the experiments may cost together, a number for each budget (k,). Without
+            a size, budgets decide on the number of experiments, and value and bound are those of
+            all experiments together.
+        constraints: Linear constraints on the counts.
 
     Returns:
-        Weights with `.value`, `.bound` and `.gap`.
+        Weights with `.value`, `.bound` and `.gap`; within limits also `.counts`.
 
     Raises:
         UserError: One line that says what cannot be done, and where.
@@ -131,6 +153,11 @@ def relax(
         certificate=certificate,
         progress=progress,
         prove=prove,
+        least=least,
+        most=most,
+        costs=costs,
+        cost_budget=cost_budget,
+        constraints=constraints,
     )
     asked.require("relax", **vars(call))
     return asked.relax(call)

@@ -36,6 +36,7 @@ from edtk.certificate.recompute.arrays import (
 from edtk.certificate.recompute.candidates import PER_CUBE, PER_SQUARE, require
 from edtk.certificate.recompute.lower_bound import Multipliers
 from edtk.certificate.recompute.plain_data import number, numbers, rows, text
+from edtk.certificate.recompute.weight_limits import WeightLimits
 from edtk.system.typing import Array
 
 FORMS = {
@@ -444,6 +445,7 @@ def recompute(
     multipliers: Array,
     inner: tuple[Array, Array] | None,
     shares: list[Array | None],
+    limits: WeightLimits | None = None,
 ) -> Found:
     """Compute cost and bound anew.
 
@@ -454,6 +456,7 @@ def recompute(
         multipliers: Symmetric multipliers (r, p, p).
         inner: T (p, p) and Z' (r, p, p), the multipliers ``T Z' T'`` with more digits, if any.
         shares: Shares for each multiplier, see `Part.least` and `Several.bound`.
+        limits: Limits on counts; None without any.
 
     Raises:
         ValueError: A parameter of the criterion is not what it should be.
@@ -470,9 +473,11 @@ def recompute(
     if name in BALANCES:
         degree = 0.0 if name == "O2" else 0.5
         cost, most = _balance(name, Design.of(candidates, frame, weights), candidates, weights)
-        proved = _proved(
-            lambda: balance_bound(name, candidates, *_framed(candidates, multipliers, inner, True))
-        )
+        framed = _framed(candidates, multipliers, inner, along_axes=True)
+        proved = _proved(lambda: balance_bound(name, candidates, *framed, limits))
+        # Of degree zero a bound is about designs of unit trace, which limits do not know.
+        if name == "O2" and limits is not None:
+            proved = math.nan
     else:
         kind = Several if given["name"] in SEVERAL else Part
         about: Whole = kind.of(given, candidates.p)
@@ -480,7 +485,7 @@ def recompute(
         cost, most = about.cost(Design.of(candidates, frame, weights))
         proved = _proved(
             lambda: _monotone_bound(
-                about, candidates, weights, _framed(candidates, multipliers, inner), shares
+                about, candidates, weights, _framed(candidates, multipliers, inner), shares, limits
             )
         )
     error = most / cost - 1 if 0 < cost < math.inf else math.inf
@@ -573,8 +578,9 @@ def _monotone_bound(
     weights: Array,
     framed: tuple[Frame, Array],
     shares: list[Array | None],
+    limits: WeightLimits | None,
 ) -> float:
     """The bound of a criterion that more information never makes worse."""
     frame, Z = framed
-    proof = Proof.of(candidates, frame, Multipliers.of(Z, indefinite=False))
+    proof = Proof.of(candidates, frame, Multipliers.of(Z, indefinite=False), limits)
     return bound(about, proof, Design.of(candidates, frame, weights), shares)

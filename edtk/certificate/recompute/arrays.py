@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from edtk.certificate.recompute.lower_bound import Multipliers, factor_of, noise_amplification
 from edtk.certificate.recompute.tasks import CovarianceRoot
+from edtk.certificate.recompute.weight_limits import WeightLimits
 from edtk.system.typing import Array
 
 EPS = float(np.finfo(float).eps)
@@ -366,16 +367,26 @@ class Proof:
     t: Array
 
     @classmethod
-    def of(cls, candidates: Candidates, frame: Frame, multipliers: Multipliers) -> "Proof":
-        """Look at all candidates."""
-        t = sensitivities(candidates, frame, multipliers, per_trace=False)
+    def of(
+        cls,
+        candidates: Candidates,
+        frame: Frame,
+        multipliers: Multipliers,
+        limits: WeightLimits | None = None,
+    ) -> "Proof":
+        """Look at all candidates, and at what limits leave of them."""
+        t = sensitivities(candidates, frame, multipliers, False, limits)
         return cls(frame, [factor_of(Z) for Z in multipliers.Z], t)
 
 
 def sensitivities(
-    candidates: Candidates, frame: Frame, multipliers: Multipliers, per_trace: bool
+    candidates: Candidates,
+    frame: Frame,
+    multipliers: Multipliers,
+    per_trace: bool,
+    limits: WeightLimits | None = None,
 ) -> Array:
-    """The largest sensitivities (r,) of a candidate, rounded up.
+    """The largest sensitivities (r,) of a candidate, or of counts within limits, rounded up.
 
     Rows that are wrong by E_i add ``2 |E_i| (|Z| t_i)^(1/2) + |E_i|^2 |Z|``; information that is
     wrong by E in its entries adds ``<|Z|, E>``.
@@ -385,12 +396,14 @@ def sensitivities(
         frame: The parameters.
         multipliers: The multipliers (r, p, p) for these.
         per_trace: Whether information is divided by its trace, in the parameters as given.
+        limits: Limits on the counts, of which the mean sensitivity is told; None for one candidate.
     """
     size = np.abs(multipliers.Z)
     norm = np.abs(np.linalg.eigvalsh(multipliers.Z)).max(axis=1)[:, None]
     prior, wrong = frame.squares(candidates.prior)
     more = (size * (wrong + EPS * np.abs(prior).astype(float))).sum(axis=(1, 2))
     found = np.full(len(multipliers.Z), -np.inf)
+    each = []
     for part in candidates.parts():
         if candidates.information is None:
             X, E = frame.rows(candidates.rows[part])
@@ -406,6 +419,10 @@ def sensitivities(
         if per_trace:
             t /= candidates.traces(part)
         found = np.maximum(found, t.max(axis=1))
+        if limits is not None:
+            each.append(t)
+    if limits is not None:
+        found = limits.largest(np.concatenate(each, axis=1))
     return np.asarray(found + TINY)  # products of tiny numbers are wrong by as much
 
 
@@ -417,7 +434,13 @@ def same_multipliers(stated: Array, T: Array, Z: Array) -> bool:
     return bool((np.abs(T @ Z @ T.T - stated) <= 1e-12 * len(T) * sizes).all())
 
 
-def balance_bound(name: str, candidates: Candidates, frame: Frame, Z: Array) -> float:
+def balance_bound(
+    name: str,
+    candidates: Candidates,
+    frame: Frame,
+    Z: Array,
+    limits: WeightLimits | None = None,
+) -> float:
     """The bound of O2 or O4 by multipliers Z (r, p, p) for parameters of a frame.
 
     Of designs with ``I <= X <= kappa I`` the least ``<Y, X>`` is ``trace(Y+) - kappa trace(Y-)``,
@@ -432,7 +455,7 @@ def balance_bound(name: str, candidates: Candidates, frame: Frame, Z: Array) -> 
     read = Multipliers.of(Z, indefinite=True)
     U, s = _turned(frame.T)
     turned = 1 + 32 * candidates.p**2 * EPS  # axes that are orthogonal but for rounding
-    t = sensitivities(candidates, frame, read, name == "O2") * turned
+    t = sensitivities(candidates, frame, read, name == "O2", limits) * turned
     parts = []
     for z, top, whole in zip(read.Z, t, is_semidefinite, strict=True):
         Y = U.astype(LONG) @ (s[:, None] * z.astype(LONG) * s) @ U.T.astype(LONG)

@@ -15,6 +15,7 @@ from edtk.design.problems import Whitened, absorb_prior
 from edtk.design.relaxation.proof import InnerProof, normalised
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.setting import OrderOne, Setting
+from edtk.design.relaxation.weight_limits import RelaxationWithin, WeightLimits
 from edtk.system.typing import Array
 
 SUM = 1e-9  # difference of a sum of weights from one that is rounding
@@ -35,6 +36,8 @@ def certify(
     weights: Array,
     multipliers: Array,
     inner: InnerProof | None = None,
+    limits: WeightLimits | None = None,
+    experiments: float = 1.0,
 ) -> tuple[float, float]:
     """Compute the cost of weights and the bound of multipliers, of which nothing is believed.
 
@@ -48,6 +51,8 @@ def certify(
         weights: Weights (n,).
         multipliers: Multipliers (r, p, p).
         inner: The same multipliers with more digits; what differs from `multipliers` is ignored.
+        limits: What counts, of which weights are shares, must obey; None for no limits.
+        experiments: Their sum, where limits leave it free.
 
     Returns:
         Cost, and a lower bound on the cost of all weights; zero where nothing is proved.
@@ -64,7 +69,8 @@ def certify(
     plain = sized.problem
     # The cost is computed in parameters that nobody but the candidates has chosen.
     setting = Setting.of(plain, base)
-    cost = float(setting.criterion.cost(setting.problem.information(w)))
+    own = w if limits is None else w * (experiments / limits.unit)
+    cost = float(setting.criterion.cost(setting.problem.information(own)))
     exact = _exact(plain, base, Z, inner)
     if exact is not None and inner is not None:
         setting = exact
@@ -73,12 +79,12 @@ def certify(
         inside = setting.inward(Z)
         assert inside is not None
         Z = inside
-    near = w if np.isfinite(cost) else np.full(plain.n, 1.0 / plain.n)
-    bound = _bound(setting, Z, near)
+    near = own if np.isfinite(cost) else np.full(plain.n, 1.0 / plain.n)
+    bound = _bound(setting, Z, near, limits)
     return sized.cost(cost, base), sized.cost(bound, base)
 
 
-def _bound(setting: Setting, Z: Array, weights: Array) -> float:
+def _bound(setting: Setting, Z: Array, weights: Array, limits: WeightLimits | None) -> float:
     """The bound that multipliers (r, p, p) prove near weights (n,), less its rounding."""
     problem = setting.problem
     criterion = setting.criterion
@@ -88,9 +94,10 @@ def _bound(setting: Setting, Z: Array, weights: Array) -> float:
     Z = Z[length > 0] / length[length > 0, None, None]
     if criterion.monotone:
         Z = semidefinite(Z)
-        t = judged.sensitivities(Z).max(axis=-1)
+        each = judged.sensitivities(Z)
     else:
-        t = (judged.sensitivities(Z) + _cancelled(judged, Z)).max(axis=-1)
+        each = judged.sensitivities(Z) + _cancelled(judged, Z)
+    t = each.max(axis=-1) if limits is None else limits.largest_of(each)
     if not len(Z):
         return 0.0
     found = float(criterion.lower_bound(Z, t, problem.information(weights)))
@@ -204,7 +211,11 @@ def store(found: Relaxation, problem: Problem) -> dict[str, Any]:
     """
     # The two triangles of a product differ by rounding; a certificate has one matrix.
     multipliers = 0.5 * (found.multipliers + np.swapaxes(found.multipliers, 1, 2))
-    cost, bound = certify(problem, found.criterion, found.weights, multipliers, found.inner)
+    within = found if isinstance(found, RelaxationWithin) else None
+    beside = () if within is None else (within.limits, within.experiments)
+    cost, bound = certify(
+        problem, found.criterion, found.weights, multipliers, found.inner, *beside
+    )
     # Shares do not depend on the length of a matrix; squares of one far from order one do.
     M = problem.information(found.weights)
     M = np.ldexp(M, -int(np.frexp(np.abs(M).max())[1]))
@@ -231,7 +242,20 @@ def store(found: Relaxation, problem: Problem) -> dict[str, Any]:
         content["dual_weights"] = [u.tolist() for u in duals if u is not None]
     if found.inner is not None:
         content["inner"] = {"T": found.inner.T.tolist(), "Z": found.inner.Z.tolist()}
+    if within is not None:
+        content["limits"] = within.limits.to_dict()
+        content["experiments"] = within.experiments
+        content["limit_multipliers"] = _of_limits(within.limits, problem, found, multipliers)
     return content
+
+
+def _of_limits(
+    limits: WeightLimits, problem: Problem, found: Relaxation, multipliers: Array
+) -> list[list[float]]:
+    """Multipliers (r, k) of the limits' constraints, where the largest sensitivity is one."""
+    plain, _ = absorb_prior(problem, found.criterion)
+    each = plain.sensitivities(multipliers)
+    return [limits.largest(gains / gains.max())[1].tolist() for gains in each]
 
 
 def restore(data: Mapping[str, Any], problem: Problem) -> Relaxation:
@@ -266,12 +290,14 @@ def _restored(data: Mapping[str, Any], problem: Problem) -> Relaxation:
     multipliers = np.array(data["multipliers"], dtype=float)
     kept = data.get("inner")
     inner = None if kept is None else InnerProof(np.array(kept["T"]), np.array(kept["Z"]))
-    cost, bound = certify(problem, criterion, weights, multipliers, inner)
+    limits = None if "limits" not in data else WeightLimits.from_dict(data["limits"])
+    experiments = 1.0 if limits is None else float(data["experiments"])
+    cost, bound = certify(problem, criterion, weights, multipliers, inner, limits, experiments)
     believes = np.isfinite(cost) and criterion.rests_on_solver(
         multipliers, problem.information(weights)
     )
     kind = BoundKind.SOLVED if believes else BoundKind.PROVED_ON_CANDIDATES
-    return Relaxation(
+    found = Relaxation(
         criterion=criterion,
         weights=weights,
         cost=cost,
@@ -283,6 +309,7 @@ def _restored(data: Mapping[str, Any], problem: Problem) -> Relaxation:
         inner=inner,
         problem=problem,
     )
+    return found if limits is None else RelaxationWithin.of(found, limits, experiments)
 
 
 def _read_weights(data: Mapping[str, Any], n: int) -> Array:

@@ -134,17 +134,22 @@ def proved_on(problem: Problem, found: Relaxation) -> Relaxation:
         problem: The problem as it was given.
         found: The relaxation of `without_open_directions`, with costs of the problem as given.
     """
+    Z = opened(problem, found.multipliers)
+    largest = problem.sensitivities(Z).max(axis=-1)
+    cost = found.criterion.lower_bound(Z, largest, problem.information(found.weights))
+    bound = Bound.of(found.criterion, cost, found.cost, BoundKind.PROVED_ON_CANDIDATES)
+    return replace(found, multipliers=Z, proved_bound=bound)
+
+
+def opened(problem: Problem, multipliers: Array) -> Array:
+    """``P Z P'`` (r, p, p) of the multipliers of a closed problem, see `proved_on`."""
     found_open = [open_subspace(one.mean) for one in problem.each]
     U = problem.models.diagonal([left for left, _ in found_open])
     W = problem.models.diagonal([closing for _, closing in found_open])
     P = np.eye(problem.p) - U @ W.T
     # A product of a root with itself is semidefinite, where P Z P' may leave a noise that is not.
-    roots = np.array([root(z) @ P.T for z in found.multipliers])
-    Z = np.swapaxes(roots, 1, 2) @ roots
-    largest = problem.sensitivities(Z).max(axis=-1)
-    cost = found.criterion.lower_bound(Z, largest, problem.information(found.weights))
-    bound = Bound.of(found.criterion, cost, found.cost, BoundKind.PROVED_ON_CANDIDATES)
-    return replace(found, multipliers=Z, proved_bound=bound)
+    roots = np.array([root(z) @ P.T for z in multipliers])
+    return np.asarray(np.swapaxes(roots, 1, 2) @ roots)
 
 
 @dataclass(frozen=True, eq=False)

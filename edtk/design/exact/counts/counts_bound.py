@@ -316,8 +316,7 @@ def counts_bound(
     search = Decomposition(plans, criterion, [start], M)
     search.prove(multipliers, M)
     search.run()
-    counts = np.tensordot(search.weights, np.array(search.plans), axes=1)
-    return CountsBound(search.bound, counts, search.gap)
+    return CountsBound(search.bound, search.mixture, search.gap)
 
 
 class Plans(Protocol):
@@ -368,6 +367,7 @@ class Decomposition:
         weights: Weights of the best mixture; those behind the last one are zero.
         cost: The cost of the best mixture.
         bound: No plan costs less.
+        proof: The multipliers (r, p, p) that prove the bound.
     """
 
     def __init__(self, of: Plans, criterion: Relaxable, plans: Sequence[Any], M: Array) -> None:
@@ -381,15 +381,21 @@ class Decomposition:
         self.weights = np.full(len(self.plans), 1.0 / len(self.plans))
         self.cost = float(criterion.cost(M))
         self.bound = 0.0
+        self.proof = np.zeros((0, *M.shape))
+
+    @property
+    def mixture(self) -> Array:
+        """The best mixture of plans that are arrays of numbers."""
+        return np.asarray(np.tensordot(self.weights, np.array(self.plans), axes=1))
 
     @property
     def gap(self) -> float:
         """Relative gap between the best bound and the best mixture."""
         return 1.0 - self.bound / self.cost
 
-    def run(self, gap: float = GAP) -> None:
+    def run(self, gap: float = GAP, rounds: int = ROUNDS) -> None:
         """Mix the plans, and let those join that the mixture asks for, until the gap is small."""
-        for _ in range(ROUNDS):
+        for _ in range(rounds):
             known = len(self.plans)
             if self.gap <= gap or out_of_time():
                 break
@@ -424,12 +430,12 @@ class Decomposition:
             for plan in plans:
                 self._join(plan)
         largest = np.array(tops)
-        proofs = [
-            self.criterion.lower_bound(multipliers[i : i + 1], largest[i : i + 1], M)
-            for i in range(len(largest))
-        ]
-        proofs.append(self.criterion.lower_bound(multipliers, largest, M))
-        self.bound = max(self.bound, *(proof for proof in proofs if np.isfinite(proof)))
+        each = [slice(i, i + 1) for i in range(len(largest))]
+        for some in (*each, slice(None)):
+            bound = self.criterion.lower_bound(multipliers[some], largest[some], M)
+            if np.isfinite(bound) and bound > self.bound:
+                self.bound = bound
+                self.proof = multipliers[some]
 
     def _join(self, plan: Any) -> None:
         """Take in a plan that is not there."""

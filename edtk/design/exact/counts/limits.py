@@ -211,14 +211,13 @@ class Reachable:
         and of y low elsewhere. So whatever the program's solver says, the bound holds.
         """
         scale = float(np.abs(gains).max()) or 1.0
-        y, counts = linear_program(gains / scale, self.limits, self.n)
+        rows = self.limits.rows(self.n)
+        most = self.limits.largest(self.n)
+        y, counts = rows.priced(gains / scale, np.zeros(self.n), most)
         y = scale * y[: len(linear)]
         free = Reachable(replace(self.limits, linear=None), self.n)
         value, nearly = free.largest(gains - y @ linear.C)
-        # Where a sum has no such limit its multiplier is zero.
-        up = np.where(y > 0, linear.high, 0.0)
-        down = np.where(y < 0, linear.low, 0.0)
-        return value + float(y @ (up + down)), nearly if counts is None else counts
+        return value + linear.at_most(y), nearly if counts is None else counts
 
     def _of_size(self, gains: Array) -> tuple[float, Array]:
         """The candidates of the largest gains, m in all."""
@@ -270,31 +269,3 @@ class Reachable:
         below = funds - cheap @ costs
         share = below / (above + below) if above + below > 0 else 0.0
         return value + high * funds, share * dear + (1 - share) * cheap
-
-
-def linear_program(gains: Array, limits: Limits, n: int) -> tuple[Array, Array | None]:
-    """Multipliers (k,) of all rows of limits, and counts (n,), of the largest sum of gains (n,).
-
-    A multiplier is positive where the largest value of its sum binds, negative where the least one
-    does. Of a program that its solver does not solve they are zero, and there are no counts.
-    """
-    from scipy.optimize import linprog
-
-    rows = limits.rows(n)
-    most = limits.largest(n)
-    above = np.isfinite(rows.high)
-    below = np.isfinite(rows.low)
-    found = linprog(
-        -gains,
-        A_ub=np.concatenate([rows.C[above], -rows.C[below]]),
-        b_ub=np.concatenate([rows.high[above], -rows.low[below]]),
-        bounds=np.column_stack([np.zeros(n), most]),
-        method="highs",
-    )
-    y = np.zeros(len(rows))
-    if found.status != 0:
-        return y, None
-    duals = np.asarray(found.ineqlin.marginals)
-    y[above] = np.maximum(-duals[: above.sum()], 0.0)
-    y[below] -= np.maximum(-duals[above.sum() :], 0.0)
-    return y, np.clip(found.x, 0.0, most)
