@@ -17,7 +17,7 @@ from measured_robots import IRB_120, robot
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from edtk.calibration.tours import visiting_order
+from edtk.design.tours import visiting_order
 from edtk.findings.geometry.fit_rows import FitRows
 from edtk.findings.geometry.moved_frame import moved_frame, untold_load
 from edtk.fit.geometry.fit_geometry import fit_geometry

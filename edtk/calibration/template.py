@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, TextIO
 import numpy as np
 
 from edtk.calibration.timetable import day_of, has_day
-from edtk.calibration.tours import visiting_order
 from edtk.cell.sight import Sight
 from edtk.design.plan import Plan
+from edtk.design.tours import visiting_order
 from edtk.fit.sheet import DISTANCES, POSITIONS
 from edtk.measure.cells import csv_text
 from edtk.measure.elastostatic_model import ElastostaticModel

@@ -8,9 +8,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from edtk.calibration.tours import EXCHANGES_UP_TO, short_tour, shortest_legs, tour_seconds
 from edtk.cell.ways import DrivenWay, Leg, Roadmap, Speeds, Way
 from edtk.design.plan import Plan
+from edtk.design.tours import EXCHANGES_UP_TO, short_tour, shortest_legs, tour_seconds
 from edtk.measure.pose_table import rounded, wrench_columns, wrench_in_file_units
 from edtk.robots.robot import Robot
 from edtk.study.study import Study

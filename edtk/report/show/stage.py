@@ -13,11 +13,11 @@ from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.measured_poses import MeasuredPoses
 from edtk.calibration.template import sheet_order
 from edtk.calibration.timetable import day_of, has_day
-from edtk.calibration.tours import visiting_order
 from edtk.cell.shapes import Body, Box, Capsule, Cylinder, Mesh, Shape
 from edtk.cell.sight import Sight
 from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
+from edtk.design.tours import visiting_order
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.instruments.distance import Distance
 from edtk.measure.pose_table import in_file_units, rounded

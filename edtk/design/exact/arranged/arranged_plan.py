@@ -10,10 +10,13 @@ from edtk.design.bound import VISIBLE
 from edtk.design.errors import RunErrors
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.problems import DescribedProblem
+from edtk.system.errors import UserError
 from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from edtk.design.exact.counts.plan_order import PlanOrder, Transition
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -43,6 +46,14 @@ class ArrangedPlan(ProblemPlan):
     def experiments(self) -> Indices:
         """Indices (m,) of the candidates, in the order of the runs."""
         return self.places
+
+    def order(self, transition: "Transition", begin: int | None = None) -> "PlanOrder":
+        """Refused: the errors of the runs depend on their order, which the plan has.
+
+        Raises:
+            UserError: Always.
+        """
+        raise UserError("the order of the runs is part of a plan with a structure of errors")
 
     @property
     def groups(self) -> dict[str, Indices]:

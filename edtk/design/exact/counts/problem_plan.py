@@ -15,6 +15,7 @@ from edtk.system.typing import Array, Indices
 if TYPE_CHECKING:
     import pandas as pd
 
+    from edtk.design.exact.counts.plan_order import PlanOrder, Transition
     from edtk.design.exact.prove_exact import ExactProof
 
 
@@ -130,6 +131,30 @@ class ProblemPlan(BoundedDesign):
     def new(self) -> Indices:
         """Indices (k,) of the candidates of new experiments, each as often as it is measured."""
         return np.repeat(np.arange(self.problem.n), self.counts - self.kept)
+
+    def order(self, transition: "Transition", begin: int | None = None) -> "PlanOrder":
+        """Put the new experiments in an order in which the changes between them cost little.
+
+        Up to eleven different experiments it is the cheapest order; of more, `.bound` says how much
+        less any can cost. Experiments of a block stay together, and blocks in their order.
+
+        Args:
+            transition: Costs (n, n) of the way from each candidate to each other one, or a function
+                of two candidates: of two rows of the data frame, each a mapping, or else of two
+                numbers of candidates. For a problem of a data frame also a mapping of columns to
+                what any change of them costs, such as ``{"oven": 5, "time": 1}``, or to a function
+                of two levels.
+            begin: The candidate that is set before the first experiment; by default none.
+
+        Returns:
+            The order with its `.cost` and `.bound`, and the cost of each change in `.to_frame()`.
+
+        Raises:
+            ArgumentError: The costs are none, or do not fit the candidates.
+        """
+        from edtk.design.exact.counts.plan_order import order_plan  # it loads scipy for large ones
+
+        return order_plan(self, transition, begin)
 
     def to_frame(self) -> "pd.DataFrame":
         """Make a table with a candidate a row: its count, kept ones, and its count by block.

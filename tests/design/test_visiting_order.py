@@ -5,7 +5,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from edtk.calibration.tours import visiting_order
+from edtk.design.tours import visiting_order
 
 
 def length(x, order):
