@@ -168,7 +168,8 @@ def plan(
             default, are fixed effects, of which nothing is known.
         errors: How the errors of the runs hang together (`edtk.Errors`): split plots and other
             strata, series in time or space, trends. The plan is an order of runs then, the best
-            under generalised least squares; of the other options it takes `starts`.
+            under generalised least squares; of the other options it takes `starts`, `most`, and
+            `keep` with the candidates of the first runs in order.
 
         distinct: Distinct new poses at most; defaults to p(p+1)/2 + 1 for p parameters.
         exclude: A plan (CSV file) of poses to stay away from.

@@ -103,18 +103,21 @@ def plan_problem(
     starts = None if starts is None else whole_number(starts, "starts", 1)
     if errors is not None:
         beside: dict[str, object] = {
-            "keep": keep,
-            "most": most,
+            "least": least,
             "costs": costs,
             "cost_budget": cost_budget,
+            "constraints": constraints,
+            "blocks": blocks,
+            "block_variance": None if block_variance == np.inf else block_variance,
+            "prove": prove,
         }
-        beside |= {"blocks": blocks, "prove": prove}
         _require_arranged(errors, problem, beside)
         m = errors.size_of(size)
         if m > MOST_PLACES:
             message = f"plans of more than {MOST_PLACES} runs are not searched for"
             raise ArgumentError(message, argument="size", given=m)
-        return find_arranged(problem, criterion, errors, m, seed, starts, progress)
+        first, allowed = _first_runs(keep, most, m, problem)
+        return find_arranged(problem, criterion, errors, m, seed, starts, progress, first, allowed)
     sizes = _block_sizes(blocks, block_variance, keep, problem)
     if sizes and size is None:
         size = sum(sizes)
@@ -196,6 +199,28 @@ def _require_arranged(errors: object, problem: Problem, beside: dict[str, object
     if not isinstance(problem.kept, Rows) or _are_not_as_measured(problem.kept.A):
         message = "errors need the rows of all candidates as measured, as many of each, at most p"
         raise ArgumentError(message, argument="errors")
+
+
+def _first_runs(
+    keep: ArrayLike | Problem | None, most: ArrayLike | None, m: int, problem: Problem
+) -> tuple[Indices, Indices | None]:
+    """The candidates (k,) of the first runs, which are made, and how often each may be used (n,).
+
+    Raises:
+        ArgumentError: They are none, or leave nothing to choose.
+    """
+    if isinstance(keep, Problem):
+        message = "expected the candidates of the first runs in order, as indices"
+        raise ArgumentError(message, argument="keep")
+    counts, _, number = _kept(keep, problem)
+    if number >= m:
+        raise ArgumentError(f"{number} runs are made, expected fewer than {m}", argument="keep")
+    left = _left(most, counts, problem.n)
+    if left is not None and left.sum() < m - number:
+        message = f"allows {left.sum()} more runs, expected {m - number} or more"
+        raise ArgumentError(message, argument="most")
+    first = np.zeros(0, dtype=int) if keep is None else np.asarray(keep, dtype=int)
+    return first, None if left is None else left + counts
 
 
 def _block_sizes(

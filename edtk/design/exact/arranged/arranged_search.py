@@ -11,13 +11,13 @@ prices all alternatives without an inverse for each.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from criteria import Criterion
-from edtk.design.exact.arranged.settings import Move, Settings
+from edtk.design.exact.arranged.settings import NO_RUNS, Move, Settings
 from edtk.design.exact.counts.counts_search import FoundPlaces, Record
 from edtk.design.exact.counts.prices import GAIN
 from edtk.design.exact.exchange_costs import exchange_costs
@@ -80,6 +80,8 @@ class ArrangedSearch:
         base: Information (p, p) that every plan has.
         criterion: The criterion to minimise.
         settings: Settings of the candidates, and the groups that keep them.
+        first: The candidates (k,) of the first runs, which are made already.
+        most: How often each candidate may be used (n,); None for no limit.
     """
 
     rows: Array
@@ -87,6 +89,8 @@ class ArrangedSearch:
     base: Array
     criterion: Criterion
     settings: Settings
+    first: Indices = field(default_factory=lambda: NO_RUNS)
+    most: Indices | None = None
 
     @property
     def m(self) -> int:
@@ -95,8 +99,9 @@ class ArrangedSearch:
 
     @cached_property
     def blocks(self) -> list[_Block]:
-        """All moves."""
-        return [_Block.of(move, self.W) for move in self.settings.moves(self.m)]
+        """All moves of runs that are not made yet."""
+        moves = self.settings.moves(self.m)
+        return [_Block.of(move, self.W) for move in moves if move.runs.min() >= len(self.first)]
 
     @cached_property
     def differ(self) -> Mask:
@@ -178,7 +183,7 @@ class ArrangedSearch:
         """
         found: list[Indices] = []
         for _ in range(number * DRAWS):
-            drawn = self.settings.drawn(rng, self.m)
+            drawn = self.settings.drawn(rng, self.m, self.first, self.most)
             if drawn is not None:
                 found.append(drawn)
             if len(found) == number:
@@ -186,6 +191,7 @@ class ArrangedSearch:
         raise UserError(
             "no plan was found in which groups keep their hard-to-change settings: the candidates "
             "do not have every setting of one stratum with those of the others"
+            + ("" if self.most is None else ", or too few within most")
         )
 
     def _kicked(self, rng: np.random.Generator, record: Record, number: int) -> Indices:
@@ -198,7 +204,7 @@ class ArrangedSearch:
             move = self.blocks[rng.integers(len(self.blocks))].move
             alternatives = self.settings.alternatives(move, places)
             new = alternatives[each, rng.integers(len(move.options), size=number)]
-            fits = (new >= 0).all(axis=1)
+            fits = self._allowed(move, places, new[:, None])[:, 0]
             places[np.ix_(each[fits], move.runs)] = new[fits]
         return places
 
@@ -241,6 +247,7 @@ class ArrangedSearch:
         others = turned - block.own @ old
         rest = M - _joined(block.root.T @ old + block.inverse @ others, r, p)
         reached = self._reached(block, alternatives, others, rest)
+        reached = np.where(self._allowed(move, places, alternatives), reached, np.inf)
         best = reached.argmin(axis=1)
         each = np.arange(b)
         least = reached[each, best]
@@ -269,8 +276,21 @@ class ArrangedSearch:
             found[:, part] = exchange_costs(
                 self.criterion.plan_criterion, rest, joined, F, np.ones(b)
             )
-        is_there = (alternatives >= 0).all(axis=-1)
-        return np.where(is_there & ~np.isnan(found), found, np.inf)
+        return np.where(np.isnan(found), np.inf, found)
+
+    def _allowed(self, move: Move, places: Indices, alternatives: Indices) -> Mask:
+        """Which alternatives (b, S, k) of a move are there, and use no candidate too often."""
+        found: Mask = np.asarray((alternatives >= 0).all(axis=-1))
+        if self.most is None:
+            return found
+        others = np.delete(places, move.runs, axis=1)
+        n = len(self.most)
+        offsets = n * np.arange(len(places))[:, None]
+        counts = np.bincount((others + offsets).ravel(), minlength=n * len(places))
+        used = counts[(alternatives + offsets[:, :, None]).clip(min=0)]
+        for run in range(alternatives.shape[-1]):
+            used = used + (alternatives == alternatives[..., [run]])
+        return found & (used <= self.most[alternatives]).all(axis=-1)
 
     def _swap_all(self, places: Indices, M: Array, costs: Array) -> Array:
         """Swap each run with the best other one, in each plan; which plans (b,) it has improved.
@@ -282,7 +302,7 @@ class ArrangedSearch:
         each = np.arange(b)
         moved = np.zeros(b, dtype=bool)
         diagonal = np.diag(self.W)
-        for s in range(self.m):
+        for s in range(len(self.first), self.m):
             X = self.rows[places]
             turned = self._turned(X)
             d = X - X[:, [s]]

@@ -13,13 +13,13 @@ from edtk.design.errors import Errors, RunErrors
 from edtk.design.exact.arranged.arranged_bound import ArrangedBound
 from edtk.design.exact.arranged.arranged_plan import ArrangedPlan
 from edtk.design.exact.arranged.arranged_search import ArrangedSearch
-from edtk.design.exact.arranged.settings import Settings
+from edtk.design.exact.arranged.settings import NO_RUNS, Settings
 from edtk.design.exact.counts.counts_bound import RelaxedCounts
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.pricing_for import working_parameters
 from edtk.design.problem import Problem, RankDeficientError
 from edtk.design.relaxation.setting import OrderOne, Setting
-from edtk.system.errors import UserError
+from edtk.system.errors import ArgumentError, UserError
 from edtk.system.typing import Array, Indices
 
 ROUNDED = 1e-12  # part of the squares of a column that a root of rounding leaves
@@ -34,6 +34,8 @@ def find_arranged(
     seed: int = 0,
     starts: int | None = None,
     progress: Callable[[str, float], object] = lambda step, cost: None,
+    first: Indices = NO_RUNS,
+    most: Indices | None = None,
 ) -> ArrangedPlan:
     """Search for the best order of runs whose errors have a structure, and bound how good any is.
 
@@ -49,6 +51,8 @@ def find_arranged(
         seed: Seed.
         starts: Number of starts; None to go on until nothing better is found.
         progress: Called with a line about the current step, and the best cost.
+        first: The candidates (k,) of the first runs, which are made already.
+        most: How often each candidate may be used (n,); None for no limit.
 
     Raises:
         ArgumentError: So many runs have no such structure, or there is no such factor.
@@ -58,6 +62,10 @@ def find_arranged(
     since = monotonic()
     runs = errors.of_runs(size)
     settings = Settings.of(problem, runs)
+    odd = settings.at_odds(first)
+    if odd is not None:
+        message = f"runs {odd[0] + 1} and {odd[1] + 1} are of one group with different settings"
+        raise ArgumentError(message, argument="keep")
     plain = criterion.without_prior
     base = np.zeros((problem.p, problem.p))
     if criterion.precision is not None:
@@ -67,6 +75,7 @@ def find_arranged(
     sized = OrderOne.of(problem.with_prior(base / size if base.any() else None))
     sized.problem.require_identifiable(plain)
     search, setting = _search(sized.problem, plain, settings, runs.precision)
+    search = replace(search, first=first, most=most)
     _require_told(search, sized.problem, plain)
     found = search.run(seed, starts, lambda n, cost: progress(f"start {n}", cost))
     cost = search.criterion.cost_from_plan_criterion(found.cost)
@@ -79,6 +88,10 @@ def find_arranged(
     counts = np.bincount(found.places, minlength=problem.n)
     of_cost = _accuracy(setting, search, found.places, counts / size)
     relaxed, reason = _bound(search, runs, found.places, cost, found.ended)
+    kept = np.bincount(first, minlength=problem.n)
+    aside = [*(["kept runs"] if kept.any() else []), *([] if most is None else ["largest counts"])]
+    if relaxed is not None and aside:
+        relaxed = replace(relaxed, basis=f"{relaxed.basis}; {' and '.join(aside)} set aside")
     return ArrangedPlan(
         problem=problem,
         criterion=criterion,
@@ -91,7 +104,8 @@ def find_arranged(
         ended=found.ended,
         seconds=monotonic() - since,
         accuracy=of_cost,
-        kept=np.zeros(problem.n, dtype=int),
+        kept=kept,
+        most=most,
         places=found.places,
         structure=runs,
     )

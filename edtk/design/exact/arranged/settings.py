@@ -13,6 +13,7 @@ from edtk.system.typing import Array, Indices, Mask
 
 # Settings that are tried for a group at once; of more, one factor after the other is exchanged.
 TOGETHER = 600
+NO_RUNS = np.zeros(0, dtype=int)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,27 +173,57 @@ class Settings:
         kept = self.levels[places][..., self.kept]
         return np.asarray((kept == kept[:, [run]]).all(axis=-1))
 
-    def drawn(self, rng: np.random.Generator, m: int) -> Indices | None:
+    def drawn(
+        self,
+        rng: np.random.Generator,
+        m: int,
+        first: Indices = NO_RUNS,
+        most: Indices | None = None,
+    ) -> Indices | None:
         """Draw the candidates (m,) of a plan; None where a drawn setting of a run does not exist.
 
         A run is drawn from what its groups have; the first one of a group sets what the group has.
+
+        Args:
+            rng: Random numbers.
+            m: Number of runs.
+            first: The candidates (k,) of the first runs, which are given.
+            most: How often each candidate may be used (n,); None for no limit.
         """
         places = np.full(m, -1)
+        places[: len(first)] = first
+        free = np.ones(len(self.levels), dtype=bool)
         fits = np.ones((m, len(self.levels)), dtype=bool) if len(self.kept) else None
-        for run in rng.permutation(m):
+        order = rng.permutation(m)
+        for run in np.concatenate([np.arange(len(first)), order[order >= len(first)]]):
+            if most is not None:
+                free = np.bincount(places[places >= 0], minlength=len(most)) < most
+            if places[run] < 0:
+                allowed = np.flatnonzero(free if fits is None else free & fits[run])
+                if not len(allowed):
+                    return None
+                if fits is None:
+                    places[run] = allowed[rng.integers(len(allowed))]
+                else:
+                    places[run] = self._one_of(rng, allowed)
             if fits is None:
-                places[run] = rng.integers(len(self.levels))
                 continue
-            allowed = np.flatnonzero(fits[run])
-            if not len(allowed):
-                return None
-            places[run] = self._one_of(rng, allowed)
             for labels, columns in zip(self.labels, self.hard, strict=True):
                 if not len(columns):
                     continue
                 same = (self.levels[:, columns] == self.levels[places[run], columns]).all(axis=1)
                 fits[labels == labels[run]] &= same
         return places
+
+    def at_odds(self, first: Indices) -> tuple[int, int] | None:
+        """Two of the first runs that are of one group and do not have its settings in common."""
+        for labels, columns in zip(self.labels, self.hard, strict=True):
+            own = self.levels[first][:, columns]
+            for run in range(len(first)):
+                leader = int(np.flatnonzero(labels == labels[run])[0])
+                if (own[run] != own[leader]).any():
+                    return leader, run
+        return None
 
     def _one_of(self, rng: np.random.Generator, allowed: Indices) -> int:
         """One of some candidates: each setting of the kept factors is as likely."""

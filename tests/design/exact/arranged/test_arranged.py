@@ -94,6 +94,55 @@ def test_an_order_is_the_best_of_all(
     np.testing.assert_allclose(plan.information, dense(plan, V, N), atol=1e-9)
 
 
+def test_series_that_has_begun_goes_on_best() -> None:
+    """Beside two runs that are made, and with two of each at most, all orders are tried."""
+    problem = line()
+    plan = edtk.plan(problem, 6, "A", errors=Errors.autoregressive(0.5), keep=[2, 0], most=2)
+    rows = problem.factors()[:, 0]
+    orders = np.array([(2, 0, *rest) for rest in product(range(5), repeat=4)])
+    counts = (orders[:, :, None] == np.arange(5)).sum(axis=1)
+    orders = orders[(counts <= 2).all(axis=1)]
+    V = 0.5 ** np.abs(np.subtract.outer(np.arange(6), np.arange(6)))
+    X = rows[orders]
+    best = plan.criterion.cost(np.swapaxes(X, 1, 2) @ np.linalg.inv(V) @ X).min()
+    assert plan.cost == pytest.approx(best, rel=1e-9)
+    assert plan.places[:2].tolist() == [2, 0]
+    assert plan.counts.max() == 2
+    assert plan.kept.tolist() == [1, 0, 1, 0, 0]
+    assert plan.basis.endswith("; kept runs and largest counts set aside")
+
+
+def test_whole_plots_that_are_made_keep_their_setting() -> None:
+    """A whole plot that has begun goes on with its oven, and is within what each may be used."""
+    problem = quadratic()
+    errors = Errors.split_plot("w", 4)
+    plan = edtk.plan(problem, 12, errors=errors, keep=[0, 1, 2, 3], most=2, starts=24)
+    assert plan.places[:4].tolist() == [0, 1, 2, 3]
+    assert plan.to_frame().groupby("whole plot").w.nunique().eq(1).all()
+    assert plan.counts.max() == 2
+    free = edtk.plan(problem, 12, errors=errors, starts=24)
+    assert plan.value <= free.value * (1 + 1e-12)
+
+
+WRONG_RUNS = {
+    "two settings": ({"keep": [0, 3]}, "runs 1 and 2 are of one group with different settings"),
+    "all made": ({"keep": [0] * 12}, "12 runs are made, expected fewer than 12"),
+    "too few": ({"most": 1}, "allows 9 more runs, expected 12 or more"),
+    "others": ({"keep": quadratic()}, "expected the candidates of the first runs in order"),
+    "least": ({"least": 1}, "not for plans with a structure of errors"),
+    "constraints": ({"constraints": []}, "not for plans with a structure of errors"),
+}
+
+
+@pytest.mark.parametrize("case", sorted(WRONG_RUNS))
+def test_runs_that_do_not_fit_are_named(case: str) -> None:
+    """One line says which runs, or which option, do not go with the structure."""
+    options, words = WRONG_RUNS[case]
+    with pytest.raises(UserError) as error:
+        edtk.plan(quadratic(), 12, errors=Errors.split_plot("w", 4), **options)
+    assert words in str(error.value)
+
+
 def test_bound_of_series_is_near() -> None:
     """Mixtures of sequences bound the plans of an AR(1) series far below what independence says."""
     plan = edtk.plan(quadratic(), 12, "D", errors=Errors.autoregressive(0.5), starts=48)
