@@ -44,12 +44,11 @@ class Friction:
 
     def factors(self, torque: Array) -> Array:
         """``k_j h(tau_j) / tau_j`` (p, ...), of loads tau (p, ...)."""
-        k, load = self._lifted(self.k, torque), self._lifted(self.load, torque)
-        return np.asarray(k * load / np.hypot(torque, GIVES * load))
+        return self._lifted(self.k, torque) * held(torque, self._lifted(self.load, torque))
 
     def slopes(self, torque: Array) -> Array:
         """The derivatives (p, ...) of these factors by the loads."""
-        small = GIVES * self._lifted(self.load, torque)
+        small = _small(self._lifted(self.load, torque))
         return -self.factors(torque) * torque / (torque**2 + small**2)
 
     @staticmethod
@@ -65,6 +64,21 @@ class Friction:
     def names(self, joints: Sequence[str]) -> tuple[str, ...]:
         """Names of the shares."""
         return tuple(f"friction of {name}" for name in joints)
+
+
+def held(torque: Array, load: Array) -> Array:
+    """``h(tau) / tau`` of loads tau: the part that friction holds by a share of one.
+
+    Args:
+        torque: The loads (n, ...) [N m or N].
+        load: Usual loads (n, 1, ...); friction holds nothing where they are zero.
+    """
+    return np.asarray(load / np.hypot(torque, _small(load)))
+
+
+def _small(load: Array) -> Array:
+    """The loads below which friction holds in proportion; not zero where usual loads are."""
+    return GIVES * np.where(load > 0, load, 1.0)
 
 
 def correlated(n: int) -> Array:

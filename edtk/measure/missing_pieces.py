@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.friction import GIVES, together
+from edtk.measure.friction import held, together
 from edtk.robots.frames import Frames
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array, Indices
@@ -89,9 +89,8 @@ class MissingPieces:
             parts.append(motion_of(tilted) * turned[:, None])
         load = self.load.reshape(soft.shape)
         torque = model.torque_of(frames, wrench)
-        some = np.where(load > 0, load, 1.0)
-        held = self.k.reshape(soft.shape) * load * torque / np.hypot(torque, GIVES * some)
-        parts.append(together(motion_of(frames) * held[:, None]))
+        turned = self.k.reshape(soft.shape) * torque * held(torque, load)
+        parts.append(together(motion_of(frames) * turned[:, None]))
         return np.moveaxis(np.concatenate(parts), (0, 1), (-1, -2))
 
     @cached_property

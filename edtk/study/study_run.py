@@ -237,7 +237,7 @@ def _row(designs: Designs, case: Case, relaxations: Mapping[str, RelaxedPlan]) -
     relaxed = dict.fromkeys(one.criterion.name for one in relaxations.values())
     told = {
         name: designs.information(case.plan, name)
-        for name in (*study.specification.criteria, *relaxed)
+        for name in dict.fromkeys([*study.specification.criteria, *relaxed])
         if case.plan is not None
     }
     for name in study.specification.criteria:

@@ -46,9 +46,9 @@ def test_friction_holds_a_load():
     # Shares of friction go together: columns are those of shares that do not.
     expected = np.moveaxis(together(np.moveaxis(alone, -1, 0)), 0, -1)
     np.testing.assert_allclose(held, expected, rtol=1e-9, atol=1e-15)
-    less = PIECES.shared(MODEL, Q, 1e-4 * W)[..., 12:]
-    twice = PIECES.shared(MODEL, Q, 2e-4 * W)[..., 12:]
-    np.testing.assert_allclose(twice, 2 * less, rtol=1e-4)
+    less = PIECES.shared(MODEL, Q, 1e-7 * W)[..., 12:]
+    twice = PIECES.shared(MODEL, Q, 2e-7 * W)[..., 12:]
+    np.testing.assert_allclose(twice, 2 * less, rtol=1e-9)
 
 
 def test_a_rigid_joint_tilts_as_its_neighbour():

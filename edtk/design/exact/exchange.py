@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from criteria import Criterion
 from criteria.linalg.inverse import guarded_inverse
 from edtk.design.exact.counts.any_prices import AnyPricing
+from edtk.design.exact.counts.counts_search import CountsSearch
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.pricing_for import search_for
 from edtk.design.exact.exchange_costs import ACCURATE, CandidatePrices, exchange_costs
@@ -121,20 +122,23 @@ def _settled(
     All are as given where prices of exchanges in turn do not suit; those that tell too little for
     such prices are left to others.
     """
-    m = places.shape[1]
-    none = np.zeros(len(places), dtype=bool)
-    suits = thorough and m > 0 and len(places) > 0 and bool((times == 1.0).all())
-    if not suits or problem.factors().shape[1] > 1:
-        return places.copy(), none
-    if not guarded_inverse(problem.mean, ACCURATE)[2].all():
-        return places.copy(), none
-    base = np.zeros((problem.p, problem.p)) if problem.prior is None else m * problem.prior
-    bare = problem.with_prior(None)
-    search = search_for(bare, criterion, Limits(m, base), None, thorough)
-    if isinstance(search.pricing, AnyPricing):
-        return places.copy(), none
+    search = _in_turn(problem, criterion, times) if thorough else None
+    if search is None:
+        return places.copy(), np.zeros(len(places), dtype=bool)
     costs, found = search.descended(places)
     return found, np.isfinite(costs) & search.has_inverse(found)
+
+
+def _in_turn(problem: Problem, criterion: Criterion, times: Array) -> CountsSearch | None:
+    """What exchanges the places of plans (b, k) in turn; None where its prices do not suit."""
+    if not times.size or (times != 1.0).any() or problem.factors().shape[1] > 1:
+        return None
+    if not guarded_inverse(problem.mean, ACCURATE)[2].all():
+        return None
+    m = times.shape[1]
+    base = np.zeros((problem.p, problem.p)) if problem.prior is None else m * problem.prior
+    search = search_for(problem.with_prior(None), criterion, Limits(m, base), None, thorough=True)
+    return None if isinstance(search.pricing, AnyPricing) else search
 
 
 def _exchanged(

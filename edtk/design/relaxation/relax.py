@@ -7,7 +7,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from criteria import Criterion, Relaxable
-from criteria.plugins import require_homogeneous
 from edtk.design.problem import Problem, RankDeficientError
 from edtk.design.problems import absorb_prior
 from edtk.design.relaxation.column_generation import ColumnGeneration
@@ -15,7 +14,7 @@ from edtk.design.relaxation.incumbent import Incumbent
 from edtk.design.relaxation.proof import normalised
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.restricted_master import NEWTON, RelaxationError, SolverOptions
-from edtk.design.relaxation.setting import OrderOne, Setting, proved_on, without_open_directions
+from edtk.design.relaxation.setting import OrderOne, Setting, proved_on, solvable
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices
 from edtk.system.workers import one_thread
@@ -212,13 +211,7 @@ def _relax(
     multipliers: Array | None,
 ) -> Relaxation:
     """`relax` of candidates whose information is of order one, and with no Bayesian prior."""
-    problem.require_identifiable(criterion)
-    setting = Setting.of(problem, criterion)
-    of_cost, _ = setting.errors(None, np.empty((0, problem.p, problem.p)))
-    require_homogeneous(setting.criterion, setting.problem.mean, of_cost)
-    closed = setting.problem
-    if not criterion.needs_all:
-        closed = without_open_directions(closed)
+    setting, closed = solvable(problem, criterion)
     incumbent = Incumbent(
         normalised(closed, setting.criterion), setting.criterion, setting.inward(multipliers)
     )

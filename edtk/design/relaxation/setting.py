@@ -8,6 +8,7 @@ from criteria import Criterion, Relaxable
 from criteria.interest import DEPENDENT
 from criteria.linalg.estimable import open_subspace, range_whitener
 from criteria.linalg.inverse import root
+from criteria.plugins import require_homogeneous
 from edtk.design.bound import BLURRED, Bound, BoundKind
 from edtk.design.information import Known, Rows
 from edtk.design.problem import Problem
@@ -274,3 +275,22 @@ class Setting:
             return found
         inner = InnerProof(self.whitened.T, found.multipliers)
         return replace(found, criterion=self.given, multipliers=inner.outward(), inner=inner)
+
+
+def solvable(problem: Problem, criterion: Relaxable) -> tuple[Setting, Problem]:
+    """The setting in which a relaxation is solved, and its problem with no direction left open.
+
+    Args:
+        problem: Candidates whose information is of order one, see `OrderOne`.
+        criterion: A criterion without a Bayesian prior.
+
+    Raises:
+        RankDeficientError: The candidates do not tell what the criterion needs.
+        CriterionError: The criterion is not homogeneous.
+    """
+    problem.require_identifiable(criterion)
+    setting = Setting.of(problem, criterion)
+    of_cost, _ = setting.errors(None, np.empty((0, problem.p, problem.p)))
+    require_homogeneous(setting.criterion, setting.problem.mean, of_cost)
+    closed = setting.problem
+    return setting, closed if criterion.needs_all else without_open_directions(closed)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from edtk.design.problem import Problem
 from edtk.design.problems import DescribedProblem
 from edtk.design.tours import BEST_UP_TO, cheap_tour, cheapest_possible
-from edtk.system.errors import ArgumentError, finite_numbers
+from edtk.system.errors import ArgumentError, finite_numbers, whole_number
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
 
@@ -217,8 +217,8 @@ def _of_pairs(cost: Callable[[Any, Any], float], things: list[Any], where: str) 
 
 def _candidate(given: object, n: int) -> int:
     """The number of a candidate."""
-    whole = isinstance(given, int | np.integer) and not isinstance(given, bool)
-    if not whole or not 0 <= int(given) < n:  # type: ignore[call-overload]
+    number = whole_number(given, "begin", 0)
+    if number >= n:
         message = f"expected a candidate, from 0 to {n - 1}"
         raise ArgumentError(message, argument="begin", given=given)
-    return int(given)  # type: ignore[call-overload]
+    return number

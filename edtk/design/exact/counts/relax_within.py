@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from criteria import Criterion, Relaxable
-from criteria.plugins import require_homogeneous
 from edtk.design.bound import Bound, BoundKind
 from edtk.design.exact.counts.counts_bound import Decomposition
 from edtk.design.problem import Problem, RankDeficientError
@@ -14,7 +13,7 @@ from edtk.design.problems import absorb_prior
 from edtk.design.relaxation.relax import require_relaxable
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.restricted_master import RelaxationError
-from edtk.design.relaxation.setting import OrderOne, Setting, opened, without_open_directions
+from edtk.design.relaxation.setting import OrderOne, opened, solvable
 from edtk.design.relaxation.weight_limits import RelaxationWithin, WeightLimits
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
@@ -111,13 +110,7 @@ def _relaxed(
     problem: Problem, criterion: Relaxable, limits: WeightLimits, gap: float
 ) -> tuple[Relaxation, Array]:
     """The relaxation of candidates whose information is of order one, and its counts (n,)."""
-    problem.require_identifiable(criterion)
-    setting = Setting.of(problem, criterion)
-    of_cost, _ = setting.errors(None, np.empty((0, problem.p, problem.p)))
-    require_homogeneous(setting.criterion, setting.problem.mean, of_cost)
-    closed = setting.problem
-    if not criterion.needs_all:
-        closed = without_open_directions(closed)
+    setting, closed = solvable(problem, criterion)
     plans = PlansWithin(closed, limits)
     start = plans.regular()
     if not np.isfinite(setting.criterion.cost(plans.information(start))):
