@@ -78,6 +78,7 @@ class Verification(Presented):
         covered: Whether a proved one is.
         experiments: Number of experiments of a plan, the kept ones not counted.
         budget: What a plan may cost; None without a budget.
+        sized: Whether a plan within a budget is judged beside plans of its own size alone.
         exact: What is proved of all plans of whole experiments on candidates, in words; empty where
             nothing is said of them.
         of_study: Whether a study stood beside the certificate, so that its setting is not the
@@ -98,6 +99,7 @@ class Verification(Presented):
     covered: bool = False
     experiments: int = 0
     budget: float | None = None
+    sized: bool = False
     exact: str = ""
     of_study: bool = False
 
@@ -162,11 +164,11 @@ class Verification(Presented):
     @property
     def _plans(self) -> str:
         """The plans beside which a plan is judged."""
-        if self.budget is not None:
-            return f"all plans within a budget of {self.budget:g}"
-        return (
-            f"all plans of {self.experiments} new experiment{'' if self.experiments == 1 else 's'}"
-        )
+        plural = "" if self.experiments == 1 else "s"
+        of = f" of {self.experiments} new experiment{plural}"
+        if self.budget is None:
+            return f"all plans{of}"
+        return f"all plans{of if self.sized else ''} within a budget of {self.budget:g}"
 
     def headline(self) -> str:
         """The subject, and whether all claims hold."""
@@ -230,6 +232,7 @@ def verify_certificate(content: dict[str, Any]) -> Verification:
         covered="bound_proved" in case.stated,
         experiments=int(case.made.amount.sum()) if case.amounts_are_sound else 0,
         budget=None if case.day is None else case.day.budget,
+        sized=case.day is not None and case.day.visits is not None,
         exact=_exact_in_words(case),
     )
 

@@ -14,7 +14,7 @@ from edtk.certificate.verify_exact import verify_exact
 from edtk.certificate.verify_problem import KIND, verify_problem
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem
-from edtk.system.errors import ArgumentError, UserError
+from edtk.system.errors import ArgumentError, UserError, whole_number
 from edtk.system.files import read_text
 from edtk.system.parsing import parse_json
 
@@ -33,6 +33,7 @@ def verify(
     certificate: Path | str | dict[str, Any],
     study: "StudyLike | Problem | None" = None,
     *,
+    size: int | None = None,
     keep: "PlanLike | None" = None,
     exclude: Path | str | None = None,
     cost_budget: float | None = None,
@@ -52,6 +53,9 @@ def verify(
         study: A study, or its file, whose setting the certificate must have; defaults to none, and
             then the certificate's own setting is taken as given. A certificate of a `Problem`, as
             `Relaxation.to_dict` makes it, needs that problem here.
+        size: Number of experiments that was asked for, kept ones counted, as `edtk.plan` had it or
+            `edtk.relax` where something is known beforehand; with a study. Defaults to any number
+            of a plan, and to the study's sizes for weights beside a prior.
         keep: The experiments that were made before, as `edtk.plan` had them; with a study, a
             certificate takes no others as made.
         exclude: The poses that plans stay away from besides those that the study names, likewise.
@@ -83,7 +87,7 @@ def verify(
     except ValueError as error:
         raise UserError(f"not a certificate: {error}", where=where) from error
     if study is None:
-        given = {"keep": keep, "exclude": exclude, "cost_budget": cost_budget}
+        given = {"size": size, "keep": keep, "exclude": exclude, "cost_budget": cost_budget}
         for argument, value in given.items():
             if value is not None:
                 message = "what a plan was asked for goes with a study; expected one"
@@ -97,7 +101,8 @@ def verify(
     asked = as_study(study)
     if exclude is not None:
         asked = asked.excluding(exclude)
-    beside = _beside_study(content, asked, keep, cost_budget)
+    questions = _other_size(content, found, asked, size)
+    beside = _beside_study(content, asked, keep, cost_budget, questions)
     return replace(found, claims=(*beside, *found.claims), of_study=True)
 
 
@@ -116,9 +121,21 @@ def _of_problem(content: dict[str, Any], problem: object, where: str) -> Verific
 
 
 def _beside_study(
-    content: dict[str, Any], study: "StudyLike", keep: "PlanLike | None", cost_budget: float | None
+    content: dict[str, Any],
+    study: "StudyLike",
+    keep: "PlanLike | None",
+    cost_budget: float | None,
+    others: list[str],
 ) -> tuple[Claim, Claim]:
-    """The claims that a certificate's setting, and what it asks, are those of a study."""
+    """The claims that a certificate's setting, and what it asks, are those of a study.
+
+    Args:
+        content: The certificate.
+        study: The study.
+        keep: The experiments that were made before.
+        cost_budget: What a day may cost, where the study does not say.
+        others: What else of the question is another one.
+    """
     # Imported late: studies bring pydantic, which the check of a file alone need not pay.
     from edtk.design.exact.day import DayCosts
     from edtk.study.plan_study import day_costs
@@ -135,6 +152,7 @@ def _beside_study(
     other += _other_costs(content, costs)
     reason = f"the study has another {', '.join(other)}" if other else ""
     questions = [
+        *others,
         *_other_candidates(content, known),
         *_other_budget(content, costs),
         *_other_kept(content, None if keep is None else as_plan(known, keep)),
@@ -167,6 +185,34 @@ def _other_candidates(content: dict[str, Any], study: "Study") -> list[str]:
     if any(proof["sampling"] != keys.sampling for proof in proofs):
         found.append(f"the study's candidates are {keys.sampling}")
     return found
+
+
+def _other_size(
+    content: dict[str, Any], found: Verification, study: "Study", size: int | None
+) -> list[str]:
+    """How a certificate is about another number of experiments than asked for.
+
+    Weights have a size only where experiments share what is known beforehand: the more of them,
+    the smaller is the share of each.
+
+    Raises:
+        ArgumentError: The size is no whole number, or goes with weights that have none.
+    """
+    asked = None if size is None else whole_number(size, "size", 1)
+    if found.kind == "plan":
+        number = found.experiments + found.kept
+        words = f"the plan has {number} experiments, kept ones counted"
+        return [] if asked in (None, number) else [f"{words}, and {asked} are asked for"]
+    if not found.prior:
+        if asked is not None:
+            message = "weights have no size without a prior in the design; expected none"
+            raise ArgumentError(message, argument="size", given=asked)
+        return []
+    sizes = study.specification.sizes if asked is None else (asked,)
+    if content["sharing"] in sizes:
+        return []
+    words = f"{content['sharing']} experiments share what is known beforehand"
+    return [f"{words}; expected {' or '.join(map(str, sizes))}, or their number beside the study"]
 
 
 def _other_budget(content: dict[str, Any], costs: "DayCosts") -> list[str]:

@@ -6,14 +6,20 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from arm import arm
+from click.testing import CliRunner
 from loaded_arm import LOAD, STUDY
 
 import edtk
 from edtk.certificate import proof as largest_sensitivities
+from edtk.cli import main
 from edtk.design.relaxation import search_continuum
 
 Content = dict[str, Any]
+SPRINGS = arm()
+KNOWN = {"joints": {"q1": {"kind": "normal", "mean_rad_per_Nm": 3e-6, "std_rad_per_Nm": 1e-6}}}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -126,3 +132,64 @@ def test_experiments_that_nobody_has_made(honest: Content) -> None:
     found = edtk.verify(consistent(content), STUDY)
     assert "experiments are taken as made before" in found.summary()
     assert "question" in found.failed
+
+
+@pytest.mark.cell("`verify --size`", "springs", "parameters")
+@pytest.mark.parametrize("study", [SPRINGS, STUDY], ids=["springs", "parameters"])
+def test_a_plan_of_another_size(study: edtk.Study, tmp_path: Path) -> None:
+    """It is the answer to another question; without a size the first line says its number."""
+    edtk.plan(study, 6, certificate=tmp_path / "c.json")
+    content = json.loads((tmp_path / "c.json").read_text())
+    assert edtk.verify(content, study, size=6).valid
+    content["experiments"][0]["repeats"] += 1
+    more = consistent(content)
+    assert "all plans of 7 new experiments" in edtk.verify(more, study).proved
+    found = edtk.verify(more, study, size=6)
+    assert found.failed == ("question",)
+    assert "the plan has 7 experiments, kept ones counted, and 6 are asked for" in found.summary()
+    study.to_toml(tmp_path / "study.toml")
+    (tmp_path / "more.json").write_text(json.dumps(more))
+    command = ["verify", str(tmp_path / "more.json"), "--study", str(tmp_path / "study.toml")]
+    codes = [CliRunner().invoke(main, [*command, "--size", size]).exit_code for size in "76"]
+    assert codes == [0, 1]
+    run = CliRunner().invoke(main, [*command[:2], "--size", "6"])
+    assert (run.exit_code, "goes with a study" in run.stderr) == (2, True), run.output
+
+
+def test_a_size_counts_kept_experiments(tmp_path: Path) -> None:
+    """As that of `edtk plan` does."""
+    kept = edtk.Plan(np.array([[0.5, 0.7]]), np.array([LOAD], dtype=float), np.array([2]))
+    edtk.plan(STUDY, 6, keep=kept, certificate=tmp_path / "c.json")
+    assert edtk.verify(tmp_path / "c.json", STUDY, size=6, keep=kept).valid
+    found = edtk.verify(tmp_path / "c.json", STUDY, size=4, keep=kept)
+    assert found.failed == ("question",)
+
+
+@pytest.mark.parametrize("study", [SPRINGS, STUDY], ids=["springs", "parameters"])
+def test_a_prior_that_too_few_experiments_share(study: edtk.Study, tmp_path: Path) -> None:
+    """Weights look the better, the fewer share what is known; their number is the study's."""
+    known = study.replace(prior=KNOWN | {"in_design": True}, sizes=[4, 9])
+    edtk.relax(known, certificate=tmp_path / "c.json")
+    content = json.loads((tmp_path / "c.json").read_text())
+    assert edtk.verify(content, known).valid
+    assert edtk.verify(content, known, size=9).failed == ("question",)
+    content["sharing"] = 1
+    forged = consistent(content)
+    assert edtk.verify(forged).valid
+    found = edtk.verify(forged, known)
+    assert found.failed == ("question",)
+    assert "1 experiments share what is known beforehand; expected 4 or 9" in found.summary()
+    edtk.relax(study, certificate=tmp_path / "bare.json")
+    with pytest.raises(edtk.UserError, match="weights have no size without a prior"):
+        edtk.verify(tmp_path / "bare.json", study, size=4)
+
+
+def test_a_budget_beside_a_size_is_said(tmp_path: Path) -> None:
+    """A plan of few visits is judged beside plans as small, not beside all that are paid for."""
+    priced = STUDY.replace(costs={"visit": 1, "budget": 20})
+    edtk.plan(priced, 6, certificate=tmp_path / "c.json")
+    found = edtk.verify(tmp_path / "c.json", priced)
+    assert "beside all plans of 6 new experiments within a budget of 20 is searched" in found.proved
+    edtk.plan(priced, certificate=tmp_path / "c.json")
+    found = edtk.verify(tmp_path / "c.json", priced)
+    assert "beside all plans within a budget of 20 is searched" in found.proved

@@ -313,7 +313,7 @@ def test_certificates_with_a_prior_are_verified(criterion: str, tmp_path: Path) 
     edtk.plan(study, 6, criterion, certificate=tmp_path / "plan.json")
     for name in ("relaxed", "plan"):
         content = json.loads((tmp_path / f"{name}.json").read_text())
-        assert edtk.verify(content, study).valid
+        assert edtk.verify(content, study, size=6).valid
         content["setting"]["prior"][0][-1] += 1.0
         assert not edtk.verify(content).valid
 
