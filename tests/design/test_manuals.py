@@ -1,5 +1,6 @@
 """Examples of other packages' manuals: no plan and no weights here are worse than theirs."""
 
+import functools
 import itertools
 
 import numpy as np
@@ -243,3 +244,137 @@ def test_weights_are_at_least_as_good_as_printed(name):
     theirs = float(edtk.criteria.create(criterion).cost(M))
     assert found.cost <= theirs * (1 + TOLERANCE)
     assert found.gap < 1e-6
+
+
+def negative_binomial(x, theta):
+    """Root of lambda (1 + lambda / 10) at the first guess, lambda = 2 exp(-3 x)."""
+    mean = 2 * np.exp(-3 * x[..., 0])
+    return np.sqrt(mean * (1 + mean / 10))
+
+
+RICHARDS = "a / (1 + b * exp(-rate * x))**h"
+WEIBULL = "a - b * exp(-rate * x**h)"
+POISSON = {"family": "Poisson"}
+BINOMIAL = {"family": "binomial"}
+# LDOD 1.0, examples of its manual: formula, theta, interval, and what else the model has.
+LDOD = {
+    "ldmm, form 1": ("a * x / (1 + b * x)", {"a": 1, "b": 2}, (0, 3), {}),
+    "ldmm, form 2": ("a * x / (b + x)", {"a": 1, "b": 2}, (0, 3), {}),
+    "ldmm, form 3": ("x / (a + b * x)", {"a": 1, "b": 2}, (0, 3), {}),
+    "ldiq, form 1": ("a * x / (b + x + c * x**2)", {"a": 17, "b": 15, "c": 9}, (0, 15), {}),
+    "ldiq, form 2": ("x / (a + b * x + c * x**2)", {"a": 17, "b": 15, "c": 9}, (0, 15), {}),
+    "ldnbinom": (
+        "a * exp(-b * x)",
+        {"a": 2, "b": 3},
+        (-3, 3),
+        {"sigma": negative_binomial},
+    ),
+    "ldpoisson, form 1": ("a + b * x", {"a": 0.9, "b": 0.8}, (-5, 5), POISSON),
+    "ldpoisson, form 2": (
+        "a * exp(-b * x)",
+        {"a": 0.9, "b": 0.8},
+        (-5, 5),
+        {"family": "Poisson", "link": "identity"},
+    ),
+    "ldpoisson, steep": ("a + b * x", {"a": 22, "b": 16}, (9, 12), POISSON),
+    "ldemax": ("a + b * x / (x + c)", {"a": 1, "b": 2, "c": 3}, (0, 9), {}),
+    "ldexpdose": ("a + b * exp(x / c)", {"a": 1, "b": 2, "c": 3}, (0, 9), {}),
+    "ldloglin": ("a + b * log(x + c)", {"a": 1, "b": 1, "c": 3}, (0, 3), {}),
+    "ldlogistic, form 1": ("a + b * x", {"a": 0.9, "b": 0.8}, (-5, 5), BINOMIAL),
+    "ldlogistic, form 2": ("b * (x - a)", {"a": 0.9, "b": 0.8}, (-5, 5), BINOMIAL),
+    "ldlogistic, steep": ("a + b * x", {"a": 20, "b": 10}, (-5, 5), BINOMIAL),
+    "ldlogistic, wide": ("a + b * x", {"a": 22, "b": 10}, (-5, 20), BINOMIAL),
+    "ldrichards": (RICHARDS, {"a": 1, "b": 2, "rate": 2, "h": 3}, (0, 3), {}),
+    "ldrichards, long": (RICHARDS, {"a": 1, "b": 4, "rate": 3, "h": 6}, (0, 19), {}),
+    "ldweibull": (WEIBULL, {"a": 1, "b": 1, "rate": 2, "h": 1}, (1e-10, 3), {}),
+    "ldweibull, long": (WEIBULL, {"a": 1, "b": 1, "rate": 3, "h": 1}, (0.001, 19), {}),
+}
+# Equally weighted points as printed, and a unit of their last digit. Where a response has long
+# ended, as of "long" models, its last point lies anywhere beyond, and is not compared.
+LDOD_OPTIMA = [
+    ("ldmm, form 1", [0.375, 3], 1e-3),
+    ("ldmm, form 2", [0.8571428, 3], 1e-7),
+    ("ldmm, form 3", [0.375, 3], 1e-3),
+    ("ldiq, form 1", [0.4141466, 1.2909896, 4.0242083], 1e-7),
+    ("ldiq, form 2", [0.33, 1.37, 5.62], 1e-2),  # in the manual of cfderiv
+    ("ldnbinom", [-3, -0.8115872], 1e-7),
+    ("ldpoisson, form 1", [2.5, 5], 1e-1),
+    ("ldpoisson, form 2", [-5, -2.5], 1e-1),
+    ("ldpoisson, steep", [11.875, 12], 1e-3),
+    ("ldemax", [0, 1.8, 9], 1e-1),
+    ("ldexpdose", [0, 6.471562, 9], 1e-6),
+    ("ldloglin", [0, 1.158884, 3], 1e-6),
+    ("ldlogistic, form 1", [-3.0542559, 0.8042557], 1e-7),
+    ("ldlogistic, form 2", [-1.029256, 2.829256], 1e-6),  # in the manuals of cfderiv and eff
+    ("ldlogistic, steep", [-2.15434, -1.84566], 1e-5),
+    ("ldrichards", [0.1805017, 0.8296549, 1.6139494, 3], 1e-7),
+    ("ldrichards, long", [0.6562008, 1.0485843, 1.5894946, 19], 1e-7),
+    ("ldweibull", [1e-10, 0.1713914120, 0.8002692550, 3], 1e-10),
+    ("ldweibull, long", [0.001, 0.1205858, 0.5544623, 19], 1e-7),
+]
+# Points at which the manual shows its search to end with a bad seed.
+LDOD_STUCK = [
+    ("ldlogistic, steep", [-4.746680, -1.976591]),
+    ("ldlogistic, steep", [-4.994817, -2.027005]),
+    ("ldpoisson, steep", [9.208083, 11.467731]),
+    ("ldpoisson, steep", [10.05836, 11.80563]),
+    ("ldrichards, long", [5.022689, 11.520735, 17.815197, 19]),
+    ("ldrichards, long", [2.198258, 7.557164, 18.789277, 19]),
+    ("ldweibull, long", [0.001, 0.2991952, 5.2428039, 19]),
+    ("ldweibull, long", [0.001, 1.217404, 3.566328, 19]),
+]
+# Points, weights and D-efficiency of a user's design. Weights of a sum below one are not
+# normalised by LDOD 1.0, so that three of 0.33 cost a hundredth of the efficiency there.
+LDOD_EFFICIENCIES = [
+    ("ldemax", [1, 5, 4], [0.33] * 3, 0.15379),
+    ("ldexpdose", [1, 5, 4], [0.33] * 3, 0.07392),
+    ("ldiq, form 2", [10, 2, 4], [0.33] * 3, 0.18099),
+    ("ldloglin", [0.18, 0.82, 1.61, 3, 2], [0.2] * 5, 0.68677),
+    ("ldmm, form 3", [0.5, 3, 2], [0.33] * 3, 0.83174),
+    ("ldnbinom", [2, -3], [0.5] * 2, 0.06099),
+    ("ldpoisson, form 1", [3, 4], [0.5] * 2, 0.32749),
+    ("ldlogistic, wide", [20, 5], [0.5] * 2, 0.0),  # not a number without 321 bits there
+]
+
+
+@functools.cache
+def best_of_ldod(model):
+    """Region of a model, and its D-optimal weights."""
+    formula, theta, interval, options = LDOD[model]
+    region = edtk.Region.of_model(formula, theta, interval, **options)
+    return region, edtk.relax(region, "D")
+
+
+def efficiency(region, found, points, weights):
+    """D-efficiency of points and weights beside the weights found, det(M)^(1/p) over the best."""
+    M = region.problem(np.reshape(points, (-1, 1))).information(np.array(weights))
+    return found.cost / float(edtk.criteria.create("D").cost(M))
+
+
+@pytest.mark.parametrize(("model", "points", "unit"), LDOD_OPTIMA)
+def test_designs_of_ldod_are_found_and_proved(model, points, unit):
+    """No worse than printed, and each point within a unit of its last digit, or 1e-5 of the range.
+
+    A point that is off by d costs the order of d^2: searches that end at 1e-10 tell no more of it.
+    """
+    region, found = best_of_ldod(model)
+    assert found.gap < 1e-6
+    assert efficiency(region, found, points, [1 / len(points)] * len(points)) <= 1 + TOLERANCE
+    told = points[:-1] if model.endswith("long") else points
+    distances = np.abs(np.subtract.outer(told, found.points[:, 0])).min(axis=1)
+    assert distances.max() <= max(unit, 1e-5 * np.ptp(region.limits))
+
+
+@pytest.mark.parametrize(("model", "points"), LDOD_STUCK)
+def test_designs_where_ldod_stops_early_are_known_as_bad(model, points):
+    """Our optimum, whose bound is proved, is fifty times better than where its search may end."""
+    region, found = best_of_ldod(model)
+    assert found.gap < 1e-6
+    assert efficiency(region, found, points, [1 / len(points)] * len(points)) < 0.02
+
+
+@pytest.mark.parametrize(("model", "points", "weights", "theirs"), LDOD_EFFICIENCIES)
+def test_efficiencies_are_those_of_ldod(model, points, weights, theirs):
+    """To the five digits that its manual prints."""
+    region, found = best_of_ldod(model)
+    assert efficiency(region, found, points, weights) == pytest.approx(theirs, abs=0.51e-5)
