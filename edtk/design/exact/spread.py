@@ -10,6 +10,7 @@ from edtk.design.exact.apportion import apportion
 from edtk.design.exact.round_poses import to_steps
 from edtk.design.plan import Plan
 from edtk.robots.robot import joint_distance
+from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Mask
 
 MOST_POSES = 400  # of a plan that is spread; beyond them poses are repeated
@@ -36,7 +37,8 @@ def spread(
     Poses that are nearer to each other than `VisitNoise.within`, both with a load or both without,
     share what the model leaves out. Around an optimum, where the criterion is flat, they can all be
     elsewhere. Each pose in turn takes the best place among random ones nearby that are feasible and
-    keep the distance. A pose without such a place stays where it is, and shares.
+    keep the distance. A pose without such a place stays where it is, and shares; so does each whose
+    turn comes when the time is over (`time_limit`).
 
     Args:
         space: Model and feasible set, with noise that visits share.
@@ -55,11 +57,15 @@ def spread(
         q, loaded = kept.q, np.any(kept.wrench, axis=1).astype(float)
     search = _Spread(space, criterion, space.noise.within * (1 + MARGIN), repeats, q, loaded)
     for i in range(len(x)):
+        if out_of_time():
+            return x
         if search.is_crowded(x, i):
             x = search.moved(x, i, at_any_cost=True)
     cost = search.cost(x)
     for _ in range(min(PASSES, max(1, VISITS // len(x)))):
         for i in range(len(x)):
+            if out_of_time():
+                return x
             x = search.moved(x, i)
         last = cost
         cost = search.cost(x)

@@ -1,6 +1,7 @@
 """The search for the best visits: exchange among good poses, then all joints together."""
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -42,7 +43,15 @@ WEIGHTY = 0.5  # part of the starts that are drawn by the weights of the relaxat
 # Time [s] of a relaxation whose search is long enough for other processes of this machine, each of
 # which takes a second to load what it needs.
 LONG = 2.0
+# Share of the time, where there is a limit, after which visits that share an error of the model are
+# moved apart: some 50 ms a visit of 35 parameters. Tuned on 30 and 100 visits on a KUKA KR 270
+# within 5 to 20 s, whose rho0 is a third worse where no time is left for it.
+SHARE_UNTIL_SPREAD = 0.5
 SEED = 2  # the stream of random numbers that starts come from
+
+# Starts, how many of the best plans are the same, different ones, and why the search ended.
+_Ending = tuple[int, int, int, str]
+_Best = tuple[Array, Array, _Ending]  # one plan (k, v), its repetitions (k,), and how it was found
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,17 +95,19 @@ class VisitSearch:
         """
         if distinct is not None and not self.repeated:
             return replace(self, repeated=True).of_size(m, distinct)
-        pool, weights = self._pool()
-        rng = np.random.default_rng((self.seed, SEED))
-        k = m if distinct is None else min(m, distinct)
-        starts = self._starts(rng, weights, k)
-        if out_of_time():
-            starts = starts[:1]
-        even = np.tile(apportion(np.ones(k), m).astype(float), (len(starts), 1))
-        places, repeats, costs = self._each("_exchanged", starts, even, pool=pool)
-        elite = np.argsort(costs, kind="stable")[:ELITE]
-        self.progress(_counted(len(starts)), float(costs[elite[0]]))
-        return self._finished(pool.x[places[elite]], repeats[elite], pool, len(starts))
+        with self._until_spread():
+            pool, weights = self._pool()
+            rng = np.random.default_rng((self.seed, SEED))
+            k = m if distinct is None else min(m, distinct)
+            starts = self._starts(rng, weights, k)
+            if out_of_time():
+                starts = starts[:1]
+            even = np.tile(apportion(np.ones(k), m).astype(float), (len(starts), 1))
+            places, repeats, costs = self._each("_exchanged", starts, even, pool=pool)
+            elite = np.argsort(costs, kind="stable")[:ELITE]
+            self.progress(_counted(len(starts)), float(costs[elite[0]]))
+            found = self._finished(pool.x[places[elite]], repeats[elite], pool, len(starts))
+        return self._spread(found)
 
     def within(
         self, prices: Array, funds: float, m: int, sized: bool, distinct: int | None = None
@@ -147,7 +158,9 @@ class VisitSearch:
             # Only now the number of visits is known that share what is known besides.
             shared = replace(self.space, prior=base / repeats.sum(), sharing=int(repeats.sum()))
             finishing = replace(self, space=shared)
-        return finishing._finished(pool.x[chosen][None], repeats[None], None, starts)
+        with self._until_spread():
+            best = finishing._finished(pool.x[chosen][None], repeats[None], None, starts)
+        return finishing._spread(best)
 
     def _with_one_fewer(
         self, problem: Problem, limits: Limits, chosen: Indices, starts: int
@@ -180,6 +193,15 @@ class VisitSearch:
                 break
         return None if best is None else (best[1], best[2])
 
+    @property
+    def _shares(self) -> bool:
+        """Whether visits near each other share an error."""
+        return self.space.noise is not None and self.space.noise.shares
+
+    def _until_spread(self) -> AbstractContextManager[None]:
+        """Leave time to move visits apart, where they share an error."""
+        return time_limit((SHARE_UNTIL_SPREAD if self._shares else 1.0) * time_left())
+
     def _pool(self) -> tuple[Candidates, Array]:
         """Visits among which places are exchanged, and the weights (n,) of the relaxation."""
         head = self.relaxed.source.take(self.relaxed.candidates)
@@ -200,9 +222,7 @@ class VisitSearch:
             drawn.append(rng.choice(n, m, p=weights / weights.sum() if by_weight else None))
         return np.array(drawn)
 
-    def _finished(
-        self, x: Array, repeats: Array, pool: Candidates | None, starts: int
-    ) -> FoundPlan:
+    def _finished(self, x: Array, repeats: Array, pool: Candidates | None, starts: int) -> _Best:
         """The best of some plans (b, k) after refinement, in poses that a controller takes."""
         ended = "starts"
         costs = np.asarray(self.criterion.cost(self.space.at(x).information(repeats))).reshape(-1)
@@ -265,22 +285,26 @@ class VisitSearch:
         places, costs = exchange(pool.problem, self.criterion, places, repeats, thorough=False)
         return places, repeats, costs
 
-    def _rounded(self, x: Array, repeats: Array, search: tuple[int, int, int, str]) -> FoundPlan:
+    def _rounded(self, x: Array, repeats: Array, search: _Ending) -> _Best:
         """One plan (k, v), refined to the end and rounded to the steps of the controller."""
-        starts, found, optima, ended = search
         used = repeats > 0
         x, repeats = x[used], repeats[used]
-        if ended == "starts":
+        if search[-1] == "starts":
             x = refine(self.space, self.criterion, x[None], repeats[None], FINEST, SHARPEST)[0][0]
-        shares = self.space.noise is not None and self.space.noise.shares
-        x, repeats = round_plan(self.space, self.criterion, x, repeats, merge=not shares)
-        if shares:
+        x, repeats = round_plan(self.space, self.criterion, x, repeats, merge=not self._shares)
+        return x, repeats, search
+
+    def _spread(self, best: _Best) -> FoundPlan:
+        """The plan, whose visits are moved apart where they share an error."""
+        x, repeats, (starts, found, optima, ended) = best
+        if self._shares:
             x, repeats = (x, repeats) if self.repeated else divided(x, repeats)
-            x = spread(self.space, self.criterion, x, repeats, self.kept)
+            with time_limit(0.0 if ended == "interrupted" else np.inf):
+                x = spread(self.space, self.criterion, x, repeats, self.kept)
         order = np.lexsort((*np.round(x.T[::-1], 9), self.space.load_of(x)))
         x, repeats = x[order], repeats[order]
         M = self.space.problem(x).information(repeats)
-        if shares:
+        if self._shares:
             M = self.space.information(self.space.plan(x, repeats.astype(int)))
         cost = float(self.criterion.cost(M))
         return FoundPlan(x, repeats.astype(int), cost, starts, found, optima, ended)

@@ -502,6 +502,8 @@ class _Run:
         is_new = True
         earlier: RelaxedPlan | None = None
         for turn in range(1, ROUNDS + 1):
+            if out_of_time():
+                return
             Z = active.relaxation.multipliers
             accuracy = min(ASCENT_ACCURACY * away, LEAST_ACCURACY)
             searched, found = search_continuum(

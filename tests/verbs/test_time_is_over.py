@@ -1,0 +1,82 @@
+"""After the end of a budget nothing is begun: counted on a clock that counts looks at it."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from arm import arm
+from loaded_arm import STUDY
+
+import edtk
+from edtk.design.exact.spread import _Spread
+from edtk.design.exact.visit_search import VisitSearch
+from edtk.design.interior_point import descend
+from edtk.design.relaxation import relax_poses, search_continuum
+from edtk.system import time_limit
+
+NOISE = {"discrepancy_mm": 0.1, "discrepancy_within_deg": 5}
+PRICED = {"visit": 1, "load_change": 2, "budget": 9}
+STUDIES = {
+    "springs": arm(noise=NOISE),
+    "parameters": STUDY.replace(noise=NOISE),
+    "a day": STUDY.replace(noise=NOISE, costs=PRICED),
+}
+# What may be left out, by the place where it is begun.
+STEPS: dict[str, tuple[object, str]] = {
+    "another search of poses": (relax_poses, "fresh_poses"),
+    "ascents": (relax_poses, "search_continuum"),
+    "a step of a descent": (descend, "step"),
+    "a refinement": (VisitSearch, "_refined"),
+    "a visit moves": (_Spread, "moved"),
+}
+
+
+class Clock:
+    """Each look at it takes a second."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        """The time."""
+        self.now += 1.0
+        return self.now
+
+
+def begun(
+    monkeypatch: pytest.MonkeyPatch, study: edtk.Study, budget: float
+) -> dict[str, list[float]]:
+    """How long before the end of the budget each step was begun."""
+    clock = Clock()
+    found: dict[str, list[float]] = {name: [] for name in STEPS}
+
+    def counted(name: str, own: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: Any, **options: Any) -> Any:
+            found[name].append(time_limit._end.get() - clock.now)
+            return own(*arguments, **options)
+
+        return call
+
+    with monkeypatch.context() as patch:
+        patch.setattr(time_limit, "monotonic", clock)
+        patch.setattr(search_continuum, "SCREEN", 500)
+        for name, (place, attribute) in STEPS.items():
+            patch.setattr(place, attribute, counted(name, getattr(place, attribute)))
+        size = None if study.specification.costs else 6
+        plan = edtk.plan(study, size, "D", budget=budget, workers=1)
+    assert plan.plan.experiments >= 3
+    assert plan.efficiency <= 1 + 1e-9
+    return found
+
+
+@pytest.mark.parametrize("kind", STUDIES)
+def test_after_the_deadline_nothing_is_begun(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wherever the time ends, no step begins after it; with more time each kind of step does."""
+    every: set[str] = set()
+    for budget in (1, 20, 60, 150, 400, 1000, 3000, 10000):
+        steps = begun(monkeypatch, STUDIES[kind], budget)
+        for name, left in steps.items():
+            assert all(seconds > 0 for seconds in left), (name, budget, min(left))
+            every |= {name} if left else set()
+    expected = set(STEPS) - ({"a refinement"} if kind == "springs" else set())
+    assert every == expected
