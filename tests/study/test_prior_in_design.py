@@ -131,10 +131,10 @@ def test_certificates_carry_the_prior():
     for found in (relax_study(MARGINAL, "D", size=3), relax_study(MARGINAL, "rho0", size=3)):
         content = json.loads(json.dumps(certificate(MARGINAL, found)))
         assert content["sharing"] == 3
-        checked = verify(content, MARGINAL)
+        checked = verify(content, MARGINAL, size=3)
         assert checked.valid, checked.failed
         assert checked.prior
-        assert verify(content, STUDY).failed == ("study",)
+        assert verify(content, STUDY, size=3).failed == ("study",)
         other = json.loads(json.dumps(content))
         other["sharing"] = 2
         assert "value" in verify_certificate(other).failed
