@@ -103,6 +103,11 @@ class ConvexCriterion(Relaxable):
         S = np.linalg.inv(W)
         return self.polar(B @ B.T, S.T @ S)
 
+    def dual_weights_of_root(self, B: Array, W: Array) -> Array | None:
+        """The weights that `polar_of_root` takes, see `dual_weights`."""
+        S = np.linalg.inv(W)
+        return self.dual_weights(B @ B.T, S.T @ S)
+
     def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
         """The best of ``polar(Z_j) t_j^-degree``, which follows from homogeneity.
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from criteria.convex_criterion import ConvexCriterion
 from criteria.criterion import CovarianceCriterion, KinkedCriterion
-from criteria.linalg.inverse import power_trace, power_trace_of_root, whitener
+from criteria.linalg.inverse import lowered_root, power_trace_of_root, whitener
 from criteria.linalg.logarithms import soft_maximum
 from criteria.linalg.spectrum import conjugate
 from criteria.linalg.typing import Array
@@ -45,23 +45,22 @@ class GOptimality(KinkedCriterion, CovarianceCriterion, ConvexCriterion):
         choice ``u ~ diag(M Z M)``; the steps ``u ~ diag(K^(1/2))`` never make it worse. The second
         choice is all weight on the largest variance.
         """
-        return power_trace(_scaled(Z, self.dual_weights(Z, M)), 0.5) ** 2
+        return self.polar_of_root(lowered_root(Z).T, whitener(M))
 
     def dual_weights(self, Z: Array, M: Array) -> Array:
         """The weights u (p,) of sum one that `polar` takes."""
-        T = whitener(M)
-        # M = S'S and cov = T T', so that no unit of a parameter costs digits.
-        S = np.linalg.inv(T)
-        variances = np.square(T).sum(axis=1)
-        at_optimum = np.einsum("ai,ab,bi->i", S, S @ Z @ S.T, S)
-        parts = at_optimum * variances
-        at_optimum = np.where(parts > NEGLIGIBLE * parts.max(), at_optimum, 0.0)
-        on_largest = (np.arange(len(parts)) == variances.argmax()).astype(float)
-        found = [_best_weights(Z, at_optimum), _best_weights(Z, on_largest)]
-        return max(found, key=lambda best: best[0])[1]
+        return self.dual_weights_of_root(lowered_root(Z).T, whitener(M))
 
     def polar_of_root(self, B: Array, W: Array) -> float:
         """The same, with singular values of ``U^(1/2) B`` in place of the roots of K."""
+        return self._best_of_root(B, W)[0]
+
+    def dual_weights_of_root(self, B: Array, W: Array) -> Array:
+        """The weights that `polar_of_root` takes."""
+        return self._best_of_root(B, W)[1]
+
+    def _best_of_root(self, B: Array, W: Array) -> tuple[float, Array]:
+        """The polar of ``Z = B B'`` near ``(W W')^-1``, and its weights."""
         variances = np.square(W).sum(axis=1)
         # M Z M = S'(S B)(S B)'S with M = S'S.
         S = np.linalg.inv(W)
@@ -69,7 +68,8 @@ class GOptimality(KinkedCriterion, CovarianceCriterion, ConvexCriterion):
         parts = at_optimum * variances
         at_optimum = np.where(parts > NEGLIGIBLE * parts.max(), at_optimum, 0.0)
         on_largest = (np.arange(len(parts)) == variances.argmax()).astype(float)
-        return max(_best_of_root(B, at_optimum), _best_of_root(B, on_largest))
+        found = [_best_weights(B, at_optimum), _best_weights(B, on_largest)]
+        return max(found, key=lambda best: best[0])
 
     def expression(self, M: "cp.Expression", T: Array | None = None) -> "cp.Expression":
         """``max_j t_j M^-1 t_j'`` over the rows t_j of T."""
@@ -95,43 +95,22 @@ class GOptimality(KinkedCriterion, CovarianceCriterion, ConvexCriterion):
         return -conjugate(cov, slopes)
 
 
-def _best_of_root(B: Array, weights: Array) -> float:
-    """The best polar of `_best_weights` of ``Z = B B'``."""
-    best = 0.0
-    for _ in range(STEPS):
-        if not weights.sum() > 0:
-            return best
-        scaled = np.sqrt(weights / weights.sum())[:, None] * B
-        best = max(best, power_trace_of_root(scaled, 0.5) ** 2)
-        if np.count_nonzero(weights) == 1:
-            break  # all weight on one variance stays there
-        U, s, _ = np.linalg.svd(scaled, full_matrices=False)
-        weights = np.square(U) @ s
-    return best
-
-
-def _scaled(Z: Array, weights: Array) -> Array:
-    """``U^(1/2) Z U^(1/2)`` for weights (p,) on the diagonal of U."""
-    root = np.sqrt(weights)
-    return root[:, None] * Z * root
-
-
-def _best_weights(Z: Array, weights: Array) -> tuple[float, Array]:
+def _best_weights(B: Array, weights: Array) -> tuple[float, Array]:
     """The best of the polars of weighted A-criteria on the way from given weights, and its own."""
     best = 0.0
     best_weights = np.zeros_like(weights)
-    if not weights.any():
-        return best, best_weights  # no weights, no proof
     # Each step is a fixed-point iteration of "weights are the diagonal of the root of K".
     for _ in range(STEPS):
+        if not weights.sum() > 0:
+            break  # no weights, no proof
         weights = weights / weights.sum()
-        K = _scaled(Z, weights)
-        found = power_trace(K, 0.5) ** 2
+        scaled = np.sqrt(weights)[:, None] * B
+        found = power_trace_of_root(scaled, 0.5) ** 2
         if found > best:
             best = found
             best_weights = weights
         if np.count_nonzero(weights) == 1:
             break  # all weight on one variance stays there
-        values, V = np.linalg.eigh(K)
-        weights = np.square(V) @ np.sqrt(np.maximum(values, 0.0))
+        U, s, _ = np.linalg.svd(scaled, full_matrices=False)
+        weights = np.square(U) @ s
     return best, best_weights

@@ -116,6 +116,13 @@ class Transformed(Relaxable):
         assert isinstance(self.base, ConvexCriterion)
         return self.base.polar_of_root(self.T @ lowered_root(Z).T, self.T @ whitener(M))
 
+    def dual_weights(self, Z: Array, M: Array) -> Array | None:
+        """The base's, of the same roots."""
+        if type(self.base).dual_weights is Relaxable.dual_weights:
+            return None
+        assert isinstance(self.base, ConvexCriterion)
+        return self.base.dual_weights_of_root(self.T @ lowered_root(Z).T, self.T @ whitener(M))
+
     def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
         """The base's: of polars where it has them, else of the multipliers ``T Z T'``."""
         if type(self.base).lower_bound is not ConvexCriterion.lower_bound:

@@ -87,7 +87,7 @@ def certificate(
         if day is not None:
             answer["day"] = day
         elif found.on_candidates is not None:
-            answer[ON_CANDIDATES] = _exact(found.on_candidates, relaxed.criterion)
+            answer[ON_CANDIDATES] = _exact(found.on_candidates)
     else:
         answer = {
             "kind": "relaxation",
@@ -179,7 +179,7 @@ def _proof(relaxed: RelaxedPlan) -> dict[str, Any]:
     }
 
 
-def _exact(one: OnCandidates, criterion: criteria.Criterion) -> dict[str, Any]:
+def _exact(one: OnCandidates) -> dict[str, Any]:
     """The proof about all plans of whole experiments on candidates, which the seed tells."""
     chosen = np.flatnonzero(one.counts)
     return {
@@ -188,7 +188,7 @@ def _exact(one: OnCandidates, criterion: criteria.Criterion) -> dict[str, Any]:
         "value": one.value,
         "bound_exact": one.bound.value,
         "proved_exact": one.proved,
-        "tree": tree_to_dict(one.tree, criterion, one.information),
+        "tree": tree_to_dict(one.tree),
     }
 
 

@@ -115,4 +115,4 @@ class ExactOnCandidates:
         lengths = [len(target) for target in targets]
         number = np.arange(len(targets)) if form == "worst" else np.zeros(len(targets))
         groups = np.repeat(number.astype(float), lengths).astype(int)
-        return Part(form, power, np.concatenate(targets).T, 1.0, groups)
+        return Part(form, power, np.concatenate(targets).T, 1.0, groups, needs_all=True)

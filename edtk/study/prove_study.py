@@ -59,7 +59,6 @@ def prove_on_candidates(
         best=cost,
         plan=plan,
         counts=best.counts,
-        information=M,
         tree=best.proof.tree,
         proved=best.proved_exact and cost <= best.cost * (1 + ROUNDING),
         seconds=best.seconds,

@@ -55,6 +55,8 @@ FORMS = {
     "O5": ("lengths", 1.0),
     "phi": ("phi", 1.0),
 }
+# Their combinations may be fewer than the parameters, all of which a plan must tell nevertheless.
+OF_ALL = ("rho0", "rho_max", "prediction_G")
 BALANCES = ("O2", "O4")
 BAYESIAN = ("bayes_A", "bayes_D")
 SEVERAL = ("compound", "minimax")
@@ -93,6 +95,7 @@ class Part:
         K: Combinations (p, s), one a column.
         q: The order of phi; else one.
         groups: The group (s,) of each column, of those of which the worst counts.
+        needs_all: Whether a plan must tell all parameters, even those that no combination has.
     """
 
     form: str
@@ -100,6 +103,7 @@ class Part:
     K: Array
     q: float
     groups: Array
+    needs_all: bool = False
 
     @property
     def degree(self) -> float:
@@ -118,7 +122,8 @@ class Part:
             raise ValueError("criterion.q: expected a number from 0 to 50")
         if form == "phi" and q == 0:
             form = "volume"
-        return cls(form, power, K, q, np.repeat(np.arange(K.shape[1] // group), group))
+        groups = np.repeat(np.arange(K.shape[1] // group), group)
+        return cls(form, power, K, q, groups, name in OF_ALL)
 
     def cost(self, design: Design) -> tuple[float, float]:
         """The cost, and one that it is not above, whatever rounding did; infinite if unknown."""

@@ -372,8 +372,10 @@ class Replay:
             if self.budget is not None and counts @ self.budget.costs > self.budget.most:
                 continue
             counts = counts[: self.candidates.n]
-            found, _ = self.part.cost(Design.of(self.candidates, frame, counts))
-            if found < cost:
+            design = Design.of(self.candidates, frame, counts)
+            if self.part.needs_all and len(design.root.hidden):
+                continue
+            if self.part.cost(design)[0] < cost:
                 return "a plan of the tree costs less"
         return ""
 

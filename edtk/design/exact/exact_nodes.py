@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from criteria import Criterion, Relaxable
+from criteria import Relaxable
 from criteria.linalg.typing import triangle
 from edtk.design.information import order, unpack
 from edtk.system.typing import Array, Indices, Mask
@@ -480,19 +480,22 @@ class Merits:
         takes the place of this formula. Either errs by ``p^2 eps`` times the condition number.
         """
         p = self.p
-        X = self._regular(X)
-        size = np.trace(X, axis1=1, axis2=2)
-        if self.criterion.smooth:
-            scale, G = _by_convexity(self.criterion, X)
-        else:
-            scale, G = self._by_polar(X, sharpness)
-        error = 8 * p * p * EPS * size * np.trace(np.linalg.inv(X), axis1=1, axis2=2)
+        regular = self._regular(X)
+        if not self.criterion.smooth:
+            _, G = self.criterion.smoothed(sharpness).cost_and_gradient(regular)
+            return self.scaled(-G, X)
+        cost, G = self.criterion.cost_and_gradient(regular)
+        d = self.criterion.degree
+        scale = cost ** (-1.0 / d - 1.0) / d
+        size = np.trace(regular, axis1=1, axis2=2)
+        error = 8 * p * p * EPS * size * np.trace(np.linalg.inv(regular), axis1=1, axis2=2)
         return self.packed(-G * (scale * (1.0 + error))[:, None, None])
 
     def scaled(self, Z: Array, X: Array) -> Array:
         """Multipliers (b, q + k) of any matrices Z (b, p, p), by their polars near X (b, p, p).
 
-        They are no numbers where a matrix proves nothing.
+        Rounding may leave them eigenvalues below zero, which are raised to none. They are no
+        numbers where a matrix proves nothing: what is no number bounds no merit.
         """
         z, V = np.linalg.eigh(0.5 * (Z + np.swapaxes(Z, 1, 2)))
         Z = V * np.maximum(z, 0.0)[:, None] @ np.swapaxes(V, 1, 2)
@@ -503,23 +506,17 @@ class Merits:
         scale = proves ** (-1.0 / self.criterion.degree) * (1.0 + error)
         return self.packed(Z * scale[:, None, None])
 
+    def shares(self, Z: Array, X: Array) -> Array | None:
+        """The shares (b, k) that turn multipliers (b, q + k), made near X (b, p, p), to bounds.
+
+        They are part of a proof of a criterion that is the worst of several, as other shares prove
+        another bound; None for a criterion that needs none.
+        """
+        matrices = zip(self.unpacked(Z), self._regular(X), strict=True)
+        found = [self.criterion.dual_weights(own, near) for own, near in matrices]
+        return None if not found or found[0] is None else np.array(found)
+
     def _regular(self, X: Array) -> Array:
         """Information (b, p, p) with a little of all directions: empty places tell none."""
         size = np.trace(X, axis1=1, axis2=2) + RIDGE * self.largest
         return np.asarray(X + (RIDGE * size / self.p)[:, None, None] * np.eye(self.p))
-
-    def _by_polar(self, X: Array, sharpness: float) -> tuple[Array, Array]:
-        """Factors (b,), and gradients (b, p, p) of the smoothed cost, as `_by_convexity` has it."""
-        criterion = self.criterion
-        _, G = criterion.smoothed(sharpness).cost_and_gradient(X)
-        polars = criterion.polars(-G, X)
-        # A multiplier that proves nothing is none: it is no number, and bounds no merit.
-        proves = np.where(polars > 0, polars, np.nan)
-        return np.asarray(proves ** (-1.0 / criterion.degree)), G
-
-
-def _by_convexity(criterion: Criterion, X: Array) -> tuple[Array, Array]:
-    """Factors (b,) that scale minus the gradients to multipliers, and the gradients (b, p, p)."""
-    cost, G = criterion.cost_and_gradient(X)
-    d = criterion.degree
-    return np.asarray(cost ** (-1.0 / d - 1.0) / d), G

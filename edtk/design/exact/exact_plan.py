@@ -302,7 +302,6 @@ class OnCandidates:
         best: Cost of the best plan on them that is known.
         plan: That plan.
         counts: How often each candidate is measured in it (n,).
-        information: Its information (p, p), with all that is known besides.
         tree: Why no plan costs less than the bound.
         proved: Whether it is the best of all.
         seconds: Duration [s].
@@ -314,7 +313,6 @@ class OnCandidates:
     best: float
     plan: Plan
     counts: Indices
-    information: Array
     tree: ExactTree
     proved: bool
     seconds: float

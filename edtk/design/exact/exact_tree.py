@@ -63,6 +63,8 @@ class ExactTree:
             them has a position, unless there are limits on how often each is chosen.
         multipliers: Z (r, p, p), symmetric.
         prices: Prices (r, k) of budgets beside each.
+        shares: By what shares (r, groups) each proves its bound, of a criterion that is the worst
+            of several; None for any other.
         multiplier: Index of the multiplier of each node.
         parent: Parent of each node; -1 of the root.
         group: Number of the group that is divided; -1 of the root.
@@ -76,6 +78,7 @@ class ExactTree:
     order: Indices
     multipliers: Array
     prices: Array
+    shares: Array | None
     multiplier: Indices
     parent: Indices
     group: Indices
@@ -96,12 +99,15 @@ class TreeRecord:
     def __init__(self) -> None:
         self._nodes: list[Indices] = []
         self._multipliers: list[Array] = []
+        self._shares: list[Array] = []
         self.nodes = 0
         self.multipliers = 0
 
-    def add_multipliers(self, packed: Array) -> Indices:
-        """Keep multipliers (b, q + k); their indices (b,)."""
+    def add_multipliers(self, packed: Array, shares: Array | None) -> Indices:
+        """Keep multipliers (b, q + k) with their shares; their indices (b,)."""
         self._multipliers.append(packed)
+        if shares is not None:
+            self._shares.append(shares)
         self.multipliers += len(packed)
         return np.arange(self.multipliers - len(packed), self.multipliers)
 
@@ -131,6 +137,7 @@ class TreeRecord:
             order=order,
             multipliers=merits.unpacked(features),
             prices=features[:, merits.q :] / unit,
+            shares=np.concatenate(self._shares) if self._shares else None,
             multiplier=multiplier,
             parent=parent,
             group=group,

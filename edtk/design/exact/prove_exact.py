@@ -4,6 +4,7 @@ import heapq
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from time import monotonic
+from typing import NamedTuple
 
 import numpy as np
 
@@ -291,6 +292,34 @@ class _Open:
         return (self.bound, self.index) > (other.bound, other.index)
 
 
+class _Best(NamedTuple):
+    """The best multipliers of nodes (b,) so far.
+
+    Attributes:
+        told: What they tell.
+        Z: The multipliers (b, q + k).
+        near: The information (b, p, p) near which each was made.
+    """
+
+    told: Told
+    Z: Array
+    near: Array
+
+    def or_better(self, nodes: Nodes, other: "_Best") -> "_Best":
+        """Of each node the multiplier that bounds it better."""
+        one, two = self.told, other.told
+        better = two.merit < one.merit
+        of_groups = better[nodes.node_of_group]
+        told = Told(
+            np.where(better, two.merit, one.merit),
+            np.where(better[nodes.node_of], two.sensitivities, one.sensitivities),
+            np.where(of_groups, two.marginal, one.marginal),
+            np.where(of_groups, two.tops, one.tops),
+        )
+        near = np.where(better[:, None, None], other.near, self.near)
+        return _Best(told, np.where(better[:, None], other.Z, self.Z), near)
+
+
 class _Search:
     """Open nodes, the best first, and the tree so far.
 
@@ -353,8 +382,8 @@ class _Search:
         self.order = np.arange(n)
         whole = Nodes(np.arange(n), weights, alone, np.array([self.m]), alone, alone, alone)
         whole = whole.with_weights(weights + FRESH / n)
-        told, Z = self._first(whole, known)
-        root, told, Z = self._settled(whole, told, Z)
+        root, best = self._settled(whole, self._first(whole, known))
+        told, Z, _ = best
         self._round(root)
         self._start(root, told)
         keep, alive = told.fixed(root, self.least)
@@ -365,7 +394,7 @@ class _Search:
         self.merits = self.merits[self.order]
         self.points = points[inside]
         nothing = -np.ones(1, dtype=int)
-        index = self.record.add_multipliers(Z)
+        index = self.record.add_multipliers(Z, self.merits.shares(Z, best.near))
         self.record.add(nothing, nothing, alone, np.array([n]), np.array([self.m]), index)
         if len(left):
             kept = replace(
@@ -373,15 +402,15 @@ class _Search:
             )
             self._push(kept.with_weights(kept.weights), told.merit, Z, alone, index)
 
-    def _first(self, whole: Nodes, known: Array) -> tuple[Told, Array]:
+    def _first(self, whole: Nodes, known: Array) -> _Best:
         """The best multiplier of the weights, or of some that are known (r, p, p)."""
         X = self.merits.information(whole, whole.weights)
         Z = self.merits.priced(whole, self.merits.multipliers(X))
-        best = (self.merits.tell(whole, Z), Z)
+        best = _Best(self.merits.tell(whole, Z), Z, X)
         S = np.linalg.inv(self.inside)
         for own in known:
             Z = self.merits.priced(whole, self.merits.scaled((S @ own @ S.T)[None], X))
-            best = _better(whole, best, self.merits.tell(whole, Z), Z)
+            best = best.or_better(whole, _Best(self.merits.tell(whole, Z), Z, X))
         return best
 
     def _points(self, root: Nodes, Z: Array, merit: float, left: Indices) -> Array:
@@ -450,10 +479,13 @@ class _Search:
         left = children.kept(keep, alive)
         if left.n:
             first = told.kept(children, keep, alive)
-            left, told, Z = self._settled(left, first, Z[alive])
+            nowhere = np.zeros((left.n, self.merits.p, self.merits.p))
+            left, best = self._settled(left, _Best(first, Z[alive], nowhere))
+            told, Z, near = best
             self._round(left)
             better = told.merit < first.merit
-            own[open_[better]] = self.record.add_multipliers(Z[better])
+            shares = self.merits.shares(Z[better], near[better])
+            own[open_[better]] = self.record.add_multipliers(Z[better], shares)
         nodes = self.record.add(
             index[of], parents.numbers[part.group][of], part.first[of], part.stop[of],
             division.counts, own,
@@ -462,7 +494,7 @@ class _Search:
             keep, alive = told.fixed(left, self.least)
             bound = np.minimum(bound, told.merit)[alive]
             open_ = open_[alive]
-            self._push(left.kept(keep, alive), bound, Z[alive], nodes[open_], own[open_])
+            self._push(left.kept(keep, alive), bound, best.Z[alive], nodes[open_], own[open_])
 
     def _push(
         self, nodes: Nodes, bound: Array, Z: Array, index: Indices, multiplier: Indices
@@ -479,7 +511,7 @@ class _Search:
             entry = _Open(float(bound[i]), int(index[i]), own, Z[i], int(multiplier[i]))
             heapq.heappush(self.open, entry)
 
-    def _settled(self, nodes: Nodes, told: Told, Z: Array) -> tuple[Nodes, Told, Array]:
+    def _settled(self, nodes: Nodes, best: _Best) -> tuple[Nodes, _Best]:
         """Improve the weights of nodes a few times, and keep the multipliers that bound them best.
 
         Weights become larger in proportion to sensitivities (Silvey, Titterington, Torsney 1978),
@@ -487,55 +519,54 @@ class _Search:
 
         Args:
             nodes: The nodes (b,).
-            told: What known multipliers tell of them.
-            Z: These multipliers (b, q + k).
+            best: Known multipliers of them.
 
         Returns:
-            The nodes with their last weights, what the best multipliers tell, and these.
+            The nodes with their last weights, and the best multipliers.
         """
         if self.merits.floor is not None:
-            return self._settled_at_kinks(nodes, told, Z)
-        best = (told, Z)
+            return self._settled_at_kinks(nodes, best)
+        told = best.told
         everywhere = np.ones(nodes.n, dtype=bool)
         for look in range(LOOKS):
             heavy = nodes.heavy(told.sensitivities)
             some = nodes.kept(heavy, everywhere)
             some = some.with_weights(some.weights)
             for step in range(STEPS):
-                Z = self._multipliers(some, LOOKS * look + step)
+                Z, _ = self._multipliers(some, LOOKS * look + step)
                 z = self.merits.sensitivities(some, Z)
                 some = some.with_weights(some.weights * self._ratios(some, z, Z))
                 some = self.merits.within(some)
             weights = np.zeros(len(nodes.weights))
             weights[heavy] = some.weights
             nodes = replace(nodes, weights=weights)
-            Z = self._multipliers(some, LOOKS * look + STEPS)
+            Z, X = self._multipliers(some, LOOKS * look + STEPS)
             Z = self.merits.priced(nodes, Z)
             told = self.merits.tell(nodes, Z)
-            best = _better(nodes, best, told, Z)
+            best = best.or_better(nodes, _Best(told, Z, X))
             if look < LOOKS - 1:
                 nodes = with_some_weight(nodes, told.sensitivities)
-        return nodes, *best
+        return nodes, best
 
-    def _settled_at_kinks(self, nodes: Nodes, told: Told, Z: Array) -> tuple[Nodes, Told, Array]:
+    def _settled_at_kinks(self, nodes: Nodes, best: _Best) -> tuple[Nodes, _Best]:
         """The same of a criterion of the least eigenvalue, by Newton's method."""
-        best = (told, Z)
         for near in NEARER:
-            Z, weights = spectral_multipliers(self.merits, nodes, *best, near, self.least)
+            told, Z, _ = best
+            Z, weights = spectral_multipliers(self.merits, nodes, told, Z, near, self.least)
             # Its polar does not depend on the information.
             one = np.broadcast_to(np.eye(self.merits.p), (nodes.n, self.merits.p, self.merits.p))
             prices = Z[:, self.merits.q :]
             Z = self.merits.scaled(self.merits.unpacked(Z), one)
             Z[:, self.merits.q :] = prices
             nodes = nodes.with_weights(weights)
-            best = _better(nodes, best, self.merits.tell(nodes, Z), Z)
-        return nodes, *best
+            best = best.or_better(nodes, _Best(self.merits.tell(nodes, Z), Z, one))
+        return nodes, best
 
-    def _multipliers(self, nodes: Nodes, step: int) -> Array:
-        """The best multipliers (b, q + k) of the weights of nodes."""
+    def _multipliers(self, nodes: Nodes, step: int) -> tuple[Array, Array]:
+        """The best multipliers (b, q + k) of the weights of nodes, and their information."""
         X = self.merits.information(nodes, nodes.weights)
         Z = self.merits.multipliers(X, SHARPNESS[min(step, len(SHARPNESS) - 1)])
-        return self.merits.priced(nodes, Z)
+        return self.merits.priced(nodes, Z), X
 
     def _ratios(self, nodes: Nodes, z: Array, Z: Array) -> Array:
         """Sensitivities (s,) in parts of the largest of each group; one where that is no number.
@@ -621,15 +652,3 @@ class _Search:
             seconds=seconds,
             ended=ended,
         )
-
-
-def _better(nodes: Nodes, best: tuple[Told, Array], told: Told, Z: Array) -> tuple[Told, Array]:
-    """Of each node the multiplier that bounds it better, and what it tells."""
-    better = told.merit < best[0].merit
-    chosen = Told(
-        np.where(better, told.merit, best[0].merit),
-        np.where(better[nodes.node_of], told.sensitivities, best[0].sensitivities),
-        np.where(better[nodes.node_of_group], told.marginal, best[0].marginal),
-        np.where(better[nodes.node_of_group], told.tops, best[0].tops),
-    )
-    return chosen, np.where(better[:, None], Z, best[1])

@@ -4,12 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from criteria import Criterion, Relaxable
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.exact_tree import ExactTree
 from edtk.design.problem import Problem, problem_digest
 from edtk.system.errors import UserError
-from edtk.system.typing import Array
 
 CERTIFICATE = "exact plan of a problem"  # the kind of the certificates that are made here
 # Condition numbers of rows, each column scaled, up to which the check confirms what is proved.
@@ -55,9 +53,6 @@ def store_exact(plan: ProblemPlan) -> dict[str, Any]:
     if plan.elsewhere:
         raise UserError("kept experiments that are none of the candidates have no certificate yet")
     new = np.flatnonzero(proof.counts)
-    M = problem.with_prior(None).information(plan.counts)
-    if problem.prior is not None:
-        M = M + plan.size * problem.prior
     # What every plan has, whether it was measured already or must be, is the same for a proof.
     kept = plan.kept if plan.least is None else plan.least
     within: dict[str, Any] = (
@@ -80,18 +75,12 @@ def store_exact(plan: ProblemPlan) -> dict[str, Any]:
         "value": plan.value,
         "bound_exact": plan.exact_bound.value,
         "proved_exact": plan.proved_exact,
-        "tree": tree_to_dict(proof.tree, criterion, M),
+        "tree": tree_to_dict(proof.tree),
     }
 
 
-def tree_to_dict(tree: ExactTree, criterion: Criterion, M: Array) -> dict[str, Any]:
-    """Nodes and multipliers, as upper triangles row by row.
-
-    Args:
-        tree: Why no plan is better.
-        criterion: The criterion.
-        M: Information (p, p) of the best plan that is known.
-    """
+def tree_to_dict(tree: ExactTree) -> dict[str, Any]:
+    """Nodes and multipliers, as upper triangles row by row."""
     i, j = np.triu_indices(len(tree.T))
     found: dict[str, Any] = {
         "T": tree.T.tolist(),
@@ -101,21 +90,4 @@ def tree_to_dict(tree: ExactTree, criterion: Criterion, M: Array) -> dict[str, A
     }
     if tree.prices.shape[1]:
         found["prices"] = tree.prices.tolist()
-    shares = _shares(tree, criterion, M)
-    return found if shares is None else found | {"shares": shares}
-
-
-def _shares(tree: ExactTree, criterion: Criterion, M: Array) -> list[list[float]] | None:
-    """By what shares a criterion that is the worst of several turns each multiplier to a bound."""
-    if not isinstance(criterion, Relaxable):
-        return None
-    found = []
-    # Shares do not depend on the length of a matrix; squares of one far from order one do.
-    M = np.ldexp(M, -int(np.frexp(np.abs(M).max())[1]))
-    T = np.ldexp(tree.T, -int(np.frexp(np.abs(tree.T).max())[1]))
-    for Z in tree.multipliers:
-        own = criterion.dual_weights(T @ (Z / np.abs(Z).max()) @ T.T, M)
-        if own is None:
-            return None
-        found.append(own.tolist())
-    return found
+    return found if tree.shares is None else found | {"shares": tree.shares.tolist()}

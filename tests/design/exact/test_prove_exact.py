@@ -14,7 +14,13 @@ from edtk.design.exact.counts.counts_bound import relaxed_counts
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.exact_nodes import Merits, Nodes
 from edtk.design.exact.exact_tree import ExactTree
-from edtk.design.exact.prove_exact import ExactProof, UnprovableError, _Search, prove_exact
+from edtk.design.exact.prove_exact import (
+    ExactProof,
+    UnprovableError,
+    _Best,
+    _Search,
+    prove_exact,
+)
 from edtk.design.information import Rows, pack, sensitivity_rows, unpack
 from edtk.design.problem import Problem
 from edtk.system.typing import Array
@@ -176,9 +182,9 @@ def test_multipliers_at_kinks_come_near_the_best() -> None:
     nodes = search.open[0].nodes
     poor = search.merits.scaled(np.eye(4)[None], np.eye(4)[None])
     before = search.merits.tell(nodes, poor)
-    _, after, _ = search._settled(nodes, before, poor)
+    _, best = search._settled(nodes, _Best(before, poor, np.eye(4)[None]))
     assert search.merits.cost_of(float(before.merit[0])) < 0.9 * relaxed.cost
-    assert search.merits.cost_of(float(after.merit[0])) > (1 - 1e-3) * relaxed.cost
+    assert search.merits.cost_of(float(best.told.merit[0])) > (1 - 1e-3) * relaxed.cost
 
 
 def test_an_interrupted_proof_keeps_its_bound() -> None:
