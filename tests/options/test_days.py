@@ -123,6 +123,29 @@ def test_bounds_of_one_kind_make_the_bound_of_a_day(
     assert found.lower_bound.cost <= found.cost * (1 + 1e-9)
 
 
+@pytest.mark.parametrize("turn", range(5))
+def test_ctrl_c_ends_a_day_wherever_it_comes(turn: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Interrupted while the bound of any set of loads is sought, a day has a plan and ends.
+
+    Three sets of loads have a first bound each, and then a sharper one each. The bound of the day
+    rests on all first ones, after which no other is sought.
+    """
+    sets, calls = 3, 0
+
+    def interrupted_once(*arguments: Any) -> tuple[RelaxedPlan, bool]:
+        nonlocal calls
+        calls += 1
+        relaxed, _ = relaxed_in_time(*arguments)
+        return relaxed, calls == turn + 1
+
+    monkeypatch.setattr(day_search, "relaxed_in_time", interrupted_once)
+    study = arm(load={"list_F_N": FORCES[:2]}, costs=COSTS, candidates=20)
+    found = edtk.plan(study, workers=1)
+    assert found.ended == "interrupted"
+    assert calls == max(turn + 1, sets)
+    assert found.lower_bound.cost <= found.cost * (1 + 1e-9)
+
+
 @pytest.mark.parametrize(
     "load", [{"list_F_N": FORCES[:2]}, {"F_max_N": 90, "direction": [0, 0, -1]}]
 )

@@ -36,12 +36,14 @@ class LoadTrial:
         relaxed: The relaxation over its poses.
         total: Experiments, or what they cost, of which the relaxation has one.
         found: The plan; None where it could not be better than another one.
+        interrupted: Whether Ctrl-C has ended its search.
     """
 
     loads: Loads
     relaxed: RelaxedPlan
     total: float
     found: FoundPlan | None
+    interrupted: bool = False
 
     @property
     def bound(self) -> Bound:
@@ -166,6 +168,7 @@ class DaySearch:
         sets = dict(self.budget.sets())
         trials: dict[Loads, LoadTrial] = {}
         refused: RankDeficientError | None = None
+        ended = ""
         if len(sets) > 1:
             for loads, funds in sets.items():
                 try:
@@ -175,7 +178,9 @@ class DaySearch:
                     # Without a load, springs are open; with it, they may be told.
                     refused = error
             sets = {loads: sets[loads] for loads in sorted(trials, key=lambda i: trials[i].promise)}
-        ended = self._search_all(sets, trials)
+            # The bound of a day rests on all sets, so that all of these first plans are waited for.
+            ended = "interrupted" if any(one.interrupted for one in trials.values()) else ""
+        ended = ended or self._search_all(sets, trials)
         found = [one for one in trials.values() if one.found and np.isfinite(one.found.cost)]
         if not found and not trials:
             assert refused is not None
@@ -232,7 +237,7 @@ class DaySearch:
         # A first plan counts no more where no plan of these loads can be the best one.
         is_open = trial.bound.cost < least
         trials[loads] = trial.or_better(trials.get(loads)) if is_open else trial
-        if ended == "interrupted":
+        if trial.interrupted:
             raise KeyboardInterrupt
         return is_open and (is_over or ended == "budget")
 
@@ -260,7 +265,7 @@ class DaySearch:
             space = replace(space, prices=prices)
         relaxed, interrupted = self._relaxed(self.beside_known(space, total), total, least)
         if relaxed.best_bound.scaled(total).cost >= least:
-            return LoadTrial(loads, relaxed, total, None)
+            return LoadTrial(loads, relaxed, total, None, interrupted)
         search = VisitSearch(
             self.beside_known(replace(space, prices=None), 1.0 if m is None else total),
             relaxed,
@@ -271,15 +276,27 @@ class DaySearch:
             kept=self.kept,
         )
         of_size = self.of_size or (lambda _, m, distinct: search.of_size(m, distinct))
-        with time_limit(0.0 if interrupted else np.inf):
+
+        def planned() -> FoundPlan | None:
             if m is not None and (one_price or affords(funds, prices.max() * m)):
-                found: FoundPlan | None = of_size(relaxed, m, self.distinct)
-            else:
-                most = most_visits(funds, prices.min()) if m is None else m
-                found = search.within(prices, funds, most, m is not None, self.distinct)
-        if found is not None and interrupted:
-            found = replace(found, ended="interrupted")
-        return LoadTrial.of(loads, relaxed, total, found)
+                return of_size(relaxed, m, self.distinct)
+            most = most_visits(funds, prices.min()) if m is None else m
+            return search.within(prices, funds, most, m is not None, self.distinct)
+
+        try:
+            with time_limit(0.0 if interrupted else np.inf):
+                found = planned()
+        except KeyboardInterrupt:
+            if interrupted:
+                raise
+            interrupted = True  # before a first plan, which takes a moment where time is over
+            with time_limit(0.0):
+                found = planned()
+        if found is not None:
+            interrupted = interrupted or found.ended == "interrupted"
+            found = replace(found, ended="interrupted") if interrupted else found
+        trial = LoadTrial.of(loads, relaxed, total, found)
+        return replace(trial, interrupted=interrupted)
 
     def beside_known(self, space: DesignSpace, total: float) -> DesignSpace:
         """The space with its share of what is known besides."""

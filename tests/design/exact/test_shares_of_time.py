@@ -29,6 +29,7 @@ class Trial:
     best: float
     seconds: float
     ended: str
+    interrupted: bool = False
 
     @property
     def bound(self):
