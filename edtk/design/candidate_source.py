@@ -12,6 +12,7 @@ import numpy as np
 
 from edtk.design.design_space import DesignSpace
 from edtk.design.problem import Problem
+from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices
 
 # Poses that hold all but the cell's constraint, of which none is free, when nobody looks for more:
@@ -125,8 +126,13 @@ class CandidateSource:
         if self.sampling not in known:
             raise ValueError(f"sampling must be one of {', '.join(known)}, not {self.sampling!r}")
 
-    def take(self, n: int) -> Candidates:
+    def take(self, n: int, in_time: bool = False) -> Candidates:
         """Draw the first n candidates.
+
+        Args:
+            n: Number of candidates.
+            in_time: Whether those that are drawn when the time is over (`time_limit`) are enough,
+                which are some at least.
 
         Raises:
             EmptyFeasibleSetError: No feasible pose turns up; names the constraint.
@@ -144,7 +150,9 @@ class CandidateSource:
                 x[start:end] = chunk.x
                 told[..., start:end] = chunk.told
                 start = end
-        return Candidates(x, self.space.problem_of(told))
+                if in_time and out_of_time():
+                    break
+        return Candidates(x[:start], self.space.problem_of(told[..., :start]))
 
     def chunks(self, n: int) -> Iterator[Candidates]:
         """Draw the first n candidates in chunks, none of which is empty.

@@ -11,6 +11,7 @@ from edtk.design.exact.day import DayPlan
 from edtk.design.exact.exact_plan import Compromise, ExactPlan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.system.errors import ArgumentError
+from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array
 
 HALVINGS = 12  # of the range of weights, of which one is found to a four-thousandth
@@ -85,6 +86,8 @@ class Exchange:
             return MOST_WEIGHT
         low, high = 0.0, MOST_WEIGHT
         for _ in range(HALVINGS):
+            if out_of_time():
+                break
             middle = (low + high) / 2
             low, high = (middle, high) if gives_up(middle) <= allowed else (low, middle)
         return low
@@ -114,7 +117,7 @@ def give_up(
 
     Returns:
         The plan under the first criterion, with its `compromise`; the one for the first alone where
-        no other gains anything.
+        no other gains anything, or the time is over (`time_limit`).
     """
     before = information(alone)
     chosen = alone
@@ -124,6 +127,8 @@ def give_up(
     kept, broken = 0.0, None
     share = exchange.allowed
     for _ in range(TRIES):
+        if out_of_time():
+            break
         tried = exchange.weight_of(best, relaxed, share)
         if not tried > 0:
             break
@@ -139,6 +144,8 @@ def give_up(
         if broken is None or ENOUGH * exchange.allowed <= lost <= exchange.allowed:
             break
         share = (kept + broken) / 2
+    if out_of_time() and chosen.ended != "interrupted":
+        chosen = replace(chosen, ended="budget")
     return _under_first(exchange, alone, chosen, weight, before, information(chosen))
 
 

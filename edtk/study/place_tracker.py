@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product
-from time import monotonic
 
 import numpy as np
 
@@ -13,13 +12,13 @@ from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.study.plan_study import Progress, no_progress
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError, UserError
+from edtk.system.time_limit import out_of_time, time_left, time_limit
 from edtk.system.typing import Array
 
 KEY = "noise.tracker_position_mm"
 KEY_OF_LIST = "noise.tracker_places_mm"
 NO_PLAN = "no place of the box from which the search began has a plan"
 KEY_OF_BOX = "noise.tracker_box_mm"
-LEAST_SECONDS = 1e-3  # of a search whose time is over: its first plan is waited for
 CANDIDATES = 1000  # poses whose best weights say how good a place is
 DRAWN = 5  # the logarithm to the base 2 of places that are drawn in a box, beside its corners
 DESCENTS = 2  # from the best of these
@@ -29,6 +28,8 @@ NEAR = 0.01  # of the box: how near they are in the end, where they differ by le
 GAIN = 1e-4  # relative: what a round must gain for another one
 MILLIMETRE = 1e-3  # to which a tracker is placed [m]
 FIRST_STEP = 0.2  # of the box
+SHARE_OF_RANKING = 0.3  # of the time in a box: which of its places promise most
+SHARE_OF_DESCENTS = 0.5  # of the rest: where these lead to
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,22 +82,22 @@ class PlaceSearch:
 
     Attributes:
         study: The study, whose tracker stands somewhere.
-        planned: The best plan of a study, in the seconds that are left.
+        planned: The best plan of a study, in the time that is left.
         relaxed: The best weights of a study on few candidates.
         cost: Cost of weights, or of a plan, in a study.
-        until: When to end [s]; infinite for no limit.
         progress: Called with a label of what is done.
     """
 
     study: Study
-    planned: Callable[[Study, float | None], ExactPlan]
+    planned: Callable[[Study], ExactPlan]
     relaxed: Callable[[Study], RelaxedPlan]
     cost: Callable[[Study, RelaxedPlan | Plan], float]
-    until: float = np.inf
     progress: Progress = no_progress
 
     def run(self, places: Places) -> ExactPlan:
         """The best plan, with its place.
+
+        Where the time is limited (`time_limit`) each listed place and the box have a share.
 
         Raises:
             UserError: A listed place is none, or no place has a plan.
@@ -107,13 +108,21 @@ class PlaceSearch:
         studies = [self._listed(i, place) for i, place in enumerate(places.listed)]
         for i, (place, study) in enumerate(zip(places.listed, studies, strict=True)):
             self.progress(f"place {i + 1} of {len(studies)}", i)
-            one, found = self._tried(place, study, best)
+            others = len(studies) - i - (places.box is None)
+            with time_limit(time_left() / (1 + others)):
+                one, found = self._tried(place, study, best)
             tried.append(one)
             if found is not None and (best is None or found.cost < best[0].cost):
                 best = (found, place)
         looked = 0
-        if places.box is not None and not (best is not None and self._is_over(best[0])):
-            inside, looked = self._in_box(places.box)
+        if places.box is not None and not (best is not None and _is_over(best[0])):
+            try:
+                inside, looked = self._in_box(places.box)
+            except KeyboardInterrupt:
+                if best is None:
+                    raise
+                inside = None
+                best = (replace(best[0], ended="interrupted"), best[1])
             if inside is not None and (best is None or inside[0].cost < best[0].cost):
                 best = inside
                 source = "box"
@@ -129,10 +138,10 @@ class PlaceSearch:
         """What comes of a listed place, and its plan; None without one."""
         if isinstance(study, str):
             return TriedPlace(place, None, None, study), None
-        if best is not None and self._is_over(best[0]):
+        if best is not None and best[0].ended == "interrupted":
             return TriedPlace(place, None, None, "the search was ended before", True), None
         try:
-            found = self.planned(study, self._left())
+            found = self.planned(study)
         except UserError as error:
             return TriedPlace(place, None, None, error.message), None
         return TriedPlace(place, found.cost, found.told_bound), found
@@ -150,13 +159,6 @@ class PlaceSearch:
                 raise self.study.error(f"{KEY_OF_LIST}.{i}", error.message) from error
             return error.message
 
-    def _left(self) -> float | None:
-        left = self.until - monotonic()
-        return max(left, LEAST_SECONDS) if np.isfinite(left) else None
-
-    def _is_over(self, found: ExactPlan) -> bool:
-        return found.ended == "interrupted" or monotonic() > self.until
-
     def _in_box(self, box: Array) -> tuple[tuple[ExactPlan, Array] | None, int]:
         """The best plan in a box with its place, and the number of places that were looked at.
 
@@ -165,18 +167,37 @@ class PlaceSearch:
         whole experiments is searched where that ends, and its place once more.
         """
         drawn = _drawn(box, self.study.specification.seed)
-        ranked = []
+        ranked: list[tuple[float, int, Array, RelaxedPlan]] = []
+        interrupted = False
+        try:
+            with time_limit(SHARE_OF_RANKING * time_left()):
+                self._rank(drawn, ranked)
+            ranked.sort(key=lambda one: one[:2])
+            with time_limit(SHARE_OF_DESCENTS * time_left()):
+                best = ranked[:DESCENTS]
+                ends = [self._descended(place, design, box) for _, _, place, design in best]
+        except KeyboardInterrupt:
+            if not ranked:
+                raise
+            interrupted = True
+            ends = [(cost, place) for cost, _, place, _ in ranked]
+        if not ends:
+            return None, len(drawn)
+        _, place = min(ends, key=lambda one: one[0])
+        with time_limit(0.0 if interrupted else np.inf):
+            found, place = self._settled(place, box)
+        ended = "interrupted" if interrupted else found.ended
+        return (replace(found, ended=ended), place), len(drawn)
+
+    def _rank(self, drawn: Array, ranked: list[tuple[float, int, Array, RelaxedPlan]]) -> None:
+        """Append the best weights at each place, with their cost: at one at least."""
         for i, place in enumerate(drawn):
+            if ranked and out_of_time():
+                return
             self.progress(f"place {i + 1} of {len(drawn)} in the box", i)
             design = self._weights(place)
             if design is not None:
                 ranked.append((design.cost, i, place, design))
-        if not ranked:
-            return None, len(drawn)
-        ranked.sort(key=lambda one: one[:2])
-        ends = [self._descended(place, design, box) for _, _, place, design in ranked[:DESCENTS]]
-        _, place = min(ends, key=lambda one: one[0])
-        return self._settled(place, box), len(drawn)
 
     def _weights(self, place: Array) -> RelaxedPlan | None:
         """The best weights at a place; None where no tracker can stand, or nothing is told."""
@@ -188,6 +209,8 @@ class PlaceSearch:
     def _descended(self, place: Array, design: RelaxedPlan, box: Array) -> tuple[float, Array]:
         """Cost and place at which neither a place nor weights lower the cost any more."""
         for turn in range(ROUNDS):
+            if out_of_time():
+                break
             self.progress(f"place and poses in turn, {turn + 1}", turn)
             there, _ = self._best_place(place, design, box)
             better = self._weights(there)
@@ -198,17 +221,20 @@ class PlaceSearch:
 
     def _settled(self, place: Array, box: Array) -> tuple[ExactPlan, Array]:
         """The best plan near a place of the box, and its place."""
-        found = self.planned(study_at(self.study, place), self._left())
-        for _ in range(ROUNDS):
-            if self._is_over(found):
-                break
-            there, cost = self._best_place(place, found.whole, box)
-            if not cost < found.cost * (1 - GAIN):
-                break
-            again = self.planned(study_at(self.study, there), self._left())
-            if again.cost >= found.cost:
-                break
-            place, found = there, again
+        found = self.planned(study_at(self.study, place))
+        try:
+            for _ in range(ROUNDS):
+                if _is_over(found):
+                    break
+                there, cost = self._best_place(place, found.whole, box)
+                if not cost < found.cost * (1 - GAIN):
+                    break
+                again = self.planned(study_at(self.study, there))
+                if again.cost >= found.cost:
+                    break
+                place, found = there, again
+        except KeyboardInterrupt:
+            found = replace(found, ended="interrupted")
         return found, place
 
     def _best_place(
@@ -228,6 +254,10 @@ class PlaceSearch:
             except UserError:
                 return np.inf
 
+        def stop(_: Array) -> None:
+            if out_of_time():
+                raise StopIteration
+
         start = place[moved]
         now = cost(start)
         if not len(start):
@@ -238,6 +268,7 @@ class PlaceSearch:
             cost,
             start,
             method="Nelder-Mead",
+            callback=stop,
             bounds=list(zip(*box[:, moved], strict=True)),
             options={
                 "initial_simplex": np.vstack([start, start + np.diag(inwards)]),
@@ -249,6 +280,11 @@ class PlaceSearch:
         there = place.copy()
         there[moved] = found.x
         return _to_the_millimetre(there, box), float(found.fun)
+
+
+def _is_over(found: ExactPlan) -> bool:
+    """Whether nothing is to be begun after a plan."""
+    return found.ended == "interrupted" or out_of_time()
 
 
 def _drawn(box: Array, seed: int) -> Array:

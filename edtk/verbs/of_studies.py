@@ -21,7 +21,7 @@ from edtk.study.plan_study import no_progress
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError, UserError, note, whole_number
 from edtk.system.files import Content, is_standard_output, write_files
-from edtk.system.time_limit import time_limit
+from edtk.system.time_limit import time_left, time_limit
 from edtk.system.typing import Array
 from edtk.system.workers import THIS_PROCESS, Workers
 from edtk.verbs.inputs import (
@@ -70,7 +70,13 @@ if TYPE_CHECKING:
     from edtk.verbs.bayes import Sampling
 
 MOST_ROWS = 1_000_000  # of a sheet
-LEAST_SECONDS = 1e-3  # of a search whose time is over: its first plan is waited for
+SHARE_ALONE = 0.5  # of the time for a plan: that for the first of two criteria alone
+SHARE_UNTIL_PROOF = 0.5  # of the time: the plan, before its bound is proved for all poses
+
+
+def _share_of_plan(call: PlanCall) -> float:
+    """The share of the time in which a plan is searched."""
+    return 1.0 if call.prove_bound is None else SHARE_UNTIL_PROOF
 
 
 def _of_parameters(given: CriterionLike | None) -> CriterionLike | None:
@@ -140,8 +146,9 @@ class OfStudy(Question):
             call: What is asked.
             searched: What a search for it has found already.
         """
-        from edtk.study.plan_study import RunOptions, study_errors
+        from edtk.study.plan_study import RunOptions
 
+        since = monotonic()
         call = self._with_second(self._checked(call))
         if call.exclude is not None:
             without = replace(self, study=self.study.excluding(call.exclude))
@@ -158,26 +165,27 @@ class OfStudy(Question):
         self._require_provable(asked, criterion, call)
         if call.place_tracker:
             return self._placed(call)
-        since = monotonic()
-        with workers_for(call.workers, call.dask) as pool, errors_in(self.study.where):
+        with (
+            workers_for(call.workers, call.dask) as pool,
+            errors_in(self.study.where),
+            time_limit(call.seconds - (monotonic() - since)),
+        ):
             options = RunOptions(seed=call.seed, workers=pool, progress=call.progress)
-            with time_limit(np.inf if call.budget is None else call.budget):
-                found = searched or self._best_plan(asked, criterion, kept, call, options)
+            with time_limit(_share_of_plan(call) * time_left()):
+                with time_limit((1.0 if exchange is None else SHARE_ALONE) * time_left()):
+                    found = searched or self._best_plan(asked, criterion, kept, call, options)
                 if exchange is not None:
                     found = self._given_up(exchange, asked, criterion, call, options, found)
             if gap is not None and found.ended != "interrupted":
-                left = np.inf if call.budget is None else call.budget - (monotonic() - since)
-                with time_limit(max(left, LEAST_SECONDS)):
-                    found = self._proved(found, gap, call)
-            if call.prove is not None and "interrupted" not in (found.ended, found.proof_ended):
-                from edtk.study.prove_study import prove_on_candidates
-
-                seconds = seconds_for(call.prove)
-                with study_errors(self.study):
-                    found = prove_on_candidates(found, seconds, call.candidates, options)
-        found = self._judged(asked, found, faults)
-        found = replace(found, off_guess=self._off_guess(asked, criterion, call, found))
-        found = replace(found, timetable=self.timetable(found.plan))
+                found = self._proved(found, gap, call)
+        if call.prove is not None and "interrupted" not in (found.ended, found.proof_ended):
+            found = self._proved_on_candidates(found, call)
+        try:
+            found = self._judged(asked, found, faults)
+            found = replace(found, off_guess=self._off_guess(asked, criterion, call, found))
+            found = replace(found, timetable=self.timetable(found.plan))
+        except KeyboardInterrupt:
+            found = replace(found, ended="interrupted")
         files.write(lambda: found.whole.to_frame(asked.robot), lambda: self._proof(asked, found))
         return found
 
@@ -193,11 +201,18 @@ class OfStudy(Question):
 
         places = Places.of(self.study)
         require_output(call.placed_study, *self.study.reads, call.out, call.certificate)
-        with workers_for(call.workers, call.dask) as pool, errors_in(self.study.where):
-            found = self._place_search(call, pool).run(places)
+        with (
+            workers_for(call.workers, call.dask) as pool,
+            errors_in(self.study.where),
+            time_limit(call.seconds),
+        ):
+            with time_limit(_share_of_plan(call) * time_left()):
+                found = self._place_search(call, pool).run(places)
+            left = None if call.budget is None else time_left()
         assert found.placement is not None
         there = replace(self, study=study_at(self.study, found.placement.position))
-        whole = there.plan(replace(call, place_tracker=False, placed_study=None), found)
+        rest = replace(call, place_tracker=False, placed_study=None, budget=left)
+        whole = there.plan(rest, found)
         if call.placed_study is not None:
             there.study.to_toml(call.placed_study)
         return replace(whole, placement=found.placement)
@@ -214,10 +229,9 @@ class OfStudy(Question):
         def asked_at(study: Study) -> tuple[Study, str | None]:
             return replace(self, study=study).asked_for(call.criterion)
 
-        def planned(study: Study, seconds: float | None) -> "ExactPlan":
+        def planned(study: Study) -> "ExactPlan":
             asked, criterion = asked_at(study)
-            in_time = replace(call, budget=seconds)
-            return replace(self, study=asked)._best_plan(asked, criterion, None, in_time, options)
+            return replace(self, study=asked)._best_plan(asked, criterion, None, call, options)
 
         def relaxed(study: Study) -> RelaxedPlan:
             asked, criterion = asked_at(study)
@@ -235,8 +249,7 @@ class OfStudy(Question):
                 M = space.problem(design.x).information(design.weights)
             return float(designs.criterion(criterion).cost(M))
 
-        until = np.inf if call.budget is None else monotonic() + call.budget
-        return PlaceSearch(self.study, planned, relaxed, cost, until, call.progress)
+        return PlaceSearch(self.study, planned, relaxed, cost, call.progress)
 
     def _proved(self, found: "ExactPlan", gap: float, call: PlanCall) -> "ExactPlan":
         """The plan with a bound that is proved for all poses."""
@@ -252,11 +265,26 @@ class OfStudy(Question):
                 said = line
                 call.progress(line, level)
 
-        with study_errors(self.study):
-            proved = prove_plan(found.relaxed.certified, gap, say)
+        try:
+            with study_errors(self.study):
+                proved = prove_plan(found.relaxed.certified, gap, say)
+        except KeyboardInterrupt:  # before anything was proved
+            return replace(found, ended="interrupted")
         if found.relaxed.without_cell is None:
             return found.beside(proved)
         return found.beside(replace(found.relaxed, without_cell=proved))
+
+    def _proved_on_candidates(self, found: "ExactPlan", call: PlanCall) -> "ExactPlan":
+        """The plan with what is proved of all plans of as many experiments on candidates."""
+        from edtk.study.plan_study import RunOptions, study_errors
+        from edtk.study.prove_study import prove_on_candidates
+
+        options = RunOptions(seed=call.seed, progress=call.progress)
+        try:
+            with errors_in(self.study.where), study_errors(self.study):
+                return prove_on_candidates(found, seconds_for(call.prove), call.candidates, options)
+        except KeyboardInterrupt:  # before anything was proved
+            return replace(found, ended="interrupted")
 
     def _off_guess(
         self, asked: Study, criterion: str | None, call: PlanCall, found: "ExactPlan"
@@ -471,7 +499,6 @@ class OfStudy(Question):
         if alone.ended == "interrupted":
             return alone
         designed = self._designed(asked, criterion)
-        until = None if call.budget is None else monotonic() + call.budget - alone.seconds
 
         def both(weight: float) -> Study:
             return designed.replace(criterion=exchange.compound(weight))
@@ -482,18 +509,19 @@ class OfStudy(Question):
             return self._relaxation()(study, name, candidates=few, options=quiet)
 
         def searched(weight: float) -> "ExactPlan":
-            left = None if until is None else max(until - monotonic(), LEAST_SECONDS)
-            in_time = replace(call, budget=left)
-            return self._best_plan(both(weight), exchange.name, alone.kept, in_time, options)
+            return self._best_plan(both(weight), exchange.name, alone.kept, call, options)
 
-        return give_up(
-            exchange,
-            alone,
-            relaxed(asked, criterion),
-            lambda weight: relaxed(both(weight), exchange.name),
-            searched,
-            lambda found: self._information(designed, found),
-        )
+        try:
+            return give_up(
+                exchange,
+                alone,
+                relaxed(asked, criterion),
+                lambda weight: relaxed(both(weight), exchange.name),
+                searched,
+                lambda found: self._information(designed, found),
+            )
+        except KeyboardInterrupt:
+            return replace(alone, ended="interrupted")
 
     def _designed(self, asked: Study, criterion: str | None) -> Study:
         """The study by whose parameters plans for a criterion are designed."""

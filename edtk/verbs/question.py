@@ -6,6 +6,7 @@ The verbs ask the question, and switch nowhere. What one kind does not answer is
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Union
@@ -146,6 +147,11 @@ class PlanCall:
     prove_bound: float | None = None
     place_tracker: bool = False
     placed_study: Path | str | None = None
+
+    @property
+    def seconds(self) -> float:
+        """The time for bound and plan together [s]; infinite without a budget."""
+        return inf if self.budget is None else self.budget
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,6 +17,7 @@ from edtk.design.candidate_source import (
 )
 from edtk.robots.constraints.height import Height
 from edtk.robots.workspace import Workspace
+from edtk.system.time_limit import time_limit
 
 pytestmark = pytest.mark.slow
 
@@ -230,3 +231,14 @@ def test_a_seed_may_be_any_whole_number() -> None:
         found = CandidateSource(None, seed).seeds
         assert all(isinstance(number, int) for number in found)
         np.random.default_rng((*found, 1))
+
+
+def test_where_time_is_over_the_first_candidates_are_enough() -> None:
+    """They are the beginning of the sequence; who does not ask for that gets all of them."""
+    source = CandidateSource(KR270, 0)
+    with time_limit(0.0):
+        some = source.take(5000, in_time=True)
+        assert 0 < len(some.x) < 5000
+        assert len(source.take(5000).x) == 5000
+    same(some, source.take(len(some.x)))
+    assert len(source.take(5000, in_time=True).x) == 5000

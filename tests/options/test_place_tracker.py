@@ -17,7 +17,7 @@ from edtk.cell.cell import signed_point
 from edtk.cell.shapes import Box, Capsule, Cylinder, Plane
 from edtk.cli import main
 from edtk.study import place_tracker
-from edtk.study.place_tracker import study_at
+from edtk.study.place_tracker import PlaceSearch, study_at
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError, UserError
 
@@ -161,6 +161,39 @@ def test_a_tracker_inside_a_wall_is_refused(monkeypatch: pytest.MonkeyPatch) -> 
     found = edtk.plan(around, 3, place_tracker=True, workers=1)
     assert found.placement is not None
     assert not -2.7 < found.placement.position[0] < -2.3
+
+
+@pytest.mark.parametrize("stopped", ["by the clock", "by Ctrl-C"])
+def test_a_box_is_looked_at_no_longer_than_there_is_time(
+    stopped: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One of its places is weighed, and has a plan."""
+    weighed = 0
+    own = PlaceSearch._weights
+
+    def counted(search: PlaceSearch, place: Any) -> Any:
+        nonlocal weighed
+        weighed += 1
+        if stopped == "by Ctrl-C" and weighed == 2:
+            raise KeyboardInterrupt
+        return own(search, place)
+
+    monkeypatch.setattr(PlaceSearch, "_weights", counted)
+    study = SPRINGS.replace(noise=noise(tracker_box_mm=BOX))
+    budget = 1e-3 if stopped == "by the clock" else None
+    found = edtk.plan(study, 3, place_tracker=True, workers=1, budget=budget)
+    assert weighed == (1 if budget else 2)
+    assert found.ended == ("budget" if budget else "interrupted")
+    assert found.placement is not None
+    assert found.placement.source == "box"
+    assert found.plan.experiments == 3
+
+
+def test_each_listed_place_has_its_share_of_the_time() -> None:
+    """All are tried, and have a plan and a bound each, however short the time is."""
+    found = edtk.plan(SPRINGS, 3, place_tracker=True, workers=1, budget=1e-3)
+    assert found.placement is not None
+    assert all(one.cost is not None for one in found.placement.tried)
 
 
 @pytest.mark.parametrize(

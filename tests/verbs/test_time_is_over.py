@@ -1,11 +1,13 @@
 """After the end of a budget nothing is begun: counted on a clock that counts looks at it."""
 
+import pkgutil
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 from arm import arm
 from loaded_arm import STUDY
+from short_search import short_search
 
 import edtk
 from edtk.design.exact.spread import _Spread
@@ -22,6 +24,11 @@ STUDIES = {
     "a day": STUDY.replace(noise=NOISE, costs=PRICED),
 }
 # What may be left out, by the place where it is begun.
+LATE = {
+    "parameters are judged": (STUDIES["parameters"], "edtk.verbs.of_kinds.OfGeometry._judged"),
+    "springs are judged": (STUDIES["springs"], "edtk.verbs.of_kinds.OfCompliances._judged"),
+    "places are exchanged": (STUDIES["parameters"], "edtk.design.exact.visit_search.exchange"),
+}
 STEPS: dict[str, tuple[object, str]] = {
     "another search of poses": (relax_poses, "fresh_poses"),
     "ascents": (relax_poses, "search_continuum"),
@@ -80,3 +87,24 @@ def test_after_the_deadline_nothing_is_begun(kind: str, monkeypatch: pytest.Monk
             every |= {name} if left else set()
     expected = set(STEPS) - ({"a refinement"} if kind == "springs" else set())
     assert every == expected
+
+
+@pytest.mark.parametrize("when", LATE)
+def test_ctrl_c_keeps_the_plan(when: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a first design it leaves a plan, with a bound that this does not beat."""
+    study, place = LATE[when]
+    own = pkgutil.resolve_name(place)
+    calls = iter(range(100))
+
+    def interrupted(*arguments: Any, **options: Any) -> Any:
+        if next(calls) == 0:
+            raise KeyboardInterrupt
+        return own(*arguments, **options)
+
+    monkeypatch.setattr(place, interrupted)
+    with short_search():
+        plan = edtk.plan(study, 6, "D", workers=1)
+    assert plan.ended == "interrupted"
+    assert plan.plan.experiments == 6
+    assert plan.efficiency <= 1 + 1e-9
+    assert "6 " in plan.summary()

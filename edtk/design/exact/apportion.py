@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria import Criterion
+from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices
 
 MOVES_AT_ONCE = 20_000  # their matrices, of some megabytes, stay in a core's cache
@@ -77,7 +78,8 @@ def best_repeats(
         prior: Prior information (p, p) per single measurement, see `Problem`.
 
     Returns:
-        Whole numbers (k,) of the same sum, whose cost no move of a single measurement lowers.
+        Whole numbers (k,) of the same sum, whose cost no move of a single measurement lowers; the
+        best so far where time is over (`time_limit`).
     """
     r = np.array(repeats, dtype=float)
     k = len(r)
@@ -85,7 +87,7 @@ def best_repeats(
     M = np.tensordot(r, blocks, 1) + constant
     cost = float(criterion.cost(M))
     moved = 2.0 ** np.floor(np.log2(max(1.0, r.sum() / k)))
-    while k > 1 and moved >= 1:
+    while k > 1 and moved >= 1 and not out_of_time():
         costs = _costs_of_moves(criterion, blocks, M, r, moved)
         to, source = divmod(int(costs.argmin()), k)
         tried = r.copy()

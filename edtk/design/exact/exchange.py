@@ -158,10 +158,10 @@ def _exchanged(
     thorough = thorough or prices is not None
     left = np.arange(len(times))
     while len(left):
-        plans, left = search.round(plans, left, sizes, thorough)
         # Without time one plan that tells all is enough.
         if out_of_time() and np.isfinite(plans.costs).any():
             break
+        plans, left = search.round(plans, left, sizes, thorough)
     return plans.places, plans.costs
 
 
@@ -275,6 +275,9 @@ class _Search:
         width = candidates.shape[1]
         parts = min(width, max(1, width * len(of) // EXCHANGES_AT_ONCE))
         for part in np.array_split(candidates, parts, axis=1):
+            # Plans that tell all need no exchange.
+            if out_of_time() and np.isfinite(plans.costs).all():
+                break
             # Places that are not tried keep an infinite cost, and are never the best.
             costs = np.full((*changed.shape, part.shape[1]), np.inf)
             costs[of, place] = exchange_costs(

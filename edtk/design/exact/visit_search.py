@@ -204,7 +204,7 @@ class VisitSearch:
 
     def _pool(self) -> tuple[Candidates, Array]:
         """Visits among which places are exchanged, and the weights (n,) of the relaxation."""
-        head = self.relaxed.source.take(self.relaxed.candidates)
+        head = self.relaxed.source.take(self.relaxed.candidates, in_time=True)
         sensitivities = normalised(head.problem, self.criterion).sensitivities(
             self.relaxed.multipliers
         )

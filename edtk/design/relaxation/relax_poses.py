@@ -444,9 +444,9 @@ class _Run:
             self.solve_continuum(active, head)
 
     def take(self, n: int) -> Candidates:
-        """Generate the first n candidates, which are held in memory."""
+        """Generate the first n candidates, which are held in memory; fewer where time is over."""
         self.options.progress("candidates", 1.0)
-        head = self.source.take(n)
+        head = self.source.take(n, in_time=True)
         self.best.spend("candidates")
         return head
 

@@ -307,7 +307,9 @@ def exchanged(found: ExactPlan) -> list[str]:
     before = f"{factor * one.second_alone:.4g} {other}".rstrip()
     allowed = f"{100 * one.allowed:g} %"
     if not one.weight:
-        return [f"  given up    nothing: no plan within {allowed} was better for {one.second}"]
+        found_in = "in this time " if found.ended in ("budget", "interrupted") else ""
+        plans = f"{found_in}no plan within {allowed} was better for {one.second}"
+        return [f"  given up    nothing: {plans}"]
     return [
         f"  given up    {100 * one.given_up:.2f} % of {allowed} allowed: {without} without that",
         f"  gained      {one.second} = {values} instead of {before}, as by {one.times:.3g} times "
