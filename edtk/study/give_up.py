@@ -139,6 +139,7 @@ def give_up(
         if lost <= exchange.allowed and cost < least:
             chosen, weight, least = found, tried, cost
         if found.ended == "interrupted":
+            chosen = replace(chosen, ended=found.ended)
             break
         kept, broken = (share, broken) if lost <= exchange.allowed else (kept, share)
         if broken is None or ENOUGH * exchange.allowed <= lost <= exchange.allowed:

@@ -182,8 +182,8 @@ class OfStudy(Question):
             found = self._proved_on_candidates(found, call)
         try:
             found = self._judged(asked, found, faults)
-            found = replace(found, off_guess=self._off_guess(asked, criterion, call, found))
             found = replace(found, timetable=self.timetable(found.plan))
+            found = replace(found, off_guess=self._off_guess(asked, criterion, call, found))
         except KeyboardInterrupt:
             found = replace(found, ended="interrupted")
         files.write(lambda: found.whole.to_frame(asked.robot), lambda: self._proof(asked, found))
@@ -314,18 +314,15 @@ class OfStudy(Question):
             except UserError as error:
                 each.append(OffGuess(factor, 0.0, of, error.message))
                 continue
-            try:
-                relaxed = self._relaxation()(
-                    other,
-                    criterion,
-                    continuous=True,
-                    size=size,
-                    tolerance=OFF_TOLERANCE,
-                    near=found.relaxed.x,
-                    options=options,
-                )
-            except KeyboardInterrupt:
-                return ()
+            relaxed = self._relaxation()(
+                other,
+                criterion,
+                continuous=True,
+                size=size,
+                tolerance=OFF_TOLERANCE,
+                near=found.relaxed.x,
+                options=options,
+            )
             M = self.designs(other).information(found.plan, criterion)
             bound = relaxed.best_bound.scaled(found.plan.experiments)
             cost = float(relaxed.criterion.cost(M))

@@ -2,6 +2,7 @@
 
 import pkgutil
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -10,11 +11,14 @@ from loaded_arm import STUDY
 from short_search import short_search
 
 import edtk
+from edtk.design.exact import visit_search
+from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.exact.spread import _Spread
 from edtk.design.exact.visit_search import VisitSearch
 from edtk.design.interior_point import descend
 from edtk.design.relaxation import relax_poses, search_continuum
 from edtk.system import time_limit
+from edtk.verbs.of_kinds import OfCompliances
 
 NOISE = {"discrepancy_mm": 0.1, "discrepancy_within_deg": 5}
 PRICED = {"visit": 1, "load_change": 2, "budget": 9}
@@ -108,3 +112,37 @@ def test_ctrl_c_keeps_the_plan(when: str, monkeypatch: pytest.MonkeyPatch) -> No
     assert plan.plan.experiments == 6
     assert plan.efficiency <= 1 + 1e-9
     assert "6 " in plan.summary()
+
+
+def test_ctrl_c_in_counts_is_not_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where visits under a load cost more, numbers of visits are searched; they may be cut off."""
+    own = visit_search.find_counts
+    ends = iter(["interrupted"])
+
+    def interrupted(*arguments: Any, **options: Any) -> Any:
+        found = own(*arguments, **options)
+        return replace(found, ended=next(ends, found.ended))
+
+    monkeypatch.setattr(visit_search, "find_counts", interrupted)
+    priced = {"visit": 1, "loaded_visit": 2, "load_change": 2, "budget": 12}
+    with short_search():
+        plan = edtk.plan(STUDY.replace(costs=priced), criterion="D", workers=1)
+    assert plan.ended == "interrupted"
+    assert plan.efficiency <= 1 + 1e-9
+
+
+def test_ctrl_c_in_a_second_search_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second criterion whose search gains nothing before it is interrupted leaves the first."""
+    found: list[ExactPlan] = []
+    own = OfCompliances._best_plan
+
+    def interrupted(*arguments: Any) -> Any:
+        first = found[0] if found else own(*arguments)
+        found.append(first)
+        return replace(first, ended="interrupted") if len(found) > 1 else first
+
+    monkeypatch.setattr(OfCompliances, "_best_plan", interrupted)
+    with short_search():
+        plan = edtk.plan(arm(), 6, "D", second="A", workers=1)
+    assert len(found) == 2
+    assert plan.ended == "interrupted"

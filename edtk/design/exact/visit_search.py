@@ -14,6 +14,7 @@ from edtk.design.design_space import DesignSpace
 from edtk.design.exact.apportion import apportion
 from edtk.design.exact.counts.find_counts import find_counts
 from edtk.design.exact.counts.limits import Limits
+from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.exact_plan import FoundPlan
 from edtk.design.exact.exchange import exchange
 from edtk.design.exact.refine import exchange_in_turn, refine
@@ -136,15 +137,7 @@ class VisitSearch:
         plain = problem.with_prior(None)
         nothing = np.zeros(problem.n, dtype=int)
         starts = self.starts if problem.p <= FEW else 1
-        found = find_counts(
-            plain,
-            self.criterion,
-            limits,
-            nothing,
-            seed=self.seed,
-            starts=starts,
-            thorough=problem.p <= FEW,
-        )
+        found = self._best_counts(plain, limits, nothing, starts)
         self.progress(_counted(starts), found.cost)
         chosen = found.support
         repeats = found.counts[chosen].astype(float)
@@ -175,14 +168,8 @@ class VisitSearch:
             own = None if limits.costs is None else limits.costs[rest]
             nothing = np.zeros(len(rest), dtype=int)
             try:
-                found = find_counts(
-                    problem[rest],
-                    self.criterion,
-                    replace(limits, costs=own),
-                    nothing,
-                    seed=self.seed,
-                    starts=starts,
-                    thorough=problem.p <= FEW,
+                found = self._best_counts(
+                    problem[rest], replace(limits, costs=own), nothing, starts
                 )
             except (RankDeficientError, UserError):
                 continue
@@ -192,6 +179,27 @@ class VisitSearch:
             if best is not None and out_of_time():
                 break
         return None if best is None else (best[1], best[2])
+
+    def _best_counts(
+        self, problem: Problem, limits: Limits, nothing: Indices, starts: int
+    ) -> ProblemPlan:
+        """The best counts of some candidates.
+
+        Raises:
+            KeyboardInterrupt: Ctrl-C, which leaves counts but must not be passed over.
+        """
+        found = find_counts(
+            problem,
+            self.criterion,
+            limits,
+            nothing,
+            seed=self.seed,
+            starts=starts,
+            thorough=problem.p <= FEW,
+        )
+        if found.ended == "interrupted":
+            raise KeyboardInterrupt
+        return found
 
     @property
     def _shares(self) -> bool:
