@@ -11,7 +11,7 @@ from edtk.cell.cell import Clear
 from edtk.cell.sight import AllSeen, Sight
 from edtk.design.information import pack_gram
 from edtk.design.plan import Plan
-from edtk.design.problem import Problem
+from edtk.design.problem import Problem, packed_information
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.noise import VisitNoise, Whitener, read_alone, shared_visits
 from edtk.robots.constraints.constraint import Constraint
@@ -481,7 +481,8 @@ class DesignSpace:
 
     def problem_of(self, told: Array) -> Problem:
         """Make a problem of experiments whose packed information (p(p+1)/2, k) is at hand."""
-        return Problem.of_information(told, self.model.parameters, self.prior)
+        # What a model has computed may have roundings in the place of zeros.
+        return Problem.of_kept(packed_information(told), self.model.parameters, self.prior)
 
     def plan(self, x: Array, repeats: Indices) -> Plan:
         """Make a plan of the experiments x (k, v) with repetitions (k,)."""

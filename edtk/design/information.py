@@ -280,30 +280,51 @@ class PackedInformation:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Whitened regressors ``A_i / sigma`` of candidates, whose information is ``A_i' A_i``.
+    """Whitened regressors ``A_i = given_i / sigma_i`` of candidates, of information ``A_i' A_i``.
 
     Attributes:
-        A: The rows (n, r, p).
+        given: Regressors (n, r, p), before their rows are divided by sigma.
+        sigma: Standard deviations (n, r) of the rows; None where they are one.
     """
 
-    A: Array
+    given: Array
+    sigma: Array | None = None
 
     @classmethod
-    def of(cls, A: Array) -> "Rows":
-        """Keep regressors (n, rows, p), of which more than p rows are turned into p (QR).
+    def of(cls, A: Array, sigma: ArrayLike = 1.0) -> "Rows":
+        """Keep regressors (n, rows, p) with the noise (rows,) of their rows.
 
-        That rounds each column. Columns that are nearly dependent would lose all that tells them
-        apart, so that they keep their rows until they are whitened.
+        Rows are divided by sigma, and more than p of them are turned into p (QR). Both round each
+        entry. Columns that are nearly dependent would lose all that tells them apart, so that they
+        are kept as they were given until they are whitened.
         """
-        given = cls(A)
+        deviations = np.broadcast_to(sigma, A.shape[1:2])
+        divided = cls(A / deviations[:, None])
         _, rows, p = A.shape
-        if rows <= p:
-            return given
+        is_exact = bool((np.frexp(deviations)[0] == 0.5).all())  # powers of two
+        if is_exact and rows <= p:
+            return divided
         with np.errstate(over="ignore"):
-            mean = given.mean()
+            mean = divided.mean()
         if not np.isfinite(mean).all() or not Conditioning.of_information(mean).keeps_digits:
-            return given
-        return cls(np.asarray(np.linalg.qr(A, mode="r")))
+            return divided if is_exact else cls(A, np.broadcast_to(deviations, A.shape[:2]))
+        return divided if rows <= p else cls(np.asarray(np.linalg.qr(divided.A, mode="r")))
+
+    @property
+    def A(self) -> Array:
+        """The rows (n, r, p)."""
+        return self.given if self.sigma is None else self._divided
+
+    @cached_property
+    def _divided(self) -> Array:
+        assert self.sigma is not None
+        return self.given / self.sigma[:, :, None]
+
+    @property
+    def each(self) -> "Rows":
+        """Every row (n r, 1, p) as a candidate of its own."""
+        sigma = None if self.sigma is None else self.sigma.reshape(-1, 1)
+        return Rows(self.given.reshape(-1, 1, self.p), sigma)
 
     @property
     def n(self) -> int:
@@ -317,12 +338,22 @@ class Rows:
 
     def __getitem__(self, chosen: Indices) -> "Rows":
         """Some of the candidates."""
-        return Rows(self.A[chosen])
+        return Rows(self.given[chosen], None if self.sigma is None else self.sigma[chosen])
 
     def __add__(self, others: "Rows") -> "Rows":
         """These candidates, then others; rows of zeros make their numbers of rows equal."""
-        r = max(self.A.shape[1], others.A.shape[1])
-        return Rows(np.concatenate([_with_rows(self.A, r), _with_rows(others.A, r)]))
+        r = max(self.given.shape[1], others.given.shape[1])
+        given = np.concatenate([_with_rows(self.given, r), _with_rows(others.given, r)])
+        if self.sigma is None and others.sigma is None:
+            return Rows(given)
+        return Rows(given, np.concatenate([self._deviations(r), others._deviations(r)]))
+
+    def _deviations(self, r: int) -> Array:
+        """The deviations (n, r) of rows, with ones for those of zeros."""
+        found = np.ones((self.n, r))
+        if self.sigma is not None:
+            found[:, : self.sigma.shape[1]] = self.sigma
+        return found
 
     def factors(self, chosen: ArrayLike) -> Array:
         """The rows (k, r, p) of some candidates."""
@@ -397,16 +428,20 @@ class Rows:
         """The rows ``A_i T`` of parameters k' where ``k = T k'``.
 
         Where T whitens nearly dependent rows, their terms cancel. So they are summed in the longest
-        numbers that the machine has, unless there are too many.
+        numbers that the machine has, unless there are too many, and divided by sigma only then.
         """
         long = self._long
         wide = T.astype(long)
         step = max(ROWS_AT_ONCE // self.p, 1)
-        flat = self.flat
+        flat = self.given.reshape(-1, self.p)
         found = np.empty(flat.shape)
         for start in range(0, len(flat), step):
-            found[start : start + step] = flat[start : start + step].astype(long, copy=False) @ wide
-        return Rows(found.reshape(self.A.shape))
+            part = slice(start, start + step)
+            product = flat[part].astype(long, copy=False) @ wide
+            found[part] = (
+                product if self.sigma is None else product / self.sigma.reshape(-1, 1)[part]
+            )
+        return Rows(found.reshape(self.given.shape))
 
     def rounding_of_times(self, T: Array) -> Array:
         """Bounds (n,) on the rounding ``|E_i|`` of `times`: ``p eps | |A_i| |T| |`` (Frobenius).
@@ -440,7 +475,7 @@ class Rows:
 
     def in_unit(self, power: int) -> "Rows":
         """The same candidates with ``2^power`` times the rows."""
-        return Rows(np.ldexp(self.A, power))
+        return Rows(np.ldexp(self.given, power), self.sigma)
 
     def whitened(self, T: Array, is_open: Mask, as_rows: bool) -> "Rows | PackedInformation":
         """The candidates about k', ``k = T k'``, of which some (p,) no candidate tells.
@@ -489,6 +524,11 @@ class ModelRows(Rows):
     def A(self) -> Array:
         """The rows (n, r_1 + .. + r_k, p) about all parameters, made anew."""
         return side_by_side([part.A for part in self.parts])
+
+    @property
+    def given(self) -> Array:
+        """The same: parts have deviations of their own."""
+        return self.A
 
     @property
     def models(self) -> Models:
@@ -644,32 +684,34 @@ class Known:
 
     Attributes:
         squares: Information (p, p) that was given as such.
-        rows: Whitened rows (k, p) of what was measured.
+        rows: Rows (k, 1, p) of what was measured, each by itself.
         share: Number of experiments that share both in equal parts.
     """
 
     squares: Array
-    rows: Array
+    rows: Rows
     share: float = 1.0
 
     @classmethod
     def of(cls, squares: Array) -> "Known":
         """Information (p, p) alone."""
-        return cls(squares, np.zeros((0, len(squares))))
+        return cls(squares, Rows(np.zeros((0, 1, len(squares)))))
 
     @cached_property
     def information(self) -> Array:
         """Information (p, p) for each experiment."""
-        return np.asarray((self.squares + self.rows.T @ self.rows) / self.share)
+        E = self.rows.flat
+        return np.asarray((self.squares + E.T @ E) / self.share)
 
     @cached_property
     def root(self) -> Array:
         """F (k', p) with ``F'F`` the information, for measures of its condition."""
-        return np.concatenate([root(self.squares), self.rows]) / np.sqrt(self.share)
+        return np.concatenate([root(self.squares), self.rows.flat]) / np.sqrt(self.share)
 
     def part(self, at: slice) -> "Known":
         """What is known about some parameters, where it mixes them with no others."""
-        return replace(self, squares=self.squares[at, at], rows=self.rows[:, at])
+        rows = Rows(self.rows.given[..., at], self.rows.sigma)
+        return replace(self, squares=self.squares[at, at], rows=rows)
 
     def plus(self, squares: Array) -> "Known":
         """The same with more information (p, p) for each experiment."""
@@ -682,13 +724,13 @@ class Known:
     def in_unit(self, power: int) -> "Known":
         """The same in a unit in which rows are ``2^power`` times as large."""
         squares = np.ldexp(self.squares, 2 * power)
-        return replace(self, squares=squares, rows=np.ldexp(self.rows, power))
+        return replace(self, squares=squares, rows=self.rows.in_unit(power))
 
     def times(self, T: Array) -> Array:
         """Information (p, p) for each experiment about parameters k' where ``k = T k'``."""
         F = root(self.squares) @ T
         # Only now the share: an irrational factor would round rows whose terms cancel.
-        E = Rows(self.rows[:, None]).times(T).flat
+        E = self.rows.times(T).flat
         return np.asarray((F.T @ F + E.T @ E) / self.share)
 
     def rounding(self, T: Array, W: Array) -> float:
@@ -703,9 +745,9 @@ class Known:
         """
         own = np.linalg.norm(np.sqrt(np.diag(self.squares))[:, None] * (T @ W), 2)
         of_squares = len(T) ** 2 * EPS * own**2 / self.share
-        if not len(self.rows):
+        if not self.rows.n:
             return float(of_squares)
-        E = Rows(self.rows[None]).rounding_of_times(T)[0] / np.sqrt(self.share)
+        E = np.linalg.norm(self.rows.rounding_of_times(T)) / np.sqrt(self.share)
         return float(of_squares + 2 * E * np.linalg.norm(W, 2))
 
 

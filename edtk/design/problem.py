@@ -63,7 +63,7 @@ def require_identifiable(problem: "Problem", criterion: Criterion | None) -> Non
             f"regressors{how}"
         )
     if criterion is not None and not criterion.needs_all:
-        missing = _missing(problem, criterion)
+        missing = missing_of(problem, criterion)
         if missing:
             raise RankDeficientError(
                 "the candidates together cannot identify what is of interest: no candidate "
@@ -79,8 +79,11 @@ def require_identifiable(problem: "Problem", criterion: Criterion | None) -> Non
         )
 
 
-def _missing(problem: "Problem", criterion: Criterion) -> tuple[str, ...]:
-    """What the candidates leave open of all that a criterion needs, in words."""
+def missing_of(problem: "Problem", criterion: Criterion) -> tuple[str, ...]:
+    """What the candidates leave open of all that a criterion needs, in words.
+
+    Directions that only squares of rows have lost are not open.
+    """
     found = problem.conditioning
     if not problem.has_distant_units:
         M = problem.mean if found.is_well else found.information()
@@ -124,7 +127,7 @@ def rows_of_blocks(blocks: ArrayLike, sigma: ArrayLike) -> Rows:
         whitened = A / scale[:, None]
         squares = np.einsum("irp,irp->i", whitened, whitened)
     _require_finite(np.isfinite(squares), "an entry that is too large to be squared")
-    return Rows.of(whitened)
+    return Rows.of(A, scale)
 
 
 def packed_information(packed: Array) -> PackedInformation:
@@ -351,6 +354,7 @@ class Problem(WeightedCandidates):
         """
         problem = cls.of_kept(packed_information(packed), parameters, prior)
         require_information(problem.prior)
+        problem.is_exact = True
         return problem
 
     @classmethod
@@ -394,7 +398,7 @@ class Problem(WeightedCandidates):
 
     def __getitem__(self, chosen: Indices) -> "Problem":
         """The same problem with some of its candidates."""
-        return Problem.of_kept(self.kept[chosen], self.parameters, self.known)
+        return self.of_candidates(self.kept[chosen])
 
     def __add__(self, others: "Problem") -> "Problem":
         """The same problem with the candidates of another one besides its own."""
@@ -403,13 +407,28 @@ class Problem(WeightedCandidates):
             kept = self.kept + others.kept
         else:
             kept = PackedInformation(np.concatenate([self.packed, others.packed], axis=1))
-        return Problem.of_kept(kept, self.parameters, self.known)
+        found = self.of_candidates(kept)
+        found.is_exact = self.is_exact and others.is_exact
+        return found
 
     def with_prior(self, prior: Array | Known | None) -> "Problem":
         """The same candidates with other prior information (p, p), or without any."""
-        problem = Problem.of_kept(self.kept, self.parameters, prior)
-        problem.is_exact = self.is_exact
-        return problem
+        return self._with(self.kept, prior)
+
+    def in_unit(self, power: int) -> "Problem":
+        """The same problem in a unit in which rows are ``2^power`` times as large."""
+        known = None if self.known is None else self.known.in_unit(power)
+        return self._with(self.kept.in_unit(power), known)
+
+    def of_candidates(self, kept: Rows | PackedInformation) -> "Problem":
+        """The same problem with other candidates in place of its own."""
+        return self._with(kept, self.known)
+
+    def _with(self, kept: Rows | PackedInformation, prior: Array | Known | None) -> "Problem":
+        """Other candidates about the same parameters, whose entries are as exact as these."""
+        found = Problem.of_kept(kept, self.parameters, prior)
+        found.is_exact = self.is_exact
+        return found
 
     @property
     def has_distant_units(self) -> bool:

@@ -2,8 +2,9 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import partial, reduce
 from numbers import Real
+from operator import add
 from typing import Any
 
 import numpy as np
@@ -278,16 +279,14 @@ def _kept(
     return np.bincount(chosen, minlength=problem.n), problem.kept[chosen], len(chosen)
 
 
-def _as_rows(
-    parts: Sequence[Rows | PackedInformation | None], p: int
-) -> tuple[Array | None, Array]:
-    """Rows (k, p) of experiments that have some, and the information (p, p) of those without."""
-    rows = [part.flat for part in parts if isinstance(part, Rows) and part.n]
+def _as_rows(parts: Sequence[Rows | PackedInformation | None], p: int) -> tuple[Rows | None, Array]:
+    """Each row of experiments that have some, and the information (p, p) of those without."""
+    rows = [part.each for part in parts if isinstance(part, Rows) and part.n]
     base = np.zeros((p, p))
     for part in parts:
         if isinstance(part, PackedInformation) and part.n:
             base = base + part.weighted(np.ones(part.n))
-    return np.concatenate(rows) if rows else None, base
+    return reduce(add, rows) if rows else None, base
 
 
 def _left(most: ArrayLike | None, kept: Indices, n: int) -> Indices | None:

@@ -44,19 +44,20 @@ def rows_of(kind, rng, r, p, condition):
 KINDS = ("columns that differ by little", "a small singular value", "units", "powers")
 
 
-def exact_cost(name, rows, weights, arguments, beside=0, blocks=()):
+def exact_cost(name, rows, weights, arguments, beside=0, blocks=(), sigma=None):
     """The cost of weights (n,) on rows (n, r, p), all taken as exact; None of a singular design.
 
     Information beside them (p, p) is of mpmath or floating-point numbers. Of counts (b, n) in
-    blocks their effects, of which nothing is known, are taken out.
+    blocks their effects, of which nothing is known, are taken out. Rows have the noise sigma (r,).
     """
     with mpmath.workdps(DIGITS):
-        M = exact_information(rows, weights) + mpmath.matrix(beside or rows.shape[-1])
+        M = exact_information(rows, weights, sigma) + mpmath.matrix(beside or rows.shape[-1])
         for counts in blocks:
             for j in range(rows.shape[1]):
                 s = mpmath.matrix(1, rows.shape[-1])
                 for i in np.flatnonzero(counts):
                     s += int(counts[i]) * mpmath.matrix(rows[i, j : j + 1].tolist())
+                s /= 1 if sigma is None else mpmath.mpf(float(sigma[j]))
                 M -= s.T * s / int(counts.sum())
         d = [mpmath.sqrt(M[i, i]) for i in range(M.rows)]
         if not min(d) > 0:
@@ -74,13 +75,18 @@ def excess(number, exact):
         return float(mpmath.mpf(float(number)) / exact - 1)
 
 
-def exact_information(rows, weights):
-    """``sum_i w_i A_i' A_i`` of floating-point numbers, nothing rounded but to so many digits."""
+def exact_information(rows, weights, sigma=None):
+    """``sum_i w_i A_i' A_i`` of floating-point numbers, nothing rounded but to so many digits.
+
+    A_i are the rows, each divided by its sigma (r,), if there is one.
+    """
     with mpmath.workdps(DIGITS):
-        p = rows.shape[-1]
+        r, p = rows.shape[1:]
+        noise = np.ones(r) if sigma is None else sigma
+        divisor = mpmath.diag([1 / mpmath.mpf(float(s)) for s in noise])
         M = mpmath.zeros(p)
         for i in np.flatnonzero(weights):
-            A = mpmath.matrix(rows[i].tolist())
+            A = divisor * mpmath.matrix(rows[i].tolist())
             M += mpmath.mpf(float(weights[i])) * (A.T * A)
         return M
 

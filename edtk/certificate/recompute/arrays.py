@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from edtk.certificate.recompute.lower_bound import Multipliers, factor_of, noise_amplification
 from edtk.certificate.recompute.tasks import CovarianceRoot
 from edtk.certificate.recompute.weight_limits import WeightLimits
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 
 EPS = float(np.finfo(float).eps)
 TINY = float(np.finfo(float).tiny)
@@ -61,12 +61,15 @@ class Candidates:
         information: What was given in their place (n, p, p); the rows then are about its roots.
         prior: Prior information (p, p) of each experiment, in long numbers.
         sha256: The digest of what was given.
+        undivided: Regressors (n, r, p) and the deviations (n, r) by which their rows are divided;
+            None where that has rounded nothing.
     """
 
     rows: Array
     information: Array | None
     prior: Long
     sha256: str
+    undivided: tuple[Array, Array] | None = None
 
     @classmethod
     def of(cls, rows: Array | None, triangles: Array | None, prior: Array | None) -> "Candidates":
@@ -96,9 +99,23 @@ class Candidates:
         return replace(
             self,
             rows=np.ldexp(self.rows, power),
+            undivided=None if self.undivided is None else self._undivided(power),
             information=None if squares is None else np.ldexp(squares, 2 * power),
             prior=np.ldexp(self.prior, 2 * power),
         )
+
+    def _undivided(self, power: int) -> tuple[Array, Array]:
+        """What is divided, with ``2^power`` times the regressors."""
+        assert self.undivided is not None
+        given, sigma = self.undivided
+        return np.ldexp(given, power), sigma
+
+    def framed(self, frame: "Frame", some: slice | Indices) -> tuple[Array, Array]:
+        """Rows (k, r, p) of some candidates for parameters of a frame, see `Frame.rows`."""
+        if self.undivided is None:
+            return frame.rows(self.rows[some])
+        given, sigma = self.undivided
+        return frame.rows(given[some], sigma[some])
 
     @cached_property
     def prior_rows(self) -> Array:
@@ -185,13 +202,21 @@ class Frame:
         s, V = _singular_values(candidates, np.ones(candidates.p))
         return cls(V.T / s) if s[-1] > FAR * s[0] else cls.of_columns(candidates)
 
-    def rows(self, A: Array) -> tuple[Array, Array]:
-        """Rows ``A_i T`` (k, r, p) of rows (k, r, p), and bounds (k,) on their rounding."""
-        if self.exact:
+    def rows(self, A: Array, sigma: Array | None = None) -> tuple[Array, Array]:
+        """Rows ``A_i T`` (k, r, p) of rows (k, r, p), and bounds (k,) on their rounding.
+
+        They are divided by sigma (k, r) last: entry by entry it would hide what cancels.
+        """
+        if self.exact and sigma is None:
             return A * np.diag(self.T), np.zeros(len(A))
-        found = np.asarray(A.astype(LONG) @ self.T.astype(LONG), dtype=float)
-        sizes = np.linalg.norm(np.abs(A) @ np.abs(self.T), axis=(1, 2))
-        return found, len(self.T) * LONG_EPS * sizes + EPS * np.linalg.norm(found, axis=(1, 2))
+        product = A.astype(LONG) @ self.T.astype(LONG)
+        sizes = np.abs(A) @ np.abs(self.T)
+        if sigma is not None:
+            product = product / sigma[..., None]
+            sizes = sizes / sigma[..., None]
+        found = np.asarray(product, dtype=float)
+        rounded = EPS * np.linalg.norm(found, axis=(1, 2))
+        return found, len(self.T) * LONG_EPS * np.linalg.norm(sizes, axis=(1, 2)) + rounded
 
     def squares(self, M: Long) -> tuple[Long, Array]:
         """``T'M T`` (..., p, p) in long numbers, and bounds (..., p, p) on its rounding."""
@@ -335,15 +360,18 @@ class Design:
         chosen = np.flatnonzero(weights > 0)
         w = weights[chosen]
         M: Long = candidates.prior
-        A = np.zeros((0, 1, candidates.p))
+        X: Array = np.zeros((len(w), 0, candidates.p))
+        E: Array = np.zeros(len(w))
         if candidates.information is None:
-            A = np.sqrt(w)[:, None, None] * candidates.rows[chosen]
+            X, E = candidates.framed(frame, chosen)
         else:
             M = M + np.tensordot(w.astype(LONG), candidates.information[chosen], axes=1)
-        X, E = frame.rows(A.reshape(-1, 1, candidates.p))
+        # Weights come last: their roots round entries of nearly dependent columns, one by one.
+        X = (np.sqrt(w)[:, None, None] * X).reshape(-1, candidates.p)
+        E = np.sqrt(w) * E
         inward, wrong = frame.squares(M)
         more, part = row_root(inward.astype(float))
-        root = CovarianceRoot.of(np.vstack([X[:, 0], more]))
+        root = CovarianceRoot.of(np.vstack([X, more]))
         size = np.abs(root.W)
         own = np.sqrt(np.maximum(np.diag(inward), 0.0)).astype(float)
         blur = 2 * float(np.linalg.norm(root.W, 2)) * float(np.linalg.norm(E)) if size.size else 0.0
@@ -406,7 +434,7 @@ def sensitivities(
     each = []
     for part in candidates.parts():
         if candidates.information is None:
-            X, E = frame.rows(candidates.rows[part])
+            X, E = candidates.framed(frame, part)
             t = multipliers.sensitivities(X, prior.astype(float), per_trace=False)
             t += 2 * E * np.sqrt(norm * np.maximum(t, 0.0)) + E**2 * norm
         else:

@@ -545,7 +545,7 @@ def _packed(candidates: Candidates, T: Array) -> tuple[Array, float]:
     for part in candidates.parts():
         if candidates.information is None:
             # Where a prior tells what they do not, terms of rows cancel.
-            X, wrong = frame.rows(candidates.rows[part])
+            X, wrong = candidates.framed(frame, part)
             own = np.swapaxes(X, 1, 2) @ X
             length = np.linalg.norm(X, axis=(1, 2))
             lost = (2 * length + wrong) * wrong + len(X[0]) * p * EPS * length**2

@@ -217,7 +217,7 @@ def _known(region: Region, m: int, keep: Problem) -> Known:
     kept = keep.kept
     found = Known.of(np.zeros((region.p, region.p)))
     if isinstance(kept, Rows):
-        found = replace(found, rows=kept.flat)
+        found = replace(found, rows=kept.each)
     else:
         found = found.plus(kept.weighted(np.ones(keep.n)))
     if region.prior is not None:

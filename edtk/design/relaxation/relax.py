@@ -198,6 +198,12 @@ def relax(
         with one_thread():
             found = _relax(sized.problem, criterion, gap, options, progress, multipliers)
         return sized.outward(found)
+    except np.linalg.LinAlgError as error:
+        raise RankDeficientError(
+            f"criterion {criterion.label}: the candidates do not tell what it needs to working "
+            f"precision: their condition number is {problem.conditioning.number:.1e}; centre or "
+            "scale the regressors"
+        ) from error
     except RelaxationInterrupted as interrupt:
         raise RelaxationInterrupted(sized.outward(interrupt.best)) from interrupt
 

@@ -49,7 +49,7 @@ class OrderOne:
         largest = _largest_row(problem)
         # Powers of two change no digit.
         power = -int(np.frexp(largest)[1]) if largest > 0 else 0
-        return cls(_times(problem, power) if power else problem, power)
+        return cls(problem.in_unit(power) if power else problem, power)
 
     def information(self, M: Array) -> Array:
         """The information (p, p) here, of one for the candidates as given."""
@@ -94,15 +94,6 @@ def _largest_row(problem: Problem) -> float:
     if problem.prior is None:
         return own
     return max(own, float(np.sqrt(np.diag(problem.prior).max())))
-
-
-def _times(problem: Problem, power: int) -> Problem:
-    """The candidates with ``2^power`` times the rows."""
-    kept = problem.kept.in_unit(power)
-    known = None if problem.known is None else problem.known.in_unit(power)
-    found = Problem.of_kept(kept, problem.parameters, known)
-    found.is_exact = problem.is_exact
-    return found
 
 
 def without_open_directions(problem: Problem) -> Problem:

@@ -118,6 +118,67 @@ def test_blocks_far_from_the_origin(name, scale):
     assert excess(found.told_bound.cost, exact) <= 0
 
 
+@pytest.mark.parametrize("name", ["D", "G", "Ds", "rho_max", "I"])
+@pytest.mark.parametrize("sigma", [1.0, 0.3])
+def test_blocks_of_nearly_dependent_columns(name, sigma):
+    """Neither taking the middle out nor dividing by the noise rounds what tells columns apart."""
+    rng = np.random.default_rng(9)
+    rows = rows_of(KINDS[0], rng, 3, 4, 1e7)
+    given = arguments(name, rng, rows)
+    found = edtk.plan(
+        edtk.Problem(rows, sigma), criterion=criteria.create(name, **given), blocks=[5, 5], starts=1
+    )
+    noise = np.full(3, sigma)
+    exact = exact_cost(name, rows, found.counts, given, blocks=found.block_counts, sigma=noise)
+    assert abs(excess(found.cost, exact)) <= found.accuracy < 1e-6
+    assert excess(found.told_bound.cost, exact) <= 0
+
+
+@pytest.mark.parametrize("name", ["A", "c", "I", "Ds", "D"])
+@pytest.mark.parametrize("besides", ["nothing", "kept candidates", "a prior"])
+def test_parameters_whose_units_are_fifteen_decades_apart(name, besides):
+    """A plan is judged from its own rows, of which none is taken for rounding.
+
+    That a plan is a part of the candidates does not make their entries less exact.
+    """
+    rng = np.random.default_rng(2)
+    rows = rng.normal(size=(9, 2, 2))
+    rows[..., 0] *= 3e15
+    given = arguments(name, rng, rows)
+    prior = np.diag([1e-9 * 9e30, 1e-9]) if besides == "a prior" else None
+    keep = [0, 1, 1] if besides == "kept candidates" else None
+    found = edtk.plan(
+        edtk.Problem(rows, prior=prior), 7, criteria.create(name, **given), keep=keep, starts=1
+    )
+    with mpmath.workdps(DIGITS):
+        beside = 7 * mpmath.matrix(prior.tolist()) if prior is not None else 0
+    exact = exact_cost(name, rows, found.counts, given, beside)
+    assert abs(excess(found.cost, exact)) <= found.accuracy < 1e-8
+    assert -0.1 < excess(found.told_bound.cost, exact) <= 0
+
+
+@pytest.mark.parametrize("name", ["A", "D", "G", "c"])
+def test_kept_experiments_with_a_noise_of_their_own(name):
+    """Rows that were measured before are whitened before they are divided by their noise."""
+    rng = np.random.default_rng(4)
+    rows = rows_of(KINDS[0], rng, 2, 3, 1e8)
+    given = arguments(name, rng, rows)
+    sigma = np.array([0.3, 0.7])
+    kept = rows[:3] * 1.5
+    found = edtk.plan(
+        edtk.Problem(rows, 0.3),
+        6,
+        criteria.create(name, **given),
+        keep=edtk.Problem(kept, sigma),
+        starts=1,
+    )
+    with mpmath.workdps(DIGITS):
+        beside = exact_information(kept, np.ones(3), sigma)
+    exact = exact_cost(name, rows, found.counts, given, beside, sigma=np.full(2, 0.3))
+    assert abs(excess(found.cost, exact)) <= found.accuracy < 1e-6
+    assert excess(found.told_bound.cost, exact) <= 0
+
+
 @pytest.mark.parametrize("name", ["A", "D", "E", "G", "rho0"])
 @pytest.mark.parametrize("scale", [1e-100, 1e-12, 1.0, 1e100])
 def test_proved_plans_in_any_unit(name, scale):

@@ -17,7 +17,8 @@ from edtk.design.exact.arranged.settings import NO_RUNS, Settings
 from edtk.design.exact.counts.counts_bound import RelaxedCounts
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.pricing_for import working_parameters
-from edtk.design.problem import Problem, RankDeficientError
+from edtk.design.information import Rows
+from edtk.design.problem import Problem, RankDeficientError, missing_of
 from edtk.design.relaxation.setting import OrderOne, Setting
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.typing import Array, Indices
@@ -144,10 +145,9 @@ def _require_told(search: ArrangedSearch, problem: Problem, criterion: Criterion
     # What is left of a column that is all nuisance is rounding.
     whole = np.square(X).sum(axis=(0, 1, 2)) * np.abs(search.W).max()
     turned[:, np.square(turned).sum(axis=0) <= ROUNDED * whole] = 0.0
-    M = turned.T @ turned
-    if problem.prior is not None:
-        M = M + TRIED * len(search.W) * problem.prior
-    missing = criterion.missing(M, problem.parameters)
+    plans = Rows(turned.reshape(TRIED, -1, problem.p))
+    prior = None if problem.prior is None else len(search.W) * problem.prior
+    missing = missing_of(Problem.of_kept(plans, problem.parameters, prior), criterion)
     if missing:
         raise RankDeficientError(
             f"beside effects of which nothing is known, nothing tells {' or '.join(missing)}: "

@@ -32,7 +32,7 @@ from edtk.design.exact.prove_exact import (
     require_told_apart,
 )
 from edtk.design.information import Known, Rows
-from edtk.design.problem import Problem, RankDeficientError
+from edtk.design.problem import Problem, RankDeficientError, missing_of
 from edtk.design.relaxation.proof import errors
 from edtk.design.relaxation.restricted_master import RelaxationError
 from edtk.design.relaxation.setting import OrderOne, Setting
@@ -57,7 +57,7 @@ def find_counts(
     progress: Progress = lambda step, cost: None,
     thorough: bool = True,
     prove: float | None = None,
-    known: Array | None = None,
+    known: Rows | None = None,
 ) -> ProblemPlan:
     """Search for the best plan within limits, and bound how much better any plan can be.
 
@@ -80,7 +80,7 @@ def find_counts(
             is wasted on places that move afterwards.
         prove: Seconds for a proof that no plan is better [s]. It goes on where a first start ends,
             finds better plans, and ends the search. None for no proof.
-        known: Rows (k, p) that every plan has beside `Limits.base`, such as those of kept
+        known: Rows (k, 1, p) that every plan has beside `Limits.base`, such as those of kept
             experiments, whose squares may have lost digits.
 
     Raises:
@@ -174,7 +174,7 @@ class _Asked:
 
     @classmethod
     def of(
-        cls, problem: Problem, criterion: Criterion, limits: Limits, known: Array | None
+        cls, problem: Problem, criterion: Criterion, limits: Limits, known: Rows | None
     ) -> "_Asked":
         """The question as it was given to `find_counts`, a Bayesian prior included."""
         every = Known.of(limits.base)
@@ -311,13 +311,23 @@ def _centred(problem: Problem) -> Problem:
     """The same question about plans in blocks of unknown effects, which take up a common row.
 
     Rows ``U - c`` have the same scatter in each block; of a c in the middle of the candidates they
-    lose nothing, where squares of U lose all that differs in blocks.
+    lose nothing, where squares of U lose all that differs in blocks. A difference of two numbers of
+    which neither is more than twice the other is exact (Sterbenz); where entries are further apart,
+    c is zero: it would help little, and would round what tells nearly dependent columns apart.
     """
-    rows = problem.factors()
+    kept = problem.kept
+    assert isinstance(kept, Rows)
+    alike = kept.sigma is None or bool((kept.sigma == kept.sigma[0]).all())
+    rows, sigma = (kept.given, kept.sigma) if alike else (kept.A, None)
     middle = rows.mean(axis=0, dtype=np.longdouble).astype(float)
-    found = Problem.of_kept(Rows(rows - middle), problem.parameters, problem.known)
-    found.is_exact = problem.is_exact
-    return found
+    size = np.abs(rows)
+    is_exact = (
+        (np.sign(rows) == np.sign(middle))
+        & (2 * size >= np.abs(middle))
+        & (size <= 2 * np.abs(middle))
+    )
+    middle = np.where(is_exact.all(axis=0), middle, 0.0)
+    return problem.of_candidates(Rows(rows - middle, sigma))
 
 
 def _of_blocks(
@@ -375,9 +385,10 @@ def _require_beside_blocks(question: Question | None, problem: Problem) -> None:
     if question is None:
         return
     extended, criterion, free = question
-    M = extended.mean + free.base / free.m
     names = (*problem.parameters, *(f"effect {i + 1}" for i in range(extended.p - problem.p)))
-    missing = criterion.missing(M, names)
+    named = Problem.of_kept(extended.kept, names, free.base / free.m)
+    named.is_exact = extended.is_exact
+    missing = missing_of(named, criterion)
     if missing:
         raise RankDeficientError(
             f"beside fixed effects of blocks nothing tells {' or '.join(missing)}: leave such "
