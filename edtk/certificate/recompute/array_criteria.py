@@ -225,12 +225,15 @@ class Part:
         """H (s, r) with ``H H'`` minus the gradient of ``log cost^(1/degree)``.
 
         With ``L = K'D = P diag(d) R'`` it is ``D R diag(d^q) / (sum d^2q)^(1/2)``, where q is that
-        of phi: 1 of a sum, 0 of a volume, 1/2 of lengths.
+        of phi: 1 of a sum, 0 of a volume, 1/2 of lengths. A volume has the same for all
+        combinations of the same span, of which orthogonal ones hide none.
 
         Args:
             D: Root (s, r) of a covariance.
             side: Combinations (s, t) of what it is the covariance of.
         """
+        if self.form == "volume":
+            side = np.linalg.qr(side)[0]
         _, d, R = np.linalg.svd(side.T @ D, full_matrices=False)
         kept = d > NOTHING * d[0]
         q = {"volume": 0.0, "lengths": 0.5}.get(self.form, self.q)

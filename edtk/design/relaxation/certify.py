@@ -216,11 +216,8 @@ def store(found: Relaxation, problem: Problem) -> dict[str, Any]:
     cost, bound = certify(
         problem, found.criterion, found.weights, multipliers, found.inner, *beside
     )
-    # Shares do not depend on the length of a matrix; squares of one far from order one do.
-    M = problem.information(found.weights)
-    M = np.ldexp(M, -int(np.frexp(np.abs(M).max())[1]))
-    length = np.abs(multipliers).max(axis=(1, 2), keepdims=True)
-    duals = [found.criterion.dual_weights(Z, M) for Z in multipliers / length]
+    inside = _inside(found, problem, multipliers)
+    duals = _dual_weights(found.weights, *inside)
     content = {
         "kind": CERTIFICATE,
         "criterion": found.criterion.to_dict(),
@@ -234,7 +231,8 @@ def store(found: Relaxation, problem: Problem) -> dict[str, Any]:
             "weight": found.weights[found.support].tolist(),
         },
         "value": printed_form(cost, found.criterion.sense),
-        "bound": printed_form(bound, found.criterion.sense),
+        # JSON knows no infinity, as which a maximised criterion prints a bound that says nothing.
+        "bound": printed_form(bound, found.criterion.sense) if bound else None,
         "gap": 1 - bound / cost,
         "multipliers": multipliers.tolist(),
     }
@@ -245,17 +243,41 @@ def store(found: Relaxation, problem: Problem) -> dict[str, Any]:
     if within is not None:
         content["limits"] = within.limits.to_dict()
         content["experiments"] = within.experiments
-        content["limit_multipliers"] = _of_limits(within.limits, problem, found, multipliers)
+        content["limit_multipliers"] = _of_limits(within.limits, inside[0], inside[2])
     return content
 
 
-def _of_limits(
-    limits: WeightLimits, problem: Problem, found: Relaxation, multipliers: Array
-) -> list[list[float]]:
+def _inside(
+    found: Relaxation, problem: Problem, multipliers: Array
+) -> tuple[Problem, Relaxable, Array]:
+    """The problem, the criterion and the multipliers (r, p, p) with all their digits.
+
+    What else a certificate holds does not depend on the parameters; the digits from which it
+    follows do. Nor does it depend on the length of a multiplier, whose squares may leave doubles.
+    """
+    plain, criterion = absorb_prior(problem, found.criterion)
+    assert isinstance(criterion, Relaxable)
+    plain = OrderOne.of(plain).problem
+    setting = _exact(plain, criterion, multipliers, found.inner)
+    Z = multipliers
+    if setting is not None and found.inner is not None:
+        plain, criterion, Z = setting.problem, setting.criterion, found.inner.Z
+    length = np.abs(Z).max(axis=(1, 2), keepdims=True)
+    return plain, criterion, Z / np.where(length > 0, length, 1.0)
+
+
+def _dual_weights(
+    weights: Array, problem: Problem, criterion: Relaxable, multipliers: Array
+) -> list[Array | None]:
+    """The shares that go with each of the multipliers (r, p, p), see `Relaxable.dual_weights`."""
+    M = problem.information(weights)
+    return [criterion.dual_weights(Z, M) for Z in multipliers]
+
+
+def _of_limits(limits: WeightLimits, problem: Problem, multipliers: Array) -> list[list[float]]:
     """Multipliers (r, k) of the limits' constraints, where the largest sensitivity is one."""
-    plain, _ = absorb_prior(problem, found.criterion)
-    each = plain.sensitivities(multipliers)
-    return [limits.largest(gains / gains.max())[1].tolist() for gains in each]
+    each = problem.sensitivities(multipliers)
+    return [limits.largest(gains / (gains.max() or 1.0))[1].tolist() for gains in each]
 
 
 def restore(data: Mapping[str, Any], problem: Problem) -> Relaxation:

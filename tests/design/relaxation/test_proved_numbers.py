@@ -1,12 +1,15 @@
 """A number called proved is never wrong: costs and bounds against arithmetic of 50 digits."""
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from exact_costs import COSTS, KINDS, arguments, exact_cost, excess, rows_of
 
 import criteria
 import edtk
-from edtk.design.bound import Bound, BoundKind
+from edtk.design.bound import Bound, BoundKind, printed_form
 from edtk.design.problem import RankDeficientError
 
 GAP = 1e-6
@@ -60,6 +63,114 @@ def test_cost_and_bound_are_right_in_fifty_digits(name, kind):
         assert excess(found.certify(problem)[1], exact) <= 0
         assert 0 <= found.gap <= 10 * GAP + found.accuracy
     assert checked >= 3
+
+
+@every
+@pytest.mark.parametrize(
+    ("kind", "condition", "r", "p"), [(KINDS[0], 1e8, 6, 3), (KINDS[3], 1e6, 2, 3)]
+)
+def test_rows_are_whitened_before_they_are_divided_by_their_noise(name, kind, condition, r, p):
+    """Division rounds entry by entry, and would hide what tells nearly dependent columns apart."""
+    rng = np.random.default_rng([r, p])
+    p = min(p, MOST.get(name, p))
+    rows = rows_of(kind, rng, r, p, condition)
+    sigma = rng.uniform(0.1, 3.0, size=r)
+    given = arguments(name, rng, rows)
+    problem = edtk.Problem(rows, sigma)
+    found = edtk.relax(problem, criteria.create(name, **given))
+    exact = exact_cost(name, rows, found.weights, given, sigma=sigma)
+    assert abs(excess(found.cost, exact)) <= found.accuracy
+    assert excess(found.proved_bound.cost, exact) <= 0
+    assert excess(found.certify(problem)[1], exact) <= 0
+    assert _verified(found, problem).claims[3].holds
+
+
+def _verified(found, problem, **forged):
+    """What the second implementation says of a certificate that went through JSON."""
+    return edtk.verify(json.loads(json.dumps(found.to_dict() | forged)), problem)
+
+
+SEVERAL = {
+    "compound": {"criteria": ["A", "D", "O1"], "best": [1e-3, 1.0, 1e3]},
+    "minimax": {"criteria": ["A", "D"]},
+}
+
+
+@pytest.mark.parametrize("name", [*COSTS, *SEVERAL])
+@pytest.mark.parametrize("kind", KINDS)
+def test_true_proofs_are_confirmed_and_no_bound_above_the_cost(name, kind):
+    """The second implementation has the digits that a proof needs, whatever the units.
+
+    A bound above the cost of its own design is refused, if by 1e-10 of it.
+    """
+    for condition, r, p in [(1e8, 5, 3), (1e4, 2, 4), (1e2, 1, 2)]:
+        p = min(p, MOST.get(name, p))
+        rng = np.random.default_rng([r, p, KINDS.index(kind)])
+        rows = rows_of(kind, rng, r, p, condition)
+        given = SEVERAL.get(name) or arguments(name, rng, rows)
+        if name == "minimax":
+            best = [edtk.relax(edtk.Problem(rows), part).value for part in given["criteria"]]
+            given = {**given, "best": best}
+        problem = edtk.Problem(rows)
+        found = edtk.relax(problem, criteria.create(name, **given))
+        told = _verified(found, problem)
+        assert told.valid, told.claims
+        above = printed_form(
+            found.cost * (1 + max(1e-10, 3 * found.accuracy)), found.told_bound.sense
+        )
+        assert "bound" in _verified(found, problem, bound=above).failed
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-12])
+def test_designs_that_leave_directions_open_are_found(scale):
+    """The mean variance at three places is least with measurements there, and nowhere else.
+
+    Little weight elsewhere does not make such a design clearly regular; it is none the worse.
+    """
+    rng = np.random.default_rng(5)
+    rows = rng.normal(size=(8, 1, 5))
+    rows[..., 3:] = rows[..., :2] + rows[..., 3:] / 100
+    found = edtk.relax(
+        edtk.Problem(scale * rows), criteria.create("I", points=scale * rows[[1, 3, 5], 0])
+    )
+    assert found.cost == pytest.approx(3.0, rel=GAP)
+    assert 0 <= found.gap <= GAP
+
+
+@pytest.mark.parametrize("name", ["c", "I", "Ds", "A"])
+def test_information_of_units_that_are_far_apart_is_as_exact_as_rows(name):
+    """No entry that was given is taken for the rounding of a zero."""
+    rng = np.random.default_rng(2)
+    rows = rng.normal(size=(9, 3, 4)) * np.array([3e15, 1.0, 3e15, 1.0])
+    given = arguments(name, rng, rows)
+    criterion = criteria.create(name, **given)
+    found = edtk.relax(edtk.Problem.of_information(edtk.Problem(rows).packed), criterion)
+    assert found.cost == pytest.approx(edtk.relax(edtk.Problem(rows), criterion).cost, rel=GAP)
+
+
+@pytest.mark.parametrize("name", ["G", "A", "E", "rho_max", "D"])
+@pytest.mark.parametrize("scale", [1.0, 1e100])
+def test_proofs_within_limits_are_confirmed_where_columns_are_nearly_dependent(name, scale):
+    """The limits' own multipliers follow from the multipliers that have all their digits."""
+    rng = np.random.default_rng(3)
+    rows = rows_of(KINDS[0], rng, 2, 4, 1e8)
+    given = arguments(name, rng, rows)
+    problem = edtk.Problem(scale * rows)
+    found = edtk.relax(problem, criteria.create(name, **given), size=8, most=2)
+    told = _verified(found, problem)
+    assert told.valid, told.claims
+
+
+def test_a_bound_that_says_nothing_is_stated_as_none():
+    """A maximised criterion prints it as infinite, which JSON does not know."""
+    rows = np.random.default_rng(7).normal(size=(9, 1, 3))
+    problem = edtk.Problem(rows)
+    found = edtk.relax(problem, "D")
+    poor = replace(found, multipliers=np.zeros((1, 3, 3)))
+    assert poor.to_dict()["bound"] is None
+    told = _verified(poor, problem)
+    assert told.failed == ("bound", "gap")
+    assert told.claims[3].stated is None
 
 
 @pytest.mark.parametrize(
