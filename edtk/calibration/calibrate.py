@@ -10,7 +10,7 @@ from edtk.calibration.calibration import Calibration, Origin
 from edtk.calibration.model_findings import model_findings
 from edtk.calibration.told_part import ToldPart, measured_known, told_part
 from edtk.findings.causes.faults import cause_of
-from edtk.findings.finding import Finding
+from edtk.findings.finding import Finding, worst_first
 from edtk.findings.fitted_data import AS_USUAL, FittedData, HowFitted
 from edtk.findings.input_errors import find_input_error
 from edtk.findings.moving_joints import stated_noise
@@ -116,17 +116,15 @@ def calibrate(study: Study, path: Table, how: HowFitted = AS_USUAL) -> Calibrati
     named = spring_findings(fitted, bare.rho0_bias, budget)
     if budget is not None and fitted.model_error is not None:
         of_model = model_findings(bare.propagation, fitted.model_error, budget, tasks)
-        named = tuple(sorted((*named, *of_model), key=lambda one: -one.severity))
+        named = (*named, *of_model)
     if part is not None and study.interest is None:
         told = (len(fitted.fit.k), len(study.unknown))
         still = still_joints(study.robot, data.q)
         named = (untold_finding(told, part.words, still, "; or a [prior], with --bayes"), *named)
-        named = tuple(sorted(named, key=lambda one: -one.severity))
     if study.with_known is not study:
         left = {one.name: one for one in bare.propagation.assumed}
-        more = (*named, *known_findings(study, left))
-        named = tuple(sorted(more, key=lambda one: -one.severity))
-    found = replace(bare, findings=named, budget=budget)
+        named = (*named, *known_findings(study, left))
+    found = replace(bare, findings=worst_first(named), budget=budget)
     if tasks:
         vars(found)["propagation"] = bare.propagation  # of the same fit
     wrong = None if how.as_is else find_input_error(fitted)

@@ -23,7 +23,7 @@ from edtk.calibration.told_part import ToldPart, interest_estimates
 from edtk.design.plan import Plan
 from edtk.findings.causes.family import Cause
 from edtk.findings.causes.faults import cause_of
-from edtk.findings.finding import Finding, verdict
+from edtk.findings.finding import Finding, verdict, worst_first
 from edtk.findings.fitted_data import FittedData, residual_table
 from edtk.findings.prior import posterior_findings
 from edtk.findings.springs import spring_findings
@@ -507,7 +507,7 @@ class Calibration(Judged):
             self,
             fitted=fitted,
             budget=budget,
-            findings=tuple(sorted([*added, *rest], key=lambda one: -one.severity)),
+            findings=worst_first([*added, *rest]),
             check=replace(check, sigma_estimated=estimated),
         )
 

@@ -21,6 +21,9 @@ class Severity(IntEnum):
     ALARM = 2  # do not use the result
 
 
+# What explains residuals, and what says how large they are, or what came of them.
+EXPLAIN = ("cause", "no_cause", "outliers", "known_contradicted")
+SIZES = ("noise_above_sigma", "noise_estimated_large", "lack_of_fit", "outside", "far_below_zero")
 VERDICTS = {Severity.NOTE: "good", Severity.WARNING: "usable", Severity.ALARM: "bad"}
 
 
@@ -80,6 +83,22 @@ class Finding:
 def verdict(findings: Iterable[Finding]) -> str:
     """Whether to use a result: "good", "usable" or "bad", as the worst finding says."""
     return VERDICTS[max((one.severity for one in findings), default=Severity.NOTE)]
+
+
+def worst_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Findings in the order in which a person reads them.
+
+    The worst stand first; but what explains residuals stands before how large they are.
+    """
+    found = list(findings)
+    sizes = [one.severity for one in found if one.kind in SIZES]
+
+    def place(one: Finding) -> tuple[int, bool]:
+        explains = one.kind in EXPLAIN
+        severity = max([one.severity, *sizes]) if explains else one.severity
+        return -severity, not explains
+
+    return tuple(sorted(found, key=place))
 
 
 def notes(findings: Iterable[Finding]) -> list[str]:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from edtk.findings.causes.faults import FAULTS, cause_wording
-from edtk.findings.causes.find_causes import UNEXPLAINED
+from edtk.findings.causes.find_causes import MOSTLY, UNEXPLAINED
 from edtk.findings.causes.try_faults import NO_NOISE
 from edtk.findings.causes.wrong_pose import FITS
 from edtk.findings.finding import Data, Finding, Severity, Wording, row_names, shown_probability
@@ -30,7 +30,6 @@ STATED = {
     "tool_y": "tool_mm",
     "tool_z": "tool_mm",
 }
-MOSTLY = 0.5  # of the misfit: what explains less leaves a sheet or a robot that nobody knows
 AS_STATED = 2.5  # standard deviations: of two axes, 4 % are longer
 HELD = 0.75  # of the coordinates: below it bands are no bands
 TINY = 0.2  # estimated noise over the stated one that looks like another unit

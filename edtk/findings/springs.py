@@ -4,7 +4,15 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from edtk.findings.finding import Data, Finding, Severity, Wording, row_names
+from edtk.findings.finding import (
+    EXPLAIN,
+    Data,
+    Finding,
+    Severity,
+    Wording,
+    row_names,
+    worst_first,
+)
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.input_errors import find_input_error, twins
 from edtk.findings.match_plan import not_measured, pose_resolution
@@ -241,15 +249,10 @@ def _open(data: Data) -> str:
     )
 
 
-EXPLAIN = ("cause", "no_cause", "outliers")
-
-
 def spring_findings(
     fitted: FittedData, rho0_bias: float | None = None, budget: ErrorBudget | None = None
 ) -> tuple[Finding, ...]:
-    """List everything that looks wrong in measurements, the worst first.
-
-    What explains residuals stands before the line that says how large they are.
+    """List everything that looks wrong in measurements, the worst first, see `worst_first`.
 
     Args:
         fitted: The measurements and their fit. The study's load and its assumed true compliances,
@@ -274,16 +277,7 @@ def spring_findings(
     found += place_findings(fitted)
     found += pose_findings(fitted)
     found = [*input_findings(fitted), *found]
-    return tuple(sorted(found, key=lambda one: _order(one, found)))
-
-
-def _order(finding: Finding, found: list[Finding]) -> tuple[float, bool]:
-    """The place of a finding: by its severity; what explains residuals stands before their size."""
-    severity = finding.severity
-    if finding.kind in EXPLAIN:
-        sizes = [one.severity for one in found if one.kind == "noise_above_sigma"]
-        severity = max([severity, *sizes])
-    return -severity, finding.kind not in EXPLAIN
+    return worst_first(found)
 
 
 def _all_negative(data: Data) -> str:

@@ -72,6 +72,17 @@ def test_round_trip(save, positions):
     assert found.data.pose.max() == 11
 
 
+def test_rows_of_outliers_stand_first(save):
+    """Two readings that are off by ten sigma are named by their rows before the noise is, once."""
+    table = filled(plan=PLAN.repeated(2))
+    table.loc[3, "dx_mm"] += 0.3
+    table.loc[8, "dz_mm"] -= 0.3
+    found = calibrate(STUDY, save(table))
+    kinds = [one.kind for one in found.findings]
+    assert kinds[:2] == ["outliers", "noise_above_sigma"]
+    assert found.findings[0].rows == (3, 8)
+
+
 def test_rotations_too(save, tmp_path):
     """A study that measures poses identifies from rotations as well."""
     text = (ROOT / "studies/kr270_milling.toml").read_text()

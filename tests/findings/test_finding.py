@@ -6,7 +6,17 @@ from pathlib import Path
 
 import pytest
 
-from edtk.findings.finding import Finding, Severity, notes, row_names, rows_in_words, verdict
+from edtk.findings.finding import (
+    EXPLAIN,
+    SIZES,
+    Finding,
+    Severity,
+    notes,
+    row_names,
+    rows_in_words,
+    verdict,
+    worst_first,
+)
 
 ROOT = Path(__file__).parents[2]
 FILES = [
@@ -91,3 +101,20 @@ def test_rows_are_named(rows: range, one_by_one: str, with_runs: str) -> None:
     """One by one, or with runs of three and more as one; of many the number is said."""
     assert row_names(rows) == one_by_one
     assert rows_in_words(rows) == with_runs
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("cause", EXPLAIN)
+def test_what_explains_residuals_stands_before_their_size(cause: str, size: str) -> None:
+    """Whatever their severities and their order are; others keep to theirs."""
+    near_zero, alone = (
+        Finding(Severity.WARNING, "near_zero", ""),
+        Finding(Severity.NOTE, "alone", ""),
+    )
+    for mild, severe in ((Severity.WARNING, Severity.ALARM), (Severity.WARNING, Severity.WARNING)):
+        given = (alone, near_zero, Finding(severe, size, ""), Finding(mild, cause, ""))
+        for order in (given, given[::-1]):
+            kinds = [one.kind for one in worst_first(order)]
+            assert kinds.index(cause) < kinds.index(size)
+            assert kinds[-1] == "alone"
+            assert kinds.index(size) < kinds.index("near_zero") or severe is Severity.WARNING

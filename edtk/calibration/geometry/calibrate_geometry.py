@@ -11,7 +11,14 @@ from edtk.calibration.geometry.pieces_left import PiecesLeft
 from edtk.calibration.geometry.told_before import told_before
 from edtk.calibration.model_findings import pieces_findings
 from edtk.design.plan import Plan
-from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
+from edtk.findings.finding import (
+    Data,
+    Finding,
+    Severity,
+    Wording,
+    rows_in_words,
+    worst_first,
+)
 from edtk.findings.fitted_data import AS_USUAL, HowFitted
 from edtk.findings.geometry.counting import (
     Counting,
@@ -158,7 +165,7 @@ def _that_count(findings: list[Finding], where: Path, as_is: bool) -> tuple[Find
         findings = [one for one in findings if one.kind != "rough"]
     elif rough and not as_is:
         raise UserError(rough[0].words, where=where)
-    return tuple(sorted(findings, key=lambda one: -one.severity))
+    return worst_first(findings)
 
 
 def _typical_reading(setting: StudyGeometry, data: MarkerPositions) -> float:

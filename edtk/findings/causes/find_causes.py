@@ -41,6 +41,7 @@ NEAR = 6.0  # score within which a second cause is as likely as the best, to a p
 CLEARLY_OFF = 6.0  # size of an outlier, in sigma, that larger noise does not make
 WITHIN_REACH = 20.0  # score that a pose gains at most where a joint value explains it
 UNEXPLAINED = 1e-6  # probability of what the best fault leaves, below which it is none of the list
+MOSTLY = 0.5  # of the misfit: what explains less leaves a sheet or a robot that nobody knows
 LIKELIER = 1e-6  # score by which rows have to be set aside for more than rounding
 MOST_ROWS = 1000  # measurements in which causes are looked for
 
@@ -210,7 +211,8 @@ def find_causes(
     looks the one of the largest marginal likelihood counts: two outliers hide each other from a
     look at one, and make a noise that is larger than stated.
 
-    Where the best fault leaves what noise does not make, it is not the fault: none is named.
+    Where the best fault leaves what noise does not make, it is not the fault: none is named. One
+    that is weighed beside an error of the model may leave that, but not most of the misfit.
 
     Args:
         model: The robot with its calibration tool, and the measured rows.
@@ -276,7 +278,7 @@ def _found(look: Look, m: int, tasks: Tasks | None) -> FoundCauses:
     """What the best look shows."""
     best = look.best
     # What a fault leaves beside an error of the model was weighed with it.
-    weighed = best is not None and best.share > 0
+    weighed = best is not None and best.share > 0 and _is_most(best, look.plain)
     if look.left < UNEXPLAINED and not weighed:
         return FoundCauses(unexplained=True)
     outliers = tuple(np.setdiff1d(np.arange(m), look.rows).tolist())
@@ -295,7 +297,8 @@ def _named(
 ) -> tuple[Cause, ...]:
     """The best cause, and a second one that is about as likely."""
     faults = [(score, one) for score, one in ranked if one.cause.cause not in NO_FAULTS]
-    best = [one for score, one in faults if score <= faults[0][0] + NEAR][:MOST]
+    near = [one for score, one in faults if score <= faults[0][0] + NEAR]
+    best = [one for one in near if not one.share or _is_most(one, plain)][:MOST]
     return tuple(
         replace(
             one.cause,
@@ -362,6 +365,11 @@ def _fits(deviance: float, dof: int) -> bool:
 def _explained(one: Tried, plain: PlainFit) -> float:
     """Share of the misfit that a fault explains."""
     return min(1.0, max(0.0, plain.chi2 - one.deviance) / max(plain.chi2 - plain.dof, 1e-9))
+
+
+def _is_most(one: Tried, plain: PlainFit) -> bool:
+    """Whether a fault explains so much of the misfit that it is what is wrong."""
+    return _explained(one, plain) >= MOSTLY
 
 
 def look_for_causes(fitted: "FittedData") -> FoundCauses:

@@ -181,6 +181,18 @@ def test_a_model_that_does_not_fit_is_no_fault():
     assert found.outliers == ()
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_what_leaves_most_of_a_misfit_is_not_named(seed):
+    """Where all springs vary as their joints turn, one fault explains most of it, or none does."""
+    phase = np.random.default_rng(seed).uniform(0, 2 * np.pi, 5)
+    varied = 0.3 * np.sin(Q[:, 1:] + phase) * STUDY.compliances
+    extra = np.einsum("mrp,mp->mr", MODEL.regressor(Q, WRENCH), varied)
+    data = measured(seed, extra=extra)
+    found = find_causes(MODEL, data, data.deflection, TYPED)
+    assert found.unexplained or found.named
+    assert all(one.explained >= 0.5 for one in found.named)
+
+
 def test_what_is_left_is_judged_by_the_scatter_of_repetitions():
     """Residuals of three times the stated noise are no misfit where repetitions scatter as much."""
     data = measured(0, noise=3.0)
