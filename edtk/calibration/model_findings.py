@@ -16,6 +16,7 @@ OFTEN = 0.1
 # Of the displacement. A compensation that takes away nine tenths is what an engineer expects;
 # where less is due to the model, more measurements do not help.
 LARGE = 0.1
+SHARE = 0.01  # of the total error, from which a part of it is named
 
 
 def model_findings(
@@ -34,7 +35,7 @@ def model_findings(
         return
     sizes = (budget.model, budget.total, budget.uncompensated)
     if found.counts:
-        yield _found(sizes, tasks.place, found.to_dict())
+        yield from _found(sizes, tasks.place, found.to_dict())
     given = (tasks, propagation.joints)
     chance = left.chance_beyond(*given, TWICE * budget.total)
     if chance > OFTEN:
@@ -50,17 +51,24 @@ def pieces_findings(pieces: PiecesLeft, left: LeftInTasks) -> Iterator[Finding]:
     """
     if pieces.counts:
         sizes = (left.model, left.total, left.before)
-        yield _found(sizes, left.place, pieces.shares)
+        yield from _found(sizes, left.place, pieces.shares)
     if left.chance > OFTEN:
         yield _untold(left.chance, left.most, left.total, left.place)
 
 
-def _found(sizes: tuple[float, float, float], place: str, shares: Mapping[str, float]) -> Finding:
-    """What is missing, by what it makes, the total, and the error without compensation [m]."""
+def _found(
+    sizes: tuple[float, float, float], place: str, shares: Mapping[str, float]
+) -> Iterator[Finding]:
+    """What is missing, by what it makes, the total, and the error without compensation [m].
+
+    Nothing is said of what makes hardly any of the total.
+    """
     model, total, before = sizes
+    if model < SHARE * total:
+        return
     large = 2 * model**2 > total**2 and total > LARGE * before
     severity = Severity.WARNING if large else Severity.NOTE
-    return Finding.of(severity, WORDING, "model_error", model=model, place=place, **shares)
+    yield Finding.of(severity, WORDING, "model_error", model=model, place=place, **shares)
 
 
 def _untold(chance: float, most: float, total: float, place: str) -> Finding:
@@ -81,8 +89,8 @@ def _model_error(data: Data) -> str:
     parts = [words.format(data[name]) for name, words in PARTS.items() if data[name]]
     size = f"{1e3 * data['model']:.2g} mm {data['place']}"
     return (
-        f"the robot is not what the model takes it for, which makes {size}: the residuals are as "
-        f"with {', '.join(parts)}"
+        f"the residuals look as if the robot had {', '.join(parts)}, which its model lacks: the "
+        f"expected error counts {size} for that"
     )
 
 

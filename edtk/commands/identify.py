@@ -17,6 +17,7 @@ from edtk.commands.shared import (
     show,
     warn,
     warn_about,
+    warn_in_full,
 )
 from edtk.system.errors import UserError
 from edtk.system.parsing import json_text
@@ -124,7 +125,7 @@ def command(
     show(found, as_json, sampling.export)
     warn_about(study, found.study.warnings)
     for text in _harmful(found, robust):
-        warn(text, measurements)
+        warn_in_full(text, measurements)
 
 
 def _harmful(found: "Calibration | GeometricCalibration", robust: bool) -> Iterator[str]:

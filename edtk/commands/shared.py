@@ -10,13 +10,22 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
+from textwrap import wrap
 from threading import Timer
 from time import monotonic, time
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from edtk.system.errors import ArgumentError, Note, UserError, shortened
+from edtk.system.errors import (
+    LONGEST,
+    PROGRAM,
+    WHERE,
+    ArgumentError,
+    Note,
+    UserError,
+    shortened,
+)
 from edtk.system.files import STANDARD_OUTPUT, is_standard_output, write_files
 from edtk.system.interruptible import leave
 from edtk.system.parsing import json_text
@@ -35,6 +44,7 @@ HINTS = {
     "SigmaTooSmallError": ", or --sigma-unknown",
 }
 SHOWN_AFTER_S = 1.0
+MOST_LINES = 4  # of a finding
 PARTIAL = 1  # exit code: there is an answer, but not to everything that was asked
 
 
@@ -281,10 +291,22 @@ def warn(message: str, where: Path | None = None) -> None:
     click.echo(f"edtk: {UserError(message, where=where)}", err=True)
 
 
+def warn_in_full(message: str, where: Path) -> None:
+    """Print a sentence about a file on standard error, on as many lines as it takes.
+
+    An error may repeat anything that a file holds, and is cut; a finding has words of its own.
+    """
+    width = LONGEST - PROGRAM - min(len(f"{where}: "), WHERE)
+    first, *more = wrap(shortened(message, MOST_LINES * width), width, break_on_hyphens=False)
+    warn(first, where)
+    for line in more:
+        click.echo(f"edtk:   {line}", err=True)
+
+
 def warn_about(where: Path, findings: Iterable["Finding"]) -> None:
-    """Print one line on standard error for each finding about a file."""
+    """Print each finding about a file on standard error."""
     for one in findings:
-        warn(str(one), where)
+        warn_in_full(str(one), where)
 
 
 def end_interrupted() -> NoReturn:

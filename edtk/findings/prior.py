@@ -244,8 +244,8 @@ def _posterior_differs(data: Data) -> str:
 def _known_contradicted(data: Data) -> str:
     """A known compliance that is measured as another one."""
     return (
-        f"{data['parameters'][0]} is known as {data['value']:.3g} +- {data['std']:.1g} rad/(N m) "
-        f"and measured as {data['measured']:.3g} +- {data['left']:.1g} "
+        f"{data['parameters'][0]} is known as {data['value']:.3g} +- {data['std']:.2g} rad/(N m) "
+        f"and measured as {data['measured']:.3g} +- {data['left']:.2g} "
         f"(p {shown_probability(data['p'], 1)}), which is taken: is the known value wrong, or "
         "something else that bends alike?"
     )

@@ -102,7 +102,7 @@ def test_what_is_missing_is_named(piece, name):
     assert found.budget.model > found.budget.noise
     assert found.to_dict()["model_error_mm"] == 1e3 * found.budget.model
     (said,) = [one for one in found.findings if one.kind == "model_error"]
-    assert "the robot is not what the model takes it for" in said.words
+    assert "which its model lacks: the expected error counts" in said.words
 
 
 def left_by(found, sizes):

@@ -6,7 +6,9 @@ import pytest
 from click.testing import CliRunner
 
 from edtk.cli import main
+from edtk.commands.shared import warn_in_full
 from edtk.study.study import load_study
+from edtk.system.errors import LONGEST
 
 ROOT = Path(__file__).parents[2]
 PLAN = ROOT / "studies" / "plans" / "table_4_3.csv"
@@ -47,3 +49,13 @@ def test_a_sheet_is_not_written_where_the_study_cannot_be_judged(tmp_path, to_fi
     assert "bad.csv: unknown column 'elsewhere'" in result.stderr
     assert result.stdout == ""
     assert not sheet.exists()
+
+
+def test_a_long_finding_is_told_to_its_end(capsys):
+    """Each word of it stands on some line, each line is short, and the first names the file."""
+    sentence = " ".join(f"word{i}" for i in range(100))
+    warn_in_full(sentence, Path("some/sheet.csv"))
+    lines = capsys.readouterr().err.splitlines()
+    assert all(line.startswith("edtk: ") and len(line) <= LONGEST for line in lines)
+    assert lines[0].startswith("edtk: some/sheet.csv: word0 ")
+    assert " ".join(lines).replace("edtk:", " ").split()[1:] == sentence.split()

@@ -109,11 +109,11 @@ def poor_left_out(question: GeometryQuestion, plan: Plan) -> tuple[Finding, ...]
 
 WORDING: Wording = {
     "poor_left_out": lambda data: (
-        f"a pose that is not visited will be about {data['off_mm']:.2g} mm off, by what the model "
-        f"leaves out (noise.discrepancy_mm = {data['discrepancy_mm']:g}) and the noise; base and "
-        f"tool alone leave {data['placed_mm']:.2g} mm besides the errors of the drawing. So few "
-        f"visits are better only where these are above {data['needed']:.2g} mm and mrad each: plan "
-        "more visits, or ask for fewer parameters"
+        f"a pose that is not visited will be about {data['off_mm']:.2g} mm off, by the noise and "
+        f"what the model leaves out (noise.discrepancy_mm = {data['discrepancy_mm']:g}); base and "
+        f"tool alone leave {data['placed_mm']:.2g} mm and the errors of the drawing. So few visits "
+        f"pay only where these are above {data['needed']:.2g} mm and mrad each: plan more visits, "
+        "or ask for fewer parameters"
     ),
 }
 

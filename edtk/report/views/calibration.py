@@ -72,9 +72,9 @@ def assumed_joints(found: ErrorBudget) -> list[str]:
     lines = [assumed_joint(part) for part in found.joints if part.error > SHARE * found.total]
     if found.assumed_share and found.model > SHARE * found.total:
         lines.append(
-            f"{1e3 * found.model:.2g} mm by what springs leave out: {100 * found.assumed_share:g} "
-            "% of what they do, and of loads by friction, assumed; [noise] model_error_percent "
-            "states a share, or 0"
+            f"{1e3 * found.model:.2g} mm by bearings, links and friction, which springs of joints "
+            f"leave out: assumed as {100 * found.assumed_share:g} % of what the springs do; "
+            "model_error_percent in [noise] states another share, or 0"
         )
     return lines
 
@@ -90,7 +90,7 @@ def assumed_joint(part: JointPart) -> str:
         size = f"{joint.std:.2g} rad/(N m)"
         rigid = f"which counts as rigid: {size} assumed, {joint.source}"
         return f"{error} by {joint.name}, {rigid}{told}"
-    known = f"{joint.compliance:.2g} +- {joint.std:.1g} rad/(N m)"
+    known = f"{joint.compliance:.2g} +- {joint.std:.2g} rad/(N m)"
     return f"{error} by {joint.name}, which counts as known: {known}{told}"
 
 

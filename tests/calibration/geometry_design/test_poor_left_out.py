@@ -22,7 +22,7 @@ def test_few_visits_of_a_robot_that_errs_much(
     plan = edtk.Plan(q, np.zeros((visits, 6)), np.ones(visits, dtype=int))
     said = poor_left_out(GeometryQuestion.of(study), plan)
     assert len(said) == named
-    assert all("So few visits are better only where these are above" in one.words for one in said)
+    assert all("So few visits pay only where these are above" in one.words for one in said)
 
 
 def test_evaluate_says_it() -> None:
