@@ -136,7 +136,10 @@ def _assumed(budget: ErrorBudget) -> list[str]:
     if not joints:
         return []
     named = "; ".join(joints).replace("+-", "\N{PLUS-MINUS SIGN}")
-    return [f"Of the total, what was measured makes {1e3 * budget.measured:.2g} mm. {named}."]
+    return [
+        f"Of the total, what was measured makes {1e3 * budget.measured:.2g} mm. Besides, it counts "
+        f"what is assumed: {named}."
+    ]
 
 
 def _facts(found: Calibration) -> list[str]:

@@ -260,6 +260,8 @@ def _model_of_budget(found: Calibration) -> str:
     error = found.fitted.model_error
     if error is not None:
         across, held, turn = error.to_dict().values()
+        if not across + held + turn:
+            return "the sheet shows no springs across the joints, friction or stiffness by pose"
         return (
             f"of what the springs do, the sheet shows {across:.2g} % across the joints, {held:.2g} "
             f"% held by friction and {turn:.2g} % by pose that the model lacks"

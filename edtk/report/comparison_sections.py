@@ -395,11 +395,12 @@ def _total(run: StudyRun) -> str:
     budget = budget_of_run(run)
     if budget is None:
         return ""
-    joints = "".join(f"; {line}" for line in assumed_joints(budget))
+    assumed = "; ".join(assumed_joints(budget))
+    besides = f". Besides, it counts what is assumed: {assumed}" if assumed else ""
     return (
         f"\nExpect a **total error of {1e3 * budget.total:.2g} mm** {run.study.tasks.place} after "
         f"compensation, and {1e3 * budget.uncompensated:.2g} mm without. What is measured makes "
-        f"{1e3 * budget.measured:.2g} mm of it{joints}.\n"
+        f"{1e3 * budget.measured:.2g} mm of it{besides}.\n"
     )
 
 
