@@ -254,7 +254,7 @@ def _torque_sign(scene: Scene) -> Iterator[Family]:
 
 def _torque_sign_words(cause: Cause) -> str:
     depends = "depends on the sign of its torque"
-    return f"the compliance of {_joint(cause)} {depends}, by +-{_size(cause)}"
+    return f"the compliance of {_joint(cause)} {depends}, by {_size(cause)} to either side"
 
 
 def _kinds(scene: Scene) -> list[str]:
@@ -483,7 +483,7 @@ def _varying(scene: Scene) -> Iterator[Family]:
 
 
 def _varying_words(cause: Cause) -> str:
-    by = f"changes as it turns, by +-{_size(cause)}"
+    by = f"changes as it turns, by {_size(cause)} to either side"
     cure = "measure where it shall be accurate, as no table of a study has it"
     return f"the compliance of joint {cause.joint} {by}: {cure}"
 
@@ -674,7 +674,7 @@ FAULTS = _by_name(
     Fault("torque_sign", _torque_sign_words, _torque_sign, "%", True, True, in_tasks=True),
     Fault(
         "backlash",
-        lambda cause: f"{_joint(cause)} looks loose by +-{_size(cause)}",
+        lambda cause: f"{_joint(cause)} looks loose by {_size(cause)} to either side",
         _backlash,
         "deg",
         True,
