@@ -13,6 +13,7 @@ from scipy.linalg import block_diag
 from criteria import Criterion
 from edtk.design.information import Known, ModelRows, Rows
 from edtk.design.problem import Problem
+from edtk.system.arguments import checked
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.typing import Array
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+@checked
 def several_models(problems: Sequence[Problem]) -> Problem:
     """Put the models of the same candidates side by side.
 

@@ -9,6 +9,7 @@ from typing import Any
 from edtk.robots.robot import Robot
 from edtk.robots.robot_file import RobotFileError, robot_from_dict
 from edtk.robots.urdf.load_urdf import XACRO, load_urdf
+from edtk.system.arguments import checked
 from edtk.system.errors import UserError
 from edtk.system.files import read_text
 from edtk.system.parsing import MOST_MB, parse_toml
@@ -23,6 +24,7 @@ def builtin_robots() -> tuple[str, ...]:
     return tuple(sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml")))
 
 
+@checked
 def load_robot(
     name: Path | str,
     folder: Path | None = None,

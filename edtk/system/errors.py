@@ -1,6 +1,7 @@
 """Errors and remarks that carry what a person needs to mend the cause, on one line."""
 
 import re
+import sys
 import warnings
 from functools import partial
 from operator import index
@@ -166,14 +167,15 @@ def whole_number(given: object, argument: str, least: int) -> int:
     Raises:
         ArgumentError: It is not such a number.
     """
+    message = f"expected a whole number, {least} or more"
     try:
         number = index(given)  # type: ignore[arg-type]
     except TypeError as error:
-        message = f"expected a whole number, {least} or more"
         raise ArgumentError(message, argument=argument, given=given) from error
     if number < least:
-        message = f"expected a whole number, {least} or more"
         raise ArgumentError(message, argument=argument, given=given)
+    if number > sys.float_info.max:
+        raise ArgumentError("expected a smaller number", argument=argument, given=given)
     return number
 
 
@@ -187,7 +189,7 @@ def finite_numbers(given: object, argument: str) -> "Array":
 
     try:
         found = np.asarray(given, dtype=float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ArgumentError("expected numbers", argument=argument) from error
     if not np.isfinite(found).all():
         raise ArgumentError("expected finite numbers", argument=argument)

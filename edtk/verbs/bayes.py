@@ -13,6 +13,7 @@ from edtk.calibration.planned import check_plan_posterior
 from edtk.calibration.posterior_check import PosteriorCheck, inference_data
 from edtk.fit.noise import NU_IN_WORDS, Noise
 from edtk.study.tables_of_measurement import LEAST_NU
+from edtk.system.arguments import checked
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.fields import LARGEST
 from edtk.system.files import Content, write_files
@@ -99,6 +100,7 @@ class Sampling:
             raise UserError(str(error)) from error
 
 
+@checked
 def bayes(
     study: StudyLike,
     plan: PlanLike,
@@ -170,7 +172,7 @@ def _noise(given: Noise, sigma_factor: float | None, nu: float | str | None) -> 
         raise ArgumentError(message, argument="sigma_factor", given=factor)
     if nu is None:
         return Noise(factor, given.nu)
-    found = NU_IN_WORDS[nu] if isinstance(nu, str) else nu
+    found = NU_IN_WORDS.get(nu, 0.0) if isinstance(nu, str) else nu
     if found is not None and not (LEAST_NU <= found <= LARGEST or found == math.inf):
         message = "expected a number from 0.1 to 1e6, 'normal' or 'sampled'"
         raise ArgumentError(message, argument="nu", given=nu)

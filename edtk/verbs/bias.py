@@ -1,6 +1,7 @@
 """`edtk.bias`: the cost of identifying with the linear model."""
 
 from edtk.calibration.planned import PlanBias, plan_bias
+from edtk.system.arguments import checked
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, errors_in, name_of
 from edtk.verbs.of_kinds import OfGeometry, of_study
 
@@ -11,6 +12,7 @@ NOT_LINEAR = (
 )
 
 
+@checked
 def bias(study: StudyLike, plan: PlanLike) -> PlanBias:
     """Tell how wrong the linear model makes the compliances that a plan identifies.
 

@@ -2,12 +2,14 @@
 
 from typing import TYPE_CHECKING
 
+from edtk.system.arguments import checked
 from edtk.verbs.inputs import PlanLike, StudyLike, as_plan, as_study, errors_in, name_of
 
 if TYPE_CHECKING:
     from edtk.cell.plan_check import PlanCheck
 
 
+@checked
 def check(study: StudyLike, plan: PlanLike) -> "PlanCheck":
     """Look at each pose of a plan in the cell of a study, and at the ways between them.
 

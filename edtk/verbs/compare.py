@@ -12,11 +12,13 @@ from edtk.design.exact.model_design import ModelDesign
 from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.report.views.comparison import comparison_page
+from edtk.system.arguments import checked
 from edtk.system.errors import ArgumentError
 from edtk.system.files import write_files
 from edtk.verbs.evaluate import evaluate
 
 
+@checked
 def compare(
     designs: Sequence[Any] | Mapping[str, Any],
     model: Any = None,

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from edtk.calibration.compensate import Compensation
 from edtk.programs.targets.brand import brand_of
+from edtk.system.arguments import checked
 from edtk.system.errors import ArgumentError
 from edtk.verbs.inputs import PlanLike, StudyLike
 from edtk.verbs.of_kinds import of_study
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from edtk.calibration.correct_program import CorrectedProgram
 
 
+@checked
 def compensate(
     study: StudyLike,
     compliances: CompliancesLike,

@@ -7,17 +7,20 @@ from edtk.fit.controller.find_controller import FoundController, find_controller
 from edtk.fit.controller.fits import Positions
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.geometry.position_sheet import read_positions
+from edtk.measure.pose_table import Table
 from edtk.robots.load_robot import load_robot
 from edtk.robots.robot import Robot
 from edtk.study.study_toml import toml_text
+from edtk.system.arguments import checked
 from edtk.system.errors import UserError
 from edtk.system.files import write_text
-from edtk.verbs.inputs import errors_in, name_of, require_output
+from edtk.verbs.inputs import as_table, errors_in, links_by_flags, name_of, require_output
 
 
+@checked
 def controller(
     robot: Robot | Path | str,
-    positions: MarkerPositions | Path | str,
+    positions: MarkerPositions | Table,
     *,
     base: str | None = None,
     tip: str | None = None,
@@ -29,8 +32,8 @@ def controller(
 
     Args:
         robot: A robot, the name of a built-in one, or the path of a robot's file (TOML or URDF).
-        positions: Measured positions, or the path of their CSV file, a sheet as `identify` reads
-            it: joint values as the controller shows them, and `x_mm y_mm z_mm` with `marker` if
+        positions: Measured positions, a data frame, or the path of a CSV file, as `identify` reads
+            them: joint values as the controller shows them, and `x_mm y_mm z_mm` with `marker` if
             there are several, or `NAMEx_mm NAMEy_mm NAMEz_mm` for each marker.
         base: Link of a URDF that stands in the world; defaults to its root.
         tip: Link of a URDF that carries the tool; defaults to its leaf, where it has one only.
@@ -46,12 +49,16 @@ def controller(
         with errors_in(out):
             read = (given for given in (robot, positions) if isinstance(given, str | Path))
             require_output(out, *read)
-    arm = robot if isinstance(robot, Robot) else load_robot(str(robot), base=base, tip=tip)
+    with links_by_flags():
+        arm = robot if isinstance(robot, Robot) else load_robot(str(robot), base=base, tip=tip)
     sheet = positions
     if not isinstance(sheet, MarkerPositions):
         as_shown = replace(arm, controller=None)  # the file's values are the controller's own
-        sheet = read_positions(sheet, as_shown, {}, ())
-    sheet = sheet.without_lost()
+        sheet = read_positions(as_table(sheet, "positions"), as_shown, {}, ())
+    if len(sheet) and not len(sheet.absolute):
+        message = "has displacements alone; expected positions, x_mm y_mm z_mm"
+        raise UserError(message, where=name_of(positions, "positions"))
+    sheet = sheet.absolute.without_lost()
     if not sheet.count:
         message = "no position of a marker is filled in, or all are zero"
         raise UserError(message, where=name_of(positions, "positions"))

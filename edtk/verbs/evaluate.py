@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 from edtk.study.evaluate import Evaluation
+from edtk.system.arguments import checked
 from edtk.verbs.inputs import PlanLike, StudyLike
 from edtk.verbs.of_kinds import of_study
 
@@ -10,6 +11,7 @@ if TYPE_CHECKING:
     from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
 
 
+@checked
 def evaluate(study: StudyLike, plan: PlanLike) -> "Evaluation | GeometryEvaluation":
     """Score a plan under every criterion of a study.
 

@@ -6,11 +6,13 @@ from edtk.calibration.calibration import Calibration
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.findings.fitted_data import HowFitted
 from edtk.measure.pose_table import Table
+from edtk.system.arguments import checked
 from edtk.verbs.bayes import Sampling
 from edtk.verbs.inputs import PlanLike, StudyLike
 from edtk.verbs.of_kinds import of_study
 
 
+@checked
 def identify(
     study: StudyLike,
     measurements: Table,

@@ -14,7 +14,8 @@ from edtk.design.plan import Plan
 from edtk.measure.pose_table import Table, path_of
 from edtk.study.study import Study
 from edtk.study.study import load_study as read_study
-from edtk.system.errors import ArgumentError, UserError
+from edtk.system.arguments import checked
+from edtk.system.errors import ArgumentError, UserError, whole_number
 from edtk.system.files import (
     STANDARD_OUTPUT,
     Content,
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+LINK_FLAGS = {"base_link": "--base", "tip_link": "--tip"}
 MOST_RESULT_MB = 100.0  # of the file of a result
 
 
@@ -45,6 +47,7 @@ StudyLike = Study | Path | str
 PlanLike = Plan | HasPlan | Table
 
 
+@checked
 def load_study(path: Path | str, exclude: Path | str | None = None) -> Study:
     """Read and validate a study file.
 
@@ -181,6 +184,24 @@ def errors_in(where: Path | str) -> Iterator[None]:
         raise UserError(error.strerror or str(error), where=error.filename) from error
 
 
+@contextmanager
+def links_by_flags() -> Iterator[None]:
+    """Name the flag in an error about the link where an arm begins or ends.
+
+    Messages of a robot's file name the key of a study; a call without a study has a flag.
+
+    Raises:
+        UserError: A robot's file has no such link, or several that may be meant.
+    """
+    try:
+        yield
+    except UserError as error:
+        if error.key not in LINK_FLAGS:
+            raise
+        message = f"{error.message} ({LINK_FLAGS[error.key]} NAME)"
+        raise UserError(message, where=error.where, key=error.key) from error
+
+
 def require_output(path: Path | str | None, *inputs: Path | str | None) -> None:
     """Check, before long work, that a file can be written.
 
@@ -300,8 +321,9 @@ def workers_for(workers: int | None, dask: str | None) -> Iterator[Workers]:
     if workers is not None and dask is not None:
         message = "a cluster's own workers do the work; expected one of both options"
         raise ArgumentError(message, argument="workers", given=workers)
+    number = None if workers is None else whole_number(workers, "workers", 1)
     try:
-        with open_workers(workers, dask) as found:
+        with open_workers(number, dask) as found:
             yield found
     except WorkersLostError as error:
         raise ArgumentError(str(error), argument="dask") from error

@@ -16,17 +16,19 @@ from edtk.robots.urdf.load_urdf import XACRO, arm_in
 from edtk.study.new_study import first_choices, new_study_text
 from edtk.study.study import Study, load_study
 from edtk.study.study_toml import read_toml
+from edtk.system.arguments import checked
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.fields import first_error
 from edtk.system.files import write_text
 from edtk.system.parsing import parse_toml
-from edtk.verbs.inputs import errors_in, require_file, require_output
+from edtk.verbs.inputs import errors_in, links_by_flags, require_file, require_output
 
 LEAST_KG = 1e-3
 MOST_KG = 1e5
 Limits = dict[str, tuple[float, float]]
 
 
+@checked
 def new(
     robot: Path | str,
     out: Path | str,
@@ -66,7 +68,7 @@ def new(
     require_file(out)
     path = Path(out)
     is_builtin = str(robot) in builtin_robots()
-    with errors_in(path):
+    with errors_in(path), links_by_flags():
         require_output(path, None if is_builtin else robot, controller)
         if path.exists() and not force:
             raise UserError("exists; expected a new file, or --force to replace it", where=path)

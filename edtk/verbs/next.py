@@ -10,6 +10,7 @@ import criteria
 from criteria import Criterion
 from edtk.design.problem import Problem
 from edtk.design.region import Region
+from edtk.system.arguments import checked
 from edtk.system.errors import ArgumentError, UserError, whole_number
 from edtk.verbs.inputs import CriterionLike
 from edtk.verbs.plan import plan
@@ -41,6 +42,7 @@ def next(
     efficiency: float | None = None,
     until: Mapping[str, float] | None = None,
 ) -> "ProblemPlan | RegionPlan | None": ...
+@checked
 def next(
     problem: Any,
     keep: Any,

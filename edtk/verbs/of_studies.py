@@ -19,7 +19,7 @@ from edtk.measure.pose_table import Table, path_of
 from edtk.robots.robot import motors_in_words
 from edtk.study.plan_study import no_progress
 from edtk.study.study import Study
-from edtk.system.errors import ArgumentError, UserError, note, whole_number
+from edtk.system.errors import ArgumentError, UserError, finite_numbers, note, whole_number
 from edtk.system.files import Content, is_standard_output, write_files
 from edtk.system.time_limit import time_left, time_limit
 from edtk.system.typing import Array
@@ -354,6 +354,9 @@ class OfStudy(Question):
                 raise ArgumentError(message, argument="give_up", given=call.give_up)
         costs = self.study.specification.costs
         limited = call.cost_budget is not None or (costs is not None and costs.budget is not None)
+        if call.cost_budget is not None and finite_numbers(call.cost_budget, "cost_budget").ndim:
+            message = "expected one number, as a study has one budget of costs"
+            raise ArgumentError(message, argument="cost_budget")
         if call.placed_study is not None and not call.place_tracker:
             message = "expected place_tracker beside it"
             raise ArgumentError(message, argument="placed_study")
@@ -645,7 +648,8 @@ class OfStudy(Question):
             require_output(out, *study.reads, *files_of(plan))
             require_empty(Path(out))
         # One row an instrument, reference points included.
-        each = markers or max(len(study.specification.marker), len(study.model.instruments))
+        asked = 0 if markers is None else whole_number(markers, "markers", 1)
+        each = asked or max(len(study.specification.marker), len(study.model.instruments))
         rows = measured.experiments * each
         if rows > MOST_ROWS:
             raise UserError(
@@ -653,7 +657,7 @@ class OfStudy(Question):
                 f"expected {MOST_ROWS} at most",
                 where=name_of(plan, "plan"),
             )
-        table = self._sheet(measured, positions, markers or 0)
+        table = self._sheet(measured, positions, asked)
         for sentence in motors_in_words(study.robot):
             note(f"in the sheet {sentence}", name_of(plan, "plan"))
         if out is not None:

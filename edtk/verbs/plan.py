@@ -10,6 +10,7 @@ from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.study.plan_study import Progress, no_progress
+from edtk.system.arguments import checked
 from edtk.verbs.inputs import CriterionLike, PlanLike, StudyLike
 from edtk.verbs.question import FIXED, PlanCall, Question
 
@@ -87,6 +88,7 @@ def plan(
 ) -> "RegionPlan": ...
 
 
+@checked
 def plan(
     study: StudyLike | Problem | Region,
     size: int | None = None,

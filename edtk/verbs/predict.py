@@ -7,10 +7,13 @@ from typing import Any
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.prediction import Prediction
+from edtk.system.arguments import checked
+from edtk.system.errors import whole_number
 from edtk.verbs.inputs import PlanLike, StudyLike
 from edtk.verbs.of_kinds import of_study
 
 
+@checked
 def predict(
     study: StudyLike,
     result: Calibration | GeometricCalibration | Mapping[str, Any] | Path | str,
@@ -38,5 +41,6 @@ def predict(
         UserError: A file is not valid, or of another study; one line says why.
     """
     question = of_study(study)
+    tool_rows = whole_number(tool_rows, "tool_rows", 0)
     question.require("predict", tool_rows=tool_rows or None)
     return question.predict(result, poses, tool_rows, out)

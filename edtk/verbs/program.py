@@ -24,6 +24,7 @@ from edtk.measure.pose_table import pose_factors
 from edtk.programs import writer as writers
 from edtk.programs.program import Program
 from edtk.programs.writer import Writer
+from edtk.system.arguments import checked
 from edtk.system.errors import ArgumentError
 from edtk.system.files import is_standard_output, write_files
 from edtk.verbs.inputs import (
@@ -39,6 +40,7 @@ from edtk.verbs.of_kinds import of_study
 from edtk.verbs.template import template
 
 
+@checked
 def program(
     study: StudyLike,
     plan: PlanLike,

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
+from edtk.system.arguments import checked
 from edtk.verbs.question import Question, RelaxCall
 
 if TYPE_CHECKING:
@@ -70,6 +71,7 @@ def relax(
 ) -> "RelaxedRegion": ...
 
 
+@checked
 def relax(
     question: "StudyLike | Problem | Region",
     criterion: "CriterionLike | None" = None,

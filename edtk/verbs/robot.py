@@ -6,12 +6,14 @@ from edtk.robots.load_robot import load_robot
 from edtk.robots.robot import Robot
 from edtk.robots.robot_overview import Parts, RobotOverview
 from edtk.robots.urdf.load_urdf import OpenLimitsError
+from edtk.system.arguments import checked
 from edtk.system.errors import UserError
-from edtk.verbs.inputs import require_output
+from edtk.verbs.inputs import links_by_flags, require_output
 
 STAND_IN = {"revolute": (-3.141592653589793, 3.141592653589793), "prismatic": (-1.0, 1.0)}
 
 
+@checked
 def robot(
     name: Path | str,
     *,
@@ -40,7 +42,8 @@ def robot(
         require_picture(plot)
         require_output(plot, name)
     try:
-        arm = load_robot(name, base=base, tip=tip)
+        with links_by_flags():
+            arm = load_robot(name, base=base, tip=tip)
         found = RobotOverview(arm, parts=_parts(arm, name, base, tip))
     except OpenLimitsError as error:
         limits = {joint: STAND_IN[kind] for joint, kind in error.joints.items()}

@@ -14,6 +14,7 @@ from edtk.study.plan_study import Progress, RunOptions, no_progress
 from edtk.study.run_study import run_study
 from edtk.study.study import Study
 from edtk.study.study_run import KINDS, StudyRun, run_files
+from edtk.system.arguments import checked
 from edtk.system.errors import UserError
 from edtk.system.files import Content, FolderLock, made_folder, sweep, write_files
 from edtk.verbs.inputs import (
@@ -34,6 +35,7 @@ WRITTEN = re.compile(
 )
 
 
+@checked
 def run(
     study: StudyLike,
     out: Path | str | None = None,

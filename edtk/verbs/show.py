@@ -11,6 +11,7 @@ from edtk.measure.compliances import Compliances, compliances_file
 from edtk.measure.pose_table import PoseTable
 from edtk.study.plans import is_sheet
 from edtk.study.study import Study
+from edtk.system.arguments import checked
 from edtk.system.errors import UserError
 from edtk.system.files import write_files
 from edtk.verbs.inputs import (
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     Given = PlanLike | Calibration | GeometricCalibration | Mapping[str, Any] | None
 
 
+@checked
 def show(study: StudyLike, plan: "Given" = None, *, out: Path | str | None = None) -> "ShownPage":
     """Make a page with the poses of a plan, a sheet or a result, for a browser without a network.
 

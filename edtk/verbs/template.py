@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from edtk.system.arguments import checked
 from edtk.system.errors import ArgumentError
 from edtk.system.files import is_standard_output, write_text
 from edtk.system.parsing import json_text
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from edtk.calibration.timetable import Day
 
 
+@checked
 def template(
     study: StudyLike,
     plan: PlanLike,
@@ -55,6 +57,7 @@ def template(
     return question.template(plan, positions, markers, out)
 
 
+@checked
 def timetable(study: StudyLike, plan: PlanLike, *, out: Path | str | None = None) -> "Day":
     """Find out when the visits of a plan are made, in the order of its sheet.
 

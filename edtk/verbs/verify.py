@@ -14,6 +14,7 @@ from edtk.certificate.verify_exact import verify_exact
 from edtk.certificate.verify_problem import KIND, verify_problem
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem
+from edtk.system.arguments import checked
 from edtk.system.errors import ArgumentError, UserError, whole_number
 from edtk.system.files import read_text
 from edtk.system.parsing import parse_json
@@ -29,6 +30,7 @@ MOST_MB = 30.0
 OF_PROBLEMS = {KIND: verify_problem, OF_PLAN: verify_exact}
 
 
+@checked
 def verify(
     certificate: Path | str | dict[str, Any],
     study: "StudyLike | Problem | None" = None,

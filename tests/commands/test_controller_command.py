@@ -103,6 +103,17 @@ def test_a_sheet_without_positions(files: tuple[Path, Path]) -> None:
     assert "positions.csv: no position of a marker is filled in, or all are zero" in error
 
 
+def test_a_sheet_of_displacements(files: tuple[Path, Path]) -> None:
+    """How far loads move the arm says nothing of how joints are counted."""
+    robot, positions = files
+    sheet = pd.read_csv(positions)
+    sheet.columns = sheet.columns.str.replace(r"^([xyz]_mm)", r"d\1", regex=True)
+    sheet.to_csv(positions, index=False)
+    code, shown, error = run(robot, positions)
+    assert (code, shown) == (2, "")
+    assert "positions.csv: has displacements alone; expected positions, x_mm y_mm z_mm" in error
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

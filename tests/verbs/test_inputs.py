@@ -1,5 +1,6 @@
 """Verbs take what other verbs return, and sheets that are filled in by half."""
 
+import inspect
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from geometry_sheets import by_marker, truth
 import edtk
 from edtk.cli import main
 from edtk.design.plan import Plan
+from edtk.system.arguments import is_plain
 from edtk.system.errors import Note
 
 PATH = Path(__file__).parents[2] / "studies" / "kr270_milling.toml"
@@ -122,6 +124,25 @@ def test_verbs_take_what_verbs_return(half):
 
 
 @pytest.mark.parametrize(
+    "verb", [name for name, home in edtk._HOME.items() if home.startswith("edtk.verbs.")]
+)
+def test_every_argument_of_every_verb_has_a_type(verb):
+    """What is no path, text, number, switch or list is named before any work, in one line.
+
+    Whole numbers, and what may stand in a file, the verbs read themselves: the next test.
+    """
+    call = getattr(edtk, verb)
+    if isinstance(call, type):
+        return
+    parameters = inspect.signature(call).parameters.values()
+    plain = {one.name for one in parameters if is_plain(one.annotation)}
+    assert plain >= {one.name for one in parameters} & {"out", "certificate", "progress", "limits"}
+    for name in plain:
+        with pytest.raises(edtk.UserError, match=f"^{name}: expected .*, not object$"):
+            call(**{name: object()})
+
+
+@pytest.mark.parametrize(
     ("call", "said"),
     [
         (lambda: edtk.compensate(STUDY, {"q2": 3e-7}), "compliances: q3: expected the compliance"),
@@ -133,7 +154,14 @@ def test_verbs_take_what_verbs_return(half):
         (lambda: edtk.plan(STUDY, "a"), "size a: expected a whole number, 1 or more"),
         (lambda: edtk.plan(STUDY, 4, seed="x"), "seed x: expected a whole number, 0 or more"),
         (lambda: edtk.plan(STUDY, 4, workers=0.5), "workers 0.5: expected a whole number"),
+        (lambda: edtk.plan(STUDY, 4, workers="x"), "workers x: expected a whole number"),
+        (lambda: edtk.run(STUDY, workers=[1]), "workers [1]: expected a whole number"),
         (lambda: edtk.plan(STUDY, 4, keep=4), "keep: expected the path of a CSV file"),
+        (lambda: edtk.plan(STUDY, 4, cost_budget="x"), "cost_budget: expected numbers"),
+        (lambda: edtk.plan(STUDY, 4, cost_budget=[1, 2]), "cost_budget: expected one number"),
+        (lambda: edtk.template(STUDY, PLAN, markers=0.5), "markers 0.5: expected a whole number"),
+        (lambda: edtk.predict(STUDY, K, PLAN, tool_rows="x"), "tool_rows x: expected a whole"),
+        (lambda: edtk.bayes(STUDY, PLAN, nu="x"), "nu x: expected a number from 0.1 to 1e6, 'nor"),
         (lambda: edtk.evaluate(STUDY, pd.DataFrame({"a": [1]})), "data frame: unknown column 'a'"),
         (
             lambda: edtk.evaluate(STUDY, Plan(np.zeros((2, 3)), np.zeros((2, 6)), np.ones(2, int))),

@@ -298,6 +298,8 @@ class ModelDesign:
         """
         if names is not None:
             found = [criteria.as_criterion(one, self.parameters) for one in names]
+            if not found:
+                raise ArgumentError("expected at least one", argument="criteria")
             for one in found:
                 if not isinstance(one, Relaxable):
                     message = f"{one.label} has no convex form, and so no bound"
