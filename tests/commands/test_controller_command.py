@@ -108,6 +108,7 @@ def test_a_sheet_of_displacements(files: tuple[Path, Path]) -> None:
     robot, positions = files
     sheet = pd.read_csv(positions)
     sheet.columns = sheet.columns.str.replace(r"^([xyz]_mm)", r"d\1", regex=True)
+    sheet[["Fx_N", "Fy_N", "Fz_N", "Tx_Nm", "Ty_Nm", "Tz_Nm"]] = [0, 0, -100, 0, 0, 0]
     sheet.to_csv(positions, index=False)
     code, shown, error = run(robot, positions)
     assert (code, shown) == (2, "")
