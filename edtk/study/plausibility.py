@@ -388,18 +388,16 @@ def _useless_words(data: Data) -> str:
 
 
 def _hardly_told(data: Data) -> str:
-    """Parameters beside how uncertain they stay."""
-    pairs = list(zip(data["of_itself"], data["of_best"], strict=True))[:MOST_NAMED]
+    """Parameters, each beside how uncertain it stays."""
+    shares = data["of_itself"]
     how = [
         f"+-{_round(100 * share)} % of itself"
         if share is not None
-        else f"{_round(ratio)} times the best"
-        for share, ratio in pairs
+        else f"+-{_round(ratio)} times the best"
+        for share, ratio in zip(shares, data["of_best"], strict=True)
     ]
-    return (
-        f"hardly told by this plan: {listed(data['parameters'])}, with a standard deviation of "
-        f"{', '.join(how)}; {data['cure']}"
-    )
+    each = [f"{name} ({one})" for name, one in zip(data["parameters"], how, strict=True)]
+    return f"hardly told by this plan: {listed(each)}; {data['cure']}"
 
 
 WORDING: Wording = {
