@@ -18,7 +18,7 @@ def main() -> None:
     """Draw all of them."""
     matplotlib.use("Agg")
     study = edtk.load_study(STUDY)
-    plan = edtk.plan(study, size=6, seed=1)
+    plan = edtk.plan(study, size=6)
     sheet = edtk.template(study, plan)
     q = np.deg2rad(sheet.iloc[:, :6].to_numpy())
     deflection = study.model.regressor(q, sheet.iloc[:, 6:12].to_numpy()) @ study.compliances
