@@ -248,7 +248,7 @@ def test_places_that_candidates_do_not_have(x, expected):
 def test_a_study_is_drawn_in_its_test_poses() -> None:
     """The arm stands in the first test pose, others are lines, and an arrow is the load."""
     ax = STUDY.plot()
-    assert "in its test pose" in ax.get_title()
+    assert ax.get_title() == "KUKA KR 270 in its test pose; the arrow is the load there, 333 N"
     tool = STUDY.task.model.robot.forward(STUDY.task.q)[:3, 3]
     lines = [np.array(line.get_data_3d()).T for line in ax.lines]
     assert any(np.allclose(line[0], tool, atol=1e-9) for line in lines)

@@ -129,12 +129,14 @@ def study_plot(result: Study, ax: Any = None) -> Any:
     every = np.vstack(points)
     size = float(np.ptp(every, axis=0).max())
     arrow = _arrow(first, size)
+    load = ""
     if arrow is not None:
+        load = f"; the arrow is the load there, {np.linalg.norm(first.wrench[:3]):.3g} N"
         ax.quiver(*points[0][-1], *arrow, color=BLUE, linewidth=2.0)
         every = np.vstack([every, points[0][-1] + arrow])
     fit_axes(every, ax)
     several = "" if len(tasks) == 1 else f", {len(tasks)} of them"
-    ax.set_title(plain(f"{result.robot.name} in its test pose{several}"), fontsize=10)
+    ax.set_title(plain(f"{result.robot.name} in its test pose{several}{load}"), fontsize=10)
     return ax
 
 
