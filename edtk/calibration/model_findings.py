@@ -98,10 +98,10 @@ def _model_untold(data: Data) -> str:
     """What is assumed."""
     chance = f"{100 * data['chance']:.0f} %"
     return (
-        f"these poses and loads do not tell friction and springs that the model lacks, so that "
-        f"usual ones are assumed: with a chance of {chance} the error {data['place']} is more than "
-        f"twice the {1e3 * data['total']:.2g} mm expected, and up to {1e3 * data['most']:.2g} mm; "
-        "poses that differ more, and loads of other sizes, would tell"
+        "these poses and loads do not tell friction and springs that the model lacks; with usual "
+        f"ones, {chance} of such days end more than {1e3 * 2 * data['total']:.2g} mm off "
+        f"{data['place']}, twice the error expected, and up to {1e3 * data['most']:.2g} mm off; "
+        "other poses, and loads of other sizes, would tell"
     )
 
 
