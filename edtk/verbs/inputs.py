@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import combinations
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeGuard
+from typing import TYPE_CHECKING, Any, Protocol, TypeGuard, runtime_checkable
 
 import criteria
 from edtk.design.plan import Plan
@@ -41,6 +41,18 @@ class HasPlan(Protocol):
     @property
     def whole(self) -> Plan:
         """All its experiments."""
+
+
+@runtime_checkable
+class IsCalibration(Protocol):
+    """A calibration, of springs or of geometry: nothing else has a verdict."""
+
+    @property
+    def verdict(self) -> str:
+        """Whether to compensate with it."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of its file."""
 
 
 StudyLike = Study | Path | str
@@ -142,12 +154,10 @@ def name_of(given: object, otherwise: str) -> Path:
 
 
 def content_of(result: object) -> Mapping[str, Any] | None:
-    """The content of a result, as its file would hold it; None for a path and anything else."""
+    """The content of a calibration, as its file would hold it; None for a path and others."""
     if isinstance(result, Mapping):
         return result
-    to_dict = getattr(result, "to_dict", None)
-    content = to_dict() if callable(to_dict) and not _is_frame(result) else None
-    return content if isinstance(content, Mapping) else None
+    return result.to_dict() if isinstance(result, IsCalibration) else None
 
 
 def text_of(result: object) -> str:

@@ -148,6 +148,8 @@ def test_every_argument_of_every_verb_has_a_type(verb):
         (lambda: edtk.compensate(STUDY, {"q2": 3e-7}), "compliances: q3: expected the compliance"),
         (lambda: edtk.compensate(STUDY, 3), "compliances: expected a calibration"),
         (lambda: edtk.compensate(STUDY, K, 5), "task: expected the path of a CSV file, or a data"),
+        (lambda: edtk.compensate(STUDY, PLAN), "compliances: expected a calibration, compliances"),
+        (lambda: edtk.predict(STUDY, PLAN, PLAN), "result: expected a result of this study, not P"),
         (lambda: edtk.identify(STUDY, 3), "measurements: expected the path of a CSV file, or a"),
         (lambda: edtk.evaluate(STUDY, [1, 2]), "plan: expected the path of a CSV file, or a data"),
         (lambda: edtk.template(STUDY, None), "not NoneType"),
