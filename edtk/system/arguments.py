@@ -26,7 +26,8 @@ WORDS: Mapping[Any, str] = {
     Callable: "a function",
 }
 READ_BY_CALL = frozenset((int, Any, None))
-CONTAINERS = {dict: Mapping, list: Sequence, tuple: Sequence}  # what is asked for in their place
+# What is asked for in their place.
+CONTAINERS: Mapping[Any, Any] = {dict: Mapping, list: Sequence, tuple: Sequence}
 
 
 def checked(call: Callable[P, R]) -> Callable[P, R]:
