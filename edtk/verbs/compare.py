@@ -20,7 +20,7 @@ from edtk.verbs.evaluate import evaluate
 
 @checked
 def compare(
-    designs: Sequence[Any] | Mapping[str, Any],
+    designs: "Sequence[Any] | Mapping[str, Any]",  # read below, in words of its own
     model: Any = None,
     *,
     criteria: Sequence[Any] | None = None,

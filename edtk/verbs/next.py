@@ -51,7 +51,7 @@ def next(
     seed: int = 0,
     *,
     efficiency: float | None = None,
-    until: Mapping[str, float] | None = None,
+    until: "Mapping[str, float] | None" = None,  # read below, in words of its own
 ) -> "ProblemPlan | RegionPlan | None":
     """Find the k experiments that are best beside those at hand, or as many as are needed.
 

@@ -101,7 +101,7 @@ def plan(
     costs: ArrayLike | None = None,
     cost_budget: ArrayLike | None = None,
     constraints: "Sequence[Constraint] | None" = None,
-    blocks: Sequence[int] | None = None,
+    blocks: "Sequence[int] | None" = None,  # read below, in words of its own
     block_variance: float = FIXED,
     errors: "Errors | None" = None,
     prove: float | None = None,

@@ -32,6 +32,18 @@ REFUSALS = [
 ]
 SHEET = {"measurements": "no.csv"}
 NEEDED = {"plan": {"size": 4}, "template": {"plan": "no.csv"}, "identify": SHEET}
+# What is of a wrong type is said before what is not answered.
+OF_ITS_TYPE = {
+    "exclude": "no.csv",
+    "dask": "tcp://no:1",
+    "detect": {"drift": "1mm"},
+    "place_tracker": True,
+    "placed_study": "no.toml",
+    "certificate": "no.json",
+    "positions": True,
+    "linear": True,
+    "extend": True,
+}
 NEEDED["predict"] = {"result": {}, "poses": "no.csv"}
 
 
@@ -46,7 +58,7 @@ def test_each_kind_asks_its_own_question(kind):
 def test_refused_options_exist_and_say_why(kind, verb, option, reason):
     """Each entry is an option of its verb, which says the reason before any work or file."""
     call = getattr(edtk, verb)
-    given = NEEDED.get(verb, {}) | {option: 1}
+    given = NEEDED.get(verb, {}) | {option: OF_ITS_TYPE.get(option, 1)}
     if option in ("chain", "export"):
         given = NEEDED[verb] | {"bayes": Sampling(**{option: "no.nc"})}
     else:
