@@ -1,6 +1,6 @@
 """Residuals and columns of the positions of a fit, and what grew or drifted over a day."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -15,10 +15,13 @@ from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.restricted_likelihood import Blocks, fit_model_error, fit_variances
 from edtk.measure.noise import PositionNoise, only_seen
 from edtk.measure.parameters import Parameter, all_parameters
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 
 DEPENDENT = 1e-8  # singular value of columns of unit length, beside the largest, that is rounding
-UNLIKELY_TREND = 1e-5
+UNLIKELY_TREND = (
+    1e-3  # of days without one; what robots leave is no noise, see `beats_other_orders`
+)
+ORDERS = 400  # of the poses, that show less than that of the day
 EXPLAINS = 0.1  # of the weighted squares, at least
 COORDINATES = 3.0  # of a pose that err together
 RATES = (0.0, 3.0, 8.0)  # of settling in a day: a steady drift, and warming up
@@ -272,6 +275,42 @@ class SizedColumns:
     usual: float
 
 
+def lowered(gradient: Array, square: Array, cross: Array, inverse: Array) -> tuple[Array, Array]:
+    """By how much columns C beside those X of a fit lower the squares of what it leaves, z.
+
+    ``g' (C'C - C'X (X'X)^-1 X'C)^-1 g`` with ``g = C'z``, for several sets of columns.
+
+    Args:
+        gradient: C'z (k, c).
+        square: C'C (k, c, c).
+        cross: X'C (k, p, c).
+        inverse: (X'X)^-1 (p, p).
+
+    Returns:
+        The coefficients (k, c), and how much (k,).
+    """
+    inner = square - np.swapaxes(cross, 1, 2) @ inverse @ cross
+    inner_inverse = np.linalg.pinv(inner, rcond=1e-8, hermitian=True)
+    values = (inner_inverse @ gradient[..., None])[..., 0]
+    return values, (gradient * values).sum(axis=1)
+
+
+def beats_other_orders(shown: Callable[[Indices], float], poses: int) -> bool:
+    """Whether the poses of a day show more in its order than in any of many others.
+
+    What a robot's errors leave is not quite the noise that was fitted, so that a probability by
+    Fisher's distribution may be too small. A day on which nothing happened has no order: one of
+    so many orders shows most, each as likely (a permutation test, Fisher 1935).
+
+    Args:
+        shown: What an order (m,) of the poses shows.
+        poses: Number m.
+    """
+    rng = np.random.default_rng(0)
+    own = shown(np.arange(poses))
+    return all(shown(rng.permutation(poses)) < own for _ in range(ORDERS))
+
+
 @dataclass(frozen=True, eq=False)
 class DayTrend(SizedColumns):
     """Something that grows from the first pose to the last.
@@ -281,11 +320,13 @@ class DayTrend(SizedColumns):
         size: In the last pose (see `since_first`): how far positions are off, root mean square [m],
             or the growth of all lengths [m/m].
         explained: Share of the weighted squares that it explains.
+        told: Whether chance does not explain it.
     """
 
     kind: Literal["drift", "growth"]
     size: float
     explained: float
+    told: bool
 
 
 def day_trend(rows: FitRows) -> DayTrend | None:
@@ -295,7 +336,7 @@ def day_trend(rows: FitRows) -> DayTrend | None:
     something warms up, ``(1 - exp(-c t)) / (1 - exp(-c))``. A drift has the six columns of a motion
     of the frame, and growth one: the motion by all lengths of the drawing together. The noise is
     fitted anew beside them (see `moved_frame`). The smallest probability of the fall of the squares
-    counts as often as shapes are tried.
+    counts as often as shapes are tried. Of both the likelier one is told where either is.
 
     Args:
         rows: Of a sheet whose poses are in the order in which they were measured.
@@ -309,19 +350,21 @@ def day_trend(rows: FitRows) -> DayTrend | None:
         _best(rows, "growth", grown(np.ones(1))[1][..., None] / MM, USUAL_GROWTH * MM),
     ]
     found = [one for one in tried if one is not None]
-    return found[rows.likeliest(found)] if found else None
+    if not found:
+        return None
+    return replace(found[rows.likeliest(found)], told=any(one.told for one in found))
 
 
 def _best(
     rows: FitRows, kind: Literal["drift", "growth"], columns: Array, usual: float
 ) -> DayTrend | None:
-    """The shape of one kind that explains most, where chance does not."""
+    """The shape of one kind that explains most; None where too little is left to tell."""
     m, _, c = columns.shape
     dof = rows.dof(c)
     if dof < 2 * c:
         return None
     times = since_first(m)
-    shapes = [np.expm1(-r * times) / np.expm1(-r) if r else times for r in RATES]
+    shapes = np.array([np.expm1(-r * times) / np.expm1(-r) if r else times for r in RATES])
     noise = rows.noise_beside(columns * times[:, None, None])
     tried = []
     for shape in shapes:
@@ -330,14 +373,36 @@ def _best(
         tried.append((one.share, one.values, grown))
     share, values, grown = max(tried, key=lambda one: one[0])
     chance = log_chance(share, c, max(dof / COORDINATES, 1.0)) + np.log(len(shapes))
-    if chance > np.log(UNLIKELY_TREND) or share < EXPLAINS:
-        return None
+    told = chance < np.log(UNLIKELY_TREND) and share > EXPLAINS
+    told = told and beats_other_orders(_shown_by(rows, columns, shapes), m)
     if kind == "growth":
-        return DayTrend(grown, usual, kind, 1e-3 * float(values[0]), share)
+        return DayTrend(grown, usual, kind, 1e-3 * float(values[0]), share, told)
     seen = rows.fit.data.means.seen[-1].reshape(-1)
     off = (columns[-1] @ values).reshape(-1, 3)[seen]
     size = float(np.sqrt((off**2).sum(axis=-1).mean())) / MM if len(off) else 0.0
-    return DayTrend(grown, usual, kind, size, share)
+    return DayTrend(grown, usual, kind, size, share, told)
+
+
+def _shown_by(rows: FitRows, columns: Array, shapes: Array) -> Callable[[Indices], float]:
+    """By how much columns (m, 3k, c) of one of several sizes (s, m) lower the squares, by order."""
+    # The noise of the fit, as it is the same in any order; that beside the columns is of this one.
+    z, X, C = rows.whitened(rows.noise, rows.residual[..., None], rows.design, columns)
+    inverse = np.linalg.pinv(np.einsum("mrp,mrq->pq", X, X), hermitian=True)
+    z = z - X @ (inverse @ np.einsum("mrp,mri->pi", X, z))
+    gradient = np.einsum("mri,mrj->mi", C, z)
+    square = np.einsum("mri,mrj->mij", C, C)
+    cross = np.einsum("mrp,mri->mpi", X, C)
+
+    def shown(order: Indices) -> float:
+        sizes = shapes[:, order]
+        summed = (
+            np.tensordot(sizes, gradient, 1),
+            np.tensordot(sizes**2, square, 1),
+            np.tensordot(sizes, cross, 1),
+        )
+        return float(lowered(*summed, inverse)[1].max())
+
+    return shown
 
 
 @dataclass(frozen=True)

@@ -253,7 +253,8 @@ def _causes(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     if moved is not None:
         found.append((moved, _moved(fit, moved)))
     trend = day_trend(rows)
-    if trend is not None:
+    # What grew may look like a step that chance explains less: then both have to be compared.
+    if trend is not None and (trend.told or moved is not None):
         found.append((trend, _trend(fit, trend)))
     rigid = not any(one.is_spring for one in fit.fitted.model.parameters)
     if fit.fitted.noise.model_fit is not None:

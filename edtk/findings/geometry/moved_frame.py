@@ -7,7 +7,14 @@ import numpy as np
 
 from edtk.findings.causes.family import Cause
 from edtk.findings.causes.faults import FAULTS, USUAL_MOVE
-from edtk.findings.geometry.fit_rows import FitRows, SizedColumns, explained_by, log_chance
+from edtk.findings.geometry.fit_rows import (
+    FitRows,
+    SizedColumns,
+    beats_other_orders,
+    explained_by,
+    log_chance,
+    lowered,
+)
 from edtk.fit.geometry.fitted_geometry import MM
 from edtk.measure.noise import PositionNoise
 from edtk.system.typing import Array, Indices, Mask
@@ -24,6 +31,9 @@ SIDE = 4  # poses before and after such a motion: of fewer it may be that one is
 BREAKS = 30  # poses at which a motion that is taken back is tried first
 UNLIKELY_LOAD = 1e-4
 LOAD_EXPLAINS = 0.5  # of the squares, at least: gears that are not round explain less
+# The same where poses with the weight were chosen by what they leave: of errors in one direction
+# the choice of those of one sign explains 2/pi, whatever they are, and a little more of few.
+CHOSEN_EXPLAINS = 0.8
 LOAD_COORDINATES = 3.0  # of a pose that err together
 USUAL_BEND = 3.0  # of a joint under a weight, by a lever of a metre [mrad]
 # Causes that have names of their own above, whatever part of the day they are in.
@@ -74,7 +84,8 @@ def moved_frame(rows: FitRows) -> MovedFrame | None:
     day = _Day(rows, rows.frame)
     found = [*(_best(day, white) for white in (False, True)), _beside_noise(day)]
     told = [one for one in found if one is not None]
-    return max(told, key=lambda one: one.explained, default=None)
+    most = max(told, key=lambda one: one.explained, default=None)
+    return most if most is not None and _is_of_this_order(day, most.end == len(day)) else None
 
 
 def _best(day: "_Day", white: bool) -> MovedFrame | None:
@@ -117,6 +128,15 @@ def _beside_noise(day: "_Day") -> MovedFrame | None:
     if _probability(fall, total, independent) * m > RARE or fall < FRAME_EXPLAINS[False] * total:
         return None
     return day.moved_between(s, m, after.motion(s, m), fall / total)
+
+
+def _is_of_this_order(day: "_Day", to_the_end: bool) -> bool:
+    """Whether a motion, to the end of the day or taken back, shows in this order of poses alone."""
+    m = len(day)
+    steps = np.unique(np.linspace(FEWEST_IN_FRAME, m - FEWEST_IN_FRAME, BREAKS).astype(int))
+    pairs = [(s, m) for s in steps.tolist()] if to_the_end else _pairs(m)
+    sums = day.sums(day.rows.noise)
+    return beats_other_orders(lambda order: sums.in_order(order).best(pairs)[0], m)
 
 
 def _pairs(m: int) -> list[tuple[int, int]]:
@@ -177,13 +197,23 @@ class _Sums:
 
     def _motions(self, s: Indices, t: Indices) -> tuple[Array, Array]:
         """Motions (k, 6) from poses s to t (k,) that lower the squares most, and how much (k,)."""
-        cross = self.cross[t] - self.cross[s]
-        taken = np.swapaxes(cross, 1, 2) @ self.inverse @ cross
-        inner = self.square[t] - self.square[s] - taken
         gradient = self.gradient[t] - self.gradient[s]
-        inverse = np.linalg.pinv(inner, rcond=1e-8, hermitian=True)
-        motions = (inverse @ gradient[..., None])[..., 0]
-        return motions, (gradient * motions).sum(axis=1)
+        square = self.square[t] - self.square[s]
+        return lowered(gradient, square, self.cross[t] - self.cross[s], self.inverse)
+
+    def in_order(self, order: Indices) -> "_Sums":
+        """Those of the same poses in another order (m,)."""
+
+        def again(sums: Array) -> Array:
+            return _before(np.diff(sums, axis=0)[order])
+
+        return replace(
+            self,
+            z=self.z[order],
+            gradient=again(self.gradient),
+            square=again(self.square),
+            cross=again(self.cross),
+        )
 
     def motion(self, s: int, t: int) -> Array:
         """The motion (6,) from pose s to pose t that lowers the squares most."""
@@ -281,16 +311,16 @@ def untold_load(rows: FitRows) -> UntoldLoad | None:
         return None
     bent = rows.motion * torque[:, None]
     every = np.ones(len(bent), dtype=bool)
-    found = _judged(rows, bent, turned, every, 0.0)
+    found = _judged(rows, bent, turned, every, 0.0, LOAD_EXPLAINS)
     parts = [_judged(rows, bent, turned, *one) for one in _parts_of_day(rows, bent[..., turned])]
     told = [one for one in (found, *parts) if one is not None]
     return min(told, key=lambda one: one.log_chance, default=None)
 
 
 def _judged(
-    rows: FitRows, bent: Array, turned: Indices, loaded: Mask, log_tries: float
+    rows: FitRows, bent: Array, turned: Indices, loaded: Mask, log_tries: float, least: float
 ) -> UntoldLoad | None:
-    """A weight in some poses, where chance does not explain what it does."""
+    """A weight in some poses, where it explains enough and chance does not."""
     bent = bent * loaded[:, None, None]
     noise = rows.noise_beside(bent[..., turned])
     every = explained_by(
@@ -302,7 +332,7 @@ def _judged(
     columns = bent[..., giving]
     explained, chance = shares_of(rows, columns, noise)
     chance += log_tries
-    if explained < LOAD_EXPLAINS or chance > np.log(UNLIKELY_LOAD):
+    if explained < least or chance > np.log(UNLIKELY_LOAD):
         return None
     names = tuple(rows.scene.robot.joint_names[j] for j in giving)
     return UntoldLoad(columns, USUAL_BEND, names, explained, loaded, chance)
@@ -328,8 +358,12 @@ def shares_of(rows: FitRows, columns: Array, noise: PositionNoise) -> tuple[floa
     return explained, log_chance(found, count, independent)
 
 
-def _parts_of_day(rows: FitRows, bent: Array) -> list[tuple[Mask, float]]:
-    """Masks (m,) of poses that a weight may load, and logarithms of how many such there are."""
+def _parts_of_day(rows: FitRows, bent: Array) -> list[tuple[Mask, float, float]]:
+    """Masks (m,) of poses that a weight may load.
+
+    Returns:
+        The masks, logarithms of how many such there are, and the share that each has to explain.
+    """
     m = len(bent)
     if m < 2 * FEWEST_LOADED:
         return []
@@ -344,9 +378,12 @@ def _parts_of_day(rows: FitRows, bent: Array) -> list[tuple[Mask, float]]:
     rng = np.random.default_rng(0)
     starts = [half, turn, *(rng.random((STARTS, m)) < 0.5)]
     free = min((day.settled(start) for start in starts), key=day.left)
-    found = [(half, float(np.log(len(halves)))), (turn, float(np.log(len(turns))))]
+    found = [
+        (one, float(np.log(tries)), LOAD_EXPLAINS)
+        for one, tries in ((half, len(halves)), (turn, len(turns)))
+    ]
     if FEWEST_LOADED <= free.sum() <= m - FEWEST_LOADED:
-        found.append((free, m * float(np.log(2.0))))
+        found.append((free, m * float(np.log(2.0)), CHOSEN_EXPLAINS))
     return found
 
 
