@@ -10,7 +10,7 @@ from edtk.findings.finding import Data, Finding, Severity, Wording, row_names
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.match_plan import OTHER_LOAD, like_rounding, steps_of
 from edtk.fit.equilibrium import NoFitError, fit_equilibrium
-from edtk.fit.geometry.place_robot import linear_start
+from edtk.fit.geometry.place_robot import rigid_motion
 from edtk.measure.equilibrium import NoEquilibriumError
 from edtk.measure.pose_table import WRENCH_COLUMNS
 from edtk.measure.task import all_compliances
@@ -35,7 +35,6 @@ LENGTH_UNITS = ((1e-3, "metres"), (1e3, "micrometres"))
 LENGTH_FACTOR = 10.0  # factor up to which a ratio of lengths is that of two units
 MISPLACED = 0.01  # [m] positions beside those of the drawing: robots are some millimetres off
 SCALED = 0.005  # lengths that come out longer together, from which it is said
-ENOUGH_PLACED = 18  # coordinates that place base, marker and scale, and tell what is left
 ROTATION_FACTOR = 3.0  # the same of rotations
 
 
@@ -268,25 +267,22 @@ def _rounding(fitted: FittedData, joints: list[int]) -> float:
 def place_findings(fitted: FittedData) -> Iterator[Finding]:
     """Compare positions without load with the drawing, whatever frame they are in.
 
-    Base and marker are placed where the drawing fits best: the orientation by `linear_start`, and
-    with it the two places by least squares, ``B'x - p = R t + c``. What is left no displacement
-    shows: links or zeros of joints that are not those of the robot.
+    The drawing with its marker is brought to them by the rigid motion that fits best, so that two
+    poses suffice: they have a distance. What is left no displacement shows: links or zeros of
+    joints that are not those of the robot, or a marker elsewhere.
     """
     data = fitted.data
-    if data.unloaded is None or 3 * len(np.unique(data.q, axis=0)) < ENOUGH_PLACED:
+    if data.unloaded is None:
         return
     flange = fitted.study.robot.forward(data.q)
-    R = flange[:, :3, :3]
-    flange[:, :3, 3] += (R @ data.marker[..., None])[..., 0]
-    start = linear_start(flange, data.unloaded[:, None], np.ones((len(data), 1), dtype=bool))
-    if not start.whole or start.mirrored:
-        return
-    turned = data.unloaded @ start.base[:3, :3] - flange[:, :3, 3]
-    A = np.concatenate([R, np.broadcast_to(np.eye(3), R.shape)], axis=2).reshape(-1, 6)
-    left = turned.ravel() - A @ np.linalg.lstsq(A, turned.ravel(), rcond=None)[0]
+    drawn = flange[:, :3, 3] + (flange[:, :3, :3] @ data.marker[..., None])[..., 0]
+    base = rigid_motion(drawn, data.unloaded)
+    left = drawn @ base[:3, :3].T + base[:3, 3] - data.unloaded
     size = float(np.sqrt((left**2).sum() / len(data)))
     if size > MISPLACED:
-        yield Finding.of(Severity.WARNING, WORDING, "other_robot", off=size, scale=start.scale)
+        spread = [float(np.linalg.norm(x - x.mean(axis=0))) for x in (data.unloaded, drawn)]
+        scale = spread[0] / max(spread[1], 1e-12)
+        yield Finding.of(Severity.WARNING, WORDING, "other_robot", off=size, scale=scale)
 
 
 def _other_robot(data: Data) -> str:
@@ -295,9 +291,9 @@ def _other_robot(data: Data) -> str:
     lengths = f", and lengths come out {scale}" if abs(data["scale"] - 1) > SCALED else ""
     return (
         f"without load the marker is {1e3 * data['off']:.3g} mm (root mean square) from where the "
-        f"study's robot has it, wherever base and marker are placed{lengths}: are links and zeros "
-        "of the joints those of this robot? Displacements grow with the arm, and so do the "
-        "compliances"
+        f"study's robot has it, wherever the base is placed{lengths}: are links and zeros of the "
+        "joints those of this robot, and is the marker where the study has it? Displacements grow "
+        "with the arm, and so do the compliances"
     )
 
 
