@@ -26,6 +26,7 @@ from edtk.system.parsing import Element, parse_xml
 MOST_CHARACTERS = 300  # of an expression
 MOST_TEXT = 2000  # characters of a value
 LARGEST = 1e15  # size of a number, up to which whole numbers are exact
+DIGITS = 16  # before the point, where any number rounds to zero; Python computes 10 to their power
 MODULES = ("math", "python")  # which newer files name before a function
 OF_NUMBERS = "sin cos tan asin acos atan atan2 sqrt hypot exp log radians degrees floor ceil fabs"
 PACKAGE = "package.xml"  # names a folder as a package
@@ -58,7 +59,9 @@ FUNCTIONS: dict[str, Callable[..., Value]] = {
     "abs": abs,
     "min": min,
     "max": max,
-    "round": round,
+    "round": lambda value, digits=None: round(
+        value, None if digits is None else max(digits, -DIGITS)
+    ),
     "int": int,
     "float": float,
     "str": str,

@@ -206,6 +206,7 @@ TWICE = "".join(
     "content",
     [
         '<link name="${9**9**9}"/>',
+        '<link name="${round(1, -10**9)}"/>',
         '<link name="${9**9**9**9}"/>',
         '<link name="${(10**15 * 10**15)**99}"/>',
         """<link name="${'a' * 10**9}"/>""",
@@ -245,6 +246,8 @@ def test_nothing_is_endless(tmp_path, content):
         ("0 and 1 / 0", "0"),
         ("&apos;left&apos; + &apos;_&apos; + str(7)", "left_7"),
         ("round(2.567, 1)", "2.6"),
+        ("round(1250, -2) + round(7.5)", "1208"),
+        ("round(10**15, -10**15)", "0"),
         ("atan2(0, -1) * 2", "6.283185307179586"),
     ],
 )
