@@ -14,6 +14,7 @@ from threadpoolctl import ThreadpoolController
 GREETING_S = 5.0  # in which a scheduler has to answer
 PATIENCE_S = 20.0  # with a cluster that has lost all its workers
 GLANCE_S = 1.0  # between two looks at a cluster's workers
+SAFE_PATH = "PYTHONSAFEPATH"  # of Python's environment
 CLOSING_S = 2.0  # for a connection to close; after it the connection is left to itself
 
 
@@ -84,7 +85,8 @@ class Workers:
         jobs = self.size if self.remote else min(self.size, max(1, len(pieces)))
         gone = f"the workers of {self.name} have gone away"
         try:
-            yield from joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(work)
+            with _safe_path():
+                yield from joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(work)
         except (CancelledError, asyncio.CancelledError, BrokenExecutor) as error:
             raise WorkersLostError(gone) from error
         except (OSError, TimeoutError) as error:
@@ -100,6 +102,23 @@ class Workers:
 
 
 THIS_PROCESS = Workers()
+
+
+@contextmanager
+def _safe_path() -> Iterator[None]:
+    """Let processes that are started not search the current folder, where anybody may put modules.
+
+    They get this process's own search path as soon as they run.
+    """
+    before = os.environ.get(SAFE_PATH)
+    os.environ[SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            os.environ.pop(SAFE_PATH, None)
+        else:
+            os.environ[SAFE_PATH] = before
 
 
 def _numbered(index: int, piece: Callable[[], T]) -> tuple[int, T]:

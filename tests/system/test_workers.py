@@ -50,6 +50,22 @@ def relaxed():
     return relax_poses(CandidateSource(space, 0, "sobol", workers=1), 200, create("D"))
 
 
+def test_processes_load_nothing_from_the_current_folder(tmp_path):
+    """Where somebody has put a module that every process of a team imports first."""
+    folder = tmp_path / "foreign"
+    folder.mkdir()
+    for name in ("joblib", "numpy", "multiprocessing"):
+        (folder / f"{name}.py").write_text("open('RAN', 'w').close()\n")
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import operator\nfrom functools import partial\nfrom edtk.system.workers import Workers\n"
+        "print(sorted(Workers(2).run([partial(operator.add, 1, i) for i in range(2)])))\n"
+    )
+    found = subprocess.run([sys.executable, script], cwd=folder, capture_output=True, text=True)
+    assert (found.stdout, found.stderr) == ("[(0, 1), (1, 2)]\n", "")
+    assert not (folder / "RAN").exists()
+
+
 class Cluster:
     """A Dask scheduler and workers, each a process on the loopback interface.
 
