@@ -23,9 +23,11 @@ from edtk.certificate.recompute.exact_tree import (
 from edtk.certificate.recompute.plain_data import number, numbers, table, whole
 from edtk.certificate.verify_certificate import AGREE, Claim, exact_claims, unproved_exact
 from edtk.certificate.verify_problem import (
+    LIMITS,
     ProblemVerification,
     candidates_of,
-    criterion_of,
+    label_of,
+    numbers_of,
     require_table,
     same_candidates,
 )
@@ -45,12 +47,10 @@ class ExactVerification(ProblemVerification):
 
     Attributes:
         best: Whether the plan is said to be the best.
-        limited: Whether each candidate may be measured so often only, or all cost so much at most.
         sized: Whether all plans have as many experiments.
     """
 
     best: bool = False
-    limited: bool = False
     sized: bool = True
 
     @property
@@ -60,11 +60,13 @@ class ExactVerification(ProblemVerification):
             return "nothing is proved"
         number = f" of {self.experiments} experiments" if self.sized else ""
         plans = f"all plans{number} on these {self.candidates} candidates"
-        if self.limited:
-            plans += " within the limits"
+        if self.kept:
+            plans += f" that hold the {self.kept} kept"
+        if LIMITS in self.told:
+            plans += " within these limits"
         if self.best:
-            return f"for this problem; the plan is the best of {plans}"
-        return f"for this problem; the bound holds for {plans}"
+            return f"{self.question}; the plan is the best of {plans}"
+        return f"{self.question}; the bound holds for {plans}"
 
     @property
     def subject(self) -> str:
@@ -133,7 +135,8 @@ def verify_exact(content: Any, problem: Problem) -> ExactVerification:
     with np.errstate(all="ignore"):
         table(content, KEYS, "certificate", ("most", "costs", "cost_budget", "places"))
         require_table(content["criterion"])
-        criterion = criterion_of(content["criterion"])
+        name = content["criterion"]["name"]
+        label = label_of(content["criterion"])
         size = whole(content["size"], 1, MOST_SIZE, "size")
         kept = counts_of(content["kept"], problem.n, "kept")
         table(content["plan"], ("candidate", "count"), "plan")
@@ -154,7 +157,6 @@ def verify_exact(content: Any, problem: Problem) -> ExactVerification:
         if not sized and plan.sum() != made:
             wrong = f"expected {made} experiments beside the kept ones"
         claims.append(Claim("plan", not wrong, float(size), float(plan.sum() + kept.sum()), wrong))
-        name = content["criterion"]["name"]
         if name.removeprefix("bayes_") not in FORMS:
             reason = f"the criterion {name} has no second implementation for whole plans"
             claims += unproved_exact(reason)
@@ -169,7 +171,7 @@ def verify_exact(content: Any, problem: Problem) -> ExactVerification:
             replay = Replay(tree, part, known, told, limits, budget, power)
             claims += exact_claims(name, stated, replay, *_cost(replay, plan))
     return ExactVerification(
-        criterion=criterion.name,
+        criterion=name,
         kind="plan",
         robot="",
         poses=int((plan > 0).sum()),
@@ -177,11 +179,18 @@ def verify_exact(content: Any, problem: Problem) -> ExactVerification:
         candidates=problem.n,
         claims=tuple(claims),
         experiments=size,
-        about=criterion.label,
+        about=label,
+        told=_told(content, int(kept.sum())),
         best=content["proved_exact"],
-        limited=limits is not None or budget is not None,
         sized=sized,
     )
+
+
+def _told(content: dict[str, Any], kept: int) -> tuple[str, ...]:
+    """What the certificate alone says of the question."""
+    found = [f"{kept} kept experiment{'' if kept == 1 else 's'}"] if kept else []
+    found += [LIMITS] if {"most", "costs"} & set(content) else []
+    return (*found, *numbers_of(content["criterion"]))
 
 
 def _question(

@@ -29,6 +29,8 @@ OF_LIMITS = ("limits", "experiments", "limit_multipliers")
 OPTIONAL = ("dual_weights", "inner", "region", "bound_proved", *OF_LIMITS)
 OVER_REGION = "bound_proved"
 MOST_MULTIPLIERS = 100
+NUMBERS = "numbers of the criterion"
+LIMITS = "limits"
 
 
 @dataclass(frozen=True, repr=False)
@@ -36,10 +38,12 @@ class ProblemVerification(Verification):
     """All claims of a certificate of a relaxation over a problem's candidates, checked.
 
     Attributes:
-        about: The criterion as a person reads it, with its parameters.
+        about: The criterion as a person reads it.
+        told: What the certificate alone says of the question; the problem beside it does not.
     """
 
     about: str = ""
+    told: tuple[str, ...] = ()
 
     @property
     def proved(self) -> str:
@@ -47,12 +51,19 @@ class ProblemVerification(Verification):
         if not self.valid:
             return "nothing is proved"
         if any(claim.claim == OVER_REGION for claim in self.claims):
-            return "for this region; the bound is proved for all of its points"
-        within = ""
-        if any(claim.claim == "limits" for claim in self.claims):
-            within = ", within the limits that the certificate states"
-        told = f"the bound is proved on its {self.candidates} candidates alone{within}"
-        return f"for this problem; {told}"
+            return f"{self.question}; the bound is proved for all points of that region"
+        within = ", within these limits" if LIMITS in self.told else ""
+        drawn = f"its {self.candidates} candidates alone{within}"
+        return f"{self.question}; the bound is proved on {drawn}"
+
+    @property
+    def question(self) -> str:
+        """What was asked, and which part of it is the file's own word."""
+        if not self.told:
+            return "for this problem"
+        *first, last = self.told
+        listed = f"{', '.join(first)} and {last}" if first else last
+        return f"for this problem, with {listed} by the file's own word"
 
     @property
     def subject(self) -> str:
@@ -88,8 +99,9 @@ def verify_problem(content: Any, problem: Problem) -> ProblemVerification:
     """Check all claims of a certificate against the candidates that it is about.
 
     The certificate is an enemy's: whatever it says is computed anew from weights, multipliers and
-    the candidates themselves, in code that the search does not use. The registry of criteria tells
-    how the criterion is called, and no more.
+    the candidates. These are taken as the problem keeps them: rows that are divided by sigma, or
+    squares, with the prior. From there on the code is none that the search uses. The registry of
+    criteria tells how the criterion is called in words, and no more.
 
     Args:
         content: What `Relaxation.to_dict` wrote, as JSON has it.
@@ -116,7 +128,8 @@ def verify_problem(content: Any, problem: Problem) -> ProblemVerification:
         plug_in = unknown(given)
         candidates = candidates_of(problem)
         require_little_work(given, candidates, len(multipliers))
-        criterion = criterion_of(given)
+        name = given["name"]
+        label = label_of(given)
         claims = [same_candidates(content["candidates"], problem, candidates.sha256)]
         claims.append(_sound(places, shares))
         limits, experiments = _limits(content, problem, len(multipliers))
@@ -124,23 +137,28 @@ def verify_problem(content: Any, problem: Problem) -> ProblemVerification:
             counts = experiments * np.bincount(places, shares, problem.n).astype(float)
             broken = limits.broken(counts)
             claims.append(Claim("limits", not broken, experiments, float(counts.sum()), broken))
-        found = Found(math.nan, math.inf, math.nan)
+        found = Found(math.nan, math.inf, math.nan, math.nan)
         if claims[1].holds and not plug_in:
             weights = np.bincount(places, shares, problem.n).astype(float)
             if limits is not None:
                 weights = weights * (experiments / limits.unit)
             found = recompute(given, candidates, weights, multipliers, inner, duals, limits)
         if "region" in content and claims[1].holds and not plug_in:
-            claims.append(_over_region(content, criterion, candidates, weights))
+            claims.append(_over_region(content, candidates, weights))
     return ProblemVerification(
-        criterion=criterion.name,
+        criterion=name,
         kind="relaxation",
         robot="",
         poses=len(places),
         kept=0,
         candidates=problem.n,
-        claims=(*claims, *_numbers(criterion.name, stated, found, problem.n, plug_in)),
-        about=criterion.label,
+        claims=(*claims, *_numbers(name, stated, found, problem.n, plug_in)),
+        about=label,
+        told=(
+            *(["a region"] if "region" in content else []),
+            *([LIMITS] if limits is not None else []),
+            *numbers_of(given),
+        ),
     )
 
 
@@ -164,9 +182,12 @@ def _limits(
     return limits, experiments
 
 
-def _over_region(
-    content: dict[str, Any], criterion: criteria.Criterion, candidates: Candidates, weights: Array
-) -> Claim:
+def numbers_of(given: dict[str, Any]) -> list[str]:
+    """That a criterion has numbers, which its name does not tell; nothing where it has none."""
+    return [NUMBERS] if len(given) > 1 else []
+
+
+def _over_region(content: dict[str, Any], candidates: Candidates, weights: Array) -> Claim:
     """The claim that no design over a whole region is better.
 
     With ``<Z, M(x)> <= limit`` for all points, instead of the largest t of the candidates, the
@@ -181,13 +202,14 @@ def _over_region(
         found = f"{strangers} candidates are no points of it, {left} boxes are open"
         return Claim(OVER_REGION, False, stated, None, found)
     Z = region.Z[None]
-    by_candidates = recompute(content["criterion"], candidates, weights, Z, None, [None]).bound
+    name = content["criterion"]["name"]
+    by_candidates = recompute(content["criterion"], candidates, weights, Z, None, [None])
     AZ = candidates.rows @ region.Z
     largest = float((AZ * candidates.rows).sum(axis=(1, 2)).max() + (region.Z * prior).sum())
-    proved = by_candidates * (largest / region.limit) ** criterion.degree
-    holds = 0 < as_cost(criterion.name, stated) <= proved * (1 + AGREE)
+    proved = by_candidates.bound * (largest / region.limit) ** by_candidates.degree
+    holds = 0 < as_cost(name, stated) <= proved * (1 + AGREE)
     reason = "" if holds else "the recomputed number differs"
-    return Claim(OVER_REGION, holds, stated, as_cost(criterion.name, proved), reason)
+    return Claim(OVER_REGION, holds, stated, as_cost(name, proved), reason)
 
 
 def candidates_of(problem: Problem) -> Candidates:
@@ -210,15 +232,15 @@ def require_table(given: Any) -> None:
             raise ValueError("criterion: expected a table with a name")
 
 
-def criterion_of(given: Any) -> criteria.Criterion:
-    """The criterion, for its name and its label."""
+def label_of(given: Any) -> str:
+    """How a person calls a criterion, which is all that the registry is asked for."""
     try:
         found = criteria.from_dict(given)
     except (criteria.CriterionError, ValueError, TypeError, OverflowError) as error:
         raise ValueError(f"criterion: {' '.join(str(error).split())}") from error
     if not isinstance(found, criteria.Relaxable):
         raise ValueError(f"criterion: {found.name!r} cannot be relaxed")
-    return found
+    return found.label
 
 
 def _weights(given: Any, n: int) -> tuple[np.ndarray, Array]:

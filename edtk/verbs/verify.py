@@ -44,11 +44,13 @@ def verify(
 
     The check shares no code with the search. Of a study's design it has a kinematics, an
     information matrix and bounds of its own, and draws the candidates anew. The certificate holds
-    robot, load, noise and limits; whether these are the right ones, only the study can tell.
+    robot, load, noise and limits; whether these are the right ones, only the study can tell, which
+    is read as everywhere.
 
-    Of a `Problem`, value and bound are recomputed from the candidates, weights and multipliers:
-    every criterion and its bound is written down a second time. Criteria of plug-ins are not; their
-    claims do not hold, and the result says why.
+    Of a `Problem`, the check takes the rows as it keeps them, divided by sigma, or squares, and the
+    prior. Value and bound are recomputed from these, the weights and multipliers: every criterion
+    and its bound is written down a second time. Criteria of plug-ins are not; their claims do not
+    hold, and the result says why.
 
     Args:
         certificate: The file that `edtk.plan`, `edtk.relax` or `edtk.run` wrote, or its content.

@@ -218,7 +218,11 @@ def test_plans_within_limits_have_a_certificate(tmp_path, most):
     found = edtk.plan(PROBLEM, 4, "A", most=most, keep=[0], prove=60, certificate=path)
     assert found.proved_exact
     content = json.loads(path.read_text(encoding="utf-8"))
-    assert edtk.verify(content, PROBLEM).valid
+    said = edtk.verify(content, PROBLEM)
+    assert said.valid
+    # A poor plan is the best of few: what makes them few is in the first line.
+    assert "with 1 kept experiment and limits by the file's own word; the plan is" in said.proved
+    assert said.proved.endswith("that hold the 1 kept within these limits")
     free = edtk.plan(PROBLEM, 4, "A", keep=[0], prove=60)
     unlimited = {name: value for name, value in content.items() if name != "most"}
     looser = content | {"most": [4] * PROBLEM.n}
@@ -329,7 +333,8 @@ def test_a_proof_within_a_budget_is_confirmed_and_no_other_one(size):
     content = within_budget(size)
     found = edtk.verify(content, PROBLEM)
     assert found.valid, found.summary()
-    assert "within the limits" in found.proved
+    assert "with limits by the file's own word; the plan is the best" in found.proved
+    assert "within these limits" in found.proved
     assert ("all plans of 4 experiments" in found.proved) == (size is not None)
 
     def fails(**changes):

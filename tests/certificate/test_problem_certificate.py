@@ -192,7 +192,10 @@ def imports(path):
 
 
 def test_verify_shares_no_code_with_the_search_and_says_so():
-    """The check of a problem takes arrays from it, and nothing of what designs or proves."""
+    """The check of a problem takes arrays from it, and nothing of what designs or proves.
+
+    That the registry of criteria tells no number is held in `test_region_certificate.py`.
+    """
     modules = imports("edtk/certificate/verify_problem.py")
     allowed = {"edtk.design.information", "edtk.design.problem", "edtk.system.typing"}
     others = {name for name in modules if name.startswith(("edtk.design", "criteria"))}

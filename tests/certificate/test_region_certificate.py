@@ -1,10 +1,12 @@
 """Certificates of bounds over a region: checked by other code, and what an enemy may do to them."""
 
 import json
+import time
 
 import numpy as np
 import pytest
 
+import criteria
 import edtk
 from edtk.design.region import Region
 
@@ -41,9 +43,18 @@ def test_a_proof_over_a_region_is_checked(written, tmp_path):
     content, problem, found = written
     result = checked(content, problem, tmp_path)
     assert result.valid
-    assert result.proved == "for this region; the bound is proved for all of its points"
+    told = "for this problem, with a region by the file's own word"
+    assert result.proved == f"{told}; the bound is proved for all points of that region"
     assert content["bound_proved"] == pytest.approx(found.bound_proved, rel=1e-8)
     assert content["bound_proved"] <= found.bound_proved
+
+
+def test_the_registry_tells_no_number(written, tmp_path, monkeypatch):
+    """The check of a problem asks it for words alone, and knows how costs shrink by itself."""
+    content, problem, _ = written
+    for name in ("value", "cost", "lower_bound", "polar", "sense", "degree"):
+        monkeypatch.setattr(criteria.get("A"), name, None)
+    assert checked(content, problem, tmp_path).valid
 
 
 def test_polynomials_on_an_interval_are_checked(tmp_path):
@@ -51,6 +62,24 @@ def test_polynomials_on_an_interval_are_checked(tmp_path):
     region = Region(lambda x: np.vander(x[:, 0], 6), -1, 1)
     found = edtk.relax(region, "D", prove=1e-9, certificate=tmp_path / "proof.json")
     assert edtk.verify(tmp_path / "proof.json", found.on_grid().problem).valid
+
+
+def halved(times):
+    """The tree of boxes that are halved so often, along both variables in turn."""
+    return "." if not times else str(times % 2) + 2 * halved(times - 1)
+
+
+def test_a_hundred_thousand_boxes_take_a_second(written):
+    """They are checked together, and too many of them are refused before."""
+    content, problem, _ = written
+    many = json.loads(json.dumps(content))
+    many["region"].update(tree=halved(17), factors=[], slacks=[])
+    since = time.process_time()
+    edtk.verify(many, problem)
+    assert time.process_time() - since < 3
+    many["region"]["slacks"] = [{"sizes": [40, 40], "coefficients": [1.0] * 1600, "error": 0.0}]
+    with pytest.raises(edtk.UserError, match="the boxes of the region take about"):
+        edtk.verify(many, problem)
 
 
 def without_halvings(region):
@@ -120,6 +149,7 @@ def test_a_better_bound_is_not_believed(written, tmp_path):
         ("tree", "..", "region.tree: it goes on after its last leaf"),
         ("factors", [[-1.0, 0.0]], "region.factors: expected"),
         ("sizes", [3], "region.sizes: expected 2 numbers"),
+        ("sizes", [2000, 1], "region.sizes: expected a whole number from 1 to 101"),
         ("low", [2, 2], "region: expected low below high"),
         ("multiplier", "x", "region.multiplier"),
         ("limit", 0.0, "region.limit: expected a number above zero"),

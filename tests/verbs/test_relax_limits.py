@@ -85,7 +85,9 @@ def test_relaxation_of_a_certificate_is_that_within_its_limits():
     assert again.bound == pytest.approx(found.bound, rel=1e-9)
     assert np.allclose(again.counts, found.counts)
     assert found.certify(PROBLEM)[1] == pytest.approx(found.proved_bound.cost, rel=1e-9)
-    assert "within" in edtk.verify(found.to_dict(), PROBLEM).proved
+    said = edtk.verify(found.to_dict(), PROBLEM).summary()
+    assert "with limits by the file's own word; the bound is proved on its" in said.splitlines()[0]
+    assert "obey the limits of the certificate" in said
 
 
 LIES = {

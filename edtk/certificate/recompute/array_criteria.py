@@ -439,11 +439,13 @@ class Found:
         cost: The cost of the weights; nan where there is none, or rounding leaves no digits of it.
         error: Bound on its relative rounding.
         bound: The bound, lowered by its rounding; nan where nothing is proved.
+        degree: How both shrink: ``cost(c M) = c^-degree cost(M)``.
     """
 
     cost: float
     error: float
     bound: float
+    degree: float
 
 
 def recompute(
@@ -501,7 +503,8 @@ def recompute(
         cost = math.nan
     # The degree is a half or one, or none at all.
     exponent = int(2 * power * degree)
-    return Found(float(np.ldexp(cost, exponent)), error, float(np.ldexp(proved, exponent)))
+    unscaled = (float(np.ldexp(number, exponent)) for number in (cost, proved))
+    return Found(next(unscaled), error, next(unscaled), degree)
 
 
 def require_little_work(given: Any, candidates: Candidates, multipliers: int) -> None:

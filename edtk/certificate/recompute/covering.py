@@ -7,7 +7,7 @@ nowhere negative and has the sum one, so that their largest coefficient is above
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from math import comb, prod
 from typing import Any
 
@@ -279,13 +279,11 @@ def basis_on(n: int, slides: bool, middle: Array, half: Array, unit: tuple[float
     """
     found = np.empty((len(middle), n, n))
     if slides:
-        low = (middle - half - unit[0]) / unit[1]
-        high = (middle + half - unit[0]) / unit[1]
-        weights = np.array([comb(n - 1, k) for k in range(n)], dtype=float)
+        ends = np.stack([middle - half - unit[0], middle + half - unit[0]]) / unit[1]
+        low, high = np.cumprod([np.ones_like(ends), *[ends] * (n - 1)], axis=0).swapaxes(0, 1)
         for power in range(n):
-            ends = [_power(np.array(pair), power) for pair in zip(low, high, strict=True)]
-            rest = _power(np.ones(2), n - 1 - power)
-            found[:, :, power] = [np.convolve(one, rest) / weights for one in ends]
+            # The blossom of x^power at ends: low as often as the index says, high for the rest.
+            found[:, :, power] = (low[power::-1] * high[: power + 1]).T @ _shares(n - 1, power)
         return found
     degree = n // 2
     for a in np.unique(half):
@@ -299,6 +297,20 @@ def basis_on(n: int, slides: bool, middle: Array, half: Array, unit: tuple[float
             found[some, :, 2 * k - 1] = turned.real
             found[some, :, 2 * k] = turned.imag
     return found
+
+
+@cache
+def _shares(degree: int, power: int) -> Array:
+    """C(power, i) C(degree - power, k - i) / C(degree, k), over i from 0 to power and k (i, k).
+
+    Of the terms of a power of x in Bernstein's basis, exact but for one rounding.
+    """
+    indices = range(degree + 1)
+    chosen = [
+        [comb(power, i) * comb(degree - power, k - i) if k >= i else 0 for k in indices]
+        for i in range(power + 1)
+    ]
+    return np.array([[a / comb(degree, k) for k, a in enumerate(row)] for row in chosen])
 
 
 def _power(factor: Array, n: int) -> Array:

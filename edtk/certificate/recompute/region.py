@@ -15,9 +15,11 @@ KEYS = ("low", "high", "sizes", "rows", "errors", "slacks", "multiplier", "limit
 MOST_VARIABLES = 8
 MOST_SIZE = 4096  # coefficients of a row
 MOST_SLACKS = 100
-OF_ENTRY = 200.0  # roundings of an entry of a matrix from powers to Bernstein's basis, from above
+MOST_POWERS = 101  # of one variable: the prover's polynomials have degrees up to 100
+OF_VARIABLE = 200.0  # roundings beside those that grow with the powers of a variable, from above
 AT_ONCE = 1 << 20  # coefficients
 PER_COEFFICIENT = 0.05  # time to check one of a box, along one variable [us]
+PER_CUBE = 3e-4  # of a matrix to Bernstein's basis, by the cube of its order [us]
 ALIKE = 1e-9  # relative difference of a candidate's row from the polynomial, that is rounding
 
 
@@ -125,8 +127,9 @@ class Region:
         off = np.array([wrong + _rounding(c) for c, wrong in forms])
         mu = np.concatenate([np.ones((len(depth), 1)), factors], axis=1)
         left = 0
-        require(PER_COEFFICIENT * len(depth) * tensor[0].size * (d + 1), "the boxes of the region")
-        step = max(1, AT_ONCE // tensor[0].size)
+        each = PER_COEFFICIENT * tensor[0].size * (d + 1) + PER_CUBE * sum(n**3 for n in top)
+        require(each * len(depth), "the boxes of the region")
+        step = max(1, AT_ONCE // max(tensor[0].size, max(top) ** 2))
         for start in range(0, len(depth), step):
             part = slice(start, start + step)
             values = np.tensordot(mu[part], tensor, 1)
@@ -174,8 +177,12 @@ def rounding_of_check(rows_size: float, coefficients: Array) -> float:
 
 
 def _rounding(c: Array) -> float:
-    """What coefficients in Bernstein's basis may be off by, with matrices of entries up to one."""
-    return (OF_ENTRY * c.ndim + c.size) * EPS * float(np.abs(c).sum())
+    """What coefficients in Bernstein's basis may be off by, with matrices of entries up to one.
+
+    An entry for n powers takes ``2n + 1`` roundings at most, and a sum over them n.
+    """
+    rounds = sum(3 * n + OF_VARIABLE for n in c.shape)
+    return rounds * EPS * float(np.abs(c).sum())
 
 
 def _padded(c: Array, shape: tuple[int, ...]) -> Array:
@@ -185,7 +192,7 @@ def _padded(c: Array, shape: tuple[int, ...]) -> Array:
 
 def _sizes(given: Any, d: int, where: str) -> tuple[int, ...]:
     """Numbers of powers of each variable."""
-    found = tuple(whole(n, 1, MOST_SIZE, where) for n in rows(given, d, where))
+    found = tuple(whole(n, 1, MOST_POWERS, where) for n in rows(given, d, where))
     if len(found) != d or np.prod(found) > MOST_SIZE:
         raise ValueError(f"{where}: expected {d} numbers, and a product of at most {MOST_SIZE}")
     return found
