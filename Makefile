@@ -19,12 +19,14 @@ PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 
 test: $(VENV)/.installed
 	$(PYTEST)
 
-# The first case of each test that takes less than a fifth of a second: the others are marked as slow. Rooms
+# The first case of each test that takes less than an eighth of a second: the others are marked as slow. Rooms
 # where nearly every test fits a sheet or searches a plan are here with a few of their files.
-QUICK := $(addprefix tests/,criteria design fit measure robots study system report verbs commands) \
-	$(addprefix tests/calibration/test_,told_part.py template.py visiting_order.py) \
-	$(addprefix tests/findings/test_,known_part.py some_rows.py wording.py) \
-	tests/certificate/test_bounded_work.py tests/paper_figures/test_mean_distance.py $(wildcard tests/test_*.py)
+QUICK := tests/criteria tests/design tests/fit tests/measure tests/robots tests/study tests/system \
+	tests/report tests/verbs tests/commands \
+	tests/calibration/test_told_part.py tests/calibration/test_template.py \
+	tests/findings/test_known_part.py tests/findings/test_some_rows.py tests/findings/test_wording.py \
+	tests/certificate/test_bounded_work.py tests/paper_figures/test_mean_distance.py \
+	$(wildcard tests/test_*.py)
 
 quick: $(VENV)/.installed
 	$(PYTEST) -m "not slow and not zoo" --first-case $(QUICK)

@@ -96,6 +96,16 @@ def test_every_snippet_runs(
         assert capsys.readouterr().out.count("weight 0.3333  4 of 12") == 3
 
 
+def test_the_quick_tests_are_there() -> None:
+    """Where one of these is gone, pytest runs nothing at all."""
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    named = re.search(r"^QUICK := ((?:.*\\\n)*.*)", makefile, re.MULTILINE)
+    assert named is not None
+    paths = re.findall(r"(?<!wildcard )\btests/[\w/]+(?:\.py)?", named[1])
+    assert len(paths) > 10
+    assert [path for path in paths if not (ROOT / path).exists()] == []
+
+
 def test_readme_needs_ten_lines_of_python() -> None:
     """The example in README is short."""
     (_, text), *_ = blocks(ROOT / "README.md", "python")

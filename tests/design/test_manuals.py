@@ -8,6 +8,8 @@ import pytest
 
 import edtk
 
+pytestmark = pytest.mark.slow
+
 TOLERANCE = 1e-6  # relative
 
 

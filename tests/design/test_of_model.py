@@ -222,6 +222,7 @@ def test_maximin_is_the_best_least_efficiency():
     assert design.gap < 1e-6
 
 
+@pytest.mark.slow
 def test_a_region_takes_several_theta_too():
     """Its design is that of a fine list of candidates."""
     options = {"parameters": ("V", "K"), "robust": "bayes"}

@@ -171,6 +171,7 @@ def test_bounds_of_many_models_hold_in_the_second_implementation(kind):
     assert verify_problem(json.loads(json.dumps(store(found, problem))), problem).valid
 
 
+@pytest.mark.slow
 def test_plans_of_models_in_distant_units_are_those_in_good_ones():
     """The search works in parameters of each model, which units do not change."""
     units = np.array([1.0, 1e4, 1e-4])

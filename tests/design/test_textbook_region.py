@@ -89,6 +89,7 @@ def test_michaelis_menten_d(model):
     check(model.region, "D", det**-0.5, [low, model.b], [0.5, 0.5])
 
 
+@pytest.mark.slow
 @ENZYMES
 @pytest.mark.parametrize("name", ["A", "D"])
 def test_michaelis_menten_single_parameters(model, name):
@@ -251,6 +252,7 @@ def test_emax_dose_response():
     check(Region(rows, 0, b), "D", det ** (-1 / 3), points, np.full(3, 1 / 3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degree", [3, 7])
 def test_polynomials(degree):
     """D rests on the roots of (1 - x^2) P'(x), E on the extrema of Chebyshev's polynomial."""

@@ -13,6 +13,8 @@ import edtk
 from edtk.design.exact.model_design import ModelDesign
 from edtk.system.errors import ArgumentError, UserError
 
+pytestmark = pytest.mark.slow
+
 X = np.linspace(-1.0, 1.0, 41)
 PARABOLA = edtk.Problem(np.vander(X, 3)[:, None, :])
 LEVELS = pd.DataFrame(itertools.product([-1.0, 1.0], repeat=5), columns=list("ABCDE"))

@@ -136,6 +136,7 @@ def test_axes_may_be_given(results, name):
     assert pyplot.get_fignums() == [1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_a_notebook_shows_a_small_table(results, name):
     """The table has the headline and nothing from outside; every result fits on a screen."""

@@ -13,6 +13,7 @@ KR270 = load_robot("kuka_kr270").with_tool(
 )
 
 
+@pytest.mark.slow
 def test_all_branches_of_an_arm_are_found() -> None:
     """Each of 20 poses is found again, with its mirror images, all to 1e-9 and within limits."""
     rng = np.random.default_rng(0)
@@ -27,6 +28,7 @@ def test_all_branches_of_an_arm_are_found() -> None:
         assert np.abs(apart).max(axis=1).min() < 1e-6
 
 
+@pytest.mark.slow
 def test_the_nearest_is_that_of_the_least_motion() -> None:
     """A start near a pose gives that pose, also where the wrist is stretched."""
     for degrees in (
@@ -42,6 +44,7 @@ def test_the_nearest_is_that_of_the_least_motion() -> None:
         assert np.abs(KR270.forward(nearest) - KR270.forward(q)).max() < 3e-9
 
 
+@pytest.mark.slow
 def test_what_is_called_the_nearest_is_so() -> None:
     """Along a dense path, also through a stretched wrist, where it is left to a search."""
     said = []

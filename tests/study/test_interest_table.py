@@ -117,6 +117,7 @@ def test_relaxations_are_certified_and_verified(name):
     assert verify(content, STUDY).valid
 
 
+@pytest.mark.slow
 def test_another_interest_is_not_verified():
     """A certificate about all compliances is none about some, and the study knows its own."""
     content = json.loads(json.dumps(certificate(STUDY, relax_study(STUDY, "A"))))

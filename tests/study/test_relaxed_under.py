@@ -10,6 +10,7 @@ from edtk.study.run_study import relaxed_under
 STUDY = arm()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "base"), [("O1", "D"), ("O3", "E")])
 def test_base_proves_the_power(name, base):
     """Turned cost and bounds are those recomputed from weights and multipliers."""

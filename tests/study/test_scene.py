@@ -124,6 +124,7 @@ def test_a_weight_hangs_down_in_every_pose() -> None:
     assert np.all(found > height - 0.6 - 0.08)
 
 
+@pytest.mark.slow
 def test_the_bodies_of_a_urdf_are_held_by_capsules(tmp_path) -> None:
     """Collision shapes count, or else visual ones; links behind a fixed joint do too."""
     (tmp_path / "arm.urdf").write_text(URDF)

@@ -228,6 +228,7 @@ OTHER_WAYS = re.compile(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("room", ["edtk", "paper_figures"])
 def test_every_file_is_written_here(room: str) -> None:
     """No module of the toolkit has a way of its own to write a file."""

@@ -14,6 +14,7 @@ PLAN = "studies/plans/table_4_3.csv"
 STUDY = "studies/kr270_milling.toml"
 
 
+@pytest.mark.slow
 def test_values_and_efficiencies_are_those_of_arithmetic(tmp_path):
     """Of indices, plans and weights, under D, A and the largest prediction."""
     weights = edtk.relax(PARABOLA, "A")
@@ -44,6 +45,7 @@ def test_values_and_efficiencies_are_those_of_arithmetic(tmp_path):
     pyplot.close("all")
 
 
+@pytest.mark.slow
 def test_plans_of_a_study_are_under_its_criteria(tmp_path):
     """Values are those of `edtk.evaluate`, and the best plan of each criterion has all."""
     found = edtk.compare([PLAN], STUDY, criteria=["D", "rho0"], out=tmp_path / "page.html")

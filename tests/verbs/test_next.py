@@ -6,6 +6,8 @@ import pytest
 import edtk
 from edtk.system.errors import ArgumentError
 
+pytestmark = pytest.mark.slow
+
 X = np.linspace(-1.0, 1.0, 41)
 PARABOLA = edtk.Problem(np.vander(X, 3)[:, None, :])
 KEPT = [0, 0, 7, 20]

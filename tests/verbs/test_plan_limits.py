@@ -19,6 +19,7 @@ def used(plan: edtk.ProblemPlan, column: str) -> dict[object, int]:
     return pd.Series(plan.counts).groupby(OVENS[column]).sum().to_dict()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_no_plan_within_the_limits_is_better(seed: int) -> None:
     """All plans of a small problem are listed: the best one is found, and no bound is above it."""
@@ -56,6 +57,7 @@ def test_no_plan_within_the_limits_is_better(seed: int) -> None:
     np.testing.assert_allclose(found.spent, costs @ found.counts)
 
 
+@pytest.mark.slow
 def test_levels_are_used_as_often_as_asked() -> None:
     """Of columns: one number for all levels, limits for each, or limits for some."""
     found = edtk.plan(FRAME, 9, constraints=[{"oven": 3}], starts=4)
@@ -74,6 +76,7 @@ def test_an_expression_of_columns_counts() -> None:
     assert OVENS["time"] @ found.counts <= 120
 
 
+@pytest.mark.slow
 def test_limits_count_in_blocks_too() -> None:
     """A candidate that must be measured may be in any block."""
     problem = edtk.Problem.from_frame(OVENS, "0 + time + I(time**2)")
@@ -84,6 +87,7 @@ def test_limits_count_in_blocks_too() -> None:
     assert used(found, "oven") == {"left": 3, "right": 3, "top": 3}
 
 
+@pytest.mark.slow
 def test_a_proof_is_beside_least_counts() -> None:
     """What every plan has is no choice: the others are proved to be the best."""
     least = np.eye(9, dtype=int)[4]

@@ -139,6 +139,7 @@ def scatter(rows, blocks):
     return sum(own.T @ own for own in centred)
 
 
+@pytest.mark.slow
 def test_blocks_are_the_best_of_all():
     """Six experiments in two blocks of three are the best of all such plans, with their bound."""
     rows = RNG.normal(size=(5, 2))
@@ -373,6 +374,7 @@ def test_ctrl_c_while_a_bound_is_sought_leaves_a_plan(monkeypatch, has_weights):
     assert has_weights or found.basis == "no bound: interrupted before one was found"
 
 
+@pytest.mark.slow
 def test_a_word_is_marked():
     """A bound that believes a solver's optimum is told from a proved one."""
     problem = edtk.Problem(np.random.default_rng(2).normal(size=(7, 1, 2)))

@@ -55,6 +55,7 @@ def test_weights_are_those_of_a_solver_of_cones(name):
     assert edtk.verify(found.to_dict(), PROBLEM).valid
 
 
+@pytest.mark.slow
 def test_budgets_without_a_size_decide_on_the_number():
     """Two budgets buy what tells the most, and the value is that of all experiments."""
     costs = 1 + RNG.uniform(size=(2, N))
@@ -68,6 +69,7 @@ def test_budgets_without_a_size_decide_on_the_number():
     assert plan.value <= found.bound * (1 + 1e-12)
 
 
+@pytest.mark.slow
 def test_limits_that_do_not_bind_change_nothing():
     """Weights within wide limits are those without any, with a prior and of interest too."""
     for problem in (PROBLEM, PROBLEM.with_prior(0.1 * np.eye(P))):

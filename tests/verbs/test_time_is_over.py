@@ -20,6 +20,8 @@ from edtk.design.relaxation import relax_poses, search_continuum
 from edtk.system import time_limit
 from edtk.verbs.of_kinds import OfCompliances
 
+pytestmark = pytest.mark.slow
+
 NOISE = {"discrepancy_mm": 0.1, "discrepancy_within_deg": 5}
 PRICED = {"visit": 1, "load_change": 2, "budget": 9}
 STUDIES = {

@@ -96,6 +96,7 @@ def test_the_leaves_hold_for_the_reasons_that_they_name(rng: np.random.Generator
         assert (f + leaves.penalties[:, 0] * c <= leaves.bound)[~infeasible].all()
 
 
+@pytest.mark.slow
 def test_a_planted_narrow_peak_is_found(rng: np.random.Generator) -> None:
     """A peak a hundredth of the box wide, on top of waves, which random places miss."""
     axis = Axis("angle", -3.0, 3.0)

@@ -25,6 +25,8 @@ from edtk.robots.workspace import Workspace
 from edtk.system.time_limit import time_limit
 from tests.support.chains import mixed_chain
 
+pytestmark = pytest.mark.slow
+
 EPS = 0.01
 CRITERIA = ("A", "D", "G", "O2", "O3")
 

@@ -18,6 +18,8 @@ from edtk.design.relaxation.search_continuum import LargestSensitivities
 from edtk.system.errors import ArgumentError
 from edtk.system.time_limit import time_limit
 
+pytestmark = pytest.mark.slow
+
 GAP = 1e-9
 ROUNDING = 1e-11
 

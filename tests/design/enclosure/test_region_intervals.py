@@ -14,6 +14,8 @@ from edtk.design.region import Region
 from edtk.system.errors import ArgumentError
 from edtk.system.time_limit import time_limit
 
+pytestmark = pytest.mark.slow
+
 ROUNDING = 1e-11
 
 

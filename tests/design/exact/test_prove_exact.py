@@ -25,6 +25,8 @@ from edtk.design.information import Rows, pack, sensitivity_rows, unpack
 from edtk.design.problem import Problem
 from edtk.system.typing import Array
 
+pytestmark = pytest.mark.slow
+
 NAMES = ("A", "D", "E", "G", "O1", "O3", "c", "Ds", "rho0")
 
 

@@ -102,6 +102,7 @@ def test_experiments_that_were_made_far_from_the_origin(name, limits):
         assert found.gap == pytest.approx(near.gap, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1e-100, 1e-30, 1.0, 1e30, 1e100])
 @pytest.mark.parametrize("name", ["A", "D", "E", "rho_max"])
 def test_blocks_far_from_the_origin(name, scale):
@@ -194,6 +195,7 @@ def test_proved_plans_in_any_unit(name, scale):
     assert -1e-8 < excess(found.exact_bound.cost, exact) <= 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["A", "D", "E", "G", "I"])
 @pytest.mark.parametrize(("far", "p"), [(3e7, 2), (2e3, 3)])
 def test_plans_of_a_region_far_from_the_origin(name, far, p):

@@ -71,6 +71,7 @@ def test_same_as_cvxpy(case):
     assert own.cost == pytest.approx(other.cost, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_small_share():
     """Where one share is far below the other, the bound of a light design is not lost."""
     z = np.linspace(-1, 1, 16)

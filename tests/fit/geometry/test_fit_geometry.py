@@ -132,6 +132,7 @@ def test_predictions_err_as_is_stated(robot: Robot) -> None:
     assert 0.4 < np.mean(squares) < 1.9
 
 
+@pytest.mark.slow
 def test_predictions_do_not_depend_on_the_minimal_set(monkeypatch: pytest.MonkeyPatch) -> None:
     """Other parameters are kept where others come first, and every prediction stays."""
     model = model_of(SIX, 2)

@@ -38,6 +38,7 @@ def test_many_sets_of_parameters_are_seen_at_once(density: GeometryDensity) -> N
     np.testing.assert_allclose(many_seen(model, theta, q).points, expected, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_density_is_largest_at_its_mode_with_unit_curvature(density: GeometryDensity) -> None:
     """Steps of one and of two standard deviations lower its logarithm by a half and by two."""
     x = np.eye(density.model.p)[:6]

@@ -140,6 +140,7 @@ KINDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_rows_are_slopes_of_a_simulated_robot_at_rest(
     kind: str, module: ModuleType, derivative: Callable[..., Array]

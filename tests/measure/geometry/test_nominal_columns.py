@@ -117,6 +117,7 @@ def test_differences_see_the_difference_of_the_loads_alone(rows: Rows) -> None:
     np.testing.assert_allclose(np.moveaxis(found, (0, 3), (3, 0)), seen.jacobian, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rows", ["position", "pose", "mixed"])
 def test_columns_of_differences_are_those_of_what_is_seen(
     rows: Rows, derivative: Callable[..., Array]

@@ -10,6 +10,8 @@ import edtk
 from edtk.design.problem import RankDeficientError
 from edtk.system.errors import UserError
 
+pytestmark = pytest.mark.slow
+
 LEVELS = [-1.0, 0.0, 1.0]
 FRAME = pd.DataFrame(list(product(LEVELS, LEVELS)), columns=["w", "s"])
 FULL = "1 + w + s + w:s + I(w**2) + I(s**2)"

@@ -12,6 +12,8 @@ from edtk.design.exact.counts.blocks_bound import BlockQuadratic
 from edtk.design.exact.counts.counts_bound import Scatter
 from edtk.design.exact.counts.limits import Limits
 
+pytestmark = pytest.mark.slow
+
 
 def treatments(v):
     """Treatments whose differences are the parameters."""
