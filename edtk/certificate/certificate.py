@@ -273,21 +273,21 @@ def noise_to_dict(noise: VisitNoise | None) -> dict[str, Any]:
     if noise is None:
         return {}
     return {
-        "sigma": noise.white.tolist(),
+        "sigma": (noise.white / noise.unit).tolist(),
         "noise": {
             "tracker": tracker_to_dict(noise.tracker),
-            "repeatability": noise.repeatability.tolist(),
-            "discrepancy": noise.discrepancy.tolist(),
+            "repeatability": (noise.repeatability / noise.unit).tolist(),
+            "discrepancy": (noise.discrepancy / noise.unit).tolist(),
             "within": noise.within,
             "readings": noise.readings,
-            **({} if noise.error is None else {"model_error": error_to_dict(noise.error)}),
+            **({} if noise.error is None else {"model_error": _error(noise.error, noise.unit)}),
         },
     }
 
 
-def error_to_dict(error: ModelError) -> dict[str, Any]:
+def _error(error: ModelError, unit: float) -> dict[str, Any]:
     """Write what a model of springs leaves out as plain data [rad/(N m), shares]."""
-    return {"k": error.k.tolist(), "turn": error.turn, "anywhere": error.anywhere}
+    return {"k": (error.k / unit).tolist(), "turn": error.turn, "anywhere": error.anywhere}
 
 
 def tracker_to_dict(tracker: Tracker | None) -> dict[str, Any] | None:

@@ -13,7 +13,7 @@ from edtk.design.information import pack_gram
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem, packed_information
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.noise import VisitNoise, Whitener, read_alone, shared_visits
+from edtk.measure.noise import VisitNoise, Whitener, WhiteRows, read_alone, shared_visits
 from edtk.robots.constraints.constraint import Constraint
 from edtk.robots.frames import Frames
 from edtk.robots.loads.fixed_load import FixedLoad
@@ -160,11 +160,11 @@ class Experiments:
         return self.x[..., len(self.space.fixed) :]
 
     @cached_property
-    def _whitener(self) -> Whitener | None:
-        """What makes errors of unit covariance of correlated ones; None where they are white."""
+    def _whitener(self) -> Whitener | WhiteRows:
+        """What makes errors of unit covariance of those of a measurement."""
         noise = self.space.noise
         if noise is None:
-            return None
+            return WhiteRows(self.space.sigma)
         Sigma = noise.covariance_of(self.space.model, self.frames, self._wrench, self._visits)
         return Whitener.of(Sigma if self._read is None else read_alone(Sigma, self._read))
 
@@ -184,10 +184,7 @@ class Experiments:
         A = self.space.model.regressor_of(self.frames, self._wrench)
         if self._read is not None:
             A = A * self._read
-        if self._whitener is not None:
-            A = self._whitener.rows(A)
-        else:
-            A = A / self.space.sigma.reshape(-1, *[1] * (A.ndim - 2))
+        A = self._whitener.rows(A)
         return A if self.space.prices is None else A * self.space.shares(self.x)
 
     @cached_property
@@ -243,17 +240,14 @@ class Experiments:
         if self._read is not None:
             B = B * np.moveaxis(self._read, 0, -1)[..., None]
         # All derivatives by joints come from one adjoint pass with these weights.
-        if self._whitener is None:
-            weights = _component_first(B / space.sigma[:, None], (-1, -2))
-        else:
-            weights = self._whitener.transposed(_component_first(B, (-1, -2)))
+        weights = self._whitener.transposed(_component_first(B, (-1, -2)))
         by_joint = model.regressor_slope_of(self.frames, self._wrench, weights)
         wrench_changes = _component_first(space.load.derivative(self._load), (-1,))
         by_load = [
             (weights * model.by_wrench.regressor_of(self.frames, change)).sum(axis=(0, 1))
             for change in wrench_changes
         ]
-        if self._whitener is not None:
+        if isinstance(self._whitener, Whitener):
             of_noise, of_its_load = self._noise_slope(weights, self._whitener, wrench_changes)
             by_joint = by_joint + of_noise
             by_load = [own + more for own, more in zip(by_load, of_its_load, strict=True)]
@@ -271,9 +265,7 @@ class Experiments:
         """
         noise, model = self.space.noise, self.space.model
         assert noise is not None
-        by_covariance = -0.5 * np.einsum(
-            "pr...,ps...->rs...", weights, whitener.transposed(self._regressor)
-        )
+        by_covariance = whitener.slope_weights(weights, self._regressor)
         given = (model, self.frames, by_covariance, self._wrench)
         changes = [model.by_wrench.torque_of(self.frames, change) for change in wrench_changes]
         return (

@@ -140,7 +140,7 @@ def _bounded_exp(log_nu: Array) -> Array:
 
 
 def tracker_noise(
-    model: ElastostaticModel, data: Measurements, tracker: Tracker, readings: int
+    model: ElastostaticModel, data: Measurements, tracker: Tracker, readings: int | Array
 ) -> CorrelatedNoise:
     """Add the errors of a tracker to the white noise of measurements.
 

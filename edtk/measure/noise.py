@@ -3,19 +3,21 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.measure.model_error import ModelError
-from edtk.robots.frames import Frames
 from edtk.robots.robot import joint_distance
 from edtk.system.typing import Array, Indices, Mask
 
+FramesLike = TypeVar("FramesLike")
+FramesLike_contra = TypeVar("FramesLike_contra", contravariant=True)
+
 SAME = 1e-9  # [rad]: poses nearer than this are one pose, whatever the distance that is asked for
 ROUNDING = 1e-6  # [mm] no instrument reads better
-MM2 = 1e6  # [mm^2/m^2]
+MM = 1e3  # [mm/m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +75,11 @@ class Tracker:
         s = np.einsum("mi...,mi...->m...", u, Su)
         radial = f_slope * np.einsum("mii...->m...", S) + g_slope * s
         return np.asarray(radial[:, None] * u + (2 * g / r)[:, None] * (Su - s[:, None] * u))
+
+    def least(self, reach: float) -> float:
+        """The least standard deviation [m] within a distance [m] of the world's origin."""
+        nearest = max(0.0, float(np.linalg.norm(self.position)) - reach)
+        return min(a + b * nearest for a, b in (self.along, self.across))
 
     def scaled(self, ratio: float) -> "Tracker":
         """The same whose errors are so many times as large."""
@@ -192,27 +199,58 @@ class Whitener:
             rest /= self.L[i, i]
         return found
 
+    def slope_weights(self, weights: Array, rows: Array) -> Array:
+        """Weights (rows, rows, ...) of dSigma in ``-<P Q', dSigma>/2``, which whitened rows add.
 
-class Measured(Protocol):
-    """What the noise needs to know of a model: where it measures, and how joints move that."""
+        Args:
+            weights: Weights ``P = L^-T B`` (p, rows, ...) of the rows themselves.
+            rows: Whitened rows ``L^-1 A`` (p, rows, ...), so that ``Q = Sigma^-1 A``.
+        """
+        return -0.5 * np.einsum("pr...,ps...->rs...", weights, self.transposed(rows))
 
-    def points_of(self, frames: Frames) -> Array:
+
+@dataclass(frozen=True, eq=False)
+class WhiteRows:
+    """What makes errors of size one of independent ones, as `Whitener` does of others.
+
+    Attributes:
+        sizes: Standard deviations (rows,) or (rows, ...).
+    """
+
+    sizes: Array
+
+    def rows(self, A: Array) -> Array:
+        """Rows over their standard deviations, of columns A (p, rows, ...)."""
+        return np.asarray(A / _lifted(self.sizes, A[0]))
+
+    def transposed(self, B: Array) -> Array:
+        """The adjoint, which is the same."""
+        return self.rows(B)
+
+
+class Measured(Protocol[FramesLike_contra]):
+    """What the noise needs to know of a model: where it measures, and how joints move that.
+
+    What it computes of poses beforehand, as `Frames`, is its own matter.
+    """
+
+    def points_of(self, frames: FramesLike_contra, /) -> Array:
         """Positions (markers, 3, ...) of the markers in the world frame [m]."""
 
-    def motion_of(self, frames: Frames) -> Array:
+    def motion_of(self, frames: FramesLike_contra, /) -> Array:
         """Derivatives dy/dq (n, rows, ...) of all measured rows by all joints."""
 
-    def motion_slope_of(self, frames: Frames, B: Array) -> Array:
+    def motion_slope_of(self, frames: FramesLike_contra, B: Array, /) -> Array:
         """Derivatives (n, ...) of ``<B, dy/dq>`` by all joints, B (n, rows, ...) held fixed."""
 
 
-class Loaded(Measured, Protocol):
+class Loaded(Measured[FramesLike_contra], Protocol[FramesLike_contra]):
     """What an error of the model needs besides: how a wrench loads the joints."""
 
-    def torque_of(self, frames: Frames, wrench: ArrayLike) -> Array:
+    def torque_of(self, frames: FramesLike_contra, wrench: ArrayLike, /) -> Array:
         """Loads tau (n, ...) of all joints [N m or N]."""
 
-    def torque_slope_of(self, frames: Frames, wrench: ArrayLike, s: Array) -> Array:
+    def torque_slope_of(self, frames: FramesLike_contra, wrench: ArrayLike, s: Array, /) -> Array:
         """Derivatives (n, ...) of ``sum_j s_j tau_j`` by all joints, s (n, ...) held fixed."""
 
 
@@ -228,10 +266,12 @@ class VisitNoise:
         V(q) = readings (T + J diag(s^2) J') + diag(w^2).
 
     The joints move all markers of a visit together, so that V is full. What the model leaves out
-    is no scatter: with the variances d^2 of the discrepancy, which is the same in all poses, and
-    the covariance E of a `ModelError`, which grows with what the springs do under the load,
+    is no scatter: with the variances d^2 of the discrepancy, which is the same in all poses, the
+    variances e^2 of joints that are wrong by another small angle in each pose, as by gears that
+    are not round, and the covariance E of a `ModelError`, which grows with what the springs do
+    under the load,
 
-        D(q, load) = diag(d^2) + E(q, load).
+        D(q, load) = diag(d^2) + J diag(e^2) J' + E(q, load).
 
     Visits of one pose have errors of their own, but share this one: the mean of v visits has the
     covariance ``V/v + D``, and all of them together have the information
@@ -248,11 +288,18 @@ class VisitNoise:
         tracked: For each marker that the tracker sees, its index among the model's points and the
             first of its three rows.
         repeatability: Standard deviations s (n,) of the joints in one reading [rad or m].
-        white: Standard deviations w (rows,) of a visit's rows [m, rad].
+        white: Standard deviations w (rows,) of a visit's rows [m, rad]; or of each visit's
+            (rows, ...), as the next but two may be.
         discrepancy: Standard deviations d (rows,) of the model's errors [m, rad].
         within: Poses nearer than this, Euclidean over the revolute joints, share the model's errors
             [rad].
         readings: Readings whose difference or value a row is: two, or one for absolute positions.
+        unit: What a metre and a radian are in the units of all these: one, or 1000 where they are
+            in millimetres and milliradians; joints are in radians and metres where it is one.
+        turns: Standard deviations e (n,) of the joints that the model's errors are as [rad or m];
+            none of them for none.
+        change: What the discrepancy is (rows,) of differences, where others are read once; None
+            where it is the same.
         error: The part of the model's errors that grows with the load; None for none.
         groups: Groups (rows,) of rows that it treats alike, see `ModelError`.
         apart: Whether each visit has an error of the model of its own, as if poses were far apart.
@@ -264,7 +311,10 @@ class VisitNoise:
     white: Array
     discrepancy: Array
     within: float = 0.0
-    readings: int = 2
+    readings: int | Array = 2
+    unit: float = 1.0
+    turns: Array = field(default_factory=lambda: np.zeros(0))
+    change: Array | None = None
     error: ModelError | None = None
     groups: Indices = field(default_factory=lambda: np.zeros(0, dtype=int))
     apart: bool = False
@@ -272,7 +322,13 @@ class VisitNoise:
     @cached_property
     def shares(self) -> bool:
         """Whether visits of one pose share an error, so that repeats do not average it out."""
-        return not self.apart and (self.error is not None or bool(self.discrepancy.any()))
+        return not self.apart and self._leaves_out
+
+    @property
+    def _leaves_out(self) -> bool:
+        """Whether the model leaves anything out."""
+        constant = bool(self.discrepancy.any() or self.turns.any())
+        return constant or self.error is not None
 
     @cached_property
     def alone(self) -> "VisitNoise":
@@ -282,7 +338,54 @@ class VisitNoise:
     @property
     def exact(self) -> "VisitNoise":
         """The same where the model leaves nothing out."""
-        return replace(self, discrepancy=np.zeros_like(self.discrepancy), error=None)
+        nothing = np.zeros_like(self.discrepancy)
+        return replace(self, discrepancy=nothing, turns=np.zeros(0), error=None)
+
+    @property
+    def is_white(self) -> bool:
+        """Whether the errors of all rows are independent, and alike in all poses."""
+        still = not (self.repeatability.any() or self.turns.any())
+        return self.tracker is None and self.error is None and still
+
+    def of_differences(self, differs: Mask | None) -> "VisitNoise":
+        """The same of visits of which some (m,) are differences of two readings; None for none.
+
+        They have twice the variances of a reading, and nothing of what both readings err by.
+        """
+        if differs is None:
+            return self
+        readings = np.where(differs, 2.0, 1.0)
+        change = self.discrepancy if self.change is None else self.change
+        return replace(
+            self,
+            white=np.multiply.outer(self.white, np.sqrt(readings)),
+            discrepancy=np.where(differs, change[:, None], self.discrepancy[:, None]),
+            readings=readings,
+            turns=np.multiply.outer(self.turns, ~differs),
+        )
+
+    def least(self, reach: Sequence[float]) -> "VisitNoise":
+        """White errors that are no larger than these, in any pose.
+
+        Information falls as the covariance rises, so that a bound with these holds. Of a tracker
+        they are those of the shorter axis of its ellipsoid where it stands nearest.
+
+        Args:
+            reach: Upper bounds on the distances of the points from the world's origin [m].
+        """
+        white = np.square(self.white)
+        for point, row in self.tracked:
+            least = 0.0 if self.tracker is None else self.tracker.least(reach[point])
+            white[row : row + 3] += self.readings * (self.unit * least) ** 2
+        still = np.zeros_like(self.repeatability)
+        return replace(
+            self,
+            white=np.sqrt(white),
+            tracker=None,
+            repeatability=still,
+            turns=np.zeros(0),
+            error=None,
+        )
 
     @property
     def of_readings(self) -> "VisitNoise | None":
@@ -291,11 +394,11 @@ class VisitNoise:
         moves = left.tracker is not None or left.repeatability.any()
         return left if moves or left.shares else None
 
-    def scatter_of(self, model: Measured, frames: Frames) -> Array:
+    def scatter_of(self, model: Measured[FramesLike], frames: FramesLike) -> Array:
         """The part V (rows, rows, ...) of the covariance that repeats average out [m^2, rad^2]."""
-        return self._scatter(model.points_of(frames), model.motion_of(frames))
+        return self.scatter(model.points_of(frames), model.motion_of(frames))
 
-    def shared_of(self, model: Loaded, frames: Frames, wrench: ArrayLike) -> Array:
+    def shared_of(self, model: Loaded[FramesLike], frames: FramesLike, wrench: ArrayLike) -> Array:
         """The part D (rows, rows, ...) that visits of a pose share [m^2, rad^2].
 
         Args:
@@ -303,17 +406,27 @@ class VisitNoise:
             frames: The poses.
             wrench: Their loads (..., 6) or (6,) [N, N m].
         """
-        rows = len(self.discrepancy)
-        D = np.zeros((rows, rows, *frames.q.shape[1:]))
-        if self.error is not None:
-            bends = self.error.bends(model.motion_of(frames), model.torque_of(frames, wrench))
-            D += self.error.covariance(bends, self.groups)
-        for row in np.flatnonzero(self.discrepancy):
-            D[row, row] += self.discrepancy[row] ** 2
+        motion = model.motion_of(frames)
+        return self.shared(motion, None if self.error is None else model.torque_of(frames, wrench))
+
+    def shared(self, motion: Array, torque: Array | None = None) -> Array:
+        """The same of rows with motions (n, rows, ...), whose joints have loads (n, ...)."""
+        rows = motion.shape[1]
+        D = np.zeros((rows, rows, *motion.shape[2:]))
+        if self.error is not None and torque is not None:
+            D += self.error.covariance(self.error.bends(motion, torque), self.groups)
+        if self.turns.any():
+            D += _of_joints(motion, self.turns)
+        for row, size in enumerate(self.discrepancy):
+            D[row, row] += size**2
         return D
 
     def covariance_of(
-        self, model: Loaded, frames: Frames, wrench: ArrayLike, visits: ArrayLike = 1.0
+        self,
+        model: Loaded[FramesLike],
+        frames: FramesLike,
+        wrench: ArrayLike,
+        visits: ArrayLike = 1.0,
     ) -> Array:
         """Covariance ``V + v D`` with which one of v visits of a pose counts.
 
@@ -328,7 +441,7 @@ class VisitNoise:
             Covariances (rows, rows, ...) [m^2, rad^2].
         """
         Sigma = self.scatter_of(model, frames)
-        if self.error is not None or self.discrepancy.any():
+        if self._leaves_out:
             Sigma += self._counted(visits) * self.shared_of(model, frames, wrench)
         return Sigma
 
@@ -338,8 +451,8 @@ class VisitNoise:
 
     def slope_of(
         self,
-        model: Loaded,
-        frames: Frames,
+        model: Loaded[FramesLike],
+        frames: FramesLike,
         S: Array,
         wrench: ArrayLike,
         visits: ArrayLike = 1.0,
@@ -362,14 +475,14 @@ class VisitNoise:
         """
         motion = model.motion_of(frames)
         slope = np.zeros((len(motion), *S.shape[2:]))
-        if self.repeatability.any():
+        if self.repeatability.any() or self.turns.any():
             weights = np.einsum("rs...,js...->jr...", S, motion)
-            weights *= self._lifted(2 * self.readings * self.repeatability**2, weights)
+            weights *= _lifted(self._rates(visits), weights)
             slope += model.motion_slope_of(frames, weights)
         if self.tracker is not None:
             points = model.points_of(frames)[[point for point, _ in self.tracked]]
             own = np.stack([S[row : row + 3, row : row + 3] for _, row in self.tracked])
-            by_point = self.readings * self.tracker.slope(points, own)
+            by_point = self.unit**2 * self.readings * self.tracker.slope(points, own)
             for (_, row), g in zip(self.tracked, by_point, strict=True):
                 slope += np.einsum("ji...,i...->j...", motion[:, row : row + 3], g)
         if self.error is not None:
@@ -379,8 +492,8 @@ class VisitNoise:
 
     def load_slope_of(
         self,
-        model: Loaded,
-        frames: Frames,
+        model: Loaded[FramesLike],
+        frames: FramesLike,
         S: Array,
         wrench: ArrayLike,
         changes: Sequence[Array],
@@ -413,29 +526,60 @@ class VisitNoise:
         weights = self._counted(visits) * S
         return self.error.slope_weights(motion, torque, weights, self.groups)
 
-    def _scatter(self, points: Array, motion: Array) -> Array:
+    def sizes(self, visits: ArrayLike = 1.0) -> Array:
+        """Standard deviations (rows, ...) by white errors and the discrepancy alone."""
+        counted = np.atleast_1d(self._counted(visits))[None]
+        return np.sqrt(
+            _lifted(self.white**2, counted) + _lifted(self.discrepancy**2, counted) * counted
+        )
+
+    def _rates(self, visits: ArrayLike) -> Array:
+        """Twice the variances (n, ...) of the joints, as often as these count."""
+        rates = np.multiply.outer(self.repeatability**2, 2 * np.asarray(self.readings))
+        if not self.turns.any():
+            return np.asarray(rates)
+        counted = np.atleast_1d(2 * self._counted(visits))
+        of_model = _lifted(self.turns**2, counted[None]) * counted
+        return np.asarray(_lifted(rates, of_model) + of_model)
+
+    def scatter(self, points: Array, motion: Array) -> Array:
         """V (rows, rows, ...) of points (markers, 3, ...) and motion (n, rows, ...)."""
         rows = motion.shape[1]
-        V = np.zeros((rows, rows, *motion.shape[2:]))
-        moving = np.flatnonzero(self.repeatability)
-        if len(moving):
-            J = motion[moving]
-            J = J * self._lifted(np.sqrt(self.readings) * self.repeatability[moving], J)
-            for row in range(rows):
-                V[row, : row + 1] = np.einsum("j...,jk...->k...", J[:, row], J[:, : row + 1])
-        for row in range(rows):
-            V[row, row] += self.white[row] ** 2
-            V[:row, row] = V[row, :row]
+        if self.repeatability.any():
+            root = np.sqrt(self.readings)
+            V = _of_joints(motion, np.multiply.outer(self.repeatability, root))
+        else:
+            V = np.zeros((rows, rows, *motion.shape[2:]))
+        for row, size in enumerate(self.white):
+            V[row, row] += size**2
         if self.tracker is not None:
             T = self.tracker.covariance(points[[point for point, _ in self.tracked]])
             for (_, row), own in zip(self.tracked, T, strict=True):
-                V[row : row + 3, row : row + 3] += self.readings * own
+                V[row : row + 3, row : row + 3] += self.unit**2 * self.readings * own
         return V
 
-    @staticmethod
-    def _lifted(numbers: Array, like: Array) -> Array:
-        """Numbers (n,) that multiply arrays (n, rows, ...)."""
-        return numbers.reshape(-1, *[1] * (like.ndim - 1))
+
+def _of_joints(motion: Array, sizes: Array) -> Array:
+    """``J diag(s^2) J'`` (rows, rows, ...) of motions (n, rows, ...) by joints that err by s.
+
+    Args:
+        motion: Motions J.
+        sizes: Standard deviations s (n,), or of each pose (n, ...).
+    """
+    moving = np.flatnonzero(sizes.reshape(len(sizes), -1).any(axis=1))
+    rows = motion.shape[1]
+    V = np.zeros((rows, rows, *motion.shape[2:]))
+    J = motion[moving] * _lifted(sizes[moving], motion)
+    for row in range(rows):
+        V[row, : row + 1] = np.einsum("j...,jk...->k...", J[:, row], J[:, : row + 1])
+        V[:row, row] = V[row, :row]
+    return V
+
+
+def _lifted(numbers: Array, like: Array) -> Array:
+    """Numbers (n,) or (n, ...) that multiply arrays (n, rows, ...)."""
+    missing = like.ndim - numbers.ndim
+    return numbers.reshape(len(numbers), *[1] * missing, *numbers.shape[1:])
 
 
 @dataclass(frozen=True, eq=False)
@@ -494,9 +638,6 @@ class PositionNoise:
             where all are one.
         unknown: Whether residuals tell how large the instrument's errors are, of which T, r and
             `turn` say the shape: then w is part of them, as nothing tells both apart.
-        error: What springs leave out of a plan's visits, with compliances in mrad/(N m); None where
-            they leave nothing out, or a sheet tells it.
-        groups: Groups (r,) of coordinates that it treats alike, see `ModelError`.
     """
 
     reading: float
@@ -512,8 +653,6 @@ class PositionNoise:
     tracked: Mask | None = None
     ratios: Array | None = None
     unknown: bool = False
-    error: ModelError | None = None
-    groups: Indices = field(default_factory=lambda: np.zeros(0, dtype=int))
 
     def of_mean(self, readings: float) -> "PositionNoise":
         """The errors of a mean of readings, which lessens all but what the model leaves out."""
@@ -526,6 +665,28 @@ class PositionNoise:
         joints = share * np.asarray(self.joints)
         return replace(
             self, reading=share * self.reading, joints=joints, turn=turn, tracker=tracker
+        )
+
+    def of_visits(self, width: int, markers: int) -> VisitNoise:
+        """The same of the rows of visits that are read once.
+
+        Args:
+            width: Rows r of a visit.
+            markers: Instruments, each with as many of them.
+        """
+        each = width // markers
+        turn = max(self.turn or 0.0, ROUNDING)
+        reading = self._white(max(self.reading, ROUNDING), turn, width)
+        return VisitNoise(
+            self.tracker,
+            () if self.tracker is None else tuple((i, each * i) for i in self.sees(markers)),
+            np.asarray(self.joints),
+            np.sqrt(reading * self.squared_ratios(width)),
+            np.sqrt(self._white(self.model_white, self.model_turn, width)),
+            readings=1,
+            unit=MM,
+            turns=np.asarray(self.model_joints),
+            change=np.sqrt(self._white(*self.model_change, width)),
         )
 
     @property
@@ -542,12 +703,6 @@ class PositionNoise:
         sizes = (position, turn)
         kinds = self.white_kinds(width)
         return np.asarray(sum(size**2 * kind for size, kind in zip(sizes, kinds, strict=False)))
-
-    @property
-    def is_white(self) -> bool:
-        """Whether the errors of all coordinates are independent, and alike in all poses."""
-        still = not (np.any(self.joints) or np.any(self.model_joints))
-        return self.tracker is None and self.error is None and still
 
     def of_markers(self, chosen: Indices) -> "PositionNoise":
         """The same of some of the instruments."""
@@ -594,19 +749,9 @@ class PositionNoise:
             places: Where the markers are (m, k, 3), in the frame of the tracker [m].
             width: Rows r of a pose.
         """
-        turn = max(self.turn or 0.0, ROUNDING)
-        white = self._white(max(self.reading, ROUNDING), turn, width)
-        V = np.diag(white * self.squared_ratios(width))[None]
-        if self.tracker is None:
-            return V
-        V = np.repeat(V, len(places), axis=0)
-        seen = self.sees(places.shape[1])
-        T = MM2 * self.tracker.covariance(np.moveaxis(places[:, seen], 0, -1))
-        for marker, own in zip(seen, np.moveaxis(T, -1, 1), strict=True):
-            first = width // places.shape[1] * marker
-            rows = slice(first, first + 3)
-            V[:, rows, rows] += own
-        return V
+        some = places[:1] if self.tracker is None else places
+        still = np.zeros((len(some), width, len(self.joints)))
+        return replace(self, joints=np.zeros(len(self.joints))).of_reading(still, some)
 
     def squared_reading(self, places: Array) -> Array:
         """Mean squared distances (m, k) [mm^2] by which an instrument's readings are off.
@@ -641,8 +786,9 @@ class PositionNoise:
             motion: Motions (m, r, n) of the coordinates by the joints [mm/mrad].
             places: Where the markers are (m, k, 3), in the frame of the tracker [m].
         """
-        J = motion * self.joints
-        return self.of_instrument(places, motion.shape[1]) + J @ np.swapaxes(J, 1, 2)
+        noise = self.of_visits(motion.shape[1], places.shape[1])
+        V = noise.scatter(np.moveaxis(places, 0, -1), component_first(motion))
+        return np.asarray(np.moveaxis(V, -1, 0))
 
     def of_model(self, motion: Array, differs: Mask | None = None) -> Array:
         """Covariances D (m, r, r) [mm^2] of what the model leaves out.
@@ -651,12 +797,8 @@ class PositionNoise:
             motion: Motions (m, r, n) of the coordinates by the joints [mm/mrad].
             differs: Which poses (m,) are differences of two readings; None for none.
         """
-        J = motion * (self.model_joints if len(self.model_joints) else 0.0)
-        white = self._white(self.model_white, self.model_turn, motion.shape[1])
-        D = np.diag(white) + J @ np.swapaxes(J, 1, 2)
-        if differs is not None and differs.any():
-            D[differs] = np.diag(self._white(*self.model_change, motion.shape[1]))
-        return np.asarray(D)
+        noise = self.of_visits(motion.shape[1], 1).of_differences(differs)
+        return np.asarray(np.moveaxis(noise.shared(component_first(motion)), -1, 0))
 
     def of_change(self, motion: Array, places: Array) -> Array:
         """Covariances (m, r, r) of differences of two readings, with what the model leaves out."""
@@ -684,6 +826,11 @@ class PositionNoise:
         D = self.of_model(motion, differs)
         V = self.of_reading(motion, places) / (size[:, :, None] * size[:, None]) + D
         return only_seen(V, worth > 0)
+
+
+def component_first(A: Array) -> Array:
+    """Arrays (c, r, m) of those (m, r, c), as `VisitNoise` has them."""
+    return np.ascontiguousarray(np.moveaxis(A, 0, -1).swapaxes(0, 1))
 
 
 def of_rows(by_marker: Array | Indices | Mask, width: int) -> Array:

@@ -12,8 +12,7 @@ from edtk.fit.prior import Gaussian
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.instruments.pose_marker import COORDINATES
 from edtk.measure.measured_model import Kind, Load, MeasuredModel
-from edtk.measure.model_error import ModelError
-from edtk.measure.noise import PositionNoise
+from edtk.measure.noise import PositionNoise, VisitNoise
 from edtk.measure.parameters import Parameter, all_parameters
 from edtk.measure.springs import elastic_joints, sprung
 from edtk.measure.task import ErringColumns, Task
@@ -26,8 +25,8 @@ from edtk.study.study_model import (
     compensator_numbers,
     distance_names,
     giving_way,
-    guessed_compliances,
     is_reference,
+    left_out,
     likely_compliances,
     marker_names,
     on_robot,
@@ -331,24 +330,20 @@ class StudyGeometry:
         return tool, replace(data.of_markers(slice(k, None)), markers=self.references)
 
 
-def planned_noise(setting: StudyGeometry) -> PositionNoise:
+def planned_noise(setting: StudyGeometry) -> VisitNoise:
     """The errors of a visit that plans count: those of a reading, and what the model leaves out.
 
     A sheet tells the second itself. In a difference of two readings it is as large as in one.
     """
-    table = setting.study.specification.noise
+    model, study = setting.model, setting.study
+    width = model.row_count * len(model.markers)
+    noise = replace(setting.noise.of_visits(width, len(model.markers)), change=None)
+    table = study.specification.noise
     if table is None:
-        return setting.noise
-    size = table.discrepancy_mm
-    share = (table.model_error_percent or 0.0) / 100 if setting.loads is not None else 0.0
-    k = 1e3 * guessed_compliances(setting.study) if share else np.zeros(0)
-    return replace(
-        setting.noise,
-        model_white=size,
-        model_change=(size, 0.0),
-        error=ModelError.of_share(k, share) if share else None,
-        groups=_groups(setting.model),
-    )
+        return noise
+    lengths = np.arange(width) % model.row_count < COORDINATES
+    own = left_out(study, table, lengths, springs=setting.loads is not None, unit=noise.unit)
+    return replace(noise, **own, groups=_groups(model))
 
 
 def _groups(model: MeasuredModel) -> Indices:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -31,7 +32,7 @@ from edtk.study.asked import Asked
 from edtk.study.tables_of_measurement import MarkerTable, NoiseTable
 from edtk.study.tables_of_task import PayloadTable
 from edtk.system.fields import Vector3
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Mask
 
 KNOWN = "known_rad_per_Nm"
 ROWS = ("x", "y", "z", "rx", "ry", "rz")
@@ -418,8 +419,6 @@ def promised_noise(study: Asked, model: ElastostaticModel) -> VisitNoise | None:
 def _visit_noise(study: Asked, model: ElastostaticModel, table: NoiseTable) -> VisitNoise:
     """The noise of a table, with springs that leave out a share of what they do."""
     tracker = table.tracker()
-    share = (table.model_error_percent or 0.0) / 100
-    error = ModelError.of_share(guessed_compliances(study), share) if share else None
     lengths: list[bool] = []
     tracked: list[tuple[int, int]] = []
     for point, sensor in enumerate(model.whole_instruments):
@@ -431,12 +430,30 @@ def _visit_noise(study: Asked, model: ElastostaticModel, table: NoiseTable) -> V
         tracked=tuple(tracked),
         repeatability=table.repeatability(pose_factors(study.robot)),
         white=study_sigma(study),
-        discrepancy=np.where(lengths, table.discrepancy_mm / 1e3, 0.0),
-        within=float(np.deg2rad(table.within)),
         readings=READINGS[study.specification.measurement.reference],
-        error=error,
         groups=groups_of(model.whole_instruments),
+        **left_out(study, table, np.array(lengths)),
     )
+
+
+def left_out(
+    study: Asked, table: NoiseTable, lengths: Mask, springs: bool = True, unit: float = 1.0
+) -> dict[str, Any]:
+    """What the model leaves out, as a `VisitNoise` takes it.
+
+    Args:
+        study: Its keys and its robot, checked.
+        table: What it says of the noise.
+        lengths: Which rows (rows,) are lengths.
+        springs: Whether there are any, of which a share can be left out.
+        unit: What a metre is in the units of the rows.
+    """
+    share = (table.model_error_percent or 0.0) / 100 if springs else 0.0
+    return {
+        "discrepancy": np.where(lengths, table.discrepancy_mm / (1e3 / unit), 0.0),
+        "within": float(np.deg2rad(table.within)),
+        "error": ModelError.of_share(unit * guessed_compliances(study), share) if share else None,
+    }
 
 
 def own_scale(study: Asked) -> Array:

@@ -16,7 +16,7 @@ from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.fit.geometry.fitted_geometry import loading_in, no_rest, resting_torque
 from edtk.fit.geometry.geometry_posterior import many_seen
 from edtk.study.study import Study
-from edtk.study.study_geometry import StudyGeometry
+from edtk.study.study_geometry import StudyGeometry, planned_noise
 from edtk.system.errors import UserError
 
 Array = NDArray[np.float64]
@@ -118,7 +118,7 @@ def test_slopes_of_rows_are_those_of_differences(kind: str, read: str) -> None:
     """Rows of visits, read as they are or as changes, move with the joints as their slopes say."""
     rng = np.random.default_rng(1)
     setting = StudyGeometry.of(study_of(KINDS[kind], **READ[read]))
-    rows = PositionRows(setting.model, setting.loads, setting.noise)
+    rows = PositionRows(setting.model, setting.loads, planned_noise(setting))
     q = rng.uniform(-1, 1, (3, 2))
     wrench = rng.normal(0, 50, (3, 6)) * [[1], [0], [1]]
     G = rng.normal(size=(2, setting.model.p, setting.model.p)).sum(axis=0)

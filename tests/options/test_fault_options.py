@@ -20,7 +20,7 @@ from edtk.findings.geometry.geometric_fit import geometric_findings
 from edtk.fit.geometry.fit_geometry import fit_geometry
 from edtk.fit.geometry.fitted_geometry import loading_in
 from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.study.study_geometry import StudyGeometry
+from edtk.study.study_geometry import StudyGeometry, planned_noise
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
 
@@ -260,7 +260,7 @@ def test_a_lateral_spring_is_the_parameter_of_that_name(spring: str, joint: int,
     setting = StudyGeometry.of(asked)
     q = planned(6, 0).q
     wrench = np.tile([0, 60.0, -100.0, 5.0, 0, 0], (6, 1))
-    rows = PositionRows(setting.model, setting.loads, setting.noise)(q, wrench)
+    rows = PositionRows(setting.model, setting.loads, planned_noise(setting))(q, wrench)
     own = rows[..., -1] / setting.model.scales[-1]
     scene = visited(GeometryQuestion.of(SPRUNG), q, wrench, np.zeros(6))
     np.testing.assert_allclose(scene.across(joint, axis), own, rtol=0, atol=1e-9 * own.max())

@@ -295,7 +295,7 @@ def test_information_of_the_prior_counts_beside_that_of_a_plan() -> None:
     wrench[::2, 2] = -100.0
     plan = edtk.Plan(q, wrench, np.ones(6, dtype=int))
     found = edtk.evaluate(study, plan)
-    rows = PositionRows(question.model, question.setting.loads, question.setting.noise)(q, wrench)
+    rows = PositionRows(question.model, question.setting.loads, question.space.noise)(q, wrench)
     A = rows.reshape(-1, question.model.p)
     covariance = np.linalg.inv(A.T @ A + np.diag(np.array(std) ** -2.0))
     np.testing.assert_allclose(found.std, np.sqrt(np.diag(covariance)), rtol=1e-6)

@@ -109,18 +109,21 @@ def geometry_problem(
     poses = np.asarray(q, dtype=float)
     if poses.ndim != 2 or poses.shape[1] != study.robot.n or not len(poses):
         raise ValueError(f"poses have the shape {poses.shape}, expected (n, {study.robot.n})")
-    given = np.zeros(6) if wrench is None else np.asarray(wrench, dtype=float)
-    forces = np.broadcast_to(given, (len(poses), 6))
+    wrenches = np.zeros(6) if wrench is None else np.asarray(wrench, dtype=float)
+    forces = np.broadcast_to(wrenches, (len(poses), 6))
     loads = setting.loads
     model = _minimal(setting.model, poses, forces, loads)
-    errors = planned_noise(setting) if noise is None else noise.with_place_of(setting.noise)
-    if errors.rows != model.row_count:
+    reading = setting.noise if noise is None else noise.with_place_of(setting.noise)
+    if reading.rows != model.row_count:
         asked = "a size for orientations" if setting.full_poses else "none for orientations"
-        raise ValueError(f"noise.turn is {errors.turn}; expected {asked}")
+        raise ValueError(f"noise.turn is {reading.turn}; expected {asked}")
+    markers = len(model.markers)
+    given = reading.of_visits(model.row_count * markers, markers)
+    errors = planned_noise(setting) if noise is None else given
     blocks = PositionRows(model, loads, errors, setting.sight)(poses, forces)
     names = tuple(one.name for one in model.parameters)
     problem = Problem.of_kept(rows_of_blocks(blocks, 1.0), names, None)
-    return GeometryProblem(problem, poses, forces, model, errors, loads)
+    return GeometryProblem(problem, poses, forces, model, reading, loads)
 
 
 def _minimal(

@@ -10,7 +10,7 @@ import numpy as np
 import criteria
 from edtk.calibration.geometry_design.geometry_plan import ToldByPlan, visited
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
-from edtk.calibration.geometry_design.geometry_space import MM, GeometrySpace, PositionRows
+from edtk.calibration.geometry_design.geometry_space import GeometrySpace, PositionRows
 from edtk.calibration.geometry_design.plan_geometry import OF_PLANS, SEARCHES, plan_geometry
 from edtk.calibration.propagation import (
     DIRECTION,
@@ -43,6 +43,7 @@ from edtk.measure.expected_error import (
     expected_error,
 )
 from edtk.measure.measured_model import MeasuredModel
+from edtk.measure.noise import MM
 from edtk.measure.parameters import AXES, Identifiable, Parameter, all_parameters
 from edtk.measure.task import Columns, Task, Tasks
 from edtk.robots.workspace import neighbourhood
@@ -88,10 +89,9 @@ def poor_left_out(question: GeometryQuestion, plan: Plan) -> tuple[Finding, ...]
     if not errors.any():
         return ()
     # What repeats do not average out is most of such an error.
-    noise = question.space.errors
     of_positions = PositionRows(model, question.setting.loads, sight=question.space.sight)
     points = np.moveaxis(of_positions.columns.at(plan.q).points, -1, 0)
-    sigma = float(np.hypot(noise.typical(points), noise.model_white))
+    sigma = float(np.hypot(question.setting.noise.typical(points), table.discrepancy_mm))
     rows = of_positions(plan.q, plan.wrench)
     rows = rows[:, model.placed_rows] / sigma
     both = _left_out(rows, question.known)
@@ -465,7 +465,7 @@ class GeometryDesigns(Designs):
 
     def _left_out(self, tasks: Tasks) -> float:
         """Root mean square of what the springs leave out of some tasks themselves [m]."""
-        error = self.question.space.errors.error
+        error = self.question.space.noise.error
         if error is None:
             return 0.0
         setting = self.question.setting

@@ -61,7 +61,7 @@ class ToldByPlan:
         question = self.question
         kept = self.told.kept
         space = question.space
-        rows = PositionRows(question.model, question.setting.loads, space.errors, space.sight)
+        rows = PositionRows(question.model, question.setting.loads, space.noise, space.sight)
         A = rows(self.plan.q, self.plan.wrench, question.space.visits_of(self.plan))
         weighted = np.sqrt(self.plan.repeats)[:, None, None] * A[..., kept]
         # From the rows: their squares would lose half of the digits.
@@ -91,14 +91,14 @@ def visited(
     bending = setting.loads if loads is None else loads
     shared = question.space.visits_of(Plan(q, wrench, np.ones(len(q), dtype=int)))
     space = question.space
-    as_taken = PositionRows(model, setting.loads, space.errors, space.sight)
+    as_taken = PositionRows(model, setting.loads, space.noise, space.sight)
     root = np.linalg.cholesky(as_taken.covariance(q, wrench, shared))
 
     def columns(parameters: tuple[Parameter, ...], wrench: Array) -> Array:
         own = replace(model, parameters=parameters)
-        rows = PositionRows(own, bending, space.errors, space.sight)
+        rows = PositionRows(own, bending, space.noise, space.sight)
         scales = np.array([one.scale for one in parameters])
-        if question.space.errors.error is None:
+        if question.space.noise.error is None:
             return rows(q, wrench, shared) / scales
         # Errors grow with the loads as they are taken, and not with those that are tried.
         plain = replace(rows, noise=None)(q, wrench) / scales

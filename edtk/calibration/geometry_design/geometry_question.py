@@ -8,15 +8,14 @@ import numpy as np
 
 import criteria
 from edtk.calibration.geometry.told_before import design_prior
-from edtk.calibration.geometry_design.geometry_space import MM, GeometrySpace, PositionRows
+from edtk.calibration.geometry_design.geometry_space import GeometrySpace, PositionRows
 from edtk.cell.sight import Sight
 from edtk.certificate.certificate import (
-    error_to_dict,
     feasible_to_dict,
     gives_to_dict,
+    noise_to_dict,
     place_to_dict,
     sight_to_dict,
-    tracker_to_dict,
     weights_to_list,
 )
 from edtk.design.candidate_source import CandidateSource
@@ -25,7 +24,7 @@ from edtk.design.plan import Plan
 from edtk.fit.geometry.fit_geometry import told_apart
 from edtk.fit.prior import PriorRows
 from edtk.measure.measured_model import MeasuredModel
-from edtk.measure.model_error import ModelError
+from edtk.measure.noise import MM
 from edtk.measure.parameters import (
     COMPONENTS,
     NUMBERS,
@@ -166,7 +165,7 @@ class GeometryQuestion:
     @property
     def with_exact_model(self) -> "GeometryQuestion":
         """The same question where the model leaves nothing out."""
-        space = replace(self.space, errors=self.setting.noise, noise=None)
+        space = replace(self.space, noise=self.space.noise.exact)
         return replace(self, space=space)
 
     def space_for(self, size: int) -> GeometrySpace:
@@ -300,8 +299,9 @@ class GeometryQuestion:
 
 def _space(base: DesignSpace, model: MeasuredModel, setting: StudyGeometry) -> GeometrySpace:
     """The space of a model, where the poses of another one may lie."""
-    own = {one.name: getattr(base, one.name) for one in fields(base)} | {"sight": setting.sight}
-    return GeometrySpace(**own, geometry=model, errors=planned_noise(setting), loads=setting.loads)
+    own = {one.name: getattr(base, one.name) for one in fields(base)}
+    own |= {"sight": setting.sight, "noise": planned_noise(setting)}
+    return GeometrySpace(**own, geometry=model, loads=setting.loads)
 
 
 def _with(model: MeasuredModel, told: Identifiable) -> MeasuredModel:
@@ -417,32 +417,13 @@ def _sensors(model: MeasuredModel) -> list[dict[str, Any]]:
 
 
 def _noise(question: GeometryQuestion) -> dict[str, Any]:
-    """The white part, and tracker and joints' repeatability where there is any."""
-    noise = question.space.errors
-    of_marker = [noise.reading / 1e3] * 3 + ([] if noise.turn is None else [noise.turn / 1e3] * 3)
-    present = question.model.present
-    sizes = np.tile(of_marker, len(present)) * np.sqrt(noise.squared_ratios(present.size))
-    white = {"sigma": sizes[present.reshape(-1)].tolist()}
-    shared = question.space.noise
-    shares = shared is not None and shared.shares
-    if noise.is_white and not shares:
-        return white
-    left_out = np.tile([noise.model_white / 1e3] * 3 + [0.0] * (len(of_marker) - 3), len(present))
-    return white | {
-        "noise": {
-            "tracker": tracker_to_dict(noise.tracker),
-            "repeatability": (np.asarray(noise.joints) / 1e3).tolist(),
-            "discrepancy": left_out[present.reshape(-1)].tolist(),
-            "within": shared.within if shared is not None and shares else 0.0,
-            "readings": 1,
-            **({} if noise.error is None else {"model_error": _error(noise.error)}),
-        }
-    }
-
-
-def _error(error: ModelError) -> dict[str, Any]:
-    """What springs leave out, in SI units."""
-    return error_to_dict(replace(error, k=error.k / 1e3))
+    """The white part, and the rest where there is any, of the rows that are read."""
+    there = question.model.present.reshape(-1)
+    noise = question.space.noise
+    written = noise_to_dict(
+        replace(noise, white=noise.white[there], discrepancy=noise.discrepancy[there])
+    )
+    return {"sigma": written["sigma"]} if noise.is_white and not noise.shares else written
 
 
 def _load(question: GeometryQuestion) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from edtk.cell.sight import Sight
 from edtk.design.design_space import DesignSpace, Experiments
@@ -12,7 +13,15 @@ from edtk.design.enclosure.robot_polynomials import RowPolynomials
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem, rows_of_blocks
 from edtk.measure.measured_model import MeasuredModel
-from edtk.measure.noise import MM2, PositionNoise, only_seen, shared_visits
+from edtk.measure.noise import (
+    MM,
+    VisitNoise,
+    Whitener,
+    WhiteRows,
+    component_first,
+    read_alone,
+    shared_visits,
+)
 from edtk.measure.nominal_columns import NominalColumns, PlacedColumns
 from edtk.measure.parameters import LINEAR
 from edtk.robots.loads.listed_load import ListedLoad
@@ -20,8 +29,6 @@ from edtk.robots.loads.load import Load
 from edtk.study.study_geometry import StudyLoads
 from edtk.system.typing import Array, Indices, Mask
 
-MM = 1e3
-NOWHERE = np.zeros((1, 1, 3))  # of markers whose errors are the same everywhere
 BLOCK = 1024  # poses at once: their arrays fit into a core's cache
 
 
@@ -43,7 +50,7 @@ class PositionRows:
 
     model: MeasuredModel
     loads: StudyLoads | None
-    noise: PositionNoise | None = None
+    noise: VisitNoise | None = None
     sight: Sight | None = None
 
     @cached_property
@@ -55,21 +62,6 @@ class PositionRows:
     def scales(self) -> Array:
         """Millimetres that a metre by one unit of each parameter is, or mrad that a rad is (p,)."""
         return MM * self.model.scales
-
-    @property
-    def is_white(self) -> bool:
-        """Whether the errors of all coordinates are independent, and of positions alike."""
-        return self.noise is None or self.noise.is_white
-
-    @cached_property
-    def _sigma(self) -> Array:
-        """Their standard deviations (k r,) [mm, mrad]; one without noise."""
-        noise = self.noise
-        if noise is None:
-            return np.ones(self._width)
-        still = np.zeros((1, self._width, len(noise.joints)))
-        V = replace(noise, tracker=None).of_reading(still, NOWHERE) + noise.of_model(still)
-        return np.sqrt(np.diagonal(V[0]))
 
     @property
     def _width(self) -> int:
@@ -136,13 +128,14 @@ class PositionRows:
             loaded = 1.0 if one.term is None else torque * abs(one.factor)
             largest[one.parameter] += max(lever, 1.0) * loaded
         order = 1 if self.loads is None or not len(answers.of) else 2
-        return order, largest * self.scales / self._sigma.min(), lever
+        sigma = 1.0 if self.noise is None else self.noise.sizes().min()
+        return order, largest * self.scales / sigma, lever
 
     def covariance(self, q: Array, wrench: Array, visits: Array | None = None) -> Array:
-        """Covariances (m, k r, k r) [mm^2] by which rows are whitened, see `__call__`."""
-        bent = self._bent(q, wrench)
-        placed = self.columns.at(q)
-        return self._covariance(placed, self._differs(wrench), visits, bent, self._read(q))
+        """Covariances (m, k r, k r) [mm^2, mrad^2] of what rows are in, see `__call__`."""
+        counted = 1.0 if visits is None else visits
+        V = self._covariance(self.columns.at(q), wrench, counted, self._read(q))
+        return np.asarray(np.moveaxis(V, -1, 0))
 
     def slopes(
         self,
@@ -169,17 +162,13 @@ class PositionRows:
             found[part] = self._slope(q[part], wrench[part], B[part], changes[part], *own)
         return found
 
-    def _block(self, q: Array, wrench: Array, visits: Array | None, read: Mask | None) -> Array:
+    def _block(self, q: Array, wrench: Array, visits: ArrayLike, read: Mask | None) -> Array:
         """The rows of a block of poses."""
         placed = self.columns.at(q)
-        differs = self._differs(wrench)
         amplitudes = self._amplitudes(q, self._loadings(q, wrench))
-        rows = self._rows(placed, amplitudes, differs)
-        if read is not None:
-            rows = rows * read[..., None]
-        if self.is_white:
-            return np.asarray(rows / self._sigmas(differs, visits)[..., None])
-        return self._whitened(rows, placed, differs, visits, self._bent(q, wrench), read)
+        rows = self._rows(placed, amplitudes, self._differs(wrench), read)
+        whitener = self._whitener(placed, wrench, visits, read)
+        return np.moveaxis(rows if whitener is None else whitener.rows(rows), -1, 0).swapaxes(1, 2)
 
     def _differs(self, wrench: Array) -> Mask | None:
         """Which visits (m,) are differences of two readings; None for none."""
@@ -187,65 +176,70 @@ class PositionRows:
             return None
         return np.asarray(wrench.any(axis=1))
 
-    def _sigmas(self, differs: Mask | None, visits: Array | None) -> Array:
-        """Standard deviations (1 or m, k r) of what is read, where errors are independent."""
-        if self.noise is None or (differs is None and visits is None):
-            return self._sigma[None]
-        m = next(len(one) for one in (differs, visits) if one is not None)
-        still = np.zeros((m, self._width, len(self.noise.joints)))
-        V = replace(self.noise, tracker=None).of_reading(still[:1], NOWHERE) * _counts(differs, m)
-        V = V + _lifted(visits) * self.noise.of_model(still, differs)
-        return np.asarray(np.sqrt(np.diagonal(V, axis1=1, axis2=2)))
-
-    def _rows(self, placed: PlacedColumns, amplitudes: Array | None, differs: Mask | None) -> Array:
-        """Rows (m, k r, p) in millimetres and milliradians."""
-        J = placed.jacobian(amplitudes, differs)
-        flat = J.reshape(self.model.p, -1, J.shape[-1])
-        return np.asarray(np.moveaxis(flat, (0, 1), (2, 1)) * self.scales)
-
-    def _whitened(
+    def _rows(
         self,
-        rows: Array,
         placed: PlacedColumns,
+        amplitudes: Array | None,
         differs: Mask | None,
-        visits: Array | None,
-        bent: Array | None,
         read: Mask | None,
     ) -> Array:
-        """Rows (m, r, p) in units of correlated noise."""
-        L = np.linalg.cholesky(self._covariance(placed, differs, visits, bent, read))
-        return np.asarray(np.linalg.solve(L, rows))
+        """Rows (p, k r, m), component first, of which those that are not read are zero."""
+        J = placed.jacobian(amplitudes, differs)
+        rows = J.reshape(self.model.p, -1, J.shape[-1]) * self.scales[:, None, None]
+        return np.asarray(rows if read is None else rows * read.T)
+
+    def _whitener(
+        self, placed: PlacedColumns, wrench: Array, visits: ArrayLike, read: Mask | None
+    ) -> Whitener | WhiteRows | None:
+        """What makes errors of unit covariance; None without noise."""
+        if self.noise is None:
+            return None
+        if self.noise.is_white:
+            return WhiteRows(self.noise.of_differences(self._differs(wrench)).sizes(visits))
+        return Whitener.of(self._covariance(placed, wrench, visits, read))
 
     def _covariance(
-        self,
-        placed: PlacedColumns,
-        differs: Mask | None,
-        visits: Array | None,
-        bent: Array | None,
-        read: Mask | None,
+        self, placed: PlacedColumns, wrench: Array, visits: ArrayLike, read: Mask | None
     ) -> Array:
-        """Covariances (m, k r, k r) with which one of some visits of a pose counts."""
-        noise = self.noise
-        assert noise is not None
-        motion = _motion(placed)
-        places = np.moveaxis(placed.points, -1, 0)
-        R = _counts(differs, len(motion)) * noise.of_reading(motion, places)
-        D = noise.of_model(motion, differs)
-        if noise.error is not None and bent is not None:
-            bends = noise.error.bends(_by_component(motion), bent)
-            D = D + np.moveaxis(noise.error.covariance(bends, noise.groups), -1, 0)
-        V = np.asarray(R + _lifted(visits) * D)
-        return V if read is None else only_seen(V, read)
+        """Covariances (k r, k r, m) with which one of some visits of a pose counts."""
+        assert self.noise is not None
+        noise = self.noise.of_differences(self._differs(wrench))
+        V = noise.covariance_of(self, placed, wrench, visits)
+        return V if read is None else read_alone(V, read.T)
 
-    def _bent(self, q: Array, wrench: Array) -> Array | None:
-        """Loads (n, m) of the joints of which the model's error is a share; None without one.
+    def points_of(self, placed: PlacedColumns) -> Array:
+        """Markers (k, 3, m) [m]; with the next four, what `VisitNoise` needs to know."""
+        return placed.points
 
-        They are changes where readings are differences.
-        """
-        if self.noise is None or self.noise.error is None:
-            return None
-        parts = [one.share * one.torque for one in self._loadings(q, wrench)]
-        return np.asarray(sum(parts))[: q.shape[1]]
+    def motion_of(self, placed: PlacedColumns) -> Array:
+        """Motions (n, k r, m) of all coordinates by the joints [m/rad, rad/rad]."""
+        n, *_, m = placed.by_joints.shape
+        return placed.by_joints.reshape(n, -1, m)
+
+    def motion_slope_of(self, placed: PlacedColumns, B: Array) -> Array:
+        """Derivatives (n, m) of ``<B, motion>`` by the joints, weights B (n, k r, m) held fixed."""
+        return placed.motion_slope(B.reshape(placed.by_joints.shape))
+
+    def torque_of(self, placed: PlacedColumns, wrench: ArrayLike) -> Array:
+        """Loads (n, m) of the joints; their changes where readings are differences."""
+        q = placed.frames.q
+        parts = [one.share * one.torque for one in self._loadings(q.T, np.asarray(wrench))]
+        return np.asarray(sum(parts, np.zeros(1)))[: len(q)]
+
+    def torque_slope_of(self, placed: PlacedColumns, wrench: ArrayLike, s: Array) -> Array:
+        """Derivatives (n, m) of ``sum_j s_j tau_j`` of these, weights s (n, m) held fixed."""
+        q = placed.frames.q.T
+        found = np.zeros(s.shape)
+        for one in self._loadings(q, np.asarray(wrench)):
+            own = np.zeros(one.torque.shape)
+            own[: len(s)] = one.share * s
+            found += self._by_joints(q, one.wrench, own)
+        return found
+
+    def _by_joints(self, q: Array, wrench: Array, own: Array) -> Array:
+        """Derivatives (n, m) by the joints of what loads them, with weights (s, m)."""
+        assert self.loads is not None
+        return self.loads.slope(q, wrench, np.ascontiguousarray(own.T))[:, : q.shape[1]].T
 
     def _loadings(self, q: Array, wrench: Array) -> list["Loaded"]:
         """What loads the joints, whose springs have not given way; none without springs.
@@ -275,114 +269,53 @@ class PositionRows:
         wrench: Array,
         B: Array,
         changes: Array,
-        visits: Array | None,
+        visits: ArrayLike,
         read: Mask | None,
     ) -> Array:
-        """The derivatives of a block of poses."""
-        if read is not None:
-            B = B * read[..., None]
+        """The derivatives of a block of poses.
+
+        ``d<B, L^-1 A> = <W, dA> - <W A' V^-1, dV>/2`` with ``W = L^-T B``.
+        """
         placed = self.columns.at(q)
         loadings = self._loadings(q, wrench)
         amplitudes = self._amplitudes(q, loadings)
         differs = self._differs(wrench)
-        if self.is_white:
-            weights, of_noise = B / self._sigmas(differs, visits)[..., None], np.zeros(q.shape)
-            of_loads = np.zeros((q.shape[1], len(q)))
-        else:
-            rows = self._rows(placed, amplitudes, differs)
-            if read is not None:
-                rows = rows * read[..., None]
-            given = (differs, visits, self._bent(q, wrench), read)
-            weights, of_noise, of_loads = self._correlated(placed, rows, B, *given)
-        by_motion, by_amplitudes = placed.slope(
-            _component_first(weights * self.scales, len(self.model.markers)),
-            amplitudes,
-            differs,
-        )
-        found = by_motion.T + of_noise
-        if self.loads is None:
-            return np.concatenate([found, np.zeros((len(q), changes.shape[-1]))], axis=1)
-        by_load = np.zeros((len(q), changes.shape[-1]))
+        whitener = self._whitener(placed, wrench, visits, read)
+        weights = component_first(B if read is None else B * read[..., None])
+        if whitener is not None:
+            weights = whitener.transposed(weights)
+        scaled = weights * self.scales[:, None, None]
+        by_marker = scaled.reshape(self.model.p, len(self.model.markers), -1, len(q))
+        by_joint, by_amplitudes = placed.slope(by_marker, amplitudes, differs)
+        moved = self._moved(q, changes)
+        by_load = [np.zeros(len(q)) for _ in moved]
         for one in loadings:
-            weights = one.share * by_amplitudes
-            by_torque, by_joints = self.model.answers.pulled_back(q.T, one.torque, weights)
-            own = np.ascontiguousarray(by_torque.T)
-            own[:, : q.shape[1]] += (one.share * of_loads).T
-            found = found + by_joints.T + self.loads.slope(q, one.wrench, own)[:, : q.shape[1]]
+            pulled = one.share * by_amplitudes
+            by_torque, by_own = self.model.answers.pulled_back(q.T, one.torque, pulled)
+            by_joint = by_joint + by_own + self._by_joints(q, one.wrench, by_torque)
             if one.wrench is wrench:
-                each = np.moveaxis(changes, -1, 0)
-                moved = [(own * self.loads.of_wrench(q, change)).sum(axis=1) for change in each]
-                by_load = np.array(moved).reshape(-1, len(q)).T
-        return np.concatenate([found, by_load], axis=1)
+                by_load = [(by_torque * change).sum(axis=0) for change in moved]
+        if self.noise is not None and isinstance(whitener, Whitener):
+            rows = whitener.rows(self._rows(placed, amplitudes, differs, read))
+            given = (self, placed, whitener.slope_weights(weights, rows), wrench)
+            noise = self.noise.of_differences(differs)
+            by_joint = by_joint + noise.slope_of(*given, visits)
+            own = [change[: q.shape[1]] for change in moved]
+            more = noise.load_slope_of(*given, own, visits)
+            by_load = [one + other for one, other in zip(by_load, more, strict=True)]
+        return np.concatenate([by_joint, np.array(by_load).reshape(-1, len(q))]).T
 
-    def _correlated(
-        self,
-        placed: PlacedColumns,
-        rows: Array,
-        B: Array,
-        differs: Mask | None,
-        visits: Array | None,
-        bent: Array | None,
-        read: Mask | None,
-    ) -> tuple[Array, Array, Array]:
-        """Weights (m, r, p) of the rows in millimetres, and what the noise adds (m, n).
-
-        ``d<B, L^-1 A> = <W, dA> - <W A' V^-1, dV>/2`` with ``W = L^-T B``; the covariance changes
-        by ``dV = dT + dJ S J' + J S dJ'``, with the errors T of the tracker, which follow the
-        markers, and the variances S of the joints. What springs leave out follows the loads of the
-        joints, too: the weights (n, m) with which it does so are the third.
-        """
-        noise = self.noise
-        assert noise is not None
-        motion = _motion(placed)
-        V = self._covariance(placed, differs, visits, bent, read)
-        L = np.linalg.cholesky(V)
-        W: Array = np.linalg.solve(np.swapaxes(L, 1, 2), B).astype(float, copy=False)
-        Q = W @ np.swapaxes(np.linalg.solve(V, rows), 1, 2)
-        variances = np.square(noise.joints)
-        of_model = np.square(noise.model_joints) if len(noise.model_joints) else 0.0
-        each = variances + _lifted(visits) * of_model
-        if differs is not None:
-            each = np.where(differs[:, None, None], 2 * variances, each)
-        S = -0.5 * (Q + np.swapaxes(Q, 1, 2))
-        C = _component_first(S @ (motion * each), len(self.model.markers))
-        of_loads = np.zeros(C.shape[:1] + C.shape[-1:])
-        if noise.error is not None and bent is not None:
-            weights = np.moveaxis(_lifted(visits) * S / 2, 0, -1)
-            by_component = _by_component(motion)
-            given = noise.error.slope_weights(by_component, bent, weights, noise.groups)
-            C = C + given[0].reshape(C.shape)
-            of_loads = given[1]
-        slope = placed.motion_slope(C).T
-        if noise.tracker is not None:
-            readings = np.ones(len(S)) if differs is None else 1.0 + differs
-            slope = slope + self._tracked(placed, readings[:, None, None] * S / 2)
-        return W, slope, of_loads
-
-    def _tracked(self, placed: PlacedColumns, S: Array) -> Array:
-        """Derivatives (m, n) of ``<S, T>`` by the joints, weights S (m, k r, k r) held fixed."""
-        assert self.noise is not None
-        assert self.noise.tracker is not None
-        r = self.model.row_count
-        seen = self.noise.sees(len(self.model.markers))
-        own = np.stack([S[:, r * i : r * i + 3, r * i : r * i + 3] for i in seen])
-        by_points = MM2 * self.noise.tracker.slope(placed.points[seen], np.moveaxis(own, 1, -1))
-        return np.asarray(np.einsum("nkcm,kcm->mn", placed.by_joints[:, seen, :3], by_points))
+    def _moved(self, q: Array, changes: Array) -> list[Array]:
+        """By how much changes of the wrench (m, 6, d) change the joints' loads (s, m)."""
+        each = np.moveaxis(changes, -1, 0)
+        if self.loads is None:
+            return [np.zeros(q.shape).T for _ in each]
+        return [self.loads.of_wrench(q, change).T for change in each]
 
 
-def _some(visits: Array | None, part: slice) -> Array | None:
+def _some(visits: Array | None, part: slice) -> Array | float:
     """Visits of a block of poses."""
-    return None if visits is None else visits[part]
-
-
-def _lifted(visits: Array | None) -> Array:
-    """Visits (m or 1, 1, 1) that multiply covariances."""
-    return np.ones((1, 1, 1)) if visits is None else visits[:, None, None]
-
-
-def _counts(differs: Mask | None, m: int) -> Array:
-    """How many readings (m, 1, 1) the rows of poses are made of."""
-    return np.ones((m, 1, 1)) if differs is None else 1.0 + differs[:, None, None].astype(float)
+    return 1.0 if visits is None else visits[part]
 
 
 @dataclass(frozen=True, eq=False)
@@ -400,23 +333,6 @@ class Loaded:
     share: Array
 
 
-def _motion(placed: PlacedColumns) -> Array:
-    """Motions (m, k r, n) of all coordinates by the joints [mm/mrad]."""
-    n, _, _, m = placed.by_joints.shape
-    return np.moveaxis(placed.by_joints.reshape(n, -1, m), (0, 1), (2, 1))
-
-
-def _by_component(motion: Array) -> Array:
-    """Motions (n, k r, m), component first, of those (m, k r, n)."""
-    return np.ascontiguousarray(np.moveaxis(motion, (2, 1), (0, 1)))
-
-
-def _component_first(A: Array, markers: int) -> Array:
-    """Arrays (m, k r, c) as (c, k, r, m)."""
-    m, _, c = A.shape
-    return np.moveaxis(A, (2, 1), (0, 1)).reshape(c, markers, -1, m)
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GeometrySpace(DesignSpace):
     """A design space whose experiments are visits of a pose, each under one of the study's loads.
@@ -429,12 +345,12 @@ class GeometrySpace(DesignSpace):
 
     Args:
         geometry: Markers and parameters, in the parameters' own units.
-        errors: The errors of a visit.
+        noise: The errors of a visit.
         loads: What loads the joints; None without springs.
     """
 
     geometry: MeasuredModel
-    errors: PositionNoise
+    noise: VisitNoise
     loads: StudyLoads | None
 
     @property
@@ -476,14 +392,14 @@ class GeometrySpace(DesignSpace):
 
     def visits_of(self, plan: Plan) -> Array | None:
         """Visits (k,) that share the model's errors of each pose; None where nothing is shared."""
-        if self.noise is None or not self.noise.shares:
+        if not self.noise.shares:
             return None
         sliding = np.array([joint.kind == "prismatic" for joint in self.geometry.robot.joints])
         return shared_visits(plan.q, plan.repeats, sliding, self.noise.within, plan.wrench)
 
     @cached_property
     def _rows(self) -> PositionRows:
-        return PositionRows(self.geometry, self.loads, self.errors, self.sight)
+        return PositionRows(self.geometry, self.loads, self.noise, self.sight)
 
     def rows(self, x: Array, visits: Array | None = None, read: Mask | None = None) -> Array:
         """Whitened rows (m, r markers, p) of experiments x (m, v), for one unit of costs each."""
@@ -507,35 +423,19 @@ class GeometrySpace(DesignSpace):
         Raises:
             NotEnclosedError: A row is no polynomial.
         """
-        errors = _least_errors(self.errors, self.geometry)
-        rows = PositionRows(self.geometry, self.loads, errors)
+        model = self.geometry
+        lever = model.robot.reach + float(np.linalg.norm(model.offsets, axis=1).max())
+        noise = self.noise.least([lever] * len(model.markers))
+        rows = PositionRows(model, self.loads, noise)
         order, largest, lever = rows.enclosable(self.load.wrench(_largest_load(self.load)))
-        own = replace(self, errors=errors, sight=None)
-        is_white = self.errors.is_white and self.sight is None
+        own = replace(self, noise=noise, sight=None)
+        is_white = self.noise.is_white and self.sight is None
         return RowPolynomials(self, own.rows, order, largest, lever, is_white)
 
     def _visits(self, x: Array) -> tuple[Array, Array]:
         """Poses (m, n) and wrenches (m, 6) of experiments."""
         n = len(self.fixed)
         return x[:, :n], np.array(self.load.wrench(x[:, n:]))
-
-
-def _least_errors(errors: PositionNoise, model: MeasuredModel) -> PositionNoise:
-    """White errors that are no larger than those of any pose.
-
-    Of a tracker that sees all markers they are those along the shorter axis of its ellipsoid, where
-    it stands nearest.
-    """
-    white = replace(
-        errors, joints=0.0 * errors.joints, model_joints=np.zeros(0), tracker=None, error=None
-    )
-    tracker = errors.tracker
-    if tracker is None or len(errors.sees(len(model.markers))) < len(model.markers):
-        return white
-    lever = model.robot.reach + float(np.linalg.norm(model.offsets, axis=1).max())
-    nearest = max(0.0, float(np.linalg.norm(tracker.position)) - lever)
-    least = MM * min(a + b * nearest for a, b in (tracker.along, tracker.across))
-    return replace(white, reading=float(np.hypot(errors.reading, least)))
 
 
 def _largest_load(load: Load) -> Array:

@@ -116,24 +116,13 @@ class RobotPolynomials(SpacePolynomials):
 
     @cached_property
     def _variances(self) -> Array:
-        """Variances (rows,) such that errors are no smaller, in any pose [m^2, rad^2].
-
-        Information falls as the covariance rises, so that a bound with these holds. Of a tracker
-        they are those of the shorter axis of its ellipsoid where it stands nearest.
-        """
+        """Variances (rows,) such that errors are no smaller, in any pose [m^2, rad^2]."""
         noise = self.space.noise
         if noise is None:
             return np.square(self.space.sigma)
-        found = np.square(noise.white) + np.square(noise.discrepancy)
-        if noise.tracker is None:
-            return found
-        far = float(np.linalg.norm(noise.tracker.position))
-        for point, row in noise.tracked:
-            sensor = self.space.model.whole_instruments[point]
-            nearest = max(0.0, far - self.space.model.reach_of(sensor.point))
-            least = min(a + b * nearest for a, b in (noise.tracker.along, noise.tracker.across))
-            found[row : row + 3] += noise.readings * least**2
-        return found
+        model = self.space.model
+        least = noise.least([model.reach_of(one.point) for one in model.whole_instruments])
+        return np.asarray(np.square(least.white) + np.square(least.discrepancy))
 
     @cached_property
     def _motion(self) -> list[list[Polynomial]]:

@@ -71,7 +71,11 @@ def test_errors_that_depend_on_the_pose_count_no_less() -> None:
     """With a tracker and joints that come back badly, the bound is above what visits tell."""
     space = GeometryQuestion.of(STUDY).space
     tracker = Tracker(np.array([4.0, 1.0, 0.5]), (1e-5, 5e-6), (2e-5, 8e-6))
-    space = replace(space, errors=replace(space.errors, tracker=tracker, joints=np.full(2, 0.05)))
+    markers = range(len(space.geometry.markers))
+    seen = tuple((i, 3 * i) for i in markers)
+    joints = np.full(2, 0.05)
+    noise = replace(space.noise, tracker=tracker, tracked=seen, repeatability=joints)
+    space = replace(space, noise=noise)
     Z, enclosed, places = sampled(space)
     for k, objective in enumerate(enclosed.objectives):
         exact = sensitivities(space, Z, enclosed.experiments(places, k))

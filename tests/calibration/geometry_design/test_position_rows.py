@@ -53,7 +53,9 @@ def setting_of(name: str) -> StudyGeometry:
 def rows_with(name: str) -> PositionRows:
     """Rows with the noise of that name; plain ones without a noise."""
     setting = setting_of(name)
-    return PositionRows(setting.model, setting.loads, NOISES[name])
+    markers = len(setting.model.markers)
+    noise = NOISES[name].of_visits(setting.model.row_count * markers, markers)
+    return PositionRows(setting.model, setting.loads, noise)
 
 
 @pytest.mark.parametrize("name", ["white", "poses", "changes"])
