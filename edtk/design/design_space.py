@@ -381,6 +381,11 @@ class DesignSpace:
         return self.model.p
 
     @property
+    def parameters(self) -> tuple[str, ...]:
+        """Their names (p,)."""
+        return self.model.parameters
+
+    @property
     def doubles(self) -> int:
         """Numbers that say what a candidate tells: those of its packed information."""
         return self.p * (self.p + 1) // 2

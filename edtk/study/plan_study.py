@@ -4,10 +4,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from time import monotonic
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
+import criteria
 from edtk.design.candidate_source import CandidateSource, EmptyFeasibleSetError
 from edtk.design.design_space import DesignSpace
 from edtk.design.enclosure.polynomial import NotEnclosedError
@@ -160,6 +161,125 @@ def source_of(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class Sought:
+    """What a search asks of a study of compliances; other kinds of study override what is theirs.
+
+    Where a criterion is named, what is asked is about plans for it; the main one by default.
+
+    Attributes:
+        study: The study.
+        unit: Unit of a criterion's values that names none.
+        of_visits: Whether plans are of visits, which tell geometry.
+        what: What experiments are called.
+        most: New experiments of a plan, at most; None for any number.
+        tolerance: Relative gap at which a search over all poses ends.
+    """
+
+    study: Study
+    unit: ClassVar[str] = "SI"
+    of_visits: ClassVar[bool] = False
+    what: ClassVar[str] = "experiments"
+    most: ClassVar[int | None] = None
+    tolerance: ClassVar[float] = TOLERANCE
+
+    @classmethod
+    def of(cls, study: Study) -> Self:
+        """That of a study.
+
+        Raises:
+            UserError: It is no question of a plan.
+        """
+        return cls(study)
+
+    def designed(self, name: str | None = None) -> Study:
+        """The study by whose parameters plans are designed."""
+        return self.study.designed_for(name)
+
+    def base(self, name: str | None = None) -> DesignSpace:
+        """Where experiments may lie, with nothing that is known besides."""
+        return self.designed(name).space
+
+    def space(self, size: int | None = None, name: str | None = None) -> DesignSpace:
+        """The same of plans of so many experiments, with what is known besides.
+
+        Args:
+            size: Number of experiments; defaults to the first of the study's sizes.
+            name: Name of the criterion that plans are for.
+        """
+        size = size or self.study.specification.sizes[0]
+        return planning_space(self.designed(name), size)
+
+    def criterion(self, name: str | None = None) -> criteria.Criterion:
+        """A criterion."""
+        return self.designed(name).criterion(name)
+
+    def named(self, name: str | None = None) -> criteria.Criterion:
+        """The same, which knows what parameters are called."""
+        return self.criterion(name).named(self.base(name).parameters)
+
+    def information(self, plan: Plan, name: str | None = None) -> Array:
+        """Information matrix (p, p) of a plan, and of a prior that counts."""
+        return self.designed(name).information(plan)
+
+    def has_prior(self, name: str | None = None) -> bool:
+        """Whether a prior counts beside the experiments."""
+        return self.designed(name).prior_information is not None
+
+    def known_beside(self, kept: Plan | None, name: str | None = None) -> Array | None:
+        """Information (p, p) of a prior, if it counts, and of kept experiments."""
+        return known_beside(self.designed(name), kept)
+
+    def wrenches(self, costs: DayCosts | None) -> Array | None:
+        """The loads (s, 6) of which a day chooses some; None where each experiment does."""
+        return wrenches_of(self.study, costs)
+
+    def ways(self, kept: Plan | None, options: RunOptions) -> dict[str, Any]:
+        """How a `DaySearch` relaxes, and searches from a relaxation."""
+        limits = SearchOptions(
+            seed=self.study.specification.seed if options.seed is None else options.seed,
+            starts=STARTS,
+            workers=options.workers,
+            alone=ALONE,
+            progress=lambda starts, cost: options.progress(f"{starts} starts", cost),
+        )
+        return {
+            "relax": RelaxOptions(workers=options.workers),
+            "of_size": lambda relaxed, m, places: search_plan(relaxed, m, places, kept, limits),
+        }
+
+    def require_enough(self, search: "DaySearch", most: int) -> None:
+        """Check that so many experiments are enough, before any search.
+
+        Raises:
+            TooFewExperimentsError: They are not enough.
+        """
+        if search.criterion.needs_all:  # else only the relaxation knows how few are enough
+            space = search.beside_known(search.space, most)
+            require_enough(space, most, search.distinct or most, search.criterion)
+
+    def too_few(self, search: "DaySearch", error: NoPlanError) -> ArgumentError:
+        """The error of too few experiments or poses, about the arguments."""
+        most = search.budget.most()
+        least = error.least if isinstance(error, TooFewExperimentsError) else most + 1
+        argument = "distinct" if most >= least else "size" if search.new else "cost_budget"
+        message = str(error)
+        kept = search.kept
+        if kept is not None and argument == "size":
+            message += f"; with the {kept.experiments} kept ones: {kept.experiments + least}"
+        return ArgumentError(message, argument=argument, where=self.study.where)
+
+    def finished(self, found: ExactPlan) -> ExactPlan:
+        """A plan that was found, with what it promises."""
+        expected = plan_accuracy(self.study.designed, found.whole)
+        return replace(
+            found,
+            expected=expected,
+            with_prior=self.study.prior_information is not None,
+            warnings=self.study.warnings + plan_plausibility(self.study, found.whole, expected),
+        )
+
+
 def relax_study(
     study: Study,
     criterion: str | None = None,
@@ -168,10 +288,11 @@ def relax_study(
     continuous: bool = False,
     prove: float | None = None,
     size: int | None = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float | None = None,
     near: Array | None = None,
     memory_mb: float = DEFAULT_MB,
     options: RunOptions = DEFAULTS,
+    sought: type[Sought] = Sought,
 ) -> RelaxedPlan:
     """Find the best weights over feasible poses, with a bound on every plan.
 
@@ -183,30 +304,30 @@ def relax_study(
         prove: Relative gap up to which the bound is proved for all feasible poses; None for none.
         size: Number of experiments that share a prior which counts in designs; defaults to the
             first of the study's sizes.
-        tolerance: Relative gap at which that search ends.
+        tolerance: Relative gap at which that search ends; defaults to that of its kind of study.
         near: Feasible experiments (k, v) with which that search begins besides.
         memory_mb: Limit on memory [MB].
         options: Seed, progress, and what does the work: the result does not depend on that.
+        sought: What is sought, by the kind of study.
 
     Raises:
         UserError: One line that says what cannot be done, and where.
         PlanInterrupted: Ctrl-C after a first certified plan, which it carries.
     """
-    study = study.designed_for(criterion)
-    if size is not None and study.prior_information is None:
-        message = "has no effect without a prior in the design; expected none"
-        raise ArgumentError(message, argument="size", given=size)
     with study_errors(study):
-        space = planning_space(study, size or study.specification.sizes[0])
+        own = sought.of(study)
+        if size is not None and not own.has_prior(criterion):
+            message = "has no effect without a prior in the design; expected none"
+            raise ArgumentError(message, argument="size", given=size)
         how = RelaxOptions(
-            tolerance=tolerance,
+            tolerance=own.tolerance if tolerance is None else tolerance,
             memory_mb=memory_mb,
             workers=options.workers,
             progress=options.progress,
         )
-        source = source_of(study, options.seed, space, options.threads)
+        source = source_of(study, options.seed, own.space(size, criterion), options.threads)
         number = study.specification.candidates if candidates is None else candidates
-        asked = study.criterion(criterion)
+        asked = own.criterion(criterion)
         if prove is not None:
             return prove_poses(source, number, asked, prove, how)
         return relax_poses(source, number, asked, continuous, how, near)
@@ -214,7 +335,7 @@ def relax_study(
 
 def plan_study(
     study: Study,
-    size: int | None,
+    size: int | None = None,
     criterion: str | None = None,
     *,
     distinct: int | None = None,
@@ -222,6 +343,7 @@ def plan_study(
     budget: float | None = None,
     cost_budget: float | None = None,
     options: RunOptions = DEFAULTS,
+    sought: type[Sought] = Sought,
 ) -> ExactPlan:
     """Search for the best plan of `size` experiments in all, with a bound on every such plan.
 
@@ -230,13 +352,15 @@ def plan_study(
         size: Number of experiments, kept ones counted; None where a budget of costs decides.
         criterion: Name of a criterion; defaults to the one that the study is about.
         distinct: Number of distinct new poses, at most; defaults to p(p+1)/2 + 1, since the best
-            weights need no more.
+            weights need no more. Of visits, a pose without a load and under it are two.
         kept: Experiments that have been carried out already; their information counts as known,
             and they cost nothing more.
         budget: Seconds after which the best plan so far is returned; defaults to no limit. A
-            first design on the candidates and a first plan are always completed.
+            first design on the candidates and a first plan, of each set of loads, are always
+            completed.
         cost_budget: What the new experiments may cost; defaults to the study's, see `DaySearch`.
         options: Seed, processes and progress.
+        sought: What is sought, by the kind of study.
 
     Ctrl-C leaves the best plan so far as soon as there is a first design on the candidates.
 
@@ -244,30 +368,21 @@ def plan_study(
         UserError: One line that says what cannot be done, and where.
     """
     since = monotonic()
-    design = study.designed_for(criterion)
-    search = _day_search(design, size, criterion, distinct, kept, cost_budget, options)
-    try:
-        most = search.budget.most()
-        with study_errors(study), _enough(study, search, most):
-            if search.criterion.needs_all:  # else only the relaxation knows how few are enough
-                space = search.beside_known(search.space, most)
-                require_enough(space, most, distinct or most, search.criterion)
-            with time_limit(np.inf if budget is None else budget):
-                found = search.run()
-    except ArgumentError as error:
-        raise error_of_costs(study, error, cost_budget) from error
-    expected = plan_accuracy(study.designed, found.whole)
-    return replace(
-        found,
-        expected=expected,
-        with_prior=study.prior_information is not None,
-        warnings=study.warnings + plan_plausibility(study, found.whole, expected),
-        seconds=monotonic() - since,
-    )
+    with study_errors(study), time_limit(np.inf if budget is None else budget):
+        own = sought.of(study)
+        search = _day_search(own, size, criterion, distinct, kept, cost_budget, options)
+        try:
+            own.require_enough(search, search.budget.most())
+            found = search.run()
+        except NoPlanError as error:
+            raise error_of_costs(study, own.too_few(search, error), cost_budget) from error
+        except ArgumentError as error:
+            raise error_of_costs(study, error, cost_budget) from error
+    return replace(own.finished(found), seconds=monotonic() - since)
 
 
 def _day_search(
-    study: Study,
+    own: Sought,
     size: int | None,
     criterion: str | None,
     distinct: int | None,
@@ -282,31 +397,27 @@ def _day_search(
     """
     from edtk.design.exact.day_search import DaySearch  # it takes long to load; relax needs none
 
+    study = own.study
     costs = day_costs(study, cost_budget)
-    wrenches = wrenches_of(study, costs)
+    wrenches = own.wrenches(costs)
     require_few_loads(study, costs, wrenches)
-    new = new_experiments(size, distinct, kept, costs)
-    limits = SearchOptions(
-        seed=study.specification.seed if options.seed is None else options.seed,
-        starts=STARTS,
-        workers=options.workers,
-        alone=ALONE,
-        progress=lambda starts, cost: options.progress(f"{starts} starts", cost),
-    )
+    new = new_experiments(size, distinct, kept, costs, own.what)
+    if new is not None and own.most is not None and new > own.most:
+        message = f"plans of more than {own.most} new {own.what} are not searched for"
+        raise ArgumentError(message, argument="size", given=size)
     return DaySearch(
-        source=source_of(study, options.seed),
+        source=source_of(study, options.seed, own.base(criterion)),
         candidates=study.specification.candidates,
         wrenches=wrenches,
-        criterion=require_relaxable(study.criterion(criterion)),
-        known=known_beside(study, kept),
+        criterion=require_relaxable(own.criterion(criterion)),
+        known=own.known_beside(kept, criterion),
         kept=kept,
         new=new,
         costs=costs,
         distinct=distinct,
-        seed=limits.seed,
-        relax=RelaxOptions(workers=options.workers),
-        of_size=lambda relaxed, m, places: search_plan(relaxed, m, places, kept, limits),
+        seed=study.specification.seed if options.seed is None else options.seed,
         progress=options.progress,
+        **own.ways(kept, options),
     )
 
 
@@ -423,22 +534,3 @@ def new_experiments(
         message = f"expected at most {MOST_DISTINCT}"
         raise ArgumentError(message, argument="distinct", given=distinct)
     return new
-
-
-@contextmanager
-def _enough(study: Study, search: "DaySearch", most: int) -> Iterator[None]:
-    """Turn the error of too few experiments or poses into one about the arguments.
-
-    Raises:
-        ArgumentError: They are too few; says how many are enough.
-    """
-    try:
-        yield
-    except NoPlanError as error:
-        least = error.least if isinstance(error, TooFewExperimentsError) else most + 1
-        argument = "distinct" if most >= least else "size" if search.new else "cost_budget"
-        message = str(error)
-        kept = search.kept
-        if kept is not None and argument == "size":
-            message += f"; with the {kept.experiments} kept ones: {kept.experiments + least}"
-        raise ArgumentError(message, argument=argument, where=study.where) from error

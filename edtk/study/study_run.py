@@ -4,13 +4,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import criteria
 from edtk.design.bound import Bound
-from edtk.design.design_space import DesignSpace
 from edtk.design.exact.exact_plan import ExactPlan, NoPlanError
 from edtk.design.exact.find_plan import SearchOptions, find_plan
 from edtk.design.plan import Plan
@@ -21,13 +19,12 @@ from edtk.fit.least_squares import SingularPlanError
 from edtk.measure.cells import csv_text
 from edtk.measure.expected_error import ErrorBudget, ExpectedError, TaskAccuracy
 from edtk.study.evaluate import accuracy_of_tasks, plan_accuracy, plan_covariance
-from edtk.study.plan_study import plan_study, planning_space
+from edtk.study.plan_study import Sought, plan_study
 from edtk.study.plausibility import plan_plausibility
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
 from edtk.system.files import Content
 from edtk.system.presented import Presented
-from edtk.system.typing import Array
 from edtk.version import __version__
 
 if TYPE_CHECKING:
@@ -97,44 +94,12 @@ def bound_for(relaxations: Mapping[str, RelaxedPlan], name: str, size: int) -> B
 
 
 @dataclass(frozen=True, eq=False)
-class Designs:
-    """The designs of a study of compliances; other kinds of study override what is theirs.
-
-    Attributes:
-        study: The study.
-        unit: Unit of a criterion's values that names none.
-        of_visits: Whether plans are of visits, which tell geometry.
-    """
-
-    study: Study
-    unit: ClassVar[str] = "SI"
-    of_visits: ClassVar[bool] = False
-
-    def space(self, size: int | None = None, name: str | None = None) -> DesignSpace:
-        """Where plans of so many experiments are searched, with what is known besides.
-
-        Args:
-            size: Number of experiments; defaults to the first of the study's sizes.
-            name: Name of the criterion that plans are for; defaults to the main one.
-        """
-        size = size or self.study.specification.sizes[0]
-        return planning_space(self.study.designed_for(name), size)
-
-    def criterion(self, name: str | None = None) -> criteria.Criterion:
-        """A criterion; by default the one that the study is about."""
-        return self.study.designed_for(name).criterion(name)
+class Designs(Sought):
+    """What a run asks about the designs of a study; kinds of study override what is theirs."""
 
     def error_budget(self, plan: Plan) -> ErrorBudget | None:
         """The error budget of visits; that of springs is `edtk.calibration.planned.plan_budget`."""
         return None
-
-    def information(self, plan: Plan, name: str | None = None) -> Array:
-        """Information matrix (p, p) of a plan, and of a prior that counts, for a criterion."""
-        return self.study.designed_for(name).information(plan)
-
-    def has_prior(self, name: str | None = None) -> bool:
-        """Whether a prior counts beside the experiments in plans for a criterion."""
-        return self.study.designed_for(name).prior_information is not None
 
     def relax_options(self) -> RelaxOptions:
         """How accurate relaxations over all poses are."""
@@ -162,7 +127,14 @@ class Designs:
         if self.budget is None:
             return self.of_size(relaxed, case, starts)
         try:
-            found = self.within_budget(case)
+            # Given here, a budget that pays for too little is an error of this call.
+            found = plan_study(
+                self.study,
+                case.size,
+                case.optimised,
+                cost_budget=self.budget,
+                sought=type(self),
+            )
         except ArgumentError as error:
             raise NoPlanError(error.message) from error
         plain = {field.name: getattr(found, field.name) for field in fields(ExactPlan)}
@@ -176,15 +148,6 @@ class Designs:
         """
         options = SearchOptions(seed=self.study.specification.seed, starts=starts)
         return find_plan(relaxed, case.size, case.distinct, options=options)
-
-    def within_budget(self, case: Case) -> ExactPlan:
-        """The best plan of a case that the budget pays for.
-
-        Raises:
-            ArgumentError: It pays for none.
-        """
-        # Given here, a budget that pays for too little is an error of this call.
-        return plan_study(self.study, case.size, case.optimised, cost_budget=self.budget)
 
     def expected(self, plan: Plan) -> ExpectedError | None:
         """Errors to expect in the test poses and around them; None where nothing tells them."""

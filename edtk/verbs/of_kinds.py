@@ -1,7 +1,6 @@
 """Studies of compliances by displacements, and of geometry by positions, as questions."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -16,7 +15,6 @@ from edtk.study import kinds
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.files import Content
-from edtk.system.typing import Array
 from edtk.verbs.inputs import (
     PlanLike,
     StudyLike,
@@ -26,23 +24,21 @@ from edtk.verbs.inputs import (
     name_of,
 )
 from edtk.verbs.of_studies import OfStudy
-from edtk.verbs.question import PlanCall
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from edtk.calibration.calibration import Calibration
     from edtk.calibration.compensate import Compensation
+    from edtk.calibration.detect import Promised
     from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
     from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
     from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
     from edtk.calibration.prediction import Prediction
     from edtk.design.design_space import DesignSpace
     from edtk.design.exact.exact_plan import ExactPlan
-    from edtk.design.relaxation.relaxed_plan import RelaxedPlan
     from edtk.findings.fitted_data import HowFitted
     from edtk.study.evaluate import Evaluation
-    from edtk.study.plan_study import RunOptions
     from edtk.study.study_run import Designs
 
 
@@ -67,72 +63,27 @@ class OfCompliances(OfStudy):
         return setting_to_dict(self.study, self.study.space if space is None else space, criterion)
 
     @staticmethod
-    def designs(study: Study) -> "Designs":
+    def sought() -> "type[Designs]":
         """Poses with their loads."""
         from edtk.study.study_run import Designs
 
-        return Designs(study)
+        return Designs
 
     def _faults(self, given: Mapping[str, str]) -> Any:
         from edtk.calibration.detect import sized_faults
 
         return sized_faults(self.study, given) if given else ()
 
-    def _best_plan(
-        self,
-        asked: Study,
-        criterion: str | None,
-        kept: Plan | None,
-        call: PlanCall,
-        options: "RunOptions",
-    ) -> "ExactPlan":
-        from edtk.study.plan_study import plan_study
+    def _promised(self, asked: Study, found: "ExactPlan") -> "Promised":
+        from edtk.calibration.detect import Promised
 
-        return plan_study(
-            asked,
-            call.size,
-            criterion,
-            distinct=call.distinct,
-            kept=kept,
-            budget=call.budget,
-            cost_budget=call.cost_budget,
-            options=options,
-        )
+        return Promised.displacements(asked, found.whole)
 
-    def _designed(self, asked: Study, criterion: str | None) -> Study:
-        return asked.designed_for(criterion)
-
-    def _space(self, asked: Study) -> "DesignSpace":
-        return asked.space
-
-    def _criterion(self, asked: Study, name: str | None) -> criteria.Criterion:
-        return asked.criterion(name).named(asked.model.parameters)
-
-    def _information(self, asked: Study, found: Any) -> Array:
-        return asked.information(found.whole)
-
-    def _judged(self, asked: Study, found: "ExactPlan", faults: Any) -> "ExactPlan":
-        from edtk.calibration.detect import Promised, detect
+    def _promises(self, asked: Study, found: "ExactPlan") -> dict[str, Any]:
         from edtk.calibration.planned import plan_budget, plan_tasks
 
         whole = found.whole
-        judged = detect(Promised.displacements(asked, whole), faults) if faults else ((), ())
-        return replace(
-            found,
-            error_budget=plan_budget(asked, whole),
-            detections=judged[0],
-            separations=judged[1],
-            tasks=plan_tasks(asked, whole),
-        )
-
-    def _proof(self, asked: Study, found: "ExactPlan") -> str:
-        return self._proof_of_day(asked, found, None)
-
-    @staticmethod
-    def _relaxation() -> Callable[..., "RelaxedPlan"]:
-        from edtk.study.plan_study import relax_study
-
-        return relax_study
+        return {"error_budget": plan_budget(asked, whole), "tasks": plan_tasks(asked, whole)}
 
     def _worth(self, plan: Plan) -> "Evaluation":
         from edtk.study.evaluate import evaluate
@@ -242,85 +193,38 @@ class OfGeometry(OfStudy):
         return geometry_setting(self._question)
 
     @staticmethod
-    def designs(study: Study) -> "Designs":
+    def sought() -> "type[Designs]":
         """Visits of poses, without and with a load."""
         from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
 
-        return GeometryDesigns.of(study)
+        return GeometryDesigns
 
     def _faults(self, given: Mapping[str, str]) -> Any:
         from edtk.calibration.detect import sized_faults
 
         return sized_faults(self.study, given, positions=True)
 
-    def _best_plan(
-        self,
-        asked: Study,
-        criterion: str | None,
-        kept: Plan | None,
-        call: PlanCall,
-        options: "RunOptions",
-    ) -> "ExactPlan":
-        from edtk.calibration.geometry_design.plan_geometry import plan_geometry
+    def _promised(self, asked: Study, found: Any) -> "Promised":
+        from edtk.calibration.detect import Promised
 
-        return plan_geometry(
-            asked,
-            call.size,
-            criterion,
-            distinct=call.distinct,
-            kept=kept,
-            cost_budget=call.cost_budget,
-            seconds=call.budget,
-            options=options,
-        )
+        return Promised.visits(found.question, found.whole)
 
-    def _space(self, asked: Study) -> "DesignSpace":
-        from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
-
-        return GeometryQuestion.of(asked).space
-
-    def _criterion(self, asked: Study, name: str | None) -> criteria.Criterion:
-        from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
-
-        question = GeometryQuestion.of(asked)
-        return question.criterion(name).named(question.space.parameters)
-
-    def _information(self, asked: Study, found: Any) -> Array:
-        return np.asarray(found.question.information(found.whole))
-
-    def _judged(self, asked: Study, found: Any, faults: Any) -> Any:
-        from edtk.calibration.detect import Promised, detect
+    def _promises(self, asked: Study, found: Any) -> dict[str, Any]:
         from edtk.calibration.geometry_design.evaluate_geometry import (
             GeometryDesigns,
             poor_left_out,
         )
 
         whole = found.whole
-        judged = detect(Promised.visits(found.question, whole), faults) if faults else ((), ())
         designs = GeometryDesigns(asked, found.question)
-        warnings = found.warnings + poor_left_out(found.question, whole)
-        if found.relaxed.criterion.needs_target:
-            warnings += designs.around(whole)
-        return replace(
-            found,
-            detections=judged[0],
-            separations=judged[1],
-            warnings=warnings,
-            expected=designs.expected(whole),
-            tasks=designs.totals(whole),
-            error_budget=designs.error_budget(whole),
-        )
-
-    def _proof(self, asked: Study, found: Any) -> str:
-        from edtk.calibration.geometry_design.geometry_question import geometry_setting
-
-        return self._proof_of_day(asked, found, geometry_setting(found.question))
-
-    @staticmethod
-    def _relaxation() -> Callable[..., "RelaxedPlan"]:
-        from edtk.calibration.geometry_design.plan_geometry import relax_geometry
-
-        return relax_geometry
+        poor = poor_left_out(found.question, whole)
+        around = designs.around(whole) if found.relaxed.criterion.needs_target else ()
+        return {
+            "warnings": found.warnings + poor + around,
+            "expected": designs.expected(whole),
+            "tasks": designs.totals(whole),
+            "error_budget": designs.error_budget(whole),
+        }
 
     def _worth(self, plan: Plan) -> "GeometryEvaluation":
         from edtk.calibration.geometry_design.evaluate_geometry import evaluate_geometry

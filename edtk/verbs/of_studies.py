@@ -1,7 +1,7 @@
 """Questions about a robot: each verb once, with what differs by kind in methods of their own."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -22,7 +22,6 @@ from edtk.study.study import Study
 from edtk.system.errors import ArgumentError, UserError, finite_numbers, note, whole_number
 from edtk.system.files import Content, is_standard_output, write_files
 from edtk.system.time_limit import time_left, time_limit
-from edtk.system.typing import Array
 from edtk.system.workers import THIS_PROCESS, Workers
 from edtk.verbs.inputs import (
     CriterionLike,
@@ -54,6 +53,7 @@ if TYPE_CHECKING:
     from edtk.calibration.calibration import Calibration
     from edtk.calibration.compensate import Compensation
     from edtk.calibration.correct_program import CorrectedProgram
+    from edtk.calibration.detect import Promised
     from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
     from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
     from edtk.calibration.prediction import Prediction
@@ -136,8 +136,12 @@ class OfStudy(Question):
 
     @staticmethod
     @abstractmethod
-    def designs(study: Study) -> "Designs":
-        """What a run asks about designs of a study of this kind."""
+    def sought() -> "type[Designs]":
+        """What searches and runs ask about designs of a study of this kind."""
+
+    def designs(self, study: Study) -> "Designs":
+        """The same of a study."""
+        return self.sought().of(study)
 
     def plan(self, call: PlanCall, searched: "ExactPlan | None" = None) -> "ExactPlan":
         """The best plan of exactly so many experiments; see `edtk.plan`.
@@ -237,7 +241,7 @@ class OfStudy(Question):
             asked, criterion = asked_at(study)
             few = min(asked.specification.candidates, CANDIDATES)
             shared = call.size if self._knows(asked, criterion) else None
-            return self._relaxation()(asked, criterion, candidates=few, size=shared, options=quiet)
+            return self._relaxed(asked, criterion, candidates=few, size=shared, options=quiet)
 
         def cost(study: Study, design: RelaxedPlan | Plan) -> float:
             asked, criterion = asked_at(study)
@@ -314,7 +318,7 @@ class OfStudy(Question):
             except UserError as error:
                 each.append(OffGuess(factor, 0.0, of, error.message))
                 continue
-            relaxed = self._relaxation()(
+            relaxed = self._relaxed(
                 other,
                 criterion,
                 continuous=True,
@@ -331,8 +335,7 @@ class OfStudy(Question):
 
     def _knows(self, asked: Study, criterion: str | None) -> bool:
         """Whether something that is known beforehand counts in designs."""
-        designed = self._designed(asked, criterion)
-        return asked.specification.prior.in_design or designed.prior_information is not None
+        return self.designs(asked).has_prior(criterion)
 
     def _checked(self, call: PlanCall) -> PlanCall:
         """The arguments, whose whole numbers are whole.
@@ -409,7 +412,6 @@ class OfStudy(Question):
                 argument="certificate",
             )
 
-    @abstractmethod
     def _best_plan(
         self,
         asked: Study,
@@ -417,8 +419,27 @@ class OfStudy(Question):
         kept: Plan | None,
         call: PlanCall,
         options: "RunOptions",
-    ) -> Any:
+    ) -> "ExactPlan":
         """The search."""
+        from edtk.study.plan_study import plan_study
+
+        return plan_study(
+            asked,
+            call.size,
+            criterion,
+            distinct=call.distinct,
+            kept=kept,
+            budget=call.budget,
+            cost_budget=call.cost_budget,
+            options=options,
+            sought=self.sought(),
+        )
+
+    def _relaxed(self, asked: Study, criterion: str | None, **given: Any) -> "RelaxedPlan":
+        """The best weights over poses, see `relax_study`."""
+        from edtk.study.plan_study import relax_study
+
+        return relax_study(asked, criterion, sought=self.sought(), **given)
 
     def _require_provable(self, asked: Study, criterion: str | None, call: PlanCall) -> None:
         """Check, before a long search, that whole plans can be proved to be the best.
@@ -439,10 +460,10 @@ class OfStudy(Question):
                 raise ArgumentError(message, argument="candidates")
             return
         seconds_for(call.prove)
-        designed = self._designed(asked, criterion)
-        require_provable(self._criterion(designed, criterion), Limits(1, np.zeros((1, 1))))
-        space = self._space(designed)
-        number = call.candidates or designed.specification.candidates
+        own = self.designs(asked)
+        require_provable(own.named(criterion), Limits(1, np.zeros((1, 1))))
+        space = own.base(criterion)
+        number = call.candidates or asked.specification.candidates
         held = capacity(space.doubles, space.size, DEFAULT_MB)
         if number > held:
             message = f"expected {held:,} at most, as a proof holds all in {DEFAULT_MB:g} MB"
@@ -459,13 +480,8 @@ class OfStudy(Question):
         from edtk.study.plan_study import study_errors
 
         with study_errors(self.study):
-            designed = self._designed(asked, criterion)
-            asked_for = require_relaxable(self._criterion(designed, criterion))
-            require_enclosed(self._space(designed), asked_for)
-
-    @abstractmethod
-    def _space(self, asked: Study) -> "DesignSpace":
-        """The design space of plans."""
+            own = self.designs(asked)
+            require_enclosed(own.base(criterion), require_relaxable(own.named(criterion)))
 
     def _exchange(self, asked: Study, criterion: str | None, call: PlanCall) -> "Exchange | None":
         """The criteria of which one may be given up for the other; None for one alone.
@@ -478,11 +494,11 @@ class OfStudy(Question):
 
         if call.second is None:
             return None
-        designed = self._designed(asked, criterion)
-        other, name = replace(self, study=designed).asked_for(_of_parameters(call.second))
+        own = self.designs(asked)
+        designed = replace(self, study=own.designed(criterion))
+        other, name = designed.asked_for(_of_parameters(call.second))
         share = (GIVEN_UP if call.give_up is None else call.give_up) / PERCENT
-        first, second = self._criterion(designed, criterion), self._criterion(other, name)
-        return Exchange.of(first, second, share)
+        return Exchange.of(own.named(criterion), self.designs(other).named(name), share)
 
     def _given_up(
         self,
@@ -498,7 +514,8 @@ class OfStudy(Question):
 
         if alone.ended == "interrupted":
             return alone
-        designed = self._designed(asked, criterion)
+        own = self.designs(asked)
+        designed = own.designed(criterion)
 
         def both(weight: float) -> Study:
             return designed.replace(criterion=exchange.compound(weight))
@@ -506,7 +523,7 @@ class OfStudy(Question):
         def relaxed(study: Study, name: str | None) -> "RelaxedPlan":
             few = min(study.specification.candidates, CANDIDATES)
             quiet = replace(options, progress=no_progress)
-            return self._relaxation()(study, name, candidates=few, options=quiet)
+            return self._relaxed(study, name, candidates=few, options=quiet)
 
         def searched(weight: float) -> "ExactPlan":
             return self._best_plan(both(weight), exchange.name, alone.kept, call, options)
@@ -518,35 +535,33 @@ class OfStudy(Question):
                 relaxed(asked, criterion),
                 lambda weight: relaxed(both(weight), exchange.name),
                 searched,
-                lambda found: self._information(designed, found),
+                lambda found: own.information(found.whole, criterion),
             )
         except KeyboardInterrupt:
             return replace(alone, ended="interrupted")
 
-    def _designed(self, asked: Study, criterion: str | None) -> Study:
-        """The study by whose parameters plans for a criterion are designed."""
-        return asked
-
-    @abstractmethod
-    def _criterion(self, asked: Study, name: str | None) -> criteria.Criterion:
-        """A criterion of the parameters of plans."""
-
-    @abstractmethod
-    def _information(self, asked: Study, found: Any) -> Array:
-        """Information (p, p) of all experiments of a plan, and of what is known besides."""
-
-    @abstractmethod
-    def _judged(self, asked: Study, found: Any, faults: Any) -> Any:
+    def _judged(self, asked: Study, found: "ExactPlan", faults: Any) -> "ExactPlan":
         """The plan with its errors in the task, and with the chances that faults are noticed."""
+        from edtk.calibration.detect import detect
+
+        judged = detect(self._promised(asked, found), faults) if faults else ((), ())
+        promises = self._promises(asked, found)
+        return replace(found, detections=judged[0], separations=judged[1], **promises)
 
     @abstractmethod
-    def _proof(self, asked: Study, found: Any) -> str:
-        """The certificate of a plan."""
+    def _promised(self, asked: Study, found: Any) -> "Promised":
+        """The readings of a plan without their values."""
 
-    def _proof_of_day(self, asked: Study, found: Any, setting: dict[str, Any] | None) -> str:
-        """The same in a setting, with a proof for each set of loads that a budget pays for."""
+    @abstractmethod
+    def _promises(self, asked: Study, found: Any) -> dict[str, Any]:
+        """What fields of a plan say of its errors in the task."""
+
+    def _proof(self, asked: Study, found: Any) -> str:
+        """The certificate of a plan, with a proof for each set of loads that a budget pays for."""
         from edtk.certificate.certificate import certificate_text
 
+        relaxed = found.relaxed.certified
+        setting = replace(self, study=asked).setting(relaxed.criterion.name, relaxed.space)
         if found.day is None:
             return certificate_text(asked, found, setting)
         return certificate_text(asked, found, setting, found.day, found.proofs)
@@ -571,7 +586,7 @@ class OfStudy(Question):
         options = RunOptions(seed=call.seed, threads=call.workers, progress=call.progress)
         try:
             with self._sweepers(call) as pool, errors_in(self.study.where):
-                found = self._relaxation()(
+                found = self._relaxed(
                     asked,
                     criterion,
                     candidates=call.candidates,
@@ -600,11 +615,6 @@ class OfStudy(Question):
 
         setting = replace(self, study=asked).setting(found.criterion.name, found.space)
         return certificate_text(asked, found, setting)
-
-    @staticmethod
-    @abstractmethod
-    def _relaxation() -> Callable[..., "RelaxedPlan"]:
-        """What finds the best weights over poses."""
 
     def evaluate(self, plan: PlanLike) -> "Evaluation | GeometryEvaluation":
         """A plan under every criterion; see `edtk.evaluate`."""

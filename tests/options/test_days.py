@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 from arm import ROBOT, arm
 from click.testing import CliRunner
-from loaded_arm import STUDY
+from loaded_arm import STUDY, plan_geometry
 
 import edtk
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
-from edtk.calibration.geometry_design.plan_geometry import plan_geometry
 from edtk.cli import main
 from edtk.design.exact import day_search, visit_search
 from edtk.design.exact.day import DayCosts, DayPlan

@@ -1,7 +1,12 @@
 """A study of geometry of a plane arm of two joints, whose springs are unknown: the smallest one."""
 
+from typing import Any
+
 from arm import ROBOT
 
+from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
+from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
+from edtk.study.plan_study import plan_study
 from edtk.study.study import Study
 
 LOAD = [0, 0, -100, 0, 0, 0]
@@ -17,3 +22,12 @@ STUDY = Study(
     },
     candidates=100,
 )
+
+
+def plan_geometry(
+    study: Study, size: int | None = None, criterion: str | None = None, **given: Any
+) -> GeometryPlan:
+    """The plan of visits that a study of geometry asks for, see `plan_study`."""
+    found = plan_study(study, size, criterion, sought=GeometryDesigns, **given)
+    assert isinstance(found, GeometryPlan)
+    return found

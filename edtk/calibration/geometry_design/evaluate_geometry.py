@@ -3,15 +3,19 @@
 from dataclasses import dataclass, replace
 from functools import cached_property
 from time import monotonic
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
 import criteria
-from edtk.calibration.geometry_design.geometry_plan import ToldByPlan, visited
+from edtk.calibration.geometry_design.geometry_plan import GeometryPlan, ToldByPlan, visited
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import GeometrySpace, PositionRows
-from edtk.calibration.geometry_design.plan_geometry import OF_PLANS, SEARCHES, plan_geometry
+from edtk.calibration.geometry_design.plan_geometry import (
+    require_enough_visits,
+    too_few_visits,
+    with_question,
+)
 from edtk.calibration.propagation import (
     DIRECTION,
     ROUNDING,
@@ -25,7 +29,8 @@ from edtk.calibration.propagation import (
     uncertainty_of,
 )
 from edtk.calibration.told_part import LeastSquaresInverse
-from edtk.design.exact.day import PosesByLoad
+from edtk.design.exact.day import MOST_VISITS, DayCosts, PosesByLoad
+from edtk.design.exact.day_search import DaySearch
 from edtk.design.exact.exact_plan import ExactPlan, NoPlanError, require_enough
 from edtk.design.exact.visit_search import STARTS, VisitSearch
 from edtk.design.plan import Plan
@@ -48,11 +53,12 @@ from edtk.measure.parameters import AXES, Identifiable, Parameter, all_parameter
 from edtk.measure.task import Columns, Task, Tasks
 from edtk.robots.workspace import neighbourhood
 from edtk.study.evaluate import criteria_frame, criterion_values, observability
-from edtk.study.plan_study import no_progress, study_errors
+from edtk.study.plan_study import RunOptions, no_progress, study_errors
 from edtk.study.plausibility import poor_around
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyLoads
 from edtk.study.study_run import Case, Designs
+from edtk.system.errors import ArgumentError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
@@ -61,10 +67,12 @@ if TYPE_CHECKING:
 
 USUAL = 1.0  # mm and mrad: errors of a drawing that are larger are the exception
 HIDDEN = 1e-9  # of a direction: a visit alone tells it
-# Relative gap at which the search over all poses ends. With more parameters than a few it is that
-# of `plan_geometry`, as are the most searches: what is left would take minutes.
+# Relative gap at which the search over all poses ends. Designs of 35 parameters rest on a hundred
+# poses and more, whose last digits would take minutes.
 TOLERANCE = 1e-3
+OF_PLANS = 2e-2  # that of the bound of a plan: one of more parameters than a few would take minutes
 FEW = 12
+SEARCHES = 12  # over all poses for the bound, at most: what is left after them is a per cent or two
 UNTOLD = 1e-6  # [mm] an error in a task that a unit of what a plan leaves open may make
 
 
@@ -361,6 +369,9 @@ def _places(model: MeasuredModel) -> tuple[Parameter, ...]:
 class GeometryDesigns(Designs):
     """The designs of a study of geometry: visits of poses, without and with a load.
 
+    Without a budget all loads are there to choose from, and the size alone decides; with one, see
+    `DaySearch`.
+
     Attributes:
         question: The question of the study.
     """
@@ -368,18 +379,30 @@ class GeometryDesigns(Designs):
     question: GeometryQuestion
     of_visits: ClassVar[bool] = True
     unit: ClassVar[str] = "own units"  # of the parameters: mm, mrad, 1e-6 rad/(N m)
+    what: ClassVar[str] = "visits"
+    most: ClassVar[int | None] = MOST_VISITS
+    tolerance: ClassVar[float] = TOLERANCE
 
     @classmethod
-    def of(cls, study: Study) -> "GeometryDesigns":
+    def of(cls, study: Study) -> Self:
         """Those of a study with [parameters].
 
         Raises:
             UserError: Its loads are none that a plan can choose among, or no pose is feasible.
         """
-        return cls(study, GeometryQuestion.of(study))
+        with study_errors(study):
+            return cls(study, GeometryQuestion.of(study))
+
+    def designed(self, name: str | None = None) -> Study:
+        """The study itself."""
+        return self.study
+
+    def base(self, name: str | None = None) -> GeometrySpace:
+        """Where visits may lie, with nothing that is known besides."""
+        return self.question.space
 
     def space(self, size: int | None = None, name: str | None = None) -> GeometrySpace:
-        """Where plans of so many visits are searched, with what is known besides."""
+        """The same of plans of so many visits, with what is known besides."""
         return self.question.space_for(size or self.study.specification.sizes[0])
 
     def criterion(self, name: str | None = None) -> criteria.Criterion:
@@ -393,6 +416,31 @@ class GeometryDesigns(Designs):
     def has_prior(self, name: str | None = None) -> bool:
         """Whether something that is known besides counts."""
         return self.question.prior is not None
+
+    def known_beside(self, kept: Plan | None, name: str | None = None) -> Array | None:
+        """Information (p, p) of what is known besides, and of kept visits."""
+        return self.question.prior if kept is None else self.question.information(kept)
+
+    def wrenches(self, costs: DayCosts | None) -> Array | None:
+        """The loads (s, 6) to choose from; None where each visit has a force of its own."""
+        return None if self.question.chooses_forces else self.question.wrenches
+
+    def ways(self, kept: Plan | None, options: RunOptions) -> dict[str, Any]:
+        """How a `DaySearch` relaxes, and searches from a relaxation."""
+        relax = RelaxOptions(tolerance=OF_PLANS, workers=options.workers)
+        return {"relax": relax, "searches": SEARCHES, "workers": options.workers}
+
+    def require_enough(self, search: DaySearch, most: int) -> None:
+        """Check that so many visits are enough, before any search."""
+        require_enough_visits(self.question, search, most)
+
+    def too_few(self, search: DaySearch, error: NoPlanError) -> ArgumentError:
+        """The error of visits that leave open what a criterion needs."""
+        return too_few_visits(self.question, search, error)
+
+    def finished(self, found: ExactPlan) -> GeometryPlan:
+        """A plan that was found, with what it tells."""
+        return with_question(self.question, found)
 
     def relax_options(self) -> RelaxOptions:
         """How accurate relaxations over all poses are: the same on every machine."""
@@ -429,10 +477,6 @@ class GeometryDesigns(Designs):
         if not np.isfinite(cost):
             raise NoPlanError(f"so few visits cannot tell what {criterion.label} needs")
         return replace(best, cost=cost, seconds=monotonic() - since)
-
-    def within_budget(self, case: Case) -> ExactPlan:
-        """The best plan of a case that the budget pays for."""
-        return plan_geometry(self.study, case.size, case.optimised, cost_budget=self.budget)
 
     def expected(self, plan: Plan) -> ExpectedError | None:
         """Errors to expect in the test poses and around them, of tool or markers.
@@ -534,9 +578,8 @@ def evaluate_geometry(study: Study, plan: Plan) -> GeometryEvaluation:
     Raises:
         UserError: The study is no question of a plan, or a criterion that it names fails.
     """
-    with study_errors(study):
-        question = GeometryQuestion.of(study)
-    designs = GeometryDesigns(study, question)
+    designs = GeometryDesigns.of(study)
+    question = designs.question
     by_plan = ToldByPlan(question, plan)
     told = by_plan.told
     is_whole = not len(told.left)

@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from loaded_arm import LOAD, STUDY
+from loaded_arm import LOAD, STUDY, plan_geometry
 
 import edtk
 from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
-from edtk.calibration.geometry_design.plan_geometry import plan_geometry
 from edtk.cli import main
 from edtk.design.bound import BoundKind
 from edtk.design.relaxation import search_continuum
@@ -284,7 +283,7 @@ def test_too_few_different_visits_within_a_budget() -> None:
 def test_without_time_there_is_a_first_plan(study: Study) -> None:
     """Any time gives a plan that tells all, and bounds that hold on the candidates and for it."""
     size = 8 if study is STUDY else None
-    first = plan_geometry(study, size, seconds=1e-9)
+    first = plan_geometry(study, size, budget=1e-9)
     assert first.ended == "budget"
     assert np.isfinite(first.cost)
     assert first.violation == 0.0
