@@ -24,7 +24,7 @@ from edtk.fit.geometry.least_squares_fit import working
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.geometry.place_robot import place_robot
 from edtk.fit.restricted_likelihood import Blocks, contrasts_of, fit_model_error, fit_variances
-from edtk.measure.noise import PositionNoise
+from edtk.measure.position_noise import PositionNoise
 from edtk.report.tables import markdown_table
 from edtk.system.files import write_text
 

@@ -21,8 +21,8 @@ from tqdm import tqdm
 from edtk.fit.geometry.fit_geometry import fit_geometry
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.measure.measured_model import MeasuredModel, Seen
-from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import all_parameters
+from edtk.measure.position_noise import PositionNoise
 from edtk.report.tables import markdown_table
 from edtk.robots.joint import Joint
 from edtk.robots.robot import Robot

@@ -20,7 +20,7 @@ from tracked_robots import tracked_robots
 from edtk import Study
 from edtk.design.candidate_source import sample_feasible
 from edtk.design.plan import Plan
-from edtk.measure.noise import Whitener
+from edtk.measure.whitening import Whitener
 from edtk.report.tables import markdown_table
 from edtk.system.files import write_text
 

@@ -22,8 +22,9 @@ from edtk.measure.equilibrium import NoEquilibriumError, why_no_rest
 from edtk.measure.expected_error import ErrorBudget, TaskAccuracy, compensation_accuracy
 from edtk.measure.instruments.pose_marker import COORDINATES
 from edtk.measure.model_error import ASSUMED
-from edtk.measure.noise import VisitNoise, only_seen, shared_visits
+from edtk.measure.noise import VisitNoise, shared_visits
 from edtk.measure.task import Tasks
+from edtk.measure.whitening import only_seen
 from edtk.study.evaluate import accuracy_of_tasks, plan_covariance
 from edtk.study.study import Study
 from edtk.study.study_model import payload_beside_load, promised_noise, study_sigma

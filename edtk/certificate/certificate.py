@@ -31,8 +31,6 @@ from edtk.measure.instruments.distance import Distance
 from edtk.measure.instruments.marker import Marker
 from edtk.measure.instruments.pose_marker import PoseMarker
 from edtk.measure.instruments.sensor import Sensor
-from edtk.measure.model_error import ModelError
-from edtk.measure.noise import Tracker, VisitNoise
 from edtk.measure.task import Task
 from edtk.robots.compensator import GivingWay, Pull
 from edtk.robots.constraints.excluded import Excluded
@@ -264,43 +262,6 @@ def _repeated(plan: Plan) -> list[dict[str, Any]]:
     ]
 
 
-def noise_to_dict(noise: VisitNoise | None) -> dict[str, Any]:
-    """Write a tracker, the joints' repeatability and the discrepancy as plain data [m, rad].
-
-    Returns:
-        Two keys: the white part, and the rest; none where all noise is white.
-    """
-    if noise is None:
-        return {}
-    return {
-        "sigma": (noise.white / noise.unit).tolist(),
-        "noise": {
-            "tracker": tracker_to_dict(noise.tracker),
-            "repeatability": (noise.repeatability / noise.unit).tolist(),
-            "discrepancy": (noise.discrepancy / noise.unit).tolist(),
-            "within": noise.within,
-            "readings": noise.readings,
-            **({} if noise.error is None else {"model_error": _error(noise.error, noise.unit)}),
-        },
-    }
-
-
-def _error(error: ModelError, unit: float) -> dict[str, Any]:
-    """Write what a model of springs leaves out as plain data [rad/(N m), shares]."""
-    return {"k": (error.k / unit).tolist(), "turn": error.turn, "anywhere": error.anywhere}
-
-
-def tracker_to_dict(tracker: Tracker | None) -> dict[str, Any] | None:
-    """Write a tracker as plain data [m]; None without one."""
-    if tracker is None:
-        return None
-    return {
-        "position": tracker.position.tolist(),
-        "along": list(tracker.along),
-        "across": list(tracker.across),
-    }
-
-
 KINDS: dict[type[Sensor], str] = {Marker: "position", PoseMarker: "pose", Distance: "distance"}
 
 
@@ -438,7 +399,7 @@ def setting_to_dict(study: Study, space: DesignSpace, criterion: str) -> dict[st
         **feasible_to_dict(study, space),
         "unknown": list(study.model.joints),
         "rows": study.model.rows,
-        **(noise_to_dict(study.noise) or {"sigma": study.sigma.tolist()}),
+        **({"sigma": study.sigma.tolist()} if study.noise is None else study.noise.to_dict()),
         "load": _load(study),
         "test_pose": _test_pose(study),
         **physics_to_dict(study.model),

@@ -13,7 +13,8 @@ from edtk.design.information import pack_gram
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem, packed_information
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.noise import VisitNoise, Whitener, WhiteRows, read_alone, shared_visits
+from edtk.measure.noise import VisitNoise, shared_visits
+from edtk.measure.whitening import Whitener, WhiteRows, read_alone
 from edtk.robots.constraints.constraint import Constraint
 from edtk.robots.frames import Frames
 from edtk.robots.loads.fixed_load import FixedLoad

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.measure.noise import ROUNDING, BlockVariances, PositionNoise, of_rows
+from edtk.measure.position_noise import ROUNDING, BlockVariances, PositionNoise
+from edtk.measure.whitening import of_rows
 from edtk.robots.rotations import rotation_vectors
 from edtk.system.typing import Array, Indices, Mask
 

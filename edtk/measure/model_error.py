@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -71,6 +72,10 @@ class ModelError:
     def is_zero(self) -> bool:
         """Whether the model is taken as exact."""
         return not (self.k.any() and (self.turn or self.anywhere))
+
+    def to_dict(self, unit: float = 1.0) -> dict[str, Any]:
+        """Plain data [rad/(N m), shares], where compliances are in units of so many a radian."""
+        return {"k": (self.k / unit).tolist(), "turn": self.turn, "anywhere": self.anywhere}
 
     def bends(self, motion: Array, torque: Array) -> Array:
         """What each spring does to the rows, ``b_i`` (n, rows, ...) [m, rad].

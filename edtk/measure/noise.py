@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.measure.model_error import ModelError
+from edtk.measure.whitening import lifted
 from edtk.robots.robot import joint_distance
 from edtk.system.typing import Array, Indices, Mask
 
@@ -16,7 +17,6 @@ FramesLike = TypeVar("FramesLike")
 FramesLike_contra = TypeVar("FramesLike_contra", contravariant=True)
 
 SAME = 1e-9  # [rad]: poses nearer than this are one pose, whatever the distance that is asked for
-ROUNDING = 1e-6  # [mm] no instrument reads better
 MM = 1e3  # [mm/m]
 
 
@@ -81,6 +81,14 @@ class Tracker:
         nearest = max(0.0, float(np.linalg.norm(self.position)) - reach)
         return min(a + b * nearest for a, b in (self.along, self.across))
 
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data [m]."""
+        return {
+            "position": self.position.tolist(),
+            "along": list(self.along),
+            "across": list(self.across),
+        }
+
     def scaled(self, ratio: float) -> "Tracker":
         """The same whose errors are so many times as large."""
         along, across = ((ratio * a, ratio * b) for a, b in (self.along, self.across))
@@ -139,93 +147,6 @@ def shared_visits(
     near = (joint_distance(q, own, prismatic) < limit for own in q)
     each = zip(near, loaded.tolist(), strict=True)
     return np.array([visits[some & (loaded == own)].sum() for some, own in each])
-
-
-@dataclass(frozen=True, eq=False)
-class Whitener:
-    """The lower triangle L of ``Sigma = L L'`` (Cholesky), component first.
-
-    Attributes:
-        L: Lower triangles (rows, rows, ...); entries above the diagonal are not used.
-    """
-
-    L: Array
-
-    @classmethod
-    def of(cls, Sigma: Array) -> "Whitener":
-        """Factorise covariances.
-
-        Args:
-            Sigma: Symmetric matrices (rows, rows, ...); only their lower triangles are read.
-
-        Returns:
-            The whitener. Where a covariance is not positive definite its rows are NaN: the caller
-            decides what such a pose means.
-        """
-        rows = len(Sigma)
-        L = np.zeros(Sigma.shape)
-        # Loops over rows, array operations over poses: a call of LAPACK for each small matrix
-        # takes three times as long.
-        for j in range(rows):
-            column = Sigma[j:, j].copy()
-            for k in range(j):
-                column -= L[j:, k] * L[j, k]
-            L[j, j] = np.sqrt(np.where(column[0] > 0, column[0], np.nan))
-            L[j + 1 :, j] = column[1:] / L[j, j]
-        return cls(L)
-
-    def rows(self, A: Array) -> Array:
-        """Whitened rows ``L^-1 A`` of columns A (p, rows, ...), in the same layout."""
-        shape = np.broadcast_shapes(A.shape[2:], self.L.shape[2:])
-        white = np.empty((*A.shape[:2], *shape))
-        for i in range(len(self.L)):
-            rest = white[:, i]
-            rest[...] = A[:, i]
-            for k in range(i):
-                rest -= self.L[i, k] * white[:, k]
-            rest /= self.L[i, i]
-        return white
-
-    def transposed(self, B: Array) -> Array:
-        """The adjoint, ``L^-T B`` of columns B (p, rows, ...), in the same layout."""
-        shape = np.broadcast_shapes(B.shape[2:], self.L.shape[2:])
-        found = np.empty((*B.shape[:2], *shape))
-        last = len(self.L) - 1
-        for i in range(last, -1, -1):
-            rest = found[:, i]
-            rest[...] = B[:, i]
-            for k in range(last, i, -1):
-                rest -= self.L[k, i] * found[:, k]
-            rest /= self.L[i, i]
-        return found
-
-    def slope_weights(self, weights: Array, rows: Array) -> Array:
-        """Weights (rows, rows, ...) of dSigma in ``-<P Q', dSigma>/2``, which whitened rows add.
-
-        Args:
-            weights: Weights ``P = L^-T B`` (p, rows, ...) of the rows themselves.
-            rows: Whitened rows ``L^-1 A`` (p, rows, ...), so that ``Q = Sigma^-1 A``.
-        """
-        return -0.5 * np.einsum("pr...,ps...->rs...", weights, self.transposed(rows))
-
-
-@dataclass(frozen=True, eq=False)
-class WhiteRows:
-    """What makes errors of size one of independent ones, as `Whitener` does of others.
-
-    Attributes:
-        sizes: Standard deviations (rows,) or (rows, ...).
-    """
-
-    sizes: Array
-
-    def rows(self, A: Array) -> Array:
-        """Rows over their standard deviations, of columns A (p, rows, ...)."""
-        return np.asarray(A / _lifted(self.sizes, A[0]))
-
-    def transposed(self, B: Array) -> Array:
-        """The adjoint, which is the same."""
-        return self.rows(B)
 
 
 class Measured(Protocol[FramesLike_contra]):
@@ -318,6 +239,21 @@ class VisitNoise:
     error: ModelError | None = None
     groups: Indices = field(default_factory=lambda: np.zeros(0, dtype=int))
     apart: bool = False
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data [m, rad], as certificates hold it: the white part, and the rest."""
+        error = {} if self.error is None else {"model_error": self.error.to_dict(self.unit)}
+        return {
+            "sigma": (self.white / self.unit).tolist(),
+            "noise": {
+                "tracker": None if self.tracker is None else self.tracker.to_dict(),
+                "repeatability": (self.repeatability / self.unit).tolist(),
+                "discrepancy": (self.discrepancy / self.unit).tolist(),
+                "within": self.within,
+                "readings": self.readings,
+                **error,
+            },
+        }
 
     @cached_property
     def shares(self) -> bool:
@@ -477,7 +413,7 @@ class VisitNoise:
         slope = np.zeros((len(motion), *S.shape[2:]))
         if self.repeatability.any() or self.turns.any():
             weights = np.einsum("rs...,js...->jr...", S, motion)
-            weights *= _lifted(self._rates(visits), weights)
+            weights *= lifted(self._rates(visits), weights)
             slope += model.motion_slope_of(frames, weights)
         if self.tracker is not None:
             points = model.points_of(frames)[[point for point, _ in self.tracked]]
@@ -530,7 +466,7 @@ class VisitNoise:
         """Standard deviations (rows, ...) by white errors and the discrepancy alone."""
         counted = np.atleast_1d(self._counted(visits))[None]
         return np.sqrt(
-            _lifted(self.white**2, counted) + _lifted(self.discrepancy**2, counted) * counted
+            lifted(self.white**2, counted) + lifted(self.discrepancy**2, counted) * counted
         )
 
     def _rates(self, visits: ArrayLike) -> Array:
@@ -539,8 +475,8 @@ class VisitNoise:
         if not self.turns.any():
             return np.asarray(rates)
         counted = np.atleast_1d(2 * self._counted(visits))
-        of_model = _lifted(self.turns**2, counted[None]) * counted
-        return np.asarray(_lifted(rates, of_model) + of_model)
+        of_model = lifted(self.turns**2, counted[None]) * counted
+        return np.asarray(lifted(rates, of_model) + of_model)
 
     def scatter(self, points: Array, motion: Array) -> Array:
         """V (rows, rows, ...) of points (markers, 3, ...) and motion (n, rows, ...)."""
@@ -569,309 +505,8 @@ def _of_joints(motion: Array, sizes: Array) -> Array:
     moving = np.flatnonzero(sizes.reshape(len(sizes), -1).any(axis=1))
     rows = motion.shape[1]
     V = np.zeros((rows, rows, *motion.shape[2:]))
-    J = motion[moving] * _lifted(sizes[moving], motion)
+    J = motion[moving] * lifted(sizes[moving], motion)
     for row in range(rows):
         V[row, : row + 1] = np.einsum("j...,jk...->k...", J[:, row], J[:, : row + 1])
         V[:row, row] = V[row, :row]
     return V
-
-
-def _lifted(numbers: Array, like: Array) -> Array:
-    """Numbers (n,) or (n, ...) that multiply arrays (n, rows, ...)."""
-    missing = like.ndim - numbers.ndim
-    return numbers.reshape(len(numbers), *[1] * missing, *numbers.shape[1:])
-
-
-@dataclass(frozen=True, eq=False)
-class BlockVariances:
-    """Variances, and how well they are known.
-
-    Attributes:
-        variances: One a kind (c,).
-        covariance: Of these (c, c); infinite where a variance is zero and so not bounded below.
-        log_likelihood: The residual log-likelihood, up to a constant.
-    """
-
-    variances: Array
-    covariance: Array
-    log_likelihood: float
-
-    def relative_dof(self, slopes: Array) -> Array:
-        """Degrees of freedom (...,) of sums ``slopes v``: ``2 mean^2 / variance`` (Satterthwaite).
-
-        Args:
-            slopes: Sums' derivatives (..., c) by the variances.
-        """
-        mean = slopes @ self.variances
-        spread = np.einsum("...i,ij,...j->...", slopes, self.covariance, slopes)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(spread > 0, 2 * mean**2 / spread, np.inf)
-
-
-@dataclass(frozen=True, eq=False)
-class PositionNoise:
-    """Errors of a pose's positions, in millimetres and milliradians.
-
-    A reading of all markers has the covariance ``R = T + r^2 I + sum_j s_j^2 J_j J_j'`` with the
-    errors T of a tracker, marker by marker, and the motion J_j of the markers by joint j: the
-    joints move all of them together. Repeats average it out.
-    What the model leaves out, ``D = w^2 I + e^2 sum_j J_j J_j'``, they do not: it is as if each
-    joint were wrong by another small angle in each pose, as by gears that are not round.
-
-    Attributes:
-        reading: r [mm].
-        joints: s (n,) [mrad, or mm of a prismatic joint].
-        model_white: w [mm].
-        model_joints: e (n,) likewise: the same for all joints of a kind, or one size a joint where
-            the residuals speak for that.
-        model_fit: The fitted variances of the model's part; None where none was fitted.
-        repeats: Degrees of freedom of the repeats that told r and s; zero where they were stated.
-        turn: The same as r, of orientations [mrad], where they are measured; their rows follow the
-            positions of each marker.
-        model_turn: The same as w, of orientations [mrad].
-        model_change: The same as w and `model_turn`, of differences of two readings [mm, mrad]:
-            what both readings err by is not in them.
-        tracker: The tracker, in the frame of the places that it is asked about; None where its
-            errors are part of r.
-        tracked: Which instruments (k,) it sees; None for all.
-        ratios: Errors (k,) of the instruments' lengths, as shares of r: those of distances; None
-            where all are one.
-        unknown: Whether residuals tell how large the instrument's errors are, of which T, r and
-            `turn` say the shape: then w is part of them, as nothing tells both apart.
-    """
-
-    reading: float
-    joints: Array
-    model_white: float = 0.0
-    model_joints: Array = field(default_factory=lambda: np.zeros(0))
-    model_fit: BlockVariances | None = None
-    repeats: int = 0
-    turn: float | None = None
-    model_turn: float = 0.0
-    model_change: tuple[float, float] = (0.0, 0.0)
-    tracker: Tracker | None = None
-    tracked: Mask | None = None
-    ratios: Array | None = None
-    unknown: bool = False
-
-    def of_mean(self, readings: float) -> "PositionNoise":
-        """The errors of a mean of readings, which lessens all but what the model leaves out."""
-        share = 1 / np.sqrt(readings)
-        tracker = self.tracker
-        if tracker is not None:
-            (a, b), (c, d) = tracker.along, tracker.across
-            tracker = replace(tracker, along=(share * a, share * b), across=(share * c, share * d))
-        turn = None if self.turn is None else share * self.turn
-        joints = share * np.asarray(self.joints)
-        return replace(
-            self, reading=share * self.reading, joints=joints, turn=turn, tracker=tracker
-        )
-
-    def of_visits(self, width: int, markers: int) -> VisitNoise:
-        """The same of the rows of visits that are read once.
-
-        Args:
-            width: Rows r of a visit.
-            markers: Instruments, each with as many of them.
-        """
-        each = width // markers
-        turn = max(self.turn or 0.0, ROUNDING)
-        reading = self._white(max(self.reading, ROUNDING), turn, width)
-        return VisitNoise(
-            self.tracker,
-            () if self.tracker is None else tuple((i, each * i) for i in self.sees(markers)),
-            np.asarray(self.joints),
-            np.sqrt(reading * self.squared_ratios(width)),
-            np.sqrt(self._white(self.model_white, self.model_turn, width)),
-            readings=1,
-            unit=MM,
-            turns=np.asarray(self.model_joints),
-            change=np.sqrt(self._white(*self.model_change, width)),
-        )
-
-    @property
-    def rows(self) -> int:
-        """Measured coordinates of a marker."""
-        return 3 if self.turn is None else 6
-
-    def white_kinds(self, width: int) -> list[Array]:
-        """Masks (r,) of the coordinates that share a white error: positions, and orientations."""
-        return white_kinds(self.rows, width)
-
-    def _white(self, position: float, turn: float, width: int) -> Array:
-        """Variances (r,) of white errors."""
-        sizes = (position, turn)
-        kinds = self.white_kinds(width)
-        return np.asarray(sum(size**2 * kind for size, kind in zip(sizes, kinds, strict=False)))
-
-    def of_markers(self, chosen: Indices) -> "PositionNoise":
-        """The same of some of the instruments."""
-        tracked = None if self.tracked is None else self.tracked[chosen]
-        ratios = None if self.ratios is None else self.ratios[chosen]
-        return replace(self, tracked=tracked, ratios=ratios)
-
-    def squared_ratios(self, width: int) -> Array:
-        """Variances (r,) of the rows over those that are said of them, by their instruments."""
-        if self.ratios is None:
-            return np.ones(width)
-        return np.repeat(self.ratios**2, width // len(self.ratios))
-
-    def scaled(self, ratio: float) -> "PositionNoise":
-        """The same, with an instrument that errs by so many times as much in positions."""
-        tracker = None if self.tracker is None else self.tracker.scaled(ratio)
-        return replace(self, reading=ratio * self.reading, tracker=tracker)
-
-    def sized(self, sizes: Sequence[float]) -> "PositionNoise":
-        """The same with an instrument so many times as bad in positions, and in orientations."""
-        turn = None if self.turn is None else sizes[1] * self.turn
-        return replace(self.scaled(sizes[0]), turn=turn)
-
-    def seen_from(self, frame: Array) -> "PositionNoise":
-        """The same in another frame, in which the world is a motion (4, 4) away."""
-        if self.tracker is None:
-            return self
-        return replace(self, tracker=self.tracker.seen_from(frame))
-
-    def with_place_of(self, other: "PositionNoise") -> "PositionNoise":
-        """The same, whose tracker stands where another one does."""
-        if self.tracker is None or other.tracker is None:
-            return self
-        return replace(self, tracker=replace(self.tracker, position=other.tracker.position))
-
-    def sees(self, markers: int) -> Indices:
-        """The instruments, of so many, that the tracker sees."""
-        return np.arange(markers) if self.tracked is None else np.flatnonzero(self.tracked)
-
-    def of_instrument(self, places: Array, width: int) -> Array:
-        """Covariances (m or 1, r, r) [mm^2] of a reading, without what the joints do.
-
-        Args:
-            places: Where the markers are (m, k, 3), in the frame of the tracker [m].
-            width: Rows r of a pose.
-        """
-        some = places[:1] if self.tracker is None else places
-        still = np.zeros((len(some), width, len(self.joints)))
-        return replace(self, joints=np.zeros(len(self.joints))).of_reading(still, some)
-
-    def squared_reading(self, places: Array) -> Array:
-        """Mean squared distances (m, k) [mm^2] by which an instrument's readings are off.
-
-        Where its size is unknown, what the model leaves out of each coordinate is part of it.
-        """
-        width = self.rows * places.shape[1]
-        own = np.einsum("mrr->mr", self.of_instrument(places, width))
-        own = own.reshape(len(own), places.shape[1], -1)[..., :3].sum(axis=-1)
-        return np.broadcast_to(own, places.shape[:2])
-
-    def typical(self, places: Array) -> float:
-        """Root mean square error [mm] of a coordinate that is read at places (m, k, 3)."""
-        return float(np.sqrt(self.squared_reading(places).mean() / 3))
-
-    def by_whites(self, places: Array, width: int) -> list[Array]:
-        """Covariances (m or 1, r, r) by the fitted variances of white errors.
-
-        Those of an instrument of unknown size are proportional to its variance.
-        """
-        kinds = self.white_kinds(width)
-        if not self.unknown or self.model_fit is None:
-            return [np.diag(kind)[None] for kind in kinds]
-        V = self.of_instrument(places, width)
-        whites = zip(kinds, self.model_fit.variances, strict=False)
-        return [V * np.outer(kind, kind) / (v if v > 0 else 1.0) for kind, v in whites]
-
-    def of_reading(self, motion: Array, places: Array) -> Array:
-        """Covariances R (m, r, r) [mm^2] of one reading.
-
-        Args:
-            motion: Motions (m, r, n) of the coordinates by the joints [mm/mrad].
-            places: Where the markers are (m, k, 3), in the frame of the tracker [m].
-        """
-        noise = self.of_visits(motion.shape[1], places.shape[1])
-        V = noise.scatter(np.moveaxis(places, 0, -1), component_first(motion))
-        return np.asarray(np.moveaxis(V, -1, 0))
-
-    def of_model(self, motion: Array, differs: Mask | None = None) -> Array:
-        """Covariances D (m, r, r) [mm^2] of what the model leaves out.
-
-        Args:
-            motion: Motions (m, r, n) of the coordinates by the joints [mm/mrad].
-            differs: Which poses (m,) are differences of two readings; None for none.
-        """
-        noise = self.of_visits(motion.shape[1], 1).of_differences(differs)
-        return np.asarray(np.moveaxis(noise.shared(component_first(motion)), -1, 0))
-
-    def of_change(self, motion: Array, places: Array) -> Array:
-        """Covariances (m, r, r) of differences of two readings, with what the model leaves out."""
-        white = self._white(*self.model_change, motion.shape[1])
-        return 2 * self.of_reading(motion, places) + np.diag(white)
-
-    def of_pose(
-        self,
-        motion: Array,
-        places: Array,
-        counts: Array | Indices,
-        differs: Mask | None = None,
-    ) -> Array:
-        """Covariances (m, r, r) of means over some readings.
-
-        Args:
-            motion: Motions (m, r, n) of the coordinates [mm/mrad].
-            places: Where the markers are (m, k, 3), in the frame of the tracker [m].
-            counts: Readings (m, k) of each marker, or what those of each row (m, k, rows) are
-                worth; where there is none, the coordinates count as independent and of size one.
-            differs: Which poses (m,) are differences of two readings; None for none.
-        """
-        worth = of_rows(counts, motion.shape[1])
-        size = np.sqrt(np.where(worth > 0, worth, 1.0))
-        D = self.of_model(motion, differs)
-        V = self.of_reading(motion, places) / (size[:, :, None] * size[:, None]) + D
-        return only_seen(V, worth > 0)
-
-
-def component_first(A: Array) -> Array:
-    """Arrays (c, r, m) of those (m, r, c), as `VisitNoise` has them."""
-    return np.ascontiguousarray(np.moveaxis(A, 0, -1).swapaxes(0, 1))
-
-
-def of_rows(by_marker: Array | Indices | Mask, width: int) -> Array:
-    """Numbers (m, width) of all rows, of those (m, k) of markers or (m, k, rows) of their rows."""
-    m, k = by_marker.shape[:2]
-    if by_marker.ndim == 3:
-        return by_marker.reshape(m, width).astype(float)
-    return np.repeat(by_marker, width // k, axis=1).astype(float)
-
-
-def only_seen(V: Array, seen: Mask) -> Array:
-    """Covariances (m, r, r) in which rows that were not seen are independent, of size one.
-
-    Args:
-        V: Covariances.
-        seen: Which markers (m, k) were seen, or which rows (m, r).
-    """
-    there = of_rows(seen, V.shape[1])
-    return np.ascontiguousarray(np.moveaxis(read_alone(np.moveaxis(V, 0, -1), there.T), -1, 0))
-
-
-def read_alone(V: Array, there: Array | Mask) -> Array:
-    """Covariances (r, r, ...) in which rows that are not read are independent, of size one.
-
-    So those that are read have, once whitened, no part in the others: it is as if the others had
-    been struck out before.
-
-    Args:
-        V: Covariances.
-        there: Whether each row (r, ...) is read: true or one, else false or zero.
-    """
-    there = np.asarray(there, dtype=float)
-    found = V * there[:, None] * there
-    for row, own in enumerate(there):
-        found[row, row] += 1 - own
-    return found
-
-
-def white_kinds(rows: int, width: int) -> list[Array]:
-    """Masks (width,) of the coordinates that share a white error: positions, and orientations."""
-    if rows == 3:
-        return [np.ones(width)]
-    turns = np.arange(width) % rows >= 3
-    return [(~turns).astype(float), turns.astype(float)]

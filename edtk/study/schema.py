@@ -15,7 +15,6 @@ from pydantic_core import PydanticCustomError
 
 from edtk.robots.loads.load import Load as LoadFamily
 from edtk.robots.robot_file import ControllerTable
-from edtk.study.table import Count, Table
 from edtk.study.tables_of_cell import SceneTable
 from edtk.study.tables_of_measurement import (
     CostsTable,
@@ -48,7 +47,7 @@ from edtk.study.tables_of_task import (
     payload_stands_in,
 )
 from edtk.system.errors import UserError
-from edtk.system.fields import ZERO, Line, first_error
+from edtk.system.fields import ZERO, Count, Line, Table, first_error
 
 # The criterion that a study is about gets more descents: its plans are those that people carry out.
 MORE_DESCENTS = 4

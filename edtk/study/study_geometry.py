@@ -12,8 +12,9 @@ from edtk.fit.prior import Gaussian
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.instruments.pose_marker import COORDINATES
 from edtk.measure.measured_model import Kind, Load, MeasuredModel
-from edtk.measure.noise import PositionNoise, VisitNoise
+from edtk.measure.noise import VisitNoise
 from edtk.measure.parameters import Parameter, all_parameters
+from edtk.measure.position_noise import PositionNoise
 from edtk.measure.springs import elastic_joints, sprung
 from edtk.measure.task import ErringColumns, Task
 from edtk.robots.elastic_robot import ElasticJoint, point_of, turning_about, weights_of
@@ -230,10 +231,7 @@ class StudyGeometry:
         study = self.study
         sigma = study.specification.measurement.sigma_mm or 0.0  # it is part of the tracker's
         table = study.specification.noise
-        joints = np.zeros(study.robot.n)
-        if table is not None:
-            joints = 1e3 * table.repeatability(study.robot.units) * np.ones(study.robot.n)
-        tracker = None if table is None else table.tracker()
+        stated = {} if table is None else table.reading(study.robot.units)
         own = [self.distances[name] for name in self.markers if name in self.distances]
         ratios = None
         if any(one.sigma_mm is not None for one in own):
@@ -241,9 +239,10 @@ class StudyGeometry:
             unit = sigma or min(sizes.values())
             ratios = np.array([sizes.get(name, sigma) for name in self.markers]) / unit
             sigma = unit
-        return PositionNoise(
-            sigma, joints, turn=turn, tracker=tracker, tracked=self.tracked, ratios=ratios
+        plain = PositionNoise(
+            sigma, np.zeros(study.robot.n), turn=turn, tracked=self.tracked, ratios=ratios
         )
+        return plain.beside(**stated)
 
     @property
     def tracked(self) -> Mask | None:

@@ -418,17 +418,15 @@ def promised_noise(study: Asked, model: ElastostaticModel) -> VisitNoise | None:
 
 def _visit_noise(study: Asked, model: ElastostaticModel, table: NoiseTable) -> VisitNoise:
     """The noise of a table, with springs that leave out a share of what they do."""
-    tracker = table.tracker()
     lengths: list[bool] = []
     tracked: list[tuple[int, int]] = []
     for point, sensor in enumerate(model.whole_instruments):
-        if tracker is not None and not isinstance(sensor, Distance):
+        if table.has_tracker and not isinstance(sensor, Distance):
             tracked.append((point, len(lengths)))
         lengths += sensor.lengths.tolist()
     return VisitNoise(
-        tracker=tracker,
+        **table.reading(pose_factors(study.robot)),
         tracked=tuple(tracked),
-        repeatability=table.repeatability(pose_factors(study.robot)),
         white=study_sigma(study),
         readings=READINGS[study.specification.measurement.reference],
         groups=groups_of(model.whole_instruments),

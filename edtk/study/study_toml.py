@@ -14,7 +14,7 @@ from edtk.design.plan import Plan
 from edtk.robots.robot import Robot
 from edtk.study.asked import Asked
 from edtk.study.schema import Specification
-from edtk.study.table import Table
+from edtk.system.fields import Table
 from edtk.system.files import decode, read_bytes, write_text
 from edtk.system.parsing import MOST_MB, parse_toml
 

@@ -9,8 +9,7 @@ from pydantic_core import PydanticCustomError
 from edtk.cell.meshes import Unit
 from edtk.cell.shapes import Box, Capsule, Cylinder, Plane
 from edtk.robots.rotations import transform
-from edtk.study.table import NotNegative, Table
-from edtk.system.fields import ZERO, Finite, Line, Vector3
+from edtk.system.fields import ZERO, Finite, Line, NotNegative, Table, Vector3
 from edtk.system.typing import Array
 
 MM = 1e-3

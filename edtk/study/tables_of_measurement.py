@@ -1,7 +1,7 @@
 """Tables of a study about what is measured: instruments, noise, costs, and what is known."""
 
 import math
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
@@ -9,8 +9,19 @@ from pydantic_core import PydanticCustomError
 
 from edtk.measure.noise import Tracker
 from edtk.robots.joint import Joint
-from edtk.study.table import Compliance, Count, NotNegative, Positive, Sigma, Table
-from edtk.system.fields import LARGEST, ZERO, Finite, Line, Vector3
+from edtk.system.fields import (
+    LARGEST,
+    ZERO,
+    Compliance,
+    Count,
+    Finite,
+    Line,
+    NotNegative,
+    Positive,
+    Sigma,
+    Table,
+    Vector3,
+)
 from edtk.system.typing import Array
 
 if TYPE_CHECKING:
@@ -276,6 +287,14 @@ class NoiseTable(Table):
             (1e-6 * a / divisor, 1e-6 * b / divisor) for a, b in (self.along, self.across)
         )
         return Tracker(np.array(self.tracker_position_mm) / 1e3, along, across)
+
+    def reading(self, factors: Array) -> dict[str, Any]:
+        """What a reading errs by besides white noise, as a `VisitNoise` takes it.
+
+        Args:
+            factors: Units (n,) of the numbers of joints in a file [rad/deg or m/mm].
+        """
+        return {"tracker": self.tracker(), "repeatability": self.repeatability(factors)}
 
     def repeatability(self, factors: Array) -> Array:
         """Standard deviations (n,) of the joints [rad or m].

@@ -23,8 +23,16 @@ from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.robots.loads.free_load import FreeLoad
 from edtk.robots.loads.listed_load import ListedLoad
 from edtk.robots.loads.load import Load
-from edtk.study.table import Compliance, NotNegative, Positive, Table, listed
-from edtk.system.fields import ZERO, Finite, Vector3
+from edtk.system.fields import (
+    ZERO,
+    Compliance,
+    Finite,
+    NotNegative,
+    Positive,
+    Table,
+    Vector3,
+    listed,
+)
 
 # Relative standard deviation of a known compliance that comes without one: catalogues state the
 # stiffness of gears at rated torque alone, and leave bearings and links out.

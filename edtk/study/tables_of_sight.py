@@ -7,8 +7,7 @@ from pydantic import Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from edtk.cell.sight import Eye, facing
-from edtk.study.table import NotNegative, Positive, Table
-from edtk.system.fields import Finite, Line, Vector3
+from edtk.system.fields import Finite, Line, NotNegative, Positive, Table, Vector3
 from edtk.system.typing import Array
 
 ACCEPTANCE = 30.0  # [deg] of a 1.5-inch spherically mounted reflector

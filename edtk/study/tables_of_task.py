@@ -21,8 +21,7 @@ from edtk.programs.targets.reading import Frames
 from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.robots.rotations import transform
 from edtk.robots.weights import GRAVITY
-from edtk.study.table import Positive, Table, listed
-from edtk.system.fields import ZERO, Finite, Vector3
+from edtk.system.fields import ZERO, Finite, Positive, Table, Vector3, listed
 from edtk.system.typing import Array
 
 GIVEN_UP = 5.0  # [%] of a criterion for a second one, where nobody says how much

@@ -1,10 +1,10 @@
-"""Numbers and lines of a file as pydantic checks them, and what it found wrong, in words."""
+"""Tables and values of a file as pydantic checks them, and what it found wrong, in words."""
 
 import difflib
 import reprlib
 from typing import Annotated, Any, get_args
 
-from pydantic import AfterValidator, BaseModel, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import PydanticCustomError
 
 # A kilometre in millimetres, a hundred tonnes in newtons. Fourth powers of such numbers over the
@@ -25,6 +25,20 @@ Finite = Annotated[float, Field(allow_inf_nan=False, ge=-LARGEST, le=LARGEST)]
 Vector3 = tuple[Finite, Finite, Finite]
 ZERO: Vector3 = (0.0, 0.0, 0.0)
 
+# Squares of smaller numbers underflow.
+Positive = Annotated[Finite, Field(ge=1e-12)]
+
+NotNegative = Annotated[Finite, Field(ge=0)]
+
+# No instrument measures better than a picometre, and squares of smaller numbers underflow.
+Sigma = Annotated[Finite, Field(ge=1e-9)]
+
+# Compliances beyond these bounds [rad/(N m)] are slips of the pen.
+Compliance = Annotated[Finite, Field(ge=1e-15, le=1e3)]
+
+# Each one takes memory, and some of them time.
+Count = Annotated[int, Field(ge=1, le=int(LARGEST))]
+
 
 def _on_one_line(text: str) -> str:
     if not text.isprintable():
@@ -33,6 +47,17 @@ def _on_one_line(text: str) -> str:
 
 
 Line = Annotated[str, Field(max_length=200), AfterValidator(_on_one_line)]
+
+
+class Table(BaseModel):
+    """A table of keys: unknown keys are rejected, and values do not change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def listed(value: object) -> object:
+    """A single name as a list of one."""
+    return (value,) if isinstance(value, str) else value
 
 
 def first_error(error: ValidationError, model: type[BaseModel]) -> tuple[str, str]:

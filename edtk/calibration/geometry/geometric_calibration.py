@@ -35,9 +35,10 @@ from edtk.measure.expected_error import (
     expected_error,
 )
 from edtk.measure.measured_model import Load
-from edtk.measure.noise import BlockVariances, PositionNoise, Tracker
+from edtk.measure.noise import Tracker
 from edtk.measure.parameters import COMPONENTS, Parameter
 from edtk.measure.pose_table import coordinate_names
+from edtk.measure.position_noise import BlockVariances, PositionNoise
 from edtk.measure.task import ErringColumns, Task, Tasks
 from edtk.robots.rotations import rotation, rotation_vectors
 from edtk.study.study import Study

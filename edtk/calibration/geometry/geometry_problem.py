@@ -10,8 +10,8 @@ from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.design.problem import Problem, rows_of_blocks
 from edtk.fit.geometry.fit_geometry import stages
 from edtk.measure.measured_model import MeasuredModel
-from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import identifiable
+from edtk.measure.position_noise import PositionNoise
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry, StudyLoads, planned_noise
 from edtk.system.presented import Presented

@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 
 import criteria
-from edtk.calibration.geometry_design.geometry_plan import GeometryPlan, ToldByPlan, visited
-from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
-from edtk.calibration.geometry_design.geometry_space import GeometrySpace, PositionRows
-from edtk.calibration.geometry_design.plan_geometry import (
+from edtk.calibration.geometry_design.geometry_plan import (
+    GeometryPlan,
+    ToldByPlan,
     require_enough_visits,
     too_few_visits,
-    with_question,
+    visited,
 )
+from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+from edtk.calibration.geometry_design.geometry_space import GeometrySpace, PositionRows
 from edtk.calibration.propagation import (
     DIRECTION,
     ROUNDING,
@@ -440,7 +441,7 @@ class GeometryDesigns(Designs):
 
     def finished(self, found: ExactPlan) -> GeometryPlan:
         """A plan that was found, with what it tells."""
-        return with_question(self.question, found)
+        return GeometryPlan.answering(self.question, found)
 
     def relax_options(self) -> RelaxOptions:
         """How accurate relaxations over all poses are: the same on every machine."""

@@ -1,8 +1,8 @@
-"""A plan of visits for a study of geometry, by load, with what it tells, and its sheet."""
+"""A plan of visits for a study of geometry: how many it needs, what it tells, and its sheet."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -10,11 +10,19 @@ from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.calibration.template import visit_order
 from edtk.design.exact.day import DayPlan, PosesByLoad
+from edtk.design.exact.day_search import DaySearch
+from edtk.design.exact.exact_plan import (
+    ExactPlan,
+    NoPlanError,
+    TooFewExperimentsError,
+    require_enough,
+)
 from edtk.design.plan import Plan
 from edtk.findings.causes.scene import Positions
 from edtk.fit.geometry.fit_geometry import told_apart
 from edtk.fit.geometry.position_sheet import VECTOR
 from edtk.fit.prior import PriorRows
+from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import Identifiable, Parameter
 from edtk.measure.pose_table import (
     CHANGE_COLUMN,
@@ -29,6 +37,7 @@ from edtk.measure.pose_table import (
 )
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry, StudyLoads
+from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:
@@ -134,6 +143,21 @@ class GeometryPlan(DayPlan):
     question: GeometryQuestion
     rho0: float | None = None
 
+    @classmethod
+    def answering(cls, question: GeometryQuestion, found: ExactPlan) -> Self:
+        """A plan that was found, with its cost by rows, and with its error in the test poses."""
+        M = question.information(found.whole)
+        rho0 = None
+        if question.target is not None:
+            rho0 = float(question.criterion("rho0").value(M))
+        given = {name: getattr(found, name) for name in found.__dataclass_fields__}
+        given |= {
+            "cost": float(found.relaxed.criterion.cost(M)),
+            "with_prior": question.prior is not None,
+            "warnings": question.study.warnings,
+        }
+        return cls(**given, question=question, rho0=rho0)
+
     @property
     def poses(self) -> PosesByLoad:
         """The poses, each once, with its visits without and with each load; kept ones too."""
@@ -166,6 +190,55 @@ class GeometryPlan(DayPlan):
             "loads": poses.wrenches.tolist(),
             "poses": poses.to_list(),
         }
+
+
+def require_enough_visits(question: GeometryQuestion, search: DaySearch, most: int) -> None:
+    """Check that visits are enough to tell all parameters apart, before any search.
+
+    Raises:
+        TooFewExperimentsError: They are not enough.
+    """
+    model = question.model
+    rows = most * model.row_count * len(model.markers)
+    places = most if search.distinct is None or search.new is None else search.distinct
+    if search.known is not None or not search.criterion.needs_all:
+        return
+    # Twice as many rows as parameters are enough, wherever markers are not in one place.
+    if places < most or rows < 2 * model.p:
+        require_enough(question.space, most, places, search.criterion)
+
+
+def too_few_visits(
+    question: GeometryQuestion, search: DaySearch, error: NoPlanError
+) -> ArgumentError:
+    """The error of visits that leave open what a criterion needs."""
+    least = error.least if isinstance(error, TooFewExperimentsError) else None
+    new, distinct, criterion = search.new, search.distinct, search.criterion
+    if new is not None and distinct is not None and least is not None:
+        return ArgumentError(str(error), argument="size" if new < least else "distinct")
+    if new is None and distinct is not None:
+        message = f"so few different visits cannot tell what {criterion.name} needs"
+        return ArgumentError(message, argument="distinct", given=distinct)
+    message = f"so few visits cannot tell what {criterion.name} needs; expected more"
+    if criterion.needs_all:
+        message = _all_parameters(question.model, least)
+    if new is None:
+        budget = None if search.costs is None else search.costs.budget
+        return ArgumentError(message, argument="cost_budget", given=budget)
+    count = 0 if search.kept is None else search.kept.experiments
+    return ArgumentError(message, argument="size", given=new + count)
+
+
+def _all_parameters(model: MeasuredModel, least: int | None) -> str:
+    """How many visits tell all parameters apart."""
+    count = len(model.markers)
+    least = least or -(-model.p // (model.row_count * count))
+    poses = "full poses of " if model.rows == "pose" else ""
+    plural = "s" if count > 1 else ""
+    return (
+        f"so few visits cannot tell {model.p} parameters apart; expected {least} or more, "
+        f"each of {poses}{count} marker{plural}"
+    )
 
 
 def position_sheet(study: Study, plan: Plan) -> "pd.DataFrame":

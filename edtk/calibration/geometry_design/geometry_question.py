@@ -13,7 +13,6 @@ from edtk.cell.sight import Sight
 from edtk.certificate.certificate import (
     feasible_to_dict,
     gives_to_dict,
-    noise_to_dict,
     place_to_dict,
     sight_to_dict,
     weights_to_list,
@@ -420,9 +419,8 @@ def _noise(question: GeometryQuestion) -> dict[str, Any]:
     """The white part, and the rest where there is any, of the rows that are read."""
     there = question.model.present.reshape(-1)
     noise = question.space.noise
-    written = noise_to_dict(
-        replace(noise, white=noise.white[there], discrepancy=noise.discrepancy[there])
-    )
+    read = replace(noise, white=noise.white[there], discrepancy=noise.discrepancy[there])
+    written = read.to_dict()
     return {"sigma": written["sigma"]} if noise.is_white and not noise.shares else written
 
 

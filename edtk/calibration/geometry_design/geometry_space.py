@@ -13,17 +13,10 @@ from edtk.design.enclosure.robot_polynomials import RowPolynomials
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem, rows_of_blocks
 from edtk.measure.measured_model import MeasuredModel
-from edtk.measure.noise import (
-    MM,
-    VisitNoise,
-    Whitener,
-    WhiteRows,
-    component_first,
-    read_alone,
-    shared_visits,
-)
+from edtk.measure.noise import MM, VisitNoise, shared_visits
 from edtk.measure.nominal_columns import NominalColumns, PlacedColumns
 from edtk.measure.parameters import LINEAR
+from edtk.measure.whitening import Whitener, WhiteRows, component_first, read_alone
 from edtk.robots.loads.listed_load import ListedLoad
 from edtk.robots.loads.load import Load
 from edtk.study.study_geometry import StudyLoads

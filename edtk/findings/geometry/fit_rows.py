@@ -13,8 +13,9 @@ from edtk.findings.causes.scene import JointLoads, Positions, link_length, since
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, Loads
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.restricted_likelihood import Blocks, fit_model_error, fit_variances
-from edtk.measure.noise import PositionNoise, only_seen
 from edtk.measure.parameters import Parameter, all_parameters
+from edtk.measure.position_noise import PositionNoise
+from edtk.measure.whitening import only_seen
 from edtk.system.typing import Array, Indices
 
 DEPENDENT = 1e-8  # singular value of columns of unit length, beside the largest, that is rounding

@@ -16,7 +16,7 @@ from edtk.findings.geometry.fit_rows import (
     lowered,
 )
 from edtk.fit.geometry.fitted_geometry import MM
-from edtk.measure.noise import PositionNoise
+from edtk.measure.position_noise import PositionNoise
 from edtk.system.typing import Array, Indices, Mask
 
 FEWEST_IN_FRAME = 2  # poses before, after and between

@@ -26,8 +26,8 @@ from edtk.fit.geometry.place_robot import place_robot
 from edtk.fit.prior import Prior, PriorRows
 from edtk.fit.restricted_likelihood import fit_model_error, noise_of_repeats
 from edtk.measure.measured_model import MeasuredModel, Torque
-from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import TURNS, Identifiable, Parameter, identifiable
+from edtk.measure.position_noise import PositionNoise
 from edtk.system.typing import Array, Indices, Mask
 
 POSES = 60  # random poses that show what any poses could tell

@@ -11,8 +11,8 @@ from edtk.fit.least_squares import share_inside
 from edtk.fit.prior import Prior
 from edtk.fit.restricted_likelihood import fitted_kinds
 from edtk.measure.measured_model import Load, Loading, MeasuredModel, Seen, Torque
-from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import Parameter
+from edtk.measure.position_noise import PositionNoise
 from edtk.measure.springs import Bending
 from edtk.robots.elastic_robot import widened
 from edtk.system.typing import Array, Indices, Mask

@@ -19,8 +19,8 @@ from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.least_squares import LeftOut, independent_coordinates
 from edtk.fit.prior import Prior, PriorRows
 from edtk.measure.measured_model import MeasuredModel
-from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import Parameter
+from edtk.measure.position_noise import PositionNoise
 from edtk.system.typing import Array, Indices
 
 # Of a direction of the prior, that its own rows leave: all else tells it a thousand times worse.

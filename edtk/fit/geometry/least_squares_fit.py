@@ -8,7 +8,7 @@ import numpy as np
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.prior import Prior, PriorRows
 from edtk.measure.measured_model import MeasuredModel, Seen, Torque
-from edtk.measure.noise import white_kinds
+from edtk.measure.position_noise import white_kinds
 from edtk.robots.rotations import rotation_vectors
 from edtk.system.typing import Array, Mask
 

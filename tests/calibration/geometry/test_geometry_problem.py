@@ -13,7 +13,7 @@ from edtk.calibration.geometry.geometry_problem import geometry_problem
 from edtk.fit.geometry import fit_geometry as module
 from edtk.fit.geometry.fit_geometry import fit_geometry
 from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.measure.noise import PositionNoise
+from edtk.measure.position_noise import PositionNoise
 from edtk.study.study import Study
 
 Array = NDArray[np.float64]

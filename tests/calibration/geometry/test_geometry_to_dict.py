@@ -10,7 +10,7 @@ import pytest
 from edtk.calibration.geometry.geometric_calibration import geometry_of_dict, geometry_to_dict
 from edtk.findings.geometry.counting import Counting
 from edtk.fit.geometry.fitted_geometry import FittedGeometry
-from edtk.measure.noise import BlockVariances, PositionNoise
+from edtk.measure.position_noise import BlockVariances, PositionNoise
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry
 

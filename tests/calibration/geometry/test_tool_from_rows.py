@@ -14,7 +14,7 @@ import edtk
 from edtk.calibration.geometry.prediction import tool_from_rows
 from edtk.fit.geometry.fitted_geometry import FittedGeometry
 from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.measure.noise import PositionNoise
+from edtk.measure.position_noise import PositionNoise
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry
 

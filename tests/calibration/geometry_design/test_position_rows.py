@@ -6,7 +6,8 @@ from loaded_arm import LOAD, STUDY
 
 from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.measure.measured_model import Load, Loading
-from edtk.measure.noise import PositionNoise, Tracker
+from edtk.measure.noise import Tracker
+from edtk.measure.position_noise import PositionNoise
 from edtk.study.study_geometry import StudyGeometry, planned_noise
 from edtk.system.typing import Array
 

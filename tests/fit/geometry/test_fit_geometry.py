@@ -12,8 +12,8 @@ from edtk.fit.geometry.fitted_geometry import GeometricFit
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.geometry.place_robot import linear_start
 from edtk.measure.measured_model import MeasuredModel
-from edtk.measure.noise import PositionNoise
 from edtk.measure.parameters import all_parameters
+from edtk.measure.position_noise import PositionNoise
 from edtk.robots.joint import Joint
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import transform

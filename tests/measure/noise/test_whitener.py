@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from edtk.measure.noise import Whitener
+from edtk.measure.whitening import Whitener
 
 RNG = np.random.default_rng(1)
 ROOTS = RNG.normal(size=(6, 7, 4, 2))
