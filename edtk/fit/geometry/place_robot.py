@@ -113,9 +113,9 @@ def linear_start(
     return LinearStart(
         base=base,
         tools=tools,
-        scale=1.0 / float(np.median(sizes)) if np.median(sizes) > 0 else np.inf,
+        scale=1.0 / float(sizes[1]) if sizes[1] > 0 else np.inf,
         mirrored=mirrored,
-        distorted=bool(sizes.min() < ROUND * sizes.max()),
+        distorted=bool(sizes[2] < ROUND * sizes[0]),
         rms=float(np.sqrt((left**2).sum(axis=-1).mean())),
         whole=whole and y.size >= rank + 3,
     )
@@ -129,22 +129,26 @@ class _Alone:
         turn: Rotations R (N, 3, 3) of the rows.
         marker: Marker (N,) of each row.
         count: How many rows (k,) each has.
+        share: What each row (k, N) counts in the mean of each marker.
     """
 
     turn: Array
     marker: Indices
     count: Indices
+    share: Array
 
     @classmethod
     def of(cls, turn: Array, marker: Indices, k: int) -> "_Alone":
         """Of the rows of k markers."""
-        return cls(turn, marker, np.bincount(marker, minlength=k))
+        count = np.bincount(marker, minlength=k)
+        own = marker == np.arange(k)[:, None]
+        return cls(turn, marker, count, own / np.maximum(count, 1)[:, None])
 
     def means(self, columns: Array) -> Array:
         """Means of ``R_i' v_i`` (k, 3, c), v (N, 3, c); zero for a marker without rows."""
-        told = np.zeros((len(self.count), 3, columns.shape[2]))
-        np.add.at(told, self.marker, np.swapaxes(self.turn, 1, 2) @ columns)
-        return np.asarray(told / np.maximum(self.count, 1)[:, None, None])
+        turned = np.swapaxes(self.turn, 1, 2) @ columns
+        told = self.share @ turned.reshape(len(turned), -1)
+        return np.asarray(told.reshape(-1, *columns.shape[1:]))
 
     def solved(self, A: Array, y: Array, guess: Array | None) -> tuple[Array, int, bool]:
         """Solve ``A s - R t_j = y`` by least squares.
@@ -158,15 +162,16 @@ class _Alone:
             The shortest solution (12 + 3 k,), or the nearest to the guess; the rank; and whether
             the matrix is told.
         """
-        told = self.means(A)
-        reduced = A - self.turn @ told[self.marker]
-        reached = y[..., None] - self.turn @ self.means(y[..., None])[self.marker]
+        both = np.concatenate([A, y[..., None]], axis=2)
+        mean = self.means(both)
         # Rows of zeros: where there are fewer than twelve others, open directions are told, too.
-        rows = np.vstack([reduced.reshape(-1, 12), np.zeros((12, 12))])
-        U, values, Vt = np.linalg.svd(rows, full_matrices=False)
+        rows = np.zeros((y.size + 12, 13))
+        rows[: y.size] = (both - self.turn @ mean[self.marker]).reshape(-1, 13)
+        U, values, Vt = np.linalg.svd(rows[:, :12], full_matrices=False)
         kept = values > OPEN * values[0]
-        first = Vt[kept].T @ ((U[:-12, kept].T @ reached.ravel()) / values[kept])
-        own = self.means(A @ first[:, None] - y[..., None])
+        first = Vt[kept].T @ ((U[:, kept].T @ rows[:, 12]) / values[kept])
+        told = mean[..., :12]
+        own = told @ first - mean[..., 12]
         found = np.concatenate([first, own.ravel()])
         # Open directions, with what they do to the markers; the shortest solution has none of them.
         open_ = Vt[~kept].T
