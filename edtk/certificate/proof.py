@@ -1,6 +1,5 @@
 """What a certificate rests its bounds on: experiments, multipliers, the largest sensitivities."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -207,13 +206,10 @@ class LargestSensitivities:
         _, best = self._over_candidates
         own = candidates(self.setting, [OWN_SEED], "random", OWN_DRAWS, 1, self.parts)
         starts = np.concatenate([best, *own, self.proof.points, self.proof.searched])
-        heights = self._at(starts)
-        found = np.array(self.searched)
-        for j in range(len(found)):
-            order = np.argsort(-heights[j])[:STARTS]
-            reached = climb(self.setting, starts[order], self._height(j))
-            found[j] = max(found[j], float(self._height(j)(reached).max()), self._of_own[j])
-        return found
+        highest = starts[np.argsort(-self._at(starts), axis=1)[:, :STARTS]]
+        reached = climb(self.setting, np.concatenate(highest), self._heights)
+        ends = self._heights(reached).reshape(len(highest), -1).max(axis=1)
+        return np.maximum.reduce([self.searched, ends, self._of_own])
 
     @property
     def excess(self) -> float:
@@ -280,23 +276,25 @@ class LargestSensitivities:
 
     def _at(self, x: Array) -> Array:
         """Sensitivities (r, k) of experiments x (k, v)."""
-        return self._sensitivities(self.multipliers, x)
-
-    def _height(self, j: int) -> Callable[[Array], Array]:
-        """The sensitivity under one multiplier, as a function of experiments."""
-        one = Multipliers(self.multipliers.Z[j : j + 1], self.multipliers.indefinite)
-
-        def height(x: Array) -> Array:
-            return np.asarray(self._sensitivities(one, x)[0])
-
-        return height
-
-    def _sensitivities(self, multipliers: Multipliers, x: Array) -> Array:
-        """Sensitivities (r, k) of experiments x (k, v) under some multipliers."""
-        n = len(self.setting.fixed)
-        found = [np.empty((len(multipliers.Z), 0))]
+        found = [np.empty((len(self.multipliers.Z), 0))]
         for first in range(0, len(x), self.setting.block):
-            some = x[first : first + self.setting.block]
-            rows = self.setting.whitened_rows(some[:, :n], self.setting.load.wrench(some[:, n:]))
-            found.append(multipliers.sensitivities(rows, self.prior, self.per_trace))
+            rows = self._rows(x[first : first + self.setting.block])
+            found.append(self.multipliers.sensitivities(rows, self.prior, self.per_trace))
         return np.concatenate(found, axis=1)
+
+    def _heights(self, x: Array) -> Array:
+        """Sensitivities (k,) of experiments x (k, v), of which each multiplier has its part."""
+        parts = np.split(self._rows(x), len(self._each))
+        pairs = zip(self._each, parts, strict=True)
+        found = [one.sensitivities(rows, self.prior, self.per_trace)[0] for one, rows in pairs]
+        return np.concatenate(found)
+
+    @cached_property
+    def _each(self) -> list[Multipliers]:
+        """The multipliers, one by one."""
+        return [Multipliers(Z[None], self.multipliers.indefinite) for Z in self.multipliers.Z]
+
+    def _rows(self, x: Array) -> Array:
+        """Whitened rows (k, rows, p) of experiments x (k, v)."""
+        n = len(self.setting.fixed)
+        return self.setting.whitened_rows(x[:, :n], self.setting.load.wrench(x[:, n:]))

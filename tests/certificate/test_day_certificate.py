@@ -2,7 +2,7 @@
 
 import copy
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +12,9 @@ from click.testing import CliRunner
 from loaded_arm import LOAD, STUDY
 
 import edtk
-from edtk.certificate import proof as largest_sensitivities
 from edtk.certificate.recompute.day import Day
 from edtk.certificate.verify_certificate import verify_certificate
 from edtk.cli import main
-from edtk.design.relaxation import search_continuum
 
 Content = dict[str, Any]
 PRICED = STUDY.replace(costs={"visit": 2, "loaded_visit": 5, "load_change": 1}, candidates=60)
@@ -29,16 +27,6 @@ COSTS = {
     "visits": None,
 }
 KEPT = edtk.Plan(np.deg2rad([[30.0, 40.0]]), np.array([LOAD], dtype=float), np.array([1]))
-
-
-@pytest.fixture(scope="module", autouse=True)
-def small_searches() -> Iterator[None]:
-    """Two joints need neither thousands of fresh poses nor many climbs."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(search_continuum, "SCREEN", 3000)
-        patch.setattr(largest_sensitivities, "OWN_DRAWS", 256)
-        patch.setattr(largest_sensitivities, "STARTS", 4)
-        yield
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 import copy
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,23 +12,11 @@ from click.testing import CliRunner
 from loaded_arm import LOAD, STUDY
 
 import edtk
-from edtk.certificate import proof as largest_sensitivities
 from edtk.cli import main
-from edtk.design.relaxation import search_continuum
 
 Content = dict[str, Any]
 SPRINGS = arm()
 KNOWN = {"joints": {"q1": {"kind": "normal", "mean_rad_per_Nm": 3e-6, "std_rad_per_Nm": 1e-6}}}
-
-
-@pytest.fixture(scope="module", autouse=True)
-def small_searches() -> Iterator[None]:
-    """Two joints need neither thousands of fresh poses nor many climbs."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(search_continuum, "SCREEN", 3000)
-        patch.setattr(largest_sensitivities, "OWN_DRAWS", 256)
-        patch.setattr(largest_sensitivities, "STARTS", 4)
-        yield
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,8 @@ PER_COLUMN = 0.2  # of a parameter of geometry, for one instrument
 PER_CUBE = 1e-3  # of a matrix: of a decomposition, by the cube of its order
 PER_SQUARE = 0.02  # of a matrix that is filled
 CHUNK = 16384
-BARREN = 30  # chunks without a feasible pose after which the drawing gives up
+FIRST = 4  # times the candidates that are asked for are drawn first, which often is enough
+BARREN = 30 * CHUNK  # samples without a feasible pose after which the drawing gives up
 LONGER = 1.5  # one success in five or so keeps the step, by Rechenberg's rule for steps of chance
 SHORTER = 0.9
 ROUNDS = 120
@@ -104,12 +105,15 @@ def candidates(
     left = number
     samples = 0
     barren = 0
+    chunk = 1 << (FIRST * number - 1).bit_length()
     while left > 0:
-        x = _stretched(setting, draw(CHUNK))
+        chunk = min(chunk, CHUNK)
+        x = _stretched(setting, draw(chunk))
         x = x[setting.workspace.violation(x[:, :n]) <= 0][:left]
         left -= len(x)
-        samples += CHUNK
-        barren = 0 if len(x) else barren + 1
+        samples += chunk
+        barren = 0 if len(x) else barren + chunk
+        chunk *= 2  # as Sobol's points, in powers of two
         if barren > BARREN:
             raise ValueError("no feasible candidate turns up")
         if left and samples > most:

@@ -1,6 +1,7 @@
 """Forward kinematics and Jacobian by products of homogeneous transforms."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -46,6 +47,7 @@ class Chain:
     ties: tuple[Array, Array]
     free: list[int]
     coupled: tuple[Array, Array]
+    _last: list[tuple[Array, Array]] = field(default_factory=list, init=False, repr=False)
 
     @classmethod
     def from_dict(cls, robot: Any) -> "Chain":
@@ -122,22 +124,58 @@ class Chain:
         Both vectors are carried from the tool back to the base, which takes a sixth of the time of
         all frames. Most candidates are dropped after this test.
         """
-        q = self._all(q)
-        point = np.tile(self.tool[:3, 3], (len(q), 1))
-        axis = np.tile(self.tool[:3, 2], (len(q), 1))
+        x = self._all(q)
+        sine = np.sin(x)
+        cosine = np.cos(x)
+        both = np.broadcast_to(self.tool[:3, [3, 2]].T[:, None], (2, len(q), 3))
         for j in reversed(range(len(self.axes))):
+            origin = self.origins[j]
             if self.slides[j]:
-                point = point + q[:, j, None] * self.axes[j]
+                both = both @ origin[:3, :3].T
+                both[0] += x[:, j, None] * (origin[:3, :3] @ self.axes[j])
             else:
-                sine = np.sin(q[:, j, None])
-                cosine = np.cos(q[:, j, None])
-                point = _turned(point, self.axes[j], sine, cosine)
-                axis = _turned(axis, self.axes[j], sine, cosine)
-            rotation = self.origins[j, :3, :3]
-            point = point @ rotation.T + self.origins[j, :3, 3]
-            axis = axis @ rotation.T
-        rotation = self.base[:3, :3]
-        return point @ rotation.T + self.base[:3, 3], axis @ rotation.T
+                turned = both @ self._turning[j]
+                both = turned[..., :3] + sine[:, j, None] * turned[..., 3:6]
+                both += cosine[:, j, None] * turned[..., 6:]
+            both[0] += origin[:3, 3]
+        point, axis = both @ self.base[:3, :3].T
+        return point + self.base[:3, 3], axis
+
+    @cached_property
+    def _turning(self) -> Array:
+        """Matrices (N, 3, 9) that turn row vectors behind each joint to the frame before it.
+
+        Side by side they give what stays, what counts by the sine of the angle, and by its cosine:
+        ``a a'``, ``[a]x`` and ``I - a a'`` for the axis a (Rodrigues).
+        """
+        found = np.empty((len(self.axes), 3, 9))
+        for axis, origin, own in zip(self.axes, self.origins, found, strict=True):
+            along = np.outer(axis, axis)
+            for i, part in enumerate((along, _skew(axis), np.eye(3) - along)):
+                own[:, 3 * i : 3 * i + 3] = (origin[:3, :3] @ part).T
+        return found
+
+    def _motions(self, x: Array) -> Array:
+        """Transforms (N, k, 4, 4) of all joints at x (k, N), by the formula of Rodrigues."""
+        first, second = self._moving
+        x = x.T[..., None, None]
+        along = np.where(self.slides[:, None, None, None], x, np.sin(x))
+        return np.asarray(np.eye(4) + along * first + (1.0 - np.cos(x)) * second)
+
+    @cached_property
+    def _moving(self) -> tuple[Array, Array]:
+        """``[a]x`` and ``[a]x^2`` of axes a that turn; the shift by a and zero of those that slide.
+
+        Each is a stack (N, 1, 4, 4).
+        """
+        first = np.zeros((len(self.axes), 4, 4))
+        for axis, slides, own in zip(self.axes, self.slides, first, strict=True):
+            if slides:
+                own[:3, 3] = axis
+            else:
+                own[:3, :3] = _skew(axis)
+        # What slides has no square.
+        return first[:, None], (first @ first)[:, None]
 
     def jacobian(self, q: Array, offset: Array = ORIGIN, body: int | None = None) -> Array:
         """Jacobians (k, 6, n) of a point at poses q (k, n), linear rows first.
@@ -150,59 +188,41 @@ class Chain:
             offset: The point (3,), in the frame of its body [m].
             body: Index among all joints of the one that moves the body; None for the tool.
         """
-        axes, points, frames = self._frames(self._all(q))
+        frames = self.frames(q)
+        # A joint does not turn its own axis, nor what is on it.
+        bodies = frames[:-1]
+        axes = (bodies[..., :3, :3] @ self.axes[:, None, :, None])[..., 0]
         moved = _placed(frames[-1 if body is None else body], offset)
-        last = len(self.axes) if body is None else body + 1
-        columns = []
-        for j, (axis, point) in enumerate(zip(axes, points, strict=True)):
-            if j >= last:
-                columns.append(np.zeros((len(q), 6)))
-            elif self.slides[j]:
-                columns.append(np.concatenate([axis, np.zeros_like(axis)], axis=1))
-            else:
-                swing = np.cross(axis, moved - point)
-                columns.append(np.concatenate([swing, axis], axis=1))
-        by_each = np.stack(columns, axis=-1)
+        slides = self.slides[:, None, None]
+        by_each = np.empty((len(q), 6, len(axes)))
+        columns = by_each.transpose(2, 0, 1)
+        columns[..., :3] = np.where(slides, axes, _cross(axes, moved - bodies[..., :3, 3]))
+        columns[..., 3:] = np.where(slides, 0.0, axes)
+        if body is not None:
+            columns[body + 1 :] = 0.0
         return by_each @ self.ties[0] if self._is_tied else by_each
 
     def point(self, q: Array, offset: Array = ORIGIN, body: int | None = None) -> Array:
         """Positions (k, 3) of a point, given as for `jacobian`, at poses q (k, n) [m]."""
-        return _placed(self._frames(self._all(q))[2][-1 if body is None else body], offset)
+        return _placed(self.frames(q)[-1 if body is None else body], offset)
 
-    def frames(self, q: Array) -> list[Array]:
-        """Frames (k, 4, 4) behind each of all joints, then of the tool, at poses q (k, n)."""
-        return self._frames(self._all(q))[2]
+    def frames(self, q: Array) -> Array:
+        """Frames (N + 1, k, 4, 4) behind each of all joints, then of the tool, at poses q (k, n).
 
-    def _frames(self, q: Array) -> tuple[list[Array], list[Array], list[Array]]:
-        """Axes and points on them (k, 3), and frames (k, 4, 4) of all bodies, then of the tool.
-
-        The variables q (k, N) are those of all joints.
+        They are kept for the next call: each parameter asks for those of the same poses.
         """
+        for poses, frames in self._last:
+            if np.array_equal(poses, q):
+                return frames
+        steps = self.origins[:, None] @ self._motions(self._all(q))
+        frames = np.empty((len(steps) + 1, len(q), 4, 4))
         frame = np.broadcast_to(self.base, (len(q), 4, 4))
-        axes = []
-        points = []
-        frames = []
-        for j in range(len(self.axes)):
-            frame = frame @ self.origins[j]
-            axes.append(frame[:, :3, :3] @ self.axes[j])
-            points.append(frame[:, :3, 3])
-            frame = frame @ self._motion(j, q[:, j])
-            frames.append(frame)
-        return axes, points, [*frames, frame @ self.tool]
-
-    def _motion(self, j: int, q: Array) -> Array:
-        """Transforms (k, 4, 4) of joint j at q (k,), by the formula of Rodrigues."""
-        motion = np.tile(np.eye(4), (len(q), 1, 1))
-        axis = self.axes[j]
-        if self.slides[j]:
-            motion[:, :3, 3] = q[:, None] * axis
-            return motion
-        x, y, z = axis
-        K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        sine = np.sin(q)[:, None, None]
-        versine = (1.0 - np.cos(q))[:, None, None]
-        motion[:, :3, :3] += sine * K + versine * (K @ K)
-        return motion
+        for step, found in zip(steps, frames[:-1], strict=True):
+            frame = np.matmul(frame, step, out=found)
+        np.matmul(frame, self.tool, out=frames[-1])
+        frames.flags.writeable = False
+        self._last[:] = [(q.copy(), frames)]
+        return frames
 
 
 Affine = tuple[Array, Array]
@@ -260,12 +280,19 @@ def _placed(frame: Array, offset: Array) -> Array:
     return position + frame[:, :3, :3] @ offset if offset.any() else position
 
 
-def _turned(v: Array, axis: Array, sine: Array, cosine: Array) -> Array:
-    """Vectors v (k, 3) turned about one axis (3,) by angles of these sines and cosines (k, 1)."""
-    along = (v @ axis)[:, None] * axis
-    x, y, z = axis
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(cosine * (v - along) + sine * (v @ K.T) + along)
+def _skew(a: Array) -> Array:
+    """The matrix ``[a]x`` (3, 3) with ``[a]x v = a x v``."""
+    x, y, z = a
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """``a x b`` of vectors (..., 3)."""
+    out = np.empty(a.shape)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        np.multiply(a[..., j], b[..., k], out=out[..., i])
+        out[..., i] -= a[..., k] * b[..., j]
+    return out
 
 
 def _rigid(value: Any, where: str) -> Array:

@@ -362,7 +362,7 @@ def _spring(
 def _moved(
     one: Parameter,
     chain: Chain,
-    frames: list[Array],
+    frames: Array,
     point: Array,
     marker: int | None,
     joint: int | None,
