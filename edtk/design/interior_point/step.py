@@ -224,9 +224,15 @@ def _positive_definite(K: Array) -> Mask:
 
 
 def _positive(K: Array) -> Array:
-    """Matrices (..., n, n) with negative eigenvalues made positive and small ones raised."""
+    """Matrices (..., n, n) with negative eigenvalues made positive and small ones raised.
+
+    Beside much larger ones, as a start has them where it is all but singular, small ones would be
+    lost in rounding.
+    """
     e, V = np.linalg.eigh(K)
-    return conjugate(V, np.where(e < LEAST_CURVATURE, np.maximum(np.abs(e), LEAST_CURVATURE), e))
+    size = np.abs(e)
+    least = np.maximum(LEAST_CURVATURE, RIDGE * size.max(axis=-1, keepdims=True))
+    return conjugate(V, np.where(e < least, np.maximum(size, least), e))
 
 
 def _positive_blocks(K: Array) -> Array:

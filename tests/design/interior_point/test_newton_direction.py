@@ -101,3 +101,17 @@ def test_negative_eigenvalues_of_a_block_change_their_signs(starts):
     joint = np.zeros((starts, D, D))
     d = newton_direction(own, joint, slope, np.zeros(starts, dtype=bool))
     np.testing.assert_allclose(d[:, 0], np.tile(-V @ (1 / np.abs(e)), (starts, 1)), rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_eigenvalues_of_all_sizes_leave_a_direction_down(seed):
+    """At a start that is all but singular, curvatures of 1e22 hide those of 1e3 in rounding."""
+    rng = np.random.default_rng(seed)
+    V = np.linalg.qr(rng.normal(size=(D, D)))[0]
+    e = np.array([-1e22, -1e11, -5e3, 1e22])
+    slope = rng.normal(size=(1, 1, D))
+    own = ((V * e) @ V.T)[None, None]
+    d = newton_direction(own, np.zeros((1, D, D)), slope, np.ones(1, dtype=bool))
+    assert (d * slope).sum() < 0
+    # In each direction it goes no further than the least curvature that can be told beside 1e22.
+    assert (np.abs(d[0, 0] @ V) <= 1.01 * np.abs(slope[0, 0] @ V) / 1e10).all()
