@@ -14,6 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from criteria import registry
+from edtk.design.relaxation.relax_poses import ROUNDS
 from edtk.fit.run_chain import Demand
 from edtk.system.workers import open_workers
 
@@ -127,9 +128,10 @@ class ShortChain(Demand):
 @pytest.fixture(scope="session", autouse=True)
 def small_searches() -> Iterator[pytest.MonkeyPatch]:
     """Searches over all poses, those of `verify` too, look at fewer poses from fewer starts, and
-    searches for a plan end after one batch of starts, whose best plans are kicked in one turn;
-    chains of verbs and commands end after fifteen autocorrelation times. What is found is judged as
-    anything else; tests of the searches and of chains themselves choose their own numbers.
+    those for a bound are two; searches for a plan end after one batch of starts, whose best plans
+    are kicked in one turn; chains of verbs and commands end after fifteen autocorrelation times.
+    What is found is judged as anything else; tests of the searches and of chains themselves choose
+    their own numbers, see `sharp_bounds` and `whole_searches`.
     """
     with pytest.MonkeyPatch.context() as patch:
         _make_searches_small(patch)
@@ -139,11 +141,20 @@ def small_searches() -> Iterator[pytest.MonkeyPatch]:
 def _make_searches_small(patch: pytest.MonkeyPatch) -> None:
     patch.setattr("edtk.design.relaxation.search_continuum.SCREEN", 2000)
     patch.setattr("edtk.design.relaxation.search_continuum.STARTS", 12)
+    patch.setattr("edtk.design.relaxation.relax_poses.ROUNDS", 2)
     patch.setattr("edtk.certificate.proof.OWN_DRAWS", 256)
     patch.setattr("edtk.certificate.proof.STARTS", 4)
     patch.setattr("edtk.study.plan_study.STARTS", 16)
     patch.setattr("edtk.design.exact.search_record.TURNS", 1)
     patch.setattr("edtk.fit.run_chain.Demand", ShortChain)
+
+
+@pytest.fixture(scope="module")
+def sharp_bounds() -> Iterator[None]:
+    """As many searches for a bound as users have, for a module that tells how sharp bounds are."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("edtk.design.relaxation.relax_poses.ROUNDS", ROUNDS)
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -18,6 +18,8 @@ from edtk.study.study import load_study
 from edtk.system.errors import UserError
 from tests.support.cells import STUDY, milling
 
+pytestmark = pytest.mark.usefixtures("sharp_bounds")
+
 SIZE = 4
 
 

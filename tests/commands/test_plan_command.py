@@ -89,7 +89,7 @@ def distances(q, others):
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory):
+def found(tmp_path_factory, sharp_bounds):
     """The study, answers by one worker for two criteria, with two batches of starts, and the
     files of these plans.
     """

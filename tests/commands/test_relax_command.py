@@ -234,6 +234,7 @@ def test_more_candidates_than_memory_holds():
         assert one["bound"] <= other["value"] * (1 + ROUNDING)
 
 
+@pytest.mark.usefixtures("sharp_bounds")
 @pytest.mark.parametrize("seed", [1, 2])
 def test_continuous_finds_the_best_of_all_poses(seed):
     """From any seed rho0 is the paper's problem's 9.645e-3 mm, in feasible poses; published plans

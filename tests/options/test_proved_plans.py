@@ -121,6 +121,7 @@ def test_a_budget_ends_the_proof_too(tmp_path: Path) -> None:
     assert "the budget ended the proof" in result.stderr
 
 
+@pytest.mark.usefixtures("sharp_bounds")
 def test_what_no_pose_can_exceed_needs_no_box(tmp_path: Path) -> None:
     """Where the best condition number is one, the check of O2 holds as its multiplier proves it."""
     path = tmp_path / "certificate.json"

@@ -10,6 +10,8 @@ from edtk.design.exact.find_plan import SearchOptions, find_plan
 from edtk.study.plan_study import relax_study
 from edtk.study.study import load_study
 
+pytestmark = pytest.mark.usefixtures("sharp_bounds")
+
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "spherical_arm.toml")
 # One core does what the tests need within seconds.
 ACCURACY = 1e-6
