@@ -37,8 +37,10 @@ KINDS = [pytest.param(kind, id=kind) for kind in STUDIES]
 
 
 @pytest.fixture(autouse=True)
-def _short() -> Iterator[None]:
-    """Searches of one round: what is said of places holds for them too."""
+def _short(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Searches of one round from few places: what is said of places holds for them too."""
+    for name, few in {"DRAWN": 1, "DESCENTS": 1, "ROUNDS": 2, "TRIES": 12}.items():
+        monkeypatch.setattr(place_tracker, name, few)
     with short_search():
         yield
 
@@ -77,10 +79,8 @@ def test_the_best_listed_place_has_the_best_plan(kind: str, tmp_path: Path) -> N
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_place_in_a_box_beats_random_ones(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_place_in_a_box_beats_random_ones(kind: str) -> None:
     """None of some random places, each with its own plan, is better than what is searched."""
-    monkeypatch.setattr(place_tracker, "DRAWN", 1)
-    monkeypatch.setattr(place_tracker, "DESCENTS", 1)
     study, size = STUDIES[kind].replace(noise=noise(tracker_box_mm=BOX)), SIZES[kind]
     found = edtk.plan(study, size, place_tracker=True, workers=1)
     placement = found.placement
@@ -95,9 +95,8 @@ def test_a_place_in_a_box_beats_random_ones(kind: str, monkeypatch: pytest.Monke
     assert edtk.plan(study_at(study, placement.position), size, workers=1).cost == found.cost
 
 
-def test_a_flat_box_keeps_its_height(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_flat_box_keeps_its_height() -> None:
     """A box without height is a floor on which the tracker moves; one without size is a place."""
-    monkeypatch.setattr(place_tracker, "DRAWN", 1)
     flat = [[2200, -500, 900], [3500, 900, 900]]
     found = edtk.plan(
         SPRINGS.replace(noise=noise(tracker_box_mm=flat)), 3, place_tracker=True, workers=1
@@ -147,9 +146,8 @@ WALL = {
 }
 
 
-def test_a_tracker_inside_a_wall_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_tracker_inside_a_wall_is_refused() -> None:
     """A listed place is named by its number; in a box the search goes around it."""
-    monkeypatch.setattr(place_tracker, "DRAWN", 1)
     walled = SPRINGS.replace(scene=WALL)
     with pytest.raises(UserError, match=r"tracker_places_mm\.1: .* mm inside 'wall'"):
         edtk.plan(walled, 3, place_tracker=True, workers=1)
