@@ -127,7 +127,7 @@ class SeveralCriteria(Relaxable):
                 part.require_order(self.order)
 
     def _set_title(self) -> None:
-        self.title = f"{type(self).title} of {', '.join(part.label for part in self._given)}"
+        self.title = f"{type(self).title} of {self._parts}"
 
     def named(self, parameters: tuple[str, ...]) -> Self:
         """The same parts, in words of these parameters where there is one model."""
@@ -154,7 +154,15 @@ class SeveralCriteria(Relaxable):
     @property
     def label(self) -> str:
         """Such as "minimax of D, A"."""
-        return f"{self.name} of {', '.join(part.label for part in self._given)}"
+        return f"{self.name} of {self._parts}"
+
+    @property
+    def _parts(self) -> str:
+        """The parts in words; one criterion of several models is told once."""
+        labels = [part.label for part in self._given]
+        if self.sizes is not None and len(labels) > 1 and len(set(labels)) == 1:
+            return f"{labels[0]} in {len(labels)} models"
+        return ", ".join(labels)
 
     @property
     def arguments(self) -> dict[str, Any]:
