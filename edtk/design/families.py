@@ -49,6 +49,12 @@ LINKS = {
 }
 
 
+def _divergence(a: Array, b: Array) -> Array:
+    """``a log(a/b) - a + b``, with all digits where both are alike."""
+    excess = (b - a) / a
+    return np.asarray(a * (excess - np.log1p(excess)))
+
+
 @dataclass(frozen=True)
 class Family:
     """The distribution of a response about its mean.
@@ -58,6 +64,8 @@ class Family:
         default: The link that is taken where none is given.
         links: Names of the links that make sense with it.
         variance: ``V(mu)`` from mu and 1 - mu.
+        deviance: ``2 KL(mu || nu)`` of the distribution of mean nu from that of mean mu, of sigma
+            one: from mu, 1 - mu, nu and 1 - nu.
         holds: Which means (mu, 1 - mu) the family can have.
         range: These means in words.
     """
@@ -66,6 +74,7 @@ class Family:
     default: str
     links: tuple[str, ...]
     variance: Callable[[Array, Array], Array]
+    deviance: Callable[[Array, Array, Array, Array], Array]
     holds: Callable[[Array, Array], Mask]
     range: str
 
@@ -78,6 +87,7 @@ FAMILIES = {
             "identity",
             ("identity", "log", "inverse"),
             lambda mean, rest: np.ones_like(mean),
+            lambda mean, rest, other, left: np.square(mean - other),
             lambda mean, rest: np.isfinite(mean),
             "finite",
         ),
@@ -86,6 +96,9 @@ FAMILIES = {
             "logit",
             ("logit", "probit", "cloglog", "log", "identity"),
             lambda mean, rest: mean * rest,
+            lambda mean, rest, other, left: (
+                2 * (_divergence(mean, other) + _divergence(rest, left))
+            ),
             lambda mean, rest: (mean > 0) & (rest > 0),
             "between 0 and 1",
         ),
@@ -94,6 +107,7 @@ FAMILIES = {
             "log",
             ("log", "identity"),
             lambda mean, rest: mean,
+            lambda mean, rest, other, left: 2 * _divergence(mean, other),
             lambda mean, rest: mean > 0,
             "positive",
         ),
@@ -102,6 +116,7 @@ FAMILIES = {
             "log",
             ("log", "inverse", "identity"),
             lambda mean, rest: np.square(mean),
+            lambda mean, rest, other, left: 2 * _divergence(np.ones_like(mean), mean / other),
             lambda mean, rest: mean > 0,
             "positive",
         ),
@@ -168,3 +183,17 @@ class Response:
             found = slope / np.sqrt(self.family.variance(mean, rest))
         fades = (np.square(slope) == 0) & np.isfinite(eta)  # 1 - mu has then no digits left
         return np.where(fades, 0.0, np.where(self.family.holds(mean, rest), found, np.nan))
+
+    def deviance_roots(self, eta: Array, other: Array) -> Array:
+        """Roots of ``2 KL`` of means at predictors `other` from those at `eta`, with their sign.
+
+        For normal responses it is the difference of the means. KL is the divergence of Kullback and
+        Leibler, by which Lopez-Fidalgo, Tommasi and Trandafir (JRSS B 69, 2007) discriminate; not a
+        number where the family cannot have a mean.
+        """
+        with np.errstate(all="ignore"):
+            own = self.link.mean(eta), self.link.complement(eta)
+            their = self.link.mean(other), self.link.complement(other)
+            roots = np.sqrt(np.maximum(self.family.deviance(*own, *their), 0.0))
+        holds = self.family.holds(*own) & self.family.holds(*their)
+        return np.where(holds, np.sign(own[0] - their[0]) * roots, np.nan)

@@ -61,6 +61,18 @@ class NonlinearModel:
         of_noise = np.sqrt(2.0) * self.deviation.slope(x, self.theta)
         return np.concatenate([of_mean, of_noise], axis=1) if of_noise.any() else of_mean
 
+    def lacking(self, x: Array, mean: Array) -> Array:
+        """Roots (n, k) of the deviance of this model, of sigma one, where others are the means.
+
+        With the sign of what it lacks, so that they are smooth where it lacks nothing.
+
+        Args:
+            x: Points (n, d).
+            mean: Predictors (n, k) of another model, which is the true one.
+        """
+        roots = self.response.deviance_roots(mean, self.predicted(x, self.theta))
+        return np.asarray(roots @ self.whitener.T)
+
     @property
     def _is_unit(self) -> bool:
         return bool(np.array_equal(self.whitener, np.eye(len(self.whitener))))
@@ -97,14 +109,17 @@ class Robust:
     """Several models, of which one design is to be good for each.
 
     Attributes:
-        kind: "bayes", the mean over the models, or "maximin", the worst of them.
+        kind: "bayes", the mean over the models, "maximin", the worst of them against the best
+            design of each, or "rivals", the worst of them as it is.
         models: The problem or the region of each alone.
         weights: How much each counts in the mean (k,), of sum one.
+        box: The `ThetaBox` that the models begin to stand in for; None of a plain list.
     """
 
     kind: str
     models: tuple[Any, ...]
     weights: Array
+    box: Any = None
 
 
 def nonlinear_model(

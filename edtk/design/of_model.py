@@ -1,6 +1,7 @@
 """Problems and regions of nonlinear models: at one theta, or at several of them at once."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from edtk.design.nonlinear_model import Model, NonlinearModel, Robust, nonlinear
 from edtk.design.problem import Problem
 from edtk.design.problems import DescribedProblem, several_models
 from edtk.design.region import Region, user_functions
+from edtk.design.theta_box import INSIDE, MOST_RANGES, EfficiencyBox, RivalBox, ThetaBox
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
 
@@ -35,6 +37,9 @@ def problem_of_model(
     """Make the problem that `Problem.of_model` describes."""
     points, columns = _points(candidates)
     names = columns if variables is None else tuple(variables)
+    if is_box(theta):
+        _require_plain(robust, weights, prior)
+        return _problem_of_box(f, theta, points, names, options)
     models = _models(f, _thetas(theta, robust, weights), points, names, options)
     frame = _frame(points, models[0].variables)
     each = [
@@ -46,6 +51,127 @@ def problem_of_model(
     found = DescribedProblem.of(several_models(each), frame)
     found.robust = Robust(robust, tuple(each), _shares(weights, len(each)))
     return found
+
+
+def problem_of_rivals(
+    f: Model,
+    theta: Any,
+    rival: Model,
+    rival_theta: Any,
+    candidates: "ArrayLike | pd.DataFrame",
+    variables: Sequence[str] | None,
+    parameters: Sequence[str] | None,
+    **options: Any,
+) -> Problem:
+    """Make the problem that `Problem.of_rivals` describes."""
+    points, columns = _points(candidates)
+    names = columns if variables is None else tuple(variables)
+    if callable(options["sigma"]):
+        message = "expected numbers, which both models have"
+        raise ArgumentError(message, argument="sigma")
+    true = nonlinear_model(f, theta, points, parameters=parameters, variables=names, **options)
+    free, limits = _ranges(rival_theta, "rival_theta")
+    try:
+        other = nonlinear_model(
+            rival, _inside(free, limits), points, variables=true.variables, **options
+        )
+    except ArgumentError as error:
+        raise _about_rival(error) from error
+    mean = true.predicted(points, true.theta)
+    if other.predicted(points[:1], other.theta).shape[1] != mean.shape[1]:
+        message = f"expected {mean.shape[1]} responses, as many as f has"
+        raise ArgumentError(message, argument="rival")
+
+    def rows(at: Array, x: Array) -> Array:
+        means = mean if x is points else true.predicted(x, true.theta)
+        return replace(other, theta=at).lacking(x, means)[..., None]
+
+    frame = _frame(points, true.variables)
+    box = RivalBox(rows, points, frame, limits, tuple(free), ("difference",))
+    box.require_apart()
+    return _boxed(box)
+
+
+def _problem_of_box(
+    f: Model,
+    theta: Mapping[str, Any],
+    points: Array,
+    variables: Sequence[str] | None,
+    options: Mapping[str, Any],
+) -> Problem:
+    """The problem of a model with ranges of theta."""
+    free, limits = _ranges(theta, "theta")
+    names = tuple(options.get("parameters") or free)
+    own = dict(options) | {"parameters": names}
+    model = nonlinear_model(f, _inside(free, limits), points, variables=variables, **own)
+    limits = limits[:, [free.index(name) for name in names]]
+
+    def rows(at: Array, x: Array) -> Array:
+        return np.asarray(replace(model, theta=at).rows(x))
+
+    frame = _frame(points, model.variables)
+    return _boxed(EfficiencyBox(rows, points, frame, limits, names, names))
+
+
+def _boxed(box: ThetaBox) -> Problem:
+    """The problem of one theta within ranges, which knows the ranges."""
+    found = box.listed([box.at(np.full(len(box.free), INSIDE))])
+    assert found.robust is not None
+    found.robust = replace(found.robust, box=box)
+    return found
+
+
+def is_box(theta: Any) -> bool:
+    """Whether theta has ranges: a mapping in which some value is a pair."""
+    return isinstance(theta, Mapping) and any(np.ndim(value) for value in theta.values())
+
+
+def _require_plain(robust: str | None, weights: ArrayLike | None, prior: ArrayLike | None) -> None:
+    """Check what stands beside ranges of theta.
+
+    Raises:
+        ArgumentError: It is not for the worst theta, or has weights or a prior.
+    """
+    if robust != "maximin":
+        message = "ranges are for the worst theta in them; expected robust='maximin' beside them"
+        raise ArgumentError(message, argument="theta")
+    for name, value in {"weights": weights, "prior": prior}.items():
+        if value is not None:
+            raise ArgumentError("expected none beside ranges of theta", argument=name)
+
+
+def _ranges(theta: Any, argument: str) -> tuple[list[str], Array]:
+    """Names (p,) and limits (2, p) of parameters, of which some have ranges.
+
+    Raises:
+        ArgumentError: They are no numbers and pairs by name, or none is a range.
+    """
+    message = "expected a number or (low, high), low below high, for each parameter by its name"
+    if not isinstance(theta, Mapping):
+        raise ArgumentError(message, argument=argument)
+    try:
+        pairs = np.array([np.broadcast_to(np.asarray(v, float), 2) for v in theta.values()])
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(message, argument=argument) from error
+    is_range = np.array([np.ndim(value) > 0 for value in theta.values()], dtype=bool)
+    good = is_range.any() and np.isfinite(pairs).all()
+    if not good or not (pairs[is_range, 0] < pairs[is_range, 1]).all():
+        raise ArgumentError(message, argument=argument)
+    if is_range.sum() > MOST_RANGES:
+        message = f"has {is_range.sum()} ranges; expected at most {MOST_RANGES}, and numbers"
+        raise ArgumentError(message, argument=argument)
+    return list(map(str, theta)), pairs.T
+
+
+def _inside(names: Sequence[str], limits: Array) -> dict[str, float]:
+    """Theta within its ranges, at which a model is tried."""
+    low, high = limits
+    return dict(zip(names, (low + INSIDE * (high - low)).tolist(), strict=True))
+
+
+def _about_rival(error: ArgumentError) -> ArgumentError:
+    """The same error, about the rival and not about f."""
+    return ArgumentError(f"the rival: {error}", argument="rival")
 
 
 def region_of_model(
@@ -60,6 +186,9 @@ def region_of_model(
     **options: Any,
 ) -> Region:
     """Make the region that `Region.of_model` describes."""
+    if is_box(theta):
+        message = "ranges are for candidates, Problem.of_model; expected a list of theta"
+        raise ArgumentError(message, argument="theta")
     low, high, columns = _limits(box)
     names = columns if variables is None else tuple(variables)
     halton = qmc.Halton(len(low), scramble=False).random(TRIED)

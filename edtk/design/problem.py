@@ -2,7 +2,7 @@
 
 import hashlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -284,7 +284,8 @@ class Problem(WeightedCandidates):
                 "Vmax * x / (Km + x)". With a link it is what statisticians call the predictor:
                 the mean is the inverse of the link at f.
             theta: Parameters (p,), as numbers or as a mapping with their names; several (k, p)
-                with `robust`.
+                with `robust`. With "maximin" a mapping may have ranges, such as
+                {"Vmax": 2.0, "Km": (0.5, 2.0)}: the worst theta in them is searched for.
             candidates: Points (n, d) or (n,), or a data frame with a column a variable.
             family: "normal", "binomial", "Poisson" or "gamma".
             link: Identity, log, inverse, logit, probit or cloglog; defaults to the identity for
@@ -332,6 +333,73 @@ class Problem(WeightedCandidates):
             covariance=covariance,
             gradient=gradient,
             parameters=parameters,
+        )
+
+    @classmethod
+    def of_rivals(
+        cls,
+        f: "Model",
+        theta: Any,
+        rival: "Model",
+        rival_theta: Mapping[str, Any],
+        candidates: "ArrayLike | pd.DataFrame",
+        family: str = "normal",
+        *,
+        link: str | None = None,
+        sigma: ArrayLike = 1.0,
+        covariance: ArrayLike | None = None,
+        parameters: Sequence[str] | None = None,
+        variables: Sequence[str] | None = None,
+    ) -> "Problem":
+        """Make a problem of telling a model from a rival, whatever parameters the rival has.
+
+        Its designs maximise the least deviance ``min over t of sum w_i d(x_i, t)`` of the rival at
+        the responses of f, where d is twice the divergence of Kullback and Leibler: T-optimality
+        of normal responses, ``d = (f - rival)^2 / sigma^2`` (Atkinson and Fedorov 1975), and
+        KL-optimality of other families (Lopez-Fidalgo, Tommasi and Trandafir 2007). Results print
+        one over it. For m experiments m times the deviance is the noncentrality of the test.
+
+        Args:
+            f: The model that is taken for true, see `of_model`.
+            theta: Its parameters.
+            rival: The other one, in the same variables and with the same family, link and noise.
+            rival_theta: Ranges (low, high) of its parameters by name, or numbers.
+            candidates: See `of_model`.
+            family: See `of_model`.
+            link: See `of_model`.
+            sigma: See `of_model`; no function.
+            covariance: See `of_model`.
+            parameters: Names of theta.
+            variables: See `of_model`.
+
+        Raises:
+            ArgumentError: See `of_model`.
+
+        Example:
+            >>> import numpy as np, edtk
+            >>> x = np.linspace(-1, 1, 201)
+            >>> line = "c + d * x"
+            >>> rivals = edtk.Problem.of_rivals(
+            ...     "a * x^2", {"a": 1.0}, line, {"c": (-2, 2), "d": (-2, 2)}, x
+            ... )
+            >>> design = edtk.relax(rivals)
+            >>> round(design.worst.value, 4)
+            0.25
+        """
+        from edtk.design.of_model import problem_of_rivals  # it makes objects of this class
+
+        return problem_of_rivals(
+            f,
+            theta,
+            rival,
+            rival_theta,
+            candidates,
+            variables,
+            parameters,
+            family=family,
+            link=link,
+            sigma=sigma,
+            covariance=covariance,
         )
 
     @classmethod

@@ -1,5 +1,6 @@
 """Questions without a robot: problems of arrays, and regions of points."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import criteria
@@ -22,8 +23,10 @@ from edtk.verbs.asked_limits import asked_weight_limits
 from edtk.verbs.inputs import CriterionLike, TableAndCertificate, given_size, proved_gap
 from edtk.verbs.plan_problem import plan_problem, plan_region
 from edtk.verbs.question import OF_PROBLEMS, OF_WEIGHTS, PlanCall, Question, RelaxCall
-from edtk.verbs.robust import criterion_of
+from edtk.verbs.robust import criterion_of, over_ranges
 from edtk.verbs.verify import MOST_MB
+
+PLANS = 4  # plans over ranges of theta: each is a search of its own
 
 
 @dataclass(frozen=True)
@@ -48,39 +51,68 @@ class OfProblem(Question):
             require_checkable(self.problem, call.keep is not None)
         options = {name: getattr(call, name) for name in (*OF_PROBLEMS, "prove", "cost_budget")}
         given = {name: value for name, value in options.items() if value is not None}
-        found = plan_problem(
-            self.problem,
-            call.size,
-            self._criterion(call.criterion),
-            call.seed or 0,
-            keep=call.keep,
-            progress=call.progress,
-            **given,
-        )
+
+        def solve(problem: Problem, criterion: criteria.Criterion) -> ProblemPlan:
+            seed = call.seed or 0
+            return plan_problem(
+                problem,
+                call.size,
+                criterion,
+                seed,
+                keep=call.keep,
+                progress=call.progress,
+                **given,
+            )
+
+        if self._has_ranges:
+            found = self._plan_over_ranges(call, solve)
+        else:
+            found = solve(self.problem, self._criterion(call.criterion))
         files.write(lambda: found.to_frame().reset_index(), lambda: _certificate(found))
         return found
 
     def relax(self, call: RelaxCall) -> Relaxation:
         """Weights of the candidates; see `edtk.relax`."""
-        criterion = self._criterion(call.criterion)
         files = TableAndCertificate(call.out, call.certificate)
         files.require()
-        own = criterion.for_size(_number(call.size))
-        has_prior = self.problem.prior is not None or own.precision is not None
-        asked = (getattr(call, name) for name in OF_WEIGHTS)
-        limits = asked_weight_limits(self.problem, has_prior, call.size, *asked)
-        if limits is None:
-            found = replace(relax(self.problem, own), problem=self.problem)
+
+        def solve(problem: Problem, criterion: criteria.Criterion) -> Relaxation:
+            return _weights(problem, criterion, call)
+
+        if self._has_ranges:
+            found = over_ranges(self.problem, _asked(call.criterion), solve)
         else:
-            found = relax_within(self.problem, own, limits)
+            found = solve(self.problem, self._criterion(call.criterion))
         files.write(
             lambda: found.to_frame().reset_index(), lambda: json_text(found.to_dict()) + "\n"
         )
         return found
 
+    @property
+    def _has_ranges(self) -> bool:
+        return self.problem.robust is not None and self.problem.robust.box is not None
+
+    def _plan_over_ranges(
+        self, call: PlanCall, solve: Callable[[Problem, criteria.Criterion], ProblemPlan]
+    ) -> ProblemPlan:
+        """The plan that is best at its worst theta; its first list is that of the weights.
+
+        Raises:
+            ArgumentError: Experiments are not all candidates, each alone.
+        """
+        elsewhere = call.keep if isinstance(call.keep, Problem) else None
+        beside = {"blocks": call.blocks, "errors": call.errors, "keep": elsewhere}
+        for name, value in beside.items():
+            if value is not None:
+                message = "is not known beside ranges of theta; expected a list of theta"
+                raise ArgumentError(message, argument=name)
+        asked = _asked(call.criterion)
+        weights = over_ranges(self.problem, asked, relax)
+        assert weights.worst is not None
+        return over_ranges(self.problem, asked, solve, list(weights.worst.thetas), PLANS)
+
     def _criterion(self, asked: CriterionLike | None) -> criteria.Criterion:
-        """The criterion, D where none is given."""
-        return criterion_of("D" if asked is None else asked, self.problem, _best)
+        return criterion_of(_asked(asked), self.problem, _best)
 
 
 @dataclass(frozen=True)
@@ -128,8 +160,23 @@ class OfRegion(Question):
         return found
 
     def _criterion(self, asked: CriterionLike | None) -> criteria.Criterion:
-        """The criterion, D where none is given."""
-        return criterion_of("D" if asked is None else asked, self.region, _best)
+        return criterion_of(_asked(asked), self.region, _best)
+
+
+def _asked(criterion: CriterionLike | None) -> CriterionLike:
+    """The criterion, D where none is given."""
+    return "D" if criterion is None else criterion
+
+
+def _weights(problem: Problem, criterion: criteria.Criterion, call: RelaxCall) -> Relaxation:
+    """The best weights within the limits of a call."""
+    own = criterion.for_size(_number(call.size))
+    has_prior = problem.prior is not None or own.precision is not None
+    asked = (getattr(call, name) for name in OF_WEIGHTS)
+    limits = asked_weight_limits(problem, has_prior, call.size, *asked)
+    if limits is None:
+        return replace(relax(problem, own), problem=problem)
+    return relax_within(problem, own, limits)
 
 
 def _best(model: Problem | Region, criterion: criteria.Criterion) -> float:

@@ -16,6 +16,8 @@ from edtk.system.typing import Array, Indices
 if TYPE_CHECKING:
     import pandas as pd
 
+    from edtk.design.theta_box import WorstTheta
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Relaxation(RelaxedDesign):
@@ -28,6 +30,7 @@ class Relaxation(RelaxedDesign):
         rests_on_solver: Whether the bound rests on a solver's word, as of a criterion without a
             dual form of its own; else closed forms prove it.
         inner: The multipliers with more digits, of a model whose parameters are nearly dependent.
+        worst: Where in ranges of theta it is worst; None of a problem without any.
     """
 
     criterion: Relaxable
@@ -35,6 +38,7 @@ class Relaxation(RelaxedDesign):
     accuracy: float = float("nan")
     rests_on_solver: bool = False
     inner: InnerProof | None = None
+    worst: "WorstTheta | None" = None
 
     def headline(self) -> str:
         """Criterion, value, number of candidates with weight, gap, and what doubts there are."""
@@ -43,6 +47,7 @@ class Relaxation(RelaxedDesign):
         return (
             f"{self.criterion.label} = {self.value:.4g}, weights on {len(self.support)} of "
             f"{len(self.weights)} candidates, {proved} {self.gap:.1e}{digits}"
+            f"{'' if self.worst is None else f', {self.worst}'}"
         )
 
     @property

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from edtk.design.exact.counts.plan_order import PlanOrder, Transition
     from edtk.design.exact.prove_exact import ExactProof
+    from edtk.design.theta_box import WorstTheta
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +48,7 @@ class ProblemPlan(BoundedDesign):
         limits: What the new experiments obey.
         least: How often each candidate is measured in every plan (n,), kept ones counted; None
             where that is how often it was measured already.
+        worst: Where in ranges of theta it is worst; None of a problem without any.
     """
 
     problem: Problem
@@ -69,6 +71,7 @@ class ProblemPlan(BoundedDesign):
     most: Indices | None = None
     limits: Limits | None = None
     least: Indices | None = None
+    worst: "WorstTheta | None" = None
 
     def headline(self) -> str:
         """Criterion, value, size and efficiency."""
@@ -76,7 +79,10 @@ class ProblemPlan(BoundedDesign):
         value = f"{factor * self.value:.4g} {unit}".rstrip()
         experiments = f"{self.size} experiment{'' if self.size == 1 else 's'}"
         digits = f", numbers to {self.accuracy:.0e}" if self.accuracy > VISIBLE else ""
-        return f"{self.criterion.label} = {value} with {experiments}, {self._bounded}{digits}"
+        worst = "" if self.worst is None else f", {self.worst}"
+        return (
+            f"{self.criterion.label} = {value} with {experiments}, {self._bounded}{digits}{worst}"
+        )
 
     @property
     def told_bound(self) -> Bound:

@@ -1,0 +1,293 @@
+"""Ranges of parameters that a design has to serve: a list of models stands in for all of them.
+
+The worst theta of a design joins the list, and the next design is the best for the longer list,
+until no theta is worse than those of it (constraint generation, as in semi-infinite programming:
+Pronzato and Walter, Automatica 24, 1988). The list proves what no design can exceed anywhere in the
+ranges; that no theta is worse than the worst one that was found rests on a search.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import minimum_filter
+from scipy.optimize import least_squares, minimize
+
+from criteria import Criterion
+from edtk.design.nonlinear_model import Robust
+from edtk.design.problems import DescribedProblem, several_models
+from edtk.design.user_model import point_text
+from edtk.system.errors import ArgumentError
+from edtk.system.typing import Array, Indices
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from edtk.design.bound import RelaxedDesign
+    from edtk.design.problem import Problem
+
+# A place within ranges, in parts of them: not the middle, where symmetric ranges have a zero, at
+# which a model may lose a parameter.
+INSIDE = 0.618
+TRIED = 256  # theta of a grid at most
+MOST_LEVELS = 33
+MOST_RANGES = 8  # of which the grid has both ends
+SEARCHES = 6  # from the lowest of its local minima
+ROUNDING = 1e-9  # of a root that is a whole number
+NOTHING = 1e-300  # efficiency of a design that does not tell all that is asked for
+SAME = 1e-20  # part of the largest deviance that is tried up to which a rival is no other model
+STEP = 1e-5  # of central differences, in parts of a range
+APART = 1e-6  # parts of the ranges up to which two theta are one
+
+# The best weights of one model alone.
+Optimum = Callable[["Problem", Criterion], "RelaxedDesign"]
+
+
+@dataclass(frozen=True)
+class WorstTheta:
+    """Where in the ranges a design is worst, as far as a search has seen.
+
+    Attributes:
+        theta: The parameters by their names.
+        value: The least efficiency of the design: that of its weights, or of its counts over their
+            number, against the best weights at the theta. Of rivals the least deviance of one
+            experiment.
+        thetas: The list (k, p) that the bound is proved of. No design does better at its worst
+            theta of the list, and so of the ranges.
+        what: What the value is, in words.
+    """
+
+    theta: Mapping[str, float]
+    value: float
+    thetas: Array
+    what: str
+
+    def __str__(self) -> str:
+        where = point_text(tuple(self.theta), np.array(list(self.theta.values())))
+        return f"{self.what} {self.value:.5g} at {where} (searched; {len(self.thetas)} theta)"
+
+
+@dataclass(frozen=True, eq=False)
+class ThetaBox(ABC):
+    """Ranges of theta, and the model at each of them.
+
+    Attributes:
+        rows: Theta (p,) and points (n, d) to whitened rows (n, r, s).
+        points: The candidates (n, d).
+        frame: The same as a table.
+        limits: Bounds (2, p) of theta; a parameter without a range has equal ones.
+        names: Names (p,) of theta.
+        parameters: Names (s,) of what the rows are about.
+    """
+
+    rows: Callable[[Array, Array], Array]
+    points: Array
+    frame: "pd.DataFrame"
+    limits: Array
+    names: tuple[str, ...]
+    parameters: tuple[str, ...]
+    _models: dict[bytes, DescribedProblem] = field(default_factory=dict)
+
+    kind = "maximin"
+    what = "least efficiency"
+
+    @property
+    def free(self) -> Indices:
+        """Numbers of the parameters that have a range."""
+        return np.asarray(np.flatnonzero(self.limits[0] < self.limits[1]))
+
+    def at(self, u: Array) -> Array:
+        """Theta (p,) from the free parameters in parts of their ranges."""
+        low, high = self.limits
+        theta = low.copy()
+        theta[self.free] += np.clip(u, 0, 1) * (high - low)[self.free]
+        return np.clip(theta, low, high)
+
+    def model(self, theta: Array) -> DescribedProblem:
+        """The problem of one theta alone, once."""
+        key = theta.tobytes()
+        if key not in self._models:
+            rows = self.finite_rows(theta, self.points)
+            self._models[key] = DescribedProblem(rows, self.parameters, None, self.frame)
+        return self._models[key]
+
+    def finite_rows(self, theta: Array, x: Array) -> Array:
+        """Rows at points x.
+
+        Raises:
+            ArgumentError: They are not finite; theta and point are named.
+        """
+        rows = self.rows(theta, x)
+        lost = np.flatnonzero(~np.isfinite(rows).all(axis=(1, 2)))
+        if len(lost):
+            where = point_text(tuple(self.frame.columns), x[lost[0]])
+            message = f"at {point_text(self.names, theta)} the model is not finite at {where}"
+            raise ArgumentError(message, argument="theta")
+        return rows
+
+    def listed(self, thetas: Sequence[Array]) -> DescribedProblem:
+        """The problem of a list of theta."""
+        each = tuple(self.model(theta) for theta in thetas)
+        found = DescribedProblem.of(several_models(each), self.frame)
+        found.robust = Robust(self.kind, each, np.full(len(each), 1 / len(each)))
+        return found
+
+    @cached_property
+    def tried(self) -> Array:
+        """Parts (t, q) of the ranges: a grid with its ends."""
+        q = len(self.free)
+        levels = np.linspace(0, 1, self._levels)
+        return np.stack(np.meshgrid(*[levels] * q, indexing="ij"), axis=-1).reshape(-1, q)
+
+    @property
+    def _levels(self) -> int:
+        """Levels of the grid by each free parameter."""
+        within = int(TRIED ** (1 / len(self.free)) + ROUNDING)
+        return min(within, MOST_LEVELS)
+
+    def lowest(self, values: Array) -> Indices:
+        """The lowest of those of the grid (t,) that no neighbour is below."""
+        cube = values.reshape([self._levels] * len(self.free))
+        is_low = (minimum_filter(cube, size=3, mode="nearest") == cube).ravel()
+        order = np.argsort(values, kind="stable")
+        return np.asarray(order[is_low[order]][:SEARCHES])
+
+    def worst(
+        self, weights: Array, own: Criterion, optimum: Optimum, known: Sequence[Array]
+    ) -> tuple[Array, float]:
+        """The worst theta for weights (n,) that a search finds, and its value.
+
+        Args:
+            weights: Weights of the candidates, of sum one.
+            own: The criterion of one model.
+            optimum: Finds the best weights for one model alone.
+            known: Theta where the search begins, too.
+        """
+        begun = self._parts(known)
+        tried, listed = (
+            np.array([self.value(self.at(u), weights, own, optimum) for u in each])
+            for each in (self.tried, begun)
+        )
+        starts = [begun[np.argmin(listed)], *self.tried[self.lowest(tried)]]
+        ends = [self.descend(u, weights, own, optimum) for u in starts]
+        thetas = [self.at(u) for u in [*ends, *starts]]
+        found = [self.value(theta, weights, own, optimum) for theta in thetas]
+        i = int(np.argmin(found))
+        return thetas[i], found[i]
+
+    def _parts(self, thetas: Sequence[Array]) -> Array:
+        """Theta (k, q) in parts of the ranges."""
+        low, high = self.limits[:, self.free]
+        return np.asarray((np.array(thetas)[:, self.free] - low) / (high - low))
+
+    @abstractmethod
+    def value(self, theta: Array, weights: Array, own: Criterion, optimum: Optimum) -> float:
+        """How good weights are at a theta; the worst theta has the least."""
+
+    @abstractmethod
+    def descend(self, u: Array, weights: Array, own: Criterion, optimum: Optimum) -> Array:
+        """Parts (q,) of the ranges of a local minimum of the value."""
+
+    def is_new(self, theta: Array, thetas: Sequence[Array]) -> bool:
+        """Whether a theta is none of a list."""
+        far = np.abs(self._parts(thetas) - self._parts([theta]))
+        return bool((far.max(axis=1) > APART).all())
+
+
+class EfficiencyBox(ThetaBox):
+    """Ranges over which the least efficiency ``(best(theta) / cost(w, theta))^(1/d)`` counts."""
+
+    def value(self, theta: Array, weights: Array, own: Criterion, optimum: Optimum) -> float:
+        """The efficiency of weights at a theta."""
+        model = self.model(theta)
+        cost = own.cost(model.information(weights))
+        return float((optimum(model, own).cost / cost) ** (1 / own.degree))
+
+    def descend(self, u: Array, weights: Array, own: Criterion, optimum: Optimum) -> Array:
+        """A local minimum of the efficiency, by quasi-Newton steps.
+
+        The slope of the best cost is that of the cost of the best weights, held fixed (Danskin).
+        """
+
+        def logarithm(v: Array) -> float:
+            return float(np.log(max(self.value(self.at(v), weights, own, optimum), NOTHING)))
+
+        def ratio(theta: Array, ideal: Array) -> float:
+            costs = [self._cost(theta, own, one) for one in (ideal, weights)]
+            return float(np.log(costs[0] / costs[1])) if np.isfinite(costs).all() else 0.0
+
+        def slope(v: Array) -> Array:
+            ideal = optimum(self.model(self.at(v)), own).weights
+            found = []
+            for step in np.eye(len(v)) * STEP:
+                ends = np.clip(v + step, 0, 1), np.clip(v - step, 0, 1)
+                costs = [
+                    [self._cost(self.at(end), own, one) for one in (ideal, weights)] for end in ends
+                ]
+                (up_best, up), (down_best, down) = np.log(costs)
+                found.append((up_best - up - down_best + down) / (ends[0] - ends[1]).sum())
+            return np.array(found) / own.degree
+
+        bounds = [(0.0, 1.0)] * len(u)
+        return np.asarray(minimize(logarithm, u, jac=slope, bounds=bounds, method="L-BFGS-B").x)
+
+    def _cost(self, theta: Array, own: Criterion, weights: Array) -> float:
+        """Cost of weights at a theta, of which nothing is kept."""
+        has = weights > 0
+        rows = self.finite_rows(theta, self.points[has])
+        return float(own.cost(np.einsum("n,nrp,nrq->pq", weights[has], rows, rows)))
+
+
+class RivalBox(ThetaBox):
+    """Ranges of the parameters of a rival: rows are what its means lack, in parts of the noise.
+
+    A list of rivals is a list of models of one parameter, whose information is the deviance
+    ``sum w_i d(x_i, theta)``.
+    """
+
+    kind = "rivals"
+    what = "least deviance"
+
+    def value(self, theta: Array, weights: Array, own: Criterion, optimum: Optimum) -> float:
+        """The deviance of one experiment."""
+        return float(np.square(self._residuals(theta, weights)).sum())
+
+    def descend(self, u: Array, weights: Array, own: Criterion, optimum: Optimum) -> Array:
+        """A local minimum of the deviance, by least squares."""
+        return self._fitted(u, weights)
+
+    def require_apart(self) -> None:
+        """Check that some candidate tells the rival, whatever its parameters are.
+
+        Raises:
+            ArgumentError: The rival can be what it is told from; its parameters are named.
+        """
+        weights = np.full(len(self.points), 1 / len(self.points))
+        begun = [self._residuals(self.at(u), weights) for u in self.tried]
+        sizes = np.square(begun).sum(axis=1)
+        for u in self.tried[self.lowest(sizes)]:
+            theta = self.at(self._fitted(u, weights))
+            if np.square(self._residuals(theta, weights)).sum() <= SAME * max(sizes):
+                where = point_text(self.names, theta)
+                message = f"it is f at all candidates for {where}; expected ranges without that"
+                raise ArgumentError(message, argument="rival_theta")
+
+    def _fitted(self, u: Array, weights: Array) -> Array:
+        found = least_squares(
+            lambda v: self._residuals(self.at(v), weights),
+            np.clip(u, STEP, 1 - STEP),
+            bounds=(0.0, 1.0),
+            xtol=1e-15,
+            ftol=1e-15,
+            gtol=1e-15,
+        )
+        return np.asarray(found.x)
+
+    def _residuals(self, theta: Array, weights: Array) -> Array:
+        """Roots of the parts of the deviance, of candidates that have weight."""
+        has = weights > 0
+        rows = self.finite_rows(theta, self.points[has])
+        return np.asarray((np.sqrt(weights[has])[:, None] * rows[..., 0]).ravel())

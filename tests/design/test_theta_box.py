@@ -1,0 +1,282 @@
+"""Ranges of theta and rivals: published optima, brute force over the ranges, bounds, bad input."""
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog, minimize_scalar
+from scipy.stats import binom, gamma, norm, poisson
+
+import edtk
+from edtk.design.families import FAMILIES, Response
+from edtk.system.errors import ArgumentError
+
+ENZYME = "V * x / (K + x)"
+PARABOLA = "a + b * x + c * x^2"
+LINE = {"p": (-10, 10), "q": (-10, 10)}
+
+
+def enzyme(K, x=None, **options):
+    """Michaelis and Menten's model over doses up to one, with a range of K."""
+    x = np.linspace(0, 1, 101) if x is None else x
+    return edtk.Problem.of_model(ENZYME, {"V": 2.0, "K": K}, x, robust="maximin", **options)
+
+
+def d_efficiency(design, K):
+    """D-efficiency of weights at each K (k,), against a half at K/(2 K + 1) and at one."""
+    x = design.problem.frame["x"].to_numpy()[:, None]
+    rows = np.stack([x / (K + x), -2 * x / (K + x) ** 2], axis=-1)
+    M = np.einsum("n,nkp,nkq->kpq", design.weights, rows, rows)
+    ideal = K / (2 * K + 1)
+    best = ideal * (1 - ideal) / ((K + ideal) ** 2 * (K + 1) ** 2)
+    return np.sqrt(np.linalg.det(M)) / best
+
+
+def test_a_narrow_range_has_the_design_of_two_points():
+    """A half at one, and a half where both ends of the range are equally efficient.
+
+    The root of det is ``x (1 - x) V/((K + x)^2 (K + 1)^2)`` for a half at x and at one. It is
+    largest at x = K/(2 K + 1), so that both ends are alike where ``(K + x)/sqrt(K (K + 1))`` are
+    (standardised maximin, Dette and Biedermann, JASA 98, 2003).
+    """
+    low, high = 0.5, 1.0
+    a, b = (1 / np.sqrt(K * (K + 1)) for K in (low, high))
+    best = (high * b - low * a) / (a - b)
+    x = np.union1d(np.linspace(0, 1, 101), [low / (2 * low + 1), best, high / (2 * high + 1)])
+    design = edtk.relax(enzyme((low, high), x))
+    assert x[design.weights > 1e-4] == pytest.approx([best, 1.0], abs=1e-12)
+    assert design.weights[design.weights > 1e-4] == pytest.approx([0.5, 0.5], abs=1e-4)
+    efficiency = 4 * low * (low + 1) * best * (1 - best) / (low + best) ** 2
+    assert design.worst.value == pytest.approx(efficiency, rel=1e-5)
+
+
+@pytest.mark.parametrize("limits", [(0.05, 2.0), (0.2, 0.9)])
+def test_the_worst_theta_is_that_of_a_fine_grid(limits):
+    """No K of 2,001 is worse than what the search says, and no design beats the bound.
+
+    Candidates are a grid, so that the efficiency of the grid's best weights is a little above that
+    against the best dose of all.
+    """
+    design = edtk.relax(enzyme(limits, np.linspace(0, 1, 401)))
+    least = d_efficiency(design, np.linspace(*limits, 2001)).min()
+    assert least == pytest.approx(design.worst.value, rel=2e-3)
+    assert least <= design.worst.value * (1 + 1e-9)
+    assert design.worst.value == pytest.approx(1 / design.bound, rel=2e-5)
+    assert design.worst.value <= 1 / design.bound * (1 + 1e-9)
+
+
+def test_the_design_for_ranges_is_that_of_a_long_list():
+    """Twenty theta in a box have a design that is hardly better at its worst of them."""
+    box = {"top": 1.0, "b": (0.5, 2.0), "c": (0.2, 0.4)}
+    x = np.linspace(0, 8, 41)
+    formula = "top * exp(-c * x) - top * exp(-(b + c) * x)"
+    design = edtk.relax(edtk.Problem.of_model(formula, box, x, robust="maximin"))
+    thetas = [[1.0, b, c] for b in np.geomspace(0.5, 2.0, 5) for c in np.linspace(0.2, 0.4, 4)]
+    listed = edtk.Problem.of_model(formula, thetas, x, parameters=tuple(box), robust="maximin")
+    long = edtk.relax(listed)
+    of_list = long.criterion.cost(listed.information(design.weights))
+    assert 1 / of_list >= design.worst.value * (1 - 1e-5)
+    assert 1 / long.value >= design.worst.value * (1 - 1e-5)
+
+
+def test_a_plan_over_ranges_is_as_good_as_all_plans():
+    """Of all plans of four experiments on seven doses, by the least efficiency on a fine grid."""
+    from itertools import combinations_with_replacement
+
+    x = np.array([0.05, 0.1, 0.2, 0.3, 0.45, 0.7, 1.0])
+    plan = edtk.plan(enzyme((0.1, 2.0), x), 4)
+    grid = np.linspace(0.1, 2.0, 41)
+    best = [edtk.relax(edtk.Problem.of_model(ENZYME, {"V": 2.0, "K": K}, x)).value for K in grid]
+
+    def least(chosen):
+        doses = x[list(chosen)][:, None]
+        rows = np.stack([doses / (grid + doses), -2 * doses / (grid + doses) ** 2], axis=-1)
+        M = np.einsum("nkp,nkq->kpq", rows, rows) / 4
+        return (np.sqrt(np.maximum(np.linalg.det(M), 0)) / best).min()
+
+    values = [least(chosen) for chosen in combinations_with_replacement(range(7), 4)]
+    assert least(plan.experiments) == pytest.approx(max(values), rel=1e-9)
+    assert plan.worst.value == pytest.approx(max(values), rel=1e-3)
+    assert max(values) * 4 <= 1 / plan.bound * 4**2 * (1 + 1e-9)
+
+
+def test_atkinson_and_fedorov_tell_exponentials_from_a_parabola():
+    """Their first example: Biometrika 62 (1975) 57-70, with points and weights to three digits."""
+    x = np.union1d(np.linspace(-1, 1, 101), [-0.669, 0.144, 0.957])
+    rivals = edtk.Problem.of_rivals(
+        "a + b * exp(x) + c * exp(-x)",
+        {"a": 4.5, "b": -1.5, "c": -2.0},
+        "p + q * x + r * x^2",
+        LINE | {"r": (-10, 10)},
+        x,
+    )
+    design = edtk.relax(rivals)
+    assert design.worst.value == pytest.approx(1.087e-3, abs=5e-7)
+    around = [np.abs(x - centre) < 0.021 for centre in (-1, -0.669, 0.144, 0.957)]
+    shares = [design.weights[near].sum() for near in around]
+    assert shares == pytest.approx([0.253, 0.428, 0.247, 0.072], abs=2e-3)
+    assert 1 / design.bound == pytest.approx(design.worst.value, rel=2e-5)
+
+
+def test_the_least_deviance_is_the_square_of_the_best_approximation():
+    """Of a rival that is linear in its parameters (Dette and Titoff, Ann. Stat. 37, 2009)."""
+    x = np.linspace(0.1, 5, 60)
+    true = 2 * x / (1 + x)
+    rivals = edtk.Problem.of_rivals(ENZYME, {"V": 2.0, "K": 1.0}, "p + q * x", LINE, x)
+    columns = np.stack([np.ones_like(x), x], axis=-1)
+    ones = np.ones((len(x), 1))
+    error = linprog(
+        [0, 0, 1],
+        A_ub=np.block([[columns, -ones], [-columns, -ones]]),
+        b_ub=np.concatenate([true, -true]),
+        bounds=[(None, None)] * 2 + [(0, None)],
+    ).fun
+    assert edtk.relax(rivals).worst.value == pytest.approx(error**2, rel=2e-5)
+    halved = edtk.Problem.of_rivals(ENZYME, {"V": 2.0, "K": 1.0}, "p + q * x", LINE, x, sigma=2.0)
+    assert edtk.relax(halved).worst.value == pytest.approx(error**2 / 4, rel=2e-5)
+
+
+def test_the_equivalence_theorem_of_rivals():
+    """At the rival's fitted parameters no candidate has more deviance than the design."""
+    x = np.linspace(0.1, 5, 50)
+    rivals = edtk.Problem.of_rivals(
+        "V * x / (K + x) + F * x",
+        {"V": 1.0, "K": 1.0, "F": 0.1},
+        ENZYME,
+        {"V": (0.1, 10), "K": (0.1, 20)},
+        x,
+    )
+    design = edtk.relax(rivals)
+    V, K = design.worst.theta.values()
+    each = np.square(x / (1 + x) + 0.1 * x - V * x / (K + x))
+    assert design.weights @ each == pytest.approx(design.worst.value, rel=1e-9)
+    assert each.max() == pytest.approx(design.worst.value, rel=0.02)
+    assert 1 / design.bound >= design.worst.value * (1 - 1e-9)
+    assert 1 / design.bound <= design.worst.value * (1 + 2e-5)
+
+
+def test_nested_models_have_the_design_of_ds():
+    """A parabola is told from a line by a quarter, a half and a quarter."""
+    x = np.linspace(-1, 1, 41)
+    design = edtk.relax(
+        edtk.Problem.of_rivals(
+            "a + b * x + c * x^2", {"a": 1, "b": 2, "c": 3}, "p + q * x", LINE, x
+        )
+    )
+    parabola = edtk.Problem.of_model(PARABOLA, {"a": 1, "b": 2, "c": 3}, x)
+    of_c = edtk.relax(parabola, {"name": "Ds", "interest": ["c"]})
+    assert design.weights == pytest.approx(of_c.weights, abs=2e-3)
+    assert design.worst.value == pytest.approx(9 / 4, rel=2e-5)
+
+
+SUMS = np.arange(400)
+DIVERGENCES = {
+    "normal": lambda m, n: norm(n).logpdf(m) * -2 + norm(m).logpdf(m) * 2,
+    "binomial": lambda m, n: 2 * _summed(binom(1, m), binom(1, n), np.arange(2)),
+    "Poisson": lambda m, n: 2 * _summed(poisson(m), poisson(n), SUMS),
+    "gamma": lambda m, n: (
+        2
+        * gamma(1, scale=m).expect(
+            lambda y: gamma(1, scale=m).logpdf(y) - gamma(1, scale=n).logpdf(y)
+        )
+    ),
+}
+
+
+def _summed(own, other, y):
+    told = own.pmf(y) > 0
+    return (own.pmf(y) * (own.logpmf(y) - other.logpmf(y)))[told].sum()
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_a_deviance_is_twice_the_divergence(name):
+    """Summed or integrated over the responses; its root keeps its digits where means are alike."""
+    response = Response.of(name, "identity")
+    m, n = np.array([0.7]), np.array([0.4])
+    assert response.deviance_roots(m, n)[0] ** 2 == pytest.approx(DIVERGENCES[name](0.7, 0.4))
+    assert response.deviance_roots(n, m)[0] < 0
+    step = 1e-9
+    near = response.deviance_roots(m + step, m)[0]
+    variance = response.family.variance(m, 1 - m)[0]
+    assert near == pytest.approx(step / np.sqrt(variance), rel=1e-6)
+
+
+def test_counts_are_told_from_a_constant():
+    """Two points; the rival's best constant is the mean, and one weight is left to choose."""
+    x = np.linspace(-1, 1, 41)
+    options = {"theta": {"a": 0.0, "b": 1.0}, "rival": "p", "rival_theta": {"p": (-5, 5)}}
+    design = edtk.relax(
+        edtk.Problem.of_rivals("a + b * x", candidates=x, family="Poisson", **options)
+    )
+
+    def lost(w):
+        means = np.exp([-1.0, 1.0])
+        shares = np.array([1 - w, w])
+        return -2 * shares @ (means * np.log(means / (shares @ means)))
+
+    best = minimize_scalar(lost, bounds=(0, 1), method="bounded", options={"xatol": 1e-10})
+    assert design.worst.value == pytest.approx(-best.fun, rel=2e-5)
+    assert design.weights[[0, -1]] == pytest.approx([1 - best.x, best.x], abs=5e-3)
+
+
+def test_a_plan_tells_rivals():
+    """Eight experiments on a line: two, four and two; its certificate is that of the list."""
+    x = np.linspace(-1, 1, 11)
+    plan = edtk.plan(edtk.Problem.of_rivals("a * x^2", {"a": 1.0}, "p + q * x", LINE, x), 8)
+    assert plan.counts[[0, 5, 10]].tolist() == [2, 4, 2]
+    assert plan.worst.value == pytest.approx(0.25)
+    assert "least deviance 0.25 at p = 0.5" in plan.headline()
+
+
+def test_a_certificate_is_about_the_list(tmp_path):
+    """It holds for the problem of the design, which is that of the list."""
+    path = tmp_path / "proof.json"
+    design = edtk.relax(enzyme((0.2, 0.9)), certificate=path)
+    assert edtk.verify(path, design.problem).valid
+    assert len(design.problem.each) == len(design.worst.thetas)
+
+
+def of_line(x=(0.0, 1.0, 2.0), **options):
+    given = {"theta": {"a": 1.0}, "rival": "p + q * x", "rival_theta": LINE, "family": "normal"}
+    return edtk.Problem.of_rivals("a * x^2", candidates=list(x), **(given | options))
+
+
+BAD = {
+    "bayes": (
+        lambda: edtk.Problem.of_model(ENZYME, {"V": 1, "K": (1, 2)}, [1, 2], robust="bayes"),
+        r"^theta: ranges are for the worst theta",
+    ),
+    "order": (lambda: enzyme((2, 1)), r"^theta: expected a number or \(low, high\), low below"),
+    "three": (lambda: enzyme((1, 2, 3)), r"^theta: expected a number or \(low, high\)"),
+    "prior": (lambda: enzyme((1, 2), prior=np.eye(2)), r"^prior: expected none beside ranges"),
+    "weights": (lambda: enzyme((1, 2), weights=[1]), r"^weights: expected none beside ranges"),
+    "not finite": (lambda: edtk.relax(enzyme((-1, 1))), r"^theta: at V = 2, K = -1 .* at x = 1$"),
+    "region": (
+        lambda: edtk.Region.of_model(ENZYME, {"V": 1, "K": (1, 2)}, (0, 1), robust="maximin"),
+        r"^theta: ranges are for candidates",
+    ),
+    "blocks": (lambda: edtk.plan(enzyme((1, 2)), blocks=(3, 3)), r"^blocks: is not known beside"),
+    "efficiency": (
+        lambda: edtk.next(enzyme((1, 2)), [0], efficiency=0.9),
+        r"^theta: has ranges, which edtk.relax and edtk.plan serve",
+    ),
+    "no range": (lambda: of_line(rival_theta={"p": 1, "q": 1}), r"^rival_theta: expected a number"),
+    "names": (lambda: of_line(rival_theta=[(0, 1)]), r"^rival_theta: expected a number or"),
+    "rival": (lambda: of_line(rival="p + q * y"), r"^rival: the rival: f: 'p \+ q \* y' has 'y'"),
+    "same": (
+        lambda: of_line(rival="p + q * x^2"),
+        r"^rival_theta: it is f at all candidates",
+    ),
+    "sigma": (lambda: of_line(sigma=lambda x, t: x), r"^sigma: expected numbers, which both"),
+    "mean": (
+        lambda: edtk.relax(of_line(x=(1.0, 2.0), family="gamma", link="identity")),
+        r"^rival.*gamma means are positive, and not at x = 1|^theta: at p = .* is not finite",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_ranges_are_refused_in_one_line(name):
+    """The line names the argument, and theta where one of the ranges is at fault."""
+    call, words = BAD[name]
+    with pytest.raises(ArgumentError, match=words) as caught:
+        call()
+    assert "\n" not in str(caught.value)
