@@ -1,4 +1,4 @@
-"""Whether the poses of a plan are free, each with the two bodies that are nearest."""
+"""Whether the poses of a plan are free and seen: what is nearest in each, and what is hidden."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from edtk.cell.cell import Cell, Clearance
-from edtk.cell.sight import Sight
+from edtk.cell.seen import Seen
 from edtk.cell.ways import DrivenWay
+from edtk.robots.robot import Robot
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
@@ -17,39 +18,31 @@ MM = 1e3
 
 @dataclass(frozen=True, eq=False)
 class PlanCheck(Presented):
-    """The poses of a plan in a cell.
+    """The poses of a plan in a cell, before an instrument, or both.
 
     Attributes:
-        cell: The cell.
+        cell: The cell; None where nothing is known of what stands around the robot.
         q: The poses (k, n), in the order of the plan [rad or m].
         ways: How the arm gets from row to row; none where nobody asked.
-        sight: Which markers are read; None where all are.
+        seen: Which markers are read; None where all are.
     """
 
-    cell: Cell
+    cell: Cell | None
     q: Array
     ways: tuple[DrivenWay, ...] = ()
-    sight: Sight | None = None
+    seen: Seen | None = None
 
     @cached_property
     def clearance(self) -> Clearance:
         """How free each pose (k,) is."""
+        if self.cell is None:
+            none = len(self.q)
+            return Clearance(np.full(none, np.inf), np.zeros(none, dtype=int), ())
         return self.cell.clearance(self.q)
-
-    @cached_property
-    def hidden(self) -> list[dict[str, str]]:
-        """Why markers are not read, by pose and name; the tool point where it has none."""
-        if self.sight is None:
-            return [{} for _ in self.q]
-        names = ["" if one is None else one.name or "tool point" for one in self.sight.reflectors]
-        return [
-            {name: str(why) for name, why in zip(names, row, strict=True) if why is not None}
-            for row in self.sight.hidden(self.q)
-        ]
 
     @property
     def free(self) -> bool:
-        """Whether nothing touches, and all ways are free."""
+        """Whether nothing touches, as far as there is a cell, and all ways are free."""
         return bool(self.clearance.free.all()) and not self.blocked
 
     @property
@@ -63,7 +56,13 @@ class PlanCheck(Presented):
         return int(np.argmin(self.clearance.least))
 
     def headline(self) -> str:
-        """How many poses touch, or that all are free."""
+        """How many poses touch, or that all are free; how many markers are read."""
+        freedom = () if self.cell is None else (self._freedom(),)
+        sight = () if self.seen is None else (self.seen.headline(),)
+        return "; ".join((*freedom, *sight))
+
+    def _freedom(self) -> str:
+        """How many poses and ways touch, or that all are free."""
         touching = int((~self.clearance.free).sum())
         poses = f"all {len(self.q)} poses are free"
         if touching:
@@ -75,36 +74,39 @@ class PlanCheck(Presented):
         return f"{poses}, and {self.blocked} of {len(self.ways)} ways between them are not free"
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON: whether all is free, and how much room each pose leaves beyond the margin."""
+        """For JSON: whether all is free, how much room each pose leaves, and what is seen.
+
+        The room is beyond the margin. Without a cell nobody knows whether all is free: null.
+        """
         least = self.clearance.least
         return {
-            "free": self.free,
-            "margin_mm": self.cell.margin * MM,
+            "free": None if self.cell is None else self.free,
+            "margin_mm": None if self.cell is None else self.cell.margin * MM,
             "poses": [
                 {
                     "clearance_mm": float(room) * MM if np.isfinite(room) else None,
                     "pair": list(self.clearance.names(i) or ()) or None,
-                    **({} if self.sight is None else {"hidden": self.hidden[i]}),
+                    **({} if self.seen is None else self.seen.to_dict(i)),
                 }
                 for i, room in enumerate(least)
             ],
-            "legs": [self._way(one) for one in self.ways],
+            "legs": [] if self.cell is None else [_way(self.cell.robot, one) for one in self.ways],
         }
 
-    def _way(self, one: DrivenWay) -> dict[str, Any]:
-        """A way for JSON: rows count from 1, home is null; angles are those of the controller."""
-        start, end = (None if row is None else row + 1 for row in one.rows)
-        robot = self.cell.robot
-        leg = one.nearest
-        via = np.zeros((0, robot.n)) if one.way is None else one.way.via
-        return {
-            "from": start,
-            "to": end,
-            "free": one.way is not None,
-            "direct": one.direct.verdict,
-            "via_deg": (robot.shown(via) / robot.units).tolist(),
-            "clearance_mm": leg.clearance * MM if np.isfinite(leg.clearance) else None,
-            "pair": list(leg.pair or ()) or None,
-            "t": leg.t,
-            "seconds": None if one.way is None else one.way.seconds,
-        }
+
+def _way(robot: Robot, one: DrivenWay) -> dict[str, Any]:
+    """A way for JSON: rows count from 1, home is null; angles are those of the controller."""
+    start, end = (None if row is None else row + 1 for row in one.rows)
+    leg = one.nearest
+    via = np.zeros((0, robot.n)) if one.way is None else one.way.via
+    return {
+        "from": start,
+        "to": end,
+        "free": one.way is not None,
+        "direct": one.direct.verdict,
+        "via_deg": (robot.shown(via) / robot.units).tolist(),
+        "clearance_mm": leg.clearance * MM if np.isfinite(leg.clearance) else None,
+        "pair": list(leg.pair or ()) or None,
+        "t": leg.t,
+        "seconds": None if one.way is None else one.way.seconds,
+    }

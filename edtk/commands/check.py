@@ -1,4 +1,4 @@
-"""`edtk check`: whether a plan is free of what stands in the cell."""
+"""`edtk check`: whether a plan is free of what stands in the cell, and what is seen of it."""
 
 from pathlib import Path
 
@@ -7,13 +7,14 @@ import click
 from edtk.commands.shared import PARTIAL, FilePath, json_option, show
 
 
-@click.command("check", short_help="Say whether a plan touches anything in the cell.")
+@click.command("check", short_help="Say whether a plan touches anything, and what is seen.")
 @click.argument("study", type=FilePath)
 @click.argument("plan", type=FilePath)
 @json_option
 def command(study: Path, plan: Path, as_json: bool) -> int:
     """Look at each pose of PLAN (CSV) in the cell of STUDY (TOML, with [scene]), and at the ways.
 
+    With [sight], or with it alone, the markers that are hidden in each pose are told with reasons.
     The clearance is the least distance of two bodies, less the margin. The ways lead from pose to
     pose in the order of the plan's sheet, all joints in step, by via poses where that is not free.
     The exit code is 1 where something touches, or where no free way is found.

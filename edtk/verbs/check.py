@@ -1,4 +1,4 @@
-"""`edtk.check`: whether a plan is free of what stands in the cell."""
+"""`edtk.check`: whether a plan is free of what stands in the cell, and what is seen of it."""
 
 from typing import TYPE_CHECKING
 
@@ -13,11 +13,14 @@ if TYPE_CHECKING:
 def check(study: StudyLike, plan: PlanLike) -> "PlanCheck":
     """Look at each pose of a plan in the cell of a study, and at the ways between them.
 
+    With a [scene] something may touch, and with a line of sight, by [sight] or by normals of
+    markers, something may be hidden; either is enough.
+
     The ways are those in the order of the plan's sheet, see `edtk.timetable`: the direct leg where
     that is proved free, else one by via poses.
 
     Args:
-        study: A study with a table [scene], or the path of a study file.
+        study: A study with a table [scene], a line of sight, or both; or the path of its file.
         plan: A plan, or the path of its CSV file; of any origin.
 
     Returns:
@@ -26,14 +29,18 @@ def check(study: StudyLike, plan: PlanLike) -> "PlanCheck":
         each way whether it is free.
 
     Raises:
-        UserError: A file is not valid, or the study has no [scene].
+        UserError: A file is not valid, or the study has neither.
     """
     from edtk.calibration.timetable import day_of
     from edtk.cell.plan_check import PlanCheck
+    from edtk.cell.seen import Seen
 
     asked = as_study(study)
-    if asked.cell is None:
-        raise asked.error("scene", "expected the table that says what stands around the robot")
+    if asked.cell is None and asked.sight is None:
+        message = "expected this table, which says what stands around the robot, or [sight]"
+        raise asked.error("scene", message)
     with errors_in(name_of(plan, "plan")):
         measured = as_plan(asked, plan)
-    return PlanCheck(asked.cell, measured.q, day_of(asked, measured).ways, asked.sight)
+    ways = () if asked.cell is None else day_of(asked, measured).ways
+    seen = None if asked.sight is None else Seen(asked.sight, measured.q)
+    return PlanCheck(asked.cell, measured.q, ways, seen)

@@ -11,6 +11,7 @@ from edtk import Study
 from edtk.cell.beams import Beams
 from edtk.cell.cell import _Standing
 from edtk.cell.plan_check import PlanCheck
+from edtk.cell.seen import Seen
 from edtk.cell.shapes import Box, Cylinder
 from edtk.cell.sight import AllSeen, Sight
 from edtk.certificate.certificate import setting_to_dict
@@ -133,11 +134,12 @@ def test_a_check_says_what_is_hidden() -> None:
     """Each pose lists the markers that are hidden with their reasons, in text and JSON."""
     assert STUDY.cell is not None
     q = poses(6)
-    found = PlanCheck(STUDY.cell, q, sight=STUDY.sight)
+    found = PlanCheck(STUDY.cell, q, seen=Seen(sight(), q))
     names = ("tip", "arm")
     for row, own in zip(found.to_dict()["poses"], sight().hidden(q), strict=True):
         expected = {n: str(why) for n, why in zip(names, own, strict=True) if why is not None}
         assert row["hidden"] == expected
+        assert row["read"] == [name for name in names if name not in expected]
     assert any("hidden by" in line for line in plan_check_text(found).splitlines())
     assert "hidden" not in PlanCheck(STUDY.cell, q).to_dict()["poses"][0]
 

@@ -1,4 +1,4 @@
-"""Plans in a cell: which poses are free, and what is nearest in each."""
+"""Plans in a cell: which poses are free and seen, and what is nearest in each."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from edtk.report.tables import notebook_table, text_table
 
 def plan_check_text(found: PlanCheck) -> str:
     """What was looked at, and a line for each pose and each way."""
-    lines = [f"{found.headline()}; {looked_at(found)}", text_table(*plan_check_rows(found))]
+    lines = ["; ".join([found.headline(), *looked_at(found)]), text_table(*plan_check_rows(found))]
     if found.ways:
         lines += ["", text_table(*way_rows(found))]
     return "\n".join(lines)
@@ -16,33 +16,37 @@ def plan_check_text(found: PlanCheck) -> str:
 
 def plan_check_notebook(found: PlanCheck) -> str:
     """The rows of the text."""
-    return notebook_table(found.headline(), *plan_check_rows(found), [looked_at(found)])
+    return notebook_table(found.headline(), *plan_check_rows(found), looked_at(found))
 
 
-def looked_at(found: PlanCheck) -> str:
-    """Number of bodies and pairs, and the margin."""
+def looked_at(found: PlanCheck) -> list[str]:
+    """Number of bodies and pairs, and the margin; nothing without a cell."""
     cell = found.cell
+    if cell is None:
+        return []
     defaults = sum(body.source == "default" for body in cell.bodies)
     typical = f" ({defaults} of them with typical sizes, not measured)" if defaults else ""
-    return (
+    return [
         f"{len(cell.bodies)} bodies{typical}, {len(cell.pairs)} pairs, "
         f"margin {cell.margin * MM:g} mm"
-    )
+    ]
 
 
 def plan_check_rows(found: PlanCheck) -> tuple[list[str], list[list[str]]]:
-    """Header and rows: pose, clearance beyond the margin, what is nearest."""
-    rows = []
-    for i, (room, free) in enumerate(zip(found.clearance.least, found.clearance.free, strict=True)):
-        pair = " - ".join(found.clearance.names(i) or ("nothing to look at",))
-        millimetres = f"{room * MM:.1f}" if np.isfinite(room) else ""
-        row = [str(i + 1), millimetres, "free" if free else "touches", pair]
-        if found.sight is not None:
-            why = "; ".join(f"{name} {words}" for name, words in found.hidden[i].items())
-            row.append(why or "all markers")
-        rows.append(row)
-    header = ["pose", "clearance_mm", "", "nearest"]
-    return header + ["seen"] * (found.sight is not None), rows
+    """Header and rows: pose, clearance beyond the margin, what is nearest, and what is seen."""
+    header = ["pose"]
+    rows = [[str(i + 1)] for i in range(len(found.q))]
+    if found.cell is not None:
+        header += ["clearance_mm", "", "nearest"]
+        clearance = found.clearance
+        for i, (room, free) in enumerate(zip(clearance.least, clearance.free, strict=True)):
+            pair = " - ".join(clearance.names(i) or ("nothing to look at",))
+            millimetres = f"{room * MM:.1f}" if np.isfinite(room) else ""
+            rows[i] += [millimetres, "free" if free else "touches", pair]
+    if found.seen is not None:
+        header.append("seen")
+        rows = [[*row, found.seen.words(i)] for i, row in enumerate(rows)]
+    return header, rows
 
 
 def way_rows(found: PlanCheck) -> tuple[list[str], list[list[str]]]:
