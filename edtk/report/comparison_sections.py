@@ -357,7 +357,7 @@ def verdict(run: StudyRun) -> str:
     row = best.iloc[-1]
     file = f"plans/{row['plan']}.csv"
     sentences = [*_promise(run, row, file), *_others(run, row), *_in_cell(run, row)]
-    sentences += _on_limits(run, row)
+    sentences += [*_seen(run, row), *_on_limits(run, row)]
     return f"""{" ".join(sentences)}
 {_total(run)}
 Write the sheet for the day in the lab, and read it when it is filled in, as far as it is:
@@ -436,6 +436,17 @@ def _in_cell(run: StudyRun, row: "pd.Series") -> list[str]:
         f"{check.nearest + 1}, {room:.1f} mm beyond the margin. Beside all poses, whether they are "
         f"free or not, the efficiency is {100 * beyond.efficiency:.1f} %."
     ]
+
+
+def _seen(run: StudyRun, row: "pd.Series") -> list[str]:
+    """How many markers are read, and what hides the others in which row."""
+    found = next((case.found for case in run.cases if case.name == row["plan"]), None)
+    seen = None if found is None else found.seen
+    if seen is None:
+        return []
+    hiding = [f"row {i + 1}: {seen.words(i)}" for i, hidden in enumerate(seen.hidden) if hidden]
+    rows = f" Hidden are, by row of the plan: {'; '.join(hiding)}." if hiding else ""
+    return [f"Seen: {seen.headline()}.{rows}"]
 
 
 def _on_limits(run: StudyRun, row: "pd.Series") -> list[str]:

@@ -10,6 +10,7 @@ from criteria import Criterion
 from criteria.linalg.estimable import range_whitener
 from criteria.linalg.inverse import whitener
 from edtk.cell.plan_check import PlanCheck
+from edtk.cell.seen import Seen
 from edtk.design.bound import Bound, BoundedDesign, BoundKind, printed_bounds, printed_form
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
@@ -424,6 +425,12 @@ class ExactPlan(BoundedDesign):
         clear = self.relaxed.space.clear
         return None if clear is None else PlanCheck(clear.cell, self.whole.q)
 
+    @property
+    def seen(self) -> Seen | None:
+        """What is read in the poses as they are `listed`; None where nothing may be hidden."""
+        sight = self.relaxed.space.sight
+        return None if sight is None else Seen(sight, self.listed)
+
     def beside(self, relaxed: RelaxedPlan) -> "ExactPlan":
         """The same plan, with another relaxation of the same question and its bound."""
         return replace(self, relaxed=relaxed)
@@ -579,11 +586,14 @@ class ExactPlan(BoundedDesign):
         return {"told_apart": [separation.to_dict() for separation in self.separations]}
 
     def _rows(self, plan: Plan, kept: bool) -> list[dict[str, Any]]:
-        """The poses of a plan, one dictionary each."""
+        """The poses of a plan, one dictionary each, with what is read where some is hidden."""
         q = in_file_units(self.robot, plan.q)
+        sight = self.relaxed.space.sight
+        seen = None if sight is None else Seen(sight, plan.q)
         return [
             {"q_deg": pose.tolist(), "repeats": int(r), "wrench": W.tolist(), "kept": kept}
-            for pose, r, W in zip(q, plan.repeats, plan.wrench, strict=True)
+            | ({} if seen is None else seen.to_dict(i))
+            for i, (pose, r, W) in enumerate(zip(q, plan.repeats, plan.wrench, strict=True))
         ]
 
     @classmethod

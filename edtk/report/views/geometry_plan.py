@@ -23,6 +23,7 @@ from edtk.report.views.plan import (
     placed,
     reach,
     search_summary,
+    seen,
     shown_faults,
     without_cell,
 )
@@ -55,6 +56,7 @@ def geometry_plan_text(found: GeometryPlan) -> str:
         f"  bound       {factor * found.bound:.6g}{unit}  ({reach(found)})",
         f"  efficiency  {100 * found.efficiency:.2f} %{among(found)}",
         *without_cell(found),
+        *seen(found),
         *placed(found),
         *on_candidates(found),
         *exchanged(found),

@@ -179,6 +179,7 @@ def exact_plan_text(found: ExactPlan) -> str:
         f"  bound       {factor * found.bound:.6g}{unit}  ({reach(found)})",
         f"  efficiency  {100 * found.efficiency:.2f} %{among(found)}",
         *without_cell(found),
+        *seen(found),
         *placed(found),
         *on_candidates(found),
         *exchanged(found),
@@ -216,6 +217,16 @@ def without_cell(found: ExactPlan) -> list[str]:
         f"  clearance   {room:.1f} mm or more {margin}; {first} and {second} in row {i + 1}"
         + ("" if check.free else f": {check.headline()}"),
     ]
+
+
+def seen(found: ExactPlan) -> list[str]:
+    """How many markers are read, and a line for each pose that hides some."""
+    what = found.seen
+    if what is None:
+        return []
+    hiding = [i for i, row in enumerate(what.hidden) if row]
+    rows = [f"              row {i + 1}: {what.words(i)}" for i in hiding]
+    return [f"  seen        {what.headline()}", *rows]
 
 
 def placed(found: ExactPlan) -> list[str]:
@@ -437,7 +448,7 @@ def exact_plan_notebook(found: ExactPlan) -> str:
         f"{factor * number:.6g} {unit}".strip() for number in (found.value, found.bound)
     )
     notes = [f"value {value}, and no plan of as many is better than {bound} ({kind})"]
-    notes += [line.strip() for line in (*placed(found), *on_candidates(found))]
+    notes += [line.strip() for line in (*seen(found), *placed(found), *on_candidates(found))]
     if found.expected is not None:
         notes.append(str(found.expected))
     return notebook_table(found.headline(), ["pose", "", *table.columns], rows, notes)
