@@ -71,8 +71,9 @@ def round_poses(
 ) -> tuple[Array, Array]:
     """Round the poses of a plan to the steps of a controller, and merge those that are then equal.
 
-    Each designed joint is rounded to the nearest step. A pose that would leave the feasible set
-    takes the best feasible one of those nearby instead. Without any it stays as it is.
+    Each designed joint is rounded to the nearest step. A pose that would leave the feasible set, or
+    hide a marker that is read at the edge of what an instrument sees, takes the best feasible one
+    of those nearby instead. Without any it stays as it is.
 
     Args:
         space: Model and feasible set.
@@ -88,9 +89,17 @@ def round_poses(
     x = x.copy()
     exact = x.copy()
     x[:, space.free] = to_steps(space, x)[:, space.free]
-    for i in np.flatnonzero(~space.at(x).feasible).tolist():
+    for i in np.flatnonzero(~space.at(x).feasible | _hides(space, exact, x)).tolist():
         x[i] = _nearby(space, criterion, x, repeats, i, exact[i])
     return _merged(space, x, repeats, within) if merge else (x, repeats)
+
+
+def _hides(space: DesignSpace, exact: Array, x: Array) -> Mask:
+    """Which experiments (k,) hide a marker that is read where they were before."""
+    if space.sight is None:
+        return np.zeros(len(x), dtype=bool)
+    n = len(space.fixed)
+    return np.asarray((space.sight.seen(exact[:, :n]) & ~space.sight.seen(x[:, :n])).any(axis=-1))
 
 
 def _nearby(

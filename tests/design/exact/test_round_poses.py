@@ -6,7 +6,7 @@ from designs import KR270, LOADED, STUDY
 
 from criteria import create
 from edtk.design.candidate_source import sample_feasible
-from edtk.design.exact.round_poses import round_poses
+from edtk.design.exact.round_poses import round_poses, to_steps
 from edtk.design.plan import Plan
 from edtk.measure.pose_table import DIGITS, in_file_units, pose_factors
 from edtk.study.run_study import random_case
@@ -50,6 +50,34 @@ def test_feasible_and_as_good_as_before(name):
     np.testing.assert_array_equal(found[:, rest], x[:, rest])
     costs = CRITERION.cost(space.at(np.array([x, found])).information(np.array([repeats] * 2)))
     assert costs[1] == pytest.approx(costs[0], rel=1e-3)
+
+
+def test_markers_at_the_edge_of_what_is_seen_are_read_as_before():
+    """Rounding to the nearest steps would hide some of them, which cost a row or three each."""
+    marker = {"name": "a", "position_mm": [0, 100, 0], "normal": [0, 1, 0], "acceptance_deg": 60}
+    tracker = {"tracker_position_mm": [4500, 2500, 1200], "along": [10, 0.4], "across": [15, 6]}
+    keys = {
+        "noise": tracker,
+        "measurement": {},
+        "marker": [marker, {"name": "b", "position_mm": [0, 0, 80]}],
+        "sight": {},
+    }
+    space = STUDY.replace(**keys).space
+    x = sample_feasible(space, 300, 5)
+    seen = space.sight.seen(x[:, :6])[:, 0]
+    read, hidden = x[seen][:12], x[~seen][:12]
+    for _ in range(60):
+        middle = (read + hidden) / 2
+        seen = space.sight.seen(middle[:, :6])[:, :1]
+        read, hidden = np.where(seen, middle, read), np.where(seen, hidden, middle)
+    read = read[space.at(read).feasible]
+    nearest = to_steps(space, read)
+    assert not space.sight.seen(nearest[:, :6])[:, 0].all()
+    found, _ = round_poses(space, CRITERION, read, np.ones(len(read)), merge=False)
+    assert space.sight.seen(found[:, :6])[:, 0].all()
+    factors = pose_factors(space.workspace.robot)[space.free]
+    steps = found[:, space.free] / factors
+    np.testing.assert_allclose(steps, np.round(steps, DIGITS), atol=1e-9)
 
 
 def test_poses_that_are_equal_for_a_controller_are_one():
