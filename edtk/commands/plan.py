@@ -106,7 +106,7 @@ class _FaultOption(click.Option):
 @click.option(
     "--place-tracker",
     is_flag=True,
-    help="Choose the tracker's place too, among the study's places or in its box.",
+    help="Choose the tracker's place too, in the study's list or box, and mounts of reflectors.",
 )
 @click.option(
     "--placed-study",

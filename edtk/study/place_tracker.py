@@ -1,8 +1,10 @@
-"""Where the tracker is to stand, chosen together with the poses."""
+"""Where the tracker is to stand and how reflectors are mounted, chosen together with the poses."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from itertools import product
+from math import prod
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,12 +13,15 @@ from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.study.plan_study import Progress, no_progress
 from edtk.study.study import Study
+from edtk.study.study_model import marker_names
 from edtk.system.errors import ArgumentError, UserError
+from edtk.system.fields import Table
 from edtk.system.time_limit import out_of_time, time_left, time_limit
 from edtk.system.typing import Array
 
 KEY = "noise.tracker_position_mm"
 KEY_OF_LIST = "noise.tracker_places_mm"
+KEY_OF_MOUNTS = "marker"
 NO_PLAN = "no place of the box from which the search began has a plan"
 KEY_OF_BOX = "noise.tracker_box_mm"
 CANDIDATES = 1000  # poses whose best weights say how good a place is
@@ -30,37 +35,45 @@ MILLIMETRE = 1e-3  # to which a tracker is placed [m]
 FIRST_STEP = 0.2  # of the box
 SHARE_OF_RANKING = 0.3  # of the time in a box: which of its places promise most
 SHARE_OF_DESCENTS = 0.5  # of the rest: where these lead to
+MOST = 200  # places times mounts, each of which has a plan of its own
 
 
-@dataclass(frozen=True, eq=False)
-class Places:
-    """Where a tracker may stand.
+class Setup(NamedTuple):
+    """Where a tracker stands, and how reflectors are mounted.
 
     Attributes:
-        listed: Places (k, 3) [m].
-        box: Lower and upper corner (2, 3) of a box [m]; None for none.
+        position: The place (3,) [m]; None where there is no tracker.
+        normals: Where each reflector looks (3,) whose mount is chosen, by its marker's name.
     """
 
-    listed: Array
-    box: Array | None
+    position: Array | None
+    normals: Mapping[str, Array]
 
-    @staticmethod
-    def of(study: Study) -> "Places":
-        """The places of a study.
+    def of(self, study: Study) -> Study:
+        """The study that is set up so.
 
         Raises:
-            ArgumentError: It has no tracker, or says no place for it.
+            UserError: No tracker can stand there, or it sees no marker.
         """
-        table = study.specification.noise
-        if table is None or not table.has_tracker:
-            message = "the study has no tracker in [noise], whose errors depend on its place"
-            raise ArgumentError(message, argument="place_tracker", where=study.where)
-        listed = np.array(table.tracker_places_mm or ()).reshape(-1, 3) / 1e3
-        box = table.tracker_box_mm
-        if not len(listed) and box is None:
-            message = "expected places in noise.tracker_places_mm, or a box in noise.tracker_box_mm"
-            raise ArgumentError(message, argument="place_tracker", where=study.where)
-        return Places(listed, None if box is None else np.array(box) / 1e3)
+        keys: dict[str, Any] = {}
+        if self.position is not None:
+            noise = study.specification.noise
+            assert noise is not None
+            position = np.round(1e3 * self.position, 6) + 0.0
+            keys["noise"] = _as_given(noise) | {"tracker_position_mm": position.tolist()}
+        if self.normals:
+            every = zip(study.specification.marker, marker_names(study), strict=True)
+            looks = {name: {"normal": normal.tolist()} for name, normal in self.normals.items()}
+            keys["marker"] = [_as_given(one) | looks.get(name, {}) for one, name in every]
+        return study.replace(**keys)
+
+
+SetUpPlan = tuple[ExactPlan, Setup]
+
+
+def _as_given(table: Table) -> dict[str, Any]:
+    """The keys of a table that a study gives."""
+    return table.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
 
 
 def study_at(study: Study, place: Array) -> Study:
@@ -69,11 +82,60 @@ def study_at(study: Study, place: Array) -> Study:
     Raises:
         UserError: No tracker can stand there.
     """
-    noise = study.specification.noise
-    assert noise is not None
-    given = noise.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
-    position = np.round(1e3 * place, 6) + 0.0
-    return study.replace(noise=given | {"tracker_position_mm": position.tolist()})
+    return Setup(place, {}).of(study)
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where a tracker may stand, and how reflectors may be mounted.
+
+    Attributes:
+        listed: Places [m], each with each mount.
+        mounts: Where reflectors look, by marker: each combination that is listed.
+        box: Lower and upper corner (2, 3) of a box [m]; None for none.
+        key: The key of the study that lists them, for messages.
+    """
+
+    listed: tuple[Setup, ...]
+    mounts: tuple[Mapping[str, Array], ...]
+    box: Array | None
+    key: str = KEY_OF_LIST
+
+    @staticmethod
+    def of(study: Study) -> "Places":
+        """The places and mounts of a study.
+
+        Where it lists mounts alone, the tracker stays where it stands.
+
+        Raises:
+            ArgumentError: It has neither places of a tracker nor mounts, or too many.
+        """
+        names = marker_names(study)
+        tables = zip(names, study.specification.marker, strict=True)
+        listed = {name: one.normals for name, one in tables if one.normals is not None}
+        table = study.specification.noise
+        today = None if table is None else table.tracker_position_mm
+        places = (None if table is None else table.tracker_places_mm) or ()
+        box = None if table is None else table.tracker_box_mm
+        if not (listed or places or box):
+            message = "the study has no tracker in [noise], whose errors depend on its place"
+            if today is not None:
+                message = (
+                    "expected places in noise.tracker_places_mm, a box in noise.tracker_box_mm, or "
+                    "normals of a [[marker]]"
+                )
+            raise ArgumentError(message, argument="place_tracker", where=study.where)
+        stands = places if places or box else (today,)
+        count = prod(map(len, listed.values())) * max(1, len(stands))
+        if count > MOST:
+            message = f"{count} places and mounts together; expected {MOST} at most"
+            raise ArgumentError(message, argument="place_tracker", where=study.where)
+        directions = [map(np.array, one) for one in product(*listed.values())]
+        mounts = tuple(dict(zip(listed, one, strict=True)) for one in directions)
+        positions = [None if one is None else np.array(one) / 1e3 for one in stands]
+        every = tuple(Setup(place, mount) for place in positions for mount in mounts)
+        corners = None if box is None else np.array(box) / 1e3
+        return Places(every, mounts, corners, KEY_OF_LIST if places else KEY_OF_MOUNTS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +148,7 @@ class PlaceSearch:
         relaxed: The best weights of a study on few candidates.
         cost: Cost of weights, or of a plan, in a study.
         progress: Called with a label of what is done.
+        mount: Where reflectors look (3,) while a box is searched, by marker.
     """
 
     study: Study
@@ -93,71 +156,92 @@ class PlaceSearch:
     relaxed: Callable[[Study], RelaxedPlan]
     cost: Callable[[Study, RelaxedPlan | Plan], float]
     progress: Progress = no_progress
+    mount: Mapping[str, Array] = field(default_factory=dict)
 
     def run(self, places: Places) -> ExactPlan:
-        """The best plan, with its place.
+        """The best plan, with its place and mounts.
 
-        Where the time is limited (`time_limit`) each listed place and the box have a share.
+        Where the time is limited (`time_limit`) each listed place with its mounts and the box with
+        each of them have a share.
 
         Raises:
             UserError: A listed place is none, or no place has a plan.
         """
-        best: tuple[ExactPlan, Array] | None = None
-        source = "listed"
+        best: SetUpPlan | None = None
         tried: list[TriedPlace] = []
-        studies = [self._listed(i, place) for i, place in enumerate(places.listed)]
-        for i, (place, study) in enumerate(zip(places.listed, studies, strict=True)):
+        studies = [self._listed(places, i) for i in range(len(places.listed))]
+        searches = 0 if places.box is None else len(places.mounts)
+        for i, (setup, study) in enumerate(zip(places.listed, studies, strict=True)):
             self.progress(f"place {i + 1} of {len(studies)}", i)
-            others = len(studies) - i - (places.box is None)
-            with time_limit(time_left() / (1 + others)):
-                one, found = self._tried(place, study, best)
+            with time_limit(time_left() / (len(studies) - i + searches)):
+                one, found = self._tried(setup, study, best)
             tried.append(one)
             if found is not None and (best is None or found.cost < best[0].cost):
-                best = (found, place)
+                best = (found, setup)
+        listed = None if best is None else best[1]
+        best, looked = self._searched(places, best)
+        if best is None:
+            key, why = (places.key, tried[0].why) if tried else (KEY_OF_BOX, NO_PLAN)
+            raise self.study.error(key, why)
+        found, setup = best
+        source = "listed" if setup is listed else "box"
+        placement = Placement(setup.position, source, tuple(tried), looked, setup.normals)
+        return replace(found, placement=placement)
+
+    def _searched(self, places: Places, best: SetUpPlan | None) -> tuple[SetUpPlan | None, int]:
+        """The best plan in the box or before, and the number of places that were looked at."""
         looked = 0
-        if places.box is not None and not (best is not None and _is_over(best[0])):
+        for i, mount in enumerate(places.mounts):
+            if places.box is None or (best is not None and _is_over(best[0])):
+                break
             try:
-                inside, looked = self._in_box(places.box)
+                with time_limit(time_left() / (len(places.mounts) - i)):
+                    inside, count = replace(self, mount=mount)._in_box(places.box)
             except KeyboardInterrupt:
                 if best is None:
                     raise
-                inside = None
-                best = (replace(best[0], ended="interrupted"), best[1])
+                return (replace(best[0], ended="interrupted"), best[1]), looked
+            looked += count
             if inside is not None and (best is None or inside[0].cost < best[0].cost):
-                best = inside
-                source = "box"
-        if best is None:
-            key, why = (KEY_OF_LIST, tried[0].why) if tried else (KEY_OF_BOX, NO_PLAN)
-            raise self.study.error(key, why)
-        found, place = best
-        return replace(found, placement=Placement(place, source, tuple(tried), looked))
+                best = (inside[0], Setup(inside[1], mount))
+        return best, looked
 
     def _tried(
-        self, place: Array, study: Study | str, best: tuple[ExactPlan, Array] | None
+        self, setup: Setup, study: Study | str, best: SetUpPlan | None
     ) -> tuple[TriedPlace, ExactPlan | None]:
         """What comes of a listed place, and its plan; None without one."""
+        without = TriedPlace(setup.position, None, None, normals=setup.normals)
         if isinstance(study, str):
-            return TriedPlace(place, None, None, study), None
+            return replace(without, why=study), None
         if best is not None and best[0].ended == "interrupted":
-            return TriedPlace(place, None, None, "the search was ended before", True), None
+            return replace(without, why="the search was ended before", left_out=True), None
         try:
             found = self.planned(study)
         except UserError as error:
-            return TriedPlace(place, None, None, error.message), None
-        return TriedPlace(place, found.cost, found.told_bound), found
+            return replace(without, why=error.message), None
+        return replace(without, cost=found.cost, bound=found.told_bound), found
 
-    def _listed(self, i: int, place: Array) -> Study | str:
+    def _listed(self, places: Places, i: int) -> Study | str:
         """The study at a listed place, or why there is no plan: it may see no marker.
 
         Raises:
             UserError: No tracker can stand there; names the place.
         """
         try:
-            return study_at(self.study, place)
+            return places.listed[i].of(self.study)
         except UserError as error:
             if error.key == KEY:
-                raise self.study.error(f"{KEY_OF_LIST}.{i}", error.message) from error
+                number = i // len(places.mounts)
+                raise self.study.error(f"{KEY_OF_LIST}.{number}", error.message) from error
             return error.message
+
+    def _at(self, place: Array) -> Study:
+        """The study whose tracker stands somewhere (3,) [m], with the mounts of this search.
+
+        Raises:
+            UserError: No tracker can stand there, or it sees no marker.
+        """
+        return Setup(place, self.mount).of(self.study)
 
     def _in_box(self, box: Array) -> tuple[tuple[ExactPlan, Array] | None, int]:
         """The best plan in a box with its place, and the number of places that were looked at.
@@ -202,7 +286,7 @@ class PlaceSearch:
     def _weights(self, place: Array) -> RelaxedPlan | None:
         """The best weights at a place; None where no tracker can stand, or nothing is told."""
         try:
-            return self.relaxed(study_at(self.study, place))
+            return self.relaxed(self._at(place))
         except UserError:
             return None
 
@@ -221,7 +305,7 @@ class PlaceSearch:
 
     def _settled(self, place: Array, box: Array) -> tuple[ExactPlan, Array]:
         """The best plan near a place of the box, and its place."""
-        found = self.planned(study_at(self.study, place))
+        found = self.planned(self._at(place))
         try:
             for _ in range(ROUNDS):
                 if _is_over(found):
@@ -229,7 +313,7 @@ class PlaceSearch:
                 there, cost = self._best_place(place, found.whole, box)
                 if not cost < found.cost * (1 - GAIN):
                     break
-                again = self.planned(study_at(self.study, there))
+                again = self.planned(self._at(there))
                 if again.cost >= found.cost:
                     break
                 place, found = there, again
@@ -250,7 +334,7 @@ class PlaceSearch:
             there = place.copy()
             there[moved] = x
             try:
-                return self.cost(study_at(self.study, _to_the_millimetre(there, box)), design)
+                return self.cost(self._at(_to_the_millimetre(there, box)), design)
             except UserError:
                 return np.inf
 

@@ -77,6 +77,11 @@ class MarkerTable(Table):
         description="Where the marker's reflector looks, in the frame in which its position is "
         "given; without it it is seen from all sides [any length]",
     )
+    normals: tuple[Vector3, ...] | None = Field(
+        None,
+        description="Mounts among which `edtk plan --place-tracker` chooses: where the reflector "
+        "may look, in the frame of `normal` [any length]",
+    )
     acceptance_deg: Annotated[Finite, Field(gt=0, le=180)] | None = Field(
         None,
         description="Largest angle between normal and beam at which it is read: 30 of a 1.5-inch "
@@ -89,6 +94,18 @@ class MarkerTable(Table):
         if given is not None and not any(given):
             raise PydanticCustomError("normal", "expected a direction, got zeros")
         return given
+
+    @model_validator(mode="after")
+    def _some_normals(self) -> "MarkerTable":
+        if self.normals is None:
+            return self
+        if self.normal is None:
+            raise PydanticCustomError(
+                "normal", "expected normal too, as normals are given: where the marker looks today"
+            )
+        if not self.normals or not all(map(any, self.normals)):
+            raise PydanticCustomError("normals", "normals: expected directions, got none or zeros")
+        return self
 
 
 class DistanceTable(Table):

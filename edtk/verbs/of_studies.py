@@ -201,7 +201,7 @@ class OfStudy(Question):
 
     def _placed(self, call: PlanCall) -> "ExactPlan":
         """The best plan and place of the tracker; what else is asked is told of that plan."""
-        from edtk.study.place_tracker import Places, study_at
+        from edtk.study.place_tracker import Places, Setup
 
         places = Places.of(self.study)
         require_output(call.placed_study, *self.study.reads, call.out, call.certificate)
@@ -213,13 +213,15 @@ class OfStudy(Question):
             with time_limit(_share_of_plan(call) * time_left()):
                 found = self._place_search(call, pool).run(places)
             left = None if call.budget is None else time_left()
-        assert found.placement is not None
-        there = replace(self, study=study_at(self.study, found.placement.position))
+        placement = found.placement
+        assert placement is not None
+        set_up = Setup(placement.position, placement.normals)
+        there = replace(self, study=set_up.of(self.study))
         rest = replace(call, place_tracker=False, placed_study=None, budget=left)
         whole = there.plan(rest, found)
         if call.placed_study is not None:
             there.study.to_toml(call.placed_study)
-        return replace(whole, placement=found.placement)
+        return replace(whole, placement=placement)
 
     def _place_search(self, call: PlanCall, pool: Workers) -> "PlaceSearch":
         """What a search for a place asks of the study at each."""

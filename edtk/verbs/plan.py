@@ -197,8 +197,9 @@ def plan(
             is against that bound then. It takes its time after the search of a study; Ctrl-C leaves
             the best bound so far.
         place_tracker: Whether the place of the tracker is chosen together with the poses, among
-            those that the study's [noise] lists or in its box; `.placement` tells it. The bound of
-            the plan is about its place; that over the listed places is the best of theirs.
+            those that the study's [noise] lists or in its box, and where reflectors look, among the
+            normals of each marker; `.placement` tells it. The bound of the plan is about its place
+            and mounts; that over the listed ones is the best of theirs.
         placed_study: File to write the study with that place to (TOML), from which `edtk.template`
             and `edtk.identify` go on.
 

@@ -77,6 +77,60 @@ def test_the_best_listed_place_has_the_best_plan(kind: str, tmp_path: Path) -> N
     assert "the best of 2 listed places" in found.summary()
 
 
+UP, AHEAD = [0, 0, 1], [2, 0, 0]
+FRONT = {"name": "a", "position_mm": [50, 0, 0], "normal": AHEAD, "acceptance_deg": 50}
+SIDE = {"name": "b", "position_mm": [0, 50, 0]}
+MOUNTED = {"marker": [FRONT | {"normals": [UP, AHEAD]}, SIDE]}
+
+
+@pytest.mark.cell("mounts of reflectors in `plan --place-tracker`")
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_best_listed_mount_has_the_best_plan(kind: str, tmp_path: Path) -> None:
+    """So it is with normals of markers, each of them at each listed place."""
+    places = PLACES if kind == "springs" else PLACES[:1]
+    few = noise(tracker_places_mm=places)
+    study, size = STUDIES[kind].replace(**MOUNTED, noise=few), SIZES[kind]
+    path = tmp_path / "placed.toml"
+    found = edtk.plan(study, size, "D", place_tracker=True, placed_study=path, workers=1)
+    placement = found.placement
+    assert placement is not None
+    setups = [(place, looks) for place in places for looks in (UP, AHEAD)]
+    costs = []
+    for one, (place, looks) in zip(placement.tried, setups, strict=True):
+        alone = study.replace(
+            marker=[FRONT | {"normal": looks}, SIDE], noise=noise(tracker_position_mm=place)
+        )
+        plan = edtk.plan(alone, size, "D", workers=1)
+        assert (one.cost, one.bound) == (plan.cost, plan.told_bound)
+        costs.append(plan.cost)
+    assert len(set(costs)) == len(setups)
+    assert found.cost == min(costs)
+    place, looks = setups[int(np.argmin(costs))]
+    assert placement.position is not None
+    assert (1e3 * placement.position).tolist() == place
+    assert placement.normals["a"].tolist() == looks
+    assert placement.bound is not None
+    assert placement.bound.cost == min(one.bound.cost for one in placement.tried if one.bound)
+    written = edtk.load_study(path)
+    assert list(written.specification.marker[0].normal or ()) == looks
+    assert edtk.evaluate(written, found.whole).criteria["D"] == pytest.approx(found.value)
+    assert found.to_dict()["tracker"]["normals"] == {"a": looks}
+    assert f"the best of {len(setups)} listed setups" in found.summary()
+
+
+def test_mounts_alone_are_chosen_before_a_camera() -> None:
+    """Where no tracker has a place, reflectors are mounted for what cameras see."""
+    camera = {"position_mm": PLACES[0]}
+    white = {"noise": None, "measurement": {"sigma_mm": 0.1}}
+    watched = SPRINGS.replace(**white, **MOUNTED, sight={"camera": [camera]})
+    found = edtk.plan(watched, 3, "D", place_tracker=True, workers=1)
+    assert found.placement is not None
+    assert found.placement.position is None
+    assert [one.position for one in found.placement.tried] == [None, None]
+    assert found.cost == min(one.cost for one in found.placement.tried if one.cost)
+    assert "mounts      a looks to" in found.summary()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_place_in_a_box_beats_random_ones(kind: str) -> None:
@@ -207,6 +261,28 @@ def test_bad_places_are_one_line(keys: dict[str, Any], said: str) -> None:
     """Empty lists, boxes inside out and places within the arm's reach are refused by their key."""
     with pytest.raises(UserError, match=said):
         edtk.plan(SPRINGS.replace(noise=noise(**keys)), 3, place_tracker=True, workers=1)
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ({"normals": []}, r"marker\.0: normals: expected directions, got none or zeros"),
+        ({"normals": [UP, [0, 0, 0]]}, r"marker\.0: normals: expected directions, got none or"),
+        ({"normals": [[0, 1]]}, r"marker\.0\.normals"),
+        ({"normal": None, "acceptance_deg": None}, r"marker\.0: expected normal too"),
+        ({"normals": [UP] * 101}, "202 places and mounts together; expected 200 at most"),
+    ],
+)
+def test_bad_mounts_are_one_line(keys: dict[str, Any], said: str) -> None:
+    """No mount, one that looks nowhere, one without today's, and too many."""
+    marker = [FRONT | {"normals": [UP]} | keys, SIDE]
+
+    def asked() -> None:
+        edtk.plan(SPRINGS.replace(marker=marker), 3, place_tracker=True, workers=1)
+
+    with pytest.raises(UserError, match=said) as error:
+        asked()
+    assert "\n" not in str(error.value)
 
 
 def test_what_cannot_be_asked_is_refused(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """A plan of whole experiments with its value, its bound, and the sizes that it may have."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -221,21 +221,23 @@ class Compromise:
 
 @dataclass(frozen=True, eq=False)
 class TriedPlace:
-    """A listed place of the tracker.
+    """A listed place of the tracker, with mounts of the reflectors where these are listed.
 
     Attributes:
-        position: The place (3,), in the world frame [m].
+        position: The place (3,), in the world frame [m]; None where there is no tracker.
         cost: Cost of the best plan there; None without one.
         bound: No plan there costs less; None without a plan.
         why: Why there is none; empty where there is one.
         left_out: Whether the search was ended before it came there.
+        normals: Where each reflector looks (3,) whose mount is chosen, by its marker's name.
     """
 
-    position: Array
+    position: Array | None
     cost: float | None
     bound: Bound | None
     why: str = ""
     left_out: bool = False
+    normals: Mapping[str, Array] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON [m]."""
@@ -243,7 +245,7 @@ class TriedPlace:
         if self.bound is not None and self.cost is not None:
             value = printed_form(self.cost, self.bound.sense)
         return {
-            "position": self.position.tolist(),
+            **_set_up(self),
             "value": value,
             "bound": _shown_bound(self.bound),
             **({"why": self.why} if self.why else {}),
@@ -252,19 +254,21 @@ class TriedPlace:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Where the tracker is to stand, chosen together with the poses.
+    """Where the tracker is to stand and reflectors are to look, chosen together with the poses.
 
     Attributes:
-        position: The place (3,), in the world frame [m].
+        position: The place (3,), in the world frame [m]; None where there is no tracker.
         source: "listed", or "box" where it was searched.
-        tried: The listed places.
+        tried: The listed places, each with each of the listed mounts.
         looked: Places of the box from which the search began; zero without a box.
+        normals: Where each reflector looks (3,) whose mount is chosen, by its marker's name.
     """
 
-    position: Array
+    position: Array | None
     source: str
     tried: tuple[TriedPlace, ...]
     looked: int
+    normals: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def bound(self) -> Bound | None:
@@ -281,11 +285,18 @@ class Placement:
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON [m]."""
         return {
-            "position": self.position.tolist(),
+            **_set_up(self),
             "source": self.source,
             "bound_over_places": _shown_bound(self.bound),
             "places": [one.to_dict() for one in self.tried],
         }
+
+
+def _set_up(one: TriedPlace | Placement) -> dict[str, Any]:
+    """Place and mounts for JSON."""
+    place = None if one.position is None else one.position.tolist()
+    normals = {name: normal.tolist() for name, normal in one.normals.items()}
+    return {"position": place, **({"normals": normals} if normals else {})}
 
 
 def _shown_bound(bound: Bound | None) -> float | None:
@@ -368,8 +379,8 @@ class ExactPlan(BoundedDesign):
         on_candidates: What is proved about all plans on candidates; None where nobody asked.
         timetable: When the new experiments are made, see `edtk.calibration.timetable`; None where
             the study says neither how long things take nor what stands around the robot.
-        placement: Where the tracker stands, chosen together with the poses; None where nobody
-            asked.
+        placement: Where the tracker stands and reflectors look, chosen together with the poses;
+            None where nobody asked.
     """
 
     relaxed: RelaxedPlan

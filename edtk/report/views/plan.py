@@ -10,7 +10,7 @@ from edtk.cell.plan_check import MM
 from edtk.design.bound import BoundKind, printed_form
 from edtk.design.detection import ENOUGH, Detection, Separation
 from edtk.design.exact.day import DayPlan
-from edtk.design.exact.exact_plan import ExactPlan
+from edtk.design.exact.exact_plan import ExactPlan, Placement, TriedPlace
 from edtk.design.plan import Plan
 from edtk.measure.pose_table import (
     in_file_units,
@@ -197,7 +197,7 @@ def exact_plan_text(found: ExactPlan) -> str:
 def without_cell(found: ExactPlan) -> list[str]:
     """The bound over all poses, free or not, and how free the plan is; nothing without a cell."""
     check = found.in_cell
-    if check is None:
+    if check is None or check.cell is None:
         return []
     beyond = found.certified
     factor, unit = found.relaxed.criterion.shown
@@ -230,14 +230,15 @@ def seen(found: ExactPlan) -> list[str]:
 
 
 def placed(found: ExactPlan) -> list[str]:
-    """Where the tracker is to stand, and what the other places would bring."""
+    """Where tracker and reflectors are to be, and what the other listed places would bring."""
     one = found.placement
     if one is None:
         return []
     factor, unit = found.relaxed.criterion.shown
-    place = f"  tracker     at {_millimetres(one.position)} mm"
+    place = f"  {'mounts' if one.position is None else 'tracker':10}  {_set_up(one)}"
     number = len(one.tried)
-    listed = f"{number} listed place{'s' * (number > 1)}"
+    kind = "setup" if one.normals else "place"
+    listed = f"{number} listed {kind}{'s' * (number > 1)}"
     if one.source == "box":
         beside = f", better than {listed}" if one.tried else ""
         lines = [
@@ -251,16 +252,23 @@ def placed(found: ExactPlan) -> list[str]:
         bound = f"{factor * one.bound.value:.6g} {unit}".rstrip()
         share = 100 * one.bound.efficiency(found.cost)
         lines += [
-            f"              {bound} bounds plans at any listed place: the best of the bounds of "
+            f"              {bound} bounds plans at any listed {kind}: the best of the bounds of "
             "each",
             f"              {share:.2f} % efficiency among plans at all of them",
         ]
     return [*lines, *_listed_places(found)]
 
 
-def _millimetres(position: Array) -> str:
-    """A place as people write it."""
-    return ", ".join(f"{x:.6g}" for x in np.round(1e3 * position, 3) + 0.0)
+def _set_up(one: Placement | TriedPlace) -> str:
+    """Place and mounts as people write them."""
+    looks = [f"{name} looks to {_numbers(normal)}" for name, normal in one.normals.items()]
+    place = [] if one.position is None else [f"at {_numbers(1e3 * one.position)} mm"]
+    return "; ".join([*place, *looks])
+
+
+def _numbers(vector: Array) -> str:
+    """A vector as people write it."""
+    return ", ".join(f"{x:.6g}" for x in np.round(vector, 3) + 0.0)
 
 
 def _listed_places(found: ExactPlan) -> list[str]:
@@ -269,7 +277,7 @@ def _listed_places(found: ExactPlan) -> list[str]:
     factor, unit = found.relaxed.criterion.shown
     lines = []
     for one in found.placement.tried:
-        where = f"              at {_millimetres(one.position)} mm"
+        where = f"              {_set_up(one)}"
         if one.bound is None or one.cost is None:
             lines.append(f"{where}: no plan, {one.why}")
             continue
