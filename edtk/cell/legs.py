@@ -26,12 +26,13 @@ their speed ``max_e |p_e'|`` prove.
 
 from dataclasses import dataclass
 from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from edtk.cell.cell import Cell, Near, Placed, Solids
-from edtk.robots.frames import Frames
+from edtk.robots.frames import Frames, cross
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array, Indices, Mask
 
@@ -156,15 +157,17 @@ class _Motion:
         slides = frames.prismatic[:, None, None]
         moving = x * frames.axes
         turns = np.where(slides, 0.0, moving)
-        moves = np.where(slides, moving, np.cross(frames.origins, turns, axis=1))
+        moves = np.where(slides, moving, cross(frames.origins, turns))
         # The world does not move: it comes first, so that the joint -1 is at 0.
-        w, u = (np.cumsum(np.pad(one, ((1, 0), (0, 0), (0, 0))), axis=0) for one in (turns, moves))
+        w, u = np.zeros((2, 1 + len(turns), *turns.shape[1:]))
+        np.cumsum(turns, axis=0, out=w[1:])
+        np.cumsum(moves, axis=0, out=u[1:])
         turn = (w[self.own + 1] - w[self.seen_from + 1]).swapaxes(0, 1)
         move = (u[self.own + 1] - u[self.seen_from + 1]).swapaxes(0, 1)
         at = ends[:, :, self.capsule]
         for k in np.flatnonzero(self._hangs):
             at[:, :, k] = self.solids.anchor(frames, int(self.capsule[k]))
-        return np.asarray(move + np.cross(turn, at, axisa=0, axisb=1, axisc=1))
+        return move + cross(turn[None], at)
 
     @cached_property
     def _hangs(self) -> Mask:
@@ -216,12 +219,16 @@ class _Motion:
         return np.asarray(terms.sum(axis=-1).T)
 
 
+# Motions of cells that are in use: people and planners ask for one leg after another.
+_motions: WeakKeyDictionary[Cell, _Motion] = WeakKeyDictionary()
+
+
 class _Proof:
     """The proof of some legs on its way: intervals that are left, and the least gaps so far."""
 
     def __init__(self, cell: Cell, a: Array, b: Array) -> None:
         self.cell = cell
-        self.motion = _Motion.of(cell)
+        self.motion = _motions.get(cell) or _motions.setdefault(cell, _Motion.of(cell))
         self.a = a
         self.way = b - a
         ties = cell.robot.ties
