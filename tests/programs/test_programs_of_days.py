@@ -4,10 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from program_readers import READERS
 
 import edtk
 from edtk.cell.robot_bodies import merged
 from edtk.cell.shapes import Body, Capsule
+from edtk.programs import writer
 
 STUDY = Path(__file__).parents[2] / "studies" / "kr270_cell.toml"
 HOME = [0, -90, 90, 0, 0, 0]
@@ -73,3 +75,27 @@ def test_a_weight_that_hangs_and_a_part_that_turns_are_not_one_body():
         with pytest.raises(ValueError, match="hangs"):
             merged(both)
     assert merged(bodies[1:] * 2)[0].hangs_at is not None
+
+
+@pytest.mark.parametrize("brand", ["krl", "rapid", "urscript", "fanuc_ls"])
+def test_programs_of_plans_are_read_back_to_the_digit_of_the_sheet(brand):
+    """A degree's three decimals come back from radians, too, whose eighth is the last."""
+    study = edtk.load_study(STUDY.with_name("kr270_milling.toml"))
+    rng = np.random.default_rng(0)
+    for _ in range(8):
+        q = rng.uniform(*study.robot.limits, size=(6, 6))
+        q[:, 0] = 0.0
+        wrench = np.tile([0, 0, -2500.0, 0, 0, 0], (6, 1))
+        plan = edtk.Plan(q, wrench, rng.integers(1, 4, 6))
+        sheet = edtk.template(study, plan)[[f"q{i}_deg" for i in range(1, 7)]].to_numpy()
+        program = edtk.program(study, plan, brand).program
+        _, steps = READERS[brand](dict(writer.get(brand).files(program)))
+        rows = [step[1:] for step in steps if step[0] == "rows"]
+        moves = [list(step[1].values()) for step in steps if step[0] == "move"]
+        assert sorted(i for a, b in rows for i in range(a, b + 1)) == list(range(1, len(sheet) + 1))
+        for (first, last), values in zip(rows, moves, strict=True):
+            own = sheet[first - 1 : last]
+            np.testing.assert_array_equal(
+                np.round(own, 3), np.tile(np.round(values, 3), (len(own), 1))
+            )
+            assert np.abs(own - values).max() <= np.rad2deg(0.5e-8) * (1 + 1e-6)
