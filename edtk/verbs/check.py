@@ -32,8 +32,7 @@ def check(study: StudyLike, plan: PlanLike) -> "PlanCheck":
         UserError: A file is not valid, or the study has neither.
     """
     from edtk.calibration.timetable import day_of
-    from edtk.cell.plan_check import PlanCheck
-    from edtk.cell.seen import Seen
+    from edtk.cell.plan_check import PlanCheck, Seen
 
     asked = as_study(study)
     if asked.cell is None and asked.sight is None:

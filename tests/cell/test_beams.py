@@ -10,8 +10,7 @@ import pytest
 from edtk import Study
 from edtk.cell.beams import Beams
 from edtk.cell.cell import _Standing
-from edtk.cell.plan_check import PlanCheck
-from edtk.cell.seen import Seen
+from edtk.cell.plan_check import PlanCheck, Seen
 from edtk.cell.shapes import Box, Cylinder
 from edtk.cell.sight import AllSeen, Sight
 from edtk.certificate.certificate import setting_to_dict

@@ -9,8 +9,7 @@ import numpy as np
 from criteria import Criterion
 from criteria.linalg.estimable import range_whitener
 from criteria.linalg.inverse import whitener
-from edtk.cell.plan_check import PlanCheck
-from edtk.cell.seen import Seen
+from edtk.cell.plan_check import PlanCheck, Seen
 from edtk.design.bound import Bound, BoundedDesign, BoundKind, printed_bounds, printed_form
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
