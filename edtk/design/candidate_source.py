@@ -19,6 +19,7 @@ from edtk.system.typing import Array, Indices
 # with fewer free ones, thousands of candidates would take hours.
 NONE_FREE = 4096
 FEW = 200  # poses that tell which bodies are in the way
+IN_ANY_TIME = 10_000  # candidates that are drawn whatever the time: they take a moment
 CHUNK = 16384  # samples that a thread evaluates at once: their arrays fit into a core's cache
 
 
@@ -132,7 +133,7 @@ class CandidateSource:
         Args:
             n: Number of candidates.
             in_time: Whether those that are drawn when the time is over (`time_limit`) are enough,
-                which are some at least.
+                if they are `IN_ANY_TIME` at least.
 
         Raises:
             EmptyFeasibleSetError: No feasible pose turns up; names the constraint.
@@ -150,7 +151,7 @@ class CandidateSource:
                 x[start:end] = chunk.x
                 told[..., start:end] = chunk.told
                 start = end
-                if in_time and out_of_time():
+                if in_time and start >= IN_ANY_TIME and out_of_time():
                     break
         return Candidates(x[:start], self.space.problem_of(told[..., :start]))
 
