@@ -341,3 +341,34 @@ def test_boxes_that_an_early_end_leaves_open_are_certified(
     verdict = edtk.verify(path)
     assert "bound_proved" in {claim.claim for claim in verdict.claims}
     assert verdict.valid
+
+
+def test_entries_of_an_indefinite_multiplier_are_bounded_in_units_of_each_parameter() -> None:
+    """``|Z_ab| <= s_a s_b`` with s from Z+ and Z-; of a diagonal one s are the roots of its sizes.
+
+    With the norm of Z for all parameters, roundings of large columns of little weight would count
+    as those of the others: a hundred thousand times more here.
+    """
+    rng = np.random.default_rng(4)
+    units = np.array([1e-5, 1.0, 1e-2, 3.0])
+    R = rng.normal(size=(20, 4, 4))
+    Z = units[:, None] * (R + np.swapaxes(R, 1, 2)) * units
+    scale = Multipliers.of(Z, True).scale
+    read = Multipliers.of(Z, True).Z
+    assert (np.abs(read) <= scale[:, :, None] * scale[:, None] * (1 + 1e-14)).all()
+    sizes = np.array([0.5, -1e-10, 1e-6, -0.25])
+    of_diagonal = Multipliers.of(np.diag(sizes)[None], True).scale[0]
+    assert np.allclose(of_diagonal, np.sqrt(np.abs(sizes)), rtol=1e-4, atol=0)
+
+
+def test_bounds_by_indefinite_multipliers_are_confirmed(tmp_path: Path) -> None:
+    """A true bound holds; one that is better by a millionth does not, whatever its limits say."""
+    path = tmp_path / "proof.json"
+    edtk.relax(Study(**THREE), "O4", prove=0.3, certificate=path)
+    content = json.loads(path.read_text(encoding="utf-8"))
+    assert not failure(content)
+    content["claims"]["bound_proved"] *= 1 - 1e-6
+    assert failure(content) == "the recomputed number differs"
+    for one in content["proof"]["continuum"]["coverings"]:
+        one["limit"] *= 1 - 4e-6
+    assert "boxes are open" in failure(content)

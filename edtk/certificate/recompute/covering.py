@@ -38,8 +38,8 @@ OF_ENTRY = 200.0  # roundings of an entry of a matrix of `basis_on`, from above
 AT_ONCE = 1 << 20  # coefficients
 PER_LEAF = 120.0  # time to check a box of five joints [us]
 PER_POLYNOMIAL = 1e6
-# By how much a stated limit is lifted before boxes are held to it; the bound falls by as much. Two
-# ways of rounding need room between them.
+# By how much a stated limit is lifted before boxes are held to it, besides the rounding that is
+# counted here; the bound falls by as much. Two ways of rounding need room between them.
 LIFTED = 1e-9
 
 BOUNDED = "."
@@ -359,7 +359,7 @@ def largest_sensitivities(
         about = Polynomials.of(setting, Z, prior, loads[load], per_trace)
         seen = about.seen(covering.joints, covering.motions)
         limit = covering.limit * size[j]
-        limit += LIFTED * abs(limit) + 2 * seen.blur(limit)
+        limit += LIFTED * abs(limit) + seen.blur(limit)
         # Per trace no sensitivity is above the largest eigenvalue, whatever boxes say.
         z = np.linalg.eigvalsh(Z.Z[0])
         if per_trace and z[-1] + 8 * len(z) * U * np.abs(z).max() <= limit:

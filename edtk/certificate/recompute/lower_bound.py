@@ -78,11 +78,20 @@ class Multipliers:
 
     @cached_property
     def scale(self) -> Array:
-        """Numbers (r, p) so large that ``|Z_ab|`` is at most ``s_a s_b``."""
+        """Numbers (r, p) so large that ``|Z_ab|`` is at most ``s_a s_b``.
+
+        They are roots of the diagonal of ``|Z| = Z+ + Z-``, as ``|Z_ab|`` is at most
+        ``|Z+_ab| + |Z-_ab|``, and Cauchy and Schwarz bound each of both, and then their sum. A
+        semidefinite one is its own ``|Z|``.
+        """
+        diagonal = np.diagonal(self.Z, axis1=1, axis2=2)
         if self.indefinite:
-            norm = np.abs(np.linalg.eigvalsh(self.Z)).max(axis=1)
-            return np.asarray(np.sqrt(norm)[:, None] * np.ones(self.Z.shape[-1]))
-        return np.asarray(np.sqrt(np.maximum(np.diagonal(self.Z, axis1=1, axis2=2), 0.0)))
+            values, V = np.linalg.eigh(self.Z)
+            size = np.abs(values)
+            diagonal = np.einsum("rak,rk->ra", V**2, size)
+            # The decomposition rounds like this, in the norm of the whole.
+            diagonal = diagonal + 4 * len(V[0]) * EPS * size.max(axis=1, keepdims=True)
+        return np.asarray(np.sqrt(np.maximum(diagonal, 0.0)))
 
     @cached_property
     def _lowest(self) -> Array:
