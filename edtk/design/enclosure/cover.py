@@ -52,6 +52,9 @@ SINGLE = np.float32
 UNIT = float(np.finfo(SINGLE).eps) / 2
 EIGHT = 8 * UNIT  # roundings
 PART_OF_GAP = 0.25  # rounding of a tensor, in parts of the gap, from which on it is made anew
+# Error of the polynomials, in parts of the gap, up to which boxes are halved until what is left of
+# the gap closes them: a quarter of it, which takes four times as many boxes for each two joints.
+FINE = 0.75
 FRESH = 4  # an error of so many times the least one is not made smaller by making a tensor anew
 SMALL = 1e-3  # part of the largest denominator
 STEP = 2  # places of a tensor that are left out where an axis is chosen
@@ -206,8 +209,13 @@ class _Stage:
             values = along(E[depth[:, j]].astype(values.dtype), values, j)
         return values
 
-    def close(self, chunk: _Chunk, shift: float) -> tuple[Leaves, Mask, Array]:
+    def close(self, chunk: _Chunk, shift: float, gap: float) -> tuple[Leaves, Mask, Array]:
         """What is known of open boxes at ``level + shift``, and which of them are closed.
+
+        Args:
+            chunk: The boxes.
+            shift: By how much the largest known value has risen since the level was set.
+            gap: How far the level is above that value.
 
         Returns:
             What is known, whether each is closed, and the coefficients (b, ...) with penalties.
@@ -232,8 +240,10 @@ class _Stage:
             penalties[some] = penalised.penalties
             values[some] = penalised.values
             reason[some[penalised.top <= shift]] = Reason.PENALISED
-        # Where errors of the polynomials alone keep a box open, no halving will close it.
+        # Where errors of the polynomials alone keep a box open, and are not small beside the gap, no
+        # halving will close it.
         hidden = (top - chunk.error <= shift) & (chunk.error <= FRESH * self.least_error)
+        hidden &= self.least_error > FINE * gap
         hidden |= (chunk.boxes.depth >= DEEPEST - 1).any(axis=1)
         hidden &= reason == Reason.OPEN
         reason[hidden] = np.where(penalties[hidden].any(axis=1), Reason.PENALISED, Reason.BELOW)
@@ -530,7 +540,7 @@ class _Search:
                 shift = max(0.0, self.lower + above * self.unit - stage.level) * max(
                     stage.least, 0.0
                 )
-                known, is_closed, values = stage.close(item, shift)
+                known, is_closed, values = stage.close(item, shift, gap)
                 self.boxes += len(item)
                 rest = np.flatnonzero(~is_closed)
                 parts: list[_Chunk | Leaves] = []

@@ -80,6 +80,16 @@ def test_no_place_is_above_the_bound_and_one_is_near(seed: int) -> None:
     assert cuts(found.leaves[0].boxes, found.grid)
 
 
+@pytest.mark.parametrize("part", [0.0, 0.4, 0.7])
+def test_errors_below_the_tolerance_leave_it_reached(rng: np.random.Generator, part: float) -> None:
+    """What polynomials may be off is part of the bound; boxes take no more than the rest."""
+    tolerance = 1e-7
+    exact = drawn(rng)
+    unit = cover(enclosed(exact), 1e-2).lower
+    found = cover(enclosed(replace(exact, error=part * tolerance * unit)), tolerance)
+    assert part * tolerance < found.upper / found.lower - 1 <= tolerance * (1 + 1e-6)
+
+
 def test_the_leaves_hold_for_the_reasons_that_they_name(rng: np.random.Generator) -> None:
     """In each leaf drawn places are below its bound, infeasible, or below with its penalties."""
     slack = drawn(rng, (1, 1, 1))

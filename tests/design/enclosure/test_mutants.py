@@ -113,11 +113,11 @@ def laws_of_covering(cover: ModuleType) -> None:
     half = stage.halved(chunk, 0)
     assert (half.error >= np.tile(chunk.error + chunk.rounding, 2)).all()
     x = grid.middles(boxes) + grid.halves(boxes) * rng.uniform(-1, 1, (len(boxes), 2))
-    leaves, _, _ = stage.close(chunk, 0.5 * float(chunk.values.max()))
+    leaves, _, _ = stage.close(chunk, 0.5 * float(chunk.values.max()), 0.0)
     below = leaves.reason != boxes_module.Reason.INFEASIBLE
     top = f(x) + leaves.penalties[:, 0] * slack(x)
     assert (top[below] + 0.125 <= leaves.bound[below]).all()
-    everywhere, _, _ = stage.close(chunk, np.inf)
+    everywhere, _, _ = stage.close(chunk, np.inf, 0.0)
     assert (everywhere.bound >= chunk.values.max(axis=(1, 2)) + 0.125).all()
     # The margin of a factor: a slack that is rounded once, three terms that are rounded thrice.
     # One coefficient is far below the others, so that it alone sets the margin.
