@@ -5,12 +5,14 @@ from typing import Any
 import numpy as np
 
 from edtk.certificate.recompute.covering import BOUNDED, COMBINED
+from edtk.certificate.recompute.pose_polynomials import COUPLED
 from edtk.design.enclosure.boxes import Covering, Grid, Leaves, Reason, coefficients
 from edtk.design.enclosure.polynomial import Polynomial
 from edtk.design.enclosure.space_polynomials import SpacePolynomials
-from edtk.design.enclosure.symmetry import Halving
+from edtk.design.enclosure.symmetry import TURN, Halving
 from edtk.robots.constraints.constraint import Constraint
 from edtk.robots.constraints.height import Height
+from edtk.robots.constraints.joint_limits import CoupledLimits
 from edtk.robots.constraints.radius import Radius
 from edtk.robots.constraints.tilt import Tilt
 from edtk.system.typing import Array, Indices
@@ -89,6 +91,9 @@ def _letters(robot: SpacePolynomials) -> str:
     """
     found = ""
     for constraint in robot.space.workspace.beside_limits:
+        if isinstance(constraint, CoupledLimits):
+            found += _letters_of_coupled(constraint)
+            continue
         letters = LETTERS.get(type(constraint))
         if letters is None:
             name = ", ".join(constraint.labels(robot.space.workspace.robot))
@@ -97,6 +102,21 @@ def _letters(robot: SpacePolynomials) -> str:
             raise ValueError("a tilt of 90 deg or more is no constraint; leave it out")
         found += letters
     return found
+
+
+def _letters_of_coupled(constraint: CoupledLimits) -> str:
+    """A letter for each joint whose own limits are less than a turn apart.
+
+    Raises:
+        ValueError: There are more of them than letters, or none, whose slack has no letter.
+    """
+    count = int((np.ptp(constraint.bounds.limits, axis=0) < TURN).sum())
+    if not 0 < count <= len(COUPLED):
+        raise ValueError(
+            f"a certificate of all poses has words for 1 to {len(COUPLED)} limits of coupled "
+            f"joints; got {count}"
+        )
+    return COUPLED[:count]
 
 
 def _reasons(leaves: Leaves, covering: Covering, slacks: str) -> list[str]:

@@ -159,6 +159,28 @@ def test_positions_tell_the_springs_and_a_long_link_alike():
     assert np.linalg.norm(there - point(GOAL, IN_USE)) < 3e-5
 
 
+def test_a_bound_over_every_pose_is_confirmed_where_joints_are_coupled(tmp_path):
+    """Boxes are closed again, with the limit of the coupled joint; a better bound is refused."""
+    path = tmp_path / "proof.json"
+    edtk.relax(STUDY, "rho0", prove=1e-2, certificate=path)
+    content = json.loads(path.read_text(encoding="utf-8"))
+    proof = content["proof"]["continuum"]["coverings"]
+
+    def checked():
+        path.write_text(json.dumps(content), encoding="utf-8")
+        return {one.claim: one for one in edtk.verify(path).claims}["bound_proved"]
+
+    assert checked().holds
+    content["claims"]["bound_proved"] *= 1 + 1e-6
+    assert checked().reason == "the recomputed number differs"
+    place = proof[0]["slacks"].index("A")
+    used = [one for one in proof if any(mu[place] > 0 for mu in one["factors"])]
+    for one in used:
+        one["factors"] = [[*mu[:place], 0.0, *mu[place + 1 :]] for mu in one["factors"]]
+    assert used
+    assert "boxes are open" in checked().reason
+
+
 def test_a_study_couples_the_joints_of_a_robot_file(tmp_path):
     """`[robot] file` with couplings is the file with them, and is written so again."""
     robot = Path(edtk.__file__).parent / "robots/builtin/palletiser.toml"

@@ -8,7 +8,7 @@ from arm import KEYS, ROBOT
 
 import edtk
 from edtk.study.study import Study
-from edtk.system.errors import UserError
+from edtk.system.errors import Note, UserError
 
 # The fork of the wrist follows the shoulder backwards: a parallelogram keeps it level.
 FORK = {
@@ -50,6 +50,31 @@ def test_a_plan_is_verified_by_the_second_implementation(tmp_path, marked):
     content["setting"]["robot"]["joints"][1]["follows"]["factor"] = -0.9
     path.write_text(json.dumps(content))
     assert not edtk.verify(path).valid
+
+
+@pytest.mark.parametrize("factor", [-1.0, 2.0])
+def test_a_bound_over_every_pose_is_verified_where_a_joint_follows(tmp_path, factor):
+    """A joint that turns twice counts twice; the boxes of one arm are not those of another."""
+    fork = FORK | {"mimic": FORK["mimic"] | {"factor": factor}}
+    study = tied(robot=ROBOT | {"joints": [JOINTS[0], fork, JOINTS[2]]})
+    path = tmp_path / "certificate.json"
+    edtk.relax(study, "D", prove=1e-2, certificate=path)
+    assert "bound_proved" in {one.claim for one in edtk.verify(path).claims}
+    assert edtk.verify(path).valid
+    content = json.loads(path.read_text())
+    content["setting"]["robot"]["joints"][1]["follows"]["factor"] = -factor
+    path.write_text(json.dumps(content))
+    assert "bound_proved" in edtk.verify(path).failed
+
+
+def test_boxes_are_not_checked_where_a_joint_follows_by_half_turns(tmp_path):
+    """The certificate has no bound over all poses then, and says why."""
+    fork = FORK | {"mimic": FORK["mimic"] | {"factor": 0.5}}
+    study = tied(robot=ROBOT | {"joints": [JOINTS[0], fork, JOINTS[2]]})
+    path = tmp_path / "certificate.json"
+    with pytest.warns(Note, match="by another ratio than one of whole turns"):
+        edtk.relax(study, "D", prove=1e-2, certificate=path)
+    assert "bound_proved" not in {one.claim for one in edtk.verify(path).claims}
 
 
 def test_compliances_come_back_from_a_filled_sheet(tmp_path):

@@ -17,6 +17,7 @@ from edtk.certificate.recompute.candidates import require
 from edtk.certificate.recompute.lower_bound import Multipliers
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table, whole
 from edtk.certificate.recompute.pose_polynomials import (
+    COUPLED,
     SAME,
     TURN,
     Domain,
@@ -44,7 +45,7 @@ LIFTED = 1e-9
 
 BOUNDED = "."
 COMBINED = "+"
-SLACKS = "hrud"  # height, radius, tilt up and down
+SLACKS = "hrud" + COUPLED  # height, radius, tilt up and down, and those of coupled joints
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,20 +9,25 @@ from typing import Any
 
 import numpy as np
 
+from edtk.certificate.recompute.chain import Chain
 from edtk.certificate.recompute.compensator import Pull
 from edtk.certificate.recompute.lower_bound import EPS, Multipliers
 from edtk.certificate.recompute.physics import GRAVITY
 from edtk.certificate.recompute.plain_data import number, rows, table, whole
 from edtk.certificate.recompute.setting import Setting
-from edtk.system.typing import Array, Mask
+from edtk.system.typing import Array, Indices, Mask
 
 U = EPS / 2  # of one operation
-DEGREE = 4  # of a sensitivity in each joint, at most
+DEGREE = 4  # of a sensitivity in what each vector of the chain is of degree one in
 TURN = 2 * np.pi
-MOST_JOINTS = 6  # whose grid fits in memory
+MOST_JOINTS = 6
+MOST_POSES = 9**MOST_JOINTS  # of a grid, which fit in memory
 SAME = 1e-12  # of ends of intervals [rad]; boxes overlap by more
-# Roundings of kinematics for each joint of the chain, from above; see `_rounding`.
-OF_JOINT = 135.0
+# Roundings of kinematics for each joint of the chain, from above, without those of its angle, and
+# those of an angle that turns by itself; see `_rounding`.
+OF_JOINT = 96.0
+OF_ANGLE = 13.0
+COUPLED = "ABCEFG"  # letters of the limits of coupled joints
 NEGLIGIBLE = 1e-13  # sum of coefficients beside all of them, that is dropped and counted as error
 
 
@@ -180,18 +185,21 @@ class Domain:
         joints: Indices (v,) of free joints.
         limits: Intervals (2, v) [rad or m], of angles at most one turn.
         slides: Which joints (v,) are prismatic.
+        degrees: Degree (v,) of every vector of the chain in each: one where a joint moves alone,
+            and the sum of all turns for one of its drive.
     """
 
     joints: list[int]
     limits: Array
     slides: Mask
+    degrees: Indices
 
     @classmethod
     def of(cls, setting: Setting) -> "Domain":
         """All joints that are designed.
 
         Raises:
-            ValueError: There are too many, or none.
+            ValueError: There are too many, or none, or one moves others by no whole turns.
         """
         if not setting.free:
             raise ValueError("no joint is designed")
@@ -200,21 +208,27 @@ class Domain:
         low, high = setting.limits[:, setting.free]
         slides = setting.chain.prismatic[setting.free]
         high = np.where(slides, high, np.minimum(high, low + TURN))
-        return cls(list(setting.free), np.stack([low, high]), slides)
+        degrees = _degrees(setting.chain)[setting.free]
+        if np.prod(DEGREE * degrees * np.where(slides, 1.0, 2.0) + 1) > MOST_POSES:
+            raise ValueError(f"a grid of more than {MOST_POSES} poses is not checked")
+        return cls(list(setting.free), np.stack([low, high]), slides, degrees)
 
-    def grid(self, degree: int) -> list[Array]:
-        """Places along each joint that determine a polynomial of this degree."""
+    def grid(self, order: int) -> list[Array]:
+        """Places along each joint that determine products of so many vectors of the chain."""
         found = []
-        for (low, high), slides in zip(self.limits.T, self.slides, strict=True):
+        parts = zip(self.limits.T, self.slides, (order * self.degrees).tolist(), strict=True)
+        for (low, high), slides, degree in parts:
             if slides:
                 x = np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
                 found.append((low + high) / 2 + (high - low) / 2 * x)
             else:
-                found.append(TURN * np.arange(2 * degree + 1) / (2 * degree + 1))
+                # At most half a turn away from zero, where angles round less.
+                places = (np.arange(2 * degree + 1) + degree) % (2 * degree + 1) - degree
+                found.append(TURN * places / (2 * degree + 1))
         return found
 
-    def form(self, values: Array, degree: int, error: float) -> Form:
-        """The polynomial with these values on the grid, each of which may be off by so much.
+    def form(self, values: Array, order: int, error: float) -> Form:
+        """The polynomial with these values (k,) on the grid, each of which may be off by so much.
 
         Errors of values move it by Lebesgue's constant of each joint at most; of N angles it is
         ``sum_k 1/(N sin((2k + 1) pi/2N))``, taken between two of them (Ehlich and Zeller, 1966).
@@ -223,11 +237,12 @@ class Domain:
         ``sqrt(N)`` times its own roundings, in the norm of all values. Along a length the inverse
         is taken as it is, norm by norm.
         """
+        values = values.reshape([len(x) for x in self.grid(order)])
         norm = float(np.linalg.norm(values))
         lebesgue = gain = 1.0
         rounds = 0.0
         for j, slides in enumerate(self.slides):
-            B = _analysis(degree, bool(slides))
+            B = _analysis(order * int(self.degrees[j]), bool(slides))
             n = len(B)
             if slides:
                 size = n * float(np.linalg.norm(np.abs(B), 2))
@@ -282,20 +297,19 @@ class Polynomials:
         domain = Domain.of(setting)
         q = _poses(setting, domain, DEGREE)
         A = setting.whitened_rows(q, np.broadcast_to(wrench, (len(q), 9)))
-        shape = [len(x) for x in domain.grid(DEGREE)]
         error, most = _rounding(setting, Z.scale[0], A, wrench)
         found = np.einsum("kra,ab,krb->k", A, Z.Z[0], A) + float((Z.Z[0] * prior).sum())
         # A multiplier that is not semidefinite by rounding is lifted; that adds so much at most.
         lifted = float(Z.lift[0]) * (most + float(Z.scale[0] @ np.sqrt(np.diag(prior))) ** 2)
         own = 8 * U * float(np.abs(Z.Z[0] * prior).sum())
-        d = domain.form(found.reshape(shape), DEGREE, error + lifted + own)
+        d = domain.form(found, DEGREE, error + lifted + own)
         trace = None
         if per_trace:
             ones = np.ones(setting.p)
             error, _ = _rounding(setting, ones, A, wrench)
             squares = np.einsum("kra,kra->k", A, A) + np.trace(prior)
             own = 8 * U * np.trace(prior)
-            trace = domain.form(squares.reshape(shape), DEGREE, error + float(own))
+            trace = domain.form(squares, DEGREE, error + float(own))
         return cls(domain, d, trace, _slacks(setting, domain))
 
     def seen(self, joints: list[int], motions: list[Motion]) -> "Polynomials":
@@ -308,6 +322,7 @@ class Polynomials:
             [self.domain.joints[j] for j in joints],
             self.domain.limits[:, joints],
             self.domain.slides[joints],
+            self.domain.degrees[joints],
         )
         trace = None if self.trace is None else one(self.trace)
         slacks = {letter: one(form) for letter, form in self.slacks.items()}
@@ -341,15 +356,14 @@ def require_checkable(setting: Setting) -> None:
     """Refuse a setting whose sensitivity has not been shown to be of degree four in each joint.
 
     Columns of the Jacobian are of degree one in each joint, and so are loads of wrenches and
-    weights: their product is of degree two.
+    weights: their product is of degree two. Where a drive turns several joints, each adds its own
+    turns, see `_degrees`.
 
     Raises:
         ValueError: It has noise of another kind, compensators, friction, wires, or joints that
-            follow.
+            follow others by parts of a turn.
     """
     physics = setting.physics
-    chain = setting.chain
-    tied = len(chain.axes) > chain.n or not np.array_equal(chain.ties[0], np.eye(chain.n))
     wires = physics is not None and any(kind == "distance" for kind, _, _ in physics.sensors)
     pulls = physics is not None and any(isinstance(one, Pull) for one in physics.weights)
     for given, what in (
@@ -359,7 +373,6 @@ def require_checkable(setting: Setting) -> None:
         (setting.friction is not None, "friction"),
         (setting.price is not None, "costs"),
         (setting.sight is not None, "markers that are hidden in some poses"),
-        (tied, "joints that follow others"),
         (wires, "distances"),
         (len(setting.free) > MOST_JOINTS, f"more than {MOST_JOINTS} joints"),
         (
@@ -369,14 +382,58 @@ def require_checkable(setting: Setting) -> None:
     ):
         if given:
             raise ValueError(f"a covering of poses is not checked here with {what}")
+    _degrees(setting.chain)
 
 
-def _poses(setting: Setting, domain: Domain, degree: int) -> Array:
+def _degrees(chain: Chain) -> Indices:
+    """Degree (n,) of every vector of the chain in each of its drives.
+
+    A joint that turns r times for one turn of its drive has the cosine of ``r t``; a product of
+    joints adds their degrees. Lengths are of degree one, however many slide together.
+
+    Raises:
+        ValueError: A joint turns by a ratio that is not whole, or turns where another one slides.
+    """
+    P = chain.ties[0]
+    turning = P[~chain.slides]
+    across = np.where(chain.prismatic, turning.any(axis=0), P[chain.slides].any(axis=0))
+    if (turning != np.round(turning)).any() or across.any():
+        raise ValueError(
+            "a covering of poses is not checked here with joints that follow by another ratio than "
+            "one of whole turns"
+        )
+    return np.where(chain.prismatic, 1, np.abs(turning).sum(axis=0)).astype(int)
+
+
+def _poses(setting: Setting, domain: Domain, order: int) -> Array:
     """All poses (k, n) of the grid."""
-    mesh = np.meshgrid(*domain.grid(degree), indexing="ij")
+    mesh = np.meshgrid(*domain.grid(order), indexing="ij")
     q = np.tile(setting.fixed, (mesh[0].size, 1))
     q[:, domain.joints] = np.stack([one.ravel() for one in mesh], axis=1)
     return q
+
+
+def _travel(setting: Setting) -> Array:
+    """How far each of all joints (N,) goes from zero at most [rad or m]."""
+    P, b = setting.chain.ties
+    slides = setting.chain.prismatic
+    limits = np.where(slides, np.abs(setting.limits).max(axis=0), np.pi)
+    drives = np.maximum(limits, np.abs(setting.fixed))
+    return np.asarray(np.abs(P) @ drives + np.abs(b))
+
+
+def _roundings(setting: Setting) -> float:
+    """Roundings of a column of the Jacobian, in units of the arm's length; see `_rounding`.
+
+    The angle of a joint that drives turn is a sum of k products and an offset, which rounds by
+    ``(k + 1) U`` of what it is made of, and moves a frame by ``sqrt(2)`` times that.
+    """
+    P, b = setting.chain.ties
+    alone = ((P != 0).sum(axis=1) == 1) & (np.abs(P).sum(axis=1) == 1) & (b == 0)
+    terms = (P != 0).sum(axis=1) + 3.35
+    angles = np.where(setting.chain.slides, 0.0, np.sqrt(2) * terms * _travel(setting))
+    of_angle = float(np.where(alone, OF_ANGLE, np.maximum(angles, OF_ANGLE)).max())
+    return (OF_JOINT + 3 * of_angle) * len(P) * U
 
 
 def _lengths(setting: Setting) -> Array:
@@ -385,7 +442,7 @@ def _lengths(setting: Setting) -> Array:
     First from the base, then from each joint. At least one, as directions count like lengths.
     """
     chain = setting.chain
-    travel = np.maximum(np.abs(setting.limits).max(axis=0), np.abs(setting.fixed))
+    travel = _travel(setting)
     steps = np.linalg.norm(chain.origins[:, :3, 3], axis=1) + np.where(chain.slides, travel, 0.0)
     behind = np.append(np.cumsum(steps[::-1])[::-1][1:], 0.0)
     base, tool = (float(np.linalg.norm(one[:3, 3])) for one in (chain.base, chain.tool))
@@ -404,12 +461,13 @@ def _lengths(setting: Setting) -> Array:
 def _rounding(setting: Setting, scale: Array, A: Array, wrench: Array) -> tuple[float, float]:
     """By how much ``sum_r A_r'Z A_r`` may be off, and a bound on ``sum_r (sum_a s_a |A_ra|)^2``.
 
-    One product of rotations rounds by 12 units in Frobenius norm, Rodrigues' formula by 15, so that
+    One product of rotations rounds by 12 units in Frobenius norm, Rodrigues' formula by 15, and an
+    angle of the grid by 2.35 units of half a turn, which moves a frame by 13 at most, so that
     a frame behind N joints is off by 40 N units, and a point by 44 N times the length of the arm L.
     A column of the Jacobian has the errors of an axis and of two points, 128 N L, and few of its
     own. With a column of size c, and a load of the joint of size t, which is off as the column is,
-    an entry is off by ``OF_JOINT N`` units of ``L t + c T``, where T is what the load does at the
-    length L.
+    an entry is off by 135 N units of ``L t + c T``, where T is what the load does at the length L.
+    The column of a drive is the sum of those of its joints, each as often as it turns.
 
     Args:
         setting: Robot and instruments.
@@ -424,10 +482,12 @@ def _rounding(setting: Setting, scale: Array, A: Array, wrench: Array) -> tuple[
         )
     lengths = _lengths(setting) + lever
     torques = force * lengths + moment
-    of_all, of_each = lengths[0], lengths[1:][setting.unknown]
-    loads = torques[1:][setting.unknown]
-    units = OF_JOINT * len(setting.chain.axes) * U
-    off = units * float(scale @ (of_all * loads + of_each * torques[0])) / setting.sigma
+    turns = np.abs(setting.chain.ties[0])[:, setting.unknown].T
+    of_each, loads = turns @ lengths[1:], turns @ torques[1:]
+    count = turns.sum(axis=1)
+    units = _roundings(setting)
+    sums = count * (lengths[0] * loads + of_each * torques[0])
+    off = units * float(scale @ sums) / setting.sigma
     bound = float(scale @ (of_each * loads)) / setting.sigma
     computed = np.abs(A) @ scale
     own = (4 * setting.p + len(setting.sigma) + 8) * U * np.square(computed).sum(axis=1)
@@ -442,9 +502,9 @@ def _slacks(setting: Setting, domain: Domain) -> dict[str, Form]:
     """
     workspace = setting.workspace
     chain = setting.chain
-    joints = len(chain.axes)
     length = float(_lengths(setting)[0])
-    of_point = OF_JOINT * joints * U * length
+    of_axis = _roundings(setting)
+    of_point = of_axis * length
     given: dict[str, tuple[Callable[[Array, Array], Array], int, float]] = {}
     if workspace.height is not None:
         height = workspace.height
@@ -455,12 +515,29 @@ def _slacks(setting: Setting, domain: Domain) -> dict[str, Form]:
         given["r"] = (lambda point, axis: (point[:, :2] ** 2).sum(axis=1) - squared, 2, error)
     if workspace.tilt is not None and workspace.tilt < np.pi / 2:
         steepest = float(np.sin(workspace.tilt))
-        error = OF_JOINT * joints * U
-        given["u"] = (lambda point, axis: steepest - axis[:, 2], 1, error)
-        given["d"] = (lambda point, axis: steepest + axis[:, 2], 1, error)
-    found = {}
-    for letter, (slack, degree, error) in given.items():
-        values = slack(*chain.tool_point_and_axis(_poses(setting, domain, degree)))
-        shape = [len(x) for x in domain.grid(degree)]
-        found[letter] = domain.form(values.reshape(shape), degree, error)
+        given["u"] = (lambda point, axis: steepest - axis[:, 2], 1, of_axis)
+        given["d"] = (lambda point, axis: steepest + axis[:, 2], 1, of_axis)
+    found = _coupled(setting, domain)
+    for letter, (slack, order, error) in given.items():
+        values = slack(*chain.tool_point_and_axis(_poses(setting, domain, order)))
+        found[letter] = domain.form(values, order, error)
+    return found
+
+
+def _coupled(setting: Setting, domain: Domain) -> dict[str, Form]:
+    """``cos(r q - middle) - cos(half)`` of each joint that drives turn between limits of its own.
+
+    It is at least zero within these, and a whole turn beside them, too. Wider limits are none.
+    """
+    sums, ends = setting.chain.coupled
+    low, high = ends + setting.workspace.margin * np.array([[1.0], [-1.0]])
+    turns = ~(sums != 0)[:, setting.chain.prismatic].any(axis=1)
+    q = _poses(setting, domain, 1)
+    found: dict[str, Form] = {}
+    for letter, j in zip(COUPLED, np.flatnonzero(turns & (high - low < TURN)), strict=False):
+        middle, half = (low[j] + high[j]) / 2, (high[j] - low[j]) / 2
+        values = np.cos(q @ sums[j] - middle) - np.cos(half)
+        reach = float((np.abs(q) @ np.abs(sums[j])).max()) + abs(low[j]) + abs(high[j])
+        error = (8 + (len(sums[j]) + 8) * reach) * U
+        found[letter] = domain.form(values, 1, error)
     return found

@@ -240,7 +240,7 @@ class _Stage:
             penalties[some] = penalised.penalties
             values[some] = penalised.values
             reason[some[penalised.top <= shift]] = Reason.PENALISED
-        # Where errors of the polynomials alone keep a box open, and are not small beside the gap, no
+        # Where errors of the polynomials alone keep a box open, and leave little of the gap, no
         # halving will close it.
         hidden = (top - chunk.error <= shift) & (chunk.error <= FRESH * self.least_error)
         hidden &= self.least_error > FINE * gap
