@@ -278,8 +278,8 @@ def test_no_point_of_a_random_model_is_above(seed):
     [
         ({"prove": 0}, "prove 0: expected a relative gap between 0 and 1"),
         ({"prove": 1}, "prove 1: expected a relative gap between 0 and 1"),
-        ({"prove": True}, "prove True: expected a relative gap"),
-        ({"prove": "0.1"}, "prove 0.1: expected a relative gap"),
+        ({"prove": True}, "prove: expected a number, not bool"),
+        ({"prove": "0.1"}, "prove: expected a number, not str"),
     ],
 )
 def test_wrong_gaps_are_refused(options, message):
