@@ -144,7 +144,7 @@ def test_check_needs_a_scene_and_a_plan_of_the_same_robot() -> None:
     """Each mistake is one line, with exit code 2."""
     code, _, err = run("check", ROOT / "studies" / "kr270_milling.toml", PUBLISHED)
     assert code == 2
-    assert "scene: expected the table that says what stands around the robot" in err
+    assert "scene: expected this table, which says what stands around the robot, or [sight]" in err
     small = planned("parameters").whole
     with pytest.raises(UserError, match="has poses of 5 joints; expected the 6"):
         edtk.check(MILLING, Plan(small.q[:, :5], small.wrench, small.repeats))

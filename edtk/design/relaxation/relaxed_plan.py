@@ -82,13 +82,22 @@ class RelaxedPlan(RelaxedDesign):
     @property
     def bounds(self) -> dict[str, Bound]:
         """That on the candidates, and that of the search where there was one."""
-        searched = self.searched_bound
-        return super().bounds | ({} if searched is None else {"searched": searched})
+        searched = {} if self.searched_bound is None else {"searched": self.best_bound}
+        return super().bounds | searched
 
     @property
     def best_bound(self) -> Bound:
-        """The bound over all poses where one was searched, else the proved one."""
-        return self.proved_bound if self.searched_bound is None else self.searched_bound
+        """The bound over all poses where one was searched, else the proved one.
+
+        That without the cell holds for free poses too, and is told where its search ended sharper.
+        """
+        own = self.searched_bound
+        if own is None:
+            return self.proved_bound
+        beyond = None if self.without_cell is None else self.without_cell.searched_bound
+        if beyond is None or beyond.cost <= own.cost:
+            return own
+        return Bound.of(self.criterion, beyond.cost, self.cost, own.kind)
 
     def holding_for(self, x: Array) -> "RelaxedPlan":
         """The same with a bound that holds for designs on further experiments, too.
@@ -197,7 +206,7 @@ class RelaxedPlan(RelaxedDesign):
         The support has the heaviest pose first, with its angles in degrees. The exact part has
         costs, and design variables in the order of this plan.
         """
-        searched = self.searched_bound
+        searched = None if self.searched_bound is None else self.best_bound
         return {
             "criterion": self.criterion.name,
             "value": self.value,
