@@ -92,10 +92,9 @@ def readings(
     return MarkerPositions(q, wrench, x, row, model.markers, turns, differs, kinds)
 
 
-def sheet(data: MarkerPositions, beside: bool = False) -> pd.DataFrame:
-    """A sheet with a marker a row; differences as such, or beside a position without load."""
+def sheet(data: MarkerPositions, unloaded: Array | None = None) -> pd.DataFrame:
+    """A sheet with a marker a row; differences as such, or beside positions without load (m, 3)."""
     lines = []
-    offset = np.array([900.0, 100.0, 200.0])
     for visit, marker in np.ndindex(data.measured.shape[:2]):
         x = 1e3 * data.measured[visit, marker]
         line = dict(zip(JOINTS, np.rad2deg(data.q[visit]), strict=True))
@@ -111,9 +110,10 @@ def sheet(data: MarkerPositions, beside: bool = False) -> pd.DataFrame:
             line |= {"change_mm" if data.is_difference[visit] else "distance_mm": x[0]}
         elif not data.is_difference[visit]:
             line |= dict(zip(absolute, x, strict=True))
-        elif beside:
-            line |= dict(zip(["x0_mm", "y0_mm", "z0_mm"], offset, strict=True))
-            line |= dict(zip(absolute, x + offset, strict=True))
+        elif unloaded is not None:
+            before = 1e3 * unloaded[visit]
+            line |= dict(zip(["x0_mm", "y0_mm", "z0_mm"], before, strict=True))
+            line |= dict(zip(absolute, x + before, strict=True))
         else:
             line |= dict(zip(["dx_mm", "dy_mm", "dz_mm"], x, strict=True))
         lines.append(line)

@@ -11,6 +11,7 @@ from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.model_design import Design, ModelDesign
 from edtk.design.exact.plan_region import RegionPlan, plan_region
+from edtk.design.information import Rows
 from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.design.relaxation.relax_region import relax_region
@@ -100,7 +101,7 @@ def _plan(design: Design, model: Problem | Region, size: int) -> ProblemPlan | R
     base = np.zeros((model.p, model.p)) if model.prior is None else size * model.prior
     left = None if most is None else most - kept
     limits = Limits(size - int(kept.sum()), base, left)
-    known = rows.reshape(-1, model.p) if kept.any() else None
+    known = Rows(rows).each if kept.any() else None
     return find_counts(model, criterion, limits, kept, starts=STARTS, known=known)
 
 

@@ -308,7 +308,12 @@ def little_memory(monkeypatch):
     monkeypatch.setattr("edtk.design.candidate_source.CHUNK", 1024)
     held = []
     take = CandidateSource.take
-    monkeypatch.setattr(CandidateSource, "take", lambda self, n: held.append(n) or take(self, n))
+
+    def counted(self, n, **options):
+        held.append(n)
+        return take(self, n, **options)
+
+    monkeypatch.setattr(CandidateSource, "take", counted)
     return held
 
 
