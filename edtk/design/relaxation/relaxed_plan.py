@@ -82,20 +82,24 @@ class RelaxedPlan(RelaxedDesign):
     @property
     def bounds(self) -> dict[str, Bound]:
         """That on the candidates, and that of the search where there was one."""
-        searched = {} if self.searched_bound is None else {"searched": self.best_bound}
-        return super().bounds | searched
+        searched = self.sharper_search
+        return super().bounds | ({} if searched is None else {"searched": searched})
 
     @property
     def best_bound(self) -> Bound:
-        """The bound over all poses where one was searched, else the proved one.
+        """The bound over all poses where one was searched, else the proved one."""
+        searched = self.sharper_search
+        return self.proved_bound if searched is None else searched
+
+    @property
+    def sharper_search(self) -> Bound | None:
+        """The bound of a search over all poses, if there was one.
 
         That without the cell holds for free poses too, and is told where its search ended sharper.
         """
         own = self.searched_bound
-        if own is None:
-            return self.proved_bound
         beyond = None if self.without_cell is None else self.without_cell.searched_bound
-        if beyond is None or beyond.cost <= own.cost:
+        if own is None or beyond is None or beyond.cost <= own.cost:
             return own
         return Bound.of(self.criterion, beyond.cost, self.cost, own.kind)
 
@@ -206,7 +210,7 @@ class RelaxedPlan(RelaxedDesign):
         The support has the heaviest pose first, with its angles in degrees. The exact part has
         costs, and design variables in the order of this plan.
         """
-        searched = None if self.searched_bound is None else self.best_bound
+        searched = self.sharper_search
         return {
             "criterion": self.criterion.name,
             "value": self.value,
