@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 
 import edtk
 from edtk.report.tables import markdown_table
-from edtk.study.place_tracker import study_at
+from edtk.study.place_tracker import Setup
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 
@@ -130,7 +130,7 @@ def _at_random(study: Study, places: int) -> Iterator[Study]:
     rng = np.random.default_rng(SEED)
     while places:
         try:
-            yield study_at(study, rng.uniform(*box))
+            yield Setup(rng.uniform(*box), {}).of(study)
         except UserError:
             continue
         places -= 1

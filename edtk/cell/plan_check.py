@@ -65,6 +65,10 @@ class Seen:
         """What hides which marker in a pose."""
         return "; ".join(f"{name} {why}" for name, why in self.hidden[pose].items()) or ALL
 
+    def hiding(self) -> list[str]:
+        """A line for each pose that hides some; rows count from 1."""
+        return [f"row {i + 1}: {self.words(i)}" for i, row in enumerate(self.hidden) if row]
+
     def to_dict(self, pose: int) -> dict[str, object]:
         """For JSON: the markers that are read in a pose, and why the others are not."""
         return {"read": self.read[pose], "hidden": self.hidden[pose]}

@@ -215,10 +215,6 @@ class EfficiencyBox(ThetaBox):
         def logarithm(v: Array) -> float:
             return float(np.log(max(self.value(self.at(v), weights, own, optimum), NOTHING)))
 
-        def ratio(theta: Array, ideal: Array) -> float:
-            costs = [self._cost(theta, own, one) for one in (ideal, weights)]
-            return float(np.log(costs[0] / costs[1])) if np.isfinite(costs).all() else 0.0
-
         def slope(v: Array) -> Array:
             ideal = optimum(self.model(self.at(v)), own).weights
             found = []

@@ -28,7 +28,7 @@ from edtk.report.show.page import page_html
 from edtk.report.show.plate import PAGE, poses_section
 from edtk.report.show.stage import stage_of_calibration
 from edtk.report.shown import digits, left_out_sentence
-from edtk.report.views.calibration import assumed_joints
+from edtk.report.views.calibration import assumed_besides
 from edtk.study.study import Study
 from edtk.system.files import Content
 from edtk.system.parsing import json_text
@@ -132,14 +132,10 @@ def _untold(found: Calibration) -> list[str]:
 
 def _assumed(budget: ErrorBudget) -> list[str]:
     """What of the total was measured, and what rests on joints that nobody measured."""
-    joints = assumed_joints(budget)
-    if not joints:
+    assumed = assumed_besides(budget).replace("+-", "\N{PLUS-MINUS SIGN}")
+    if not assumed:
         return []
-    named = "; ".join(joints).replace("+-", "\N{PLUS-MINUS SIGN}")
-    return [
-        f"Of the total, what was measured makes {1e3 * budget.measured:.2g} mm. Besides, it counts "
-        f"what is assumed: {named}."
-    ]
+    return [f"Of the total, what was measured makes {1e3 * budget.measured:.2g} mm. {assumed}."]
 
 
 def _facts(found: Calibration) -> list[str]:

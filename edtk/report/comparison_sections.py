@@ -13,7 +13,7 @@ from edtk.measure.expected_error import TaskAccuracy
 from edtk.report.calibration_sections import TOOL_POINT, task_sentence, task_table
 from edtk.report.shown import other_plans, plans_of, run_unit, shown_unit
 from edtk.report.tables import markdown_table, number, percent
-from edtk.report.views.calibration import assumed_joints
+from edtk.report.views.calibration import assumed_besides
 from edtk.report.views.geometry_plan import about
 from edtk.report.views.study import budget_of_run
 from edtk.robots.workspace import joints_on_limits, on_limits_in_words
@@ -395,8 +395,8 @@ def _total(run: StudyRun) -> str:
     budget = budget_of_run(run)
     if budget is None:
         return ""
-    assumed = "; ".join(assumed_joints(budget))
-    besides = f". Besides, it counts what is assumed: {assumed}" if assumed else ""
+    assumed = assumed_besides(budget)
+    besides = f". {assumed}" if assumed else ""
     return (
         f"\nExpect a **total error of {1e3 * budget.total:.2g} mm** {run.study.tasks.place} after "
         f"compensation, and {1e3 * budget.uncompensated:.2g} mm without. What is measured makes "
@@ -444,8 +444,8 @@ def _seen(run: StudyRun, row: "pd.Series") -> list[str]:
     seen = None if found is None else found.seen
     if seen is None:
         return []
-    hiding = [f"row {i + 1}: {seen.words(i)}" for i, hidden in enumerate(seen.hidden) if hidden]
-    rows = f" Hidden are, by row of the plan: {'; '.join(hiding)}." if hiding else ""
+    hiding = "; ".join(seen.hiding())
+    rows = f" Hidden are, by row of the plan: {hiding}." if hiding else ""
     return [f"Seen: {seen.headline()}.{rows}"]
 
 

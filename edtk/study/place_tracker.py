@@ -76,15 +76,6 @@ def _as_given(table: Table) -> dict[str, Any]:
     return table.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
 
 
-def study_at(study: Study, place: Array) -> Study:
-    """The same study, whose tracker stands elsewhere (3,) [m].
-
-    Raises:
-        UserError: No tracker can stand there.
-    """
-    return Setup(place, {}).of(study)
-
-
 @dataclass(frozen=True, eq=False)
 class Places:
     """Where a tracker may stand, and how reflectors may be mounted.

@@ -17,7 +17,7 @@ from edtk.cell.cell import signed_point
 from edtk.cell.shapes import Box, Capsule, Cylinder, Plane
 from edtk.cli import main
 from edtk.study import place_tracker
-from edtk.study.place_tracker import PlaceSearch, study_at
+from edtk.study.place_tracker import PlaceSearch, Setup
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError, UserError
 
@@ -57,7 +57,7 @@ def test_the_best_listed_place_has_the_best_plan(kind: str, tmp_path: Path) -> N
     study, size = STUDIES[kind], SIZES[kind]
     path = tmp_path / "placed.toml"
     found = edtk.plan(study, size, place_tracker=True, placed_study=path, workers=1)
-    each = [edtk.plan(study_at(study, np.array(p) / 1e3), size, workers=1) for p in PLACES]
+    each = [edtk.plan(Setup(np.array(p) / 1e3, {}).of(study), size, workers=1) for p in PLACES]
     costs = [one.cost for one in each]
     best = int(np.argmin(costs))
     assert found.cost == costs[best]
@@ -145,8 +145,8 @@ def test_a_place_in_a_box_beats_random_ones(kind: str) -> None:
     assert "none is known for all of the box" in found.summary()
     rng = np.random.default_rng(2)
     for place in rng.uniform(*box, (1, 3)):
-        assert edtk.plan(study_at(study, place), size, workers=1).cost >= found.cost
-    assert edtk.plan(study_at(study, placement.position), size, workers=1).cost == found.cost
+        assert edtk.plan(Setup(place, {}).of(study), size, workers=1).cost >= found.cost
+    assert edtk.plan(Setup(placement.position, {}).of(study), size, workers=1).cost == found.cost
 
 
 def test_a_flat_box_keeps_its_height() -> None:

@@ -79,6 +79,12 @@ def assumed_joints(found: ErrorBudget) -> list[str]:
     return lines
 
 
+def assumed_besides(found: ErrorBudget) -> str:
+    """What a report says of these beside what was measured; empty without any."""
+    lines = assumed_joints(found)
+    return f"Besides, it counts what is assumed: {'; '.join(lines)}" if lines else ""
+
+
 def assumed_joint(part: JointPart) -> str:
     """What is assumed of a joint, and what that makes of the error."""
     joint = part.joint

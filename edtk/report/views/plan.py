@@ -224,8 +224,7 @@ def seen(found: ExactPlan) -> list[str]:
     what = found.seen
     if what is None:
         return []
-    hiding = [i for i, row in enumerate(what.hidden) if row]
-    rows = [f"              row {i + 1}: {what.words(i)}" for i in hiding]
+    rows = [f"              {line}" for line in what.hiding()]
     return [f"  seen        {what.headline()}", *rows]
 
 
