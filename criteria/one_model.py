@@ -75,6 +75,12 @@ class OneModel(Relaxable):
             return None
         return type(self)(base, self.models, self.number)
 
+    @property
+    def as_multiple(self) -> tuple[Relaxable, float]:
+        """That of the block."""
+        base, factor = self.base.as_multiple
+        return type(self)(base, self.models, self.number), factor
+
     def inverse(self, M: Array) -> tuple[Array, Array, Mask]:
         """The inverse of the block, and zeros beside it."""
         safe, cov, regular = self.base.inverse(self.block(M))

@@ -106,6 +106,11 @@ class Relaxable(Criterion):
             unit: The cost of that design. The objective is measured in this unit.
         """
 
+    @property
+    def as_multiple(self) -> "tuple[Relaxable, float]":
+        """A criterion and a number such that their product is this criterion."""
+        return self, 1.0
+
     def dual_weights(self, Z: Array, M: Array) -> Array | None:
         """The weights by which a criterion that is a maximum turns a multiplier into a bound.
 

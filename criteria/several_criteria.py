@@ -115,7 +115,10 @@ class SeveralCriteria(Relaxable):
         # Imported late: the registry imports all criteria.
         from criteria.registry import as_criterion
 
-        self._given = [_smooth(self.name, as_criterion(each)) for each in criteria]
+        # A name that stands there several times is one criterion, and its parts are alike.
+        named = {each: as_criterion(each) for each in criteria if isinstance(each, str)}
+        made = [named[each] if isinstance(each, str) else as_criterion(each) for each in criteria]
+        self._given = [_smooth(self.name, each) for each in made]
         if not self._given:
             raise CriterionError(f"criterion {self.name!r}: expected at least one criterion")
         self.sizes = None if sizes is None else tuple(int(size) for size in sizes)
@@ -197,8 +200,11 @@ class SeveralCriteria(Relaxable):
         if self.models is not None and not self.models.are_apart(T):
             return None
         parts = [part.transformed(T) for part in self.parts]
+        # A multiple goes into the best cost, so that parts that differ by it alone stay alike.
+        reduced = [part.as_multiple for part in parts if isinstance(part, Relaxable)]
         other = self._copy()
-        other._take([part for part in parts if isinstance(part, Relaxable)])
+        other.best = self.best / [factor for _, factor in reduced]
+        other._take([part for part, _ in reduced])
         return other
 
     def inverse(self, M: Array) -> tuple[Array, Array, Mask]:

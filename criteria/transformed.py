@@ -226,6 +226,12 @@ class TransformedByFactor(Transformed):
         self._log = 2 * float(np.linalg.slogdet(T).logabsdet)
         self._factor = float(np.exp(base.degree * self._log / len(T)))
 
+    @property
+    def as_multiple(self) -> tuple[Relaxable, float]:
+        """The base, and the power of ``|det T|``."""
+        base, factor = self.base.as_multiple
+        return base, factor * self._factor
+
     def formulation(
         self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
     ) -> Formulation:

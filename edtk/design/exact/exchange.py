@@ -280,9 +280,7 @@ class _Search:
                 break
             # Places that are not tried keep an infinite cost, and are never the best.
             costs = np.full((*changed.shape, part.shape[1]), np.inf)
-            costs[of, place] = exchange_costs(
-                self.criterion, rest, problem.blocks(part)[of], problem.factors(part)[of], r
-            )
+            costs[of, place] = exchange_costs(self.criterion, rest, problem.factors(part)[of], r)
             flat = costs.reshape(len(changed), -1)
             lowest = flat.min(axis=1)
             where, which = np.divmod(flat.argmin(axis=1), part.shape[1])

@@ -256,10 +256,9 @@ class Kicks:
 
     def _costs(self, rest: Array, times: Array, candidates: Candidates) -> Array:
         """Costs (k, n) of the rests (k, p, p) joined by each candidate."""
-        blocks = candidates.problem.blocks()[None]
         factors = candidates.problem.factors()[None]
         rows = [
-            exchange_costs(self.criterion, rest[i : i + 1], blocks, factors, times[i : i + 1])[0]
+            exchange_costs(self.criterion, rest[i : i + 1], factors, times[i : i + 1])[0]
             for i in range(len(rest))
         ]
         return np.array(rows)

@@ -106,6 +106,5 @@ def test_no_exchange_improves_the_plan(name, prior):
             rest = candidates.plan_information(others[None], np.ones((1, 3)))
             if prior:
                 rest = rest + 0.1 * np.eye(P)
-            blocks, factors = candidates.blocks()[None], candidates.factors()[None]
-            after = exchange_costs(criterion, rest, blocks, factors, np.ones(1))
+            after = exchange_costs(criterion, rest, candidates.factors()[None], np.ones(1))
             assert after.min() >= cost * (1 - 1e-11)

@@ -37,8 +37,8 @@ def test_updates_equal_direct_costs(name, rows):
         rest = R * np.outer(unit, unit)
         joined = J * np.outer(unit, unit)
         direct = criterion.cost(rest + joined)
-        both = np.stack([joined, joined]), np.stack([U, U]) * unit
-        once, twice = exchange_costs(criterion, np.array([rest, rest]), *both, np.array([1.0, 2.0]))
+        both = np.stack([U, U]) * unit
+        once, twice = exchange_costs(criterion, np.array([rest, rest]), both, np.array([1.0, 2.0]))
         np.testing.assert_allclose(once, direct, rtol=slip(scaled) * lost)
         np.testing.assert_allclose(
             twice, criterion.cost(rest + 2 * joined), rtol=slip(scaled) * 2 * lost
@@ -65,9 +65,7 @@ def test_near_singular_rest(name, left):
     direct = criterion.cost(rest + joined)
     assert np.isfinite(direct).all()
     regular = np.eye(p)
-    both = exchange_costs(
-        criterion, np.array([rest, regular]), np.stack([joined] * 2), np.stack([U] * 2), np.ones(2)
-    )
+    both = exchange_costs(criterion, np.array([rest, regular]), np.stack([U] * 2), np.ones(2))
     assert both[0].tolist() == direct.tolist()
     np.testing.assert_allclose(both[1], criterion.cost(regular + joined), rtol=1e-12)
 
@@ -82,7 +80,6 @@ def test_exchange_beside_the_rounding_of_nothing():
         ]
     )
     U = np.random.default_rng(0).normal(size=(50, 3, 3)) * 1e6
-    joined = np.swapaxes(U, -1, -2) @ U
     criterion = criteria.create("A")
-    costs = exchange_costs(criterion, rest[None], joined[None], U[None], np.ones(1))[0]
-    np.testing.assert_allclose(costs, criterion.cost(rest + joined), rtol=1e-9)
+    costs = exchange_costs(criterion, rest[None], U[None], np.ones(1))[0]
+    np.testing.assert_allclose(costs, criterion.cost(rest + np.swapaxes(U, -1, -2) @ U), rtol=1e-9)

@@ -24,6 +24,6 @@ def test_updates_are_the_costs_of_the_sums(name, chosen, rows):
     times = np.array([2.0, 1.0])
     rest = problem.plan_information(places, np.ones(places.shape))
     joined = np.broadcast_to(np.arange(30), (2, 30))
-    found = exchange_costs(criterion, rest, problem.blocks(joined), problem.factors(joined), times)
+    found = exchange_costs(criterion, rest, problem.factors(joined), times)
     expected = criterion.cost(rest[:, None] + times[:, None, None, None] * problem.blocks(joined))
     np.testing.assert_allclose(found, expected, rtol=1e-8)

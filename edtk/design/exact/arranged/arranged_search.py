@@ -272,10 +272,7 @@ class ArrangedSearch:
         for part in np.array_split(np.arange(S), min(pieces, S)):
             Y = self.rows[alternatives[:, part]].reshape(b, len(part), k, r * p)
             F = (block.root.T @ Y + center[:, None]).reshape(b, len(part), q * r, p)
-            joined = np.swapaxes(F, -1, -2) @ F
-            found[:, part] = exchange_costs(
-                self.criterion.plan_criterion, rest, joined, F, np.ones(b)
-            )
+            found[:, part] = exchange_costs(self.criterion.plan_criterion, rest, F, np.ones(b))
         return np.where(np.isnan(found), np.inf, found)
 
     def _allowed(self, move: Move, places: Indices, alternatives: Indices) -> Mask:

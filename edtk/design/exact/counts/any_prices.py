@@ -40,8 +40,8 @@ class AnyPricing(Pricing):
 
     def effort(self, limits: Limits) -> float:
         """Some ten sweeps over short lists, and a few over all candidates, with p^2 for each."""
-        n, r, p = self.scatter.rows.shape
-        return 20.0 * limits.m * (SHORTLISTS[0] + n) * r * p * p
+        n = len(self.scatter.rows)
+        return 20.0 * limits.m * (SHORTLISTS[0] + n) * self.rows * self.entries
 
     @property
     def limits(self) -> Limits:
@@ -57,8 +57,17 @@ class AnyPricing(Pricing):
     @property
     def batch(self) -> int:  # type: ignore[override]
         """Number of plans whose shortlists are priced together."""
-        p = len(self.mean)
-        return int(min(MOST_AT_ONCE, max(1, AT_ONCE // (SHORTLISTS[0] * p * p))))
+        return int(min(MOST_AT_ONCE, max(1, AT_ONCE // (SHORTLISTS[0] * self.entries))))
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of a candidate."""
+        return self.scatter.rows.shape[1]
+
+    @property
+    def entries(self) -> int:
+        """Number of entries of a plan's information that are not always zero."""
+        return self.mean.size
 
     @property
     def rounds(self) -> tuple[int, ...]:  # type: ignore[override]
@@ -101,17 +110,13 @@ class AnyPrices(Prices):
         """The candidate of the least cost, and the relative decrease."""
         scatter = self.pricing.scatter
         rest, center, scale = scatter.without(self.M, self.places, place)
-        candidates = self._candidates(center, scale, allowed)
-        width = candidates.shape[1]
-        entries = rest.size * width
+        candidates = self._candidates(center, allowed)
+        entries = self.pricing.entries * candidates.size
         least = np.full(len(rest), np.inf)
         new = self.places[:, place].copy()
         each = np.arange(len(rest))
         for part in np.array_split(candidates, -(-entries // AT_ONCE), axis=1):
-            factors = np.sqrt(scale) * (scatter.rows[part] - center[:, None])
-            joined = np.swapaxes(factors, -1, -2) @ factors
-            times = np.ones(len(rest))
-            costs = exchange_costs(self.pricing.criterion, rest, joined, factors, times)
+            costs = self.joined_costs(rest, center, scale, part)
             if allowed is not None:
                 costs = np.where(np.take_along_axis(allowed, part, axis=1), costs, np.inf)
             lowest = np.nanargmin(np.where(np.isnan(costs), np.inf, costs), axis=1)
@@ -124,20 +129,27 @@ class AnyPrices(Prices):
             gain[finite] = 1.0 - least[finite] / self.costs[finite]
         return new, gain
 
-    def _candidates(self, center: Array, scale: float, allowed: Mask | None) -> Indices:
-        """Candidates (b, size) of largest sensitivity, or all of them."""
+    def joined_costs(self, rest: Array, center: Array, scale: float, some: Indices) -> Array:
+        """Costs (b, k) where candidates (b, k) join what `Scatter.without` left of plans."""
+        factors = np.sqrt(scale) * (self.pricing.scatter.rows[some] - center[:, None])
+        return exchange_costs(self.pricing.criterion, rest, factors, np.ones(len(rest)))
+
+    def sensitivities(self, G: Array, center: Array) -> Array:
+        """``<G, (U - c)'(U - c)>`` (b, n) without the term that is the same for all candidates."""
         rows = self.pricing.scatter.rows
-        n = len(rows)
+        flat = rows.reshape(len(rows), -1)
+        squares = ((rows @ G[:, None]) * rows).sum(axis=(-2, -1))
+        cross = (center @ G).reshape(len(G), -1) @ flat.T
+        return np.asarray(squares - 2 * cross)
+
+    def _candidates(self, center: Array, allowed: Mask | None) -> Indices:
+        """Candidates (b, size) of largest sensitivity, or all of them."""
+        n = len(self.pricing.scatter.rows)
         every = np.broadcast_to(np.arange(n), (len(center), n))
         # A singular plan has no gradient, and therefore no short list.
         if self.size >= n or not np.isfinite(self.costs).all():
             return every
-        G = -self.guide.gradient(self.M)
-        flat = rows.reshape(n, -1)
-        # <G, (U - c)'(U - c)> without the term that is the same for all candidates.
-        squares = ((rows @ G[:, None]) * rows).sum(axis=(-2, -1))
-        cross = (center @ G).reshape(len(G), -1) @ flat.T
-        sensitivities = scale * (squares - 2 * cross)
+        sensitivities = self.sensitivities(-self.guide.gradient(self.M), center)
         if allowed is not None:
             sensitivities = np.where(allowed, sensitivities, -np.inf)
         return np.argpartition(-sensitivities, self.size, axis=1)[:, : self.size]

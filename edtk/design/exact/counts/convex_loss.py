@@ -42,8 +42,7 @@ class ConvexLoss(ABC):
         cov = _accurate_inverse(rest)
         if cov is not None:
             return self.cost(self.joined(cov, U))
-        joining = np.swapaxes(U, -1, -2) @ U
-        costs = exchange_costs(self.criterion, rest[None], joining[None], U[None], np.ones(1))[0]
+        costs = exchange_costs(self.criterion, rest[None], U[None], np.ones(1))[0]
         return np.where(np.isnan(costs), np.inf, costs)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from criteria import Criterion, Relaxable
 from criteria.criterion import DeterminantCriterion
 from criteria.linalg.inverse import root
+from criteria.several_criteria import SeveralCriteria
 from edtk.design.exact.counts.any_prices import AnyPricing
 from edtk.design.exact.counts.convex_loss import convex_loss
 from edtk.design.exact.counts.counts_bound import RelaxedCounts, Scatter
@@ -16,6 +17,7 @@ from edtk.design.exact.counts.largest_variance_prices import LargestVariancePric
 from edtk.design.exact.counts.least_eigenvalue_prices import LeastEigenvaluePricing
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.linear_prices import LinearPricing
+from edtk.design.exact.counts.models_prices import ModelScatter, ModelsPricing
 from edtk.design.exact.counts.prices import Pricing
 from edtk.design.exact.counts.several_rows_pricing import SeveralRowsPricing
 from edtk.design.exact.counts.two_level_prices import TwoLevelPricing, two_levels
@@ -39,6 +41,8 @@ def pricing_for(criterion: Criterion, scatter: Scatter, mean: Array) -> Pricing:
         mean: Mean information (p, p) of a place, regular.
     """
     limits = scatter.limits
+    if isinstance(scatter, ModelScatter):
+        return ModelsPricing(criterion, scatter, mean)
     if scatter.rows.shape[1] > 1 or limits.blocks:
         return _of_several_rows(criterion, scatter, mean) or AnyPricing(criterion, scatter, mean)
     rows = scatter.rows[:, 0]
@@ -113,7 +117,8 @@ def search_for(
     mean = flat.T @ flat / bare.n + T.T @ limits.base @ T / limits.m
     if not limits.sized:
         rows = np.concatenate([rows, np.zeros((1, *rows.shape[1:]))])
-    scatter = Scatter(rows, replace(limits, base=T.T @ limits.base @ T))
+    own = replace(limits, base=T.T @ limits.base @ T)
+    scatter = scatter_for(transformed.plan_criterion, rows, own)
     pricing = pricing_for(transformed.plan_criterion, scatter, mean)
     return CountsSearch(
         criterion=transformed,
@@ -122,6 +127,14 @@ def search_for(
         relaxed=np.zeros(bare.n) if relaxed is None else relaxed.counts,
         bound=0.0 if relaxed is None else relaxed.cost,
     )
+
+
+def scatter_for(criterion: Criterion, rows: Array, limits: Limits) -> Scatter:
+    """The information of rows (n, r, p); of several models that nothing mixes, in blocks."""
+    models = criterion.models if isinstance(criterion, SeveralCriteria) else None
+    if models is None or limits.blocks or not models.are_apart(limits.base):
+        return Scatter(rows, limits)
+    return ModelScatter(rows, limits, models)
 
 
 def _of_each_model(bare: Problem, criterion: Criterion, limits: Limits) -> Array:
