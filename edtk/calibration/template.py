@@ -12,7 +12,7 @@ from edtk.calibration.timetable import day_of, has_day
 from edtk.cell.sight import Sight
 from edtk.design.plan import Plan
 from edtk.design.tours import visiting_order
-from edtk.fit.sheet import DISTANCES, POSITIONS
+from edtk.fit.sheet import form_of, read_by
 from edtk.measure.cells import csv_text
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.instruments.sensor import Sensor
@@ -236,12 +236,11 @@ def _points(sensors: Sequence[Sensor], times: int) -> dict[str, Any]:
 def _empty_columns(study: Study, positions: bool, markers: int) -> tuple[str, ...]:
     """Columns that are to be filled in."""
     marker = MARKER_COLUMNS if markers else ()
-    rows = study.model.instruments[0].rows
-    changes, unloaded, loaded = DISTANCES if rows == 1 else POSITIONS
-    turns = any(not sensor.lengths.any() for sensor in study.model.sensors)
-    before = () if study.is_absolute else unloaded
-    position = (*before, *loaded) if positions else changes
-    turned = ROTATION_COLUMNS if rows == 6 else (TURN_COLUMN,) * turns
+    kinds = read_by(study.model.instruments)
+    form = next(form_of(kind) for kind in kinds if kind != "rotation")
+    before = () if study.is_absolute else form.unloaded
+    position = (*before, *form.loaded) if positions else form.change
+    turned = ROTATION_COLUMNS if "pose" in kinds else (TURN_COLUMN,) * ("rotation" in kinds)
     return (*marker, *position, *turned)
 
 

@@ -20,8 +20,8 @@ from edtk.design.exact.exact_plan import (
 from edtk.design.plan import Plan
 from edtk.findings.causes.scene import Positions
 from edtk.fit.geometry.fit_geometry import told_apart
-from edtk.fit.geometry.position_sheet import VECTOR
 from edtk.fit.prior import PriorRows
+from edtk.fit.sheet import VECTOR
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import Identifiable, Parameter
 from edtk.measure.pose_table import (
