@@ -25,10 +25,10 @@ from edtk.measure.model_error import ASSUMED
 from edtk.measure.noise import VisitNoise, shared_visits
 from edtk.measure.task import Tasks
 from edtk.measure.whitening import only_seen
-from edtk.study.evaluate import accuracy_of_tasks, plan_covariance
 from edtk.study.study import Study
 from edtk.study.study_model import payload_beside_load, promised_noise, study_sigma
 from edtk.study.study_objects import friction_of
+from edtk.study.study_run import Designs
 from edtk.system.errors import UserError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
@@ -243,58 +243,56 @@ def held_in_tasks(study: Study, tasks: Tasks, plan: Plan) -> float:
     return float(np.sqrt(np.maximum(beside**2 - alone**2, 0.0)))
 
 
-def plan_budget(study: Study, plan: Plan) -> ErrorBudget | None:
-    """Propagate what is uncertain in a calibration by a plan to the study's task.
+@dataclass(frozen=True, eq=False)
+class SpringDesigns(Designs):
+    """The designs of a study of springs, with what is uncertain in a calibration besides noise."""
 
-    The nonlinear model will be fitted where it matters, so that the linear one adds nothing to the
-    part of the model: that is what the study says that springs leave out, or what they likely do,
-    in the estimates and in the task itself.
+    def error_budget(self, plan: Plan) -> ErrorBudget | None:
+        """Propagate what is uncertain in a calibration by a plan to the study's task.
 
-    Args:
-        study: The study; its [simulation] says how compliant the joints are.
-        plan: All experiments.
+        The nonlinear model will be fitted where it matters, so that the linear one adds nothing to
+        the part of the model: that is what the study says that springs leave out, or what they
+        likely do, in the estimates and in the task itself.
 
-    Returns:
-        The budget; None without a test pose or a [simulation], with unknown geometry, or if the
-        plan leaves a compliance open.
-    """
-    propagation = None if study.target is None else plan_propagation(study, plan)
-    if propagation is None:
-        return None
-    left_out = np.hypot(_left_out(study, study.tasks), held_in_tasks(study, study.tasks, plan))
-    budget = propagation.budget(study.tasks, float(left_out))
-    table = study.specification.noise
-    if table is not None and table.says_of_model:
-        return budget
-    return replace(budget, assumed_share=ASSUMED)
+        Args:
+            plan: All experiments.
 
+        Returns:
+            The budget; None without a test pose or a [simulation], with unknown geometry, or if the
+            plan leaves a compliance open.
+        """
+        study = self.study
+        propagation = plan_propagation(study, plan) if study.tasks else None
+        if propagation is None:
+            return None
+        budget = propagation.budget(study.tasks, self._left_out(study.tasks, plan))
+        table = study.specification.noise
+        if table is not None and table.says_of_model:
+            return budget
+        return replace(budget, assumed_share=ASSUMED)
 
-def plan_tasks(study: Study, plan: Plan) -> TaskAccuracy | None:
-    """Find the errors to expect in each test pose, with the total where compliances are assumed.
+    def totals(self, plan: Plan) -> TaskAccuracy | None:
+        """Find the errors to expect in each test pose, with the total where springs are assumed.
 
-    Args:
-        study: The study.
-        plan: All experiments.
+        Args:
+            plan: All experiments.
 
-    Returns:
-        The errors; None for a single test pose, without one, and if the plan leaves a compliance
-        open.
-    """
-    if len(study.tasks) < 2:
-        return None
-    try:
-        design = study.designed
-        found = accuracy_of_tasks(design, plan_covariance(design, design.information(plan)))
-    except SingularPlanError:
-        return None
-    propagation = None if found is None else plan_propagation(study, plan)
-    if found is None or propagation is None:
-        return found
-    each = [Tasks([task]) for task in study.tasks]
-    left_out = np.array(
-        [np.hypot(_left_out(study, one), held_in_tasks(study, one, plan)) for one in each]
-    )
-    return replace(found, total=propagation.totals(study.tasks, left_out))
+        Returns:
+            The errors; None for a single test pose, without one, and if the plan leaves a
+            compliance open.
+        """
+        found = self.accuracy(plan)
+        propagation = None if found is None else plan_propagation(self.study, plan)
+        if found is None or propagation is None:
+            return found
+        tasks = self.study.tasks
+        left_out = [self._left_out(Tasks([task]), plan) for task in tasks]
+        return replace(found, total=propagation.totals(tasks, np.array(left_out)))
+
+    def _left_out(self, tasks: Tasks, plan: Plan) -> float:
+        """Root mean square of what springs leave out of some tasks themselves [m]."""
+        held = held_in_tasks(self.study, tasks, plan)
+        return float(np.hypot(_left_out(self.study, tasks), held))
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,13 +32,11 @@ if TYPE_CHECKING:
     from edtk.calibration.compensate import Compensation
     from edtk.calibration.detect import Promised
     from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-    from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
     from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
     from edtk.calibration.prediction import Prediction
     from edtk.design.design_space import DesignSpace
     from edtk.design.exact.exact_plan import ExactPlan
     from edtk.findings.fitted_data import HowFitted
-    from edtk.study.evaluate import Evaluation
     from edtk.study.study_run import Designs
 
 
@@ -65,9 +63,9 @@ class OfCompliances(OfStudy):
     @staticmethod
     def sought() -> "type[Designs]":
         """Poses with their loads."""
-        from edtk.study.study_run import Designs
+        from edtk.calibration.planned import SpringDesigns
 
-        return Designs
+        return SpringDesigns
 
     def _faults(self, given: Mapping[str, str]) -> Any:
         from edtk.calibration.detect import sized_faults
@@ -78,17 +76,6 @@ class OfCompliances(OfStudy):
         from edtk.calibration.detect import Promised
 
         return Promised.displacements(asked, found.whole)
-
-    def _promises(self, asked: Study, found: "ExactPlan") -> dict[str, Any]:
-        from edtk.calibration.planned import plan_budget, plan_tasks
-
-        whole = found.whole
-        return {"error_budget": plan_budget(asked, whole), "tasks": plan_tasks(asked, whole)}
-
-    def _worth(self, plan: Plan) -> "Evaluation":
-        from edtk.study.evaluate import evaluate
-
-        return evaluate(self.study, plan)
 
     def _sheet(self, plan: Plan, positions: bool, markers: int) -> "pd.DataFrame":
         from edtk.calibration.template import template
@@ -209,27 +196,10 @@ class OfGeometry(OfStudy):
 
         return Promised.visits(found.question, found.whole)
 
-    def _promises(self, asked: Study, found: Any) -> dict[str, Any]:
-        from edtk.calibration.geometry_design.evaluate_geometry import (
-            GeometryDesigns,
-            poor_left_out,
-        )
+    def _designs_of(self, asked: Study, found: Any) -> "Designs":
+        from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
 
-        whole = found.whole
-        designs = GeometryDesigns(asked, found.question)
-        poor = poor_left_out(found.question, whole)
-        around = designs.around(whole) if found.relaxed.criterion.needs_target else ()
-        return {
-            "warnings": found.warnings + poor + around,
-            "expected": designs.expected(whole),
-            "tasks": designs.totals(whole),
-            "error_budget": designs.error_budget(whole),
-        }
-
-    def _worth(self, plan: Plan) -> "GeometryEvaluation":
-        from edtk.calibration.geometry_design.evaluate_geometry import evaluate_geometry
-
-        return evaluate_geometry(self.study, plan)
+        return GeometryDesigns(asked, found.question)
 
     def _sheet(self, plan: Plan, positions: bool, markers: int) -> "pd.DataFrame":
         from edtk.calibration.geometry_design.geometry_plan import position_sheet

@@ -55,7 +55,6 @@ if TYPE_CHECKING:
     from edtk.calibration.correct_program import CorrectedProgram
     from edtk.calibration.detect import Promised
     from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-    from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
     from edtk.calibration.prediction import Prediction
     from edtk.calibration.timetable import Day
     from edtk.design.design_space import DesignSpace
@@ -547,16 +546,16 @@ class OfStudy(Question):
         from edtk.calibration.detect import detect
 
         judged = detect(self._promised(asked, found), faults) if faults else ((), ())
-        promises = self._promises(asked, found)
-        return replace(found, detections=judged[0], separations=judged[1], **promises)
+        promised = self._designs_of(asked, found).promised(found)
+        return replace(promised, detections=judged[0], separations=judged[1])
 
     @abstractmethod
     def _promised(self, asked: Study, found: Any) -> "Promised":
         """The readings of a plan without their values."""
 
-    @abstractmethod
-    def _promises(self, asked: Study, found: Any) -> dict[str, Any]:
-        """What fields of a plan say of its errors in the task."""
+    def _designs_of(self, asked: Study, found: Any) -> "Designs":
+        """The designs of a study, of which a plan was found."""
+        return self.designs(asked)
 
     def _proof(self, asked: Study, found: Any) -> str:
         """The certificate of a plan, with a proof for each set of loads that a budget pays for."""
@@ -618,10 +617,10 @@ class OfStudy(Question):
         setting = replace(self, study=asked).setting(found.criterion.name, found.space)
         return certificate_text(asked, found, setting)
 
-    def evaluate(self, plan: PlanLike) -> "Evaluation | GeometryEvaluation":
+    def evaluate(self, plan: PlanLike) -> "Evaluation":
         """A plan under every criterion; see `edtk.evaluate`."""
         with errors_in(name_of(plan, "plan")):
-            return self._worth(as_plan(self.study, plan))
+            return self.designs(self.study).evaluate(as_plan(self.study, plan))
 
     def efficiency(self, plan: Plan, of: Plan) -> tuple[str, float | None]:
         """The criterion by which plans are judged, and how good a plan is by it beside another.
@@ -639,10 +638,6 @@ class OfStudy(Question):
         costs = [float(criterion.cost(designs.information(one))) for one in (of, plan)]
         known = bool(np.isfinite(costs).all()) and min(costs) > 0
         return criterion.name, costs[0] / costs[1] if known else None
-
-    @abstractmethod
-    def _worth(self, plan: Plan) -> "Evaluation | GeometryEvaluation":
-        """Values of all criteria, and standard deviations."""
 
     def template(
         self, plan: PlanLike, positions: bool, markers: int | None, out: Path | str | None

@@ -16,10 +16,10 @@ from edtk.fit.posterior import SamplingOptions
 from edtk.fit.run_chain import Demand
 from edtk.measure.compliances import load_compliances
 from edtk.report.calibration_report import calibration_files
-from edtk.study.evaluate import evaluate
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
 from edtk.system.files import write_files
+from edtk.verbs.evaluate import evaluate
 
 pytestmark = pytest.mark.slow
 
