@@ -238,6 +238,13 @@ def test_a_sound_day_of_mixed_rows_is_good() -> None:
     found = edtk.identify(study, sheet(data))
     assert found.findings == ()
     assert found.verdict == "good"
+    table = found.residuals()
+    is_wire = table["marker"].isin(["wire", "other"])
+    assert is_wire.sum() == 2 * 36
+    for name in ("residual", "left_out"):
+        assert table[f"{name}_mm"].notna().equals(is_wire)
+        assert table[f"{name}_x_mm"].isna().equals(is_wire)
+    assert table["residual_mm"].std() < 3 * 0.1
 
 
 def test_commands_carry_the_markers_on_the_tool(tmp_path: Path) -> None:
