@@ -1,5 +1,6 @@
 """What a plan promises before anything is measured: its errors, their budget, and its bias."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -244,8 +245,21 @@ def held_in_tasks(study: Study, tasks: Tasks, plan: Plan) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class SpringDesigns(Designs):
-    """The designs of a study of springs, with what is uncertain in a calibration besides noise."""
+class CalibratedDesigns(Designs, ABC):
+    """Designs of calibrations, in which more is uncertain than the noise."""
+
+    @property
+    def tasks(self) -> Tasks:
+        """The study's tasks, in which errors of the parameters do harm."""
+        return self.study.tasks
+
+    @abstractmethod
+    def propagation(self, plan: Plan) -> Propagation | None:
+        """What is uncertain in a calibration by a plan; None where nothing tells it."""
+
+    @abstractmethod
+    def left_out(self, tasks: Tasks, plan: Plan) -> float:
+        """Root mean square of what the model leaves out of some tasks of the study [m]."""
 
     def error_budget(self, plan: Plan) -> ErrorBudget | None:
         """Propagate what is uncertain in a calibration by a plan to the study's task.
@@ -258,39 +272,52 @@ class SpringDesigns(Designs):
             plan: All experiments.
 
         Returns:
-            The budget; None without a test pose or a [simulation], with unknown geometry, or if the
-            plan leaves a compliance open.
+            The budget; None without a test pose, where compliances are unknown without a
+            [simulation], or if the plan leaves a parameter open.
         """
-        study = self.study
-        propagation = plan_propagation(study, plan) if study.tasks else None
-        if propagation is None:
-            return None
-        budget = propagation.budget(study.tasks, self._left_out(study.tasks, plan))
-        table = study.specification.noise
-        if table is not None and table.says_of_model:
-            return budget
-        return replace(budget, assumed_share=ASSUMED)
+        found = self.propagation(plan) if self.tasks else None
+        return (
+            None
+            if found is None
+            else found.budget(self.tasks, self.left_out(self.study.tasks, plan))
+        )
 
     def totals(self, plan: Plan) -> TaskAccuracy | None:
-        """Find the errors to expect in each test pose, with the total where springs are assumed.
+        """Find the errors to expect in each test pose, with the total of each where it is known.
 
         Args:
             plan: All experiments.
 
         Returns:
-            The errors; None for a single test pose, without one, and if the plan leaves a
-            compliance open.
+            The errors; None for a single test pose, without one, and if the plan leaves a parameter
+            open.
         """
-        found = self.accuracy(plan)
-        propagation = None if found is None else plan_propagation(self.study, plan)
-        if found is None or propagation is None:
-            return found
-        tasks = self.study.tasks
-        left_out = [self._left_out(Tasks([task]), plan) for task in tasks]
-        return replace(found, total=propagation.totals(tasks, np.array(left_out)))
+        each = self.accuracy(plan)
+        found = None if each is None else self.propagation(plan)
+        if each is None or found is None:
+            return each
+        left_out = [self.left_out(Tasks([task]), plan) for task in self.study.tasks]
+        return replace(each, total=found.totals(self.tasks, np.array(left_out)))
 
-    def _left_out(self, tasks: Tasks, plan: Plan) -> float:
-        """Root mean square of what springs leave out of some tasks themselves [m]."""
+
+@dataclass(frozen=True, eq=False)
+class SpringDesigns(CalibratedDesigns):
+    """The designs of a study of springs by displacements."""
+
+    def propagation(self, plan: Plan) -> Propagation | None:
+        """What is uncertain; None without a [simulation], or if the plan leaves any open."""
+        return plan_propagation(self.study, plan)
+
+    def error_budget(self, plan: Plan) -> ErrorBudget | None:
+        """The same, which says where the size of what springs leave out is only likely."""
+        budget = super().error_budget(plan)
+        table = self.study.specification.noise
+        if budget is None or (table is not None and table.says_of_model):
+            return budget
+        return replace(budget, assumed_share=ASSUMED)
+
+    def left_out(self, tasks: Tasks, plan: Plan) -> float:
+        """What springs leave out, and friction that holds a share of all loads."""
         held = held_in_tasks(self.study, tasks, plan)
         return float(np.hypot(_left_out(self.study, tasks), held))
 

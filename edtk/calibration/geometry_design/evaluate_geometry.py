@@ -17,6 +17,7 @@ from edtk.calibration.geometry_design.geometry_plan import (
 )
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import GeometrySpace, PositionRows
+from edtk.calibration.planned import CalibratedDesigns
 from edtk.calibration.propagation import (
     DIRECTION,
     ROUNDING,
@@ -43,7 +44,6 @@ from edtk.fit.distributions import task_accuracy
 from edtk.fit.prior import PriorRows
 from edtk.measure.expected_error import (
     WITHIN,
-    ErrorBudget,
     ExpectedError,
     TaskAccuracy,
     expected_error,
@@ -58,7 +58,7 @@ from edtk.study.plan_study import RunOptions, no_progress, study_errors
 from edtk.study.plausibility import poor_around
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyLoads
-from edtk.study.study_run import Case, Designs
+from edtk.study.study_run import Case
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
 
@@ -328,7 +328,7 @@ def _places(model: MeasuredModel) -> tuple[Parameter, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class GeometryDesigns(Designs):
+class GeometryDesigns(CalibratedDesigns):
     """The designs of a study of geometry: visits of poses, without and with a load.
 
     Without a budget all loads are there to choose from, and the size alone decides; with one, see
@@ -462,15 +462,8 @@ class GeometryDesigns(Designs):
         is_path = self.study.specification.task is not None
         return task_accuracy(tasks, cov, is_path=is_path)
 
-    def error_budget(self, plan: Plan) -> ErrorBudget | None:
-        """The error in the test poses by all that is uncertain; None where nothing tells it."""
-        found = self.propagation(plan)
-        if found is None:
-            return None
-        return found.budget(self.question.tasks, self._left_out(self.study.tasks))
-
-    def _left_out(self, tasks: Tasks) -> float:
-        """Root mean square of what the springs leave out of some tasks themselves [m]."""
+    def left_out(self, tasks: Tasks, plan: Plan) -> float:
+        """What springs leave out of some tasks themselves [m]."""
         error = self.question.space.noise.error
         if error is None:
             return 0.0
@@ -486,18 +479,14 @@ class GeometryDesigns(Designs):
         exact = replace(error, k=error.k / MM)
         return exact.remaining(tasks.with_columns(columns).target)
 
-    def totals(self, plan: Plan) -> TaskAccuracy | None:
-        """The errors in each of several test poses, with the total of each."""
-        each, found = self.accuracy(plan), self.propagation(plan)
-        if each is None or found is None:
-            return each
-        tasks = self.question.tasks
-        left_out = np.array([self._left_out(Tasks([task])) for task in self.study.tasks])
-        return replace(each, total=found.totals(tasks, left_out))
-
     def propagation(self, plan: Plan) -> Propagation | None:
-        """What is uncertain in a calibration by a plan; None without test poses, too."""
-        return visit_propagation(self.question, plan) if self.question.tasks else None
+        """What is uncertain; None if any is open, or springs are without a [simulation]."""
+        return visit_propagation(self.question, plan)
+
+    @property
+    def tasks(self) -> Tasks:
+        """The study's tasks, in which errors of the parameters of a plan do harm."""
+        return self.question.tasks
 
     def warnings(
         self, plan: Plan, criterion: criteria.Criterion | None = None
