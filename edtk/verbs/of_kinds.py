@@ -26,14 +26,13 @@ from edtk.verbs.inputs import (
 from edtk.verbs.of_studies import OfStudy
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from edtk.calibration.calibration import Calibration
     from edtk.calibration.compensate import Compensation
     from edtk.calibration.detect import Promised
     from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
     from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
     from edtk.calibration.prediction import Prediction
+    from edtk.calibration.template import SheetColumns
     from edtk.design.design_space import DesignSpace
     from edtk.design.exact.exact_plan import ExactPlan
     from edtk.findings.fitted_data import HowFitted
@@ -77,10 +76,10 @@ class OfCompliances(OfStudy):
 
         return Promised.displacements(asked, found.whole)
 
-    def _sheet(self, plan: Plan, positions: bool, markers: int) -> "pd.DataFrame":
-        from edtk.calibration.template import template
+    def _sheet(self, positions: bool, markers: int) -> "SheetColumns":
+        from edtk.calibration.template import SheetColumns
 
-        return template(self.study, plan, positions, markers)
+        return SheetColumns.of_displacements(self.study, positions, markers)
 
     def _calibrated(self, sheet: Table, how: "HowFitted") -> "Calibration | GeometricCalibration":
         from edtk.calibration.calibrate import calibrate
@@ -201,10 +200,10 @@ class OfGeometry(OfStudy):
 
         return GeometryDesigns(asked, found.question)
 
-    def _sheet(self, plan: Plan, positions: bool, markers: int) -> "pd.DataFrame":
-        from edtk.calibration.geometry_design.geometry_plan import position_sheet
+    def _sheet(self, positions: bool, markers: int) -> "SheetColumns":
+        from edtk.calibration.geometry_design.geometry_plan import position_columns
 
-        return position_sheet(self.study, plan)
+        return position_columns(self.study)
 
     def _calibrated(self, sheet: Table, how: "HowFitted") -> "GeometricCalibration":
         from edtk.calibration.geometry.calibrate_geometry import calibrate_geometry

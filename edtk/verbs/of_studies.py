@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from edtk.calibration.detect import Promised
     from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
     from edtk.calibration.prediction import Prediction
+    from edtk.calibration.template import SheetColumns
     from edtk.calibration.timetable import Day
     from edtk.design.design_space import DesignSpace
     from edtk.design.exact.exact_plan import ExactPlan, OffGuess
@@ -643,7 +644,7 @@ class OfStudy(Question):
         self, plan: PlanLike, positions: bool, markers: int | None, out: Path | str | None
     ) -> "pd.DataFrame":
         """The sheet to fill in; see `edtk.template`."""
-        from edtk.calibration.template import require_empty, write_template
+        from edtk.calibration.template import require_empty, template, write_template
 
         study = self.study
         sensors = study.model.sensors
@@ -664,7 +665,7 @@ class OfStudy(Question):
                 f"expected {MOST_ROWS} at most",
                 where=name_of(plan, "plan"),
             )
-        table = self._sheet(measured, positions, asked)
+        table = template(study, measured, self._sheet(positions, asked))
         for sentence in motors_in_words(study.robot):
             note(f"in the sheet {sentence}", name_of(plan, "plan"))
         if out is not None:
@@ -672,8 +673,8 @@ class OfStudy(Question):
         return table
 
     @abstractmethod
-    def _sheet(self, plan: Plan, positions: bool, markers: int) -> "pd.DataFrame":
-        """The empty sheet of a plan."""
+    def _sheet(self, positions: bool, markers: int) -> "SheetColumns":
+        """The columns of an empty sheet."""
 
     def identify(
         self,

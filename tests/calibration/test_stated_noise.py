@@ -5,7 +5,7 @@ import pytest
 
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.planned import SpringDesigns, plan_noise, planned_measurements, visits_noise
-from edtk.calibration.template import is_filled, template
+from edtk.calibration.template import is_filled
 from edtk.findings.finding import Severity
 from edtk.findings.fitted_data import HowFitted
 from edtk.findings.moving_joints import stated_noise
@@ -22,6 +22,7 @@ from edtk.measure.pose_table import (
 )
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
+from edtk.verbs.template import template
 from tests.support.readings import PLAN, STUDY
 from tests.support.visits import sheet, visited
 
