@@ -1,5 +1,6 @@
 """What a plan promises before anything is measured: its errors, their budget, and its bias."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,10 +26,10 @@ from edtk.measure.model_error import ASSUMED
 from edtk.measure.noise import VisitNoise, shared_visits
 from edtk.measure.task import Tasks
 from edtk.measure.whitening import only_seen
-from edtk.study.evaluate import accuracy_of_tasks, plan_covariance
 from edtk.study.study import Study
 from edtk.study.study_model import payload_beside_load, promised_noise, study_sigma
 from edtk.study.study_objects import friction_of
+from edtk.study.study_run import Designs
 from edtk.system.errors import UserError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
@@ -243,58 +244,82 @@ def held_in_tasks(study: Study, tasks: Tasks, plan: Plan) -> float:
     return float(np.sqrt(np.maximum(beside**2 - alone**2, 0.0)))
 
 
-def plan_budget(study: Study, plan: Plan) -> ErrorBudget | None:
-    """Propagate what is uncertain in a calibration by a plan to the study's task.
+@dataclass(frozen=True, eq=False)
+class CalibratedDesigns(Designs, ABC):
+    """Designs of calibrations, in which more is uncertain than the noise."""
 
-    The nonlinear model will be fitted where it matters, so that the linear one adds nothing to the
-    part of the model: that is what the study says that springs leave out, or what they likely do,
-    in the estimates and in the task itself.
+    @property
+    def tasks(self) -> Tasks:
+        """The study's tasks, in which errors of the parameters do harm."""
+        return self.study.tasks
 
-    Args:
-        study: The study; its [simulation] says how compliant the joints are.
-        plan: All experiments.
+    @abstractmethod
+    def propagation(self, plan: Plan) -> Propagation | None:
+        """What is uncertain in a calibration by a plan; None where nothing tells it."""
 
-    Returns:
-        The budget; None without a test pose or a [simulation], with unknown geometry, or if the
-        plan leaves a compliance open.
-    """
-    propagation = None if study.target is None else plan_propagation(study, plan)
-    if propagation is None:
-        return None
-    left_out = np.hypot(_left_out(study, study.tasks), held_in_tasks(study, study.tasks, plan))
-    budget = propagation.budget(study.tasks, float(left_out))
-    table = study.specification.noise
-    if table is not None and table.says_of_model:
-        return budget
-    return replace(budget, assumed_share=ASSUMED)
+    @abstractmethod
+    def left_out(self, tasks: Tasks, plan: Plan) -> float:
+        """Root mean square of what the model leaves out of some tasks of the study [m]."""
+
+    def error_budget(self, plan: Plan) -> ErrorBudget | None:
+        """Propagate what is uncertain in a calibration by a plan to the study's task.
+
+        The nonlinear model will be fitted where it matters, so that the linear one adds nothing to
+        the part of the model: that is what the study says that springs leave out, or what they
+        likely do, in the estimates and in the task itself.
+
+        Args:
+            plan: All experiments.
+
+        Returns:
+            The budget; None without a test pose, where compliances are unknown without a
+            [simulation], or if the plan leaves a parameter open.
+        """
+        found = self.propagation(plan) if self.tasks else None
+        return (
+            None
+            if found is None
+            else found.budget(self.tasks, self.left_out(self.study.tasks, plan))
+        )
+
+    def totals(self, plan: Plan) -> TaskAccuracy | None:
+        """Find the errors to expect in each test pose, with the total of each where it is known.
+
+        Args:
+            plan: All experiments.
+
+        Returns:
+            The errors; None for a single test pose, without one, and if the plan leaves a parameter
+            open.
+        """
+        each = self.accuracy(plan)
+        found = None if each is None else self.propagation(plan)
+        if each is None or found is None:
+            return each
+        left_out = [self.left_out(Tasks([task]), plan) for task in self.study.tasks]
+        return replace(each, total=found.totals(self.tasks, np.array(left_out)))
 
 
-def plan_tasks(study: Study, plan: Plan) -> TaskAccuracy | None:
-    """Find the errors to expect in each test pose, with the total where compliances are assumed.
+@dataclass(frozen=True, eq=False)
+class SpringDesigns(CalibratedDesigns):
+    """The designs of a study of springs by displacements."""
 
-    Args:
-        study: The study.
-        plan: All experiments.
+    def propagation(self, plan: Plan) -> Propagation | None:
+        """What is uncertain; None without a [simulation], or if the plan leaves any open."""
+        return plan_propagation(self.study, plan)
 
-    Returns:
-        The errors; None for a single test pose, without one, and if the plan leaves a compliance
-        open.
-    """
-    if len(study.tasks) < 2:
-        return None
-    try:
-        design = study.designed
-        found = accuracy_of_tasks(design, plan_covariance(design, design.information(plan)))
-    except SingularPlanError:
-        return None
-    propagation = None if found is None else plan_propagation(study, plan)
-    if found is None or propagation is None:
-        return found
-    each = [Tasks([task]) for task in study.tasks]
-    left_out = np.array(
-        [np.hypot(_left_out(study, one), held_in_tasks(study, one, plan)) for one in each]
-    )
-    return replace(found, total=propagation.totals(study.tasks, left_out))
+    def error_budget(self, plan: Plan) -> ErrorBudget | None:
+        """The same, which says where the size of what springs leave out is only likely."""
+        budget = super().error_budget(plan)
+        table = self.study.specification.noise
+        if budget is None or (table is not None and table.says_of_model):
+            return budget
+        return replace(budget, assumed_share=ASSUMED)
+
+    def left_out(self, tasks: Tasks, plan: Plan) -> float:
+        """What springs leave out, and friction that holds a share of all loads."""
+        held = held_in_tasks(self.study, tasks, plan)
+        return float(np.hypot(_left_out(self.study, tasks), held))
 
 
 @dataclass(frozen=True, eq=False)

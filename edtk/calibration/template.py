@@ -1,21 +1,19 @@
 """The sheet on which a plan's measurements are written down, and the order of its visits."""
 
 import csv
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 
 from edtk.calibration.timetable import day_of, has_day
-from edtk.cell.sight import Sight
 from edtk.design.plan import Plan
 from edtk.design.tours import visiting_order
-from edtk.fit.sheet import DISTANCES, POSITIONS
+from edtk.fit.sheet import form_of, read_by
 from edtk.measure.cells import csv_text
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.instruments.sensor import Sensor
 from edtk.measure.pose_table import (
     DEFLECTION_COLUMNS,
     DISTANCE_COLUMN,
@@ -159,20 +157,69 @@ def visit_order(study: Study, plan: Plan) -> Indices:
     return np.concatenate(taken)
 
 
-def template(study: Study, plan: Plan, positions: bool = False, markers: int = 0) -> "pd.DataFrame":
-    """Make the empty sheet of a plan: a row per repetition, in an order of little joint travel.
+@dataclass(frozen=True)
+class SheetColumns:
+    """What an empty sheet has beside poses and loads, by the instruments of a study.
 
-    Where load changes cost something, the poses of a load come one after another.
-    Repetitions of a pose come one after another. Angles have the digits that a controller takes.
-    Where a visit has several rows, or errors of its own, a column numbers the visits.
+    Attributes:
+        rows: Rows of each visit.
+        written: Columns that are filled in beforehand, with a value for each of these rows.
+        empty: Columns that are to be filled in.
+        read: Which of the rows (v, rows) there are in visits of poses (v, n); None where all are.
+        numbered: Whether a column numbers the visits.
+    """
+
+    rows: int
+    written: Mapping[str, Sequence[Any]]
+    empty: tuple[str, ...]
+    read: Callable[[Array], Mask] | None
+    numbered: bool
+
+    @classmethod
+    def of_displacements(
+        cls, study: Study, positions: bool = False, markers: int = 0
+    ) -> "SheetColumns":
+        """Those of displacements under a load.
+
+        Visits are numbered where they have several rows, or errors of their own.
+
+        Args:
+            study: Says which rows are measured.
+            positions: Empty columns for the unloaded and the loaded position instead of the
+                displacement.
+            markers: Rows for so many markers in each repetition, with empty columns for their
+                places on the tool; 0 for a single one at the tool point, or for the instruments of
+                the study.
+        """
+        sensors = study.model.sensors
+        rows = len(sensors) or max(markers, 1)
+        written: dict[str, Sequence[Any]] = {}
+        if sensors:
+            offsets = 1e3 * np.array([sensor.point.offset for sensor in sensors])
+            written[MARKER_NAME_COLUMN] = [sensor.name for sensor in sensors]
+            written |= dict(zip(MARKER_COLUMNS, offsets.T.tolist(), strict=True))
+        sight = study.sight
+        first = np.cumsum([0, *(sensor.rows for sensor in sensors[:-1])]) if sensors else [0] * rows
+        return cls(
+            rows,
+            written,
+            _to_fill_in(study, positions, markers),
+            None if sight is None else lambda q: sight.rows(q)[:, first],
+            rows > 1 or study.noise is not None,
+        )
+
+
+def template(study: Study, plan: Plan, columns: SheetColumns) -> "pd.DataFrame":
+    """Make the empty sheet of a plan: a row for each instrument of each visit.
+
+    Visits come in an order of little joint travel; where load changes cost something, or loads
+    stay on, those under one load come one after another. Angles have the digits that a controller
+    takes; `edtk identify` reads the sheet when it is filled in.
 
     Args:
-        study: Says which rows are measured.
+        study: The study.
         plan: The plan that is to be measured.
-        positions: Empty columns for the unloaded and the loaded position instead of the
-            displacement.
-        markers: Rows for so many markers in each repetition, with empty columns for their places
-            on the tool; 0 for a single one at the tool point, or for the instruments of the study.
+        columns: What the sheet has beside poses and loads.
 
     Returns:
         Poses and wrenches in the units of the headers, and empty columns to fill in: a measurement
@@ -180,20 +227,16 @@ def template(study: Study, plan: Plan, positions: bool = False, markers: int = 0
     """
     plan = replace(plan, q=rounded(study.robot, plan.q))
     order = sheet_order(study, plan)
-    sensors = study.model.sensors
-    rows = len(sensors) or max(markers, 1)
     table = plan.to_frame(study.robot).drop(columns="repeats")
-    table = table.iloc[np.repeat(order, rows)].reset_index(drop=True)
-    if rows > 1 or study.noise is not None:
-        table[VISIT_COLUMN] = np.arange(len(table)) // rows + 1
-    if sensors:
-        for column, values in _points(sensors, len(table) // len(sensors)).items():
-            table[column] = values
-    table[list(_empty_columns(study, positions, markers))] = np.nan
-    if study.sight is None:
+    table = table.iloc[np.repeat(order, columns.rows)].reset_index(drop=True)
+    if columns.numbered:
+        table[VISIT_COLUMN] = np.arange(len(table)) // columns.rows + 1
+    for name, values in columns.written.items():
+        table[name] = list(values) * len(order)
+    table[list(columns.empty)] = np.nan
+    if columns.read is None:
         return table
-    read = _read(study.sight, sensors, plan.q[order], rows)
-    return table[read].reset_index(drop=True)
+    return table[columns.read(plan.q[order]).reshape(-1)].reset_index(drop=True)
 
 
 def sheet_order(study: Study, plan: Plan) -> Indices:
@@ -210,38 +253,14 @@ def sheet_order(study: Study, plan: Plan) -> Indices:
     return np.repeat(path, plan.repeats[path])
 
 
-def _read(sight: Sight, sensors: Sequence[Sensor], q: Array, rows: int) -> Mask:
-    """Which rows of a sheet there are: those of instruments that are read, for each visit in turn.
-
-    Args:
-        sight: Which instruments are read in which poses.
-        sensors: The instruments, a row each; none where the tool point alone is measured.
-        q: The pose of each visit (v, n) [rad or m].
-        rows: Rows of each visit.
-    """
-    there = sight.rows(q)
-    if not sensors:
-        return np.repeat(there[:, 0], rows)
-    first = np.cumsum([0, *(sensor.rows for sensor in sensors[:-1])])
-    return there[:, first].reshape(-1)
-
-
-def _points(sensors: Sequence[Sensor], times: int) -> dict[str, Any]:
-    """Columns that say which instrument each row is of, and where its point is [mm]."""
-    names = {MARKER_NAME_COLUMN: [sensor.name for sensor in sensors] * times}
-    offsets = np.tile([1e3 * sensor.point.offset for sensor in sensors], (times, 1))
-    return names | dict(zip(MARKER_COLUMNS, offsets.T, strict=True))
-
-
-def _empty_columns(study: Study, positions: bool, markers: int) -> tuple[str, ...]:
+def _to_fill_in(study: Study, positions: bool, markers: int) -> tuple[str, ...]:
     """Columns that are to be filled in."""
     marker = MARKER_COLUMNS if markers else ()
-    rows = study.model.instruments[0].rows
-    changes, unloaded, loaded = DISTANCES if rows == 1 else POSITIONS
-    turns = any(not sensor.lengths.any() for sensor in study.model.sensors)
-    before = () if study.is_absolute else unloaded
-    position = (*before, *loaded) if positions else changes
-    turned = ROTATION_COLUMNS if rows == 6 else (TURN_COLUMN,) * turns
+    kinds = read_by(study.model.instruments)
+    form = next(form_of(kind) for kind in kinds if kind != "rotation")
+    before = () if study.is_absolute else form.unloaded
+    position = (*before, *form.loaded) if positions else form.change
+    turned = ROTATION_COLUMNS if "pose" in kinds else (TURN_COLUMN,) * ("rotation" in kinds)
     return (*marker, *position, *turned)
 
 

@@ -16,11 +16,20 @@ from edtk.fit.correlated_noise import (
     std_of,
 )
 from edtk.fit.sheet import (
+    BY_ROWS,
+    DISTANCE,
     NOISE_COLUMNS,
-    sheet_change,
+    POSITION,
+    Readings,
+    Reference,
+    first_far,
+    read_by,
+    read_turns,
+    require_loads,
+    require_positions_alone,
+    sheet_instruments,
     sheet_markers,
     sheet_noise,
-    sheet_sensors,
     sheet_turns,
     stated_sigma,
 )
@@ -34,8 +43,8 @@ from edtk.measure.model_error import ModelError, groups_of
 from edtk.measure.pose_table import (
     FINISHED_BY,
     MARKER_NAME_COLUMN,
+    ROTATION_COLUMNS,
     SHEET_COLUMNS,
-    UNLOADED_COLUMNS,
     VISIT_COLUMN,
     PoseTable,
     Table,
@@ -365,13 +374,16 @@ class Measurements(Presented):
         q = table.poses(robot, fixed)
         sensors = () if model is None else model.sensors
         if sensors and index is None:
-            index = sheet_sensors(table, sensors)
+            index, _ = sheet_instruments(table, [sensor.name for sensor in sensors])
         sigma = stated_sigma(sigma, sensors, index)
         turn = sheet_turns(sensors, index)
         noise, covariance = sheet_noise(table, sigma, turn)
+        wrenches = table.wrenches(wrench)
+        if model is None or model.weights is None:  # weights load the robot, too
+            require_loads(table, wrenches, np.ones(len(table), dtype=bool))
         return cls(
             q=q,
-            wrench=_wrenches(table, wrench, model is not None and model.weights is not None),
+            wrench=wrenches,
             deflection=np.zeros_like(noise),
             sigma=noise,
             marker=sheet_markers(table, sensors, index),
@@ -387,25 +399,44 @@ class Measurements(Presented):
         self, table: PoseTable, robot: Robot, model: ElastostaticModel | None
     ) -> "Measurements":
         """The same with the displacements of a table."""
-        unloaded = None
-        positions = all(column in table for column in UNLOADED_COLUMNS)
-        if self.sensor is None and not self.absolute and positions:
-            unloaded = table.vectors(UNLOADED_COLUMNS) / 1e3
-        rigid = self.rigid(model) if model is not None and self.absolute else None
-        change = sheet_change(table, robot.reach, self.sigma.shape[1], rigid, self.turn)
-        return replace(self, deflection=change, unloaded=unloaded)
+        coordinates = self.sigma.shape[1]
+        kinds = read_by(() if model is None else model.sensors) or (BY_ROWS[coordinates],)
+        index = np.zeros(len(self), dtype=int) if self.sensor is None else self.sensor
+        reference: Reference = "nominal" if self.absolute else "unloaded"
+        found = Readings.of(table, kinds, index, robot.reach, reference)
+        moved = found.value[:, : min(coordinates, COORDINATES)]
+        if model is not None and self.absolute:
+            rigid = np.where(found.differs[:, None], 0.0, self.rigid(model))
+            _require_in_world(table, moved, rigid, robot.reach)
+            moved = moved - rigid
+        if not moved[self.lengths[:, 0]].any() and self.lengths.any():
+            message = "all measured displacements are zero; expected those that the load made"
+            raise table.error(message)
+        if coordinates > COORDINATES:
+            moved = np.hstack([moved, read_turns(table, np.arange(len(self)), ROTATION_COLUMNS)])
+        elif coordinates == COORDINATES:
+            require_positions_alone(table)
+        unloaded = found.unloaded
+        alone = self.sensor is None and not self.absolute and np.isfinite(unloaded).all()
+        return replace(self, deflection=moved, unloaded=unloaded if alone else None)
 
 
-def _wrenches(table: PoseTable, default: Array | None, weighs: bool) -> Array:
-    """Forces and torques (m, 6) [N, N m], none of them zero unless a weight loads the robot too."""
-    wrenches = table.wrenches(default)
-    unloaded = np.flatnonzero(~wrenches.any(axis=1))
-    if len(unloaded) and not weighs:
+def _require_in_world(table: PoseTable, read: Array, rigid: Array, reach: float) -> None:
+    """Check that readings (m, c) are near those of the rigid robot, which are zero for changes.
+
+    Raises:
+        PoseFileError: One is far from it.
+    """
+    is_read = rigid.any(axis=1, keepdims=True)
+    moved = np.where(is_read, read - rigid, np.nan)
+    row = first_far(moved, read, reach)
+    if row is not None:
+        columns = ", ".join(POSITION.loaded if read.shape[1] > 1 else DISTANCE.loaded)
         raise table.error(
-            f"row {unloaded[0] + 1}, columns Fx_N to Tz_Nm: the wrench is zero; "
-            "expected the load applied"
+            f"{1e3 * np.linalg.norm(moved[row]):.4g} mm from the nominal robot; "
+            "expected positions in the world frame of the study",
+            f"row {row + 1}, columns {columns}",
         )
-    return wrenches
 
 
 def measured_points(model: ElastostaticModel, data: Measurements) -> Array:

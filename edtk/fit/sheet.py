@@ -1,11 +1,15 @@
-"""What a measurement sheet says: the instrument of each row, its noise, and what changed."""
+"""What a measurement sheet says: the instrument of each row, what it read, and how well."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from edtk.fit.correlated_noise import CorrelatedNoise, NotPositiveDefiniteError
+from edtk.measure.cells import PoseFileError
 from edtk.measure.instruments.sensor import Sensor
+from edtk.measure.measured_model import Kind
 from edtk.measure.pose_table import (
     AFTER_COLUMN,
     AXIS_SIGMA_COLUMNS,
@@ -13,6 +17,7 @@ from edtk.measure.pose_table import (
     CHANGE_COLUMN,
     COVARIANCE_COLUMNS,
     DEFLECTION_COLUMNS,
+    DISTANCE_COLUMN,
     LOADED_COLUMNS,
     MARKER_COLUMNS,
     MARKER_NAME_COLUMN,
@@ -32,39 +37,355 @@ FAR = 0.1
 MICROMETRES = 3e4
 # A standard deviation that anybody can mean; the square of a smaller one underflows.
 LEAST_SIGMA_MM = 1e-9
+UNIT = 0.01  # by how much the length of a quaternion may differ from one
 # Places of the upper triangle in the order of the columns, and those of the variances.
 ROWS = (0, 0, 0, 1, 1, 2)
 COLUMNS = (0, 1, 2, 1, 2, 2)
+# Orientations in the frame of the instrument: the axis times the angle, or a quaternion.
+VECTOR = ("rx_deg", "ry_deg", "rz_deg")
+QUATERNION = ("qw", "qx", "qy", "qz")
+
+# What an instrument reads; a rotation is a single one, in a row of its own.
+Read = Kind | Literal["rotation"]
+# What readings are counted from: the unloaded robot, the nominal one, or the instrument's origin.
+Reference = Literal["unloaded", "nominal", "instrument"]
 
 
-def sheet_sensors(table: PoseTable, sensors: Sequence[Sensor]) -> Indices:
+@dataclass(frozen=True)
+class Form:
+    """The columns of one quantity.
+
+    Attributes:
+        kinds: What instruments read that have them.
+        what: One reading in words.
+        absolute: A reading in the frame of the instrument.
+        loaded: A reading with the load, beside one without it.
+        unloaded: The reading without it.
+        change: The difference of both.
+        per: Units of the columns in a metre or a radian.
+    """
+
+    kinds: tuple[Read, ...]
+    what: str
+    absolute: tuple[str, ...]
+    loaded: tuple[str, ...]
+    unloaded: tuple[str, ...]
+    change: tuple[str, ...]
+    per: float = 1e3
+
+    def of(self, before: str) -> "Form":
+        """With a name before all columns, as in a sheet with a pose a row."""
+
+        def named(columns: tuple[str, ...]) -> tuple[str, ...]:
+            return tuple(f"{before}{column}" for column in columns)
+
+        return replace(
+            self,
+            absolute=named(self.absolute),
+            loaded=named(self.loaded),
+            unloaded=named(self.unloaded),
+            change=named(self.change),
+        )
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """All of them."""
+        return (*self.absolute, *self.loaded, *self.unloaded, *self.change)
+
+    def whole(self, table: PoseTable, reference: Reference) -> tuple[str, ...]:
+        """The columns of a reading that is no difference by itself."""
+        alone = reference != "unloaded" and not has_any(table, self.loaded)
+        return self.absolute if alone else self.loaded
+
+    def missing(self, table: PoseTable, reference: Reference) -> PoseFileError:
+        """The error of a table that has none of them."""
+        before = self.unloaded if reference == "unloaded" else ()
+        differing = (self.change, (*before, *self.loaded))
+        ways = (self.absolute,) if reference == "instrument" else differing
+        expected = ", or ".join(", ".join(way) for way in ways if way)
+        return table.error(f"column {ways[0][0]!r} is missing; expected {expected}")
+
+
+POSITION = Form(
+    ("position", "pose"),
+    "a position",
+    LOADED_COLUMNS,
+    LOADED_COLUMNS,
+    UNLOADED_COLUMNS,
+    DEFLECTION_COLUMNS,
+)
+DISTANCE = Form(
+    ("distance",),
+    "a distance",
+    (DISTANCE_COLUMN,),
+    (AFTER_COLUMN,),
+    (BEFORE_COLUMN,),
+    (CHANGE_COLUMN,),
+)
+ROTATION = Form(("rotation",), "a single rotation", (), (), (), (TURN_COLUMN,), 180 / np.pi)
+FORMS = (POSITION, DISTANCE, ROTATION)
+# What an instrument of so many rows reads.
+BY_ROWS: dict[int, Read] = {1: "distance", 3: "position", 6: "pose"}
+
+
+def form_of(kind: Read) -> Form:
+    """The columns of an instrument."""
+    return next(form for form in FORMS if kind in form.kinds)
+
+
+def has_any(table: PoseTable, columns: Sequence[str]) -> bool:
+    """Whether a table has one of the columns."""
+    return any(column in table for column in columns)
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """What the rows of a sheet read; NaN where nothing was.
+
+    Attributes:
+        value: Positions, or their changes, (m, 3) [m]; of a distance or a single rotation the
+            first [m, rad].
+        unloaded: The readings (m, 3) without the load, where the sheet has them.
+        differs: Which rows (m,) are changes, or differences of two readings.
+    """
+
+    value: Array
+    unloaded: Array
+    differs: Mask
+
+    @classmethod
+    def of(
+        cls,
+        table: PoseTable,
+        kinds: Sequence[Read],
+        index: Indices,
+        reach: float,
+        reference: Reference,
+        blank: bool = False,
+        needed: bool = True,
+    ) -> "Readings":
+        """Read the rows of a sheet, each by what its instrument reads.
+
+        Args:
+            table: The sheet.
+            kinds: What each instrument reads (k,).
+            index: Each row's instrument (m,); -1 for one that is passed over.
+            reach: Reach of the robot [m].
+            reference: What readings are counted from.
+            blank: Whether rows may be empty.
+            needed: Whether columns have to be there.
+
+        Raises:
+            PoseFileError: A row has two readings, one of another kind, half of one, or none.
+        """
+        of_row = np.array(["", *kinds])[index + 1]
+        found = cls.nothing(len(table))
+        for form in FORMS:
+            own: Mask = np.isin(of_row, form.kinds)
+            if not own.any():
+                _require_none(table, form, index >= 0)
+            elif needed or has_any(table, form.columns):
+                part = _read(table, form, own, index < 0, reach, reference, blank)
+                found = found.filled(own, part)
+        return found
+
+    @classmethod
+    def of_one(cls, table: PoseTable, form: Form, reach: float) -> "Readings":
+        """Read one instrument in a sheet with a pose a row."""
+        every = np.ones(len(table), dtype=bool)
+        return _read(table, form, every, ~every, reach)
+
+    @classmethod
+    def nothing(cls, rows: int) -> "Readings":
+        """Of so many rows, none of which is filled in."""
+        value, unloaded = np.full((2, rows, 3), np.nan)
+        return cls(value, unloaded, np.zeros(rows, dtype=bool))
+
+    def __getitem__(self, rows: Indices | Mask) -> "Readings":
+        """Those of some rows."""
+        return Readings(self.value[rows], self.unloaded[rows], self.differs[rows])
+
+    def filled(self, own: Mask, other: "Readings") -> "Readings":
+        """With those of another in some rows."""
+        return Readings(
+            np.where(own[:, None], other.value, self.value),
+            np.where(own[:, None], other.unloaded, self.unloaded),
+            np.where(own, other.differs, self.differs),
+        )
+
+
+def _require_none(table: PoseTable, form: Form, rows: Mask) -> None:
+    """Check that no row has a reading of a kind that none is of.
+
+    Raises:
+        PoseFileError: One has; names its column.
+    """
+    for column in (one for one in form.columns if one in table):
+        if (table.filled((column,)) & rows).any():
+            raise table.error(f"column {column!r}: no row is of {form.what}")
+
+
+def _read(
+    table: PoseTable,
+    form: Form,
+    own: Mask,
+    passed: Mask,
+    reach: float,
+    reference: Reference = "instrument",
+    blank: bool = True,
+) -> Readings:
+    """Read the rows of one form; see `Readings.of`."""
+    whole = form.whole(table, reference)
+    groups = (whole, form.unloaded, form.change)
+    if reference == "nominal" and has_any(table, form.unloaded):
+        raise table.error(
+            f"column {form.unloaded[0]!r}: the study counts from the nominal robot "
+            f"(measurement.reference); expected {', '.join(whole)} alone"
+        )
+    if not has_any(table, form.columns):
+        raise form.missing(table, reference)
+    rows = own | passed
+    is_whole, is_unloaded, is_change = (
+        rows & (table.filled(group) if has_any(table, group) else np.zeros_like(rows))
+        for group in groups
+    )
+    both = np.flatnonzero((is_whole | is_unloaded) & is_change)
+    if len(both):
+        other = whole if is_whole[both[0]] else form.unloaded
+        raise table.error(
+            f"a reading and a change, columns {form.change[0]!r} and {other[0]!r}; "
+            "expected one of them, not both",
+            f"row {both[0] + 1}",
+        )
+    if not blank:  # such a row is refused for its first empty cell
+        empty = own & ~is_whole & ~is_change
+        more = is_change if has_any(table, form.change) else is_whole
+        more |= empty
+    paired = is_whole & (is_unloaded | (reference == "unloaded"))
+    read, before, change = (
+        _numbers(table, group, chosen)
+        for group, chosen in zip(groups, (is_whole, is_unloaded | paired, is_change), strict=True)
+    )
+    moved = np.where(paired[:, None], read - before, np.nan) / form.per
+    row = first_far(moved, read / form.per, reach)
+    if row is not None:
+        raise table.error(
+            f"the marker moved by {1e3 * np.linalg.norm(moved[row]):.4g} mm under load; are "
+            "columns swapped? expected positions without and with load, in the same frame",
+            f"row {row + 1}, columns {', '.join((*form.unloaded, *whole))}",
+        )
+    alone = np.where(is_change[:, None], change, read) / form.per
+    value = np.where(paired[:, None], moved, alone)
+    return Readings(value, before / form.per, is_change | paired)
+
+
+def _numbers(table: PoseTable, columns: tuple[str, ...], rows: Mask) -> Array:
+    """Numbers (m, 3) of some rows, NaN beyond the columns; the cells of others are empty.
+
+    Raises:
+        PoseFileError: A column is missing, or a cell is no number, or not empty.
+    """
+    found = np.full((len(table), 3), np.nan)
+    if rows.any() or has_any(table, columns):
+        found[rows, : len(columns)] = table.of_rows(rows).vectors(columns)[rows]
+    return found
+
+
+def read_turns(table: PoseTable, rows: Indices, columns: tuple[str, ...]) -> Array:
+    """Rotation vectors (k, 3) [rad] in some rows (k,) of a sheet.
+
+    Args:
+        table: The sheet.
+        rows: Rows, which have a position.
+        columns: Those of a rotation vector [deg], or of a quaternion, scalar first.
+
+    Raises:
+        PoseFileError: A column is missing, a cell is no number or empty, or a quaternion is none.
+    """
+    missing = [column for column in columns if column not in table]
+    if missing:
+        raise table.error(
+            f"column {missing[0]!r} is missing; expected {', '.join(columns)}, as "
+            "measurement.rows is 'pose'"
+        )
+    if {*columns} <= {*VECTOR, *QUATERNION, *ROTATION_COLUMNS}:
+        filled = table.filled(columns)  # other markers have theirs in the same columns
+    else:
+        filled = np.isin(np.arange(len(table)), rows)
+    blank = rows[~filled[rows]]
+    if len(blank):
+        raise table.error("a position without an orientation", f"row {blank[0] + 1}")
+    values = table.of_rows(filled).vectors(columns)[rows]
+    if len(columns) == len(VECTOR):
+        return np.asarray(np.deg2rad(values))
+    length = np.linalg.norm(values, axis=1)
+    wrong = np.flatnonzero(np.abs(length - 1) > UNIT)
+    if len(wrong):
+        raise table.error(
+            f"a quaternion of length {length[wrong[0]]:.4g}; expected one of length 1",
+            f"row {rows[wrong[0]] + 1}",
+        )
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_quat(np.roll(values, -1, axis=1)).as_rotvec())
+
+
+def sheet_instruments(
+    table: PoseTable, names: Sequence[str], or_else: str = "", others: Sequence[str] | None = None
+) -> tuple[Indices, list[str]]:
     """Index (m,) of each row's instrument, by the name in its column `marker`.
 
     A sheet of a single instrument may leave the column out.
 
     Args:
         table: The sheet.
-        sensors: The instruments of the study.
+        names: The instruments of the study.
+        or_else: What the sheet could have in place of the column.
+        others: Names that are passed over in silence; None where nothing is passed over.
+
+    Returns:
+        The indices, -1 for rows that are passed over; and the names that the study lacks.
 
     Raises:
-        PoseFileError: The column is missing, or names an instrument that there is not.
+        PoseFileError: The column is missing, or names an instrument that there is not; where some
+            are passed over, no row is of one that there is.
     """
-    names = [sensor.name for sensor in sensors]
     if MARKER_NAME_COLUMN not in table:
-        if len(sensors) == 1:
-            return np.zeros(len(table), dtype=int)
+        if len(names) == 1:
+            return np.zeros(len(table), dtype=int), []
         raise table.error(
             f"column {MARKER_NAME_COLUMN!r} is missing; expected which of {', '.join(names)} each "
-            "row is of"
+            f"row is of{or_else}"
         )
     given = table.texts(MARKER_NAME_COLUMN)
-    unknown = next((i for i, name in enumerate(given) if name not in names), None)
-    if unknown is not None:
+    strange = list(dict.fromkeys(name for name in given if name not in names))
+    if strange and (others is None or len(strange) == len(set(given))):
         raise table.error(
-            f"no marker {given[unknown]!r} in the study; expected one of {', '.join(names)}",
-            f"row {unknown + 1}, column {MARKER_NAME_COLUMN}",
+            f"no marker {strange[0]!r} in the study; expected one of {', '.join(names)}",
+            f"row {given.index(strange[0]) + 1}, column {MARKER_NAME_COLUMN}",
         )
-    return np.array([names.index(name) for name in given])
+    place = {name: i for i, name in enumerate(names)}
+    index = np.array([place.get(name, -1) for name in given], dtype=int)
+    return index, [name for name in strange if name not in (others or ())]
+
+
+def require_loads(table: PoseTable, wrench: Array, rows: Mask) -> None:
+    """Check that displacements in some rows (m,) of a sheet are under a load.
+
+    Raises:
+        PoseFileError: One is under none.
+    """
+    unloaded = np.flatnonzero(rows & ~wrench.any(axis=1))
+    if len(unloaded):
+        raise table.error(
+            "a displacement without a load, as the wrench is zero; expected the load that made it",
+            f"row {unloaded[0] + 1}, columns Fx_N to Tz_Nm",
+        )
+
+
+def read_by(sensors: Sequence[Sensor]) -> tuple[Read, ...]:
+    """What each of some sensors reads (k,)."""
+    return tuple(BY_ROWS[sensor.rows] if sensor.lengths.any() else "rotation" for sensor in sensors)
 
 
 def sheet_markers(
@@ -108,124 +429,34 @@ def stated_sigma(sigma: Array, sensors: Sequence[Sensor], index: Indices | None)
     return sigma if index is None else np.array(np.split(sigma, len(sensors)))[index]
 
 
-# Columns of a change, and of what there was without and with load.
-POSITIONS: tuple[tuple[str, ...], ...] = (DEFLECTION_COLUMNS, UNLOADED_COLUMNS, LOADED_COLUMNS)
-DISTANCES: tuple[tuple[str, ...], ...] = (
-    (CHANGE_COLUMN,),
-    (BEFORE_COLUMN,),
-    (AFTER_COLUMN,),
-)
-
-
-def sheet_change(
-    table: PoseTable,
-    reach: float,
-    coordinates: int,
-    nominal: Array | None = None,
-    turn: Mask | None = None,
-) -> Array:
-    """Changes (m, coordinates) of positions, of positions and rotations, or of distances [m, rad].
-
-    Args:
-        table: The sheet, or those of its rows that are of instruments of one kind.
-        reach: Reach of the robot [m].
-        coordinates: 3 for positions, 6 for poses, 1 for distances.
-        nominal: Positions (m, 3) or distances (m, 1) of the rigid robot [m], from which changes
-            are counted; None where the unloaded robot was measured too.
-        turn: Whether each row (m,) is a single rotation; None where none is.
+def require_positions_alone(table: PoseTable) -> None:
+    """Check that a sheet of positions has no orientations.
 
     Raises:
-        PoseFileError: Columns are missing or contradict each other, or positions are too far apart.
+        PoseFileError: It has.
     """
-    if turn is None:
-        if TURN_COLUMN in table:
-            raise table.error(f"column {TURN_COLUMN!r}: no row is of a single rotation")
-        return _changes(table, reach, coordinates, nominal)
-    turned = np.deg2rad(table.of_rows(turn).vectors((TURN_COLUMN,)))
-    if turn.all():
-        return turned
-    return turned + _changes(table.of_rows(~turn), reach, coordinates, nominal)
-
-
-def _changes(table: PoseTable, reach: float, coordinates: int, nominal: Array | None) -> Array:
-    """The same without single rotations."""
-    columns = DISTANCES if coordinates == 1 else POSITIONS
-    changes, unloaded, loaded = columns
-    displacement = _displacement(table, changes, unloaded, loaded, nominal)
-    _require_near(table, displacement, reach, unloaded if nominal is None else (), loaded)
-    if not displacement.any():
-        raise table.error("all measured displacements are zero; expected those that the load made")
-    if coordinates == 6:
-        turned = np.deg2rad(table.vectors(ROTATION_COLUMNS))
-        return np.hstack([displacement, turned])
     given = [column for column in ROTATION_COLUMNS if column in table]
-    if given and coordinates == 3:
+    if given:
         raise table.error(
             f"column {given[0]!r}: the study measures positions only (measurement.rows)"
         )
-    return displacement
 
 
-def _displacement(
-    table: PoseTable,
-    changes: tuple[str, ...],
-    unloaded: tuple[str, ...],
-    loaded: tuple[str, ...],
-    nominal: Array | None,
-) -> Array:
-    """Changes (m, 3) or (m, 1) [m], measured as such or as the difference of two readings."""
-    position_columns = loaded if nominal is not None else (*unloaded, *loaded)
-    given = [column for column in changes if column in table]
-    positions = [column for column in (*unloaded, *loaded) if column in table]
-    if given and positions:
-        raise table.error(
-            f"columns {given[0]!r} and {positions[0]!r}: "
-            "expected displacements or positions, not both"
-        )
-    if positions and nominal is not None:
-        if positions[0] in unloaded:
-            raise table.error(
-                f"column {positions[0]!r}: the study counts from the nominal robot "
-                f"(measurement.reference); expected {', '.join(loaded)} alone"
-            )
-        return table.vectors(loaded) / 1e3 - nominal
-    if positions:
-        return (table.vectors(loaded) - table.vectors(unloaded)) / 1e3
-    if not given:
-        raise table.error(
-            f"column {changes[0]!r} is missing; "
-            f"expected {', '.join(changes)}, or {', '.join(position_columns)}"
-        )
-    return table.vectors(changes) / 1e3
+def first_far(moved: Array, read: Array, reach: float) -> int | None:
+    """The first row (m, c) that was moved by more than any load does; None without one.
 
+    Then columns were swapped, or frames mixed. Displacements that were measured as such are left to
+    the findings, which know units; so are positions in other units.
 
-def _require_near(
-    table: PoseTable,
-    displacement: Array,
-    reach: float,
-    unloaded: tuple[str, ...],
-    loaded: tuple[str, ...],
-) -> None:
-    """Refuse positions whose difference no load can make: columns were swapped, or frames mixed.
-
-    Displacements that were measured as such are left to the findings, which know units.
+    Args:
+        moved: Differences of positions [m]; NaN where there is none.
+        read: One of the two positions.
+        reach: Reach of the robot [m].
     """
-    far = np.flatnonzero(np.abs(displacement).max(axis=1) > FAR * reach)
-    if not len(far) or loaded[0] not in table:
-        return
-    if np.abs(table.vectors(loaded)).max() >= MICROMETRES * reach:
-        return
-    columns = ", ".join((*unloaded, *loaded))
-    moved_mm = 1e3 * np.linalg.norm(displacement[far[0]])
-    if not unloaded:
-        raise table.error(
-            f"row {far[0] + 1}, columns {columns}: {moved_mm:.4g} mm from the nominal robot; "
-            "expected positions in the world frame of the study"
-        )
-    raise table.error(
-        f"row {far[0] + 1}, columns {columns}: the marker moved by {moved_mm:.4g} mm under load; "
-        "are columns swapped? expected positions without and with load, in the same frame"
-    )
+    far = np.flatnonzero(np.nan_to_num(np.abs(moved)).max(axis=1) > FAR * reach)
+    if not len(far) or 1e3 * np.nanmax(np.abs(read)) >= MICROMETRES * reach:
+        return None
+    return int(far[0])
 
 
 VARIANCES = tuple(COVARIANCE_COLUMNS[i] for i in (0, 3, 5))

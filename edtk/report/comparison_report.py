@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
-from edtk.calibration.planned import plan_tasks
 from edtk.design.exact.find_plan import BATCH_SIZE
 from edtk.design.exact.visit_search import STARTS
 from edtk.measure.expected_error import TaskAccuracy
@@ -158,7 +157,7 @@ class _Chapters:
     def _of_largest(self) -> list[TaskAccuracy]:
         """The errors in each test pose of the largest plan, with their totals."""
         best = self.run.best
-        found = None if best is None else plan_tasks(self.run.study, best)
+        found = None if best is None else self.run.designs.totals(best)
         return [] if found is None else [found]
 
     def search(self) -> str:
@@ -197,9 +196,6 @@ class _OfGeometry(_Chapters):
     def tasks(self) -> list[str]:
         """What accuracy to expect of the markers, where anything tells it."""
         return [] if self.run.expected is None else super().tasks()
-
-    def _of_largest(self) -> list[TaskAccuracy]:
-        return list(self.run.accuracies.values())[:1]
 
     def search(self) -> str:
         """How far plans were searched for."""

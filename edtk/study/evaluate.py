@@ -1,8 +1,9 @@
 """The worth of a plan: all criteria, standard deviations and covariance."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,12 +16,11 @@ from edtk.fit.distributions import task_accuracy
 from edtk.fit.least_squares import SingularPlanError, covariance
 from edtk.measure.expected_error import ExpectedError, TaskAccuracy, expected_error, with_rigid
 from edtk.measure.parameters import identifiable
-from edtk.study.plausibility import plan_plausibility
 from edtk.study.study import Study
 from edtk.study.study_model import assumed_joints, springs_of
 from edtk.system.errors import UserError
 from edtk.system.presented import Presented
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -64,29 +64,14 @@ def criterion_values(
     return values, skipped
 
 
-def observability(M: Array, criterion: CriterionOf) -> dict[str, float]:
-    """O1 to O5 of ``A' A`` (p, p), without division by sigma."""
+def observability(A: Array, repeats: Indices, criterion: CriterionOf) -> dict[str, float]:
+    """O1 to O5 of rows A (m, rows, p), so many times each, without division by sigma."""
+    M = np.einsum("k,kri,krj->ij", repeats, A, A)
     found = {}
     for name in OBSERVABILITY:
         with suppress(UserError):  # an index that has no meaning for a part of the parameters
             found[name] = float(criterion(name).value(M))
     return found
-
-
-def criteria_frame(values: Mapping[str, float]) -> "pd.DataFrame":
-    """A table with a criterion a row, by name: value, sense, title and formula."""
-    import pandas as pd
-
-    classes = [criteria.get(name) for name in values]
-    return pd.DataFrame(
-        {
-            "value": list(values.values()),
-            "sense": [criterion.sense for criterion in classes],
-            "title": [criterion.title for criterion in classes],
-            "formula": [criterion.formula for criterion in classes],
-        },
-        index=pd.Index(list(values), name="criterion"),
-    )
 
 
 class OpenInterestError(SingularPlanError):
@@ -179,24 +164,23 @@ def _displacements(study: Study, k: Array) -> Array:
     return with_rigid(moved, np.stack(rows)[..., len(k) :], others)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Evaluation(Presented):
     """The worth of a plan, in SI units throughout.
 
     Attributes:
         criteria: Value of every criterion that applies, by name; rho0 in metres.
         observability_unscaled: O1 to O5 from the singular values of A itself, not of A/sigma.
-        std: Standard deviations (p,) of the compliances [rad/(N m)].
         covariance: Covariance (p, p) of the compliances, Eq. (13) [(rad/(N m))^2].
         parameters: Names (p,) of the parameters.
-        joints: Names (p,) of their joints.
         units: Units (p,) of the parameters.
         experiments: Number of measurements.
-        expected: Errors to expect in the test pose and around it; None without a test pose.
-        tasks: Errors to expect in each of several test poses; None for one or none.
         skipped: Why criteria of plug-ins have no value, by name: they do not load, or fail.
         warnings: What is hard to believe in the study or in this plan, a line each.
+        expected: Errors to expect in the test pose and around it; None without a test pose.
+        tasks: Errors to expect in each of several test poses; None for one or none.
         with_prior: Whether the study's prior counts beside the plan.
+        joints: Names (p,) of their joints.
         labels: What criteria are called that are about a part of the compliances, by name.
         interest: Standard deviations of the combinations that are of interest, by their words
             [rad/(N m)]; none if all compliances are.
@@ -204,17 +188,16 @@ class Evaluation(Presented):
 
     criteria: dict[str, float]
     observability_unscaled: dict[str, float]
-    std: Array
     covariance: Array
-    parameters: tuple[str, ...]
-    joints: tuple[str, ...]
+    parameters: tuple[Any, ...]
     units: tuple[str, ...]
     experiments: int
+    skipped: dict[str, str]
+    warnings: tuple[Finding, ...]
     expected: ExpectedError | None = None
     tasks: TaskAccuracy | None = None
-    skipped: dict[str, str] = field(default_factory=dict)
-    warnings: tuple[Finding, ...] = ()
     with_prior: bool = False
+    joints: tuple[str, ...] = ()
     labels: dict[str, str] = field(default_factory=dict)
     interest: dict[str, float] = field(default_factory=dict)
 
@@ -225,18 +208,40 @@ class Evaluation(Presented):
             f"standard deviations of {len(self.parameters)} parameters"
         )
 
+    @cached_property
+    def std(self) -> Array:
+        """Standard deviations (p,) of the parameters in their units."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names (p,) of the parameters."""
+        return self.parameters
+
     def to_frame(self) -> "pd.DataFrame":
-        """A table with a criterion a row, by name: value [SI units], sense, title and formula."""
-        return criteria_frame(self.criteria)
+        """A table with a criterion a row, by name: value, sense, title and formula."""
+        import pandas as pd
+
+        classes = [criteria.get(name) for name in self.criteria]
+        return pd.DataFrame(
+            {
+                "value": list(self.criteria.values()),
+                "sense": [criterion.sense for criterion in classes],
+                "title": [criterion.title for criterion in classes],
+                "formula": [criterion.formula for criterion in classes],
+            },
+            index=pd.Index(list(self.criteria), name="criterion"),
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, for JSON."""
+        keys = self.joints or self.names
         return {
             "criteria": self.criteria,
             "observability_unscaled": self.observability_unscaled,
-            "std": dict(zip(self.joints, self.std.tolist(), strict=True)),
+            "std": dict(zip(keys, self.std.tolist(), strict=True)),
             "covariance": self.covariance.tolist(),
-            "parameters": list(self.parameters),
+            "parameters": list(self.names),
             "experiments": self.experiments,
             "expected_error": None if self.expected is None else self.expected.to_dict(),
             **({} if self.tasks is None else {"tasks": self.tasks.to_dict()}),
@@ -247,56 +252,8 @@ class Evaluation(Presented):
         }
 
 
-def evaluate(study: Study, plan: Plan) -> Evaluation:
-    """Score a plan under every criterion that the study can evaluate.
-
-    Args:
-        study: The study; criteria that need a target are left out if it has no test pose.
-        plan: The plan, whether or not its poses are feasible.
-
-    Raises:
-        SingularPlanError: The plan cannot identify all parameters; names them.
-        UserError: A plug-in's criterion that the study names fails.
-    """
-    design = study.designed
-    M = design.information(plan)
-    try:
-        every = plan_covariance(design, M)
-    except OpenInterestError:
-        raise
-    except SingularPlanError as error:
-        raise _in_words(design, plan, error) from None
-    own = slice(len(study.unknown))
-    cov = every[own, own]
-    has_target = study.target is not None
-    expected = plan_accuracy(design, plan)
-    values, skipped = criterion_values(
-        study,
-        lambda name: study.designed_for(name).information(plan),
-        lambda name: study.designed_for(name).criterion(name),
-        has_target,
-    )
-    return Evaluation(
-        criteria=values,
-        observability_unscaled=_unscaled(study, plan),
-        std=np.sqrt(np.diag(cov)),
-        covariance=cov,
-        parameters=study.model.parameters,
-        joints=study.specification.joints.unknown,
-        units=study.model.units,
-        experiments=plan.experiments,
-        expected=expected,
-        tasks=accuracy_of_tasks(design, every),
-        skipped=skipped,
-        warnings=study.warnings + plan_plausibility(study, plan, expected),
-        with_prior=study.prior_information is not None,
-        labels=_labels(study, values),
-        interest={} if study.interest is None else _interest(design, M),
-    )
-
-
-def _in_words(study: Study, plan: Plan, error: SingularPlanError) -> SingularPlanError:
-    """The same error, with what cannot be told from what in the poses of a plan."""
+def in_words(study: Study, plan: Plan, error: SingularPlanError) -> SingularPlanError:
+    """An error of what a plan leaves open, with what cannot be told from what in its poses."""
     rows = read_regressor(study, plan).reshape(-1, study.model.p)
     words = identifiable(rows, springs_of(study)).words
     return SingularPlanError(error.parameters, error.directions, words[:MOST_NAMED])
@@ -308,24 +265,17 @@ def read_regressor(study: Study, plan: Plan) -> Array:
     return A if study.sight is None else A * study.sight.rows(plan.q)[..., None]
 
 
-def _labels(study: Study, names: Iterable[str]) -> dict[str, str]:
+def labels_of(study: Study, names: Iterable[str]) -> dict[str, str]:
     """What criteria are called that are about a part of the compliances, by name."""
     if study.interest is None and study.specification.criterion is None:
         return {}
     return {name: label for name in names if (label := study.criterion(name).label) != name}
 
 
-def _interest(study: Study, M: Array) -> dict[str, float]:
+def interest_of(study: Study, M: Array) -> dict[str, float]:
     """Standard deviations of what is of interest, by its words."""
     assert study.interest is not None
     found = criteria.Interest(criteria.create("A"), study.interest, study.interest_names)
     _, cov, _ = found.inverse(M)
     variance = found.variance(cov)
     return dict(zip(found.names, np.sqrt(np.diag(variance)).tolist(), strict=True))
-
-
-def _unscaled(study: Study, plan: Plan) -> dict[str, float]:
-    """O1 to O5 of the stacked regressor without division by sigma."""
-    A = read_regressor(study, plan)
-    M = np.einsum("k,kri,krj->ij", plan.repeats, A, A)
-    return observability(M, study.criterion)

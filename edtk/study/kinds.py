@@ -30,7 +30,7 @@ from edtk.study.study_model import (
     BASE,
     absolute_task_weights,
     compensator_numbers,
-    distance_names,
+    instrument_kinds,
     is_reference,
     marker_names,
     on_robot,
@@ -320,19 +320,8 @@ class Geometry(Kind):
         self, study: Asked, path: Table, table: PoseTable, made: bool
     ) -> tuple[Array, Array]:
         """Visits in which any marker was, or is to be, measured."""
-        usual = study.specification.measurement.rows
-        turned = [name for one, name in on_robot(study) if (one.rows or usual) == "pose"]
-        distances = distance_names(study)
-        names = (*marker_names(study), *distances)
-        data = read_positions(
-            path,
-            study.robot,
-            study.fixed,
-            names,
-            measured=False,
-            turned=turned,
-            distances=distances,
-        )
+        kinds = instrument_kinds(study)
+        data = read_positions(path, study.robot, study.fixed, kinds, measured=False)
         if not made:
             return data.q, data.wrench
         seen = data.seen.any(axis=1)

@@ -1,6 +1,5 @@
 """What a study of geometry says of its robot: model, noise and loads."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -9,6 +8,7 @@ import numpy as np
 from edtk.cell.sight import Sight
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.prior import Gaussian
+from edtk.fit.sheet import Reference
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.instruments.pose_marker import COORDINATES
 from edtk.measure.measured_model import Kind, Load, MeasuredModel
@@ -26,6 +26,7 @@ from edtk.study.study_model import (
     compensator_numbers,
     distance_names,
     giving_way,
+    instrument_kinds,
     is_reference,
     left_out,
     likely_compliances,
@@ -97,16 +98,21 @@ class StudyGeometry:
 
     @cached_property
     def kinds(self) -> dict[str, Kind]:
-        """What is read of each instrument on the robot, by name; of a sheet's own the usual."""
+        """What is read of each instrument, by name; of a sheet's own the usual."""
         usual = self.study.specification.measurement.rows
-        found: dict[str, Kind] = dict.fromkeys(self.markers, usual)
-        found |= {name: one.rows or usual for one, name in on_robot(self.study)}
-        return found | dict.fromkeys(self.distances, "distance")
+        return dict.fromkeys(self.markers, usual) | instrument_kinds(self.study)
 
-    def kinds_of(self, names: Sequence[str]) -> tuple[Kind, ...]:
-        """What is read of some instruments, points on the base among them; empty for positions."""
-        found: tuple[Kind, ...] = tuple(self.kinds.get(name, "position") for name in names)
-        return () if set(found) <= {"position"} else found
+    @property
+    def reference(self) -> Reference:
+        """What readings are counted from: differences may be from the nominal robot."""
+        return "nominal" if self.study.is_absolute else "instrument"
+
+    @property
+    def read(self) -> dict[str, Kind]:
+        """The same of those that a sheet has, points on the base last; none where it names them."""
+        given = self.study.specification
+        names = (*self.markers, *self.references) if given.marker or given.distance else ()
+        return {name: self.kinds[name] for name in names}
 
     @cached_property
     def _points(self) -> dict[str, MarkerTable | DistanceTable]:

@@ -21,6 +21,7 @@ from edtk.measure.instruments.marker import Marker
 from edtk.measure.instruments.one_row import OneRow
 from edtk.measure.instruments.pose_marker import PoseMarker
 from edtk.measure.instruments.sensor import Sensor
+from edtk.measure.measured_model import Kind
 from edtk.measure.model_error import ASSUMED, ModelError, groups_of
 from edtk.measure.noise import VisitNoise
 from edtk.measure.parameters import Parameter, numbers_asked, springs_asked
@@ -255,6 +256,14 @@ def distance_names(study: Asked) -> tuple[str, ...]:
     """Names of the distances, in their order; those without one are numbered."""
     distances = study.specification.distance
     return tuple(one.name or f"distance {i + 1}" for i, one in enumerate(distances))
+
+
+def instrument_kinds(study: Asked) -> dict[str, Kind]:
+    """What is read of each marker and distance, by name; of points on the base positions."""
+    usual = study.specification.measurement.rows
+    found: dict[str, Kind] = dict.fromkeys(marker_names(study), "position")
+    found |= {name: marker.rows or usual for marker, name in on_robot(study)}
+    return found | dict.fromkeys(distance_names(study), "distance")
 
 
 def _sensors(study: Asked) -> tuple[Sensor, ...]:

@@ -2,12 +2,13 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import criteria
 from edtk.design.bound import Bound
 from edtk.design.exact.exact_plan import ExactPlan, NoPlanError
 from edtk.design.exact.find_plan import SearchOptions, find_plan
@@ -18,7 +19,19 @@ from edtk.findings.finding import Finding
 from edtk.fit.least_squares import SingularPlanError
 from edtk.measure.cells import csv_text
 from edtk.measure.expected_error import ErrorBudget, ExpectedError, TaskAccuracy
-from edtk.study.evaluate import accuracy_of_tasks, plan_accuracy, plan_covariance
+from edtk.study.evaluate import (
+    Evaluation,
+    OpenInterestError,
+    accuracy_of_tasks,
+    criterion_values,
+    in_words,
+    interest_of,
+    labels_of,
+    observability,
+    plan_accuracy,
+    plan_covariance,
+    read_regressor,
+)
 from edtk.study.plan_study import Sought, plan_study
 from edtk.study.plausibility import plan_plausibility
 from edtk.study.study import Study
@@ -97,10 +110,6 @@ def bound_for(relaxations: Mapping[str, RelaxedPlan], name: str, size: int) -> B
 class Designs(Sought):
     """What a run asks about the designs of a study; kinds of study override what is theirs."""
 
-    def error_budget(self, plan: Plan) -> ErrorBudget | None:
-        """The error budget of visits; that of springs is `edtk.calibration.planned.plan_budget`."""
-        return None
-
     def relax_options(self) -> RelaxOptions:
         """How accurate relaxations over all poses are."""
         return RelaxOptions(tolerance=TOLERANCE)
@@ -138,7 +147,7 @@ class Designs(Sought):
         except ArgumentError as error:
             raise NoPlanError(error.message) from error
         plain = {field.name: getattr(found, field.name) for field in fields(ExactPlan)}
-        return replace(ExactPlan(**plain), relaxed=relaxed, expected=None, warnings=())
+        return replace(ExactPlan(**plain), relaxed=relaxed, warnings=())
 
     def of_size(self, relaxed: RelaxedPlan, case: Case, starts: int) -> ExactPlan:
         """The best plan of a case, whatever it costs.
@@ -161,9 +170,98 @@ class Designs(Sought):
         except SingularPlanError:
             return None
 
-    def warnings(self, plan: Plan) -> tuple[Finding, ...]:
-        """What is hard to believe in what a plan promises, a line each."""
+    def totals(self, plan: Plan) -> TaskAccuracy | None:
+        """The same with the total of each, of all that is uncertain, where it is known."""
+        return self.accuracy(plan)
+
+    def error_budget(self, plan: Plan) -> ErrorBudget | None:
+        """The error in the test poses by all that is uncertain; None where nothing tells it."""
+        return None
+
+    def warnings(
+        self, plan: Plan, criterion: criteria.Criterion | None = None
+    ) -> tuple[Finding, ...]:
+        """What is hard to believe in what a plan for a criterion promises, a line each."""
         return plan_plausibility(self.study, plan, self.expected(plan))
+
+    def promised(self, found: ExactPlan) -> ExactPlan:
+        """A plan with its errors in the task, and with what is hard to believe in these."""
+        plan = found.whole
+        return replace(
+            found,
+            warnings=found.warnings + self.warnings(plan, found.relaxed.criterion),
+            expected=self.expected(plan),
+            tasks=self.totals(plan),
+            error_budget=self.error_budget(plan),
+        )
+
+    def evaluate(self, plan: Plan) -> Evaluation:
+        """Score a plan under every criterion that the study can evaluate.
+
+        Criteria that need a target are left out if the study has no test pose.
+
+        Args:
+            plan: The plan, whether or not its poses are feasible.
+
+        Raises:
+            SingularPlanError: The plan cannot identify all parameters; names them.
+            UserError: A plug-in's criterion that the study names fails.
+        """
+        study, design = self.study, self.study.designed
+        M = design.information(plan)
+        try:
+            every = plan_covariance(design, M)
+        except OpenInterestError:
+            raise
+        except SingularPlanError as error:
+            raise in_words(design, plan, error) from None
+        own = slice(len(study.unknown))
+        told = self.judged(plan)
+        return Evaluation(
+            **told,
+            covariance=every[own, own],
+            parameters=study.model.parameters,
+            units=study.model.units,
+            joints=study.specification.joints.unknown,
+            labels=labels_of(study, told["criteria"]),
+            interest={} if study.interest is None else interest_of(design, M),
+        )
+
+    def judged(self, plan: Plan, is_whole: bool = True) -> dict[str, Any]:
+        """Fields of an `Evaluation` that follow from criteria and from the test poses.
+
+        Args:
+            plan: The plan.
+            is_whole: Whether it tells all parameters; else criteria of them have no value.
+        """
+        study = self.study
+        names = [name for name in study.names if not criteria.get(name).needs_target]
+        values: dict[str, float] = {}
+        skipped = dict.fromkeys(names, "the plan leaves parameters open")
+        if is_whole:
+            values, skipped = criterion_values(
+                study, partial(self.information, plan), self.criterion, bool(study.tasks)
+            )
+        return {
+            "criteria": values,
+            "observability_unscaled": self.unscaled(plan) if is_whole else {},
+            "experiments": plan.experiments,
+            "expected": self.expected(plan),
+            "tasks": self.accuracy(plan),
+            "skipped": skipped,
+            "warnings": study.warnings + self.warnings(plan),
+            "with_prior": self.counts_prior,
+        }
+
+    @property
+    def counts_prior(self) -> bool:
+        """Whether what the study says was known before counts beside plans."""
+        return self.study.prior_information is not None
+
+    def unscaled(self, plan: Plan) -> dict[str, float]:
+        """O1 to O5 of the stacked regressor, without division by the noise."""
+        rows = read_regressor(self.study, plan)
+        return observability(rows, plan.repeats, self.study.criterion)
 
 
 def comparison_table(

@@ -54,7 +54,7 @@ def controller(
     sheet = positions
     if not isinstance(sheet, MarkerPositions):
         as_shown = replace(arm, controller=None)  # the file's values are the controller's own
-        sheet = read_positions(as_table(sheet, "positions"), as_shown, {}, ())
+        sheet = read_positions(as_table(sheet, "positions"), as_shown, {}, {})
     if len(sheet) and not len(sheet.absolute):
         message = "has displacements alone; expected positions, x_mm y_mm z_mm"
         raise UserError(message, where=name_of(positions, "positions"))

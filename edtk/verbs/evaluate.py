@@ -1,18 +1,13 @@
 """`edtk.evaluate`: a plan under every criterion."""
 
-from typing import TYPE_CHECKING
-
 from edtk.study.evaluate import Evaluation
 from edtk.system.arguments import checked
 from edtk.verbs.inputs import PlanLike, StudyLike
 from edtk.verbs.of_kinds import of_study
 
-if TYPE_CHECKING:
-    from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
-
 
 @checked
-def evaluate(study: StudyLike, plan: PlanLike) -> "Evaluation | GeometryEvaluation":
+def evaluate(study: StudyLike, plan: PlanLike) -> Evaluation:
     """Score a plan under every criterion of a study.
 
     Args:
@@ -21,8 +16,8 @@ def evaluate(study: StudyLike, plan: PlanLike) -> "Evaluation | GeometryEvaluati
 
     Returns:
         Values of all criteria, standard deviations and covariance of the compliances, SI units. For
-        a study with [parameters] those of its parameters in their own units, with the rank and what
-        the plan leaves open in words.
+        a study with [parameters] a `GeometryEvaluation`: those of its parameters in their own
+        units, with the rank and what the plan leaves open in words.
 
     Raises:
         UserError: A file is not valid, or the plan cannot identify all compliances.

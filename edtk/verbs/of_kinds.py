@@ -26,19 +26,16 @@ from edtk.verbs.inputs import (
 from edtk.verbs.of_studies import OfStudy
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from edtk.calibration.calibration import Calibration
     from edtk.calibration.compensate import Compensation
     from edtk.calibration.detect import Promised
     from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-    from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
     from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
     from edtk.calibration.prediction import Prediction
+    from edtk.calibration.template import SheetColumns
     from edtk.design.design_space import DesignSpace
     from edtk.design.exact.exact_plan import ExactPlan
     from edtk.findings.fitted_data import HowFitted
-    from edtk.study.evaluate import Evaluation
     from edtk.study.study_run import Designs
 
 
@@ -65,9 +62,9 @@ class OfCompliances(OfStudy):
     @staticmethod
     def sought() -> "type[Designs]":
         """Poses with their loads."""
-        from edtk.study.study_run import Designs
+        from edtk.calibration.planned import SpringDesigns
 
-        return Designs
+        return SpringDesigns
 
     def _faults(self, given: Mapping[str, str]) -> Any:
         from edtk.calibration.detect import sized_faults
@@ -79,21 +76,10 @@ class OfCompliances(OfStudy):
 
         return Promised.displacements(asked, found.whole)
 
-    def _promises(self, asked: Study, found: "ExactPlan") -> dict[str, Any]:
-        from edtk.calibration.planned import plan_budget, plan_tasks
+    def _sheet(self, positions: bool, markers: int) -> "SheetColumns":
+        from edtk.calibration.template import SheetColumns
 
-        whole = found.whole
-        return {"error_budget": plan_budget(asked, whole), "tasks": plan_tasks(asked, whole)}
-
-    def _worth(self, plan: Plan) -> "Evaluation":
-        from edtk.study.evaluate import evaluate
-
-        return evaluate(self.study, plan)
-
-    def _sheet(self, plan: Plan, positions: bool, markers: int) -> "pd.DataFrame":
-        from edtk.calibration.template import template
-
-        return template(self.study, plan, positions, markers)
+        return SheetColumns.of_displacements(self.study, positions, markers)
 
     def _calibrated(self, sheet: Table, how: "HowFitted") -> "Calibration | GeometricCalibration":
         from edtk.calibration.calibrate import calibrate
@@ -209,32 +195,15 @@ class OfGeometry(OfStudy):
 
         return Promised.visits(found.question, found.whole)
 
-    def _promises(self, asked: Study, found: Any) -> dict[str, Any]:
-        from edtk.calibration.geometry_design.evaluate_geometry import (
-            GeometryDesigns,
-            poor_left_out,
-        )
+    def _designs_of(self, asked: Study, found: Any) -> "Designs":
+        from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
 
-        whole = found.whole
-        designs = GeometryDesigns(asked, found.question)
-        poor = poor_left_out(found.question, whole)
-        around = designs.around(whole) if found.relaxed.criterion.needs_target else ()
-        return {
-            "warnings": found.warnings + poor + around,
-            "expected": designs.expected(whole),
-            "tasks": designs.totals(whole),
-            "error_budget": designs.error_budget(whole),
-        }
+        return GeometryDesigns(asked, found.question)
 
-    def _worth(self, plan: Plan) -> "GeometryEvaluation":
-        from edtk.calibration.geometry_design.evaluate_geometry import evaluate_geometry
+    def _sheet(self, positions: bool, markers: int) -> "SheetColumns":
+        from edtk.calibration.geometry_design.geometry_plan import position_columns
 
-        return evaluate_geometry(self.study, plan)
-
-    def _sheet(self, plan: Plan, positions: bool, markers: int) -> "pd.DataFrame":
-        from edtk.calibration.geometry_design.geometry_plan import position_sheet
-
-        return position_sheet(self.study, plan)
+        return position_columns(self.study)
 
     def _calibrated(self, sheet: Table, how: "HowFitted") -> "GeometricCalibration":
         from edtk.calibration.geometry.calibrate_geometry import calibrate_geometry

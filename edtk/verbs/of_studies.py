@@ -55,8 +55,8 @@ if TYPE_CHECKING:
     from edtk.calibration.correct_program import CorrectedProgram
     from edtk.calibration.detect import Promised
     from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-    from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
     from edtk.calibration.prediction import Prediction
+    from edtk.calibration.template import SheetColumns
     from edtk.calibration.timetable import Day
     from edtk.design.design_space import DesignSpace
     from edtk.design.exact.exact_plan import ExactPlan, OffGuess
@@ -547,16 +547,16 @@ class OfStudy(Question):
         from edtk.calibration.detect import detect
 
         judged = detect(self._promised(asked, found), faults) if faults else ((), ())
-        promises = self._promises(asked, found)
-        return replace(found, detections=judged[0], separations=judged[1], **promises)
+        promised = self._designs_of(asked, found).promised(found)
+        return replace(promised, detections=judged[0], separations=judged[1])
 
     @abstractmethod
     def _promised(self, asked: Study, found: Any) -> "Promised":
         """The readings of a plan without their values."""
 
-    @abstractmethod
-    def _promises(self, asked: Study, found: Any) -> dict[str, Any]:
-        """What fields of a plan say of its errors in the task."""
+    def _designs_of(self, asked: Study, found: Any) -> "Designs":
+        """The designs of a study, of which a plan was found."""
+        return self.designs(asked)
 
     def _proof(self, asked: Study, found: Any) -> str:
         """The certificate of a plan, with a proof for each set of loads that a budget pays for."""
@@ -618,10 +618,10 @@ class OfStudy(Question):
         setting = replace(self, study=asked).setting(found.criterion.name, found.space)
         return certificate_text(asked, found, setting)
 
-    def evaluate(self, plan: PlanLike) -> "Evaluation | GeometryEvaluation":
+    def evaluate(self, plan: PlanLike) -> "Evaluation":
         """A plan under every criterion; see `edtk.evaluate`."""
         with errors_in(name_of(plan, "plan")):
-            return self._worth(as_plan(self.study, plan))
+            return self.designs(self.study).evaluate(as_plan(self.study, plan))
 
     def efficiency(self, plan: Plan, of: Plan) -> tuple[str, float | None]:
         """The criterion by which plans are judged, and how good a plan is by it beside another.
@@ -640,15 +640,11 @@ class OfStudy(Question):
         known = bool(np.isfinite(costs).all()) and min(costs) > 0
         return criterion.name, costs[0] / costs[1] if known else None
 
-    @abstractmethod
-    def _worth(self, plan: Plan) -> "Evaluation | GeometryEvaluation":
-        """Values of all criteria, and standard deviations."""
-
     def template(
         self, plan: PlanLike, positions: bool, markers: int | None, out: Path | str | None
     ) -> "pd.DataFrame":
         """The sheet to fill in; see `edtk.template`."""
-        from edtk.calibration.template import require_empty, write_template
+        from edtk.calibration.template import require_empty, template, write_template
 
         study = self.study
         sensors = study.model.sensors
@@ -669,7 +665,7 @@ class OfStudy(Question):
                 f"expected {MOST_ROWS} at most",
                 where=name_of(plan, "plan"),
             )
-        table = self._sheet(measured, positions, asked)
+        table = template(study, measured, self._sheet(positions, asked))
         for sentence in motors_in_words(study.robot):
             note(f"in the sheet {sentence}", name_of(plan, "plan"))
         if out is not None:
@@ -677,8 +673,8 @@ class OfStudy(Question):
         return table
 
     @abstractmethod
-    def _sheet(self, plan: Plan, positions: bool, markers: int) -> "pd.DataFrame":
-        """The empty sheet of a plan."""
+    def _sheet(self, positions: bool, markers: int) -> "SheetColumns":
+        """The columns of an empty sheet."""
 
     def identify(
         self,

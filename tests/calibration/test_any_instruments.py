@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.compensate import compensate
 from edtk.calibration.planned import planned_measurements
-from edtk.calibration.template import template
 from edtk.design.plan import Plan
 from edtk.findings.fitted_data import HowFitted
 from edtk.fit.correlated_noise import whiten_columns
@@ -24,6 +23,7 @@ from edtk.robots.robot_file import robot_to_dict
 from edtk.robots.rotations import transform
 from edtk.study.study import Study
 from edtk.system.errors import Note, UserError
+from edtk.verbs.template import template
 
 G = 9.80665
 K = np.array([0.2, 0.3, 0.4, 2.8, 2.9, 2.1]) * 1e-6

@@ -7,7 +7,7 @@ import pytest
 from kr270 import REQUIRED, TEST_POSE
 from scipy.spatial.transform import Rotation
 
-from edtk.calibration.planned import plan_budget, planned_measurements
+from edtk.calibration.planned import SpringDesigns, planned_measurements
 from edtk.design.plan import Plan
 from edtk.findings.fitted_data import FittedData, HowFitted
 from edtk.fit.least_squares import Whitened
@@ -150,7 +150,7 @@ class Calibrations:
 def test_parts_are_what_other_circumstances_show(keys):
     """Each part is the error that readings in other circumstances make, computed by another way."""
     calibrations = Calibrations(keys)
-    budget = plan_budget(calibrations.study, calibrations.plan)
+    budget = SpringDesigns(calibrations.study).error_budget(calibrations.plan)
     for part in calibrations.parts:
         assert budget.parts[part] == pytest.approx(calibrations.error(part), rel=1e-5), part
         assert budget.parts[part] > 1e-7
@@ -159,10 +159,10 @@ def test_parts_are_what_other_circumstances_show(keys):
 def test_absolute_positions_see_the_tool_at_once():
     """A wrong tool point is nearly all of the error, and what is left out is said."""
     nominal = Calibrations(CASES["nominal"])
-    budget = plan_budget(nominal.study, nominal.plan)
+    budget = SpringDesigns(nominal.study).error_budget(nominal.plan)
     assert "not in it: errors of the robot's geometry" in text(budget)
     plain = Calibrations({})
-    differences = plan_budget(plain.study, plain.plan)
+    differences = SpringDesigns(plain.study).error_budget(plain.plan)
     assert differences.tool < 0.1 * budget.tool
     assert "not in it" not in text(differences)
 
@@ -175,8 +175,10 @@ def test_a_long_wire_is_a_coordinate():
     exact = {"noise": {"model_error_percent": 0}}
     wires = [{"anchor_mm": (-1e6 * axis).tolist()} for axis in np.eye(3)]
     positions = Calibrations(exact)
-    by_wire = plan_budget(Calibrations(exact | {"distance": wires}).study, positions.plan)
-    for name, value in plan_budget(positions.study, positions.plan).parts.items():
+    by_wire = SpringDesigns(Calibrations(exact | {"distance": wires}).study).error_budget(
+        positions.plan
+    )
+    for name, value in SpringDesigns(positions.study).error_budget(positions.plan).parts.items():
         assert by_wire.parts[name] == pytest.approx(value, rel=0.01), name
 
 

@@ -9,17 +9,17 @@ import pytest
 
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.planned import plan_bias
-from edtk.calibration.template import template
 from edtk.findings.fitted_data import HowFitted
 from edtk.fit.measurements import simulate
 from edtk.fit.posterior import SamplingOptions
 from edtk.fit.run_chain import Demand
 from edtk.measure.compliances import load_compliances
 from edtk.report.calibration_report import calibration_files
-from edtk.study.evaluate import evaluate
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
 from edtk.system.files import write_files
+from edtk.verbs.evaluate import evaluate
+from edtk.verbs.template import template
 
 pytestmark = pytest.mark.slow
 
@@ -31,7 +31,7 @@ D = ["dx_mm", "dy_mm", "dz_mm"]
 
 def filled(study=STUDY, plan=PLAN, seed=0, positions=False, digits=6):
     """The sheet of a plan with simulated readings."""
-    table = template(study, plan, positions)
+    table = template(study, plan, positions=positions)
     q = np.deg2rad(table.iloc[:, :6].to_numpy())
     W = table.iloc[:, 6:12].to_numpy(dtype=float)
     A = study.model.regressor(q, W)

@@ -23,11 +23,11 @@ from edtk.measure.compliances import Compliances
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.equilibrium import equilibrium
 from edtk.measure.expected_error import remaining_error
-from edtk.study.evaluate import evaluate
 from edtk.study.study import load_study
 from edtk.study.study_model import assumed_joints
 from edtk.system.errors import UserError
 from edtk.verbs.compensate import compensate as commands
+from edtk.verbs.evaluate import evaluate
 
 pytestmark = pytest.mark.slow
 

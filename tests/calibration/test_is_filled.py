@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-from edtk.calibration.template import is_filled, template
+from edtk.calibration.template import is_filled
 from edtk.study.study import load_study
+from edtk.verbs.template import template
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
 PLAN = STUDY.published_plans()["table_4_6"]

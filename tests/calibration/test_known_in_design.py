@@ -8,7 +8,7 @@ from arm import arm
 
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.compensate import compensate
-from edtk.calibration.planned import plan_budget
+from edtk.calibration.planned import SpringDesigns
 from edtk.certificate.certificate import certificate
 from edtk.certificate.verify_certificate import verify_certificate
 from edtk.design.plan import Plan
@@ -17,8 +17,8 @@ from edtk.findings.fitted_data import HowFitted
 from edtk.fit.measurements import Measurements, simulate
 from edtk.measure.compliances import Compliances
 from edtk.measure.expected_error import AssumedJoint
-from edtk.study.evaluate import evaluate
 from edtk.study.plan_study import plan_study
+from edtk.verbs.evaluate import evaluate
 
 K = np.array([3e-6, 5e-6])  # of q1 and q2
 LOADS = {"list_F_N": [[0, 0, -100], [100, 0, 0]]}
@@ -76,7 +76,7 @@ def test_rho0_of_a_plan_is_that_of_the_fit_of_all_joints():
     assert found.std == pytest.approx([np.sqrt(covariance[0, 0])])
     assert found.criteria["A"] == pytest.approx(covariance[0, 0])
     assert evaluate(EXACT, plan).criteria["rho0"] < 0.9 * expected
-    budget = plan_budget(KNOWN, plan)
+    budget = SpringDesigns(KNOWN).error_budget(plan)
     assert np.hypot(budget.noise, budget.known_joints) == pytest.approx(expected, rel=1e-9)
 
 

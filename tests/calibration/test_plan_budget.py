@@ -6,16 +6,16 @@ from arm import arm
 from readings import PLAN, STUDY
 
 import edtk
-from edtk.calibration.planned import plan_budget
+from edtk.calibration.planned import SpringDesigns
 from edtk.report.views.calibration import error_budget
-from edtk.study.evaluate import evaluate
+from edtk.verbs.evaluate import evaluate
 
 
 @pytest.mark.cell("the error budget of a plan", "springs")
 def test_noise_is_rho0_and_repetitions_count():
     """The noise part is the plan's rho0; four times the repetitions halve it, and no other part."""
-    one = plan_budget(STUDY, PLAN)
-    four = plan_budget(STUDY, PLAN.repeated(4))
+    one = SpringDesigns(STUDY).error_budget(PLAN)
+    four = SpringDesigns(STUDY).error_budget(PLAN.repeated(4))
     assert one.noise == pytest.approx(evaluate(STUDY, PLAN).criteria["rho0"], rel=1e-9)
     assert four.noise == pytest.approx(one.noise / 2, rel=1e-9)
     assert four.load == pytest.approx(one.load, rel=1e-9)
@@ -26,8 +26,8 @@ def test_a_model_error_is_in_the_estimates_and_in_the_task():
     """A share of 5 % leaves 5 % of what springs do in the task, and more by what they are taken."""
     study = STUDY.replace(noise={"model_error_percent": 5})
     own = 0.05 * np.linalg.norm(STUDY.target * STUDY.compliances)
-    plain = plan_budget(STUDY.replace(noise={"model_error_percent": 0}), PLAN)
-    one, many = (plan_budget(study, PLAN.repeated(times)) for times in (1, 10**6))
+    plain = SpringDesigns(STUDY.replace(noise={"model_error_percent": 0})).error_budget(PLAN)
+    one, many = (SpringDesigns(study).error_budget(PLAN.repeated(times)) for times in (1, 10**6))
     of_estimates = np.sqrt(one.model**2 - own**2)
     rho0 = evaluate(study, PLAN).criteria["rho0"]
     assert np.hypot(one.noise, of_estimates) == pytest.approx(rho0, rel=1e-9)
@@ -41,7 +41,7 @@ def test_a_model_error_is_in_the_estimates_and_in_the_task():
 def test_a_model_error_is_assumed_where_nothing_is_said_of_it():
     """A plan's error has a tenth of what springs do, says so, and leaves the poses as they are."""
     assumed, stated = (
-        plan_budget(study, PLAN)
+        SpringDesigns(study).error_budget(PLAN)
         for study in (STUDY, STUDY.replace(noise={"model_error_percent": 10}))
     )
     assert assumed.model == pytest.approx(stated.model, rel=1e-9)
@@ -54,7 +54,7 @@ def test_a_model_error_is_assumed_where_nothing_is_said_of_it():
     )
     assert "springs of joints leave out" not in error_budget(stated)
     assert STUDY.noise is None
-    constant = plan_budget(STUDY.replace(noise={"discrepancy_mm": 0.02}), PLAN)
+    constant = SpringDesigns(STUDY.replace(noise={"discrepancy_mm": 0.02})).error_budget(PLAN)
     assert constant.assumed_share is None
     assert constant.model > np.sqrt(3) * 2e-5
 
@@ -85,8 +85,8 @@ def test_a_plan_says_what_a_wrong_guess_of_the_springs_costs():
 def test_repeatability_averages_out():
     """Motion between two readings averages out over repetitions; what all share does not."""
     study = STUDY.replace(uncertainty={"repeatability_mm": 0.03, "drift_mm": 0.03})
-    one = plan_budget(study, PLAN)
-    four = plan_budget(study, PLAN.repeated(4))
+    one = SpringDesigns(study).error_budget(PLAN)
+    four = SpringDesigns(study).error_budget(PLAN.repeated(4))
     # As large as sigma, it adds as much as the noise.
     assert one.repeatability == pytest.approx(one.noise, rel=1e-9)
     assert four.repeatability == pytest.approx(one.repeatability / 2, rel=1e-9)
@@ -103,8 +103,8 @@ def test_the_studys_uncertainty_scales_the_parts():
             "rigid_rad_per_Nm": {"q1": 1e-8},
         }
     )
-    better = plan_budget(study, PLAN)
-    default = plan_budget(STUDY, PLAN)
+    better = SpringDesigns(study).error_budget(PLAN)
+    default = SpringDesigns(STUDY).error_budget(PLAN)
     assert better.load == pytest.approx(default.load / 10)
     assert better.tool == pytest.approx(default.tool / 10)
     expected = default.rigid_joints * 1e-8 / STUDY.compliances[0]  # q2 is the neighbour of q1
@@ -113,6 +113,6 @@ def test_the_studys_uncertainty_scales_the_parts():
 
 def test_without_assumed_compliances_or_a_task_there_is_none():
     """Parts are of the displacement of a task by compliances, which must be assumed."""
-    assert plan_budget(STUDY.replace(simulation=None), PLAN) is None
+    assert SpringDesigns(STUDY.replace(simulation=None)).error_budget(PLAN) is None
     other = STUDY.replace(test_pose=None, optimise=["D"], criteria=["D"])
-    assert plan_budget(other, PLAN) is None
+    assert SpringDesigns(other).error_budget(PLAN) is None

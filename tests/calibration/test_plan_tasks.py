@@ -7,9 +7,9 @@ import pytest
 from readings import PLAN, STUDY
 
 import edtk
-from edtk.calibration.planned import plan_budget, plan_tasks
+from edtk.calibration.planned import SpringDesigns
 from edtk.design.plan import Plan
-from edtk.study.evaluate import evaluate
+from edtk.verbs.evaluate import evaluate
 
 POSE = STUDY.to_dict()["test_pose"]
 POSES = [POSE, POSE | {"q_deg": [0, -60, 90, 10, 45, 30], "weight": 3}]
@@ -18,18 +18,24 @@ SEVERAL = STUDY.replace(test_pose=POSES, published=None)
 
 def test_errors_are_those_of_an_evaluation_and_totals_those_of_each_budget():
     """One pose by itself has the same total, and their squares make up that of all."""
-    found = plan_tasks(SEVERAL, PLAN)
+    found = SpringDesigns(SEVERAL).totals(PLAN)
     np.testing.assert_array_equal(found.error, evaluate(SEVERAL, PLAN).tasks.error)
-    alone = [plan_budget(STUDY.replace(test_pose=pose), PLAN).total for pose in POSES]
+    alone = [
+        SpringDesigns(STUDY.replace(test_pose=pose)).error_budget(PLAN).total for pose in POSES
+    ]
     np.testing.assert_allclose(found.total, alone, rtol=1e-12)
-    assert found.mean_of(found.total) == pytest.approx(plan_budget(SEVERAL, PLAN).total)
+    assert found.mean_of(found.total) == pytest.approx(
+        SpringDesigns(SEVERAL).error_budget(PLAN).total
+    )
 
 
 def test_without_compliances_there_are_errors_by_noise_alone():
     """Totals need [simulation]; one pose has its lines already; an open plan promises nothing."""
-    assert plan_tasks(SEVERAL.replace(simulation=None), PLAN).total is None
-    assert plan_tasks(STUDY, PLAN) is None
-    assert plan_tasks(SEVERAL, Plan(PLAN.q[:1], PLAN.wrench[:1], PLAN.repeats[:1])) is None
+    assert SpringDesigns(SEVERAL.replace(simulation=None)).totals(PLAN).total is None
+    assert SpringDesigns(STUDY).totals(PLAN) is None
+    assert (
+        SpringDesigns(SEVERAL).totals(Plan(PLAN.q[:1], PLAN.wrench[:1], PLAN.repeats[:1])) is None
+    )
 
 
 def test_a_plan_tells_them_as_data():

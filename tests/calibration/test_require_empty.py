@@ -4,9 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from edtk.calibration.template import require_empty, template
+from edtk.calibration.template import require_empty
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
+from edtk.verbs.template import template
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
 PLAN = STUDY.published_plans()["table_4_6"]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from edtk.calibration.calibrate import calibrate
-from edtk.calibration.planned import plan_budget, plan_noise, planned_measurements, visits_noise
-from edtk.calibration.template import is_filled, template
+from edtk.calibration.planned import SpringDesigns, plan_noise, planned_measurements, visits_noise
+from edtk.calibration.template import is_filled
 from edtk.findings.finding import Severity
 from edtk.findings.fitted_data import HowFitted
 from edtk.findings.moving_joints import stated_noise
@@ -22,6 +22,7 @@ from edtk.measure.pose_table import (
 )
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
+from edtk.verbs.template import template
 from tests.support.readings import PLAN, STUDY
 from tests.support.visits import sheet, visited
 
@@ -163,7 +164,7 @@ def test_a_sheet_speaks_for_its_tracker(study_of, tmp_path):
 def test_a_budget_and_a_tracker(study_of):
     """The error budget of a plan knows the noise; a tracker errs less along its beam."""
     study = study_of(markers=False, repeatability=0, discrepancy=0)
-    assert plan_budget(study, PLAN).noise > 0
+    assert SpringDesigns(study).error_budget(PLAN).noise > 0
     data = planned_measurements(study, PLAN)
     own = data.tracker.blocks[0].covariance
     beam = study.robot.forward(PLAN.q)[:, :3, 3] - [4.0, 1.0, 0.8]

@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from edtk.calibration.template import require_empty, template
+from edtk.calibration.template import require_empty
 from edtk.design.plan import Plan
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
+from edtk.verbs.template import template
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
 PLAN = STUDY.published_plans()["table_4_6"]
@@ -38,7 +39,7 @@ def test_columns():
     assert list(table) == [f"q{i}_deg" for i in range(1, 7)] + wrench + ["dx_mm", "dy_mm", "dz_mm"]
     assert table.iloc[:, -3:].isna().all(axis=None)
     assert not table.iloc[:, :-3].isna().any(axis=None)
-    assert list(template(STUDY, PLAN, True))[12:] == [
+    assert list(template(STUDY, PLAN, positions=True))[12:] == [
         "x0_mm",
         "y0_mm",
         "z0_mm",

@@ -9,13 +9,13 @@ from kr270 import REQUIRED, TEST_POSE
 
 import edtk
 from edtk.calibration.calibrate import calibrate
-from edtk.calibration.template import template
 from edtk.design.plan import Plan
 from edtk.findings.fitted_data import HowFitted
 from edtk.report.calibration_report import calibration_report
 from edtk.report.views.calibration import calibration_text as text
 from edtk.study.study import Study
 from edtk.system.errors import UserError
+from edtk.verbs.template import template
 
 K = np.array([0.2, 0.3, 0.4, 2.8, 2.9, 2.1]) * 1e-6
 NAMES = [f"q{i}" for i in range(1, 7)]

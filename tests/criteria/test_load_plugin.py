@@ -10,9 +10,9 @@ from click.testing import CliRunner
 import criteria
 from criteria import registry
 from edtk.cli import main
-from edtk.study.evaluate import evaluate
 from edtk.study.study import Study
 from edtk.system.errors import UserError
+from edtk.verbs.evaluate import evaluate
 from edtk.verbs.inputs import load_study
 
 FILE = "studies/kr270_milling.toml"

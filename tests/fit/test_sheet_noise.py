@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from edtk.calibration.calibrate import calibrate
-from edtk.calibration.template import template
 from edtk.findings.finding import Severity
 from edtk.findings.fitted_data import HowFitted
 from edtk.fit.sheet import sheet_noise
@@ -19,6 +18,7 @@ from edtk.measure.pose_table import (
     PoseTable,
 )
 from edtk.report.calibration_sections import calibration_facts
+from edtk.verbs.template import template
 from tests.support.readings import PLAN, STUDY
 
 UPPER = np.triu_indices(3)

@@ -14,9 +14,9 @@ from edtk.certificate.recompute.setting import Setting
 from edtk.certificate.verify_certificate import verify_certificate
 from edtk.design.plan import Plan
 from edtk.measure.friction import GIVES, Friction, correlated, together
-from edtk.study.evaluate import evaluate
 from edtk.study.plan_study import plan_study
 from edtk.study.study_objects import friction_of
+from edtk.verbs.evaluate import evaluate
 
 K = {"q1": 3e-6, "q2": 5e-6}
 STUDY = arm(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from edtk.calibration.calibrate import calibrate
-from edtk.calibration.template import template, write_template
+from edtk.calibration.template import write_template
 from edtk.design.plan import Plan
 from edtk.findings.fitted_data import HowFitted
 from edtk.fit.measurements import Measurements
@@ -19,6 +19,7 @@ from edtk.measure.pose_table import (
 from edtk.robots.joint import Joint
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import transform
+from edtk.verbs.template import template
 from tests.support.arm import ROBOT, arm
 
 # Headers that a joint could have; no joint has a unit like mm^2.
@@ -74,7 +75,7 @@ def test_from_the_plan_to_the_result(tmp_path, positions, markers):
     plan = study.load_plan(tmp_path / "plan.csv")
     np.testing.assert_allclose(plan.q, q, rtol=1e-8)
 
-    sheet = template(study, plan, positions, markers)
+    sheet = template(study, plan, positions=positions, markers=markers or None)
     write_template(sheet, tmp_path / "sheet.csv")
     k = np.array([1e-5, 2e-5])
     poses = sheet[list(pose_columns(study.robot))].to_numpy()

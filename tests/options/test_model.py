@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from mixed_sheets import (
     ALL,
@@ -73,6 +74,83 @@ def test_springs_alone_are_those_of_a_study_of_springs(beside: bool) -> None:
     # The linear model is reported where its bias is small beside the noise.
     assert (np.abs(springs_of(found) - list(expected.k.values())) < 0.5 * std).all()
     assert found.verdict == expected.verdict
+
+
+@pytest.fixture
+def two_studies() -> dict[str, Study]:
+    """Springs by displacements of the tool point, and the same springs among parameters."""
+    plain = Study(
+        robot=ROBOT,
+        tool=TOOL,
+        joints={"unknown": list(K)},
+        measurement={"sigma_mm": SIGMA * np.sqrt(2)},
+        load={"F_N": LOAD},
+    )
+    general = study_of(SPRINGS, [], measurement={"reference": "unloaded"})
+    return {"springs": plain, "parameters": general}
+
+
+@pytest.fixture
+def displaced(two_studies: dict[str, Study]) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The same day as displacements, and as positions without and with load."""
+    every = np.ones(12, dtype=bool)
+    general, plain = two_studies["parameters"], two_studies["springs"]
+    data = readings(general, np.array(list(K.values())), 12, every, every, SIGMA)
+    unloaded = plain.robot.forward(data.q)[:, :3, 3]
+    tables = (sheet(data), sheet(data, unloaded))
+    changes, pairs = (table.drop(columns=["marker", "visit"]) for table in tables)
+    return changes, pairs
+
+
+def springs_by(study: Study, table: pd.DataFrame) -> Array:
+    """Compliances by joint, whatever else the study asks for."""
+    found = edtk.identify(study, table)
+    if isinstance(found, GeometricCalibration):
+        return springs_of(found)
+    return np.array(list(found.k.values()))
+
+
+@pytest.mark.cell("displacements beside positions without and with load, in one sheet")
+@pytest.mark.parametrize("kind", ["springs", "parameters"])
+def test_rows_are_displacements_or_pairs_of_positions(
+    two_studies: dict[str, Study], displaced: tuple[pd.DataFrame, pd.DataFrame], kind: str
+) -> None:
+    """Each row may have either: the compliances are those of a sheet of displacements alone."""
+    changes, pairs = displaced
+    mixed = pd.concat([changes[:5], pairs[5:]], ignore_index=True)
+    expected = springs_by(two_studies[kind], changes)
+    np.testing.assert_allclose(springs_by(two_studies[kind], mixed), expected, rtol=1e-8)
+
+
+@pytest.mark.parametrize("kind", ["springs", "parameters"])
+@pytest.mark.parametrize(
+    ("rows", "change", "message"),
+    [
+        ("changes", {"x0_mm": 1.0}, "row 1: a reading and a change, columns 'dx_mm' and 'x0_mm'"),
+        ("changes", {"Fz_N": 0.0}, r"row 1, columns Fx_N to Tz_Nm: a displacement without a load"),
+        ("changes", {"change_mm": 1.0}, "change_mm"),
+        (
+            "pairs",
+            {"x_mm": 9e3},
+            r"row 1, columns x0_mm, .* moved by .* mm under load; are columns",
+        ),
+        ("pairs", {"y0_mm": None}, "row 1, column y0_mm: an empty or NaN cell is not a finite"),
+    ],
+)
+def test_wrong_rows_are_refused_alike(
+    two_studies: dict[str, Study],
+    displaced: tuple[pd.DataFrame, pd.DataFrame],
+    kind: str,
+    rows: str,
+    change: dict[str, float],
+    message: str,
+) -> None:
+    """One line, the same for both kinds of study."""
+    table = dict(zip(("changes", "pairs"), displaced, strict=True))[rows]
+    if "Fz_N" in change:
+        table = table.assign(Fx_N=0.0, Fy_N=0.0)
+    with pytest.raises(UserError, match=message):
+        edtk.identify(two_studies[kind], table.assign(**change))
 
 
 def test_displacements_from_the_nominal_robot_are_those_of_a_study_of_springs() -> None:
@@ -160,6 +238,13 @@ def test_a_sound_day_of_mixed_rows_is_good() -> None:
     found = edtk.identify(study, sheet(data))
     assert found.findings == ()
     assert found.verdict == "good"
+    table = found.residuals()
+    is_wire = table["marker"].isin(["wire", "other"])
+    assert is_wire.sum() == 2 * 36
+    for name in ("residual", "left_out"):
+        assert table[f"{name}_mm"].notna().equals(is_wire)
+        assert table[f"{name}_x_mm"].isna().equals(is_wire)
+    assert table["residual_mm"].std() < 3 * 0.1
 
 
 def test_commands_carry_the_markers_on_the_tool(tmp_path: Path) -> None:

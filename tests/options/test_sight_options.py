@@ -11,10 +11,8 @@ import pytest
 
 import edtk
 from edtk import Study
-from edtk.calibration.geometry_design.geometry_plan import position_sheet
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.planned import plan_noise, planned_measurements
-from edtk.calibration.template import template
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.design.enclosure.robot_polynomials import polynomials_of
@@ -22,6 +20,7 @@ from edtk.design.plan import Plan
 from edtk.fit.least_squares import estimate
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
+from edtk.verbs.template import template
 
 MARKERS = [
     {"name": "a", "position_mm": [0, 100, 0], "normal": [0, 1, 0], "acceptance_deg": 60},
@@ -163,7 +162,7 @@ def test_sheets_of_positions_have_rows_of_what_is_read() -> None:
     space = space_of(GEOMETRY)
     plan = poses(space, 12)
     assert space.sight is not None
-    assert len(position_sheet(GEOMETRY, plan)) == space.sight.seen(plan.q).sum() < 36
+    assert len(template(GEOMETRY, plan)) == space.sight.seen(plan.q).sum() < 36
 
 
 @pytest.mark.parametrize("study", [SPRINGS, GEOMETRY], ids=["springs", "parameters"])

@@ -12,7 +12,6 @@ from kr270 import REQUIRED, TEST_POSE
 import edtk
 from edtk.calibration.prediction import predict_displacements
 from edtk.calibration.propagation import FittedSprings, propagation_of
-from edtk.calibration.template import template
 from edtk.design.plan import Plan
 from edtk.findings.fitted_data import FittedData, HowFitted
 from edtk.findings.moving_joints import stated_noise
@@ -24,6 +23,7 @@ from edtk.fit.least_squares import estimate
 from edtk.fit.measurements import Measurements, simulate
 from edtk.study.study import Study
 from edtk.system.errors import UserError
+from edtk.verbs.template import template
 
 # Which of two equal columns is kept rounding decides.
 TWO_OF_A_KIND = "the compliance of joint q[46] cannot be told from the compliance of joint q[46]"

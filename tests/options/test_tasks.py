@@ -14,7 +14,7 @@ import edtk
 from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import PositionRows
-from edtk.calibration.planned import held_in_tasks, plan_budget
+from edtk.calibration.planned import SpringDesigns, held_in_tasks
 from edtk.design.plan import Plan
 from edtk.fit.geometry.fitted_geometry import resting_torque
 from edtk.measure.parameters import Parameter
@@ -275,7 +275,7 @@ def test_springs_alone_have_one_budget(share: float) -> None:
     springs = SPRINGS.replace(simulation=SOFT, robot=robot, measurement=nominal, noise=noise)
     question = GeometryQuestion.of(TWIN.replace(simulation=SOFT, robot=robot, noise=noise))
     plan = visits(2)
-    expected = plan_budget(springs, plan)
+    expected = SpringDesigns(springs).error_budget(plan)
     found = GeometryDesigns(question.study, question).error_budget(plan)
     assert expected is not None
     assert found is not None

@@ -11,7 +11,7 @@ from edtk.design.plan import Plan
 from edtk.report.draw.bars import heat_map
 from edtk.report.draw.names import MOST, short_names
 from edtk.report.tables import name_width, number_columns
-from edtk.study.evaluate import evaluate
+from edtk.verbs.evaluate import evaluate
 from tests.support.arm import ROBOT, arm
 
 NAMES = ("left_arm_shoulder_lift_joint", "left_arm_elbow_joint")

@@ -27,10 +27,10 @@ from edtk.measure.compliances import Compliances
 from edtk.report.draw.bars import correlation, heat_map
 from edtk.report.draw.plans import joint_variables
 from edtk.robots.robot_overview import RobotOverview
-from edtk.study.evaluate import evaluate
 from edtk.study.plan_study import relax_study
 from edtk.study.study import load_study
 from edtk.system.errors import ArgumentError
+from edtk.verbs.evaluate import evaluate
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
 PLAN = STUDY.published_plans()["table_4_3"].repeated(2)

@@ -9,7 +9,6 @@ import pytest
 from arm import KEYS, ROBOT
 from click.testing import CliRunner
 
-from edtk.calibration.template import template
 from edtk.cli import main
 from edtk.design.plan import Plan
 from edtk.robots.robot_file import robot_from_dict, robot_to_dict
@@ -18,6 +17,7 @@ from edtk.system.errors import UserError
 from edtk.verbs.compensate import compensate
 from edtk.verbs.identify import identify
 from edtk.verbs.plan import plan
+from edtk.verbs.template import template
 from edtk.verbs.verify import verify
 
 COUPLED: dict[str, Any] = {

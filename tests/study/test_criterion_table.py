@@ -7,10 +7,10 @@ from arm import arm
 import criteria
 import edtk
 from edtk.study.check_study import check_study
-from edtk.study.evaluate import evaluate
 from edtk.study.plan_study import relax_study
 from edtk.study.study import Study
 from edtk.system.errors import UserError
+from edtk.verbs.evaluate import evaluate
 
 BASE = arm()
 UNKNOWN = BASE.specification.joints.unknown

@@ -8,8 +8,8 @@ import pytest
 
 from edtk.design.plan import Plan
 from edtk.fit.least_squares import SingularPlanError
-from edtk.study.evaluate import evaluate
 from edtk.study.study import load_study
+from edtk.study.study_run import Designs
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
 SIGMA = 0.03e-3
@@ -42,7 +42,7 @@ def test_definitions(plan):
         "rho0": np.sqrt(np.trace(STUDY.target @ cov @ STUDY.target.T)),
         "rho_max": np.sqrt(np.trace(STUDY.target @ cov @ STUDY.target.T)),
     }
-    found = evaluate(STUDY, plan)
+    found = Designs(STUDY).evaluate(plan)
     assert found.criteria == pytest.approx(expected, rel=1e-9)
     np.testing.assert_allclose(found.covariance, cov, rtol=1e-9, atol=1e-9 * cov.max())
     np.testing.assert_allclose(found.std, np.sqrt(cov.diagonal()), rtol=1e-9)
@@ -51,7 +51,7 @@ def test_definitions(plan):
 
 def test_observability_without_sigma(plan):
     """Without sigma, O1, O3 and O4 are sigma times theirs, O5 is a sigma-th, O2 is the same."""
-    found = evaluate(STUDY, plan)
+    found = Designs(STUDY).evaluate(plan)
     for name, power in {"O1": 1, "O2": 0, "O3": 1, "O4": 1, "O5": -1}.items():
         assert found.observability_unscaled[name] == pytest.approx(
             SIGMA**power * found.criteria[name], rel=1e-9
@@ -61,7 +61,7 @@ def test_observability_without_sigma(plan):
 
 def test_json(plan):
     """The JSON form has these keys, standard deviations by joint, and survives a round trip."""
-    found = evaluate(STUDY, plan)
+    found = Designs(STUDY).evaluate(plan)
     data = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert list(data) == [
         "criteria",
@@ -82,7 +82,7 @@ def test_json(plan):
 
 def test_table(plan):
     """The table has a row for each criterion with the same value, and its sense."""
-    found = evaluate(STUDY, plan)
+    found = Designs(STUDY).evaluate(plan)
     frame = found.to_frame()
     assert frame["value"].to_dict() == found.criteria
     assert frame.loc["rho0", "sense"] == "min"
@@ -91,8 +91,8 @@ def test_table(plan):
 
 def test_repetition(plan):
     """Four times the experiments halve every standard deviation and rho0."""
-    once = evaluate(STUDY, plan)
-    four = evaluate(STUDY, plan.repeated(4))
+    once = Designs(STUDY).evaluate(plan)
+    four = Designs(STUDY).evaluate(plan.repeated(4))
     np.testing.assert_allclose(four.std, once.std / 2, rtol=1e-12)
     assert four.criteria["rho0"] == pytest.approx(once.criteria["rho0"] / 2, rel=1e-12)
 
@@ -101,7 +101,7 @@ def test_singular_plan_names_its_parameters():
     """A plan of one pose, however often repeated, is rejected with the open parameters' names."""
     q = STUDY.published_plans()["table_4_2"].q[:1]
     with pytest.raises(SingularPlanError, match=r"k\d"):
-        evaluate(STUDY, STUDY.space.plan(q, np.array([5])))
+        Designs(STUDY).evaluate(STUDY.space.plan(q, np.array([5])))
 
 
 def test_parameter_that_no_pose_excites_is_named():
@@ -110,6 +110,6 @@ def test_parameter_that_no_pose_excites_is_named():
     torque = np.abs(STUDY.model.robot.jacobian(q)[:, 2]).max(axis=0)
     assert torque[5] < 1e-12 < 1e-3 < torque[1]
     with pytest.raises(SingularPlanError) as caught:
-        evaluate(STUDY, STUDY.space.plan(q, np.ones(6, dtype=int)))
+        Designs(STUDY).evaluate(STUDY.space.plan(q, np.ones(6, dtype=int)))
     assert "k6" in str(caught.value)
     assert "k2" not in str(caught.value)

@@ -14,10 +14,12 @@ from edtk.design.plan import Plan
 from edtk.report.views.evaluation import evaluation_text
 from edtk.robots.joint import Joint
 from edtk.robots.robot import Robot
-from edtk.study.evaluate import OpenInterestError, evaluate
+from edtk.study.evaluate import OpenInterestError
 from edtk.study.plan_study import plan_study, relax_study
 from edtk.study.study import Study, load_study
+from edtk.study.study_run import Designs
 from edtk.system.errors import UserError
+from edtk.verbs.evaluate import evaluate
 from edtk.verbs.verify import verify
 
 ALL = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml")
@@ -165,7 +167,7 @@ def test_what_no_pose_tells_cannot_be_of_interest():
         relax_study(study)
     plan = Plan(PLAN.q[:2], PLAN.wrench[:2], PLAN.repeats[:2])
     with pytest.raises(OpenInterestError, match=r"k1 - k3 \(open: k1\), which is of interest"):
-        evaluate(study, plan)
+        Designs(study).evaluate(plan)
 
 
 def test_fewer_experiments_are_enough_for_less():

@@ -7,10 +7,10 @@ import pytest
 from arm import arm
 
 from edtk.design.plan import Plan
-from edtk.study.evaluate import evaluate
 from edtk.study.plan_study import RunOptions, plan_study
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
+from edtk.verbs.evaluate import evaluate
 
 pytestmark = pytest.mark.slow
 

@@ -9,10 +9,11 @@ import pytest
 
 from edtk.design.plan import Plan
 from edtk.robots.robot_file import robot_to_dict
-from edtk.study.evaluate import evaluate, plan_accuracy
+from edtk.study.evaluate import plan_accuracy
 from edtk.study.plausibility import plan_plausibility
 from edtk.study.run_study import random_case
 from edtk.study.study import load_study
+from edtk.verbs.evaluate import evaluate
 
 STUDIES = Path(__file__).parents[2] / "studies"
 STUDY = load_study(STUDIES / "kr270_milling.toml")

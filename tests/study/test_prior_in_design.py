@@ -11,10 +11,10 @@ from edtk.certificate.verify_certificate import verify_certificate
 from edtk.design.exact.find_plan import SearchOptions, find_plan
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relax_poses import relax_poses
-from edtk.study.evaluate import evaluate
 from edtk.study.plan_study import planning_space, relax_study, source_of
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
+from edtk.verbs.evaluate import evaluate
 from edtk.verbs.verify import verify
 
 STUDY = load_study(Path(__file__).parents[2] / "studies" / "kr270_milling.toml").replace(

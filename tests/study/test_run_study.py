@@ -15,11 +15,11 @@ from edtk.cli import main
 from edtk.design.exact.apportion import apportion
 from edtk.design.exact.find_plan import SearchOptions, find_plan
 from edtk.study import run_study as runner
-from edtk.study.evaluate import evaluate
 from edtk.study.plan_study import relax_study
 from edtk.study.run_study import run_study
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
+from edtk.verbs.evaluate import evaluate
 from edtk.verbs.run import run as run_and_report
 
 pytestmark = pytest.mark.slow

@@ -8,10 +8,10 @@ import pytest
 from kr270 import REQUIRED, TEST_POSE
 
 from edtk.design.plan import Plan
-from edtk.study.evaluate import evaluate
 from edtk.study.schema import read_specification
 from edtk.study.study import Study, load_study
 from edtk.system.errors import UserError
+from edtk.verbs.evaluate import evaluate
 
 NAMES = REQUIRED["joints"]["unknown"]
 

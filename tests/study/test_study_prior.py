@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from edtk.study.evaluate import evaluate
 from edtk.study.study import load_study
 from edtk.study.study_parts import study_prior
 from edtk.system.errors import UserError
+from edtk.verbs.evaluate import evaluate
 
 PAPER = Path(__file__).parents[2] / "studies" / "kr270_milling.toml"
 K = [3.1e-7, 4.2e-7, 2.7e-6, 2.9e-6, 2.2e-6]

@@ -10,10 +10,11 @@ import pytest
 from kr270 import REQUIRED, TEST_POSE
 
 from edtk.measure.expected_error import compensation_accuracy
-from edtk.study.evaluate import accuracy_of_tasks, evaluate
+from edtk.study.evaluate import accuracy_of_tasks
 from edtk.study.run_study import random_case
 from edtk.study.study import Study, load_study
 from edtk.system.errors import Note, UserError
+from edtk.verbs.evaluate import evaluate
 
 OTHER = TEST_POSE | {"q_deg": [0, -60, 90, 10, 45, 30], "load": {"F_N": [300, -200, 100]}}
 ALONE = Study(**REQUIRED, test_pose=TEST_POSE)

@@ -133,15 +133,13 @@ def _as_read(study: Study, path: Table, where: Path, as_is: bool) -> MarkerPosit
             rows are copies of others, and it is not taken as it is.
     """
     named = StudyGeometry.of(study)
-    given = study.specification
     every = read_positions(
         path,
         study.robot,
         study.fixed,
-        (*named.markers, *named.references) if given.marker or given.distance else (),
-        turned=named.turned,
+        named.read,
         load=alone_load(study),
-        distances=tuple(named.distances),
+        reference=named.reference,
     )
     setting = StudyGeometry.of(study, every.markers)
     every = _from_instrument(setting, every, where)

@@ -595,19 +595,26 @@ class GeometricCalibration(Judged):
         return table.assign(meaning=[one.words for one in parameters])
 
     def residuals(self) -> "pd.DataFrame":
-        """A row for each pose and marker: residuals of the fit, and with the pose left out [mm]."""
+        """A row for each pose and marker: residuals of the fit, and with the pose left out [mm].
+
+        Those of a distance stand in columns of their own, which have no axis in their names.
+        """
         import pandas as pd
 
         fit = self.fit
-        pose, marker = np.nonzero(np.isfinite(fit.residual).all(axis=-1))
+        pose, marker = np.nonzero(np.isfinite(fit.residual).any(axis=-1))
+        is_distance = fit.fitted.model.is_distance[marker]
         columns: dict[str, Any] = {
             "pose": pose + 1,
             "marker": [fit.data.markers[i] for i in marker],
         }
         # Not x_mm and so on: a sheet with such columns is one with measurements.
         for name, values in (("residual_", fit.residual), ("left_out_", fit.left_out)):
+            own = MM * values[pose, marker]
             for axis in range(3):
-                columns[f"{name}{'xyz'[axis]}_mm"] = MM * values[pose, marker, axis]
+                columns[f"{name}{'xyz'[axis]}_mm"] = np.where(is_distance, np.nan, own[:, axis])
+            if is_distance.any():
+                columns[f"{name}mm"] = np.where(is_distance, own[:, 0], np.nan)
         turns = fit.turns
         if turns is not None:
             for name, values in (("residual_", turns.residual), ("left_out_", turns.left_out)):

@@ -13,7 +13,8 @@ from edtk.findings.geometry.turn_reading import EXPECTED, turn_reading
 from edtk.findings.units import like_radians
 from edtk.fit.geometry.fitted_geometry import ErrorParts, FittedGeometry, Loads, Predicted
 from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.fit.geometry.position_sheet import VECTOR, read_positions
+from edtk.fit.geometry.position_sheet import read_positions
+from edtk.fit.sheet import VECTOR
 from edtk.measure.equilibrium import why_no_rest
 from edtk.measure.parameters import COMPONENTS
 from edtk.measure.pose_table import (
@@ -55,16 +56,15 @@ def predict_positions(
         UserError: The file cannot be read, or the result is of another study.
     """
     setting, fitted, counting = read_geometry(study, geometry, where)
-    asked = (*setting.markers, *setting.references)
+    kinds = {name: setting.kinds[name] for name in (*setting.markers, *setting.references)}
     data = read_positions(
         poses,
         study.robot,
         study.fixed,
-        asked,
+        kinds,
         measured=False,
         others=marker_names(study),
-        turned=setting.turned,
-        distances=tuple(setting.distances),
+        reference=setting.reference,
     )
     data = setting.as_positions(data)
     beyond = beyond_limits(study.robot, data.q, data.row)

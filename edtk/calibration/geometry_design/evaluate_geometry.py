@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from functools import cached_property
 from time import monotonic
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from edtk.calibration.geometry_design.geometry_plan import (
 )
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import GeometrySpace, PositionRows
+from edtk.calibration.planned import CalibratedDesigns
 from edtk.calibration.propagation import (
     DIRECTION,
     ROUNDING,
@@ -43,7 +44,6 @@ from edtk.fit.distributions import task_accuracy
 from edtk.fit.prior import PriorRows
 from edtk.measure.expected_error import (
     WITHIN,
-    ErrorBudget,
     ExpectedError,
     TaskAccuracy,
     expected_error,
@@ -53,18 +53,14 @@ from edtk.measure.noise import MM
 from edtk.measure.parameters import AXES, Identifiable, Parameter, all_parameters
 from edtk.measure.task import Columns, Task, Tasks
 from edtk.robots.workspace import neighbourhood
-from edtk.study.evaluate import criteria_frame, criterion_values, observability
+from edtk.study.evaluate import Evaluation, observability
 from edtk.study.plan_study import RunOptions, no_progress, study_errors
 from edtk.study.plausibility import poor_around
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyLoads
-from edtk.study.study_run import Case, Designs
+from edtk.study.study_run import Case
 from edtk.system.errors import ArgumentError
-from edtk.system.presented import Presented
 from edtk.system.typing import Array
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 USUAL = 1.0  # mm and mrad: errors of a drawing that are larger are the exception
 HIDDEN = 1e-9  # of a direction: a visit alone tells it
@@ -150,40 +146,25 @@ def _not_taken(moves: Array, taken: Array) -> float:
     return float(((C - Q @ (Q.T @ C)) ** 2).sum()) / (m * r)
 
 
-@dataclass(frozen=True, eq=False)
-class GeometryEvaluation(Presented):
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GeometryEvaluation(Evaluation):
     """What a plan tells, and how well; parameters in their own units (mm, mrad, 1e-6 rad/(N m)).
+
+    Criteria have no value where parameters are open, and the covariance is of those that are told.
 
     Attributes:
         question: The question of the study.
         poses: The poses with their visits by load.
-        criteria: Value of every criterion that applies, by name; rho0 and rho_max in metres. None
-            but these where parameters are open.
-        observability_unscaled: O1 to O5 from the singular values of the rows in millimetres and
-            milliradians.
-        covariance: Covariance (r, r) of the parameters that the plan tells.
-        parameters: These parameters (r,).
+        parameters: The parameters (r,) that the plan tells.
         open: A sentence for each parameter that feasible poses could tell, and this plan does not.
         rho0: Error to expect in the test poses [m]; None without any, or where it depends on an
             open parameter.
-        skipped: Why criteria have no value, by name.
-        warnings: What is hard to believe in the study, a line each.
-        expected: Errors to expect in the test poses and around them; None likewise.
-        tasks: Errors to expect in each of several test poses; None likewise, and for one.
     """
 
     question: GeometryQuestion
     poses: PosesByLoad
-    criteria: dict[str, float]
-    observability_unscaled: dict[str, float]
-    covariance: Array
-    parameters: tuple[Parameter, ...]
     open: tuple[str, ...]
     rho0: float | None
-    skipped: dict[str, str]
-    warnings: tuple[Finding, ...]
-    expected: ExpectedError | None = None
-    tasks: TaskAccuracy | None = None
 
     def headline(self) -> str:
         """Number of visits, and how many parameters they tell."""
@@ -194,48 +175,28 @@ class GeometryEvaluation(Presented):
         )
 
     @property
-    def experiments(self) -> int:
-        """Number of visits."""
-        return int(self.poses.visits.sum())
-
-    @property
     def rank(self) -> int:
         """Number of parameters that the plan tells apart."""
         return len(self.parameters)
 
-    @cached_property
-    def std(self) -> Array:
-        """Standard deviations (r,) in the parameters' units."""
-        return np.sqrt(np.diag(self.covariance))
-
-    def to_frame(self) -> "pd.DataFrame":
-        """A table with a criterion a row, by name: value, sense, title and formula."""
-        return criteria_frame(self.criteria)
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names (r,) of these parameters."""
+        return tuple(one.name for one in self.parameters)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, for JSON."""
-        names = [one.name for one in self.parameters]
         return {
-            "criteria": self.criteria,
-            "observability_unscaled": self.observability_unscaled,
-            "std": dict(zip(names, self.std.tolist(), strict=True)),
-            "covariance": self.covariance.tolist(),
-            "parameters": names,
-            "units": [one.unit for one in self.parameters],
-            "experiments": self.experiments,
+            **super().to_dict(),
+            "units": list(self.units),
             "rank": self.rank,
             "possible_rank": self.question.model.p,
             "structural_rank": self.question.structural.p,
             "open": list(self.open),
             "untold": list(self.question.untold),
             "rho0_mm": None if self.rho0 is None else 1e3 * self.rho0,
-            **({} if self.expected is None else {"expected_error": self.expected.to_dict()}),
-            **({} if self.tasks is None else {"tasks": self.tasks.to_dict()}),
             "loads": self.poses.wrenches.tolist(),
             "poses": self.poses.to_list(),
-            **({"with_prior": True} if self.question.prior is not None else {}),
-            "skipped": self.skipped,
-            "warnings": [one.words for one in self.warnings],
         }
 
 
@@ -367,7 +328,7 @@ def _places(model: MeasuredModel) -> tuple[Parameter, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class GeometryDesigns(Designs):
+class GeometryDesigns(CalibratedDesigns):
     """The designs of a study of geometry: visits of poses, without and with a load.
 
     Without a budget all loads are there to choose from, and the size alone decides; with one, see
@@ -501,15 +462,8 @@ class GeometryDesigns(Designs):
         is_path = self.study.specification.task is not None
         return task_accuracy(tasks, cov, is_path=is_path)
 
-    def error_budget(self, plan: Plan) -> ErrorBudget | None:
-        """The error in the test poses by all that is uncertain; None where nothing tells it."""
-        found = self.propagation(plan)
-        if found is None:
-            return None
-        return found.budget(self.question.tasks, self._left_out(self.study.tasks))
-
-    def _left_out(self, tasks: Tasks) -> float:
-        """Root mean square of what the springs leave out of some tasks themselves [m]."""
+    def left_out(self, tasks: Tasks, plan: Plan) -> float:
+        """What springs leave out of some tasks themselves [m]."""
         error = self.question.space.noise.error
         if error is None:
             return 0.0
@@ -525,30 +479,62 @@ class GeometryDesigns(Designs):
         exact = replace(error, k=error.k / MM)
         return exact.remaining(tasks.with_columns(columns).target)
 
-    def totals(self, plan: Plan) -> TaskAccuracy | None:
-        """The errors in each of several test poses, with the total of each."""
-        each, found = self.accuracy(plan), self.propagation(plan)
-        if each is None or found is None:
-            return each
-        tasks = self.question.tasks
-        left_out = np.array([self._left_out(Tasks([task])) for task in self.study.tasks])
-        return replace(each, total=found.totals(tasks, left_out))
-
     def propagation(self, plan: Plan) -> Propagation | None:
-        """What is uncertain in a calibration by a plan; None without test poses, too."""
-        return visit_propagation(self.question, plan) if self.question.tasks else None
+        """What is uncertain; None if any is open, or springs are without a [simulation]."""
+        return visit_propagation(self.question, plan)
 
-    def warnings(self, plan: Plan) -> tuple[Finding, ...]:
+    @property
+    def tasks(self) -> Tasks:
+        """The study's tasks, in which errors of the parameters of a plan do harm."""
+        return self.question.tasks
+
+    def warnings(
+        self, plan: Plan, criterion: criteria.Criterion | None = None
+    ) -> tuple[Finding, ...]:
         """Whether a plan is poor around the test poses, or no better than base and tool alone."""
         few = poor_left_out(self.question, plan)
-        if not criteria.get(self.study.main_criterion).needs_target:
+        if not (criterion or criteria.get(self.study.main_criterion)).needs_target:
             return few
-        return (*few, *self.around(plan))
-
-    def around(self, plan: Plan) -> tuple[Finding, ...]:
-        """The same of a plan for any criterion; nothing where nothing tells these errors."""
         expected = self.expected(plan)
-        return () if expected is None else poor_around(expected)
+        return few if expected is None else (*few, *poor_around(expected))
+
+    def evaluate(self, plan: Plan) -> GeometryEvaluation:
+        """Score a plan of visits under every criterion that the study can evaluate.
+
+        A plan that leaves parameters open is scored, too: the standard deviations are then those of
+        the parameters that it tells, criteria of all parameters have no value, and rho0 has one
+        where no open parameter moves a marker in the test poses.
+
+        Args:
+            plan: The plan, whether or not its poses are feasible.
+
+        Raises:
+            UserError: A criterion that the study names fails.
+        """
+        question = self.question
+        by_plan = ToldByPlan(question, plan)
+        told = by_plan.told
+        parameters = tuple(question.model.parameters[i] for i in told.kept)
+        return GeometryEvaluation(
+            **self.judged(plan, is_whole=not len(told.left)),
+            question=question,
+            poses=PosesByLoad.of(plan, question.wrenches, self.study.robot),
+            covariance=by_plan.covariance,
+            parameters=parameters,
+            units=tuple(one.unit for one in parameters),
+            open=told.words,
+            rho0=_rho0(question, told, by_plan.covariance),
+        )
+
+    @property
+    def counts_prior(self) -> bool:
+        """Whether something that is known besides counts."""
+        return self.question.prior is not None
+
+    def unscaled(self, plan: Plan) -> dict[str, float]:
+        """O1 to O5 of the stacked regressor in mm and mrad, without division by the noise."""
+        rows = self.question.rows(plan.q, plan.wrench)
+        return observability(rows, plan.repeats, self.question.criterion)
 
     @cached_property
     def _is_told(self) -> bool:
@@ -565,49 +551,6 @@ class GeometryDesigns(Designs):
         return None if len(by_plan.told.left) else by_plan.covariance
 
 
-def evaluate_geometry(study: Study, plan: Plan) -> GeometryEvaluation:
-    """Score a plan of visits under every criterion that the study can evaluate.
-
-    A plan that leaves parameters open is scored, too: the standard deviations are then those of the
-    parameters that it tells, criteria of all parameters have no value, and rho0 has one where no
-    open parameter moves a marker in the test poses.
-
-    Args:
-        study: The study, with [parameters].
-        plan: The plan, whether or not its poses are feasible.
-
-    Raises:
-        UserError: The study is no question of a plan, or a criterion that it names fails.
-    """
-    designs = GeometryDesigns.of(study)
-    question = designs.question
-    by_plan = ToldByPlan(question, plan)
-    told = by_plan.told
-    is_whole = not len(told.left)
-    parameters = tuple(question.model.parameters[i] for i in told.kept)
-    cov = by_plan.covariance
-    values: dict[str, float] = {}
-    skipped = _without_value(question)
-    if is_whole:
-        M = question.information(plan)
-        has_target = question.target is not None
-        values, skipped = criterion_values(study, lambda _: M, question.criterion, has_target)
-    return GeometryEvaluation(
-        question=question,
-        poses=PosesByLoad.of(plan, question.wrenches, study.robot),
-        criteria=values,
-        observability_unscaled=_unscaled(question, plan) if is_whole else {},
-        covariance=cov,
-        parameters=parameters,
-        open=told.words,
-        rho0=_rho0(question, told, cov),
-        skipped=skipped,
-        warnings=study.warnings + designs.warnings(plan),
-        expected=designs.expected(plan),
-        tasks=designs.accuracy(plan),
-    )
-
-
 def _rho0(question: GeometryQuestion, told: Identifiable, cov: Array) -> float | None:
     """The error in the test poses [m]; None without any, or where it depends on what is open."""
     target = question.target
@@ -618,16 +561,3 @@ def _rho0(question: GeometryQuestion, told: Identifiable, cov: Array) -> float |
         return None
     rows = target[:, told.kept]
     return float(np.sqrt(np.einsum("rp,pq,rq->", rows, cov, rows)))
-
-
-def _without_value(question: GeometryQuestion) -> dict[str, str]:
-    """Why the criteria of the study have no value."""
-    names = [name for name in question.study.names if not criteria.get(name).needs_target]
-    return dict.fromkeys(names, "the plan leaves parameters open")
-
-
-def _unscaled(question: GeometryQuestion, plan: Plan) -> dict[str, float]:
-    """O1 to O5 of the stacked regressor in mm and mrad, without division by the noise."""
-    rows = question.rows(plan.q, plan.wrench)
-    M = np.einsum("k,kri,krj->ij", plan.repeats, rows, rows)
-    return observability(M, question.criterion)

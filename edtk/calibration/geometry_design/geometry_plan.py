@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import PositionRows
-from edtk.calibration.template import visit_order
+from edtk.calibration.template import SheetColumns
 from edtk.design.exact.day import DayPlan, PosesByLoad
 from edtk.design.exact.day_search import DaySearch
 from edtk.design.exact.exact_plan import (
@@ -20,8 +20,8 @@ from edtk.design.exact.exact_plan import (
 from edtk.design.plan import Plan
 from edtk.findings.causes.scene import Positions
 from edtk.fit.geometry.fit_geometry import told_apart
-from edtk.fit.geometry.position_sheet import VECTOR
 from edtk.fit.prior import PriorRows
+from edtk.fit.sheet import VECTOR
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import Identifiable, Parameter
 from edtk.measure.pose_table import (
@@ -31,17 +31,12 @@ from edtk.measure.pose_table import (
     LOADED_COLUMNS,
     MARKER_NAME_COLUMN,
     ROTATION_COLUMNS,
-    VISIT_COLUMN,
     pose_columns,
-    rounded,
 )
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry, StudyLoads
 from edtk.system.errors import ArgumentError
-from edtk.system.typing import Array, Indices
-
-if TYPE_CHECKING:
-    import pandas as pd
+from edtk.system.typing import Array, Indices, Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,42 +236,28 @@ def _all_parameters(model: MeasuredModel, least: int | None) -> str:
     )
 
 
-def position_sheet(study: Study, plan: Plan) -> "pd.DataFrame":
-    """Make the empty sheet of a plan of visits: a row for each marker of each visit.
+def position_columns(study: Study) -> SheetColumns:
+    """The columns of the empty sheet of a study with [parameters], beside poses and loads.
 
-    All poses without a load come first, then those under each load, each in an order of little
-    joint travel. Where the study asks for more load changes, the visits of each load are shared out
-    among so many rounds. Reference points on the base have rows in every visit, too. Orientations
-    of full poses are rotation vectors. Angles have the digits that a controller takes; `edtk
-    identify` reads the sheet when it is filled in.
-
-    Args:
-        study: The study, with [parameters].
-        plan: The visits.
+    Reference points on the base have rows in every visit, too. Orientations of full poses are
+    rotation vectors.
     """
     setting = StudyGeometry.of(study)
-    plan = Plan(rounded(study.robot, plan.q), plan.wrench, plan.repeats)
-    order = visit_order(study, plan)
     names = (*setting.markers, *setting.references)
-    table = plan.to_frame(study.robot).drop(columns="repeats")
-    table = table.iloc[np.repeat(order, len(names))].reset_index(drop=True)
-    table[VISIT_COLUMN] = np.arange(len(table)) // len(names) + 1
-    table[MARKER_NAME_COLUMN] = list(names) * len(order)
-    table[list(LOADED_COLUMNS)] = np.nan
-    if setting.distances:
-        table[DISTANCE_COLUMN] = np.nan
+    empty = [*LOADED_COLUMNS, *(DISTANCE_COLUMN,) * bool(setting.distances)]
     if setting.full_poses:
-        table[_turn_columns(study, setting.turned)] = np.nan
+        empty += _turn_columns(study, setting.turned)
     if setting.reads_changes:
-        changes = DEFLECTION_COLUMNS + ROTATION_COLUMNS * setting.full_poses
-        changes += (CHANGE_COLUMN,) * bool(setting.distances)
-        table[list(changes)] = np.nan
-    if setting.sight is None:
-        return table
-    seen = setting.sight.seen(plan.q[order])
-    always = np.ones((len(order), len(setting.references)), dtype=bool)
-    read = np.concatenate([seen, always], axis=1).reshape(-1)
-    return table[read].reset_index(drop=True)
+        empty += DEFLECTION_COLUMNS + ROTATION_COLUMNS * setting.full_poses
+        empty += (CHANGE_COLUMN,) * bool(setting.distances)
+
+    def read(q: Array) -> Mask:
+        assert setting.sight is not None
+        always = np.ones((len(q), len(setting.references)), dtype=bool)
+        return np.concatenate([setting.sight.seen(q), always], axis=1)
+
+    seen = None if setting.sight is None else read
+    return SheetColumns(len(names), {MARKER_NAME_COLUMN: names}, tuple(empty), seen, numbered=True)
 
 
 def _turn_columns(study: Study, markers: tuple[str, ...]) -> list[str]:

@@ -51,25 +51,42 @@ def families_table(rows: Iterable[Mapping[str, Any]]) -> str:
 def evaluation_text(found: Evaluation) -> str:
     """A line for each criterion, and one for each standard deviation."""
     beside = " beside what the prior tells" if found.with_prior else ""
-    lines = [f"{found.experiments} experiments{beside}"]
+    expected = [] if found.expected is None else [str(found.expected)]
+    head = f"{found.experiments} experiments{beside}"
+    lines = [head, *criteria_lines(found), *expected, *deviation_lines(found)]
+    if found.interest:
+        lines.append("standard deviations of what is of interest")
+        width = name_width(found.interest, 6)
+        unit = found.units[-1]
+        lines += [f"  {name:{width}}{std:.4g} {unit}" for name, std in found.interest.items()]
+    return "\n".join(lines)
+
+
+def criteria_lines(found: Evaluation) -> list[str]:
+    """A line for each criterion."""
     labels = [found.labels.get(name, name) for name in found.criteria]
-    width = name_width(labels, 6)
+    width = name_width([*labels, ""], 6)
+    lines = []
     for label, (name, value) in zip(labels, found.criteria.items(), strict=True):
         criterion = criteria.get(name)
         factor, unit = criterion.shown
         shown = f"{factor * value:.6g} {unit}"
         lines.append(f"  {label:{width}}{criterion.sense:5}{shown:18}{criterion.formula}")
-    if found.expected is not None:
-        lines.append(str(found.expected))
-    lines.append("standard deviations")
-    width = name_width(found.parameters, 6)
-    for name, std, unit in zip(found.parameters, found.std, found.units, strict=True):
-        lines.append(f"  {name:{width}}{std:.4g} {unit}")
-    if found.interest:
-        lines.append("standard deviations of what is of interest")
-        width = name_width(found.interest, 6)
-        lines += [f"  {name:{width}}{std:.4g} {unit}" for name, std in found.interest.items()]
-    return "\n".join(lines)
+    return lines
+
+
+def deviation_lines(found: Evaluation, words: Iterable[str] | None = None) -> list[str]:
+    """A header, and a line for each standard deviation.
+
+    Args:
+        found: The evaluation.
+        words: What stands behind each; nothing by default.
+    """
+    width = name_width([*found.names, ""], 6)
+    behind = [""] * len(found.names) if words is None else [f"  {one}" for one in words]
+    rows = zip(found.names, found.std, found.units, behind, strict=True)
+    lines = [f"  {name:{width}}{std:.4g} {unit}{more}" for name, std, unit, more in rows]
+    return ["standard deviations", *lines]
 
 
 def evaluation_notebook(found: Evaluation) -> str:
@@ -85,7 +102,7 @@ def evaluation_notebook(found: Evaluation) -> str:
     ]
     deviations = [
         [name, f"{std:.4g}", unit]
-        for name, std, unit in zip(found.parameters, found.std, found.units, strict=True)
+        for name, std, unit in zip(found.names, found.std, found.units, strict=True)
     ]
     notes = [] if found.expected is None else [str(found.expected)]
     header = ["criterion", "value", "sense", "formula"]
@@ -95,14 +112,14 @@ def evaluation_notebook(found: Evaluation) -> str:
 
 
 def evaluation_plot(found: Evaluation, ax: Any = None) -> Any:
-    """Draw the standard deviations of the compliances as bars.
+    """Draw the standard deviations of the parameters as bars.
 
     Returns:
         The axes.
     """
     ax = panels(ax, 1, 1, (6.4, 3.6))[0, 0]
     units = dict.fromkeys(found.units)
-    names = found.parameters
+    names = found.names
     if len(units) > 1:
         names = tuple(f"{name}\n[{unit}]" for name, unit in zip(names, found.units, strict=True))
     ax.bar(range(len(names)), found.std, color=BLUE)

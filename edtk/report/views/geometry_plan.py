@@ -1,6 +1,5 @@
 """Plans of visits for studies of geometry, and their worth."""
 
-import criteria
 from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
 from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
@@ -9,9 +8,10 @@ from edtk.measure.pose_table import in_file_units, pose_columns
 from edtk.report.show.page import ShownPage
 from edtk.report.show.stage import shares, stage_of_plan
 from edtk.report.shown import expected_rho0
-from edtk.report.tables import name_width, number_columns
+from edtk.report.tables import number_columns
 from edtk.report.views.calibration import error_budget
 from edtk.report.views.day import day_lines
+from edtk.report.views.evaluation import criteria_lines, deviation_lines
 from edtk.report.views.plan import (
     among,
     costs_of_day,
@@ -172,7 +172,7 @@ def geometry_evaluation_text(found: GeometryEvaluation) -> str:
     question = found.question
     lines = [
         f"{found.experiments} visits of {len(found.poses.q)} poses"
-        + (", beside what is known before" if question.prior is not None else ""),
+        + (", beside what is known before" if found.with_prior else ""),
         *visits_by_load(found.poses),
         f"{found.rank} parameters can be told apart"
         + (f" of {question.model.p} that better poses would tell" if found.open else ""),
@@ -181,17 +181,8 @@ def geometry_evaluation_text(found: GeometryEvaluation) -> str:
         *_rho0_of_evaluation(found),
         *about(question),
     ]
-    width = name_width([*found.criteria, ""], 6)
-    for name, value in found.criteria.items():
-        criterion = criteria.get(name)
-        factor, unit = criterion.shown
-        shown = f"{factor * value:.6g} {unit}"
-        lines.append(f"  {name:{width}}{criterion.sense:5}{shown:18}{criterion.formula}")
-    lines.append("standard deviations")
-    width = name_width([*(one.name for one in found.parameters), ""], 6)
-    for one, std in zip(found.parameters, found.std, strict=True):
-        lines.append(f"  {one.name:{width}}{std:.4g} {one.unit}  {one.words}")
-    return "\n".join(lines)
+    deviations = deviation_lines(found, (one.words for one in found.parameters))
+    return "\n".join([*lines, *criteria_lines(found), *deviations])
 
 
 def _rho0_of_evaluation(found: GeometryEvaluation) -> list[str]:

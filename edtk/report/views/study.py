@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from edtk.calibration.planned import plan_budget
 from edtk.measure.expected_error import ErrorBudget
 from edtk.measure.task import Task
 from edtk.report.draw.plans import criterion_by_size
@@ -170,12 +169,8 @@ def expected_of_run(run: StudyRun) -> list[str]:
 
 
 def budget_of_run(run: StudyRun) -> ErrorBudget | None:
-    """The error budget of that plan; None where it is not known, see `plan_budget`."""
-    if run.best is None:
-        return None
-    if run.designs.of_visits:
-        return run.designs.error_budget(run.best)
-    return plan_budget(run.study, run.best)
+    """The error budget of that plan; None where it is not known."""
+    return None if run.best is None else run.designs.error_budget(run.best)
 
 
 def study_run_rows(run: StudyRun) -> tuple[list[str], list[list[str]]]:

@@ -9,8 +9,8 @@ from click.testing import CliRunner
 from loaded_arm import LOAD, STUDY
 
 import edtk
-from edtk.calibration.geometry_design.evaluate_geometry import evaluate_geometry
 from edtk.cli import main
+from edtk.verbs.evaluate import evaluate
 
 Q = np.deg2rad([[-80, -60], [10, 50], [60, -40], [-30, 90], [100, -100]])
 
@@ -24,7 +24,7 @@ def visits(loaded: list[bool]) -> edtk.Plan:
 def test_covariance_criteria_and_rho0() -> None:
     """All follow from the weighted rows."""
     plan = visits([True, True, False, True, False])
-    found = evaluate_geometry(STUDY, plan)
+    found = evaluate(STUDY, plan)
     question = found.question
     A = question.rows(plan.q, plan.wrench).reshape(-1, question.model.p) / 0.1
     cov = np.linalg.inv(2 * A.T @ A)
@@ -42,7 +42,7 @@ def test_covariance_criteria_and_rho0() -> None:
 
 def test_what_a_plan_leaves_open_is_said() -> None:
     """Without a load springs are open, in words; what they harm in the task has no number."""
-    found = evaluate_geometry(STUDY, visits([False] * 5))
+    found = evaluate(STUDY, visits([False] * 5))
     assert found.rank == 4
     assert len(found.open) == 2
     assert found.rho0 is None
@@ -52,21 +52,21 @@ def test_what_a_plan_leaves_open_is_said() -> None:
     assert "open: the compliance of joint q1 moves no marker in these poses" in text
     assert "no rho0: what is open moves the markers in the test pose" in text
     unloaded = STUDY.to_dict()["test_pose"] | {"load": {"F_N": [0, 0, 0]}}
-    harmless = evaluate_geometry(STUDY.replace(test_pose=unloaded), visits([False] * 5))
+    harmless = evaluate(STUDY.replace(test_pose=unloaded), visits([False] * 5))
     assert harmless.rho0 is not None
 
 
 def test_the_rest_is_nuisance() -> None:
     """Criteria of springs, or of the tool, are those of their part of the whole covariance."""
     plan = visits([True, True, False, True, False])
-    whole = evaluate_geometry(STUDY, plan)
+    whole = evaluate(STUDY, plan)
     names = [one.name for one in whole.parameters]
     for groups, expected in (
         (["compliance"], ["k_q1", "k_q2"]),
         (["tool", "k_q2"], ["tool.marker.x", "tool.marker.y", "tool.marker.z", "k_q2"]),
         (["zeros"], ["q1.ry"]),
     ):
-        found = evaluate_geometry(STUDY.replace(interest={"parameters": groups}), plan)
+        found = evaluate(STUDY.replace(interest={"parameters": groups}), plan)
         part = [names.index(name) for name in expected]
         variance = np.trace(whole.covariance[np.ix_(part, part)])
         assert found.criteria["A"] == pytest.approx(variance, rel=1e-6)
@@ -96,7 +96,7 @@ def test_what_cannot_be_told_is_of_no_interest() -> None:
     """A parameter that the minimal set leaves out is named, with those that it has."""
     study = STUDY.replace(interest={"parameters": ["q2.ry"]})
     with pytest.raises(edtk.UserError, match=r"'q2.ry' cannot be told from other parameters"):
-        evaluate_geometry(study, visits([True] * 5))
+        evaluate(study, visits([True] * 5))
 
 
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -210,7 +210,7 @@ def test_a_joint_may_be_called_as_a_turn(tmp_path: Path) -> None:
     assert list(table.columns[-3:]) == own
     table[["x_mm", "y_mm", "z_mm", *own]] = [1.0, 2.0, 3.0, 0.0, 0.0, 30.0]
     table.to_csv(tmp_path / "day.csv", index=False)
-    found = read_positions(tmp_path / "day.csv", odd.robot, {}, ["A"], turned=["A"])
+    found = read_positions(tmp_path / "day.csv", odd.robot, {}, {"A": "pose"})
     assert found.turns is not None
     assert found.turns[0, 0, 0, 0] == pytest.approx(np.cos(np.pi / 6))
 

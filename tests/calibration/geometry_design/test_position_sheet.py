@@ -7,10 +7,10 @@ import pytest
 from loaded_arm import LOAD, STUDY
 
 import edtk
-from edtk.calibration.geometry_design.geometry_plan import position_sheet
 from edtk.fit.geometry.fitted_geometry import resting_torque
 from edtk.study.study_geometry import StudyGeometry
 from edtk.system.errors import ArgumentError
+from edtk.verbs.template import template
 
 RNG = np.random.default_rng(2)
 Q = RNG.uniform(-1.5, 1.5, (8, 2))
@@ -24,7 +24,7 @@ MARKERS = [
 
 def test_all_poses_of_a_load_are_visited_together() -> None:
     """Unloaded visits come first, repeats one after another, a row a marker."""
-    sheet = position_sheet(STUDY.replace(marker=MARKERS), PLAN)
+    sheet = template(STUDY.replace(marker=MARKERS), PLAN)
     assert len(sheet) == 2 * PLAN.experiments
     assert sheet["marker"].tolist() == ["A", "floor"] * PLAN.experiments
     assert sheet["visit"].tolist() == np.repeat(np.arange(1, 11), 2).tolist()
@@ -38,7 +38,7 @@ def test_all_poses_of_a_load_are_visited_together() -> None:
 def test_load_changes_that_a_study_asks_for() -> None:
     """Three changes divide the visits of each load in two, and none is lost."""
     asked = STUDY.replace(costs={"load_changes": 3})
-    sheet = position_sheet(asked, PLAN)
+    sheet = template(asked, PLAN)
     loaded = (sheet["Fz_N"].to_numpy() != 0).astype(int)
     assert np.abs(np.diff(loaded)).sum() == 3
     assert len(sheet) == PLAN.experiments

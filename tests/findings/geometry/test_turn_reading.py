@@ -56,7 +56,7 @@ def day(
 
 def read(path: Path, joints: float = 1.0) -> str:
     """What is said of a sheet, whose joint angles are multiplied by something."""
-    data = read_positions(path, FULL.robot, {}, ["A"], turned=["A"])
+    data = read_positions(path, FULL.robot, {}, {"A": "pose"})
     return turn_reading(path, FULL.robot, replace(data, q=joints * data.q))
 
 
