@@ -15,7 +15,7 @@ from edtk.findings.fitted_data import AS_USUAL, FittedData, HowFitted
 from edtk.findings.input_errors import find_input_error
 from edtk.findings.moving_joints import stated_noise
 from edtk.findings.nonlinear_part import linear_model_bias
-from edtk.findings.prior import known_findings
+from edtk.findings.prior import known_findings, unstated_findings
 from edtk.findings.springs import spring_findings, still_joints, untold_finding
 from edtk.fit.correlated_noise import NotPositiveDefiniteError
 from edtk.fit.fit_huber import SigmaTooSmallError
@@ -124,6 +124,8 @@ def calibrate(study: Study, path: Table, how: HowFitted = AS_USUAL) -> Calibrati
     if study.with_known is not study:
         left = {one.name: one for one in bare.propagation.assumed}
         named = (*named, *known_findings(study, left))
+        if budget is not None:
+            named = (*named, *unstated_findings(study, budget))
     found = replace(bare, findings=worst_first(named), budget=budget)
     if tasks:
         vars(found)["propagation"] = bare.propagation  # of the same fit

@@ -75,13 +75,15 @@ def _no_cause(fitted: FittedData) -> Finding:
     repeated = len(np.unique(data.places)) < len(data)
     shape = data.wrench / np.abs(data.wrench).max()
     loads = len(np.unique(shape.round(LIKE_LOADS), axis=0))
+    severity = Severity.WARNING if _is_counted(fitted) else Severity.ALARM
     return Finding.of(
-        Severity.ALARM,
+        severity,
         WORDING,
         "no_cause",
         scale=fitted.fit.scale,
         repeated=repeated,
         loads=loads > 1,
+        possible=fitted.found_causes.possible,
     )
 
 
@@ -258,10 +260,9 @@ def _is_counted(fitted: FittedData) -> bool:
     or tool that is off by no more than the study says that it may be. Then the result can be used
     as far as it promises. A sheet that is wrong itself has another cause, or none.
     """
-    causes = fitted.structural_causes
-    if not causes or causes[0].explained < MOSTLY:
+    first = next(iter(fitted.structural_causes), fitted.found_causes.possible)
+    if first is None or first.explained < MOSTLY:
         return False
-    first = causes[0]
     if first.cause in STATED:
         stated = getattr(fitted.study.specification.uncertainty, STATED[first.cause])
         return first.size <= AS_STATED * stated
@@ -442,9 +443,14 @@ def no_cause_words(data: Data) -> str:
     tells.append(
         "positions without load in many poses, which tell the geometry (docs/howto/geometry.md)"
     )
+    part = ""
+    if data["possible"] is not None:
+        cause = data["possible"]
+        share = f"{100 * cause.explained:.2g} % of it"
+        part = f" What explains {share}, and leaves the rest: {cause_wording(cause)}."
     return (
         "no cause in the list explains this: the model. Something bends, slips or is placed "
-        f"otherwise than in the study; more would tell {'; '.join(tells)}"
+        f"otherwise than in the study.{part} More would tell: {'; '.join(tells)}"
     )
 
 

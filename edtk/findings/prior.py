@@ -10,9 +10,10 @@ from edtk.fit.distributions import chi_square_tail, fisher_tail, student_below
 from edtk.fit.identify import Identification
 from edtk.fit.posterior import Posterior
 from edtk.fit.prior import Flat, Marginal, Prior
-from edtk.measure.expected_error import AssumedJoint
+from edtk.measure.expected_error import AssumedJoint, ErrorBudget
 from edtk.measure.parameters import Parameter
 from edtk.study.study import Study
+from edtk.study.tables_of_robot import KNOWN_WITHIN
 from edtk.system.typing import Array
 
 # Which of two estimates to believe, by the reason why they differ.
@@ -30,6 +31,8 @@ NORMAL = np.linspace(-8.0, 8.0, 2001)
 FAR_APART = (
     2.0  # posterior standard deviations between mean and least squares that are worth a line
 )
+TWICE = 2.0  # the promised error: beyond it a promise is broken
+SHARE = 0.1  # of the error, from which a joint is named
 WIDER = 2.0  # standard deviation of the fit over the posterior's, where the prior says more
 
 
@@ -146,6 +149,32 @@ def known_findings(asked: Study, left: Mapping[str, AssumedJoint]) -> Iterator[F
             yield Finding.of(Severity.WARNING, WORDING, kind, parameters=(name,), **data)
 
 
+def unstated_findings(asked: Study, budget: ErrorBudget) -> Iterator[Finding]:
+    """Known compliances whose standard deviation nobody stated, where the promise rests on it.
+
+    The budget takes `KNOWN_WITHIN` of a value v for its standard deviation s. Where the joint is
+    twice as soft, measurements that leave s' of s take up a part of the error v, and ``v s'^2/s^2``
+    is left: that is ``v s' / s^2`` times what s' makes of the budget. It is said where it would
+    break the promise.
+
+    Args:
+        asked: The study, with the values before.
+        budget: The errors in the test poses, with the joints as the measurements tell them.
+    """
+    known = asked.specification.joints.known
+    softer = {}
+    for part in budget.joints:
+        one = known.get(part.joint.name)
+        if one is not None and one.std is None and one.deviation:
+            softer[part.joint.name] = part.error * one.value * part.joint.std / one.deviation**2
+    total = float(np.linalg.norm([budget.total, *softer.values()]))
+    if total <= TWICE * budget.total:
+        return
+    joints = tuple(name for name, error in softer.items() if error > SHARE * total)
+    data = {"total": budget.total, "softer": total}
+    yield Finding.of(Severity.WARNING, WORDING, "known_unstated", parameters=joints, **data)
+
+
 def _far_from_earlier(fit: Identification, prior: Prior) -> float:
     """Probability of an estimate that is as far from the earlier calibration's."""
     assert prior.earlier is not None
@@ -251,7 +280,19 @@ def _known_contradicted(data: Data) -> str:
     )
 
 
+def _known_unstated(data: Data) -> str:
+    """Known values without a standard deviation."""
+    names = ", ".join(data["parameters"])
+    return (
+        f"known_rad_per_Nm of {names} has no std, and the measurements hardly tell it: the error "
+        f"of {1e3 * data['total']:.2g} mm takes it as right to {100 * KNOWN_WITHIN:.0f} %, "
+        f"and were the joint twice as soft, as catalogues of gears leave possible, it would be "
+        f"{1e3 * data['softer']:.2g} mm; state {{ value, std }}, or identify it"
+    )
+
+
 WORDING: Wording = {
+    "known_unstated": _known_unstated,
     "known_contradicted": _known_contradicted,
     "rests_on_prior": _rests_on_prior,
     "prior_contradicted": _prior_contradicted,

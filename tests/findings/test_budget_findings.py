@@ -1,10 +1,13 @@
 """A compensation that leaves much of the error, or adds to it, is said to."""
 
+import numpy as np
 import pytest
+from arm import arm
 
 from edtk.findings.finding import Severity
+from edtk.findings.prior import unstated_findings
 from edtk.findings.springs import budget_findings
-from edtk.measure.expected_error import ErrorBudget
+from edtk.measure.expected_error import AssumedJoint, ErrorBudget, JointPart
 
 
 @pytest.mark.parametrize(
@@ -25,3 +28,25 @@ def test_a_compensation_is_compared_with_none(noise, kind, severity):
 def test_without_a_budget_nothing_is_said():
     """A study without a test pose has no error to compare."""
     assert list(budget_findings(None)) == []
+
+
+@pytest.mark.parametrize(
+    ("known", "left", "noise", "said"),
+    [
+        (3e-6, 0.9e-6, 0.1e-3, True),
+        (3e-6, 0.3e-6, 0.1e-3, False),  # the measurements tell it
+        (3e-6, 0.9e-6, 2e-3, False),  # it makes little of the error
+        ({"value": 3e-6, "std": 0.9e-6}, 0.9e-6, 0.1e-3, False),  # it is stated
+    ],
+)
+def test_a_promise_that_rests_on_a_value_without_a_std_is_not_good(known, left, noise, said):
+    """A joint that is twice as soft would break it, and how large the error were then is said."""
+    asked = arm(joints={"unknown": ["q2"], "known_rad_per_Nm": {"q1": known}})
+    error = 0.3e-3 * left / 0.9e-6  # of 30 % of the value, as far as it is not told
+    part = JointPart(AssumedJoint("q1", 0, 3e-6, left, "known_rad_per_Nm"), error)
+    budget = ErrorBudget(noise, 0, 0, 0, 0, error, 0, 0, uncompensated=1e-2, joints=(part,))
+    found = list(unstated_findings(asked, budget))
+    assert [one.severity for one in found] == [Severity.WARNING] * said
+    for one in found:
+        assert one.data["parameters"] == ("q1",)
+        assert one.data["softer"] == pytest.approx(np.hypot(budget.total, 1e-3))

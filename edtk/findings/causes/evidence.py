@@ -199,6 +199,16 @@ class Evidence:
         """Weigh some pieces beside the model."""
         return weigh_each([self], [pieces])[0]
 
+    def left(self, pieces: Pieces, share: float) -> float:
+        """Sum of squares that parameters and pieces leave of readings, at a share of the error."""
+        weight = 1 / np.sqrt(1 + share**2 * self.rows.e)
+        columns = np.concatenate([self.X, self.rows.turned(pieces.columns)], axis=1)
+        columns = columns * weight[:, None]
+        length = np.linalg.norm(columns, axis=0)
+        y = self.y * weight
+        unit = columns / np.where(length > 0, length, 1.0)
+        return float(np.square(y - unit @ np.linalg.lstsq(unit, y, rcond=None)[0]).sum())
+
 
 def weigh_each(models: Sequence[Evidence], pieces: Sequence[Pieces]) -> list[Weighed]:
     """Weigh pieces, of each number of them all at once, each beside a model of the same readings.

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from edtk.findings.causes.evidence import USUAL_SHARE
 from edtk.findings.causes.family import NOISE, OUTLIER, POSE, PRIOR, Cause, Tried
 from edtk.findings.causes.faults import FAULTS
 from edtk.findings.causes.try_faults import (
@@ -41,7 +42,7 @@ NEAR = 6.0  # score within which a second cause is as likely as the best, to a p
 CLEARLY_OFF = 6.0  # size of an outlier, in sigma, that larger noise does not make
 WITHIN_REACH = 20.0  # score that a pose gains at most where a joint value explains it
 UNEXPLAINED = 1e-6  # probability of what the best fault leaves, below which it is none of the list
-MOSTLY = 0.5  # of the misfit: what explains less leaves a sheet or a robot that nobody knows
+MOSTLY = 0.5  # of the misfit: what explains less is not the fault, whatever else errs
 LIKELIER = 1e-6  # score by which rows have to be set aside for more than rounding
 MOST_ROWS = 1000  # measurements in which causes are looked for
 
@@ -54,17 +55,29 @@ class FoundCauses:
         named: The best cause, and a second one that is about as likely; none if noise explains all.
         outliers: Rows that are off by themselves, counted from 0: the others were looked at without
             them.
-        unexplained: Whether the best fault leaves what noise does not make; it is not named.
+        unexplained: Whether the best fault leaves what noise and usual errors of a model do not
+            make; it is not named.
+        possible: That fault, where it explains most of the misfit: a part of what is wrong, as
+            like as not.
     """
 
     named: tuple[Cause, ...] = ()
     outliers: tuple[int, ...] = ()
     unexplained: bool = False
+    possible: Cause | None = None
 
     def in_rows(self, rows: Indices) -> "FoundCauses":
         """The same of measurements of which these were some: their row i is `rows[i]` there."""
-        named = tuple(replace(one, rows=_numbers(one.rows, rows)) for one in self.named)
-        return replace(self, named=named, outliers=_numbers(self.outliers, rows))
+
+        def there(one: Cause) -> Cause:
+            return replace(one, rows=_numbers(one.rows, rows))
+
+        return replace(
+            self,
+            named=tuple(map(there, self.named)),
+            outliers=_numbers(self.outliers, rows),
+            possible=self.possible and there(self.possible),
+        )
 
 
 def most_outliers(rows: int) -> int:
@@ -198,6 +211,7 @@ def find_causes(
     prior: PriorRows | None = None,
     assumed: tuple[AssumedJoint, ...] = (),
     tasks: Tasks | None = None,
+    share: float = USUAL_SHARE,
 ) -> FoundCauses:
     """Refit the measurements with each fault that is known, and name those that explain them.
 
@@ -212,7 +226,8 @@ def find_causes(
     look at one, and make a noise that is larger than stated.
 
     Where the best fault leaves what noise does not make, it is not the fault: none is named. One
-    that is weighed beside an error of the model may leave that, but not most of the misfit.
+    that is weighed beside an error of the model may leave a usual one, but not most of the misfit:
+    an error that was fitted to what is left would excuse anything.
 
     Args:
         model: The robot with its calibration tool, and the measured rows.
@@ -224,6 +239,7 @@ def find_causes(
         prior: What is known of the compliances besides, linearised about the fitted ones.
         assumed: The joints that are not identified, and how far each may be off.
         tasks: Where the robot shall be accurate.
+        share: Share of what springs do that a model of them usually leaves out.
     """
     told = prior if prior is not None and len(prior) else None
 
@@ -233,7 +249,7 @@ def find_causes(
             plain = PlainFit.of(model, data[rows], measured[rows], known or {}, told)
         except SingularPlanError:
             return None
-        return replace(plain, assumed=assumed) if plain.dof >= 1 else None
+        return replace(plain, assumed=assumed, share=share) if plain.dof >= 1 else None
 
     looks = list(_looks(len(data), plain_fit, typed))
     if not looks:
@@ -277,10 +293,11 @@ def _ranked(plain: PlainFit, typed: tuple[int, ...]) -> tuple[tuple[float, Tried
 def _found(look: Look, m: int, tasks: Tasks | None) -> FoundCauses:
     """What the best look shows."""
     best = look.best
-    # What a fault leaves beside an error of the model was weighed with it.
-    weighed = best is not None and best.share > 0 and _is_most(best, look.plain)
-    if look.left < UNEXPLAINED and not weighed:
-        return FoundCauses(unexplained=True)
+    if look.left < UNEXPLAINED and not _leaves_usual_error(look):
+        likeliest = _named(look.ranked, look.plain, tasks)[:1]
+        part = [one for one in likeliest if one.cause != NOISE and one.explained >= MOSTLY]
+        possible = part[0] if part else None
+        return FoundCauses(unexplained=True, possible=possible).in_rows(look.rows)
     outliers = tuple(np.setdiff1d(np.arange(m), look.rows).tolist())
     # The test of lack of fit tells of noise that repetitions share.
     silent = best is None or best.cause.cause == COMMON
@@ -290,6 +307,14 @@ def _found(look: Look, m: int, tasks: Tasks | None) -> FoundCauses:
         return FoundCauses(outliers=outliers)
     named = FoundCauses(_named(look.ranked, look.plain, tasks)).in_rows(look.rows)
     return replace(named, outliers=outliers)
+
+
+def _leaves_usual_error(look: Look) -> bool:
+    """Whether the best fault explains most, and leaves what usual errors of a model make."""
+    best = look.best
+    if best is None or not best.share or not _is_most(best, look.plain):
+        return False
+    return look.plain.probability_beside_error(best) >= UNEXPLAINED
 
 
 def _named(
@@ -385,6 +410,8 @@ def look_for_causes(fitted: "FittedData") -> FoundCauses:
     )
     measured = fitted.as_linear[rows]
     others = assumed_joints(study, np.maximum(fitted.fit.k, 0.0))
+    noise = study.specification.noise
+    stated = None if noise is None else noise.model_error_percent
     found = find_causes(
         study.model,
         fitted.data[rows],
@@ -394,5 +421,6 @@ def look_for_causes(fitted: "FittedData") -> FoundCauses:
         fitted.told_before,
         others,
         study.tasks,
+        USUAL_SHARE if stated is None else stated / 100,
     )
     return found.in_rows(rows)

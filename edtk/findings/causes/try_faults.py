@@ -7,7 +7,14 @@ from functools import cached_property
 
 import numpy as np
 
-from edtk.findings.causes.evidence import ErringRows, Evidence, Pieces, Weighed, weigh_each
+from edtk.findings.causes.evidence import (
+    USUAL_SHARE,
+    ErringRows,
+    Evidence,
+    Pieces,
+    Weighed,
+    weigh_each,
+)
 from edtk.findings.causes.family import (
     NOISE,
     OUTLIER,
@@ -66,6 +73,7 @@ class PlainFit:
         alone: The sum of squares without the prior; None where measurements alone do not tell all
             compliances.
         assumed: The joints whose compliances are taken from elsewhere, or as none.
+        share: Share of what springs do that a model of them usually leaves out.
     """
 
     model: ElastostaticModel
@@ -81,6 +89,7 @@ class PlainFit:
     chi2: float
     alone: float | None
     assumed: tuple[AssumedJoint, ...] = ()
+    share: float = USUAL_SHARE
 
     @classmethod
     def of(
@@ -191,6 +200,14 @@ class PlainFit:
             return p
         F = (left - pure) / (dof - pure_dof) / (pure / pure_dof)
         return max(p, float(fisher_tail(max(F, 0.0), dof - pure_dof, pure_dof)))
+
+    def probability_beside_error(self, one: "Tried") -> float:
+        """Probability that noise and a usual error of the model leave as much as a fault does."""
+        both = _as_pieces(self, one)
+        if both is None:
+            return self.probability(one.deviance, self.dof - one.dims)
+        model, pieces = both
+        return self.probability(model.left(pieces, self.share), self.dof - one.dims)
 
     def usual_shift(self, parts: int) -> Array:
         """Sizes (parts,) of shifts of single rows [m, rad]: lengths first, then rotations.

@@ -8,7 +8,6 @@ from typing import Literal
 import numpy as np
 
 from edtk.findings.causes.faults import USUAL_DRIFT, USUAL_GROWTH
-from edtk.findings.causes.rarity import rarity
 from edtk.findings.causes.scene import JointLoads, Positions, link_length, since_first
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, Loads
 from edtk.fit.geometry.marker_positions import MarkerPositions
@@ -19,12 +18,7 @@ from edtk.measure.whitening import only_seen
 from edtk.system.typing import Array, Indices
 
 DEPENDENT = 1e-8  # singular value of columns of unit length, beside the largest, that is rounding
-UNLIKELY_TREND = (
-    1e-3  # of days without one; what robots leave is no noise, see `beats_other_orders`
-)
 ORDERS = 400  # of the poses, that show less than that of the day
-EXPLAINS = 0.1  # of the weighted squares, at least
-COORDINATES = 3.0  # of a pose that err together
 RATES = (0.0, 3.0, 8.0)  # of settling in a day: a steady drift, and warming up
 FEWEST_OF_TREND = 8  # poses
 UNLIKELY_SCALE = 1e-4
@@ -155,22 +149,6 @@ class FitRows:
             self.noise, self.motion, self.places, counts, self.residual, both, slides
         )
 
-    def likeliest(self, causes: Sequence["SizedColumns"]) -> int:
-        """Which of several causes has the largest marginal likelihood over its usual sizes.
-
-        Each is fitted alone, with the noise that is fitted beside the columns of all; see `rarity`.
-        """
-        if len(causes) < 2:
-            return 0
-        noise = self.noise_beside(np.concatenate([one.columns for one in causes], axis=-1))
-        given = [one.columns for one in causes]
-        z, X, *columns = self.whitened(noise, self.residual[..., None], self.design, *given)
-        scores = []
-        for one, whitened in zip(causes, columns, strict=True):
-            found = explained_by(z, X, whitened)
-            scores.append(rarity(found.values, found.covariance, one.usual) - found.fall)
-        return int(np.argmin(scores))
-
     def whitened(self, noise: PositionNoise | None, *columns: Array) -> list[Array]:
         """Columns (m, 3k, c) in units of a noise; all coordinates alike where there is none."""
         V = (noise or self.noise).of_pose(self.motion, self.places, self.fit.data.counts)
@@ -270,10 +248,12 @@ class SizedColumns:
     Attributes:
         columns: Columns (m, 3k, c) [mm a unit].
         usual: Length of the coefficients that such a cause usually has.
+        log_tries: Logarithm of how many of its kind were tried, of which this is the best.
     """
 
     columns: Array
     usual: float
+    log_tries: float
 
 
 def lowered(gradient: Array, square: Array, cross: Array, inverse: Array) -> tuple[Array, Array]:
@@ -321,39 +301,33 @@ class DayTrend(SizedColumns):
         size: In the last pose (see `since_first`): how far positions are off, root mean square [m],
             or the growth of all lengths [m/m].
         explained: Share of the weighted squares that it explains.
-        told: Whether chance does not explain it.
     """
 
     kind: Literal["drift", "growth"]
     size: float
     explained: float
-    told: bool
 
 
-def day_trend(rows: FitRows) -> DayTrend | None:
-    """Try a drift of the frame and a growth of all links, and test the best.
+def day_trends(rows: FitRows) -> list[DayTrend]:
+    """A drift of the frame and a growth of all links, each as it explains most.
 
     At the time t, from 0 at the first pose to 1 at the last, both have the size ``t`` or, as where
     something warms up, ``(1 - exp(-c t)) / (1 - exp(-c))``. A drift has the six columns of a motion
     of the frame, and growth one: the motion by all lengths of the drawing together. The noise is
-    fitted anew beside them (see `moved_frame`). The smallest probability of the fall of the squares
-    counts as often as shapes are tried. Of both the likelier one is told where either is.
+    fitted anew beside them (see `moved_frame`). Whether chance explains them `LikePoses` says.
 
     Args:
         rows: Of a sheet whose poses are in the order in which they were measured.
     """
     if len(rows.residual) < FEWEST_OF_TREND:
-        return None
+        return []
     lengths = {one.name: link_length(one) for one in rows.scene.robot.chain}
     grown = rows.scene.longer({name: one for name, one in lengths.items() if one > 0})
     tried = [
         _best(rows, "drift", rows.frame, 2 * USUAL_DRIFT * MM),
         _best(rows, "growth", grown(np.ones(1))[1][..., None] / MM, USUAL_GROWTH * MM),
     ]
-    found = [one for one in tried if one is not None]
-    if not found:
-        return None
-    return replace(found[rows.likeliest(found)], told=any(one.told for one in found))
+    return [one for one in tried if one is not None]
 
 
 def _best(
@@ -361,11 +335,10 @@ def _best(
 ) -> DayTrend | None:
     """The shape of one kind that explains most; None where too little is left to tell."""
     m, _, c = columns.shape
-    dof = rows.dof(c)
-    if dof < 2 * c:
+    if rows.dof(c) < 2 * c:
         return None
     times = since_first(m)
-    shapes = np.array([np.expm1(-r * times) / np.expm1(-r) if r else times for r in RATES])
+    shapes = [np.expm1(-r * times) / np.expm1(-r) if r else times for r in RATES]
     noise = rows.noise_beside(columns * times[:, None, None])
     tried = []
     for shape in shapes:
@@ -373,37 +346,13 @@ def _best(
         one = explained_by(*rows.whitened(noise, rows.residual[..., None], rows.design, grown))
         tried.append((one.share, one.values, grown))
     share, values, grown = max(tried, key=lambda one: one[0])
-    chance = log_chance(share, c, max(dof / COORDINATES, 1.0)) + np.log(len(shapes))
-    told = chance < np.log(UNLIKELY_TREND) and share > EXPLAINS
-    told = told and beats_other_orders(_shown_by(rows, columns, shapes), m)
+    log_tries = float(np.log(len(shapes)))
     if kind == "growth":
-        return DayTrend(grown, usual, kind, 1e-3 * float(values[0]), share, told)
+        return DayTrend(grown, usual, log_tries, kind, 1e-3 * float(values[0]), share)
     seen = rows.fit.data.means.seen[-1].reshape(-1)
     off = (columns[-1] @ values).reshape(-1, 3)[seen]
     size = float(np.sqrt((off**2).sum(axis=-1).mean())) / MM if len(off) else 0.0
-    return DayTrend(grown, usual, kind, size, share, told)
-
-
-def _shown_by(rows: FitRows, columns: Array, shapes: Array) -> Callable[[Indices], float]:
-    """By how much columns (m, 3k, c) of one of several sizes (s, m) lower the squares, by order."""
-    # The noise of the fit, as it is the same in any order; that beside the columns is of this one.
-    z, X, C = rows.whitened(rows.noise, rows.residual[..., None], rows.design, columns)
-    inverse = np.linalg.pinv(np.einsum("mrp,mrq->pq", X, X), hermitian=True)
-    z = z - X @ (inverse @ np.einsum("mrp,mri->pi", X, z))
-    gradient = np.einsum("mri,mrj->mi", C, z)
-    square = np.einsum("mri,mrj->mij", C, C)
-    cross = np.einsum("mrp,mri->mpi", X, C)
-
-    def shown(order: Indices) -> float:
-        sizes = shapes[:, order]
-        summed = (
-            np.tensordot(sizes, gradient, 1),
-            np.tensordot(sizes**2, square, 1),
-            np.tensordot(sizes, cross, 1),
-        )
-        return float(lowered(*summed, inverse)[1].max())
-
-    return shown
+    return DayTrend(grown, usual, log_tries, kind, size, share)
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,10 @@ from edtk.findings.geometry.fit_rows import (
     FitRows,
     SizedColumns,
     common_scale,
-    day_trend,
+    day_trends,
     own_columns,
 )
+from edtk.findings.geometry.like_poses import LikePoses
 from edtk.findings.geometry.moved_frame import (
     MovedFrame,
     NamedCause,
@@ -54,6 +55,9 @@ CLEARLY = 3.0  # times as much another joint leaves
 MOST_TYPED = 2  # poses whose wrong joint is named in full
 MOSTLY = 0.7  # of the squares that are left
 NOISY = 5.0  # times the stated noise
+# Times as likely with a cause as without any: of sound days at most one in so many shows as much
+# (Markov's inequality), if they err as is assumed.
+LIKELIER = 300.0
 EXPLAINED = ("outliers", "frame_moved", "rough")  # these leave many outside by themselves
 
 
@@ -242,9 +246,11 @@ def _typed(fit: GeometricFit, pose: int) -> tuple[str, float, str] | None:
 def _causes(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     """What happened in the course of the day, or is otherwise than said: the likeliest cause.
 
-    A drift looks like a frame that moved once, and a weight in half of the poses like either: so
-    that which is likeliest, beside the noise that all of them leave, is named alone. What errors of
-    the drawing that were not asked for explain is no motion: they are fitted beside it.
+    A drift looks like a frame that moved once, and a weight in half of the poses like either, and
+    what a robot leaves in like poses, where these follow each other, like any of them: so each is
+    weighed beside such errors, see `LikePoses`, and the likeliest is named where it is many times
+    likelier than none. What errors of the drawing that were not asked for explain is no motion:
+    they are fitted beside it.
     """
     alone = FitRows.of(fit, setting.loads)
     rows = alone.beside(setting.taken_as_drawn)
@@ -252,10 +258,7 @@ def _causes(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     moved = moved_frame(rows)
     if moved is not None:
         found.append((moved, _moved(fit, moved)))
-    trend = day_trend(rows)
-    # What grew may look like a step that chance explains less: then both have to be compared.
-    if trend is not None and (trend.told or moved is not None):
-        found.append((trend, _trend(fit, trend)))
+    found += [(trend, _trend(fit, trend)) for trend in day_trends(rows)]
     rigid = not any(one.is_spring for one in fit.fitted.model.parameters)
     if fit.fitted.noise.model_fit is not None:
         bent = untold_load(alone) if rigid else None
@@ -266,7 +269,9 @@ def _causes(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
         found += [(one, _other(one)) for one in others]
     if not found:
         return []
-    return [found[rows.likeliest([one for one, _ in found])][1]]
+    likelier = LikePoses.of(rows).likelier([one for one, _ in found])
+    best = int(np.argmax(likelier))
+    return [found[best][1]] if likelier[best] > np.log(LIKELIER) else []
 
 
 def _other(found: NamedCause) -> Finding:

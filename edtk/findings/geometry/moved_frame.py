@@ -263,7 +263,9 @@ class _Day:
         shift = float(np.sqrt((off**2).sum(axis=-1).mean())) / MM
         pose = np.arange(len(self))
         columns = self.moved * ((pose >= s) & (pose < t))[:, None, None]
-        return MovedFrame(columns, USUAL_MOVE * MM, s, t, shift, explained)
+        ends = 1 if t == len(self) else 2
+        log_tries = ends * float(np.log(len(self)))
+        return MovedFrame(columns, USUAL_MOVE * MM, log_tries, s, t, shift, explained)
 
 
 def _before(terms: Array) -> Array:
@@ -335,7 +337,7 @@ def _judged(
     if explained < least or chance > np.log(UNLIKELY_LOAD):
         return None
     names = tuple(rows.scene.robot.joint_names[j] for j in giving)
-    return UntoldLoad(columns, USUAL_BEND, names, explained, loaded, chance)
+    return UntoldLoad(columns, USUAL_BEND, log_tries, names, explained, loaded, chance)
 
 
 def shares_of(rows: FitRows, columns: Array, noise: PositionNoise) -> tuple[float, float]:
@@ -501,5 +503,5 @@ def other_causes(rows: FitRows) -> list[NamedCause]:
             explained,
             family.joint,
         )
-        found.append(NamedCause(columns, family.usual, cause))
+        found.append(NamedCause(columns, family.usual, float(np.log(len(families))), cause))
     return found

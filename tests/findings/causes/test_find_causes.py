@@ -193,6 +193,21 @@ def test_what_leaves_most_of_a_misfit_is_not_named(seed):
     assert all(one.explained >= 0.5 for one in found.named)
 
 
+@pytest.mark.parametrize(("share", "named"), [(0.03, False), (0.5, True)])
+def test_what_leaves_more_than_a_usual_error_stands_behind_the_model(share, named):
+    """One spring that varies explains most, and others leave what only a stated error excuses."""
+    phase = np.random.default_rng(1).uniform(0, 2 * np.pi, 5)
+    varied = np.array([0.2, 0.2, 0.5, 0.2, 0.2]) * np.sin(Q[:, 1:] + phase) * STUDY.compliances
+    extra = np.einsum("mrp,mp->mr", MODEL.regressor(Q, WRENCH), varied)
+    data = measured(1, extra=extra)
+    found = find_causes(MODEL, data, data.deflection, TYPED, share=share)
+    first = found.named[0] if named else found.possible
+    assert bool(found.named) == named
+    assert found.unexplained != named
+    assert first is not None
+    assert first.explained >= 0.5
+
+
 def test_what_is_left_is_judged_by_the_scatter_of_repetitions():
     """Residuals of three times the stated noise are no misfit where repetitions scatter as much."""
     data = measured(0, noise=3.0)
