@@ -214,7 +214,7 @@ def _blocks(poses: list[PoseErrors], known: Array) -> Blocks:
     kinds = (eye, np.stack(apart), np.stack(shared))
     fixed = np.einsum("k,kbrs->brs", known, np.stack(kinds))
     design = np.stack([pose.Q for pose in poses])
-    return Blocks(fixed, kinds, residual, design)
+    return Blocks.dense(fixed, kinds, residual, design)
 
 
 def visit_residuals(

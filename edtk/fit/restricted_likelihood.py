@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.measure.few_columns import FewColumns, between, inverse_of, summed
 from edtk.measure.position_noise import ROUNDING, BlockVariances, PositionNoise
-from edtk.measure.whitening import of_rows
+from edtk.measure.whitening import Precision, Scatter, blocks_times, diagonal_blocks, of_rows
 from edtk.robots.rotations import rotation_vectors
 from edtk.system.typing import Array, Indices, Mask
 
@@ -25,16 +26,25 @@ class Blocks:
     """Independent blocks b of residuals, as many rows r each: ``V_b = F_b + sum_i v_i K_ib``.
 
     Attributes:
-        fixed: Known covariances F (b, r, r).
-        kinds: Matrices K_i (b, r, r) of each kind.
+        fixed: Known covariances F of blocks.
+        kinds: Of each kind K_i the blocks of its instruments (b, k, d, d), ``r = k d``, which it
+            moves one by one; or U_i (b, r, n), ``K_i = U_i U_i'``, where it moves all together.
         residual: Residuals z (b, r) of any fit of the design.
         design: Columns (b, r, p) that were fitted; p may be zero.
     """
 
-    fixed: Array
+    fixed: Scatter
     kinds: Sequence[Array]
     residual: Array
-    design: Array
+    design: FewColumns
+
+    @classmethod
+    def dense(
+        cls, fixed: Array, kinds: Sequence[Array], residual: Array, design: Array
+    ) -> "Blocks":
+        """Of matrices F and K_i (b, r, r) without such a form, as of one instrument."""
+        apart = [kind[:, None] for kind in kinds]
+        return cls(Scatter.of(fixed), apart, residual, FewColumns.among(design, 1))
 
 
 def fit_variances(
@@ -56,14 +66,14 @@ def fit_variances(
     Raises:
         numpy.linalg.LinAlgError: Without variances, what is known is no covariance.
     """
-    stacked = [_Stacked.of(some) for some in blocks]
     count = len(blocks[0].kinds)
     free = np.ones(count, dtype=bool) if told is None else np.array(told)
     coordinates = sum(some.residual.size for some in blocks)
     square = sum(float((some.residual**2).sum()) for some in blocks) / coordinates
-    size = sum((np.einsum("cbrr->c", some.K) for some in stacked), np.zeros(count)) / coordinates
+    each = [[_trace(kind) for kind in some.kinds] for some in blocks]
+    size = np.sum(np.reshape(each, (len(blocks), count)), axis=0) / coordinates
     unit = _powers_of_two(size)
-    stacked = [some.in_units(unit) for some in stacked]
+    stacked = [_in_units(some, unit) for some in blocks]
     size = size / unit
     v = np.where(free & (size > 0), square / np.where(size > 0, size, 1.0) / max(count, 1), 0.0)
     at = _scores(stacked, v)
@@ -88,54 +98,6 @@ def _powers_of_two(size: Array) -> Array:
     """
     there = np.where(size > 0, size, 1.0)
     return np.asarray(np.exp2(np.rint(np.log2(there))))
-
-
-@dataclass(frozen=True, eq=False)
-class _Stacked:
-    """Blocks with their kinds K (c, b, r, r) in one array."""
-
-    fixed: Array
-    K: Array
-    z: Array
-    X: Array
-
-    @classmethod
-    def of(cls, blocks: Blocks) -> "_Stacked":
-        """Of blocks with any kinds, or none."""
-        kinds = blocks.kinds
-        K = np.stack(kinds) if len(kinds) else np.zeros((0, *blocks.fixed.shape))
-        return cls(blocks.fixed, K, blocks.residual, blocks.design)
-
-    def in_units(self, unit: Array) -> "_Stacked":
-        """With kinds over units (c,)."""
-        return replace(self, K=self.K / unit[:, None, None, None])
-
-
-@dataclass(frozen=True, eq=False)
-class _Weighted:
-    """Blocks in units of their covariances V.
-
-    Attributes:
-        inverse: V^-1 (b, r, r).
-        W: ``V^-1 X`` (b, r, p).
-        y: ``V^-1 z`` (b, r).
-        log_V: Logarithm of the determinant.
-    """
-
-    inverse: Array
-    W: Array
-    y: Array
-    log_V: float
-
-    @classmethod
-    def of(cls, some: _Stacked, v: Array) -> "_Weighted":
-        """At variances v (c,)."""
-        V = some.fixed + np.einsum("c,cbrs->brs", v, some.K)
-        L = np.linalg.cholesky(V)
-        inverse = np.linalg.inv(V)
-        y = np.einsum("brs,bs->br", inverse, some.z)
-        log_V = 2 * float(np.log(np.diagonal(L, axis1=1, axis2=2)).sum())
-        return cls(inverse, inverse @ some.X, y, log_V)
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,21 +146,48 @@ def _step(
         return v, at
 
 
-def _scores(blocks: Sequence[_Stacked], v: Array) -> _Scores:
+def _moves_together(kind: Array) -> bool:
+    """Whether a kind is told by what it moves all instruments by."""
+    return kind.ndim == 3
+
+
+def _trace(kind: Array) -> float:
+    """Trace of a kind, over all blocks."""
+    return float((kind**2).sum() if _moves_together(kind) else np.einsum("bkdd->", kind))
+
+
+def _in_units(some: Blocks, unit: Array) -> Blocks:
+    """With kinds over units (c,)."""
+    kinds = [
+        kind / (np.sqrt(one) if _moves_together(kind) else one)
+        for kind, one in zip(some.kinds, unit, strict=True)
+    ]
+    return replace(some, kinds=kinds)
+
+
+def _covariance(some: Blocks, v: Array) -> Scatter:
+    """``V = F + sum_i v_i K_i`` at variances v (c,)."""
+    apart, together = some.fixed.apart, [some.fixed.together]
+    for kind, variance in zip(some.kinds, v, strict=True):
+        if not _moves_together(kind):
+            apart = apart + variance * kind
+        elif variance > 0:
+            together.append(np.sqrt(variance) * kind)
+    return Scatter(apart, np.concatenate(together, axis=-1))
+
+
+def _scores(blocks: Sequence[Blocks], v: Array) -> _Scores:
     """The terms at variances v (c,)."""
-    weighted = [_Weighted.of(some, v) for some in blocks]
-    pairs = list(zip(blocks, weighted, strict=True))
-    # As products of two matrices: einsum alone sums over so many rows one by one.
-    XW = sum(np.tensordot(some.X, own.W, axes=((0, 1), (0, 1))) for some, own in pairs)
-    H = np.asarray(np.linalg.pinv(XW, hermitian=True), dtype=float)
-    onto = sum(np.einsum("brp,br->p", some.X, own.y) for some, own in pairs)
-    k = np.asarray(H @ onto, dtype=float)
-    parts = [_terms(some, own, H, k) for some, own in pairs]
+    weights = [_covariance(some, v).inverse for some in blocks]
+    pairs = list(zip(blocks, weights, strict=True))
+    information = sum(some.design.information(own) for some, own in pairs)
+    H, log_design = inverse_of(np.asarray(information))
+    onto = [some.design.onto(own.times(some.residual[..., None])) for some, own in pairs]
+    k = np.asarray(H @ sum(onto))[:, 0]
+    parts = [_Terms.of(some, own, H, k) for some, own in pairs]
     G = sum(part.G for part in parts)
     HG = H @ G
-    values = np.linalg.eigvalsh(XW) if len(H) else np.ones(1)
-    log_design = float(np.log(values[values > 0]).sum())
-    log_V = sum(own.log_V for own in weighted)
+    log_V = sum(own.log_det for own in weights)
     square = sum(part.square for part in parts)
     return _Scores(
         quadratic=np.asarray(sum(part.quadratic for part in parts)),
@@ -226,23 +215,135 @@ class _Terms:
     G: Array
     square: float
 
+    @classmethod
+    def of(cls, some: Blocks, weights: Precision, H: Array, k: Array) -> "_Terms":
+        """Of blocks, with ``H = (X' V^-1 X)^-1`` and coefficients k (p,) of all."""
+        left = (some.residual - some.design.times(k))[..., None]
+        Pz = weights.times(left)
+        together = _Together.of(some, weights)
+        apart = {
+            i: _Apart.of(kind, together)
+            for i, kind in enumerate(some.kinds)
+            if not _moves_together(kind)
+        }
+        quadratic, trace, products, G = together.terms(Pz, H)
+        for i, one in apart.items():
+            quadratic[i] = float((Pz * blocks_times(one.K, Pz)).sum())
+            trace[i] = _trace_beside(weights, one.K)
+            G[i] = one.G
+            products[i] = products[:, i] = one.with_those_together(H)
+        for i, one in apart.items():
+            for j, other in apart.items():
+                if j <= i:
+                    products[i, j] = products[j, i] = one.product(other, H)
+        square = float((some.residual[..., None] * Pz).sum())
+        return cls(quadratic, trace, products, G, square)
 
-def _terms(some: _Stacked, own: _Weighted, H: Array, k: Array) -> _Terms:
-    """Of blocks, with ``H = (X' V^-1 X)^-1`` and coefficients k (p,) of all."""
-    K, W = some.K, own.W
-    Pz = own.y - W @ k
-    each = own.inverse @ K
-    KW = K @ W
-    # tr(H W'K_c V^-1 K_d W) as sums over rows: matrices of all pairs of kinds would cost c times.
-    before = (K @ (W @ H)).reshape(len(K), some.X.size)
-    after = (own.inverse @ KW).reshape(len(K), some.X.size)
-    return _Terms(
-        quadratic=np.einsum("br,cbrs,bs->c", Pz, K, Pz),
-        trace=np.einsum("cbrr->c", each),
-        products=np.einsum("cbrs,dbsr->cd", each, each, optimize=True) - 2 * before @ after.T,
-        G=np.moveaxis(np.tensordot(W, KW, axes=((0, 1), (1, 2))), 1, 0),
-        square=float((some.z * Pz).sum()),
-    )
+
+@dataclass(frozen=True, eq=False)
+class _Together:
+    """The kinds ``K_i = U_i U_i'`` that move all instruments together, side by side.
+
+    Attributes:
+        some: The blocks.
+        weights: ``V^-1 = A - B B'``.
+        of_kind: Whether a column (u,) is one of a kind (c, u): one or zero.
+        U: The columns (b, r, u).
+        W: ``V^-1 U`` (b, r, u).
+        D: ``U' V^-1 X`` (b, u, p).
+        F: ``B' X`` (b, n, p).
+    """
+
+    some: Blocks
+    weights: Precision
+    of_kind: Array
+    U: Array
+    W: Array
+    D: Array
+    F: Array
+
+    @classmethod
+    def of(cls, some: Blocks, weights: Precision) -> "_Together":
+        """Those of blocks; there may be none."""
+        widths = [kind.shape[-1] if _moves_together(kind) else 0 for kind in some.kinds]
+        of_kind = np.repeat(np.eye(len(widths)), widths, axis=1)
+        own = [kind for kind in some.kinds if _moves_together(kind)]
+        U = np.concatenate([some.residual[..., None][..., :0], *own], axis=-1)
+        W = weights.times(U)
+        design = some.design
+        F = design.seen_by(weights.together)
+        return cls(some, weights, of_kind, U, W, design.seen_by(W), F)
+
+    def terms(self, Pz: Array, H: Array) -> tuple[Array, Array, Array, Array]:
+        """Quadratic forms, traces, products and G of these kinds; zero of the others.
+
+        Args:
+            Pz: P z (b, r, 1).
+            H: ``(X' V^-1 X)^-1`` (p, p).
+        """
+        of = self.of_kind
+        transposed = np.swapaxes(self.U, 1, 2)
+        seen = transposed @ self.W
+        through = self.D @ H @ np.swapaxes(self.D, 1, 2)
+        pairs = (seen**2 - 2 * seen * through).sum(axis=0)
+        G = np.zeros((len(of), *H.shape))
+        for i, own in enumerate(of > 0):
+            G[i] = summed(self.D[:, own], self.D[:, own])
+        quadratic = of @ ((transposed @ Pz) ** 2).sum(axis=(0, 2))
+        return quadratic, of @ np.einsum("buu->u", seen), of @ pairs @ of.T, G
+
+
+@dataclass(frozen=True, eq=False)
+class _Apart:
+    """A kind K that moves instruments one by one.
+
+    Attributes:
+        K: Its blocks (b, k, d, d).
+        beside: The kinds that do not, and the weights.
+        KB: ``K B`` (b, r, n).
+        D: ``B' K V^-1 X`` (b, n, p).
+        G: ``X' V^-1 K V^-1 X`` (p, p).
+    """
+
+    K: Array
+    beside: _Together
+    KB: Array
+    D: Array
+    G: Array
+
+    @classmethod
+    def of(cls, K: Array, beside: _Together) -> "_Apart":
+        """Of its blocks."""
+        G, D = between(beside.some.design, beside.weights, K, beside.F)
+        return cls(K, beside, blocks_times(K, beside.weights.together), D, G)
+
+    def with_those_together(self, H: Array) -> Array:
+        """The same (c,) as `product` with each kind that moves all together; zero with others."""
+        beside = self.beside
+        KW = blocks_times(self.K, beside.W)
+        taken = (beside.D @ H) * beside.some.design.seen_by(beside.weights.times(KW))
+        each = (beside.W * KW).sum(axis=(0, 1)) - 2 * taken.sum(axis=(0, 2))
+        return np.asarray(beside.of_kind @ each)
+
+    def product(self, other: "_Apart", H: Array) -> float:
+        """``tr(V^-1 K V^-1 L) - 2 tr(H X' V^-1 K V^-1 L V^-1 X)`` of this and another kind L.
+
+        Between the two ``K V^-1 L = K A L - K B (L B)'``, of which the first moves instruments one
+        by one again.
+        """
+        weights = self.beside.weights
+        inner = self.K @ weights.apart @ other.K
+        inner = (inner + np.swapaxes(inner, -1, -2)) / 2
+        G = between(self.beside.some.design, weights, inner, self.beside.F)[0]
+        trace = _trace_beside(weights, inner) - float((self.KB * weights.times(other.KB)).sum())
+        taken = float((H * G).sum()) - float(((self.D @ H) * other.D).sum())
+        return trace - 2 * taken
+
+
+def _trace_beside(weights: Precision, K: Array) -> float:
+    """``tr(V^-1 K)`` of blocks K (b, k, d, d)."""
+    B = weights.together
+    return float((weights.apart * K).sum() - (B * blocks_times(K, B)).sum())
 
 
 def joint_kinds(slides: Mask) -> list[Mask]:
@@ -283,20 +384,21 @@ def noise_of_repeats(
     if dof < ENOUGH:
         return stated, None
     J = motion[pose]
-    n = motion.shape[2]
-    shape = (len(J), J.shape[1], J.shape[1])
-    eye = np.broadcast_to(np.eye(J.shape[1]), shape)
+    m, width, n = J.shape
+    k = len(data.markers)
     there = data.present.reshape(-1)
-    alike = stated.squared_ratios(J.shape[1])
-    whites = [kind * there * alike for kind in stated.white_kinds(J.shape[1])]
-    kinds = [
-        *(np.broadcast_to(np.diag(white), shape) for white in whites),
-        *(J[:, :, [j]] @ np.swapaxes(J[:, :, [j]], 1, 2) for j in range(n)),
-    ]
+    alike = stated.squared_ratios(width)
+    whites = [(kind * there * alike).reshape(k, -1) for kind in stated.white_kinds(width)]
+    kinds = [np.tile(diagonal_blocks(white), (m, 1, 1, 1)) for white in whites]
     if stated.tracker is not None:
-        kinds[0] = stated.of_instrument(places[pose], J.shape[1]) * np.outer(*[whites[0] > 0] * 2)
-    nothing = np.zeros((*contrasts.shape, 0))
-    found = fit_variances([Blocks(ROUNDING**2 * eye, kinds, contrasts, nothing)])
+        read_at = (whites[0] > 0).astype(float)
+        kinds[0] = stated.apart(places[pose], width) * (read_at[..., None] * read_at[:, None])
+    white = np.full((m, k, width // k), ROUNDING**2)
+    fixed = Scatter(diagonal_blocks(white), np.zeros((m, width, 0)))
+    nothing = FewColumns.among(np.zeros((m, width, 0)), k)
+    found = fit_variances(
+        [Blocks(fixed, [*kinds, *(J[..., [j]] for j in range(n))], contrasts, nothing)]
+    )
     sizes = np.sqrt(found.variances)
     reading, *turn = np.maximum(sizes[: len(whites)], ROUNDING).tolist()
     read = replace(stated, reading=reading) if stated.tracker is None else stated.scaled(reading)
@@ -349,7 +451,7 @@ def fit_model_error(
     places: Array,
     counts: Array | Indices,
     residual: Array,
-    design: Array,
+    design: FewColumns,
     slides: Mask,
     singly: bool = False,
     differs: Mask | None = None,
@@ -369,7 +471,7 @@ def fit_model_error(
         places: Where the markers are (m, k, 3), in the frame of the instrument [m].
         counts: Readings (m, k) of each marker, or what those of each row (m, k, rows) are worth.
         residual: Residuals (m, 3k) [mm], zero where nothing was seen.
-        design: Columns (m, 3k, p) [mm per unit], zero there too.
+        design: Columns X (m, 3k, p) [mm per unit], zero there too.
         slides: Which joints (n,) are prismatic.
         singly: Whether each joint may have a size of its own.
         differs: Which poses (m,) are differences of two readings, whose errors have a size of
@@ -390,15 +492,15 @@ def fit_model_error(
     masks = joint_kinds(slides)
     exact = plain.sized((0.0, 0.0)) if plain.unknown else plain
     fixed = exact.of_pose(motion, places, counts)
+    columns = design.independent()
 
     def fitted(masks: list[Mask]) -> BlockVariances:
-        of_joints = (J[:, :, mask] @ np.swapaxes(J[:, :, mask], 1, 2) for mask in masks)
-        every = [*kinds.whites, *of_joints, *kinds.changes]
-        return fit_variances([Blocks(fixed, every, residual, design)])
+        every = [*kinds.whites, *(J[..., mask] for mask in masks), *kinds.changes]
+        return fit_variances([Blocks(fixed, every, residual, columns)])
 
     found = fitted(masks)
     least = kinds.whites if plain.unknown else ()
-    nothing = fit_variances([Blocks(fixed, least, residual, design)])
+    nothing = fit_variances([Blocks(fixed, least, residual, columns)])
     if 2 * (found.log_likelihood - nothing.log_likelihood) < SPEAKS:
         if not plain.unknown:
             return plain
@@ -417,8 +519,8 @@ class _ModelKinds:
 
     Attributes:
         absolute: Which rows (m, r) absolute readings have.
-        whites: Of these (m, r, r), or of an instrument of unknown size.
-        changes: Of differences (m, r, r); none without any.
+        whites: Of these by instrument (m, k, d, d), or of an instrument of unknown size.
+        changes: Of differences (m, k, d, d); none without any.
     """
 
     absolute: Array
@@ -428,15 +530,18 @@ class _ModelKinds:
 
 def _model_kinds(noise: PositionNoise, places: Array, worth: Array, differs: Mask) -> _ModelKinds:
     """The kinds of white errors of readings that are worth so much (m, r)."""
+    m, width = worth.shape
+    shape = (m, places.shape[1], width // places.shape[1])
     there = (worth > 0).astype(float)
     absolute = there * ~differs[:, None]
-    alike = noise.white_kinds(worth.shape[1])
+    alike = noise.white_kinds(width)
     if noise.unknown:
         root = there / np.sqrt(np.where(worth > 0, worth, 1.0))
-        V = noise.of_instrument(places, worth.shape[1]) * root[:, :, None] * root[:, None]
-        return _ModelKinds(absolute, [V * np.outer(kind, kind) for kind in alike], [])
-    whites = [np.diag(kind) * absolute[:, None] for kind in alike]
-    changes = [np.diag(kind) * (there - absolute)[:, None] for kind in alike]
+        own = [(kind * root).reshape(shape) for kind in alike]
+        V = noise.apart(places, width)
+        return _ModelKinds(absolute, [V * (one[..., None] * one[..., None, :]) for one in own], [])
+    whites = [diagonal_blocks((kind * absolute).reshape(shape)) for kind in alike]
+    changes = [diagonal_blocks((kind * (there - absolute)).reshape(shape)) for kind in alike]
     return _ModelKinds(absolute, whites, changes if differs.any() else [])
 
 

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from edtk.measure.compensators import UnknownNumbers
+from edtk.measure.few_columns import FewColumns
 from edtk.measure.parameters import COMPONENTS, Parameter
 from edtk.measure.springs import Answers, Bending, Springs, sprung
 from edtk.robots.compensator import GivingWay
@@ -264,8 +265,8 @@ class Seen:
         points: Positions (m, k, 3) in the frame of the instrument [m], or their change where a
             reading is a difference. A distance stands in the first coordinate.
         turns: Orientations (m, k, 3, 3) there, in the axes of the instrument; or the turn.
-        jacobian: Derivatives (m, k, rows, P) by the model's parameters, in SI units; rotations as
-            turns in the axes of the instrument. None where they were not asked for.
+        columns: Derivatives by the P parameters of the model, in SI units; rotations as turns in
+            the axes of the instrument. None where they were not asked for.
         by_joints: Derivatives (m, k, rows, n) by the free joints, of the reading that a difference
             ends with; None likewise.
         places: Where the points are (m, k, 3) in the frame of the instrument, of that reading [m].
@@ -273,9 +274,16 @@ class Seen:
 
     points: Array
     turns: Array
-    jacobian: Array | None = None
+    columns: FewColumns | None = None
     by_joints: Array | None = None
     places: Array = field(default_factory=lambda: np.zeros((0, 0, 3)))
+
+    @cached_property
+    def jacobian(self) -> Array | None:
+        """The derivatives as an array (m, k, rows, P)."""
+        if self.columns is None:
+            return None
+        return self.columns.dense.reshape(*self.columns.part.shape[:3], self.columns.p)
 
     def less(self, before: "Seen", differs: Mask) -> "Seen":
         """The same with differences in some poses (m,): less what was seen there before.
@@ -287,13 +295,13 @@ class Seen:
         turned = self.turns[differs] @ np.swapaxes(before.turns, -1, -2)
         turns = self.turns.copy()
         turns[differs] = turned
-        if self.jacobian is None or before.jacobian is None:
+        if self.columns is None or before.columns is None:
             return replace(self, points=points, turns=turns)
-        first = before.jacobian.copy()
+        first = before.columns.part.copy()
         first[:, :, 3:] = turned @ first[:, :, 3:] if first.shape[2] > 3 else 0.0
-        jacobian = self.jacobian.copy()
-        jacobian[differs] -= first
-        return replace(self, points=points, turns=turns, jacobian=jacobian)
+        part = self.columns.part.copy()
+        part[differs] -= first
+        return replace(self, points=points, turns=turns, columns=replace(self.columns, part=part))
 
 
 @dataclass(frozen=True, eq=False)
@@ -558,7 +566,7 @@ class MeasuredModel:
             moved = {name: _turned(B, D) for name, D in world.items()}
             moved["base"] = self._by_base(base, levers)
             columns = self._chosen(moved, load, theta)
-            seen = replace(seen, jacobian=columns, by_joints=moved["springs"][..., : self.robot.n])
+            seen = replace(seen, columns=columns, by_joints=moved["springs"][..., : self.robot.n])
         return self._as_read(seen, points, B)
 
     def _carried(self, placed: PlacedChain, shifts: Array) -> tuple[Array, Array]:
@@ -587,17 +595,18 @@ class MeasuredModel:
             points[:, own, 0] = lengths
             seen = replace(seen, points=points)
             directions = (wires / lengths[..., None]) @ B.T
-        if seen.jacobian is None or seen.by_joints is None or self.present.all():
+        if seen.columns is None or seen.by_joints is None or self.present.all():
             return seen
         parts = []
-        for D in (seen.jacobian, seen.by_joints):
+        for D in (seen.columns.part, seen.by_joints):
             read = np.where(self.present[..., None], D, 0.0)
             if len(own):
                 read[:, own, 0] = np.einsum("mkc,mkcp->mkp", directions, D[:, own, :3])
             parts.append(read)
-        of_base = [i for i, one in enumerate(self.parameters) if one.place == "base"]
-        parts[0][:, own[:, None], :, of_base] = 0.0
-        return replace(seen, jacobian=parts[0], by_joints=parts[1])
+        of_base = [self.parameters[i].place == "base" for i in self._columns_of_all]
+        parts[0][:, own[:, None], :, np.flatnonzero(of_base)] = 0.0
+        columns = replace(seen.columns, part=parts[0])
+        return replace(seen, columns=columns, by_joints=parts[1])
 
     def motions_of_many(self, theta: Array) -> tuple[Array, Array, Array]:
         """Motions of the base (w, 6), before the joints (w, N, 6) and of the tools (w, k, 6).
@@ -631,17 +640,15 @@ class MeasuredModel:
         m, k = points.shape[:2]
         by_errors = self.chain.by_errors(placed, errors, points)
         by_joints = self.chain.by_each(placed, points)
-        by_tools = np.zeros((m, k, self.row_count, k, 6))
-        each = np.arange(k)
-        place = list(self.places)
+        by_tools = np.zeros((m, k, self.row_count, 6))
         axes = np.stack([placed.body(joint)[0] for joint in self.carriers], axis=1)
-        by_tools[:, each, :3, place, :3] = np.moveaxis(axes, 1, 0)
+        by_tools[..., :3, :3] = axes
         if self.row_count == 6:
             turned = self.chain.turns_by_errors(placed, errors)[:, None]
             by_errors = _stacked(by_errors, turned)
             by_joints = _stacked(by_joints, self.chain.turns_by_each(placed)[:, None])
             bends = axes @ left_jacobian(tools[:, 3:])
-            by_tools[:, each, 3:, place, 3:] = np.moveaxis(bends, 1, 0)
+            by_tools[..., 3:, 3:] = bends
         for marker, joint in enumerate(self.carriers):
             if joint is not None:
                 by_errors[:, marker, :, joint + 1 :] = 0.0
@@ -649,7 +656,7 @@ class MeasuredModel:
         return {
             "joint": by_errors.reshape(m, k, self.row_count, 6 * self.chain.n),
             "springs": self.chain.folded(by_joints),
-            "tool": by_tools.reshape(m, k, self.row_count, 6 * k),
+            "tool": by_tools,
         }
 
     def _by_base(self, base: Array, levers: Array) -> Array:
@@ -664,20 +671,44 @@ class MeasuredModel:
             D[..., 3:, 3:] = bends
         return D
 
-    def _chosen(self, moved: dict[str, Array], load: Load | None, theta: Array) -> Array:
-        """The columns (m, k, rows, p) of the parameters, in their order."""
-        columns = np.zeros((*moved["joint"].shape[:3], self.p))
+    @cached_property
+    def _columns_of_all(self) -> Indices:
+        """Which parameters may move what all instruments read: all but the places of markers."""
+        own = [i for i, one in enumerate(self.parameters) if one.place != "tool"]
+        return np.array(own, dtype=int)
+
+    @cached_property
+    def _columns_of_tools(self) -> Indices:
+        """Parameters (k, 6) of the place on the robot of each instrument; p where it has none."""
+        own = np.full((len(self.markers), 6), self.p)
         for i, one in enumerate(self.parameters):
+            if one.place == "tool":
+                own[self.markers.index(one.of), COMPONENTS.index(one.component)] = i
+        return own[list(self.places)]
+
+    def _chosen(self, moved: dict[str, Array], load: Load | None, theta: Array) -> FewColumns:
+        """The columns of the parameters."""
+        every, tools = self._columns_of_all, self._columns_of_tools
+        some = np.flatnonzero((tools < self.p).any(axis=0))
+        shape = moved["joint"].shape[:3]
+        part = np.zeros((*shape, len(every) + len(some)))
+        for at, i in enumerate(every):
+            one = self.parameters[i]
             if one.is_motion:
-                columns[..., i] = moved[one.place][..., self._place_of(one)]
+                part[..., at] = moved[one.place][..., self._place_of(one)]
+        # A place that is no parameter moves nothing here.
+        of_tools = moved["tool"][..., some] * (tools[:, None, some] < self.p)
+        part[..., len(every) :] = of_tools
         if load is not None and len(self.springs.of):
             by_terms = load.by_terms(moved["springs"], self.springs)
-            for t, i in enumerate(self.springs.of):
-                columns[..., i] += by_terms[..., t]
+            for t, at in enumerate(np.searchsorted(every, self.springs.of)):
+                part[..., at] += by_terms[..., t]
         if load is not None and len(self.numbers.of):
             sizes = theta[self.numbers.of]
-            columns[..., self.numbers.of] = load.by_numbers(moved["springs"], self.numbers, sizes)
-        return columns
+            own = np.searchsorted(every, self.numbers.of)
+            part[..., own] = load.by_numbers(moved["springs"], self.numbers, sizes)
+        of = np.concatenate([np.tile(every, (len(tools), 1)), tools[:, some]], axis=1)
+        return FewColumns(part, of, self.p)
 
     def _place_of(self, parameter: Parameter) -> int:
         """Where a component of a motion is among those of all bases, joints or tools."""

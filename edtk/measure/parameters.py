@@ -22,6 +22,7 @@ ALONG = 1 - 1e-9  # cosine beyond which a component is the one along the joint's
 KINDS = ("zeros", "lengths", "tilts")
 # A column, of which the others leave less than this share, moves no marker in a way of its own.
 # Rounding leaves 1e-14, and the weakest ways of real sheets 1e-5 and more.
+ALIKE = 1e-6  # relative difference of lengths of columns, that is rounding
 NEGLIGIBLE = 1e-8
 # Shares of other parameters below this are left out of the words, not of the arithmetic.
 SMALL_SHARE = 0.02
@@ -579,7 +580,8 @@ def identifiable(
         while waiting:
             sizes = np.linalg.norm(remaining[:, waiting], axis=0)
             sizes = np.where(sizes > floor[waiting], sizes, 0.0)
-            best = int(np.argmax(sizes))
+            # Shifts along parallel axes do the same: rounding is not to choose one of them.
+            best = int(np.argmax(sizes >= (1 - ALIKE) * sizes.max()))
             if not sizes[best]:
                 break
             pivot = waiting.pop(best)
@@ -587,7 +589,7 @@ def identifiable(
             direction = remaining[:, pivot] / sizes[best]
             # Twice is enough: one pass leaves rounding of the size of what it removes.
             for _ in range(2):
-                remaining = remaining - np.outer(direction, direction @ remaining)
+                remaining -= np.outer(direction, direction @ remaining)
             remaining[:, pivot] = 0.0
     chosen = np.array(sorted(kept), dtype=int)
     left = np.array([i for i in range(len(parameters)) if i not in set(kept)], dtype=int)
@@ -609,7 +611,8 @@ def _shares(unit: Array, length: Array, kept: Indices, left: Indices) -> Array:
     """How the left columns combine the kept ones, in units of the parameters."""
     if not len(left) or not len(kept):
         return np.zeros((len(kept), len(left)))
-    found = np.linalg.lstsq(unit[:, kept], unit[:, left], rcond=None)[0]
+    Q, R = np.linalg.qr(unit[:, kept])
+    found = np.linalg.solve(R, Q.T @ unit[:, left])
     return found * length[left] / length[kept, None]
 
 
@@ -624,8 +627,10 @@ def _words(
     own = parameters[left].words
     if not moves:
         return f"{own} moves no marker in these poses{parameters[left].asks_for}"
-    large = np.flatnonzero(np.abs(shares) > SMALL_SHARE * np.abs(shares).max())
-    ordered = large[np.argsort(-np.abs(shares[large]), kind="stable")]
+    # Of shares that differ by rounding alone the first parameter comes first.
+    sizes = np.round(np.abs(shares) / np.abs(shares).max() / ALIKE) * ALIKE
+    large = np.flatnonzero(sizes > SMALL_SHARE)
+    ordered = large[np.argsort(-sizes[large], kind="stable")]
     names = [parameters[kept[i]].words for i in ordered[:MOST_NAMED]]
     more = len(ordered) - len(names)
     listed = ", ".join(names[:-1]) + " and " + names[-1] if len(names) > 1 else names[0]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from edtk.measure.noise import MM, Tracker, VisitNoise
-from edtk.measure.whitening import component_first, of_rows, only_seen
+from edtk.measure.whitening import Scatter, component_first, of_rows
 from edtk.system.typing import Array, Indices, Mask
 
 ROUNDING = 1e-6  # [mm] no instrument reads better
@@ -186,9 +186,21 @@ class PositionNoise:
             places: Where the markers are (m, k, 3), in the frame of the tracker [m].
             width: Rows r of a pose.
         """
+        apart = self.apart(places, width)
+        return Scatter(apart, np.zeros((len(apart), width, 0))).dense
+
+    def apart(self, places: Array, width: int) -> Array:
+        """The same by instrument (m or 1, k, d, d), each of which errs by itself."""
         some = places[:1] if self.tracker is None else places
-        still = np.zeros((len(some), width, len(self.joints)))
-        return replace(self, joints=np.zeros(len(self.joints))).of_reading(still, some)
+        m, k = some.shape[:2]
+        noise = self.of_visits(width, k)
+        V = np.zeros((m, k, width // k, width // k))
+        V += (noise.white**2).reshape(k, -1, 1) * np.eye(width // k)
+        if self.tracker is not None:
+            own = self.sees(k)
+            T = self.tracker.covariance(np.moveaxis(some[:, own], 0, -1))
+            V[:, own, :3, :3] += noise.unit**2 * np.moveaxis(T, -1, 0)
+        return V
 
     def squared_reading(self, places: Array) -> Array:
         """Mean squared distances (m, k) [mm^2] by which an instrument's readings are off.
@@ -196,8 +208,7 @@ class PositionNoise:
         Where its size is unknown, what the model leaves out of each coordinate is part of it.
         """
         width = self.rows * places.shape[1]
-        own = np.einsum("mrr->mr", self.of_instrument(places, width))
-        own = own.reshape(len(own), places.shape[1], -1)[..., :3].sum(axis=-1)
+        own = np.einsum("mkdd->mkd", self.apart(places, width))[..., :3].sum(axis=-1)
         return np.broadcast_to(own, places.shape[:2])
 
     def typical(self, places: Array) -> float:
@@ -248,7 +259,7 @@ class PositionNoise:
         places: Array,
         counts: Array | Indices,
         differs: Mask | None = None,
-    ) -> Array:
+    ) -> Scatter:
         """Covariances (m, r, r) of means over some readings.
 
         Args:
@@ -258,11 +269,23 @@ class PositionNoise:
                 worth; where there is none, the coordinates count as independent and of size one.
             differs: Which poses (m,) are differences of two readings; None for none.
         """
-        worth = of_rows(counts, motion.shape[1])
-        size = np.sqrt(np.where(worth > 0, worth, 1.0))
-        D = self.of_model(motion, differs)
-        V = self.of_reading(motion, places) / (size[:, :, None] * size[:, None]) + D
-        return only_seen(V, worth > 0)
+        m, width, n = motion.shape
+        k = places.shape[1]
+        worth = of_rows(counts, width)
+        there = worth > 0
+        share = there / np.sqrt(np.where(there, worth, 1.0))
+        noise = self.of_visits(width, k).of_differences(differs)
+        own = share.reshape(m, k, -1)
+        of_reading = self.apart(places, width) * own[..., None] * own[..., None, :]
+        left = np.broadcast_to((noise.discrepancy**2).T, (m, width))
+        turns = np.broadcast_to(noise.turns.T, (m, n)) if noise.turns.any() else np.zeros((m, 0))
+        joints = np.asarray(self.joints) if np.any(self.joints) else np.zeros(0)
+        sizes = ((share, np.broadcast_to(joints, (m, len(joints)))), (1.0 * there, turns))
+        together = [
+            motion[..., : size.shape[1]] * rows[..., None] * size[:, None] for rows, size in sizes
+        ]
+        V = Scatter(of_reading, np.concatenate(together, axis=-1))
+        return V.with_white(np.where(there, left, 1.0))
 
 
 def white_kinds(rows: int, width: int) -> list[Array]:

@@ -139,3 +139,112 @@ def read_alone(V: Array, there: Array | Mask) -> Array:
     for row, own in enumerate(there):
         found[row, row] += 1 - own
     return found
+
+
+@dataclass(frozen=True, eq=False)
+class Scatter:
+    """Covariances ``V = N + U U'`` of what k instruments read in m visits, ``r = k d`` rows each.
+
+    Each instrument errs by itself, N, and few things move all of them together, U: joints that do
+    not come back. So nothing of the size r^2 is ever needed, whatever the number of instruments.
+
+    Attributes:
+        apart: The blocks of N (m, k, d, d).
+        together: U (m, r, n), in units of the standard deviations of what moves them.
+    """
+
+    apart: Array
+    together: Array
+
+    @classmethod
+    def of(cls, V: Array) -> "Scatter":
+        """Of matrices V (m, r, r) without such a form: as of one instrument."""
+        return cls(V[:, None], np.zeros((*V.shape[:2], 0)))
+
+    def __getitem__(self, chosen: slice) -> "Scatter":
+        """Of some of the visits."""
+        return Scatter(self.apart[chosen], self.together[chosen])
+
+    @property
+    def variances(self) -> Array:
+        """The diagonal of V (m, r)."""
+        own = np.einsum("mkdd->mkd", self.apart).reshape(self.together.shape[:2])
+        return np.asarray(own + (self.together**2).sum(axis=-1))
+
+    @property
+    def dense(self) -> Array:
+        """V (m, r, r)."""
+        m, k, d, _ = self.apart.shape
+        own = np.zeros((m, k, d, k, d))
+        each = np.arange(k)
+        own[:, each, :, each] = np.swapaxes(self.apart, 0, 1)
+        V = own.reshape(m, k * d, k * d)
+        return V + self.together @ np.swapaxes(self.together, 1, 2)
+
+    def with_white(self, variances: Array) -> "Scatter":
+        """The same with independent errors of the rows besides, of variances (m, r)."""
+        white = diagonal_blocks(variances.reshape(self.apart.shape[:3]))
+        return Scatter(self.apart + white, self.together)
+
+    def over(self, weights: Array) -> "Scatter":
+        """The same over the weights (m,) of the visits."""
+        share = 1 / weights
+        root = np.sqrt(share)[:, None, None]
+        return Scatter(self.apart * share[:, None, None, None], self.together * root)
+
+    def times(self, columns: Array) -> Array:
+        """``V C`` (m, r, c) of columns C."""
+        common = self.together @ (np.swapaxes(self.together, 1, 2) @ columns)
+        return np.asarray(blocks_times(self.apart, columns) + common)
+
+    @property
+    def inverse(self) -> "Precision":
+        """``V^-1 = A - B B'``, ``A = N^-1``, ``B = A U L^-T``, ``L L' = I + U' A U`` (Woodbury).
+
+        Raises:
+            numpy.linalg.LinAlgError: An N is no covariance.
+        """
+        U = self.together
+        root = np.linalg.cholesky(self.apart)
+        own = np.linalg.inv(root)
+        A = np.swapaxes(own, -1, -2) @ own
+        AU = blocks_times(A, U)
+        L = np.linalg.cholesky(np.eye(U.shape[2]) + np.swapaxes(U, 1, 2) @ AU)
+        B = np.swapaxes(np.linalg.solve(L, np.swapaxes(AU, 1, 2)), 1, 2)
+        log = sum(np.log(np.einsum("...dd->...d", one)).sum() for one in (root, L))
+        return Precision(A, B, 2 * float(log))
+
+
+@dataclass(frozen=True, eq=False)
+class Precision:
+    """Inverses ``V^-1 = A - B B'`` of a `Scatter`.
+
+    Attributes:
+        apart: The blocks of A (m, k, d, d).
+        together: B (m, r, n).
+        log_det: Logarithm of the determinants of all V.
+    """
+
+    apart: Array
+    together: Array
+    log_det: float
+
+    def __getitem__(self, chosen: slice) -> "Precision":
+        """Of some of the visits; the determinant stays that of all."""
+        return Precision(self.apart[chosen], self.together[chosen], self.log_det)
+
+    def times(self, columns: Array) -> Array:
+        """``V^-1 C`` (m, r, c) of columns C."""
+        common = self.together @ (np.swapaxes(self.together, 1, 2) @ columns)
+        return np.asarray(blocks_times(self.apart, columns) - common)
+
+
+def diagonal_blocks(variances: Array) -> Array:
+    """Blocks (..., d, d) with some variances (..., d) on their diagonals."""
+    return np.asarray(variances[..., None] * np.eye(variances.shape[-1]))
+
+
+def blocks_times(blocks: Array, columns: Array) -> Array:
+    """Blocks (m, k, d, d) of the instruments times columns (m, k d, c)."""
+    m, r, c = columns.shape
+    return np.asarray((blocks @ columns.reshape(*blocks.shape[:3], c)).reshape(m, r, c))

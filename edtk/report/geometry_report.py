@@ -39,6 +39,7 @@ SHOWN = 8  # rows of the table of poses
 WIDTH = 4.4  # of a picture [inch]: letters can be read on a phone, and on a desk two have room
 HEIGHT = 2.9
 MOST_PICTURES = 8  # of markers
+MOST_MARKERS = 12  # whose places are listed
 
 
 def geometry_facts(found: GeometricCalibration) -> str:
@@ -277,11 +278,15 @@ def _residuals(found: GeometricCalibration) -> list[str]:
 def _parameters(found: GeometricCalibration) -> list[str]:
     """A section for each kind of parameter."""
     parameters = found.fit.fitted.model.parameters
+    named = found.fit.data.markers[:MOST_MARKERS]
     sections = []
     for place, title in TITLES.items():
         own = [one for one in parameters if one.place == place]
+        listed = [one for one in own if one.place != "tool" or one.of in named]
+        more = len({one.of for one in own}) - len({one.of for one in listed})
+        rest = [paragraph(f"The places of {more} more markers are in k.json.")] if more else []
         if own:
-            sections.append(section(title, _table(found, own)))
+            sections.append(section(title, _table(found, listed), *rest))
     return sections
 
 

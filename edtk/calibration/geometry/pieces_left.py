@@ -70,7 +70,7 @@ class PiecesLeft:
             fitted.model, fitted.theta, means, loading_of(fitted.bending, means, loads)
         )
         noise = replace(fitted.noise, model_change=(0.0, 0.0))
-        V = noise.of_pose(rows.motion, rows.places, rows.worth(fit.data), differs)
+        V = noise.of_pose(rows.motion, rows.places, rows.worth(fit.data), differs).dense
         model = replace(loads.by_wrench, sensors=_markers(fitted))
         torque = model.torque_of(model.frames(means.q[differs]), means.wrench[differs])
         pieces = MissingPieces.of(model.robot, k, torque.T)

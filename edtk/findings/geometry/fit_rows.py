@@ -10,14 +10,16 @@ import numpy as np
 from edtk.findings.causes.faults import USUAL_DRIFT, USUAL_GROWTH
 from edtk.findings.causes.scene import JointLoads, Positions, link_length, since_first
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, Loads
+from edtk.fit.geometry.least_squares_fit import columns_of
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.restricted_likelihood import Blocks, fit_model_error, fit_variances
+from edtk.measure.few_columns import Beside, FewColumns, summed
+from edtk.measure.measured_model import Seen
 from edtk.measure.parameters import Parameter, all_parameters
 from edtk.measure.position_noise import PositionNoise
-from edtk.measure.whitening import only_seen
+from edtk.measure.whitening import Scatter, of_rows
 from edtk.system.typing import Array, Indices
 
-DEPENDENT = 1e-8  # singular value of columns of unit length, beside the largest, that is rounding
 ORDERS = 400  # of the poses, that show less than that of the day
 RATES = (0.0, 3.0, 8.0)  # of settling in a day: a steady drift, and warming up
 FEWEST_OF_TREND = 8  # poses
@@ -35,7 +37,7 @@ class FitRows:
     Attributes:
         fit: The fit.
         residual: Residuals (m, 3k).
-        design: Columns (m, 3k, p) of its parameters.
+        design: Columns X (m, 3k, p) that span those of its parameters.
         motion: Motions (m, 3k, n) by the joints [mm/mrad].
         places: Where the markers are (m, k, 3), in the frame of the instrument [m].
         noise: The noise of positions that was fitted.
@@ -44,7 +46,7 @@ class FitRows:
 
     fit: GeometricFit
     residual: Array
-    design: Array
+    design: FewColumns
     motion: Array
     places: Array
     noise: PositionNoise
@@ -68,8 +70,8 @@ class FitRows:
             MM * np.nan_to_num(fit.residual).reshape(len(means), -1),
             # Absolute positions alone need not tell all that springs, turns, wires and earlier
             # knowledge do: dependent columns would take some of the residuals at random.
-            _independent(own_columns(fit, loads)),
-            of_positions(seen.by_joints, means),
+            own_columns(fit, loads).independent(),
+            of_all(seen.by_joints[:, :, :3], means),
             seen.places,
             replace(fit.fitted.noise, turn=None, model_turn=0.0),
             loads,
@@ -88,19 +90,18 @@ class FitRows:
             others = tuple(one for one in parameters if one.name not in fitted_names)
             every = model.with_parameters((*model.parameters, *others))
             theta = np.concatenate([fitted.theta, np.zeros(len(others))])
-            jacobian = every.see(theta, means.q, torque).jacobian
-            assert jacobian is not None
+            seen = every.see(theta, means.q, torque)
             names = [one.name for one in every.parameters]
-            chosen = [names.index(one.name) for one in parameters]
-            return MM * of_positions(jacobian[..., chosen], means)
+            chosen = np.array([names.index(one.name) for one in parameters], dtype=int)
+            return MM * of_positions(seen, means).chosen(chosen)
 
         sprung = tuple(np.flatnonzero(fitted.compliances).tolist()) if self.loads else ()
         return Positions(
             robot,
             tuple(name for name, own in zip(model.markers, model.on_tool, strict=True) if own),
             columns,
-            self.design,
-            np.zeros(self.design.shape[-1]),
+            np.zeros((*self.residual.shape, 0)),
+            np.zeros(0),
             means.q,
             means.wrench,
             since_first(len(means)),
@@ -128,40 +129,51 @@ class FitRows:
         means = self.fit.data.means
         every = fitted.model.with_parameters((*fitted.model.parameters, *others))
         theta = np.concatenate([fitted.theta, np.zeros(len(others))])
-        jacobian = every.see(theta, means.q).jacobian
-        assert jacobian is not None
-        columns = MM * of_positions(jacobian * every.scales, means)[..., fitted.model.p :]
-        design = _independent(np.concatenate([self.design, columns], axis=-1))
-        without = replace(self, design=design[..., :0])
-        return replace(self, design=design, noise=without.noise_beside(design))
+        added = np.arange(fitted.model.p, every.p)
+        columns = of_positions(every.see(theta, means.q), means).in_units(MM * every.scales)
+        design = self.design.beside(columns.chosen(added)).independent()
+        return replace(self, design=design, noise=self._noise_beside(design))
 
     def dof(self, others: int) -> int:
         """Coordinates that neither the fit nor so many other columns take."""
-        return 3 * int(self.fit.data.means.seen.sum()) - self.design.shape[-1] - others
+        return 3 * int(self.fit.data.means.seen.sum()) - self.design.rank - others
 
     def noise_beside(self, columns: Array) -> PositionNoise:
         """The noise, fitted beside other columns (m, 3k, c) too, that it may have hidden."""
+        return self._noise_beside(self.design.beside(columns))
+
+    def _noise_beside(self, design: FewColumns) -> PositionNoise:
+        """The noise, fitted beside a design."""
         joints = self.fit.fitted.model.robot.joints
         slides = np.array([joint.kind == "prismatic" for joint in joints])
-        both = np.concatenate([self.design, columns], axis=-1)
         counts = self.fit.data.counts
         return fit_model_error(
-            self.noise, self.motion, self.places, counts, self.residual, both, slides
+            self.noise, self.motion, self.places, counts, self.residual, design, slides
         )
 
-    def whitened(self, noise: PositionNoise | None, *columns: Array) -> list[Array]:
-        """Columns (m, 3k, c) in units of a noise; all coordinates alike where there is none."""
+    def weighed(self, noise: PositionNoise | None) -> Beside:
+        """The design by weights of a noise; all coordinates alike where there is none."""
         V = (noise or self.noise).of_pose(self.motion, self.places, self.fit.data.counts)
         if noise is None:
-            size = np.einsum("mrr->", V) / V[..., 0].size
-            alike = np.broadcast_to(size * np.eye(V.shape[1]), V.shape)
-            V = only_seen(alike, self.fit.data.means.seen)
-        L = np.linalg.cholesky(V)
-        return [np.asarray(np.linalg.solve(L, one)) for one in columns]
+            variances = V.variances
+            there = of_rows(self.fit.data.means.seen, variances.shape[1])
+            alike = np.where(there > 0, variances.mean(), 1.0)
+            V = Scatter(np.zeros_like(V.apart), V.together[..., :0]).with_white(alike)
+        return Beside.of(self.design, V)
+
+    def explained(self, columns: Array, by: Beside) -> "Explained":
+        """What columns (m, 3k, c) explain of the residuals, beside the design."""
+        both = np.concatenate([self.residual[..., None], columns], axis=-1)
+        left = by.left(both)
+        squares = summed(left, by.weights.times(left))
+        inverse = np.asarray(np.linalg.pinv(squares[1:, 1:], hermitian=True))
+        values = inverse @ squares[1:, 0]
+        fall = float(values @ squares[1:, 0])
+        return Explained(values, inverse, fall, fall / max(float(squares[0, 0]), 1e-300))
 
 
-def own_columns(fit: GeometricFit, loads: Loads | None = None) -> Array:
-    """Columns (m, 3k, p) of the positions by a fit's parameters in their units [mm].
+def own_columns(fit: GeometricFit, loads: Loads | None = None) -> FewColumns:
+    """Columns X (m, 3k, p) of the positions by a fit's parameters in their units [mm].
 
     Args:
         fit: The fit.
@@ -170,19 +182,8 @@ def own_columns(fit: GeometricFit, loads: Loads | None = None) -> Array:
     model = fit.fitted.model
     means = fit.data.means
     torque = fit.fitted.torque(means.q, means.wrench, loads)
-    jacobian = model.see(fit.fitted.theta, means.q, torque).jacobian
-    assert jacobian is not None
-    return MM * of_positions(jacobian * model.scales, means)
-
-
-def _independent(design: Array) -> Array:
-    """Orthonormal columns (m, 3k, c) that span those of a design (m, 3k, p), of any rank."""
-    whole = design.reshape(-1, design.shape[-1])
-    length = np.linalg.norm(whole, axis=0)
-    unit = whole / np.where(length > 0, length, 1.0)
-    U, sizes, _ = np.linalg.svd(unit, full_matrices=False)
-    basis = U[:, sizes > DEPENDENT * sizes[0]]
-    return np.asarray(basis.reshape(*design.shape[:2], -1))
+    seen = model.see(fit.fitted.theta, means.q, torque)
+    return of_positions(seen, means).in_units(MM * model.scales)
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,18 +208,6 @@ class Explained:
         return np.sqrt(np.diag(self.covariance))
 
 
-def explained_by(residual: Array, design: Array, columns: Array) -> Explained:
-    """What columns explain of residuals; all (m, 3k, c) in units of the noise."""
-    z, X, C = (one.reshape(-1, one.shape[-1]) for one in (residual, design, columns))
-    Q = np.linalg.qr(X)[0]
-    z, C = z - Q @ (Q.T @ z), C - Q @ (Q.T @ C)
-    inverse = np.asarray(np.linalg.pinv(C.T @ C, hermitian=True))
-    values = inverse @ (C.T @ z)
-    total = float((z**2).sum())
-    fall = total - float(((z - C @ values) ** 2).sum())
-    return Explained(values[:, 0], inverse, fall, fall / max(total, 1e-300))
-
-
 def log_chance(share: float, count: int, dof: float) -> float:
     """Logarithm of the probability that so many columns explain such a share by chance."""
     from scipy.stats import f
@@ -226,16 +215,18 @@ def log_chance(share: float, count: int, dof: float) -> float:
     return float(f.logsf(share / max(1 - share, 1e-12) * dof / count, count, dof))
 
 
-def of_positions(columns: Array, means: MarkerPositions) -> Array:
-    """Columns (m, 3k, c) of the positions, from those (m, k, r, c) of all that is measured.
+def of_positions(seen: Seen, means: MarkerPositions) -> FewColumns:
+    """Columns X (m, 3k, p) of the positions, from those of all that is measured.
 
     Rows of what was not seen are zero.
     """
-    return of_all(columns[:, :, :3], means)
+    assert seen.columns is not None
+    positions = replace(seen.columns, part=seen.columns.part[:, :, :3])
+    return positions.scaled(means.seen[..., None])
 
 
 def of_all(columns: Array, means: MarkerPositions) -> Array:
-    """Columns (m, rk, c) of all that is measured, as `of_positions` has those of positions."""
+    """Columns (m, rk, c) of what is measured, from those (m, k, r, c) of what may have been."""
     there = means.seen[..., None, None]
     found = np.where(there, columns, 0.0)
     return np.asarray(found.reshape(len(columns), -1, columns.shape[-1]))
@@ -256,21 +247,20 @@ class SizedColumns:
     log_tries: float
 
 
-def lowered(gradient: Array, square: Array, cross: Array, inverse: Array) -> tuple[Array, Array]:
-    """By how much columns C beside those X of a fit lower the squares of what it leaves, z.
+def lowered(gradient: Array, square: Array, along: Array) -> tuple[Array, Array]:
+    """By how much columns Y beside those of a fit lower the squares of what it leaves, z.
 
-    ``g' (C'C - C'X (X'X)^-1 X'C)^-1 g`` with ``g = C'z``, for several sets of columns.
+    ``g' (Y'WY - A'A)^-1 g`` with ``g = Y'Wz``, for several sets of columns.
 
     Args:
-        gradient: C'z (k, c).
-        square: C'C (k, c, c).
-        cross: X'C (k, p, c).
-        inverse: (X'X)^-1 (p, p).
+        gradient: g (k, c).
+        square: Y'WY (k, c, c).
+        along: A (k, p, c), which is what the fit takes of them, see `Beside.along`.
 
     Returns:
         The coefficients (k, c), and how much (k,).
     """
-    inner = square - np.swapaxes(cross, 1, 2) @ inverse @ cross
+    inner = square - np.swapaxes(along, 1, 2) @ along
     inner_inverse = np.linalg.pinv(inner, rcond=1e-8, hermitian=True)
     values = (inner_inverse @ gradient[..., None])[..., 0]
     return values, (gradient * values).sum(axis=1)
@@ -339,11 +329,11 @@ def _best(
         return None
     times = since_first(m)
     shapes = [np.expm1(-r * times) / np.expm1(-r) if r else times for r in RATES]
-    noise = rows.noise_beside(columns * times[:, None, None])
+    by_noise = rows.weighed(rows.noise_beside(columns * times[:, None, None]))
     tried = []
     for shape in shapes:
         grown = columns * shape[:, None, None]
-        one = explained_by(*rows.whitened(noise, rows.residual[..., None], rows.design, grown))
+        one = rows.explained(grown, by_noise)
         tried.append((one.share, one.values, grown))
     share, values, grown = max(tried, key=lambda one: one[0])
     log_tries = float(np.log(len(shapes)))
@@ -389,20 +379,19 @@ def common_scale(fit: GeometricFit) -> CommonScale | None:
     every = model.with_parameters(errors)
     seen = model.see(fit.fitted.theta, means.q)
     jacobian = every.see(np.zeros(every.p), means.q).jacobian
-    assert seen.jacobian is not None
     assert jacobian is not None
     scaled = np.zeros((*jacobian.shape[:3], 1))
     scaled[:, :, :3] = seen.points[..., None]  # mm by 1 mm/m; a scale turns nothing
     moved = MM * jacobian * every.scales
     columns = of_all(np.concatenate([moved, scaled], axis=-1), means)
     # Some of the minimal set is told by orientations alone.
-    taken = _coefficients(MM * of_all(seen.jacobian * model.scales, means), columns)[own]
+    taken = _coefficients(columns_of(model, means, seen), columns)[own]
     turns = np.array([one.turns for one in errors])
     kinds = [K @ K.T for K in (taken[:, :-1][:, ~turns], taken[:, :-1][:, turns])]
     C = fit.fitted.covariance[np.ix_(own, own)]
     y = fit.fitted.values[own]
     t = taken[:, -1]
-    blocks = Blocks(C[None], [K[None] for K in kinds], y[None], t[None, :, None])
+    blocks = Blocks.dense(C[None], [K[None] for K in kinds], y[None], t[None, :, None])
     found = fit_variances([blocks])
     V = C + sum(v * K for v, K in zip(found.variances, kinds, strict=True))
     weighted = np.linalg.solve(V, t)
@@ -411,10 +400,15 @@ def common_scale(fit: GeometricFit) -> CommonScale | None:
     return scale if _is_told(scale, len(y) - 1 - len(kinds)) else None
 
 
-def _coefficients(design: Array, columns: Array) -> Array:
+def _coefficients(design: FewColumns, columns: Array) -> Array:
     """How a design (m, r, p) combines to columns (m, r, c): (p, c)."""
-    X = design.reshape(-1, design.shape[-1])
-    return np.asarray(np.linalg.lstsq(X, columns.reshape(len(X), -1), rcond=None)[0])
+    # Of unit columns: parameters of other sizes are no rounding.
+    square = design.gram(np.eye(design.part.shape[2])[None, None])
+    length = np.sqrt(np.diagonal(square))
+    length = np.where(length > 0, length, 1.0)
+    inverse = np.linalg.pinv(square / np.outer(length, length), hermitian=True)
+    onto = design.onto(columns) / length[:, None]
+    return np.asarray(inverse @ onto / length[:, None])
 
 
 def _is_told(scale: CommonScale, dof: int) -> bool:

@@ -38,6 +38,7 @@ from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, root_mean_square
 from edtk.fit.prior import PriorRows
 from edtk.measure.equilibrium import why_no_rest
 from edtk.measure.expected_error import AssumedJoint
+from edtk.measure.few_columns import FewColumns
 from edtk.measure.parameters import Parameter
 from edtk.study.study_geometry import StudyGeometry
 from edtk.study.study_model import KNOWN
@@ -93,14 +94,25 @@ def _alone(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     design = own_columns(fit, setting.loads)
     if fit.told_before is not None:
         before = PriorRows.near(fit.told_before.prior, fit.fitted.theta)
-        design = before.scaled(fit.fitted.model.scales, fit.fitted.noise.reading).below(design)
-    Q = np.linalg.qr(design.reshape(-1, design.shape[-1]))[0].reshape(design.shape)
-    leverage = np.linalg.eigvalsh(Q @ np.swapaxes(Q, 1, 2))[:, -1]
-    alone = np.flatnonzero(leverage[: len(fit.data.means)] > 1 - ALONE)
+        known = before.scaled(fit.fitted.model.scales, fit.fitted.noise.reading)
+        design = FewColumns.among(known.below(design.dense), len(fit.data.markers))
+    basis = design.independent()
+    alone = [pose for pose in range(len(fit.data.means)) if _tells_alone(basis[pose : pose + 1])]
     if not len(alone):
         return []
     rows = tuple(sorted({row for pose in alone for row in fit.data.rows_of_pose(int(pose))}))
     return [_say(Severity.WARNING, "alone", rows=rows)]
+
+
+def _tells_alone(basis: FewColumns) -> bool:
+    """Whether the rows of one visit hold a direction of an orthonormal basis of all as a whole."""
+    Q = basis.dense[0]
+    left = (1 - ALONE) * np.eye(len(Q)) - Q @ Q.T
+    try:
+        np.linalg.cholesky(left)
+    except np.linalg.LinAlgError:
+        return True
+    return False
 
 
 def geometric_findings(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
@@ -438,9 +450,9 @@ def _as_drawn(fit: GeometricFit, setting: StudyGeometry) -> float | None:
     if not others:
         return None
     rows = FitRows.of(fit).beside(others)
-    basis = rows.design.reshape(rows.residual.size, -1)
-    explained = float(((basis.T @ rows.residual.ravel()) ** 2).sum() / (rows.residual**2).sum())
-    return None if explained < MOSTLY or rows.dof(0) < basis.shape[1] else explained
+    along = rows.design.onto(rows.residual[..., None])
+    explained = float((along**2).sum() / (rows.residual**2).sum())
+    return None if explained < MOSTLY or rows.dof(0) < rows.design.rank else explained
 
 
 def _outliers_words(data: Data) -> str:

@@ -8,6 +8,8 @@ import numpy as np
 
 from edtk.findings.causes.rarity import FACTORS, WEIGHTS
 from edtk.findings.geometry.fit_rows import FitRows, SizedColumns
+from edtk.measure.few_columns import spanning
+from edtk.measure.whitening import Scatter
 from edtk.system.typing import Array, Indices
 
 # Sizes of errors that are alike, over those of joints that would make all residuals.
@@ -38,7 +40,7 @@ class LikePoses:
 
     Attributes:
         z: Residuals (N,): of each pose along the motions of its tool.
-        X: Columns (N, p) of the fit.
+        X: Orthonormal columns (N, p) that span those of the fit.
         reading: R (N, N).
         model: D (N, N).
         alike: ``sum_j J_j J_j' A_j``, and the same with B (2, N, N).
@@ -65,15 +67,18 @@ class LikePoses:
         basis = _motions(np.concatenate([motion, rows.frame[poses]], axis=-1))
         J = np.swapaxes(basis, 1, 2) @ motion
         counts = rows.fit.data.counts[poses]
-        D = rows.noise.of_model(motion)
         own = replace(rows.noise, model_white=0.0, model_joints=np.zeros(motion.shape[2]))
-        R = own.of_pose(motion, places, counts)
+        R = _blocks(basis, own.of_pose(motion, places, counts))
+        both = _blocks(basis, rows.noise.of_pose(motion, places, counts))
         z = _along(basis, rows.residual[poses, :, None])[:, 0]
         squares = float((J**2).sum())
         unit = float(np.sqrt((z**2).sum() / squares)) if squares else 0.0
         alike = np.stack([_shared(J, one) for one in _correlations(rows, poses)])
-        X = _along(basis, rows.design[poses])
-        return cls(z, X, _apart(basis, R), _apart(basis, D), alike, unit, basis, poses)
+        columns = spanning(rows.design[poses].seen_by(basis).reshape(len(z), -1))
+        X = columns[:, columns.any(axis=0)]
+        # Where a tool moves in fewer ways, the others are of size one and hold nothing.
+        still = (np.square(basis).sum(axis=1) == 0)[:, :, None] * np.eye(basis.shape[2])
+        return cls(z, X, _apart(R + still), _apart(both - R), alike, unit, basis, poses)
 
     def likelier(self, causes: Sequence[SizedColumns]) -> Array:
         """Logarithms (c,) of how much likelier the residuals are with each cause than without any.
@@ -133,12 +138,13 @@ def _along(basis: Array, columns: Array) -> Array:
     return np.asarray((np.swapaxes(basis, 1, 2) @ columns).reshape(-1, columns.shape[-1]))
 
 
-def _apart(basis: Array, V: Array) -> Array:
-    """Covariances (m, r, r) of single poses along the motions of their tools (6 m, 6 m)."""
-    blocks = np.swapaxes(basis, 1, 2) @ V @ basis
-    # Where a tool moves in fewer ways, the others are of size one and hold nothing.
-    still = (np.square(basis).sum(axis=1) == 0).astype(float)
-    blocks = blocks + still[:, :, None] * np.eye(blocks.shape[1])
+def _blocks(basis: Array, V: Scatter) -> Array:
+    """Covariances (m, 6, 6) of single poses along the motions of their tools."""
+    return np.asarray(np.swapaxes(basis, 1, 2) @ V.times(basis))
+
+
+def _apart(blocks: Array) -> Array:
+    """The matrix (6 m, 6 m) of blocks (m, 6, 6) of poses that err each by itself."""
     m, k, _ = blocks.shape
     whole = np.zeros((m, k, m, k))
     whole[np.arange(m), :, np.arange(m)] = blocks

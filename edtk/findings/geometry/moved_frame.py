@@ -11,11 +11,11 @@ from edtk.findings.geometry.fit_rows import (
     FitRows,
     SizedColumns,
     beats_other_orders,
-    explained_by,
     log_chance,
     lowered,
 )
 from edtk.fit.geometry.fitted_geometry import MM
+from edtk.measure.few_columns import Beside
 from edtk.measure.position_noise import PositionNoise
 from edtk.system.typing import Array, Indices, Mask
 
@@ -95,7 +95,7 @@ def _best(day: "_Day", white: bool) -> MovedFrame | None:
     if m < 2 * FEWEST_IN_FRAME or dof < 4:
         return None
     sums = day.sums(None if white else day.rows.noise)
-    total = float((sums.z**2).sum())
+    total = sums.total
     best = sums.best([(s, m) for s in range(FEWEST_IN_FRAME, m - FEWEST_IN_FRAME + 1)])
     pairs = _pairs(m)
     between = sums.best(pairs) if pairs else best
@@ -122,7 +122,7 @@ def _beside_noise(day: "_Day") -> MovedFrame | None:
         return None
     _, s, _ = day.sums(day.rows.noise).best([(s, m) for s in range(SIDE, m - SIDE + 1)])
     after = day.sums(day.noise_beside(s))
-    total = float((after.z**2).sum())
+    total = after.total
     fall, _, _ = after.best([(s, m)])
     independent = max(day.dof / FRAME_COORDINATES[False], 1.0)
     if _probability(fall, total, independent) * m > RARE or fall < FRAME_EXPLAINS[False] * total:
@@ -168,38 +168,36 @@ class _Sums:
     """Running sums over the poses, each before its pose.
 
     Attributes:
-        z: Residuals (m, r) without what the columns explain.
-        gradient: Sums of B'z (m + 1, 6).
-        square: Sums of B'B (m + 1, 6, 6).
-        cross: Sums of X'B (m + 1, p, 6).
-        inverse: (X'X)^-1 (p, p).
+        total: The squares of the residuals, without what the columns explain.
+        gradient: Sums of B'Wz (m + 1, 6).
+        square: Sums of B'WB (m + 1, 6, 6).
+        along: Sums of what the columns take of B (m + 1, p, 6), see `Beside.along`.
     """
 
-    z: Array
+    total: float
     gradient: Array
     square: Array
-    cross: Array
-    inverse: Array
+    along: Array
 
     @classmethod
-    def of(cls, z: Array, X: Array, B: Array) -> "_Sums":
-        """Of weighted residuals, columns and motions."""
-        H = np.linalg.pinv(np.einsum("mrp,mrq->pq", X, X), hermitian=True)
+    def of(cls, by: Beside, residual: Array, B: Array) -> "_Sums":
+        """Of residuals (m, r) and motions B (m, r, 6)."""
         # The fit has other weights, so that something is left along its own columns.
-        z = z - X @ (H @ np.einsum("mrp,mr->p", X, z))
+        z = by.left(residual[..., None])
+        Wz = by.weights.times(z)
+        transposed = np.swapaxes(B, 1, 2)
         return cls(
-            z,
-            _before(np.einsum("mri,mr->mi", B, z)),
-            _before(np.einsum("mri,mrj->mij", B, B)),
-            _before(np.einsum("mrp,mri->mpi", X, B)),
-            H,
+            float((z * Wz).sum()),
+            _before((transposed @ Wz)[..., 0]),
+            _before(transposed @ by.weights.times(B)),
+            _before(by.along(B)),
         )
 
     def _motions(self, s: Indices, t: Indices) -> tuple[Array, Array]:
         """Motions (k, 6) from poses s to t (k,) that lower the squares most, and how much (k,)."""
         gradient = self.gradient[t] - self.gradient[s]
         square = self.square[t] - self.square[s]
-        return lowered(gradient, square, self.cross[t] - self.cross[s], self.inverse)
+        return lowered(gradient, square, self.along[t] - self.along[s])
 
     def in_order(self, order: Indices) -> "_Sums":
         """Those of the same poses in another order (m,)."""
@@ -209,10 +207,9 @@ class _Sums:
 
         return replace(
             self,
-            z=self.z[order],
             gradient=again(self.gradient),
             square=again(self.square),
-            cross=again(self.cross),
+            along=again(self.along),
         )
 
     def motion(self, s: int, t: int) -> Array:
@@ -251,10 +248,7 @@ class _Day:
 
     def sums(self, noise: PositionNoise | None) -> _Sums:
         """Running sums of all, weighted by a noise, or equally where there is none."""
-        z, X, B = self.rows.whitened(
-            noise, self.rows.residual[..., None], self.rows.design, self.moved
-        )
-        return _Sums.of(z[..., 0], X, B)
+        return _Sums.of(self.rows.weighed(noise), self.rows.residual, self.moved)
 
     def moved_between(self, s: int, t: int, motion: Array, explained: float) -> MovedFrame:
         """A motion (6,) from pose s to pose t, with how far it carries the markers there."""
@@ -325,9 +319,7 @@ def _judged(
     """A weight in some poses, where it explains enough and chance does not."""
     bent = bent * loaded[:, None, None]
     noise = rows.noise_beside(bent[..., turned])
-    every = explained_by(
-        *rows.whitened(noise, rows.residual[..., None], rows.design, bent[..., turned])
-    )
+    every = rows.explained(bent[..., turned], rows.weighed(noise))
     giving = turned[every.values > SURE * every.std]
     if not len(giving):
         return None
@@ -352,9 +344,8 @@ def shares_of(rows: FitRows, columns: Array, noise: PositionNoise) -> tuple[floa
         The share, and the logarithm of the probability that chance explains as much in units of the
         noise.
     """
-    parts = (rows.residual[..., None], rows.design)
-    found = explained_by(*rows.whitened(noise, *parts, columns)).share
-    explained = explained_by(*rows.whitened(None, *parts, columns)).share
+    found = rows.explained(columns, rows.weighed(noise)).share
+    explained = rows.explained(columns, rows.weighed(None)).share
     count = columns.shape[-1]
     independent = max(rows.dof(count) / LOAD_COORDINATES, 1.0)
     return explained, log_chance(found, count, independent)
@@ -373,8 +364,7 @@ def _parts_of_day(rows: FitRows, bent: Array) -> list[tuple[Mask, float, float]]
     turns = [each % 2 == 0, each % 2 == 1]
     breaks = range(FEWEST_LOADED, m - FEWEST_LOADED + 1)
     halves = [mask for s in breaks for mask in (each >= s, each < s)]
-    z, X, C = rows.whitened(None, rows.residual[..., None], rows.design, bent)
-    day = _LoadedPoses.of(z, X, C)
+    day = _LoadedPoses.of(rows, bent)
     half = min(halves, key=day.left)
     turn = min(turns, key=day.left)
     rng = np.random.default_rng(0)
@@ -394,34 +384,30 @@ class _LoadedPoses:
     """Residuals, and what a weight in some poses leaves of them.
 
     Attributes:
-        z: Residuals (m, r).
-        X: Columns (m, r, p) of the fit.
+        z: What the fit leaves of residuals (m, r).
         C: Columns (m, r, c) of a weight.
-        Q: An orthonormal basis (m r, p) of the columns of the fit.
+        by: The design, all coordinates alike.
     """
 
     z: Array
-    X: Array
     C: Array
-    Q: Array
+    by: Beside
 
     @classmethod
-    def of(cls, z: Array, X: Array, C: Array) -> "_LoadedPoses":
-        """Of rows that all count alike."""
-        Q = np.linalg.qr(X.reshape(-1, X.shape[-1]))[0]
-        return cls(z[..., 0], X, C, Q)
+    def of(cls, rows: FitRows, C: Array) -> "_LoadedPoses":
+        """Of residuals, and columns (m, r, c) of a weight in all poses."""
+        by = rows.weighed(None)
+        return cls(by.left(rows.residual[..., None])[..., 0], C, by)
 
     def _apart(self, loaded: Mask) -> tuple[Array, Array]:
         """Residuals (m, r) with a weight in some poses, and its size (c,), none below zero."""
         from scipy.optimize import nnls
 
-        C = (self.C * loaded[:, None, None]).reshape(-1, self.C.shape[-1])
-        z = self.z.reshape(-1)
-        C, z = C - self.Q @ (self.Q.T @ C), z - self.Q @ (self.Q.T @ z)
+        left = self.by.left(self.C * loaded[:, None, None])
         # Of as many rows as columns: the squares fall by as much.
-        q, r = np.linalg.qr(C)
-        size = nnls(r, q.T @ z)[0]
-        return (z - C @ size).reshape(self.z.shape), size
+        q, r = np.linalg.qr(left.reshape(-1, left.shape[-1]))
+        size = nnls(r, q.T @ self.z.reshape(-1))[0]
+        return self.z - left @ size, size
 
     def left(self, loaded: Mask) -> float:
         """Sum of squares."""
@@ -469,18 +455,19 @@ def other_causes(rows: FitRows) -> list[NamedCause]:
         if fault.name not in OF_THE_DAY
         for family in scene.families(fault.models)
     ]
-    parts = (rows.residual[..., None], rows.design)
-    read = replace(rows.noise, model_white=0.0, model_joints=np.zeros(0), model_fit=None)
-    Q = np.linalg.qr(rows.design.reshape(rows.residual.size, -1))[0]
+    read = rows.weighed(
+        replace(rows.noise, model_white=0.0, model_joints=np.zeros(0), model_fit=None)
+    )
+    alike = rows.weighed(None)
     found = []
     for family in families:
         columns = family.derivative_at_zero(scene.k)
-        flat = columns.reshape(len(Q), -1)
-        left = np.linalg.norm(flat - Q @ (Q.T @ flat)) / max(float(np.linalg.norm(flat)), 1e-300)
+        size = max(float(np.linalg.norm(columns)), 1e-300)
+        left = float(np.linalg.norm(alike.left(columns))) / size
         if left < SEEN or rows.dof(family.dims) < 2 * family.dims:
             continue
         # The noise is fitted anew for those alone that explain enough.
-        alone = explained_by(*rows.whitened(read, *parts, columns))
+        alone = rows.explained(columns, read)
         misfit = alone.fall / alone.share - rows.dof(0) if alone.share > 0 else 0.0
         if misfit <= 0 or alone.fall < MOSTLY * misfit:
             continue
@@ -489,7 +476,7 @@ def other_causes(rows: FitRows) -> list[NamedCause]:
         chance = shares_of(rows, columns, noise)[1] + float(np.log(len(families)))
         if chance > np.log(UNLIKELY_LOAD):
             continue
-        told = explained_by(*rows.whitened(noise, *parts, columns))
+        told = rows.explained(columns, rows.weighed(noise))
         size = float(told.values[0] if family.dims == 1 else np.linalg.norm(told.values))
         if family.only_positive and size < 0:
             continue

@@ -7,7 +7,6 @@ import numpy as np
 
 from edtk.fit.geometry.fitted_geometry import (
     LEAST_DOF,
-    MM,
     GeometricFit,
     Loads,
     loading_of,
@@ -17,6 +16,7 @@ from edtk.fit.geometry.judge_fit import judge_fit
 from edtk.fit.geometry.least_squares_fit import (
     WHITE_SHARE,
     PoseRows,
+    columns_of,
     known_before,
     least_squares_fit,
     working,
@@ -28,6 +28,7 @@ from edtk.fit.restricted_likelihood import fit_model_error, noise_of_repeats
 from edtk.measure.measured_model import MeasuredModel, Torque
 from edtk.measure.parameters import TURNS, Identifiable, Parameter, identifiable
 from edtk.measure.position_noise import PositionNoise
+from edtk.measure.whitening import Precision, Scatter
 from edtk.system.typing import Array, Indices, Mask
 
 POSES = 60  # random poses that show what any poses could tell
@@ -164,7 +165,7 @@ def fit_beside(
     torque: Torque | Callable[[Array, bool], Torque],
     prior: Prior,
     weight: float = 1.0,
-    whitening: Array | None = None,
+    weights: Precision | None = None,
 ) -> Array:
     """Parameters (p,) that fit best beside what is known before, see `least_squares_fit`.
 
@@ -175,11 +176,11 @@ def fit_beside(
         torque: Loads of the joints.
         prior: What is known before, linear about the estimate.
         weight: What its errors of size one are in the units of the residuals.
-        whitening: Matrices that make the errors of a pose independent; None for equal weights.
+        weights: Inverse covariances of the poses; None for equal weights.
     """
     before = known_before(prior, model, theta, weight)
     for _ in range(ROUNDS):
-        theta = least_squares_fit(model, theta, means, torque, whitening, before=before).theta
+        theta = least_squares_fit(model, theta, means, torque, weights, before=before).theta
         last, before = before, known_before(prior, model, theta, weight)
         if np.allclose(before.rows, last.rows, rtol=STILL, atol=0):
             break
@@ -346,14 +347,12 @@ def stages(model: MeasuredModel) -> list[list[int]]:
 
 
 def _scaled(model: MeasuredModel, theta: Array, means: MarkerPositions, torque: Torque) -> Array:
-    """The regressor (rows, p) of what was seen, in millimetres for a unit of each parameter."""
-    J = model.see(theta, means.q, torque).jacobian
-    assert J is not None
-    return MM * (J * model.scales)[means.seen].reshape(-1, model.p)
+    """Rows (n, p) that are those of what was seen turned, in millimetres for a unit of each."""
+    return columns_of(model, means, model.see(theta, means.q, torque)).compressed
 
 
 def _wide(model: MeasuredModel, theta: Array, means: MarkerPositions, loads: Loads | None) -> Array:
-    """The regressor (rows, p) of any poses under the loads of the sheet: random ones, and its own.
+    """The same (n, p) of any poses under the loads of the sheet: random ones, and its own.
 
     It shows what any poses could tell.
     """
@@ -425,18 +424,17 @@ def _in_turns(
             rows.places,
             rows.worth(data),
             trusted.residual,
-            trusted.design,
+            trusted.columns,
             slides,
             differs=differs,
         )
         V = noise.of_pose(rows.motion, rows.places, rows.worth(data), differs)[: len(means)]
         if robust:
             weights = _trusted(rows.residual[: len(means)], V, means)
-        whitening = np.linalg.inv(np.linalg.cholesky(working(V, means)))
-        whitening = whitening * np.sqrt(weights)[:, None, None]
+        weighing = working(V, means).over(weights).inverse
         # Rows of the prior count as those of the poses do, whose weights are below those of V.
         weight = 1 / np.sqrt(1 + WHITE_SHARE)
-        theta = fit_beside(model, theta, means, at_rest, prior, weight, whitening)
+        theta = fit_beside(model, theta, means, at_rest, prior, weight, weighing)
         reading = noise.typical(rows.places) if noise.unknown else noise.reading
         now = np.array([noise.model_white, np.max(noise.model_joints, initial=0.0), reading])
         if turn and np.abs(now - last).max() <= SETTLED * now.max():
@@ -453,7 +451,7 @@ def _as_shown(
     data: MarkerPositions,
     loads: Loads | None,
     prior: Prior,
-) -> tuple[Array, PositionNoise]:
+) -> tuple[Scatter, PositionNoise]:
     """Covariances (m, r, r) that the fit was weighted by, and the noise that is stated with it.
 
     Weights have one size of the model's error for all joints, which predicts best; the stated noise
@@ -471,7 +469,7 @@ def _as_shown(
         rows.places,
         rows.worth(data),
         rows.residual,
-        rows.design,
+        rows.columns,
         _slides(model),
         singly=True,
         differs=differs,
@@ -484,8 +482,8 @@ def _slides(model: MeasuredModel) -> Mask:
     return np.array([joint.kind == "prismatic" for joint in model.robot.joints])
 
 
-def _trusted(residual: Array, V: Array, means: MarkerPositions) -> Array:
+def _trusted(residual: Array, V: Scatter, means: MarkerPositions) -> Array:
     """Weights (m,) of poses with multivariate t errors, one at most (Lange et al. 1989)."""
-    z2 = np.einsum("mr,mr->m", residual, np.linalg.solve(V, residual[..., None])[..., 0])
+    z2 = np.einsum("mr,mr->m", residual, V.inverse.times(residual[..., None])[..., 0])
     weights = (NU + means.rows_seen.sum(axis=(1, 2))) / (NU + z2)
     return np.minimum(weights, 1.0)

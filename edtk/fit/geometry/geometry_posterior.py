@@ -148,18 +148,20 @@ class GeometryDensity:
         rows = PoseRows.of(model, fitted.theta, means, torque)
         V = fitted.noise.of_pose(rows.motion, rows.places, fit.data.worth, means.is_difference)
         there = means.rows_seen.reshape(len(means), -1)[:, :, None]
-        whitening = np.linalg.inv(np.linalg.cholesky(V)) * there
+        whitening = np.linalg.inv(np.linalg.cholesky(V.dense)) * there
         weights = np.sqrt(fit.weights)[:, None, None]
         prior = None if fit.told_before is None else fit.told_before.prior
         known = prior or Prior.flat(model.p, False)
-        theta = fit_beside(model, fitted.theta, means, torque, known, whitening=whitening * weights)
+        theta = fit_beside(
+            model, fitted.theta, means, torque, known, weights=V.over(fit.weights).inverse
+        )
         before = known_before(known, model, theta)
         rows = PoseRows.of(model, theta, means, torque)
         X = (whitening * weights @ rows.design).reshape(-1, model.p)
         R = np.linalg.qr(np.concatenate([X, before.rows]), mode="r")
         root = np.linalg.inv(R)
         nu = NU if robust else None
-        std = np.sqrt(np.diagonal(V, axis1=1, axis2=2))
+        std = np.sqrt(V.variances)
         return cls(model, theta / model.scales, root, means, torque, whitening, std, nu, prior)
 
     @property

@@ -1,6 +1,8 @@
 """A fit of geometry and springs, judged: what it is worth, and each pose predicted without it."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -16,22 +18,26 @@ from edtk.fit.geometry.fitted_geometry import (
 )
 from edtk.fit.geometry.least_squares_fit import WHITE_SHARE, PoseRows, known_before
 from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.fit.least_squares import LeftOut, independent_coordinates
+from edtk.fit.least_squares import ALONE, independent_coordinates
 from edtk.fit.prior import Prior, PriorRows
+from edtk.measure.few_columns import FewColumns, root_of, sandwich
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import Parameter
 from edtk.measure.position_noise import PositionNoise
-from edtk.system.typing import Array, Indices
+from edtk.measure.whitening import Precision, Scatter
+from edtk.system.typing import Array
 
+IN_CACHE = 1_000_000  # numbers of a matrix for each of some poses
 # Of a direction of the prior, that its own rows leave: all else tells it a thousand times worse.
 UNTOLD = 1e-6
+SINGULAR = 1e-9  # relative variance of a sum of residuals that rounding makes of none
 
 
 def judge_fit(
     model: MeasuredModel,
     theta: Array,
     noise: PositionNoise,
-    weighting: tuple[Array, Array],
+    weighting: tuple[Scatter, Array],
     data: MarkerPositions,
     loads: Loads | None,
     beside: tuple[tuple[Parameter, ...], Array, Array, Array | None],
@@ -60,12 +66,12 @@ def judge_fit(
     before = known_before(prior, model, theta)
     torque = loading_of(model.bending(theta), means, loads)
     rows = PoseRows.of(model, theta, means, torque, before)
-    work = rows.working(common, means)
-    V = noise.of_pose(rows.motion, rows.places, rows.worth(data), rows.differs(means))
     trust = rows.weights(weights)
-    out = _LeftOutPoses.of(rows, V, work, trust)
+    work = rows.working(common, means).over(trust)
+    V = noise.of_pose(rows.motion, rows.places, rows.worth(data), rows.differs(means))
+    told = _Told.of(rows, work)
     # Sizes that each joint has of its own may be those of one wrong pose, which they would hide.
-    surprise = _LeftOutPoses.of(rows, common, work, trust).surprise[: len(means)]
+    out = _LeftOutPoses.of(told, V.over(trust), common.over(trust))
     fitted = FittedGeometry(
         model=model,
         theta=theta,
@@ -76,7 +82,7 @@ def judge_fit(
         placed=placed,
         placed_turns=placed_turns,
     )
-    of_errors = out.covariance_of_errors[: len(means)]
+    of_errors = out.covariance_of_errors
     dof = fitted.dof(rows.motion[: len(means)], rows.places[: len(means)])
     half = np.sqrt(np.maximum(np.einsum("mrr->mr", of_errors), 0.0)) * student_quantile(dof)
     residual, left_out, left_out_half = parts = [
@@ -95,7 +101,7 @@ def judge_fit(
         left_out_half=left_out_half[..., :3],
         turns=None if means.turns is None else TurnResiduals(*turns),
         # A pose that a robust loss trusts less surprises all the same.
-        surprise=surprise / weights,
+        surprise=out.surprise / weights,
         independent=independent_coordinates(
             of_errors,
             means.rows_seen.reshape(len(means), -1),
@@ -126,99 +132,192 @@ def _told_before(
         return None
     p = len(theta)
     mean, std = np.full(p, np.nan), np.full(p, np.nan)
-    first = out.Q.shape[0] * out.Q.shape[1] - out.beside
+    apart = before.values - before.rows @ (theta / model.scales)
     for row, i in enumerate(before.parameters):
-        error, covariance, rank = out.of_rows(np.array([first + row]))
+        error, covariance, rank = out.of_rows(before.rows[[row]], apart[[row]])
         if not rank:  # nothing else says anything of it
             continue
         size = before.rows[row, i]
         mean[i] = (before.values[row] - error[0]) / size * model.scales[i]
         # The row's own error, of size one, is a part of that of the difference.
         std[i] = np.sqrt(max(covariance[0, 0] - 1, 0.0)) / size * model.scales[i]
-    rows = first + np.arange(len(before.parameters), len(before))
-    error, covariance, rank = out.of_rows(rows)
-    square = float(error @ np.linalg.pinv(covariance, rcond=1e-9, hermitian=True) @ error)
-    own = out.Q.reshape(-1, p)[first : first + len(before)]
-    return ToldBefore(prior, mean, std, square, rank, dof, float((own**2).sum()))
+    rows = slice(len(before.parameters), len(before))
+    error, covariance, rank = out.of_rows(before.rows[rows], apart[rows])
+    square = float(error @ np.linalg.pinv(covariance, rcond=SINGULAR, hermitian=True) @ error)
+    count = float(np.einsum("rp,pq,rq->", before.rows, out.H, before.rows)) / (1 + WHITE_SHARE)
+    return ToldBefore(prior, mean, std, square, rank, dof, count)
+
+
+@dataclass(frozen=True, eq=False)
+class _Told:
+    """What the weighted rows of all poses tell of the parameters.
+
+    Attributes:
+        design: Columns X of all blocks.
+        residual: Residuals (m, r).
+        work: The covariances that the weights W are the inverse of.
+        weights: W.
+        root: C (p, p), ``C C' = H = (X' W X)^-1``.
+        poses: How many of the blocks are poses; these come first.
+    """
+
+    design: FewColumns
+    residual: Array
+    work: Scatter
+    weights: Precision
+    root: Array
+    poses: int
+
+    @classmethod
+    def of(cls, rows: PoseRows, work: Scatter) -> "_Told":
+        """Of rows with weights that are not those of their errors."""
+        weights = work.inverse
+        design = rows.columns
+        root = root_of(design.information(weights))
+        poses = len(rows.residual) - rows.beside
+        return cls(design, rows.residual, work, weights, root, poses)
+
+    @cached_property
+    def H(self) -> Array:
+        """``(X' W X)^-1`` (p, p)."""
+        return np.asarray(self.root @ self.root.T)
+
+    def sandwich(self, V: Scatter) -> Array:
+        """``C' X' W V W X C`` (p, p) of the errors' covariances V."""
+        return self.root.T @ sandwich(self.design, self.weights, V) @ self.root
+
+    @property
+    def parts(self) -> Iterator[tuple[slice, "_SomePoses"]]:
+        """Poses, so many at once that their matrices stay in a core's cache."""
+        r = self.residual.shape[1]
+        step = max(1, IN_CACHE // r**2)
+        for first in range(0, self.poses, step):
+            some = slice(first, min(first + step, self.poses))
+            columns = self.design[some].combined(self.root)
+            fitted = columns @ np.swapaxes(columns, 1, 2)
+            residual, weights = self.residual[some], self.weights[some]
+            yield some, _SomePoses(residual, weights, self.work[some].dense, columns, fitted)
+
+
+@dataclass(frozen=True, eq=False)
+class _SomePoses:
+    """Some of the poses, of r rows each.
+
+    Attributes:
+        residual: Residuals (m, r).
+        weights: W.
+        work: ``W^-1`` (m, r, r).
+        columns: ``X C`` (m, r, p), orthonormal beside the weights of all.
+        fitted: ``F = X H X'`` (m, r, r).
+    """
+
+    residual: Array
+    weights: Precision
+    work: Array
+    columns: Array
+    fitted: Array
+
+    def of_residuals(self, V: Scatter, S: Array) -> Array:
+        """Covariances (m, r, r) of the residuals, ``V - V W F - F W V + X C S C' X'``.
+
+        Args:
+            V: Covariances of the errors.
+            S: The `sandwich` of all poses.
+        """
+        crossed = V.times(self.weights.times(self.fitted))
+        spread = self.columns @ S @ np.swapaxes(self.columns, 1, 2)
+        return V.dense - crossed - np.swapaxes(crossed, 1, 2) + spread
+
+    @cached_property
+    def without(self) -> Array:
+        """T (m, r, r), ``T r`` the residuals r of a fit without the pose, see `_LeftOutPoses`.
+
+        A pose that alone tells something leaves nothing to compare it with: its residual is zero
+        there.
+        """
+        left = self.work - self.fitted
+        try:
+            np.linalg.cholesky(left - ALONE * self.work)
+        except np.linalg.LinAlgError:
+            root = np.linalg.inv(np.linalg.cholesky(self.work))
+            values, vectors = np.linalg.eigh(root @ left @ np.swapaxes(root, 1, 2))
+            told = values > ALONE
+            inverse = np.divide(told, values, out=np.zeros_like(values), where=told)
+            both = np.swapaxes(root, 1, 2) @ vectors
+            return np.asarray(self.work @ (both * inverse[:, None]) @ np.swapaxes(both, 1, 2))
+        return np.asarray(self.work @ np.linalg.inv(left))
+
+    def surprise(self, V: Scatter, S: Array) -> Array:
+        """Squared sizes (m,) of errors left out, over covariances of which some are singular.
+
+        Errors left out are sums of the residuals that can be undone, so that these have the same.
+        """
+        R = self.of_residuals(V, S)
+        # The least that counts, beside the mean of those of a pose: of most sheets all of them do.
+        sizes = np.einsum("mrr->m", R) / np.einsum("mrr->m", self.work)
+        try:
+            np.linalg.cholesky(R - SINGULAR * sizes[:, None, None] * self.work)
+        except np.linalg.LinAlgError:
+            root = np.linalg.inv(np.linalg.cholesky(self.work))
+            inner = root @ R @ np.swapaxes(root, 1, 2)
+            inverse = np.linalg.pinv(inner, rcond=SINGULAR, hermitian=True)
+            e = (root @ self.residual[..., None])[..., 0]
+            return np.asarray(np.einsum("mr,mrs,ms->m", e, inverse, e))
+        solved = np.linalg.solve(R, self.residual[..., None])[..., 0]
+        return np.asarray((self.residual * solved).sum(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
 class _LeftOutPoses:
     """Poses as they are predicted without them.
 
+    With weights W of the blocks and ``F_b = X_b H X_b'``, the residual r of a pose b becomes
+    ``e = T r``, ``T = W^-1 (W^-1 - F_b)^-1``, where the fit is made without it: exactly so where
+    the model is linear. The covariance of e is that of r on both sides of T.
+
     Attributes:
         errors: Measured less predicted coordinates (m, r) [mm].
         covariance_of_errors: Of those of each pose (m, r, r) [mm^2].
-        surprise: Squared sizes (m,) of the errors over their covariances.
-        covariance: Of the parameters (p, p), in their units.
-        Q: Orthonormal columns (m, r, p) of the weighted rows.
-        S: ``sum_b Q_b' V_b Q_b`` (p, p).
-        z: Weighted residuals (m, r).
-        beside: Number of the last rows of all that are no coordinates of poses.
+        surprise: Squared sizes (m,) of the errors over covariances.
+        covariance: Of the parameters (p, p), in their units: ``H S H`` (Huber 1967).
+        H: ``(X' W X)^-1`` (p, p).
     """
 
     errors: Array
     covariance_of_errors: Array
     surprise: Array
     covariance: Array
-    Q: Array
-    S: Array
-    z: Array
-    beside: int
+    H: Array
 
     @classmethod
-    def of(cls, rows: PoseRows, V: Array, work: Array, weights: Array) -> "_LeftOutPoses":
-        """Of a fit with covariances V (m, r, r), weighted by others alike and by weights (m,)."""
-        L = np.linalg.cholesky(work / weights[:, None, None])
-        inverse_L = np.linalg.inv(L)
-        X = inverse_L @ rows.design
-        z = (inverse_L @ rows.residual[..., None])[..., 0]
-        own = inverse_L @ (V / weights[:, None, None]) @ np.swapaxes(inverse_L, 1, 2)
-        m, r = z.shape
-        Q, R = np.linalg.qr(X.reshape(m * r, -1))
-        Q = Q.reshape(m, r, -1)
-        transposed = np.swapaxes(Q, 1, 2)
-        h = np.einsum("mrp,mr->mp", Q, z)
-        out = LeftOut.of(transposed @ Q, h, transposed @ own @ Q)
-        # A pose that alone tells something leaves nothing to compare it with.
-        told = np.eye(r) - Q @ out.alone @ transposed
-        without = np.einsum("mrs,ms->mr", told, z) + np.einsum("mrp,mp->mr", Q, out.u)
-        of_without = told @ own @ told + Q @ out.C @ transposed
-        inverse = np.linalg.inv(R) if R.size else np.zeros((0, 0))
-        return cls(
-            errors=np.einsum("mrs,ms->mr", L, without),
-            covariance_of_errors=L @ of_without @ np.swapaxes(L, 1, 2),
-            surprise=_surprise(without, of_without),
-            covariance=inverse @ out.S @ inverse.T,
-            Q=Q,
-            S=out.S,
-            z=z,
-            beside=rows.beside * r,
-        )
+    def of(cls, told: _Told, V: Scatter, common: Scatter) -> "_LeftOutPoses":
+        """Of poses whose errors have covariances V, and surprise beside others."""
+        S, of_common = told.sandwich(V), told.sandwich(common)
+        m, r = told.poses, told.residual.shape[1]
+        errors, surprise, covariance = np.empty((m, r)), np.empty(m), np.empty((m, r, r))
+        for some, poses in told.parts:
+            T = poses.without
+            errors[some] = (T @ poses.residual[..., None])[..., 0]
+            covariance[some] = T @ poses.of_residuals(V[some], S) @ np.swapaxes(T, 1, 2)
+            surprise[some] = poses.surprise(common[some], of_common)
+        return cls(errors, covariance, surprise, told.root @ S @ told.root.T, told.H)
 
-    def of_rows(self, chosen: Indices) -> tuple[Array, Array, int]:
+    def of_rows(self, own: Array, apart: Array) -> tuple[Array, Array, int]:
         """Rows of the prior without them: in the directions that all else tells, too.
 
         Args:
-            chosen: Their indices among all rows.
+            own: The rows (c, p).
+            apart: What the estimate is off by there (c,).
 
         Returns:
             Errors (c,) in units of the prior's own, their covariance (c, c), and its rank.
         """
-        own = self.Q.reshape(-1, self.Q.shape[-1])[chosen]
-        P = own @ own.T
         # Rows of the prior have errors of size one, and weights as `working` has them.
-        V = np.eye(len(chosen)) / (1 + WHITE_SHARE)
-        left, U = np.linalg.eigh(np.eye(len(chosen)) - P)
+        size = 1 + WHITE_SHARE
+        P = own @ self.H @ own.T / size
+        V = np.eye(len(own)) / size
+        left, U = np.linalg.eigh(np.eye(len(own)) - P)
         told = left > UNTOLD
         hidden = (U[:, told] / left[told]) @ U[:, told].T
-        of_residual = V - P @ V - V @ P + own @ self.S @ own.T
-        size = np.sqrt(1 + WHITE_SHARE)
-        errors = size * hidden @ self.z.reshape(-1)[chosen]
-        return errors, size**2 * hidden @ of_residual @ hidden, int(told.sum())
-
-
-def _surprise(errors: Array, covariance: Array) -> Array:
-    """``e' C^+ e`` (m,) of errors (m, r) with covariances (m, r, r), some of which are singular."""
-    inverse = np.linalg.pinv(covariance, rcond=1e-9, hermitian=True)
-    return np.asarray(np.einsum("mr,mrs,ms->m", errors, inverse, errors))
+        of_residual = V - P @ V - V @ P + own @ self.covariance @ own.T / size
+        return hidden @ apart, size * hidden @ of_residual @ hidden, int(told.sum())

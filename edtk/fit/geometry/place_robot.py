@@ -9,6 +9,7 @@ import numpy as np
 from edtk.fit.geometry.least_squares_fit import (
     MM,
     LeastSquaresFit,
+    columns_of,
     least_squares_fit,
     measured_less_seen,
 )
@@ -274,11 +275,10 @@ def _fitted(
     metres, and its markers rise on the tool.
     """
     fit = least_squares_fit(model, theta, means, most=most)
-    J = model.see(fit.theta, means.q).jacobian
-    if J is None or not model.p:
+    if not model.p:
         return fit
-    R = np.linalg.qr((J * model.scales)[means.seen].reshape(-1, model.p), mode="r")
-    _, sizes, Vt = np.linalg.svd(R)
+    columns = columns_of(model, means, model.see(fit.theta, means.q))
+    _, sizes, Vt = np.linalg.svd(columns.compressed)
     still = Vt[np.append(sizes, np.zeros(model.p - len(sizes))) < STILL * sizes[0]]
     if not len(still):
         return fit

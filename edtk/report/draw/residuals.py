@@ -192,14 +192,21 @@ def marker_residuals(fit: GeometricFit, marker: int, ax: "Axes") -> None:
 
 
 def left_out_errors(fit: GeometricFit, ax: "Axes") -> None:
-    """Draw the distance of each marker from where the other poses predict it [mm]."""
+    """Draw the distance of each marker from where the other poses predict it [mm].
+
+    More markers than there are colours are drawn alike: no legend tells them apart.
+    """
     distance = MM * lengths(fit.left_out)
-    for i, name in enumerate(fit.data.markers):
-        seen = np.flatnonzero(np.isfinite(distance[:, i]))
-        shown = seen[thinned(distance[seen, i])]
+    names = fit.data.markers
+    series = [(name, distance[:, [i]]) for i, name in enumerate(names)]
+    if len(names) > len(COLOURS):
+        series = [(f"each of {len(names)} markers", distance)]
+    for i, (name, values) in enumerate(series):
+        pose, marker = np.nonzero(np.isfinite(values))
+        shown = thinned(values[pose, marker])
         ax.plot(
-            shown + 1,
-            distance[shown, i],
+            pose[shown] + 1,
+            values[pose[shown], marker[shown]],
             linestyle="",
             marker=MARKERS[i % len(MARKERS)],
             markersize=4,

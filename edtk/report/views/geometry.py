@@ -6,7 +6,7 @@ from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.findings.finding import notes
 from edtk.fit.geometry.fitted_geometry import root_mean_square
 from edtk.report.extension import extension_lines
-from edtk.report.geometry_report import robot_stands
+from edtk.report.geometry_report import MOST_MARKERS, robot_stands
 from edtk.report.show.page import ShownPage
 from edtk.report.show.stage import stage_of_calibration
 from edtk.report.shown import expected_rho0, left_out_line, places_of
@@ -44,8 +44,10 @@ def geometric_calibration_text(found: GeometricCalibration) -> str:
 
 
 def _parameters(found: GeometricCalibration) -> list[str]:
-    """A line for each parameter."""
-    parameters = found.fit.fitted.model.parameters
+    """A line for each parameter, but of the places of many markers for those of the first few."""
+    named = found.fit.data.markers[:MOST_MARKERS]
+    every = found.fit.fitted.model.parameters
+    parameters = [one for one in every if one.place != "tool" or one.of in named]
     width = name_width([one.name for one in parameters], 6)
     lines = []
     for one in parameters:
@@ -53,6 +55,18 @@ def _parameters(found: GeometricCalibration) -> list[str]:
         places = places_of(own["std"])
         value = f"{own['value']:10.{places}f} +- {own['std']:.{places}f} {one.unit}"
         lines.append(f"  {one.name:{width}}{value}  {one.words}")
+    others = [one for one in every if one not in parameters]
+    if others:
+        units = dict.fromkeys(one.unit for one in others)
+        std = " and ".join(
+            f"{max(found.parameters[o.name]['std'] for o in others if o.unit == unit):.2g} {unit}"
+            for unit in units
+        )
+        count = len({one.of for one in others})
+        lines.append(
+            f"  and the places of {count} more markers, each known to +- {std} or better; "
+            "--out or --json says where they are"
+        )
     return lines
 
 

@@ -23,6 +23,7 @@ from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.geometry.position_sheet import read_positions
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import identifiable
+from edtk.measure.whitening import Scatter
 from edtk.robots.rotations import transform
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry
@@ -110,13 +111,13 @@ def test_fits_err_as_the_plan_promised(question: GeometryQuestion) -> None:
     at = model.see(np.zeros(model.p), q)
     assert at.by_joints is not None
     V = noise.of_reading(at.by_joints.reshape(len(q), 6, 6), at.places)
-    whitening = np.linalg.inv(np.linalg.cholesky(V))
+    weights = Scatter.of(V).inverse
     rng = np.random.default_rng(3)
     theta = rng.normal(0, 0.1, model.p) * model.scales
     squares = []
     for _ in range(40):
         data = simulated(model, q, theta, rng)
-        found = least_squares_fit(model, theta, data, whitening=whitening, most=6).theta
+        found = least_squares_fit(model, theta, data, weights=weights, most=6).theta
         apart = (found - theta) / model.scales
         squares.append(apart @ np.linalg.solve(promised, apart))
     # The mean of 1200 squares is one, within four of its standard deviations.
@@ -302,7 +303,7 @@ def test_the_posterior_counts_orientations(day: Path) -> None:
     expected = []
     for theta in density.parameters(x) * density.model.scales:
         rows = PoseRows.of(density.model, theta, density.means, None)
-        V = fit.fitted.noise.of_pose(rows.motion, rows.places, fit.data.counts)
+        V = fit.fitted.noise.of_pose(rows.motion, rows.places, fit.data.counts).dense
         expected.append(
             -0.5 * np.einsum("mr,mrs,ms", rows.residual, np.linalg.inv(V), rows.residual)
         )

@@ -86,7 +86,7 @@ def test_rows_are_whitened(name: str) -> None:
     motion = seen.by_joints.reshape(5, -1, 2)
     worth = np.where(WRENCH.any(axis=1) & setting.reads_changes, 0.5, 1.0)
     k = len(setting.model.markers)
-    V = noise.of_pose(motion, seen.places, np.repeat(worth[:, None], k, axis=1), worth < 1)
+    V = noise.of_pose(motion, seen.places, np.repeat(worth[:, None], k, axis=1), worth < 1).dense
     expected = np.swapaxes(plain, 1, 2) @ np.linalg.solve(V, plain)
     A = rows_with(name)(Q, WRENCH)
     np.testing.assert_allclose(np.swapaxes(A, 1, 2) @ A, expected, rtol=1e-9, atol=1e-9)
