@@ -128,7 +128,7 @@ class Part:
     def cost(self, design: Design) -> tuple[float, float]:
         """The cost, and one that it is not above, whatever rounding did; infinite if unknown."""
         side = design.frame.side(self.K)
-        if not design.root.tells(side.J):
+        if not design.root.tells(side.J, side.digits):
             return math.inf, math.inf
         longer = 1 + design.blur
         if self.form == "volume":
@@ -542,7 +542,7 @@ def _balance(
 ) -> tuple[float, float]:
     """The cost of O2 or O4, and one that it is not above: extreme singular values of the rows."""
     side = design.frame.side(np.eye(candidates.p))
-    if not design.root.tells(side.J):
+    if not design.root.tells(side.J, side.digits):
         return math.inf, math.inf
     L, lost = side.deviations(design.root.W)
     longest = float(np.linalg.norm(L, 2))

@@ -34,6 +34,7 @@ Long = NDArray[np.floating[Any]]
 LONG_EPS = float(np.finfo(LONG).eps)
 AT_ONCE = 2**18  # doubles of rows that are looked at together
 SWEEPS = 30  # of rotations; ten are the rule
+DIGITS = 4  # roundings of each number of a combination of rows, as it is given
 LOST = 1e3  # multiple of ``p eps`` up to which a singular value is rounding
 FAR = 1e-7  # ratio of singular values from which on a decomposition leaves no digits
 WELL = 1e3  # condition number of rows up to which their own parameters will do
@@ -226,13 +227,14 @@ class Frame:
 
     def side(self, K: Array) -> "Side":
         """``T'K`` (p, s) of combinations K (p, s)."""
+        sizes = np.abs(self.T).T @ np.abs(K)
         if self.exact:
             found = (np.diag(self.T)[:, None] * K).astype(LONG)
-            return Side(found, np.zeros(K.shape))
+            return Side(found, np.zeros(K.shape), DIGITS * EPS * sizes)
         found = self.T.T.astype(LONG) @ K.astype(LONG)
-        error = len(K) * LONG_EPS * np.abs(self.T).T @ np.abs(K)
         chooses = np.isin(K, (0.0, 1.0)).all(axis=0) & (K.sum(axis=0) == 1)
-        return Side(found, np.where(chooses, 0.0, error))
+        error = np.where(chooses, 0.0, len(K) * LONG_EPS * sizes)
+        return Side(found, error, np.where(chooses, 0.0, DIGITS * EPS * sizes))
 
 
 def _singular_values(candidates: Candidates, units: Array) -> tuple[Array, Array]:
@@ -253,10 +255,13 @@ class Side:
     Attributes:
         long: The matrix (p, s), in long numbers.
         wrong: Bounds (p, s) on its rounding.
+        digits: What the last digits of K make of its entries (p, s): a combination of rows, such as
+            what c-optimality is about, is rounded as it is given.
     """
 
     long: Long
     wrong: Array
+    digits: Array
 
     @cached_property
     def J(self) -> Array:
@@ -270,7 +275,8 @@ class Side:
 
     def weighted(self, factors: Array) -> "Side":
         """The combinations times factors (s,)."""
-        return Side(self.long * factors, (self.wrong + EPS * np.abs(self.J)) * factors)
+        wrong = (self.wrong + EPS * np.abs(self.J)) * factors
+        return Side(self.long * factors, wrong, self.digits * factors)
 
     def roots(self, F: Array) -> Array:
         """Singular values (s,) of ``F J``, F (k, p), descending, and lowered by their rounding."""

@@ -19,7 +19,9 @@ from edtk.system.errors import UserError
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices, Mask
 
-EXCHANGES_AT_ONCE = 20_000  # their matrices, of some megabytes, stay in a core's cache
+# Their matrices, of some megabytes, stay in a core's cache, and take no second of many parameters.
+EXCHANGES_AT_ONCE = 20_000
+DOUBLES_AT_ONCE = 2**20
 GAIN = 1e-12  # relative improvement that counts: less than this may be rounding
 # Soft maximum whose gradient ranks the candidates for a criterion with kinks. A subgradient of the
 # criterion itself would rank them by one of several equal eigenvalues alone.
@@ -273,7 +275,8 @@ class _Search:
             changed[np.arange(len(changed)), where] = which
             return changed
         width = candidates.shape[1]
-        parts = min(width, max(1, width * len(of) // EXCHANGES_AT_ONCE))
+        at_once = min(EXCHANGES_AT_ONCE, DOUBLES_AT_ONCE // problem.p**2 + 1)
+        parts = min(width, max(1, width * len(of) // at_once))
         for part in np.array_split(candidates, parts, axis=1):
             # Plans that tell all need no exchange.
             if out_of_time() and np.isfinite(plans.costs).all():
