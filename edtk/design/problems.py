@@ -1,7 +1,7 @@
 """Problems that are made of others or of data frames: formulas, several models, other units."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
@@ -48,7 +48,7 @@ def several_models(problems: Sequence[Problem]) -> Problem:
         >>> x[edtk.relax(both, worst).weights > 0.1].tolist()
         [-1.0, 0.0, 1.0]
     """
-    if not problems:
+    if not len(problems):
         raise ArgumentError("expected at least one model", argument="problems")
     counts = [problem.n for problem in problems]
     if len(set(counts)) > 1:
@@ -276,6 +276,9 @@ def _stacked(rows: Array, frame: "pd.DataFrame", experiment: str) -> tuple[Array
     Raises:
         ArgumentError: There is no such column, or it has no value in some row.
     """
+    if not isinstance(experiment, Hashable):
+        message = f"expected the name of a column, not {type(experiment).__name__}"
+        raise ArgumentError(message, argument="experiment")
     if experiment not in frame.columns or frame[experiment].isna().any():
         raise ArgumentError(
             f"expected a column without gaps; the frame has {', '.join(map(str, frame.columns))}",

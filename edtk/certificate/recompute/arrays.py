@@ -319,8 +319,8 @@ class Side:
         """Q (p, s) and ``log |det R|`` with ``Q R = J``, and a bound on its rounding.
 
         Of a square J, Q is the identity, and the determinant that of T times that of K, which both
-        may be far from singular where J is not. Else Gram and Schmidt's steps, each done twice, are taken
-        in long numbers, as combinations of independent parameters may be nearly dependent.
+        may be far from singular where J is not. Else Gram and Schmidt's steps, each done twice, are
+        taken in long numbers, as combinations of independent parameters may be nearly dependent.
         """
         p, s = self.J.shape
         if p == s:
