@@ -1,7 +1,7 @@
 """Problems that are made of others or of data frames: formulas, several models, other units."""
 
 import re
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
@@ -276,9 +276,11 @@ def _stacked(rows: Array, frame: "pd.DataFrame", experiment: str) -> tuple[Array
     Raises:
         ArgumentError: There is no such column, or it has no value in some row.
     """
-    if not isinstance(experiment, Hashable):
+    try:
+        hash(experiment)
+    except TypeError as error:
         message = f"expected the name of a column, not {type(experiment).__name__}"
-        raise ArgumentError(message, argument="experiment")
+        raise ArgumentError(message, argument="experiment") from error
     if experiment not in frame.columns or frame[experiment].isna().any():
         raise ArgumentError(
             f"expected a column without gaps; the frame has {', '.join(map(str, frame.columns))}",
