@@ -19,7 +19,8 @@ PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 
 test: $(VENV)/.installed
 	$(PYTEST)
 
-# The first case of each test that takes less than an eighth of a second: the others are marked as slow. Rooms
+# The first case of each test that takes less than an eighth of a second: the others are marked as slow, and
+# what takes longer than a second all the same is listed at the end. Rooms
 # where nearly every test fits a sheet or searches a plan are here with a few of their files.
 QUICK := tests/criteria tests/design tests/fit tests/measure tests/robots tests/study tests/system \
 	tests/report tests/verbs tests/commands \
@@ -29,7 +30,7 @@ QUICK := tests/criteria tests/design tests/fit tests/measure tests/robots tests/
 	$(wildcard tests/test_*.py)
 
 quick: $(VENV)/.installed
-	$(PYTEST) -m "not slow and not zoo" --first-case $(QUICK)
+	$(PYTEST) -m "not slow and not zoo" --first-case --durations 5 --durations-min 1 $(QUICK)
 
 docs: $(VENV)/.installed
 	$(BIN)/sphinx-build -W -n -q -b html docs results/docs

@@ -97,6 +97,8 @@ def get(name: str) -> type[Criterion]:
         CriterionError: A plug-in does not load, or is no complete Criterion.
     """
     _load_builtins()
+    if not isinstance(name, str):
+        raise UnknownCriterionError(f"expected the name of a criterion, not {type(name).__name__}")
     if name in _registered:
         return _registered[name]
     claims = _plugins().get(name, ())

@@ -122,6 +122,11 @@ def _cost(replay: Replay, plan: Indices) -> tuple[float, float]:
     return replay.given(cost), AGREE + (most / cost - 1 if 0 < cost < math.inf else math.inf)
 
 
+def has_whole_plans(name: str) -> bool:
+    """Whether plans for a criterion of this name are bounded by a second implementation."""
+    return name.removeprefix("bayes_") in FORMS
+
+
 def verify_exact(content: Any, problem: Problem) -> ExactVerification:
     """Check all claims of a certificate against the candidates that it is about.
 
@@ -157,7 +162,7 @@ def verify_exact(content: Any, problem: Problem) -> ExactVerification:
         if not sized and plan.sum() != made:
             wrong = f"expected {made} experiments beside the kept ones"
         claims.append(Claim("plan", not wrong, float(size), float(plan.sum() + kept.sum()), wrong))
-        if name.removeprefix("bayes_") not in FORMS:
+        if not has_whole_plans(name):
             reason = f"the criterion {name} has no second implementation for whole plans"
             claims += unproved_exact(reason)
         elif wrong:
@@ -167,7 +172,9 @@ def verify_exact(content: Any, problem: Problem) -> ExactVerification:
             power = candidates.power
             part, known = _question(content["criterion"], candidates, kept, size, power)
             stated["proved_exact"] = content["proved_exact"]
-            tree = replace(tree, T=np.ldexp(tree.T, -power))
+            units = known.units
+            part, known = part.scaled(units), known.scaled(units)
+            tree = replace(tree, T=np.ldexp(tree.T, -power - units[:, None]))
             replay = Replay(tree, part, known, told, limits, budget, power)
             claims += exact_claims(name, stated, replay, *_cost(replay, plan))
     return ExactVerification(

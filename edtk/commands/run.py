@@ -12,7 +12,9 @@ from edtk.commands.shared import (
     FewLines,
     FilePath,
     FolderPath,
+    Range,
     dask_option,
+    warn,
     warn_about,
     workers_option,
 )
@@ -45,21 +47,42 @@ def _progress() -> Iterator[Callable[[str, float], None]]:
 @workers_option
 @dask_option
 @click.option(
+    "--budget",
+    type=Range(min=0, min_open=True),
+    help="Seconds for bounds, plans and report; the best so far are compared then.",
+)
+@click.option(
     "--fresh", is_flag=True, help="Begin anew, instead of going on from the finished cases."
 )
 def command(
-    study: Path, out: Path | None, workers: int | None, dask: str | None, fresh: bool
+    study: Path,
+    out: Path | None,
+    workers: int | None,
+    dask: str | None,
+    budget: float | None,
+    fresh: bool,
 ) -> None:
     """Answer STUDY (TOML): optimise plans, compare them, write tables, plans and a report.
 
-    A run that was killed goes on from its finished cases when it is started again.
+    A run that was killed, or whose budget was over, goes on from its finished cases when it is
+    started again.
     """
     from edtk.report.views.study import expected_of_run
     from edtk.verbs.run import run
 
     with _progress() as progress:
-        found = run(study, out, workers=workers, dask=dask, fresh=fresh, progress=progress)
+        found = run(
+            study,
+            out,
+            workers=workers,
+            dask=dask,
+            fresh=fresh,
+            budget=budget,
+            progress=progress,
+        )
     warn_about(study, found.warnings)
+    if found.ended == "budget":
+        warn("the budget ended the run; these are the best plans so far, run again to go on")
     for text in expected_of_run(found):
         click.echo(text, err=True)
     folder = found.folder

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
 
+from edtk.system.arguments import checked
 from edtk.system.errors import ArgumentError, finite_numbers, whole_number
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
@@ -194,6 +195,7 @@ class Errors(Presented):
         )
 
     @classmethod
+    @checked
     def strata(
         cls,
         groups: Mapping[str, Groups],
@@ -236,6 +238,7 @@ class Errors(Presented):
         )
 
     @classmethod
+    @checked
     def autoregressive(cls, correlation: float, series: Groups = 1) -> "Errors":
         """Runs in the order of time, whose noise is correlated by ``correlation^|s - t|``.
 
@@ -250,6 +253,7 @@ class Errors(Presented):
         return cls(correlation=Correlation(words, partial(_autoregressive, correlation, series)))
 
     @classmethod
+    @checked
     def spatial(
         cls, positions: ArrayLike, length: float, nugget: float = 0.0, metric: str = "euclidean"
     ) -> "Errors":
@@ -277,6 +281,7 @@ class Errors(Presented):
         return cls._of_matrix(V, f"noise that is correlated over a distance of {length:g}")
 
     @classmethod
+    @checked
     def covariance(cls, V: ArrayLike) -> "Errors":
         """Any covariance (m, m) of the m runs' noise, in the order of the runs."""
         found = finite_numbers(V, "V")
@@ -298,6 +303,7 @@ class Errors(Presented):
         return cls(correlation=Correlation(words, partial(_given, V), len(V)), size=len(V))
 
     @classmethod
+    @checked
     def trend(cls, order: int = 1, variance: float = np.inf, series: Groups = 1) -> "Errors":
         """A drift in the order of the runs, as a polynomial without its constant.
 

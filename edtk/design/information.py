@@ -4,7 +4,7 @@ A million 5 x 5 information matrices are then one array (15, 10^6), and the sens
 them are one matrix product.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -35,14 +35,17 @@ def nearly_equal(values: Array, others: Array, tolerance: float) -> bool:
     return bool(np.abs(values - others).max(initial=0.0) <= tolerance * size)
 
 
-def distinct(blocks: Array, T: Array, tolerance: float, most: int | None = None) -> Indices:
+def distinct(
+    blocks: Iterable[Array], T: Array, tolerance: float, most: int | None = None
+) -> Indices:
     """Choose experiments no two of which tell the same.
 
     Poses that a symmetry of robot and load maps onto each other have the same information. The
     comparison of information finds them without knowing the symmetry.
 
     Args:
-        blocks: Information matrices (n, p, p), the preferred ones first.
+        blocks: Information matrices (p, p), the preferred ones first; those after the last choice
+            are not asked for.
         T: Matrix (p, r) that whitens the parameters, as far as they are known.
         tolerance: Relative difference up to which two experiments count as the same.
         most: Number of experiments after which to stop; by default all are compared.
@@ -50,14 +53,17 @@ def distinct(blocks: Array, T: Array, tolerance: float, most: int | None = None)
     Returns:
         Indices of the experiments that differ from every preferred one that was chosen.
     """
-    whitened = (T.T @ blocks @ T).reshape(len(blocks), -1)
     chosen: list[int] = []
-    for i, own in enumerate(whitened):
+    others = np.empty((0, T.shape[1] ** 2))
+    for i, block in enumerate(blocks):
         if len(chosen) == most:
             break
+        # One at a time: those of many parameters together would be deaf to Ctrl-C for a second.
+        own = (T.T @ block @ T).ravel()
         least = tolerance * np.linalg.norm(own)
-        if not chosen or np.linalg.norm(whitened[chosen] - own, axis=1).min() > least:
+        if not chosen or np.linalg.norm(others - own, axis=1).min() > least:
             chosen.append(i)
+            others = np.vstack([others, own])
     return np.array(chosen, dtype=int)
 
 

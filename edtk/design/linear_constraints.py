@@ -226,7 +226,7 @@ def _numbers(given: object, where: str) -> Array:
     """Finite numbers of any shape."""
     try:
         found = np.asarray(given, dtype=float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ArgumentError("expected numbers as coefficients", argument=where) from error
     if not np.isfinite(found).all():
         raise ArgumentError("expected finite coefficients", argument=where)

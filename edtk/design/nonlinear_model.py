@@ -193,7 +193,7 @@ def _named_theta(
         theta = [theta[name] for name in parameters]
     try:
         at = np.atleast_1d(np.asarray(theta, dtype=float))
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ArgumentError("expected a number for each parameter", argument="theta") from error
     if at.ndim != 1 or not at.size or not np.isfinite(at).all():
         raise ArgumentError("expected a finite number for each parameter", argument="theta")
@@ -235,7 +235,7 @@ def _whitener(sigma: Any, covariance: ArrayLike | None, k: int) -> Array:
     if covariance is None:
         try:
             given = np.asarray(sigma, dtype=float)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise ArgumentError("expected numbers or a function", argument="sigma") from error
         if given.shape not in ((), (k,)) or not (np.isfinite(given) & (given > 0)).all():
             message = f"expected a positive number, or one for each of {k} responses"
@@ -243,7 +243,7 @@ def _whitener(sigma: Any, covariance: ArrayLike | None, k: int) -> Array:
         return np.diag(np.broadcast_to(1 / given, k))
     try:
         C = np.asarray(covariance, dtype=float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ArgumentError("expected a matrix of numbers", argument="covariance") from error
     if C.shape != (k, k) or not np.allclose(C, C.T, rtol=1e-12, atol=0.0):
         message = f"expected a symmetric matrix of {k} responses, not of shape {C.shape}"

@@ -151,7 +151,7 @@ def _ranges(theta: Any, argument: str) -> tuple[list[str], Array]:
         raise ArgumentError(message, argument=argument)
     try:
         pairs = np.array([np.broadcast_to(np.asarray(v, float), 2) for v in theta.values()])
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ArgumentError(message, argument=argument) from error
     is_range = np.array([np.ndim(value) > 0 for value in theta.values()], dtype=bool)
     good = is_range.any() and np.isfinite(pairs).all()
@@ -247,7 +247,7 @@ def _points(candidates: "ArrayLike | pd.DataFrame") -> tuple[Array, tuple[str, .
         names = tuple(map(str, candidates.columns))
     try:
         points = np.asarray(candidates, dtype=float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ArgumentError("expected numbers", argument="candidates") from error
     points = points[:, None] if points.ndim == 1 else points
     if points.ndim != 2 or 0 in points.shape or not np.isfinite(points).all():
@@ -268,7 +268,7 @@ def _limits(box: Any) -> tuple[Array, Array, tuple[str, ...] | None]:
         box = list(box.values())
     try:
         pairs = np.atleast_2d(np.asarray(box, dtype=float))
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ArgumentError("expected (low, high) of each variable", argument="box") from error
     fits = pairs.ndim == 2 and pairs.shape[1] == 2 and np.isfinite(pairs).all()
     if not fits or not (pairs[:, 0] < pairs[:, 1]).all():
@@ -317,7 +317,7 @@ def _shares(weights: ArrayLike | None, k: int) -> Array:
     message = f"expected a positive number for each of {k} theta"
     try:
         found = np.ones(k) if weights is None else np.asarray(weights, dtype=float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ArgumentError(message, argument="weights") from error
     if found.shape != (k,) or not (np.isfinite(found) & (found > 0)).all():
         raise ArgumentError(message, argument="weights")

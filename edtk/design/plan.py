@@ -18,6 +18,7 @@ from edtk.measure.pose_table import (
 )
 from edtk.robots.frames import all_wrenches
 from edtk.robots.robot import Robot
+from edtk.system.errors import ArgumentError, real_numbers
 from edtk.system.files import write_text
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
@@ -48,12 +49,16 @@ class Plan(Presented):
     repeats: Indices
 
     def __post_init__(self) -> None:
+        for name in ("q", "wrench", "repeats"):
+            if not real_numbers(getattr(self, name), name).ndim:
+                raise ArgumentError("expected an array", argument=name)
+            object.__setattr__(self, name, np.asarray(getattr(self, name)))
         k = len(self.q)
         loads = self.wrench.shape in ((k, 6), (k, 9))
         if self.q.ndim != 2 or not loads or self.repeats.shape != (k,) or not k:
             raise ValueError("a plan needs q (k, n), wrench (k, 6) and repeats (k,), with k > 0")
         finite = np.isfinite(self.q).all() and np.isfinite(self.wrench).all()
-        if not (finite and (self.repeats >= 1).all()):
+        if not (finite and (real_numbers(self.repeats, "repeats") >= 1).all()):
             raise ValueError("a plan's entries must be finite and its repetitions at least one")
 
     def headline(self) -> str:

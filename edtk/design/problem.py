@@ -15,6 +15,8 @@ from criteria.linalg.spectrum import is_semidefinite
 from edtk.design.conditioning import Conditioning, ConditioningOfModels
 from edtk.design.information import Known, ModelRows, PackedInformation, Rows, nearly_equal
 from edtk.design.weighted_candidates import WeightedCandidates
+from edtk.system.arguments import checked
+from edtk.system.errors import real_numbers
 from edtk.system.typing import Array, Indices, Mask
 
 if TYPE_CHECKING:
@@ -104,15 +106,15 @@ def rows_of_blocks(blocks: ArrayLike, sigma: ArrayLike) -> Rows:
         ValueError: The regressors do not have three axes, there are no candidates, an entry is not
             finite (its candidate is named), or sigma is not positive.
     """
-    if np.iscomplexobj(blocks):
+    if isinstance(blocks, np.ndarray) and np.iscomplexobj(blocks):
         raise ValueError("blocks must be real numbers; give real and imaginary parts as two rows")
-    A = np.asarray(blocks, dtype=float)
+    A = real_numbers(blocks, "blocks")
     if A.ndim != 3 or 0 in A.shape:
         hint = "; X[:, None, :] has one row a candidate" if A.ndim == 2 and A.size else ""
         raise ValueError(
             f"blocks must be a non-empty array (n, rows, p), not of shape {A.shape}{hint}"
         )
-    given = np.asarray(sigma, dtype=float)
+    given = real_numbers(sigma, "sigma")
     if given.shape not in ((), (1,), A.shape[1:2]):
         raise ValueError(
             f"sigma must be one number, or one for each of {A.shape[1]} rows, not of shape "
@@ -121,7 +123,7 @@ def rows_of_blocks(blocks: ArrayLike, sigma: ArrayLike) -> Rows:
     scale = np.broadcast_to(given, A.shape[1:2])
     if not (np.isfinite(scale) & (scale > 0)).all():
         raise ValueError("sigma must be finite and positive")
-    _require_finite(np.isfinite(A).all(axis=(1, 2)))
+    _require_finite(np.asarray(np.isfinite(A).all(axis=(1, 2))))
     # A finite regressor may have a square that is not; it is named below without a warning.
     with np.errstate(over="ignore", invalid="ignore"):
         whitened = A / scale[:, None]
@@ -136,6 +138,7 @@ def packed_information(packed: Array) -> PackedInformation:
     Raises:
         ValueError: There are no candidates, or an entry is not finite (its candidate is named).
     """
+    packed = real_numbers(packed, "packed")
     if packed.ndim != 2 or 0 in packed.shape:
         raise ValueError(
             f"packed information must be a non-empty array (p(p+1)/2, n), not {packed.shape}"
@@ -199,6 +202,7 @@ class Problem(WeightedCandidates):
     # What the prior is made of: it has the digits that squares may have lost.
     known: Known | None = None
 
+    @checked
     def __init__(
         self,
         blocks: ArrayLike,
@@ -256,6 +260,7 @@ class Problem(WeightedCandidates):
         return FrameProblem(frame, formula, sigma, prior, experiment)
 
     @classmethod
+    @checked
     def of_model(
         cls,
         f: "Model",
@@ -403,6 +408,7 @@ class Problem(WeightedCandidates):
         )
 
     @classmethod
+    @checked
     def of_information(
         cls,
         packed: Array,
@@ -452,9 +458,10 @@ class Problem(WeightedCandidates):
         # None instead of zeros: without a prior nothing is added, and no last digit changes.
         known = prior
         if known is not None and not isinstance(known, Known):
-            known = Known.of(np.asarray(known, dtype=float))
-        if known is not None and known.squares.shape != (self.p, self.p):
-            raise ValueError(f"the prior must be ({self.p}, {self.p}), not {known.squares.shape}")
+            squares = real_numbers(known, "prior")
+            if squares.shape != (self.p, self.p):
+                raise ValueError(f"the prior must be ({self.p}, {self.p}), not {squares.shape}")
+            known = Known.of(squares)
         self.known = known
         self.prior = None if known is None else known.information
 

@@ -48,7 +48,7 @@ def several_models(problems: Sequence[Problem]) -> Problem:
         >>> x[edtk.relax(both, worst).weights > 0.1].tolist()
         [-1.0, 0.0, 1.0]
     """
-    if not problems:
+    if not len(problems):
         raise ArgumentError("expected at least one model", argument="problems")
     counts = [problem.n for problem in problems]
     if len(set(counts)) > 1:
@@ -276,6 +276,11 @@ def _stacked(rows: Array, frame: "pd.DataFrame", experiment: str) -> tuple[Array
     Raises:
         ArgumentError: There is no such column, or it has no value in some row.
     """
+    try:
+        hash(experiment)
+    except TypeError as error:
+        message = f"expected the name of a column, not {type(experiment).__name__}"
+        raise ArgumentError(message, argument="experiment") from error
     if experiment not in frame.columns or frame[experiment].isna().any():
         raise ArgumentError(
             f"expected a column without gaps; the frame has {', '.join(map(str, frame.columns))}",

@@ -134,7 +134,7 @@ def box_limits(low: ArrayLike, high: ArrayLike) -> Array:
     try:
         lower = np.atleast_1d(np.asarray(low, dtype=float))
         upper = np.atleast_1d(np.asarray(high, dtype=float))
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         message = "expected numbers, one for each variable"
         raise ArgumentError(message, argument="low, high") from error
     if lower.ndim != 1 or lower.shape != upper.shape or not lower.size:

@@ -82,6 +82,7 @@ def comparison_report(run: StudyRun, sizes: Iterable[Efficiencies]) -> str:
     parts = [
         f"# {_plain(run.study.specification.title)}\n",
         verdict(run),
+        *_in_time(run),
         *_warnings(run),
         "## The question\n",
         chapters.setting(),
@@ -262,6 +263,19 @@ def _noise(run: StudyRun) -> str:
     if run.study.noise is None:
         return f"sigma = {specification.measurement.sigma_mm:g} mm per coordinate"
     return describe_noise(specification)
+
+
+def _in_time(run: StudyRun) -> list[str]:
+    """That the time of the run has cut something off; nothing where it has not."""
+    if not run.cut:
+        return []
+    count = len(run.cut)
+    were = "was" if count == 1 else "were"
+    return [
+        f"The time for this run was over before all was done: {count} of its relaxations and "
+        f"searches {were} cut off or not begun. Their plans and bounds are the best so far; the "
+        "same run, started again, goes on from what is finished.\n"
+    ]
 
 
 def _warnings(run: StudyRun) -> list[str]:

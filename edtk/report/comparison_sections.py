@@ -383,6 +383,8 @@ def _promise(run: StudyRun, row: "pd.Series", file: str) -> list[str]:
     text = f"**Measure the {size} experiment{plural} of `{file}`.** They reach {reached}."
     efficiency = f"an efficiency of {100 * row[f'efficiency_{main}']:.1f} %"
     bound = run.bound(size)
+    if bound is None and run.cut:
+        return [text, "The time was too short for a bound on all plans."]
     if bound is None:
         return [text, f"They have {efficiency}."]
     limit = f"{number(factor * bound.value)} {'' if unit == 'SI' else unit}".strip()

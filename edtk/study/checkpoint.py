@@ -4,7 +4,8 @@ import hashlib
 import importlib.metadata
 import inspect
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from edtk.design.design_space import DesignSpace
 from edtk.robots.robot_file import robot_to_dict
 from edtk.study.study import Study
 from edtk.system.files import read_text, write_text
+from edtk.system.time_limit import out_of_time, time_left, time_limit
 from edtk.system.typing import Array
 from edtk.system.workers import Workers
 
@@ -67,18 +69,31 @@ class Checkpoint:
         pieces: Mapping[str, Callable[[], dict[str, Any]]],
         workers: Workers,
         report: Callable[[str], object],
-    ) -> dict[str, dict[str, Any]]:
+        share: float = 1.0,
+        is_first: bool = True,
+        resting_on_cut: Container[str] = (),
+    ) -> tuple[dict[str, dict[str, Any]], set[str]]:
         """Collect the answers of all cases, and compute and keep those that are not finished.
+
+        Where the time is limited (`time_limit`), cases that are not begun in time are left out. An
+        answer that was cut off is not kept.
 
         Args:
             pieces: The work that answers each case, by the name of the case.
             workers: The processes that do it, in this order.
             report: Called with the name of each case that is finished.
+            share: The part of the time that is left which each may take.
+            is_first: Whether an answer to the first case is waited for in any time.
+            resting_on_cut: Cases whose work rests on an answer that was cut off, as theirs is then.
+
+        Returns:
+            The answers by name, and the names of those that were cut off.
 
         Raises:
             WorkersLostError: No process is left to do the work.
         """
-        answers = {}
+        answers: dict[str, dict[str, Any]] = {}
+        cut: set[str] = set()
         missing = []
         for name in pieces:
             answer = self.find(name)
@@ -88,11 +103,21 @@ class Checkpoint:
                 answers[name] = answer
                 self._known[name] = answer
                 report(name)
-        for i, answer in workers.run([pieces[name] for name in missing]):
-            self.keep(missing[i], answer)
-            answers[missing[i]] = answer
-            report(missing[i])
-        return answers
+        # Without a limit nobody waits for the slowest of those that run side by side.
+        together = workers.size if np.isfinite(time_left()) else max(len(missing), 1)
+        for start in range(0, len(missing), together):
+            if out_of_time() and (answers or not is_first):
+                break
+            names = missing[start : start + together]
+            limited = [_Limited(pieces[name], share * time_left()) for name in names]
+            for i, (answer, was_cut) in workers.run(limited):
+                if was_cut or names[i] in resting_on_cut:
+                    cut.add(names[i])
+                else:
+                    self.keep(names[i], answer)
+                answers[names[i]] = answer
+                report(names[i])
+        return answers, cut
 
     def restore(self) -> None:
         """Write again what somebody has removed while others were computed."""
@@ -106,6 +131,25 @@ class Checkpoint:
         for path in self.folder.glob("*.json"):
             if path.name not in names and path.is_file():
                 path.unlink()
+
+
+@dataclass(frozen=True)
+class _Limited:
+    """A piece of work with a limit of time, as a piece for any process.
+
+    Attributes:
+        piece: The work.
+        seconds: Its time [s].
+    """
+
+    piece: Callable[[], dict[str, Any]]
+    seconds: float
+
+    def __call__(self) -> tuple[dict[str, Any], bool]:
+        """The answer, and whether it was cut off."""
+        with time_limit(self.seconds) as limit:
+            answer = self.piece()
+        return answer, limit.cut
 
 
 def checkpoint_of(

@@ -1,6 +1,6 @@
 """The answer to a whole study: bounds and plans for every criterion and size, compared."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -21,13 +21,24 @@ from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.study.checkpoint import checkpoint_of
 from edtk.study.plan_study import DEFAULTS, Progress, RunOptions, source_of, study_errors
 from edtk.study.study import Study
-from edtk.study.study_run import Case, Designs, StudyRun, comparison_table, relaxation_key
+from edtk.study.study_run import (
+    TOLERANCE,
+    Case,
+    Designs,
+    StudyRun,
+    comparison_table,
+    relaxation_key,
+)
 from edtk.system.errors import UserError
+from edtk.system.time_limit import time_left
 from edtk.system.workers import WorkersLostError
 
 PLANS = 101  # of which the median is shown; odd, so that the median is one of them
 STREAM = 2  # of random numbers, apart from those of the candidates
 GAIN = 1e-6  # relative improvement that counts; plans that differ by less are one, but for rounding
+HELD = "relaxed"  # in an answer, the relaxation whose bound holds for the plan
+NOT_BEGUN = "the time was over before it was searched for"
+SHARE_OF_BOUND = 0.5  # of a limited time, at most, for the first bound
 # Fewer distinct poses are compared with more up to this number: beyond it nothing is gained.
 MOST_DISTINCT = 8
 
@@ -119,7 +130,7 @@ def relaxed_under(criterion: Relaxable, relaxed: RelaxedPlan) -> RelaxedPlan:
 
 
 Answer = dict[str, Any]
-Complete = Callable[[Mapping[str, Callable[[], Answer]]], dict[str, Answer]]
+Complete = Callable[..., tuple[dict[str, Answer], set[str]]]  # see `Checkpoint.complete`
 
 
 def run_study(
@@ -134,6 +145,8 @@ def run_study(
 
     The same study gives the same answer, on any number of processes. Every case is kept in the
     folder's `cases` as soon as it is finished, so that a run that was killed goes on from there.
+    Where the time is limited (`time_limit`), the best plans and bounds so far are the answer, and
+    what was cut off is not kept.
 
     Args:
         study: The study.
@@ -161,43 +174,110 @@ def run_study(
             checkpoint.forget_others(())
         complete = partial(checkpoint.complete, workers=options.workers, report=report)
         try:
-            bases = _relaxed_bases(designs, complete)
-            answers = complete(_searches(designs, questions, bases))
+            bases, answers, cut = _computed(designs, questions, complete)
         except WorkersLostError as error:
             raise UserError(f"{error}; what is finished is kept, run again to go on") from error
-    checkpoint.forget_others([*answers, *map(_relaxation_name, bases)])
+    checkpoint.forget_others(_names(designs, questions))
     checkpoint.restore()
     relaxations = _relaxations(designs, bases)
-    cases = none_worse(
-        [
-            _answered(
-                case,
-                answers[_search_name(designs, case)],
-                relaxations[_key(designs, case.optimised, case.size)],
-            )
-            for case in questions
-        ]
-    )
+    cases = none_worse([_answered(designs, case, answers, relaxations) for case in questions])
     for index, size in enumerate(study.specification.sizes):
         cases.append(random_case(study, size, index, designs))
         report(cases[-1].name)
     cases += _published_cases(published)
+    if cut:
+        cases, relaxations = _without_beaten(designs, cases, relaxations)
     table = comparison_table(designs, cases, relaxations)
-    run = StudyRun(study, table, relaxations, tuple(cases), folder, designs)
+    run = StudyRun(study, table, relaxations, tuple(cases), folder, designs, cut)
     report("results")
     return run
+
+
+def _names(designs: Designs, questions: list[Case]) -> set[str]:
+    """Names of all relaxations and searches."""
+    return {*_relaxation_pieces(designs), *(_search_name(designs, case) for case in questions)}
 
 
 def _count(designs: Designs, questions: list[Case]) -> int:
     """Number of reports: one for the questions, each relaxation, search and random
     plan, the end.
     """
-    study = designs.study
-    bases = {_base(designs, name) for name in _relaxed_names(study)}
-    relaxations = sum(len(_shares(designs, name)) for name in bases)
-    searches = {_search_name(designs, case) for case in questions}
     begin_and_end = 2
-    return relaxations + len(searches) + len(study.specification.sizes) + begin_and_end
+    return len(_names(designs, questions)) + len(designs.study.specification.sizes) + begin_and_end
+
+
+def _computed(
+    designs: Designs, questions: list[Case], complete: Complete
+) -> tuple[dict[str, RelaxedPlan], dict[str, Answer], frozenset[str]]:
+    """The relaxations, by `relaxation_key`, and the answers of the searches, by name.
+
+    The third are names of those that the end of the time has cut off or left out.
+    """
+    every = _relaxation_pieces(designs)
+    relaxed: dict[str, Answer] = {}
+    answers: dict[str, Answer] = {}
+    bases: dict[str, RelaxedPlan] = {}
+    cut: set[str] = set()
+    for cases, names in _groups(designs, questions):
+        pieces = {key: piece for key, piece in every.items() if piece.criterion.name in names}
+        is_first = not answers
+        share = SHARE_OF_BOUND if is_first else 1.0
+        found, cut_off = complete(pieces, share=share, is_first=is_first)
+        relaxed |= found
+        bases |= _bases(pieces, found)
+        searches = _searches(designs, cases, bases, cut_off)
+        resting = {key for key, search in searches.items() if search.rests_on_cut}
+        plans, cut_plans = complete(searches, is_first=is_first, resting_on_cut=resting)
+        for key in resting & plans.keys():
+            _hold(bases, searches[key], plans[key])
+        answers |= plans
+        cut |= cut_off | cut_plans
+    left_out = _names(designs, questions) - relaxed.keys() - answers.keys()
+    return bases, answers, frozenset(cut | left_out)
+
+
+def _hold(bases: dict[str, RelaxedPlan], search: "_Search", answer: Answer) -> None:
+    """Let a bound that was cut off hold for the plan of a search, too.
+
+    The lowest of such bounds holds for all of their plans.
+    """
+    if HELD not in answer:
+        return
+    key = search.key
+    held = RelaxedPlan.from_dict(search.relaxed.source, search.relaxed.criterion, answer.pop(HELD))
+    bases[key] = min(bases[key], held, key=lambda one: one.best_bound.cost)
+
+
+def _without_beaten(
+    designs: Designs, cases: list[Case], relaxations: Mapping[str, RelaxedPlan]
+) -> tuple[list[Case], dict[str, RelaxedPlan]]:
+    """The cases and relaxations without bounds that one of the plans beats.
+
+    A search for a bound that was cut off may have missed better poses.
+    """
+    table = comparison_table(designs, cases, relaxations)
+    names = {one.criterion.name for one in relaxations.values()}
+    beaten = {name for name in names if table[f"efficiency_{name}"].max() > 1 + TOLERANCE}
+    kept = {key: one for key, one in relaxations.items() if one.criterion.name not in beaten}
+    return [replace(one, found=None) if one.optimised in beaten else one for one in cases], kept
+
+
+def _groups(designs: Designs, questions: list[Case]) -> list[tuple[list[Case], set[str]]]:
+    """Cases that are searched for together, and the criteria that are relaxed for them.
+
+    Where the time is limited, plans for the main criterion come first, those of fewer poses last.
+    Else all are one group, so that no process waits for others.
+    """
+    every = {_base(designs, name) for name in _relaxed_names(designs.study)}
+    if np.isinf(time_left()):
+        return [(questions, every)]
+    main = _base(designs, designs.study.main_criterion)
+    groups: dict[str, list[Case]] = {"first": [], "others": [], "distinct": []}
+    for case in questions:
+        of_main = "first" if _base(designs, case.optimised) == main else "others"
+        groups["distinct" if case.kind == "distinct" else of_main].append(case)
+    criteria_of = {"first": {main}, "others": every - {main}, "distinct": set[str]()}
+    return [(cases, criteria_of[key]) for key, cases in groups.items()]
 
 
 class _Steps:
@@ -292,33 +372,45 @@ class _Relax:
         return answer
 
 
-def _relaxed_bases(designs: Designs, complete: Complete) -> dict[str, RelaxedPlan]:
-    """The relaxations over all feasible poses, one for all criteria that share their plans."""
+def _relaxation_pieces(designs: Designs) -> dict[str, _Relax]:
+    """The relaxations over all feasible poses, one for all criteria that share their plans.
+
+    That of the main criterion, for the largest plan, comes first.
+    """
     study = designs.study
-    every = [designs.criterion(name).plan_criterion for name in _relaxed_names(study)]
+    names = sorted(_relaxed_names(study), key=lambda name: name != study.main_criterion)
+    every = [designs.criterion(name).plan_criterion for name in names]
     bases = {criterion.name: require_relaxable(criterion) for criterion in every}
-    pieces = {
-        relaxation_key(name, share): _Relax(designs, base, share)
-        for name, base in bases.items()
-        for share in _shares(designs, name)
-    }
-    answers = complete({_relaxation_name(key): piece for key, piece in pieces.items()})
     return {
-        key: RelaxedPlan.from_dict(piece.source, piece.criterion, answers[_relaxation_name(key)])
-        for key, piece in pieces.items()
+        _relaxation_name(relaxation_key(name, share)): _Relax(designs, base, share)
+        for name, base in bases.items()
+        for share in sorted(_shares(designs, name), key=lambda size: -(size or 0))
     }
 
 
-def _relaxations(designs: Designs, bases: dict[str, RelaxedPlan]) -> dict[str, RelaxedPlan]:
+def _bases(pieces: Mapping[str, _Relax], answers: Mapping[str, Answer]) -> dict[str, RelaxedPlan]:
+    """The relaxations that were answered, by `relaxation_key`."""
+    return {
+        relaxation_key(piece.criterion.name, piece.share): RelaxedPlan.from_dict(
+            piece.source, piece.criterion, answers[name]
+        )
+        for name, piece in pieces.items()
+        if name in answers
+    }
+
+
+def _relaxations(designs: Designs, bases: Mapping[str, RelaxedPlan]) -> dict[str, RelaxedPlan]:
     """The relaxation under each criterion, from that under the one that is searched for it."""
     study = designs.study
-    return {
-        relaxation_key(name, share): relaxed_under(
-            require_relaxable(designs.criterion(name)),
-            bases[relaxation_key(_base(designs, name), share)],
-        )
+    every = {
+        relaxation_key(name, share): (name, relaxation_key(_base(designs, name), share))
         for name in _relaxed_names(study)
         for share in _shares(designs, name)
+    }
+    return {
+        key: relaxed_under(require_relaxable(designs.criterion(name)), bases[base])
+        for key, (name, base) in every.items()
+        if base in bases
     }
 
 
@@ -330,6 +422,12 @@ class _Search:
     relaxed: RelaxedPlan
     case: Case
     starts: int
+    rests_on_cut: bool = False
+
+    @property
+    def key(self) -> str:
+        """Key of the relaxation."""
+        return _key(self.designs, self.case.optimised, self.case.size)
 
     def __call__(self) -> Answer:
         try:
@@ -340,13 +438,18 @@ class _Search:
             raise KeyboardInterrupt  # the best plan so far is not the answer
         answer = found.to_dict()
         del answer["seconds"]  # the same study gives the same files
+        if self.rests_on_cut:
+            answer[HELD] = found.relaxed.to_dict()
         return answer
 
 
 def _searches(
-    designs: Designs, questions: list[Case], bases: dict[str, RelaxedPlan]
+    designs: Designs, questions: list[Case], bases: Mapping[str, RelaxedPlan], cut: Container[str]
 ) -> dict[str, "_Search"]:
-    """The searches for the plans, by name, the largest first since they take longest."""
+    """The searches for the plans, by name, the largest first since they take longest.
+
+    Those without a relaxation are left out.
+    """
     study = designs.study
     searches: dict[str, _Search] = {}
     for case in sorted(questions, key=lambda case: -case.size):
@@ -355,15 +458,25 @@ def _searches(
         if name in searches:  # shared; one of the criteria may be the one that gets more descents
             starts = max(starts, searches[name].starts)
         base = _base(designs, case.optimised)
-        relaxed = bases[_key(designs, base, case.size)]
-        searches[name] = _Search(designs, relaxed, replace(case, optimised=base), starts)
+        key = _key(designs, base, case.size)
+        if key in bases:
+            asked = replace(case, optimised=base)
+            is_cut = _relaxation_name(key) in cut
+            searches[name] = _Search(designs, bases[key], asked, starts, is_cut)
     return searches
 
 
-def _answered(case: Case, answer: Answer, relaxed: RelaxedPlan) -> Case:
+def _answered(
+    designs: Designs,
+    case: Case,
+    answers: Mapping[str, Answer],
+    relaxations: Mapping[str, RelaxedPlan],
+) -> Case:
     """A case with its plan, from the numbers of a `_Search`."""
+    answer = answers.get(_search_name(designs, case), {"reason": NOT_BEGUN})
     if "reason" in answer:
         return replace(case, reason=answer["reason"])
+    relaxed = relaxations[_key(designs, case.optimised, case.size)]
     found = ExactPlan.from_dict(relaxed, answer)
     cost = found.relaxed.criterion.cost_from_plan_criterion(found.cost)
     return replace(case, plan=found.plan, found=replace(found, cost=cost))

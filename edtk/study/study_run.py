@@ -337,6 +337,7 @@ class StudyRun(Presented):
         cases: The plans in the order of the table, with how they were found.
         folder: Folder that holds the files of the run.
         own_designs: The designs of the study; None for those of compliances alone.
+        cut: Names of relaxations and searches that the end of the time has cut off or left out.
     """
 
     study: Study
@@ -345,6 +346,12 @@ class StudyRun(Presented):
     cases: tuple[Case, ...]
     folder: Path
     own_designs: Designs | None = None
+    cut: frozenset[str] = frozenset()
+
+    @property
+    def ended(self) -> str:
+        """Why the run ended: "budget" where the time has cut something off, else "finished"."""
+        return "budget" if self.cut else "finished"
 
     @property
     def designs(self) -> Designs:
@@ -423,6 +430,7 @@ class StudyRun(Presented):
         return {
             "title": self.study.specification.title,
             "study_sha256": self.study.digest,
+            "ended": self.ended,
             "table": rows.to_dict(orient="records"),
             "plans": {name: plan.to_dict() for name, plan in self.plans.items()},
             "relaxations": {name: plan.to_dict() for name, plan in self.relaxations.items()},

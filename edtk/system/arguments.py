@@ -45,7 +45,8 @@ def checked(call: Callable[P, R]) -> Callable[P, R]:
     """
     parameters = inspect.signature(call).parameters.values()
     names = [one.name for one in parameters]
-    hints = {one.name: one.annotation for one in parameters if is_plain(one.annotation)}
+    typed = (one for one in parameters if one.annotation is not inspect.Parameter.empty)
+    hints = {one.name: one.annotation for one in typed if is_plain(one.annotation)}
 
     @wraps(call)
     def asked(*args: P.args, **kwargs: P.kwargs) -> R:

@@ -179,8 +179,8 @@ def whole_number(given: object, argument: str, least: int) -> int:
     return number
 
 
-def finite_numbers(given: object, argument: str) -> "Array":
-    """The argument as an array of finite numbers of any shape.
+def real_numbers(given: object, argument: str) -> "Array":
+    """The argument as an array of numbers of any shape, finite or not.
 
     Raises:
         ArgumentError: It is none.
@@ -188,9 +188,20 @@ def finite_numbers(given: object, argument: str) -> "Array":
     import numpy as np  # commands that read no numbers start without it
 
     try:
-        found = np.asarray(given, dtype=float)
+        return np.asarray(given, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
         raise ArgumentError("expected numbers", argument=argument) from error
+
+
+def finite_numbers(given: object, argument: str) -> "Array":
+    """The argument as an array of finite numbers of any shape.
+
+    Raises:
+        ArgumentError: It is none.
+    """
+    import numpy as np
+
+    found = real_numbers(given, argument)
     if not np.isfinite(found).all():
         raise ArgumentError("expected finite numbers", argument=argument)
     return found

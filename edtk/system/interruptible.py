@@ -38,6 +38,9 @@ def interruptible(call: Callable[[], T]) -> T:
 
 def leave(code: Any) -> NoReturn:
     """End the program, without waiting for a call that was interrupted."""
+    # Where Ctrl-C came in code that was made from a text, such as that of a dataclass, Python would
+    # end by the signal itself, although it was answered. Running another text takes that back.
+    exec("")
     if any(thread.name == NAME for thread in threading.enumerate()):
         sys.stdout.flush()
         sys.stderr.flush()

@@ -3,34 +3,60 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from time import monotonic
 
 import numpy as np
 
-# On the clock of `time.monotonic` [s]. A limit holds for all that is called within it, in the same
-# thread; other processes get what is left.
-_end: ContextVar[float] = ContextVar("end", default=np.inf)
+
+@dataclass
+class Limit:
+    """A limit on what is done within it, or within limits in it that have a share of its time.
+
+    Attributes:
+        end: When it ends, on the clock of `time.monotonic` [s].
+        cut: Whether somebody was told that the time is over, and left with the best so far.
+    """
+
+    end: float
+    cut: bool = False
+
+
+# A limit holds for all that is called within it, in the same thread; other processes get what is
+# left.
+_limit: ContextVar[Limit | None] = ContextVar("limit", default=None)
 
 
 @contextmanager
-def time_limit(seconds: float) -> Iterator[None]:
+def time_limit(seconds: float) -> Iterator[Limit]:
     """Limit what is done within; a limit around it holds as well.
 
     Args:
         seconds: Time from now on [s]. Zero asks for the first answer that can be given.
     """
-    outer = _end.set(min(_end.get(), monotonic() + seconds))
+    outer = _limit.get()
+    end = monotonic() + seconds
+    own = Limit(end if outer is None else min(outer.end, end))
+    before = _limit.set(own)
     try:
-        yield
+        yield own
     finally:
-        _end.reset(outer)
+        _limit.reset(before)
+        if outer is not None:
+            # A first answer that was asked for is whole.
+            outer.cut |= own.cut and seconds > 0
 
 
 def time_left() -> float:
     """Time until the limit [s], zero after it; infinite without a limit."""
-    return max(0.0, _end.get() - monotonic())
+    limit = _limit.get()
+    return np.inf if limit is None else max(0.0, limit.end - monotonic())
 
 
 def out_of_time() -> bool:
     """Whether the time is over: leave with the best so far."""
-    return time_left() <= 0.0
+    limit = _limit.get()
+    if limit is None or time_left() > 0.0:
+        return False
+    limit.cut = True
+    return True

@@ -1,10 +1,13 @@
 """Questions without a robot: problems of arrays, and regions of points."""
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import criteria
 from edtk.certificate.region_certificate import region_certificate
+from edtk.certificate.verify_exact import has_whole_plans
+from edtk.certificate.verify_problem import verify_problem
 from edtk.design.enclosure.prove_region import prove_region
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.counts.relax_within import relax_within
@@ -67,7 +70,11 @@ class OfProblem(Question):
         if self._has_ranges:
             found = self._plan_over_ranges(call, solve)
         else:
-            found = solve(self.problem, self._criterion(call.criterion))
+            criterion = self._criterion(call.criterion)
+            if call.certificate is not None and not has_whole_plans(criterion.name):
+                message = f"whole plans for {criterion.name} have none; leave it out"
+                raise ArgumentError(message, argument="certificate")
+            found = solve(self.problem, criterion)
         files.write(lambda: found.to_frame().reset_index(), lambda: _certificate(found))
         return found
 
@@ -83,9 +90,7 @@ class OfProblem(Question):
             found = over_ranges(self.problem, _asked(call.criterion), solve)
         else:
             found = solve(self.problem, self._criterion(call.criterion))
-        files.write(
-            lambda: found.to_frame().reset_index(), lambda: json_text(found.to_dict()) + "\n"
-        )
+        files.write(lambda: found.to_frame().reset_index(), lambda: _proof(found))
         return found
 
     @property
@@ -184,6 +189,25 @@ def _best(model: Problem | Region, criterion: criteria.Criterion) -> float:
     if isinstance(model, Problem):
         return relax(model, criterion).value
     return relax_region(model, criterion, POINTS).value
+
+
+def _proof(found: Relaxation) -> str:
+    """The certificate of weights as a text.
+
+    Raises:
+        ArgumentError: The second implementation does not confirm it.
+    """
+    content = json_text(found.to_dict()) + "\n"
+    assert found.problem is not None
+    claims = verify_problem(json.loads(content), found.problem).claims
+    open_claims = [f"{one.claim}: {one.reason}" for one in claims if not one.holds]
+    if open_claims:
+        message = (
+            f"rounding leaves the check no digits to confirm the weights ({open_claims[0]}); leave "
+            "it out, or centre the variables"
+        )
+        raise ArgumentError(message, argument="certificate")
+    return content
 
 
 def _certificate(found: ProblemPlan) -> str:

@@ -103,15 +103,17 @@ REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
 }
 
 
-def seconds_for(prove: object) -> float:
-    """The time for a proof [s].
+def seconds_for(given: object, argument: str = "prove") -> float:
+    """The time for a proof, or another argument [s]; infinite for None.
 
     Raises:
         ArgumentError: It is no number of seconds.
     """
-    if isinstance(prove, bool) or not isinstance(prove, Real) or not float(prove) >= 0:
-        raise ArgumentError("expected seconds, zero or more", argument="prove", given=prove)
-    return float(prove)
+    if given is None:
+        return inf
+    if isinstance(given, bool) or not isinstance(given, Real) or not float(given) >= 0:
+        raise ArgumentError("expected seconds, zero or more", argument=argument, given=given)
+    return float(given)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,7 +153,7 @@ class PlanCall:
     @property
     def seconds(self) -> float:
         """The time for bound and plan together [s]; infinite without a budget."""
-        return inf if self.budget is None else self.budget
+        return seconds_for(self.budget, "budget")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,6 +17,7 @@ from edtk.study.study_run import KINDS, StudyRun, run_files
 from edtk.system.arguments import checked
 from edtk.system.errors import UserError
 from edtk.system.files import Content, FolderLock, made_folder, sweep, write_files
+from edtk.system.time_limit import time_limit
 from edtk.verbs.inputs import (
     StudyLike,
     errors_in,
@@ -26,7 +27,10 @@ from edtk.verbs.inputs import (
 )
 from edtk.verbs.of_kinds import of_study
 from edtk.verbs.of_studies import OfStudy
+from edtk.verbs.question import seconds_for
 
+REPORT_S = 2.0  # that tables, certificates and pictures of a run of the KR 270 take [s]
+REPORT_SHARE = 0.25  # of a budget, at most, that is left for them
 # Names of files that a run writes; others in the folder are left alone.
 PLAN = rf"({'|'.join(KINDS)})_(.+_)?m\d+(_k\d+)?"
 WRITTEN = re.compile(
@@ -43,11 +47,13 @@ def run(
     workers: int | None = None,
     dask: str | None = None,
     fresh: bool = False,
+    budget: float | None = None,
     progress: Progress = no_progress,
 ) -> StudyRun:
     """Optimise plans for every criterion and size of a study, compare them, and write the report.
 
-    A run that was killed goes on from its finished cases when it is called again.
+    A run that was killed, or whose budget was over, goes on from its finished cases when it is
+    called again.
 
     Args:
         study: A study, or the path of a study file.
@@ -56,6 +62,9 @@ def run(
         workers: Processes on this machine; defaults to one a core.
         dask: Address of a Dask scheduler (tcp://HOST:PORT) whose workers do the work instead.
         fresh: Whether to begin anew, whatever is finished.
+        budget: Seconds for bounds, plans and report together [s]: the best so far are compared
+            then. The largest plan for the main criterion comes first and is waited for. What was
+            cut off is searched anew by the next run. Defaults to no limit.
         progress: Called with a label as each step is done, and the share of the steps so far.
 
     Returns:
@@ -64,6 +73,7 @@ def run(
     Raises:
         UserError: One line that says what cannot be done, and where.
     """
+    limit = seconds_for(budget, "budget")
     asked = of_study(study)
     question = asked.study
     folder = _folder(question) if out is None else Path(out)
@@ -72,7 +82,10 @@ def run(
     _require_apart(question, folder)
     with workers_for(workers, dask) as pool, errors_in(question.where), _alone_in(folder):
         options = RunOptions(workers=pool, progress=progress)
-        found = run_study(question, folder, fresh=fresh, options=options, designs_of=asked.designs)
+        with time_limit(limit - min(REPORT_S, REPORT_SHARE * limit)):
+            found = run_study(
+                question, folder, fresh=fresh, options=options, designs_of=asked.designs
+            )
         files = run_files(found) | _certificates(asked, found) | comparison_files(found)
         write_files(files)
         for path in _of_earlier_runs(folder):

@@ -503,3 +503,59 @@ def test_nearly_dependent_parameters():
     assert edtk.verify(content, rows).valid
     content["inner"]["Z"][0][0][0] *= 2
     assert not edtk.verify(content, rows).valid
+
+
+def far_units(name, rng):
+    """Candidates whose columns are up to a hundred decades apart, with a criterion about them."""
+    p = int(rng.integers(2, 7))
+    A = rng.normal(size=(p + 6, int(rng.integers(1, 4)), p))
+    units = 10.0 ** rng.uniform(-50, 50, p)
+    if name in ("c", "I"):
+        # Only what the parameters say together has a size, so that all share a unit.
+        units = np.full(p, 10.0 ** rng.uniform(-90, 90))
+    A = A * units
+    if name == "Ds":
+        chosen = rng.normal(size=(p, int(rng.integers(1, p + 1))))
+        return A, criteria.create("Ds", interest=chosen)
+    if name == "c":
+        return A, criteria.create("c", c=A[0, 0] + A[1, 0])
+    if name == "I":
+        return A, criteria.create("I", points=A[:2, 0] * rng.normal(size=(2, 1)))
+    return A, criteria.create(name)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("name", ["D", "O1", "Ds", "c", "I"])
+def test_units_cost_no_digits(name, seed):
+    """In whatever units, a certificate is confirmed, and none whose numbers are 1e-6 better."""
+    A, criterion = far_units(name, np.random.default_rng([5, seed]))
+    content = json.loads(json.dumps(edtk.relax(edtk.Problem(A), criterion).to_dict()))
+    assert is_valid(content, A)
+    for keys in (["value"], ["bound"], ["value", "bound"]):
+        forged = copy.deepcopy(content)
+        for key in keys:
+            by = -1e-6 if keys == ["bound"] else 1e-6
+            forged[key] = better(forged[key], sense_of(content), by)
+        assert not is_valid(forged, A)
+    forged = copy.deepcopy(content)
+    Z = np.array(forged["multipliers"])
+    forged["multipliers"] = (Z + 1e-6 * np.eye(Z.shape[1]) * np.diagonal(Z[0])).tolist()
+    forged.get("inner", {}).get("Z", [[[0.0]]])[0][0][0] *= 1 + 1e-6
+    assert not is_valid(forged, A) or "inner" not in content
+
+
+def test_what_the_check_does_not_confirm_is_not_written(tmp_path):
+    """Where rounding leaves no digits, or nobody checks whole plans, the writer says so."""
+    rng = np.random.default_rng(0)
+    A = rng.normal(size=(9, 2, 5))
+    A[:, :, -1] = A[:, :, 0] + 1e-11 * A[:, :, -1]
+    path = tmp_path / "proof.json"
+    precision = (A.reshape(-1, 5).T @ A.reshape(-1, 5)) * 1e-3
+    bayes = criteria.create("bayes_A", precision=0.5 * (precision + precision.T))
+    with pytest.raises(UserError, match="certificate: rounding leaves the check no digits"):
+        edtk.relax(edtk.Problem(A), bayes, certificate=path)
+    both = criteria.create("compound", criteria=["A", "D"])
+    line = edtk.Problem(np.vander(np.linspace(-1, 1, 5), 2)[:, None, :])
+    with pytest.raises(UserError, match="certificate: whole plans for compound have none"):
+        edtk.plan(line, 3, both, prove=1.0, certificate=path)
+    assert not path.exists()

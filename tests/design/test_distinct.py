@@ -62,3 +62,19 @@ def test_distinct_stops_early():
     for most in (1, 7, len(chosen), 1000):
         fewer = distinct(problem.blocks(), T, 0.5, most)
         np.testing.assert_array_equal(fewer, chosen[:most])
+
+
+def test_no_more_are_looked_at_than_are_asked_for():
+    """Of many parameters each takes a while, in which nobody hears Ctrl-C: they come one by one."""
+    rng = np.random.default_rng(0)
+    asked = []
+
+    def blocks():
+        for i in range(1000):
+            asked.append(i)
+            rows = rng.normal(size=(2, 40))
+            yield rows.T @ rows
+
+    chosen = distinct(blocks(), np.eye(40), 1e-6, most=5)
+    assert chosen.tolist() == [0, 1, 2, 3, 4]
+    assert len(asked) <= 6

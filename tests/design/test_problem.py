@@ -322,6 +322,7 @@ def test_units_make_no_candidates_deficient(blocks, spread):
     Problem(np.repeat(blocks * units, 3, axis=0)).require_identifiable()
 
 
+@pytest.mark.slow
 def test_example():
     """The example in the docstring runs and prints what it says."""
     result = doctest.testmod(import_module("edtk.design.problem"))

@@ -48,6 +48,7 @@ def test_a_narrow_range_has_the_design_of_two_points():
     assert design.worst.value == pytest.approx(efficiency, rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limits", [(0.05, 2.0), (0.2, 0.9)])
 def test_the_worst_theta_is_that_of_a_fine_grid(limits):
     """No K of 2,001 is worse than what the search says, and no design beats the bound.
@@ -63,6 +64,7 @@ def test_the_worst_theta_is_that_of_a_fine_grid(limits):
     assert design.worst.value <= 1 / design.bound * (1 + 1e-9)
 
 
+@pytest.mark.slow
 def test_the_design_for_ranges_is_that_of_a_long_list():
     """Twenty theta in a box have a design that is hardly better at its worst of them."""
     box = {"top": 1.0, "b": (0.5, 2.0), "c": (0.2, 0.4)}
@@ -77,6 +79,7 @@ def test_the_design_for_ranges_is_that_of_a_long_list():
     assert 1 / long.value >= design.worst.value * (1 - 1e-5)
 
 
+@pytest.mark.slow
 def test_a_plan_over_ranges_is_as_good_as_all_plans():
     """Of all plans of four experiments on seven doses, by the least efficiency on a fine grid."""
     from itertools import combinations_with_replacement
@@ -98,6 +101,7 @@ def test_a_plan_over_ranges_is_as_good_as_all_plans():
     assert max(values) * 4 <= 1 / plan.bound * 4**2 * (1 + 1e-9)
 
 
+@pytest.mark.slow
 def test_atkinson_and_fedorov_tell_exponentials_from_a_parabola():
     """Their first example: Biometrika 62 (1975) 57-70, with points and weights to three digits."""
     x = np.union1d(np.linspace(-1, 1, 101), [-0.669, 0.144, 0.957])
@@ -116,6 +120,7 @@ def test_atkinson_and_fedorov_tell_exponentials_from_a_parabola():
     assert 1 / design.bound == pytest.approx(design.worst.value, rel=2e-5)
 
 
+@pytest.mark.slow
 def test_the_least_deviance_is_the_square_of_the_best_approximation():
     """Of a rival that is linear in its parameters (Dette and Titoff, Ann. Stat. 37, 2009)."""
     x = np.linspace(0.1, 5, 60)
@@ -134,6 +139,7 @@ def test_the_least_deviance_is_the_square_of_the_best_approximation():
     assert edtk.relax(halved).worst.value == pytest.approx(error**2 / 4, rel=2e-5)
 
 
+@pytest.mark.slow
 def test_the_equivalence_theorem_of_rivals():
     """At the rival's fitted parameters no candidate has more deviance than the design."""
     x = np.linspace(0.1, 5, 50)
@@ -153,6 +159,7 @@ def test_the_equivalence_theorem_of_rivals():
     assert 1 / design.bound <= design.worst.value * (1 + 2e-5)
 
 
+@pytest.mark.slow
 def test_nested_models_have_the_design_of_ds():
     """A parabola is told from a line by a quarter, a half and a quarter."""
     x = np.linspace(-1, 1, 41)
@@ -217,6 +224,7 @@ def test_counts_are_told_from_a_constant():
     assert design.weights[[0, -1]] == pytest.approx([1 - best.x, best.x], abs=5e-3)
 
 
+@pytest.mark.slow
 def test_a_plan_tells_rivals():
     """Eight experiments on a line: two, four and two; its certificate is that of the list."""
     x = np.linspace(-1, 1, 11)

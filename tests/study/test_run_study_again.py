@@ -1,5 +1,6 @@
 """Runs that are killed, interrupted or repeated, and folders with files of other runs."""
 
+import itertools
 import json
 import shutil
 import signal
@@ -9,14 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 from arm import arm
+from click.testing import CliRunner
 from forked_command import ForkedCommand
+from loaded_arm import STUDY
 
+from edtk.cli import main
 from edtk.study.checkpoint import Checkpoint, checkpoint_of
 from edtk.study.plan_study import RunOptions
-from edtk.study.run_study import run_study
+from edtk.study.run_study import NOT_BEGUN, run_study
 from edtk.study.study import load_study
-from edtk.study.study_run import run_files
+from edtk.study.study_run import TOLERANCE, run_files
+from edtk.system import time_limit
 from edtk.system.errors import UserError
+from edtk.verbs.of_kinds import of_study
 from edtk.verbs.run import run
 
 pytestmark = pytest.mark.slow
@@ -61,6 +67,58 @@ def wait_for(process, there):
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < end
         time.sleep(0.02)
+
+
+STUDIES = {
+    "springs": arm(sizes=[3, 4], optimise=["A", "D"]),
+    "parameters": STUDY.replace(sizes=[4], optimise=["rho0", "D"], starts=1),
+}
+
+
+@pytest.mark.cell("`run --budget`", "springs", "parameters")
+@pytest.mark.parametrize("kind", STUDIES)
+def test_a_run_within_a_budget_goes_on(kind, tmp_path, monkeypatch):
+    """Wherever the time ends there is a largest plan for the main criterion that no bound excludes,
+    what was finished is kept, and runs that go on end with the bytes of one without a budget.
+
+    Each look at the clock takes a second, so that nothing depends on the machine.
+    """
+    study = load_study_of(STUDIES[kind], tmp_path)
+    designs_of = of_study(study).designs
+    whole = run_study(study, tmp_path / "whole", designs_of=designs_of)
+    out = tmp_path / "out"
+    looks = itertools.count()
+    monkeypatch.setattr(time_limit, "monotonic", lambda: float(next(looks)))
+    kept = []
+    for budget in (0, 100, *range(300, 3000, 300), 100_000):
+        with time_limit.time_limit(budget):
+            found = run_study(study, out, designs_of=designs_of)
+        kept.append(len(list(out.glob("cases/*"))))
+        assert found.best.experiments == max(study.specification.sizes)
+        for name in found.relaxations:
+            assert found.table[f"efficiency_{name}"].max() <= 1 + TOLERANCE
+        is_short = (found.table["reason"] == NOT_BEGUN).any()
+        assert found.ended == ("budget" if found.cut else "finished")
+        assert found.cut or not is_short
+    assert kept == sorted(kept)
+    assert kept[0] == 0
+    assert len(set(kept)) > 2
+    assert not found.cut
+    assert {k.name: v for k, v in run_files(found).items()} == {
+        k.name: v for k, v in run_files(whole).items()
+    }
+    assert_same(out / "cases", tmp_path / "whole" / "cases")
+
+
+def test_the_end_of_a_budget_is_said(tmp_path):
+    """The command writes a report that says so, ends well, and says how to go on."""
+    study = load_study_of(arm(sizes=[3], optimise=["D"]), tmp_path)
+    words = ["run", study.path, "--out", tmp_path / "out", "--workers", 1, "--budget", 1e-3]
+    result = CliRunner().invoke(main, [str(word) for word in words])
+    assert result.exit_code == 0
+    assert "the budget ended the run; these are the best plans so far" in result.stderr
+    assert "The time for this run was over" in (tmp_path / "out" / "report.md").read_text()
+    assert (tmp_path / "out" / "plans" / "optimised_D_m3.csv").exists()
 
 
 def test_killed_run_goes_on(tmp_path):

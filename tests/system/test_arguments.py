@@ -1,6 +1,7 @@
 """Arguments are held against the types that a signature names."""
 
 import math
+import traceback
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
@@ -10,8 +11,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import edtk
 from edtk.system.arguments import checked
 from edtk.system.errors import ArgumentError
+
+ROOT = Path(edtk.__file__).parents[1]
 
 
 @checked
@@ -92,3 +96,68 @@ def test_a_call_keeps_its_own_errors():
     """An argument that does not exist is Python's error."""
     with pytest.raises(TypeError, match="unexpected keyword argument 'nothing'"):
         call(nothing=3)
+
+
+LINE = np.stack([np.ones(5), np.linspace(-1, 1, 5)], axis=-1)[:, None, :]
+CALLS: dict[str, tuple[Callable[..., object], dict[str, Any]]] = {
+    "apportion": (edtk.apportion, {"weights": [0.5, 0.5], "m": 4}),
+    "exchange": (
+        edtk.exchange,
+        {
+            "problem": edtk.Problem(LINE),
+            "criterion": edtk.criteria.create("D"),
+            "start": [1, 2],
+            "repeats": None,
+            "shortlists": (16, 64),
+            "thorough": True,
+        },
+    ),
+    "Problem": (edtk.Problem, {"blocks": LINE, "sigma": 1.0, "parameters": None, "prior": None}),
+    "of_information": (edtk.Problem.of_information, {"packed": edtk.Problem(LINE).packed}),
+    "from_frame": (
+        edtk.Problem.from_frame,
+        {"frame": pd.DataFrame({"x": [0.0, 1.0, 2.0]}), "formula": "x", "experiment": None},
+    ),
+    "of_model": (
+        edtk.Problem.of_model,
+        {"f": "a * x + b", "theta": {"a": 1.0, "b": 2.0}, "candidates": [0.0, 0.5, 1.0]},
+    ),
+    "Region": (edtk.Region, {"rows": lambda x: x[:, None, :], "low": -1.0, "high": 1.0}),
+    "Plan": (
+        edtk.Plan,
+        {"q": np.zeros((2, 3)), "wrench": np.zeros((2, 6)), "repeats": np.ones(2, dtype=int)},
+    ),
+    "several_models": (edtk.several_models, {"problems": [edtk.Problem(LINE)]}),
+    "strata": (edtk.Errors.strata, {"groups": {"day": 2}, "variance": 1.0}),
+    "trend": (edtk.Errors.trend, {"order": 1, "variance": 1.0, "series": 1}),
+    "create": (edtk.criteria.create, {"name": "D"}),
+}
+ODD = [
+    None, -1, 2.5, math.nan, "text", b"x", [], [1, 2], [[1], [2, 3]], {"a": 1}, object(), True,
+    np.zeros(3), np.zeros((2, 2)), np.zeros((0, 2, 2)), np.array(["a", "b"]), np.array([object()]),
+    pd.DataFrame({"x": [1.0, 2.0]}), int, 10**400, np.full((3, 1, 2), np.nan), [None, 1], 1e308,
+]  # fmt: skip
+
+
+def refusal(call, arguments):
+    """The error that refuses arguments, in one of the ways of the house; None if they are taken."""
+    try:
+        call(**arguments)
+    except (ValueError, edtk.criteria.CriterionError) as error:
+        return error
+    return None
+
+
+@pytest.mark.parametrize("name", CALLS)
+@pytest.mark.filterwarnings("ignore")
+def test_no_argument_of_a_public_call_is_left_to_a_library(name):
+    """Whatever is given is taken, or refused by a line of ours that says what was expected."""
+    call, good = CALLS[name]
+    for argument in good:
+        for given in ODD:
+            error = refusal(call, good | {argument: given})
+            if error is not None:
+                frames = traceback.extract_tb(error.__traceback__)
+                ours = Path(frames[-1].filename).is_relative_to(ROOT)
+                assert ours, (argument, given, error)
+                assert "\n" not in str(error)

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 
@@ -32,3 +34,16 @@ def test_a_signal_need_not_wait_for_the_call() -> None:
     finally:
         done.set()
         signal.signal(signal.SIGINT, before)
+
+
+def test_an_interruption_in_a_text_that_is_run_ends_with_the_code() -> None:
+    """Ctrl-C while a dataclass is made, whose text Python runs, ends with 130 and no signal."""
+    code = (
+        "from edtk.system.interruptible import leave\n"
+        "try:\n"
+        "    exec('raise KeyboardInterrupt')\n"
+        "except KeyboardInterrupt:\n"
+        "    leave(130)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=False)
+    assert done.returncode == 130

@@ -40,3 +40,19 @@ def test_a_limit_is_of_one_thread() -> None:
         thread.start()
         thread.join()
     assert left == [np.inf]
+
+
+def test_who_was_told_that_time_is_over_is_cut() -> None:
+    """A limit knows of it, and those around it do; a first answer that was asked for is whole."""
+    with time_limit(100.0) as whole:
+        with time_limit(0.0) as first:
+            assert out_of_time()
+        assert first.cut
+        assert not whole.cut
+        with time_limit(1e-9) as share:
+            assert out_of_time()
+        assert share.cut
+        assert whole.cut
+    with time_limit(100.0) as unhurried:
+        assert not out_of_time()
+    assert not unhurried.cut

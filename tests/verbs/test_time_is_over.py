@@ -65,7 +65,9 @@ def begun(
 
     def counted(name: str, own: Callable[..., Any]) -> Callable[..., Any]:
         def call(*arguments: Any, **options: Any) -> Any:
-            found[name].append(time_limit._end.get() - clock.now)
+            limit = time_limit._limit.get()
+            assert limit is not None
+            found[name].append(limit.end - clock.now)
             return own(*arguments, **options)
 
         return call

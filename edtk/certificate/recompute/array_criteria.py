@@ -30,6 +30,7 @@ from edtk.certificate.recompute.arrays import (
     Proof,
     Side,
     balance_bound,
+    independent,
     log_volume,
     same_multipliers,
 )
@@ -37,7 +38,7 @@ from edtk.certificate.recompute.candidates import PER_CUBE, PER_SQUARE, require
 from edtk.certificate.recompute.lower_bound import Multipliers
 from edtk.certificate.recompute.plain_data import number, numbers, rows, text
 from edtk.certificate.recompute.weight_limits import WeightLimits
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 
 FORMS = {
     "A": ("sum", 1.0),
@@ -96,6 +97,8 @@ class Part:
         q: The order of phi; else one.
         groups: The group (s,) of each column, of those of which the worst counts.
         needs_all: Whether a plan must tell all parameters, even those that no combination has.
+        logs: Of a volume, the logarithm of what its combinations are beside K, times their number.
+        lost: Bound on the rounding of that.
     """
 
     form: str
@@ -104,11 +107,25 @@ class Part:
     q: float
     groups: Array
     needs_all: bool = False
+    logs: float = 0.0
+    lost: float = 0.0
 
     @property
     def degree(self) -> float:
         """How the cost shrinks: ``cost(c M) = c^-degree cost(M)``."""
         return 0.5 if self.form == "lengths" else self.power
+
+    @property
+    def is_volume(self) -> bool:
+        """Whether it is that of a volume."""
+        return self.form == "volume"
+
+    def scaled(self, units: Indices) -> "Part":
+        """The same for parameters k' with ``k = 2^units k'``."""
+        if self.form != "volume":
+            return replace(self, K=np.ldexp(self.K, units[:, None]))
+        K, logs, lost = independent(self.K, units)
+        return replace(self, K=K, logs=logs, lost=lost)
 
     @classmethod
     def of(cls, given: Any, p: int) -> "Part":
@@ -128,13 +145,13 @@ class Part:
     def cost(self, design: Design) -> tuple[float, float]:
         """The cost, and one that it is not above, whatever rounding did; infinite if unknown."""
         side = design.frame.side(self.K)
-        if not design.root.tells(side.J):
+        if not design.root.tells(side.J, side.digits):
             return math.inf, math.inf
         longer = 1 + design.blur
         if self.form == "volume":
             logs, error = self._log_volume(side, design)
-            found = math.exp(logs)
-            return found**self.power, (found * math.exp(error) * longer) ** self.power
+            found, most = np.exp((logs, logs + error)).tolist()
+            return found**self.power, (most * longer) ** self.power
         L, lost = side.deviations(design.root.W)
         if self.form == "worst":
             own = float(np.bincount(self.groups, np.square(L).sum(axis=1)).max())
@@ -146,6 +163,8 @@ class Part:
     def _log_volume(self, side: Side, design: Design) -> tuple[float, float]:
         """The logarithm of the volume, and a bound on its rounding."""
         Q, logs, error = side.volume
+        logs += self.logs
+        error += self.lost + EPS * (abs(logs) + abs(self.logs))
         s = self.K.shape[1]
         W = design.root.W
         if W.shape[1] == s == len(W):
@@ -181,7 +200,7 @@ class Part:
         side = frame.side(self.K)
         s = self.K.shape[1]
         if self.form == "volume":
-            found = s * math.exp(2 * self._log_least(side, F) / s)
+            found = s * float(np.exp(2 * self._log_least(side, F) / s))
         elif self.form == "worst":
             found = self._of_worst(side, F, shares)
         else:
@@ -198,7 +217,9 @@ class Part:
         if Q.shape[0] == Q.shape[1]:
             length = np.linalg.norm(F, axis=0)
         scaled = scaled / length
-        logs += float(np.log(length).sum())
+        logs += float(np.log(length).sum()) + self.logs
+        size = abs(logs) + abs(self.logs) + float(np.abs(np.log(length)).sum())
+        error += self.lost + 2 * EPS * size
         lost = 16 * len(F) * EPS * np.linalg.norm(F / length if len(length) == len(Q) else F)
         s = np.linalg.svd(scaled, compute_uv=False) - lost
         return logs - error + float(np.log(s).sum()) if s[-1] > 0 else -math.inf
@@ -307,6 +328,11 @@ class Several:
     best: Array
     weights: Array | None
     degree = 1.0
+    is_volume = False
+
+    def scaled(self, units: Indices) -> "Several":
+        """The same for parameters k' with ``k = 2^units k'``."""
+        return replace(self, parts=[part.scaled(units) for part in self.parts])
 
     @classmethod
     def of(cls, given: Any, p: int) -> "Several":
@@ -477,10 +503,10 @@ def recompute(
         precision = numbers(given["precision"], (p, p), "criterion.precision")
         candidates = candidates.with_prior(0.5 * (precision + precision.T))
         given = {"name": name.removeprefix("bayes_")}
-    power = candidates.power
-    candidates = candidates.scaled(power)
-    frame = Frame.of_candidates(candidates)
     if name in BALANCES:
+        power = candidates.power
+        candidates = candidates.scaled(power)
+        frame = Frame.of_candidates(candidates)
         degree = 0.0 if name == "O2" else 0.5
         cost, most = _balance(name, Design.of(candidates, frame, weights), candidates, weights)
         framed = _framed(candidates, multipliers, inner, along_axes=True)
@@ -492,6 +518,15 @@ def recompute(
         kind = Several if given["name"] in SEVERAL else Part
         about: Whole = kind.of(given, candidates.p)
         degree = about.degree
+        # A volume is told by its logarithm, whatever the units.
+        power = 0 if about.is_volume else candidates.power
+        candidates = candidates.scaled(power)
+        units = candidates.units
+        candidates = candidates.scaled(units)
+        about = about.scaled(units)
+        multipliers = np.ldexp(multipliers, -units[:, None] - units)
+        inner = None if inner is None else (np.ldexp(inner[0], -units[:, None]), inner[1])
+        frame = Frame.of_candidates(candidates)
         cost, most = about.cost(Design.of(candidates, frame, weights))
         proved = _proved(
             lambda: _monotone_bound(
@@ -542,7 +577,7 @@ def _balance(
 ) -> tuple[float, float]:
     """The cost of O2 or O4, and one that it is not above: extreme singular values of the rows."""
     side = design.frame.side(np.eye(candidates.p))
-    if not design.root.tells(side.J):
+    if not design.root.tells(side.J, side.digits):
         return math.inf, math.inf
     L, lost = side.deviations(design.root.W)
     longest = float(np.linalg.norm(L, 2))
@@ -573,9 +608,7 @@ def _framed(
     if inner is not None:
         if not same_multipliers(multipliers, *inner):
             raise ValueError("inner: not the multipliers that are stated")
-        # A power of two changes no digit; far from one, squares would leave the numbers.
-        _, exponent = np.frexp(np.abs(inner[0]).max())
-        return Frame(np.ldexp(inner[0], -exponent)), inner[1]
+        return Frame(inner[0]).at_order_one(candidates), inner[1]
     frame = Frame.of_axes(candidates) if along_axes else Frame.of_columns(candidates)
     # Any multiplier proves a bound, also one that rounding has changed on the way.
     own = np.linalg.inv(frame.T)

@@ -34,6 +34,7 @@ Long = NDArray[np.floating[Any]]
 LONG_EPS = float(np.finfo(LONG).eps)
 AT_ONCE = 2**18  # doubles of rows that are looked at together
 SWEEPS = 30  # of rotations; ten are the rule
+DIGITS = 4  # roundings of each number of a combination of rows, as it is given
 LOST = 1e3  # multiple of ``p eps`` up to which a singular value is rounding
 FAR = 1e-7  # ratio of singular values from which on a decomposition leaves no digits
 WELL = 1e3  # condition number of rows up to which their own parameters will do
@@ -93,18 +94,20 @@ class Candidates:
         """The same with more prior information (p, p)."""
         return replace(self, prior=self.prior + precision)
 
-    def scaled(self, power: int) -> "Candidates":
-        """The same in another unit of measurement: ``2^power`` times the rows."""
+    def scaled(self, power: int | Indices) -> "Candidates":
+        """The same in other units: ``2^power`` times the rows, or each of their columns (p,)."""
         squares = self.information
+        powers = np.broadcast_to(power, self.p)
+        both = powers[:, None] + powers
         return replace(
             self,
-            rows=np.ldexp(self.rows, power),
-            undivided=None if self.undivided is None else self._undivided(power),
-            information=None if squares is None else np.ldexp(squares, 2 * power),
-            prior=np.ldexp(self.prior, 2 * power),
+            rows=np.ldexp(self.rows, powers),
+            undivided=None if self.undivided is None else self._undivided(powers),
+            information=None if squares is None else np.ldexp(squares, both),
+            prior=np.ldexp(self.prior, both),
         )
 
-    def _undivided(self, power: int) -> tuple[Array, Array]:
+    def _undivided(self, power: Indices) -> tuple[Array, Array]:
         """What is divided, with ``2^power`` times the regressors."""
         assert self.undivided is not None
         given, sigma = self.undivided
@@ -145,6 +148,19 @@ class Candidates:
         largest = max(np.abs(self.rows).max(), np.abs(self.prior_rows).max())
         return -int(np.frexp(largest)[1])
 
+    @property
+    def units(self) -> Indices:
+        """The powers of two (p,) that bring the columns, with the prior, to a length near one."""
+        # The squares of small columns would be nothing.
+        largest = np.maximum(
+            np.abs(self.rows).max(axis=(0, 1)), np.abs(self.prior_rows).max(axis=0)
+        )
+        _, first = np.frexp(np.where(largest > 0, largest, 1.0))
+        squares = np.square(np.ldexp(self.rows, -first)).sum(axis=1).mean(axis=0)
+        squares = squares + np.square(np.ldexp(self.prior_rows, -first)).sum(axis=0)
+        _, second = np.frexp(np.sqrt(np.where(largest > 0, squares, 1.0)))
+        return np.asarray(-first - second)
+
     def parts(self) -> Iterator[slice]:
         """Parts of the candidates that are looked at together."""
         step = max(AT_ONCE // self.rows[0].size, 1)
@@ -174,16 +190,9 @@ class Frame:
     exact: bool = False
 
     @classmethod
-    def of_units(cls, lengths: Array) -> "Frame":
-        """Columns of these lengths (p,) become columns of a length near one."""
-        _, exponent = np.frexp(np.where(lengths > 0, lengths, 1.0))
-        return cls(np.diag(np.ldexp(np.ones(len(lengths)), -exponent)), exact=True)
-
-    @classmethod
     def of_columns(cls, candidates: Candidates) -> "Frame":
         """Columns of all candidates, and the prior, with a length near one."""
-        lengths = np.sqrt(np.square(candidates.rows).sum(axis=1).mean(axis=0))
-        return cls.of_units(np.hypot(lengths, np.linalg.norm(candidates.prior_rows, axis=0)))
+        return cls(np.diag(np.ldexp(np.ones(candidates.p), candidates.units)), exact=True)
 
     @classmethod
     def of_candidates(cls, candidates: Candidates) -> "Frame":
@@ -201,6 +210,17 @@ class Frame:
         """Parameters of independent rows along orthogonal axes, unless units are far apart."""
         s, V = _singular_values(candidates, np.ones(candidates.p))
         return cls(V.T / s) if s[-1] > FAR * s[0] else cls.of_columns(candidates)
+
+    def at_order_one(self, candidates: Candidates) -> "Frame":
+        """The same parameters in a unit, a power of two, in which rows are of order one.
+
+        No digit changes; far from one, squares would leave the numbers.
+        """
+        _, own = np.frexp(np.abs(self.T).max())
+        T = np.ldexp(self.T, -own)
+        largest = max(float(np.abs(A @ T).max()) for A in (*candidates.rows, candidates.prior_rows))
+        _, exponent = np.frexp(largest)
+        return replace(self, T=np.ldexp(T, -exponent))
 
     def rows(self, A: Array, sigma: Array | None = None) -> tuple[Array, Array]:
         """Rows ``A_i T`` (k, r, p) of rows (k, r, p), and bounds (k,) on their rounding.
@@ -226,13 +246,14 @@ class Frame:
 
     def side(self, K: Array) -> "Side":
         """``T'K`` (p, s) of combinations K (p, s)."""
+        sizes = np.abs(self.T).T @ np.abs(K)
         if self.exact:
             found = (np.diag(self.T)[:, None] * K).astype(LONG)
-            return Side(found, np.zeros(K.shape))
+            return Side(found, np.zeros(K.shape), DIGITS * EPS * sizes, (self.T, K))
         found = self.T.T.astype(LONG) @ K.astype(LONG)
-        error = len(K) * LONG_EPS * np.abs(self.T).T @ np.abs(K)
         chooses = np.isin(K, (0.0, 1.0)).all(axis=0) & (K.sum(axis=0) == 1)
-        return Side(found, np.where(chooses, 0.0, error))
+        error = np.where(chooses, 0.0, len(K) * LONG_EPS * sizes)
+        return Side(found, error, np.where(chooses, 0.0, DIGITS * EPS * sizes), (self.T, K))
 
 
 def _singular_values(candidates: Candidates, units: Array) -> tuple[Array, Array]:
@@ -253,10 +274,15 @@ class Side:
     Attributes:
         long: The matrix (p, s), in long numbers.
         wrong: Bounds (p, s) on its rounding.
+        digits: What the last digits of K make of its entries (p, s): a combination of rows, such as
+            what c-optimality is about, is rounded as it is given.
+        factors: T (p, p) and K (p, s).
     """
 
     long: Long
     wrong: Array
+    digits: Array
+    factors: tuple[Array, Array]
 
     @cached_property
     def J(self) -> Array:
@@ -270,7 +296,9 @@ class Side:
 
     def weighted(self, factors: Array) -> "Side":
         """The combinations times factors (s,)."""
-        return Side(self.long * factors, (self.wrong + EPS * np.abs(self.J)) * factors)
+        wrong = (self.wrong + EPS * np.abs(self.J)) * factors
+        T, K = self.factors
+        return Side(self.long * factors, wrong, self.digits * factors, (T, K * factors))
 
     def roots(self, F: Array) -> Array:
         """Singular values (s,) of ``F J``, F (k, p), descending, and lowered by their rounding."""
@@ -290,12 +318,15 @@ class Side:
     def volume(self) -> tuple[Array, float, float]:
         """Q (p, s) and ``log |det R|`` with ``Q R = J``, and a bound on its rounding.
 
-        Of a square J, Q is the identity. Else Gram and Schmidt's steps, each done twice, are taken
-        in long numbers, as combinations of independent parameters may be nearly dependent.
+        Of a square J, Q is the identity, and the determinant that of T times that of K, which both
+        may be far from singular where J is not. Else Gram and Schmidt's steps, each done twice, are
+        taken in long numbers, as combinations of independent parameters may be nearly dependent.
         """
         p, s = self.J.shape
         if p == s:
-            return np.eye(p), *log_volume(self.J)
+            T, K = map(log_volume, self.factors)
+            found = (T[0] + K[0], T[1] + K[1])
+            return np.eye(p), *min(found, log_volume(self.J), key=lambda one: one[1])
         length = np.linalg.norm(self.J, axis=0)
         Q = self.long / length
         R = np.zeros((s, s), dtype=LONG)
@@ -309,7 +340,45 @@ class Side:
         relative = 8 * p * LONG_EPS + float(np.linalg.norm(self.wrong / length))
         relative *= float(np.linalg.cond(R.astype(float)))
         logs = float(np.log(np.diag(R)).sum()) + float(np.log(length).sum())
-        return Q.astype(float), logs, s * (relative + 8 * p * EPS)
+        size = float(np.abs(np.log(np.diag(R))).sum() + np.abs(np.log(length)).sum())
+        return Q.astype(float), logs, s * (relative + 8 * p * EPS) + 2 * EPS * size
+
+
+def independent(K: Array, units: Indices) -> tuple[Array, float, float]:
+    """L (p, s), ``log |det G|`` with ``diag(2^units) K = L G``, and a bound on its rounding.
+
+    Units that are far apart make combinations nearly parallel. Gauss' elimination of columns, in
+    long numbers and with the largest entry as each pivot, leaves entries of one at most in L, whose
+    columns are far from each other. A row has one unit, so that what rounds in a row is small
+    beside that row; by Cauchy and Binet a volume changes no more than the minors that count, of
+    which that of the pivots is the largest.
+    """
+    p, s = K.shape
+    A = K.astype(LONG)
+    L = np.zeros((p, s))
+    pivots: list[int] = []
+    logs = size = 0.0
+    left = list(range(s))
+    for k in range(s):
+        with np.errstate(divide="ignore"):
+            heights = np.log2(np.abs(A[:, left])) + units[:, None]
+        i, chosen = np.unravel_index(int(heights.argmax()), heights.shape)
+        j = left.pop(int(chosen))
+        pivot = A[i, j]
+        if pivot == 0:
+            return L, -math.inf, 0.0
+        own = A[:, j] / pivot
+        L[:, k] = np.ldexp(own, units - units[i])
+        part = float(np.log(np.abs(pivot))) + float(units[i]) * math.log(2)
+        logs += part
+        size += abs(part)
+        A[:, left] -= own[:, None] * A[i, left]
+        A[i, left] = 0
+        pivots.append(int(i))
+    minor = K[pivots] / np.abs(K[pivots]).max(axis=1, keepdims=True)
+    minor = minor / np.linalg.norm(minor, axis=0)
+    lost = 8 * p * s**2 * LONG_EPS * float(np.linalg.cond(minor))
+    return L, logs, lost + s * p * EPS * float(np.linalg.cond(L)) + 2 * EPS * size
 
 
 def log_volume(J: Array) -> tuple[float, float]:
@@ -323,7 +392,7 @@ def log_volume(J: Array) -> tuple[float, float]:
 
 def _even_volume(J: Array) -> tuple[float, float]:
     """The same, in one of the ways."""
-    logs = 0.0
+    logs = size = 0.0
     unit = J
     for axis in (0, 1, 0, 1):
         length = np.linalg.norm(unit, axis=axis, keepdims=True)
@@ -331,7 +400,8 @@ def _even_volume(J: Array) -> tuple[float, float]:
             return -math.inf, 0.0
         unit = unit / length
         logs += float(np.log(length).sum())
-    error = 8 * len(J) ** 2 * EPS * float(np.linalg.cond(unit))
+        size += float(np.abs(np.log(length)).sum())
+    error = 8 * len(J) ** 2 * EPS * float(np.linalg.cond(unit)) + 2 * EPS * size
     return logs + float(np.linalg.slogdet(unit).logabsdet), error
 
 

@@ -485,7 +485,8 @@ class Replay:
         s = e.shape[1]
         if self.part.form == "volume":
             with np.errstate(divide="ignore"):
-                return np.asarray(s * np.exp(np.log(e).sum(axis=1) / s))
+                logs = np.log(e).sum(axis=1) + 2 * (self.part.logs - self.part.lost)
+                return np.asarray(s * np.exp(logs / s))
         if self.part.form == "sum":
             return np.asarray(np.sqrt(e).sum(axis=1) ** 2)
         if self.part.form == "longest":

@@ -120,12 +120,19 @@ class CovarianceRoot:
         is_known = s > 4 * np.sqrt(len(d) * EPS)
         return cls(V[is_known].T / s[is_known] / d[:, None], s[is_known], d, V[~is_known])
 
-    def tells(self, K: Array) -> bool:
-        """Whether combinations (p, s) have no part in the other directions, beyond rounding."""
+    def tells(self, K: Array, rounded: Array | float = 0.0) -> bool:
+        """Whether combinations (p, s) have no part in the other directions, beyond rounding.
+
+        Args:
+            K: The combinations.
+            rounded: What their last digits make of each entry, beside its own.
+        """
         scaled = K / self.d[:, None]
         outside = np.abs(self.hidden @ scaled).max(axis=0, initial=0.0)
         least = self.s.min(initial=1.0)
         allowed = 64 * len(self.d) * EPS / least**2 * np.linalg.norm(scaled, axis=0)
+        digits = np.abs(self.hidden) @ np.broadcast_to(rounded / self.d[:, None], K.shape)
+        allowed = allowed + digits.max(axis=0, initial=0.0)
         return bool(len(self.s) and (outside <= allowed).all())
 
 

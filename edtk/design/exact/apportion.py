@@ -4,10 +4,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria import Criterion
+from edtk.system.errors import real_numbers, whole_number
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices
 
 MOVES_AT_ONCE = 20_000  # their matrices, of some megabytes, stay in a core's cache
+MOST = 10**15  # experiments, all of whose numbers are exact as doubles
 GAIN = 1e-12  # relative improvement that counts: less than this may be rounding
 
 
@@ -29,16 +31,26 @@ def apportion(weights: ArrayLike, m: int) -> Indices:
         Numbers of experiments (n,), of sum m; points without weight have none.
 
     Raises:
-        ValueError: The weights or m are not of that kind.
+        ValueError: The weights or m are not of that kind; mostly the `ArgumentError` that names
+            them.
 
     Example:
         >>> import edtk
         >>> edtk.apportion([0.52, 0.31, 0.17], 10)
         array([5, 3, 2])
     """
-    w = np.asarray(weights, dtype=float)
-    if m < 1 or w.ndim != 1 or not np.isfinite(w).all() or (w < 0).any() or not w.any():
-        raise ValueError("apportion needs m >= 1 and non-negative weights that are not all zero")
+    w = real_numbers(weights, "weights")
+    m = whole_number(m, "m", 0)
+    if (
+        not 1 <= m <= MOST
+        or w.ndim != 1
+        or not np.isfinite(w).all()
+        or (w < 0).any()
+        or not w.any()
+    ):
+        raise ValueError(
+            f"apportion needs m from 1 to {MOST:.0e} and non-negative weights that are not all zero"
+        )
     support = np.flatnonzero(w)
     if len(support) > m:
         # A stable sort lets the first of equal weights win, so that the result is repeatable.

@@ -15,11 +15,14 @@ from edtk.design.exact.counts.pricing_for import search_for
 from edtk.design.exact.exchange_costs import ACCURATE, CandidatePrices, exchange_costs
 from edtk.design.problem import Problem
 from edtk.design.problems import absorb_prior
-from edtk.system.errors import UserError
+from edtk.system.arguments import checked
+from edtk.system.errors import ArgumentError, UserError, finite_numbers, real_numbers
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices, Mask
 
-EXCHANGES_AT_ONCE = 20_000  # their matrices, of some megabytes, stay in a core's cache
+# Their matrices, of some megabytes, stay in a core's cache, and take no second of many parameters.
+EXCHANGES_AT_ONCE = 20_000
+DOUBLES_AT_ONCE = 2**20
 GAIN = 1e-12  # relative improvement that counts: less than this may be rounding
 # Soft maximum whose gradient ranks the candidates for a criterion with kinks. A subgradient of the
 # criterion itself would rank them by one of several equal eigenvalues alone.
@@ -29,6 +32,7 @@ GUIDE_SHARPNESS = 30.0
 RIDGE = 1e-6
 
 
+@checked
 def exchange(
     problem: Problem,
     criterion: Criterion,
@@ -63,6 +67,7 @@ def exchange(
 
     Raises:
         UserError: A single plan stays singular: so few places cannot identify what is needed.
+        ArgumentError: An argument is not of this kind.
 
     Example:
         The best two of eleven points for a straight line are its ends.
@@ -74,9 +79,8 @@ def exchange(
         >>> sorted(x[places].tolist())
         [-1.0, 1.0]
     """
-    first = np.array(start, dtype=int)
-    times = np.ones(first.shape) if repeats is None else np.asarray(repeats, dtype=float)
-    times = np.broadcast_to(times, first.shape).reshape(-1, first.shape[-1])
+    first = _indices(start, problem.n)
+    times = _times(repeats, first.shape).reshape(-1, first.shape[-1])
     places = first.reshape(times.shape)
     problem, criterion = absorb_prior(problem, criterion, _size(times, criterion))
     found, settled = _settled(problem, criterion, places, times, thorough)
@@ -100,6 +104,41 @@ def exchange(
             f"no plan of {len(first)} places was found that identifies what {criterion.label} needs"
         )
     return found.reshape(first.shape), costs.reshape(first.shape[:-1])[()]
+
+
+def _indices(start: ArrayLike, n: int) -> Indices:
+    """Indices of n candidates (..., k).
+
+    Raises:
+        ArgumentError: They are none.
+    """
+    given = real_numbers(start, "start")
+    if not given.ndim or not given.size or not ((given >= 0) & (given < n)).all():
+        message = f"expected indices of candidates, from 0 to {n - 1}, one or more"
+        raise ArgumentError(message, argument="start")
+    found = given.astype(int)
+    if (found != given).any():
+        raise ArgumentError("expected whole numbers", argument="start")
+    return found
+
+
+def _times(repeats: ArrayLike | None, shape: tuple[int, ...]) -> Array:
+    """How often each place is measured (..., k).
+
+    Raises:
+        ArgumentError: They are no such numbers.
+    """
+    if repeats is None:
+        return np.ones(shape)
+    given = finite_numbers(repeats, "repeats")
+    try:
+        times = np.broadcast_to(given, shape)
+    except ValueError as error:
+        message = f"of shape {given.shape}; expected one number for each place, {shape}"
+        raise ArgumentError(message, argument="repeats") from error
+    if not (times >= 0).all():
+        raise ArgumentError("expected numbers from zero", argument="repeats")
+    return times
 
 
 def _size(times: Array, criterion: Criterion) -> float:
@@ -273,7 +312,8 @@ class _Search:
             changed[np.arange(len(changed)), where] = which
             return changed
         width = candidates.shape[1]
-        parts = min(width, max(1, width * len(of) // EXCHANGES_AT_ONCE))
+        at_once = min(EXCHANGES_AT_ONCE, DOUBLES_AT_ONCE // problem.p**2 + 1)
+        parts = min(width, max(1, width * len(of) // at_once))
         for part in np.array_split(candidates, parts, axis=1):
             # Plans that tell all need no exchange.
             if out_of_time() and np.isfinite(plans.costs).all():

@@ -372,7 +372,7 @@ class ModelDesign:
             beyond = beyond(self.support.values)
         try:
             Z = np.asarray(beyond, dtype=float)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise ArgumentError(message, argument="beyond") from error
         if Z.ndim != 2 or len(Z) != n or not np.isfinite(Z).all():
             raise ArgumentError(message, argument="beyond")

@@ -206,7 +206,7 @@ class VisitSearch:
         """Whether visits near each other share an error."""
         return self.space.noise is not None and self.space.noise.shares
 
-    def _until_spread(self) -> AbstractContextManager[None]:
+    def _until_spread(self) -> AbstractContextManager[object]:
         """Leave time to move visits apart, where they share an error."""
         return time_limit((SHARE_UNTIL_SPREAD if self._shares else 1.0) * time_left())
 

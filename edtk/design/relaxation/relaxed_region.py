@@ -100,11 +100,13 @@ def _require_moderate(problem: Problem) -> None:
         ArgumentError: They are not.
     """
     with np.errstate(over="ignore"):
-        size = float(np.trace(problem.mean))
-    if size != 0 and not SMALL < size < LARGE:
+        sizes = np.diag(problem.mean)
+    outside = sizes[(sizes != 0) & ~((sizes > SMALL) & (sizes < LARGE))]
+    if len(outside):
+        which = "they are" if len(outside) == len(sizes) else "one column is"
         raise ArgumentError(
-            f"they are of the order {np.sqrt(size):.0e}, in parts of the noise; expected 1e-50 to "
-            "1e50, in other units",
+            f"{which} of the order {np.sqrt(outside[0]):.0e}, in parts of the noise; expected "
+            "1e-50 to 1e50, in other units",
             argument="rows",
         )
 

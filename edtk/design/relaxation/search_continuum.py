@@ -469,5 +469,7 @@ def _most_sensitive(
 ) -> Array:
     """The experiments (size, v) of largest sensitivities (n,) that differ from each other."""
     order = np.argsort(-sensitivities, kind="stable")[: LIKE * size]
-    chosen = distinct(among.problem.blocks(order), T, different, most=size)
+    parts = (order[i : i + LIKE] for i in range(0, len(order), LIKE))
+    blocks = (block for part in parts for block in among.problem.blocks(part))
+    chosen = distinct(blocks, T, different, most=size)
     return among.x[order[chosen]]

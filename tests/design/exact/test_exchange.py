@@ -217,6 +217,24 @@ def test_chunks(monkeypatch):
     assert (parts[0].tolist(), parts[1]) == (whole[0].tolist(), whole[1])
 
 
+def test_costs_of_many_parameters_come_in_parts(monkeypatch):
+    """No call for costs holds more than some megabytes, so that Ctrl-C waits for none for long."""
+    module = import_module("edtk.design.exact.exchange")
+    sizes = []
+    own = module.exchange_costs
+
+    def costs(criterion, rest, joined, factors, times):
+        sizes.append(joined.size)
+        return own(criterion, rest, joined, factors, times)
+
+    monkeypatch.setattr(module, "exchange_costs", costs)
+    rng = np.random.default_rng(0)
+    problem = Problem(rng.normal(size=(600, 2, 40)))
+    exchange(problem, criteria.create("A"), rng.integers(0, 600, 22), [2] * 22, (16,))
+    assert len(sizes) > 10
+    assert max(sizes) <= 2 * module.DOUBLES_AT_ONCE
+
+
 @pytest.mark.parametrize("name", ["rho0", "D", "O2"])
 @pytest.mark.parametrize("thorough", [False, True])
 def test_plans_of_a_batch_do_not_see_each_other(name, thorough):

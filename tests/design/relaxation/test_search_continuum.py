@@ -5,9 +5,12 @@ import pytest
 from designs import KR270
 
 from criteria import create
+from criteria.linalg.estimable import range_whitener
 from edtk.design.candidate_source import CandidateSource, sample_feasible
+from edtk.design.information import distinct
 from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.search_continuum import (
+    _most_sensitive,
     fresh_poses,
     search_continuum,
     sensitivity_and_slope,
@@ -34,6 +37,19 @@ def answer(case):
     """What the search finds, with fewer fresh poses and starts than a plan takes."""
     criterion, known, Z = case
     return search_continuum(KR270, criterion, Z, known, ACCURACY, fresh_poses(KR270, (0, 1)), True)
+
+
+@pytest.mark.parametrize("size", [1, 7, 100, 130])
+def test_starts_are_the_most_sensitive_that_differ(case, size):
+    """Looked at in parts, they are those of all at once."""
+    _, known, Z = case
+    many = CandidateSource(KR270, 1).take(1500)
+    T = range_whitener(known.problem.mean)
+    values = many.problem.sensitivities(Z)[0]
+    order = np.argsort(-values, kind="stable")[: 100 * size]
+    chosen = distinct(many.problem.blocks(order), T, 0.3, most=size)
+    found = _most_sensitive(many, values, T, size, 0.3)
+    np.testing.assert_array_equal(found, many.x[order[chosen]])
 
 
 def sensitivities(criterion, Z, x):
