@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from edtk.fit.correlated_noise import row_numbers
 from edtk.measure.measured_model import ROWS_OF, Kind
 from edtk.robots.frames import all_wrenches
 from edtk.system.presented import Presented
@@ -153,11 +154,7 @@ class MarkerPositions(Presented):
 
         Differences count apart from absolute readings of the same pose and load.
         """
-        keys = np.column_stack([self.q, self.wrench, self.is_difference]) + 0.0
-        _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-        rank = np.empty(len(first), dtype=int)
-        rank[np.argsort(first)] = np.arange(len(first))
-        return rank[inverse.reshape(-1)]
+        return row_numbers(self.q, self.wrench, self.is_difference[:, None])
 
     @cached_property
     def poses(self) -> int:
