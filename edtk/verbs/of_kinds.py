@@ -66,11 +66,6 @@ class OfCompliances(OfStudy):
 
         return SpringDesigns
 
-    def _faults(self, given: Mapping[str, str]) -> Any:
-        from edtk.calibration.detect import sized_faults
-
-        return sized_faults(self.study, given) if given else ()
-
     def _promised(self, asked: Study, found: "ExactPlan") -> "Promised":
         from edtk.calibration.detect import Promised
 
@@ -184,11 +179,6 @@ class OfGeometry(OfStudy):
         from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
 
         return GeometryDesigns
-
-    def _faults(self, given: Mapping[str, str]) -> Any:
-        from edtk.calibration.detect import sized_faults
-
-        return sized_faults(self.study, given, positions=True)
 
     def _promised(self, asked: Study, found: Any) -> "Promised":
         from edtk.calibration.detect import Promised

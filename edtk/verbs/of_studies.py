@@ -392,9 +392,11 @@ class OfStudy(Question):
             call = replace(call, second=said.criterion, give_up=call.give_up or said.percent)
         return call
 
-    @abstractmethod
     def _faults(self, given: Mapping[str, str]) -> Any:
         """The faults that were asked for: checked before a long search."""
+        from edtk.calibration.detect import sized_faults
+
+        return sized_faults(self.study, given, positions=self.sought().of_visits)
 
     def _require_certifiable(self, asked: Study, criterion: str | None, call: PlanCall) -> None:
         """Check, before a long search, that its certificate can be written.
