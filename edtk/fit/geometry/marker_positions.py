@@ -154,7 +154,7 @@ class MarkerPositions(Presented):
 
         Differences count apart from absolute readings of the same pose and load.
         """
-        return row_numbers(self.q, self.wrench, self.is_difference[:, None])
+        return row_numbers(self.q, self.wrench, self.is_difference[:, None].astype(float))
 
     @cached_property
     def poses(self) -> int:
