@@ -220,18 +220,22 @@ class Designs(Sought):
         return None
 
     def warnings(
-        self, plan: Plan, criterion: criteria.Criterion | None = None
+        self,
+        plan: Plan,
+        expected: ExpectedError | None,
+        criterion: criteria.Criterion | None = None,
     ) -> tuple[Finding, ...]:
-        """What is hard to believe in what a plan for a criterion promises, a line each."""
-        return plan_plausibility(self.study, plan, self.expected(plan))
+        """What is hard to believe in a plan for a criterion and in what to expect, a line each."""
+        return plan_plausibility(self.study, plan, expected)
 
     def promised(self, found: ExactPlan) -> ExactPlan:
         """A plan with its errors in the task, and with what is hard to believe in these."""
         plan = found.whole
+        expected = self.expected(plan)
         return replace(
             found,
-            warnings=found.warnings + self.warnings(plan, found.relaxed.criterion),
-            expected=self.expected(plan),
+            warnings=found.warnings + self.warnings(plan, expected, found.relaxed.criterion),
+            expected=expected,
             tasks=self.totals(plan),
             error_budget=self.error_budget(plan),
         )
@@ -283,14 +287,15 @@ class Designs(Sought):
             values, skipped = criterion_values(
                 study, partial(self.information, plan), self.criterion, bool(study.tasks)
             )
+        expected = self.expected(plan)
         return {
             "criteria": values,
             "observability_unscaled": self.unscaled(plan) if is_whole else {},
             "experiments": plan.experiments,
-            "expected": self.expected(plan),
+            "expected": expected,
             "tasks": self.accuracy(plan),
             "skipped": skipped,
-            "warnings": study.warnings + self.warnings(plan),
+            "warnings": study.warnings + self.warnings(plan, expected),
             "with_prior": self.counts_prior,
         }
 
@@ -431,7 +436,7 @@ class StudyRun(Presented):
     @cached_property
     def warnings(self) -> tuple[Finding, ...]:
         """What is hard to believe in the study or in that plan, a line each."""
-        of_plan = () if self.best is None else self.designs.warnings(self.best)
+        of_plan = () if self.best is None else self.designs.warnings(self.best, self.expected)
         return self.study.warnings + of_plan
 
     def _accuracy(self, plan: Plan | None) -> TaskAccuracy | None:

@@ -62,9 +62,15 @@ class OfCompliances(OfStudy):
     @staticmethod
     def sought() -> "type[Designs]":
         """Poses with their loads."""
+        from edtk.study.study_run import Designs
+
+        return Designs
+
+    def calibrations(self, study: Study, found: Any = None) -> "Designs":
+        """With the error budget of springs."""
         from edtk.calibration.planned import SpringDesigns
 
-        return SpringDesigns
+        return SpringDesigns.of(study)
 
     def _promised(self, asked: Study, found: "ExactPlan") -> "Promised":
         from edtk.calibration.detect import Promised
@@ -185,10 +191,11 @@ class OfGeometry(OfStudy):
 
         return Promised.visits(found.question, found.whole)
 
-    def _designs_of(self, asked: Study, found: Any) -> "Designs":
+    def calibrations(self, study: Study, found: Any = None) -> "Designs":
+        """Those of the question that a plan answers."""
         from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
 
-        return GeometryDesigns(asked, found.question)
+        return self.designs(study) if found is None else GeometryDesigns(study, found.question)
 
     def _sheet(self, positions: bool, markers: int) -> "SheetColumns":
         from edtk.calibration.geometry_design.geometry_plan import position_columns

@@ -72,7 +72,9 @@ def run(
     _require_apart(question, folder)
     with workers_for(workers, dask) as pool, errors_in(question.where), _alone_in(folder):
         options = RunOptions(workers=pool, progress=progress)
-        found = run_study(question, folder, fresh=fresh, options=options, designs_of=asked.designs)
+        found = run_study(
+            question, folder, fresh=fresh, options=options, designs_of=asked.calibrations
+        )
         files = run_files(found) | _certificates(asked, found) | comparison_files(found)
         write_files(files)
         for path in _of_earlier_runs(folder):

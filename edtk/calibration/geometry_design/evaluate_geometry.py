@@ -44,6 +44,7 @@ from edtk.fit.distributions import task_accuracy
 from edtk.fit.prior import PriorRows
 from edtk.measure.expected_error import (
     WITHIN,
+    ExpectedError,
     TaskAccuracy,
 )
 from edtk.measure.measured_model import MeasuredModel
@@ -474,14 +475,15 @@ class GeometryDesigns(CalibratedDesigns):
         return self.question.tasks
 
     def warnings(
-        self, plan: Plan, criterion: criteria.Criterion | None = None
+        self,
+        plan: Plan,
+        expected: ExpectedError | None,
+        criterion: criteria.Criterion | None = None,
     ) -> tuple[Finding, ...]:
         """Whether a plan is poor around the test poses, or no better than base and tool alone."""
         few = poor_left_out(self.question, plan)
-        if not (criterion or criteria.get(self.study.main_criterion)).needs_target:
-            return few
-        expected = self.expected(plan)
-        return few if expected is None else (*few, *poor_around(expected))
+        asked = criterion or criteria.get(self.study.main_criterion)
+        return few if expected is None or not asked.needs_target else (*few, *poor_around(expected))
 
     def evaluate(self, plan: Plan) -> GeometryEvaluation:
         """Score a plan of visits under every criterion that the study can evaluate.
