@@ -200,7 +200,7 @@ def read_positions(
     table = table.without([column for column in beside if column not in known])
     table = without_strange(table, robot, known).with_known(robot, known)
     if wide or (not measured and not has_any(table, own)):
-        rows = _by_pose(table, robot, kinds, wide)
+        rows = _by_pose(table, robot, kinds, wide, reference)
     else:
         rows = _by_marker(table, robot, kinds, others, measured, reference)
     data = rows.visits(table, table.poses(robot, fixed), rows.loads(table, load))
@@ -297,14 +297,18 @@ class _Rows:
 
 
 def _by_pose(
-    table: PoseTable, robot: Robot, kinds: Mapping[str, Kind], wide: Mapping[str, Form]
+    table: PoseTable,
+    robot: Robot,
+    kinds: Mapping[str, Kind],
+    wide: Mapping[str, Form],
+    reference: Reference,
 ) -> _Rows:
     """A sheet with a pose a row, which is a visit; one with a position and a change is of two.
 
     Without any columns all markers are in every row.
     """
     names = list(kinds)
-    every = [Readings.of_one(table, form, robot.reach) for form in wide.values()]
+    every = [Readings.of_one(table, form, robot.reach, reference) for form in wide.values()]
     every = every or [Readings.nothing(len(table))] * len(names)
     index = [names.index(name) for name in wide or names]
     differs = np.stack([one.differs for one in every], axis=1)
