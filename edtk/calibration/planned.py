@@ -248,11 +248,6 @@ def held_in_tasks(study: Study, tasks: Tasks, plan: Plan) -> float:
 class CalibratedDesigns(Designs, ABC):
     """Designs of calibrations, in which more is uncertain than the noise."""
 
-    @property
-    def tasks(self) -> Tasks:
-        """The study's tasks, in which errors of the parameters do harm."""
-        return self.study.tasks
-
     @abstractmethod
     def propagation(self, plan: Plan) -> Propagation | None:
         """What is uncertain in a calibration by a plan; None where nothing tells it."""
@@ -275,12 +270,9 @@ class CalibratedDesigns(Designs, ABC):
             The budget; None without a test pose, where compliances are unknown without a
             [simulation], or if the plan leaves a parameter open.
         """
-        found = self.propagation(plan) if self.tasks else None
-        return (
-            None
-            if found is None
-            else found.budget(self.tasks, self.left_out(self.study.tasks, plan))
-        )
+        tasks = self.study.tasks
+        found = self.propagation(plan) if tasks else None
+        return None if found is None else found.budget(tasks, self.left_out(tasks, plan))
 
     def totals(self, plan: Plan) -> TaskAccuracy | None:
         """Find the errors to expect in each test pose, with the total of each where it is known.
@@ -297,7 +289,7 @@ class CalibratedDesigns(Designs, ABC):
         if each is None or found is None:
             return each
         left_out = [self.left_out(Tasks([task]), plan) for task in self.study.tasks]
-        return replace(each, total=found.totals(self.tasks, np.array(left_out)))
+        return replace(each, total=found.totals(self.study.tasks, np.array(left_out)))
 
 
 @dataclass(frozen=True, eq=False)

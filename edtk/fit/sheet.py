@@ -190,10 +190,10 @@ class Readings:
         return found
 
     @classmethod
-    def of_one(cls, table: PoseTable, form: Form, reach: float) -> "Readings":
+    def of_one(cls, table: PoseTable, form: Form, reach: float, reference: Reference) -> "Readings":
         """Read one instrument in a sheet with a pose a row."""
         every = np.ones(len(table), dtype=bool)
-        return _read(table, form, every, ~every, reach)
+        return _read(table, form, every, ~every, reach, reference, blank=True)
 
     @classmethod
     def nothing(cls, rows: int) -> "Readings":
@@ -231,8 +231,8 @@ def _read(
     own: Mask,
     passed: Mask,
     reach: float,
-    reference: Reference = "instrument",
-    blank: bool = True,
+    reference: Reference,
+    blank: bool,
 ) -> Readings:
     """Read the rows of one form; see `Readings.of`."""
     whole = form.whole(table, reference)

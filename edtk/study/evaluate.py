@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ from edtk.design.plan import Plan
 from edtk.findings.finding import Finding
 from edtk.fit.distributions import task_accuracy
 from edtk.fit.least_squares import SingularPlanError, covariance
-from edtk.measure.expected_error import ExpectedError, TaskAccuracy, expected_error, with_rigid
+from edtk.measure.expected_error import ExpectedError, TaskAccuracy, with_rigid
 from edtk.measure.parameters import identifiable
 from edtk.study.study import Study
 from edtk.study.study_model import assumed_joints, springs_of
@@ -107,27 +107,6 @@ def plan_covariance(study: Study, M: Array) -> Array:
     cov[:, is_open] = np.nan
     cov[is_open, is_open] = np.inf
     return cov
-
-
-def plan_accuracy(study: Study, plan: Plan) -> ExpectedError | None:
-    """Find the errors to expect in the test pose and around it.
-
-    Args:
-        study: The study, whose design space needs no candidates for this.
-        plan: All experiments.
-
-    Returns:
-        The errors; None without a test pose, or if the plan leaves a parameter open.
-    """
-    if not study.tasks:
-        return None
-    try:
-        cov = covariance(study.information(plan), study.model.parameters)
-    except SingularPlanError:
-        return None
-    found = expected_error(study.tasks, np.asarray(cov))
-    shares = study.noise is not None and study.noise.shares
-    return replace(found, by="noise and model errors of the visits") if shares else found
 
 
 def accuracy_of_tasks(

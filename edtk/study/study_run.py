@@ -16,9 +16,16 @@ from edtk.design.plan import Plan
 from edtk.design.relaxation.relax_poses import RelaxOptions
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.findings.finding import Finding
-from edtk.fit.least_squares import SingularPlanError
+from edtk.fit.least_squares import SingularPlanError, covariance
 from edtk.measure.cells import csv_text
-from edtk.measure.expected_error import ErrorBudget, ExpectedError, TaskAccuracy
+from edtk.measure.expected_error import (
+    ErrorBudget,
+    ExpectedError,
+    TaskAccuracy,
+    expected_error,
+)
+from edtk.measure.noise import VisitNoise
+from edtk.measure.task import Tasks
 from edtk.study.evaluate import (
     Evaluation,
     OpenInterestError,
@@ -28,7 +35,6 @@ from edtk.study.evaluate import (
     interest_of,
     labels_of,
     observability,
-    plan_accuracy,
     plan_covariance,
     read_regressor,
 )
@@ -38,6 +44,7 @@ from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
 from edtk.system.files import Content
 from edtk.system.presented import Presented
+from edtk.system.typing import Array
 from edtk.version import __version__
 
 if TYPE_CHECKING:
@@ -158,17 +165,51 @@ class Designs(Sought):
         options = SearchOptions(seed=self.study.specification.seed, starts=starts)
         return find_plan(relaxed, case.size, case.distinct, options=options)
 
+    @property
+    def tasks(self) -> Tasks:
+        """The study's tasks, in which errors of the parameters of a plan do harm."""
+        return self.study.designed.tasks
+
+    @property
+    def is_told(self) -> bool:
+        """Whether feasible poses tell all that does harm around the test poses."""
+        return True
+
+    @property
+    def noise(self) -> VisitNoise | None:
+        """The noise of visits; None where readings have a white one."""
+        return self.study.designed.noise
+
+    def covariance(self, plan: Plan) -> Array | None:
+        """Covariance (p, p) of the parameters; None where the plan leaves any open."""
+        design = self.study.designed
+        try:
+            return np.asarray(covariance(design.information(plan), design.model.parameters))
+        except SingularPlanError:
+            return None
+
     def expected(self, plan: Plan) -> ExpectedError | None:
-        """Errors to expect in the test poses and around them; None where nothing tells them."""
-        return plan_accuracy(self.study.designed, plan)
+        """Errors to expect in the test poses and around them.
+
+        Returns:
+            The errors; None without test poses, where the plan leaves a parameter open, or where
+            something that no feasible pose tells does harm around a test pose.
+        """
+        cov = self.covariance(plan) if self.tasks else None
+        if cov is None or not self.is_told:
+            return None
+        found = expected_error(self.tasks, cov)
+        shares = self.noise is not None and self.noise.shares
+        return replace(found, by="noise and model errors of the visits") if shares else found
 
     def accuracy(self, plan: Plan) -> TaskAccuracy | None:
         """Errors to expect in each of several test poses; None where nothing tells them."""
-        try:
-            design = self.study.designed
-            return accuracy_of_tasks(design, plan_covariance(design, design.information(plan)))
-        except SingularPlanError:
-            return None
+        cov = self.covariance(plan) if len(self.tasks) > 1 else None
+        return None if cov is None else self.in_each_task(cov)
+
+    def in_each_task(self, cov: Array) -> TaskAccuracy | None:
+        """The same of parameters with a covariance (p, p)."""
+        return accuracy_of_tasks(self.study.designed, cov)
 
     def totals(self, plan: Plan) -> TaskAccuracy | None:
         """The same with the total of each, of all that is uncertain, where it is known."""
@@ -179,18 +220,22 @@ class Designs(Sought):
         return None
 
     def warnings(
-        self, plan: Plan, criterion: criteria.Criterion | None = None
+        self,
+        plan: Plan,
+        expected: ExpectedError | None,
+        criterion: criteria.Criterion | None = None,
     ) -> tuple[Finding, ...]:
-        """What is hard to believe in what a plan for a criterion promises, a line each."""
-        return plan_plausibility(self.study, plan, self.expected(plan))
+        """What is hard to believe in a plan for a criterion and in what to expect, a line each."""
+        return plan_plausibility(self.study, plan, expected)
 
     def promised(self, found: ExactPlan) -> ExactPlan:
         """A plan with its errors in the task, and with what is hard to believe in these."""
         plan = found.whole
+        expected = self.expected(plan)
         return replace(
             found,
-            warnings=found.warnings + self.warnings(plan, found.relaxed.criterion),
-            expected=self.expected(plan),
+            warnings=found.warnings + self.warnings(plan, expected, found.relaxed.criterion),
+            expected=expected,
             tasks=self.totals(plan),
             error_budget=self.error_budget(plan),
         )
@@ -242,14 +287,15 @@ class Designs(Sought):
             values, skipped = criterion_values(
                 study, partial(self.information, plan), self.criterion, bool(study.tasks)
             )
+        expected = self.expected(plan)
         return {
             "criteria": values,
             "observability_unscaled": self.unscaled(plan) if is_whole else {},
             "experiments": plan.experiments,
-            "expected": self.expected(plan),
+            "expected": expected,
             "tasks": self.accuracy(plan),
             "skipped": skipped,
-            "warnings": study.warnings + self.warnings(plan),
+            "warnings": study.warnings + self.warnings(plan, expected),
             "with_prior": self.counts_prior,
         }
 
@@ -397,7 +443,7 @@ class StudyRun(Presented):
     @cached_property
     def warnings(self) -> tuple[Finding, ...]:
         """What is hard to believe in the study or in that plan, a line each."""
-        of_plan = () if self.best is None else self.designs.warnings(self.best)
+        of_plan = () if self.best is None else self.designs.warnings(self.best, self.expected)
         return self.study.warnings + of_plan
 
     def _accuracy(self, plan: Plan | None) -> TaskAccuracy | None:

@@ -62,14 +62,15 @@ class OfCompliances(OfStudy):
     @staticmethod
     def sought() -> "type[Designs]":
         """Poses with their loads."""
+        from edtk.study.study_run import Designs
+
+        return Designs
+
+    def calibrations(self, study: Study, found: Any = None) -> "Designs":
+        """With the error budget of springs."""
         from edtk.calibration.planned import SpringDesigns
 
-        return SpringDesigns
-
-    def _faults(self, given: Mapping[str, str]) -> Any:
-        from edtk.calibration.detect import sized_faults
-
-        return sized_faults(self.study, given) if given else ()
+        return SpringDesigns.of(study)
 
     def _promised(self, asked: Study, found: "ExactPlan") -> "Promised":
         from edtk.calibration.detect import Promised
@@ -185,20 +186,16 @@ class OfGeometry(OfStudy):
 
         return GeometryDesigns
 
-    def _faults(self, given: Mapping[str, str]) -> Any:
-        from edtk.calibration.detect import sized_faults
-
-        return sized_faults(self.study, given, positions=True)
-
     def _promised(self, asked: Study, found: Any) -> "Promised":
         from edtk.calibration.detect import Promised
 
         return Promised.visits(found.question, found.whole)
 
-    def _designs_of(self, asked: Study, found: Any) -> "Designs":
+    def calibrations(self, study: Study, found: Any = None) -> "Designs":
+        """Those of the question that a plan answers."""
         from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
 
-        return GeometryDesigns(asked, found.question)
+        return self.designs(study) if found is None else GeometryDesigns(study, found.question)
 
     def _sheet(self, positions: bool, markers: int) -> "SheetColumns":
         from edtk.calibration.geometry_design.geometry_plan import position_columns

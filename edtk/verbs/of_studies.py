@@ -392,9 +392,11 @@ class OfStudy(Question):
             call = replace(call, second=said.criterion, give_up=call.give_up or said.percent)
         return call
 
-    @abstractmethod
     def _faults(self, given: Mapping[str, str]) -> Any:
         """The faults that were asked for: checked before a long search."""
+        from edtk.calibration.detect import sized_faults
+
+        return sized_faults(self.study, given, positions=self.sought().of_visits)
 
     def _require_certifiable(self, asked: Study, criterion: str | None, call: PlanCall) -> None:
         """Check, before a long search, that its certificate can be written.
@@ -547,16 +549,21 @@ class OfStudy(Question):
         from edtk.calibration.detect import detect
 
         judged = detect(self._promised(asked, found), faults) if faults else ((), ())
-        promised = self._designs_of(asked, found).promised(found)
+        promised = self.calibrations(asked, found).promised(found)
         return replace(promised, detections=judged[0], separations=judged[1])
 
     @abstractmethod
     def _promised(self, asked: Study, found: Any) -> "Promised":
         """The readings of a plan without their values."""
 
-    def _designs_of(self, asked: Study, found: Any) -> "Designs":
-        """The designs of a study, of which a plan was found."""
-        return self.designs(asked)
+    @abstractmethod
+    def calibrations(self, study: Study, found: Any = None) -> "Designs":
+        """The designs of a study, which know what else is uncertain in a calibration by them.
+
+        Args:
+            study: The study.
+            found: A plan of it, if one was found.
+        """
 
     def _proof(self, asked: Study, found: Any) -> str:
         """The certificate of a plan, with a proof for each set of loads that a budget pays for."""

@@ -84,7 +84,7 @@ def run(
         options = RunOptions(workers=pool, progress=progress)
         with time_limit(limit - min(REPORT_S, REPORT_SHARE * limit)):
             found = run_study(
-                question, folder, fresh=fresh, options=options, designs_of=asked.designs
+                question, folder, fresh=fresh, options=options, designs_of=asked.calibrations
             )
         files = run_files(found) | _certificates(asked, found) | comparison_files(found)
         write_files(files)

@@ -153,6 +153,30 @@ def test_wrong_rows_are_refused_alike(
         edtk.identify(two_studies[kind], table.assign(**change))
 
 
+@pytest.mark.parametrize("kind", ["springs", "parameters"])
+def test_the_nominal_robot_stands_for_the_unloaded_one(
+    two_studies: dict[str, Study], displaced: tuple[pd.DataFrame, pd.DataFrame], kind: str
+) -> None:
+    """A sheet whose study counts from the nominal robot has no positions without load."""
+    joints = [joint | {"mass_kg": 20.0, "center_m": [0.1, 0, 0.1]} for joint in ROBOT["joints"]]
+    measurement = {"sigma_mm": SIGMA, "reference": "nominal"}
+    heavy = ROBOT | {"joints": joints}
+    study = two_studies[kind].replace(robot=heavy, measurement=measurement)
+    with pytest.raises(UserError, match="column 'x0_mm': the study counts from the nominal robot"):
+        edtk.identify(study, displaced[1])
+
+
+def test_a_row_of_a_distance_has_no_position() -> None:
+    """Numbers in columns of another kind are one line, as in sheets of springs."""
+    study = study_of(ALL, **MIXED)
+    every = np.ones(6, dtype=bool)
+    table = sheet(readings(study, np.zeros(len(truth_of(study, 0.0))), 6, ~every, every))
+    wire = int((table["marker"] == "wire").to_numpy().argmax())
+    table.loc[wire, ["x_mm", "y_mm", "z_mm"]] = 1.0
+    with pytest.raises(UserError, match=f"row {wire + 1}, column x_mm: expected an empty cell"):
+        edtk.identify(study, table)
+
+
 def test_displacements_from_the_nominal_robot_are_those_of_a_study_of_springs() -> None:
     """They see the weights of the links, too: the same compliances at the loaded equilibrium."""
     joints = [joint | {"mass_kg": 20.0, "center_m": [0.1, 0, 0.1]} for joint in ROBOT["joints"]]

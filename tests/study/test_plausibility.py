@@ -9,10 +9,10 @@ import pytest
 
 from edtk.design.plan import Plan
 from edtk.robots.robot_file import robot_to_dict
-from edtk.study.evaluate import plan_accuracy
 from edtk.study.plausibility import plan_plausibility
 from edtk.study.run_study import random_case
 from edtk.study.study import load_study
+from edtk.study.study_run import Designs
 from edtk.verbs.evaluate import evaluate
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -109,7 +109,7 @@ def test_a_parameter_that_a_plan_leaves_open_is_named():
 def test_a_plan_that_is_poor_around_the_test_pose_says_so():
     """Where errors around it are three times as large as in it, both numbers are told."""
     plan = random_case(STUDY, 6, 0).plan
-    expected = plan_accuracy(STUDY, plan)
+    expected = Designs(STUDY).expected(plan)
     assert plan_plausibility(STUDY, plan, expected) == ()
     poor = replace(expected, mean=4 * expected.test_pose)
     (line,) = map(str, plan_plausibility(STUDY, plan, poor))

@@ -44,8 +44,7 @@ from edtk.findings.match_plan import match_plan, not_measured, other_pose
 from edtk.findings.units import force_findings
 from edtk.fit.geometry.fit_geometry import NoiseNotToldError, TooFewPosesError, fit_geometry
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, root_mean_squares
-from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.fit.geometry.position_sheet import read_positions
+from edtk.fit.geometry.marker_positions import MarkerPositions, read_positions
 from edtk.measure.pose_table import LOADED_COLUMNS, Table, path_of
 from edtk.robots.robot import Robot
 from edtk.study.study import Study

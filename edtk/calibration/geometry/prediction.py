@@ -12,8 +12,7 @@ from edtk.calibration.prediction import Prediction, beyond_limits
 from edtk.findings.geometry.turn_reading import EXPECTED, turn_reading
 from edtk.findings.units import like_radians
 from edtk.fit.geometry.fitted_geometry import ErrorParts, FittedGeometry, Loads, Predicted
-from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.fit.geometry.position_sheet import read_positions
+from edtk.fit.geometry.marker_positions import MarkerPositions, read_positions
 from edtk.fit.sheet import VECTOR
 from edtk.measure.equilibrium import why_no_rest
 from edtk.measure.parameters import COMPONENTS

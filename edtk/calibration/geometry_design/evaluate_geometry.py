@@ -46,10 +46,9 @@ from edtk.measure.expected_error import (
     WITHIN,
     ExpectedError,
     TaskAccuracy,
-    expected_error,
 )
 from edtk.measure.measured_model import MeasuredModel
-from edtk.measure.noise import MM
+from edtk.measure.noise import MM, VisitNoise
 from edtk.measure.parameters import AXES, Identifiable, Parameter, all_parameters
 from edtk.measure.task import Columns, Task, Tasks
 from edtk.robots.workspace import neighbourhood
@@ -440,27 +439,14 @@ class GeometryDesigns(CalibratedDesigns):
             raise NoPlanError(f"so few visits cannot tell what {criterion.label} needs")
         return replace(best, cost=cost, seconds=monotonic() - since)
 
-    def expected(self, plan: Plan) -> ExpectedError | None:
-        """Errors to expect in the test poses and around them, of tool or markers.
+    def in_each_task(self, cov: Array) -> TaskAccuracy:
+        """Errors in each of several test poses, of parameters with a covariance (p, p)."""
+        return task_accuracy(self.tasks, cov, is_path=self.study.specification.task is not None)
 
-        Returns:
-            The errors; None without test poses, where the plan leaves a parameter open, or where
-            something that no feasible pose tells moves the markers around a test pose.
-        """
-        cov = self._covariance(plan)
-        tasks = self.question.tasks
-        if not tasks or cov is None or not self._is_told:
-            return None
-        return expected_error(tasks, cov)
-
-    def accuracy(self, plan: Plan) -> TaskAccuracy | None:
-        """Errors to expect in each of several test poses; None likewise."""
-        cov = self._covariance(plan)
-        tasks = self.question.tasks
-        if len(tasks) < 2 or cov is None:
-            return None
-        is_path = self.study.specification.task is not None
-        return task_accuracy(tasks, cov, is_path=is_path)
+    @property
+    def noise(self) -> VisitNoise:
+        """The noise of visits."""
+        return self.question.space.noise
 
     def left_out(self, tasks: Tasks, plan: Plan) -> float:
         """What springs leave out of some tasks themselves [m]."""
@@ -489,14 +475,15 @@ class GeometryDesigns(CalibratedDesigns):
         return self.question.tasks
 
     def warnings(
-        self, plan: Plan, criterion: criteria.Criterion | None = None
+        self,
+        plan: Plan,
+        expected: ExpectedError | None,
+        criterion: criteria.Criterion | None = None,
     ) -> tuple[Finding, ...]:
         """Whether a plan is poor around the test poses, or no better than base and tool alone."""
         few = poor_left_out(self.question, plan)
-        if not (criterion or criteria.get(self.study.main_criterion)).needs_target:
-            return few
-        expected = self.expected(plan)
-        return few if expected is None else (*few, *poor_around(expected))
+        asked = criterion or criteria.get(self.study.main_criterion)
+        return few if expected is None or not asked.needs_target else (*few, *poor_around(expected))
 
     def evaluate(self, plan: Plan) -> GeometryEvaluation:
         """Score a plan of visits under every criterion that the study can evaluate.
@@ -537,7 +524,7 @@ class GeometryDesigns(CalibratedDesigns):
         return observability(rows, plan.repeats, self.question.criterion)
 
     @cached_property
-    def _is_told(self) -> bool:
+    def is_told(self) -> bool:
         """Whether feasible poses tell all that moves the markers around the test poses."""
         question = self.question
         return all(
@@ -545,7 +532,7 @@ class GeometryDesigns(CalibratedDesigns):
             for task in question.every_task
         )
 
-    def _covariance(self, plan: Plan) -> Array | None:
+    def covariance(self, plan: Plan) -> Array | None:
         """Covariance (p, p) of the parameters; None where the plan leaves any open."""
         by_plan = ToldByPlan(self.question, plan)
         return None if len(by_plan.told.left) else by_plan.covariance

@@ -5,8 +5,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from edtk.findings.geometry.gross_errors import DEGREE
-from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.fit.geometry.position_sheet import turn_columns
+from edtk.fit.geometry.marker_positions import MarkerPositions, turn_columns
 from edtk.measure.pose_table import PoseTable, Table, pose_columns
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array

@@ -10,23 +10,8 @@ from edtk.report.show.stage import shares, stage_of_plan
 from edtk.report.shown import expected_rho0
 from edtk.report.tables import number_columns
 from edtk.report.views.calibration import error_budget
-from edtk.report.views.day import day_lines
 from edtk.report.views.evaluation import criteria_lines, deviation_lines
-from edtk.report.views.plan import (
-    among,
-    costs_of_day,
-    exchanged,
-    experiments,
-    off_guess,
-    on_candidates,
-    on_limits,
-    placed,
-    reach,
-    search_summary,
-    seen,
-    shown_faults,
-    without_cell,
-)
+from edtk.report.views.plan import experiments, on_limits, search_lines
 from edtk.system.typing import Array
 
 
@@ -42,33 +27,14 @@ def geometry_plan_show(found: GeometryPlan) -> ShownPage:
 
 def geometry_plan_text(found: GeometryPlan) -> str:
     """Value, bound, what is identified, what the day costs, and the poses with their visits."""
-    criterion = found.relaxed.criterion
-    factor = criterion.shown[0]
-    unit = f" {criterion.shown[1]}".rstrip()
     poses = found.poses
-    kept = "" if found.kept is None else f", {found.kept.experiments} of them there already"
-    if found.with_prior:
-        kept += ", beside what is known before"
-    lines = [
-        f"{criterion.name}, {criterion.title}; {found.whole.experiments} visits "
-        f"of {len(poses.q)} poses{kept}",
-        f"  value       {factor * found.value:.6g}{unit}",
-        f"  bound       {factor * found.bound:.6g}{unit}  ({reach(found)})",
-        f"  efficiency  {100 * found.efficiency:.2f} %{among(found)}",
-        *without_cell(found),
-        *seen(found),
-        *placed(found),
-        *on_candidates(found),
-        *exchanged(found),
-        *off_guess(found),
-        *_identified(found),
-        *_rho0(found),
-        *_loads(found, poses),
-        *costs_of_day(found),
-        *([] if found.timetable is None else day_lines(found.timetable)),
-        *shown_faults(found.robot, found.detections, found.separations, "the parameters"),
-        search_summary(found.starts, found.seconds, found.found, found.optima),
-    ]
+    lines = search_lines(
+        found,
+        f"{found.whole.experiments} visits of {len(poses.q)} poses",
+        "is known before",
+        [*_identified(found), *_rho0(found), *_loads(found, poses)],
+        "the parameters",
+    )
     table = experiments(found) if found.question.chooses_forces else _table(found, poses)
     return "\n".join([*lines, *table, *on_limits(found)])
 

@@ -165,16 +165,37 @@ def exact_plan_show(found: ExactPlan) -> ShownPage:
 
 def exact_plan_text(found: ExactPlan) -> str:
     """Value, bound, how the search went, and the poses."""
-    criterion = found.relaxed.criterion
     whole = found.whole
+    promised = [*_budget(found), *([] if found.expected is None else [str(found.expected)])]
+    lines = search_lines(
+        found,
+        f"{whole.experiments} experiments in {len(whole.q)} poses",
+        "the prior tells",
+        promised,
+        "compliances",
+    )
+    return "\n".join([*lines, *experiments(found), *on_limits(found)])
+
+
+def search_lines(
+    found: ExactPlan, made: str, known: str, promised: Sequence[str], unknown: str
+) -> list[str]:
+    """Value, bound, what a plan promises, what the day costs, and how the search went.
+
+    Args:
+        found: The plan.
+        made: How many experiments there are.
+        known: What is known beside them, where anything is.
+        promised: What the plan promises, a line each.
+        unknown: What faults are told apart from.
+    """
+    criterion = found.relaxed.criterion
     factor = criterion.shown[0]
     unit = f" {criterion.shown[1]}".rstrip()
     kept = "" if found.kept is None else f", {found.kept.experiments} of them there already"
-    if found.with_prior:
-        kept += ", beside what the prior tells"
-    lines = [
-        f"{criterion.name}, {criterion.title}; {whole.experiments} experiments "
-        f"in {len(whole.q)} poses{kept}",
+    beside = f", beside what {known}" if found.with_prior else ""
+    return [
+        f"{criterion.name}, {criterion.title}; {made}{kept}{beside}",
         f"  value       {factor * found.value:.6g}{unit}",
         f"  bound       {factor * found.bound:.6g}{unit}  ({reach(found)})",
         f"  efficiency  {100 * found.efficiency:.2f} %{among(found)}",
@@ -184,14 +205,12 @@ def exact_plan_text(found: ExactPlan) -> str:
         *on_candidates(found),
         *exchanged(found),
         *off_guess(found),
-        *_budget(found),
-        *([] if found.expected is None else [str(found.expected)]),
+        *promised,
         *costs_of_day(found),
         *([] if found.timetable is None else day_lines(found.timetable)),
-        *shown_faults(found.robot, found.detections, found.separations),
+        *shown_faults(found.robot, found.detections, found.separations, unknown),
         search_summary(found.starts, found.seconds, found.found, found.optima),
     ]
-    return "\n".join([*lines, *experiments(found), *on_limits(found)])
 
 
 def without_cell(found: ExactPlan) -> list[str]:

@@ -109,3 +109,17 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found = json.loads(result.stdout)
     assert (found["rank"], found["possible_rank"], found["experiments"]) == (4, 6, 3)
     assert found["rho0_mm"] is None
+
+
+def test_it_is_drawn_and_tabled_as_that_of_springs() -> None:
+    """A bar and a row for each parameter, with its unit; model errors are said to count."""
+    plan = visits([True, True, False, True, False])
+    found = evaluate(STUDY, plan)
+    axes = found.plot()
+    assert len(axes.patches) == found.rank
+    labels = [label.get_text() for label in axes.get_xticklabels()]
+    assert labels == [f"{one.name}\n[{one.unit}]" for one in found.parameters]
+    assert all(f"<td>{name}</td>" in found._repr_html_() for name in found.names)
+    assert "error by the noise alone: " in found.summary()
+    erring = evaluate(STUDY.replace(noise={"discrepancy_mm": 0.1}), plan)
+    assert "error by noise and model errors of the visits: " in erring.summary()

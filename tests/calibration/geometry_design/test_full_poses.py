@@ -19,8 +19,7 @@ from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.fit.geometry.fitted_geometry import FittedGeometry
 from edtk.fit.geometry.geometry_posterior import GeometryDensity
 from edtk.fit.geometry.least_squares_fit import PoseRows, least_squares_fit
-from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.fit.geometry.position_sheet import read_positions
+from edtk.fit.geometry.marker_positions import MarkerPositions, read_positions
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import identifiable
 from edtk.measure.whitening import Scatter

@@ -10,7 +10,7 @@ from geometry_sheets import NAMES, OFFSETS, PLACE, STUDY, Array, run
 from scipy.spatial.transform import Rotation
 
 from edtk.findings.geometry.turn_reading import turn_reading
-from edtk.fit.geometry.position_sheet import read_positions
+from edtk.fit.geometry.marker_positions import read_positions
 from edtk.study.study_geometry import StudyGeometry
 
 FULL = STUDY.replace(
