@@ -48,7 +48,7 @@ class FewColumns:
         m, k, d, _ = self.part.shape
         return m, k * d, self.p
 
-    def __getitem__(self, chosen: slice) -> "FewColumns":
+    def __getitem__(self, chosen: slice | Indices) -> "FewColumns":
         """The rows of some visits."""
         return replace(self, part=self.part[chosen])
 
