@@ -1,15 +1,11 @@
 """What is said of errors of the model, and of those that a sheet cannot tell."""
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
-from edtk.calibration.geometry.pieces_left import MOST, LeftInTasks, PiecesLeft
-from edtk.calibration.propagation import Propagation
+from edtk.calibration.model_left import LeftInTasks
 from edtk.findings.finding import Data, Finding, Severity, Wording
-from edtk.findings.model_error import ModelErrorFound
-from edtk.measure.expected_error import ErrorBudget
-from edtk.measure.task import Tasks
 
-TWICE = 2.0  # the promised error, beyond which it is not kept
 # Of a single normal error 5 % is beyond twice its size. Where chances are twice that, what the
 # sheet leaves open is what the promise rests on.
 OFTEN = 0.1
@@ -19,62 +15,32 @@ LARGE = 0.1
 SHARE = 0.01  # of the total error, from which a part of it is named
 
 
-def model_findings(
-    propagation: Propagation, found: ModelErrorFound, budget: ErrorBudget, tasks: Tasks
-) -> Iterator[Finding]:
+def model_findings(left: LeftInTasks, shares: Mapping[str, Any], counts: bool) -> Iterator[Finding]:
     """Name errors of the model: those that are found, and those that the sheet leaves possible.
 
     Args:
-        propagation: How errors move the compliances.
-        found: What the sheet says of the model.
-        budget: The errors in the test poses.
-        tasks: These.
+        left: What is left in the tasks.
+        shares: The likeliest shares of the pieces that the model lacks [%].
+        counts: Whether the sheet speaks for one.
     """
-    left = propagation.model
-    if left is None:
-        return
-    sizes = (budget.model, budget.total, budget.uncompensated)
-    if found.counts:
-        yield from _found(sizes, tasks.place, found.to_dict())
-    given = (tasks, propagation.joints)
-    chance = left.chance_beyond(*given, TWICE * budget.total)
-    if chance > OFTEN:
-        yield _untold(chance, left.quantile(*given, MOST), budget.total, tasks.place)
-
-
-def pieces_findings(pieces: PiecesLeft, left: LeftInTasks) -> Iterator[Finding]:
-    """The same of a study with [parameters].
-
-    Args:
-        pieces: What the sheet says of the model.
-        left: What it leaves in the tasks.
-    """
-    if pieces.counts:
-        sizes = (left.model, left.total, left.before)
-        yield from _found(sizes, left.place, pieces.shares)
+    if counts and left.model >= SHARE * left.total:
+        yield _found(left, shares)
     if left.chance > OFTEN:
-        yield _untold(left.chance, left.most, left.total, left.place)
+        yield _untold(left)
 
 
-def _found(
-    sizes: tuple[float, float, float], place: str, shares: Mapping[str, float]
-) -> Iterator[Finding]:
-    """What is missing, by what it makes, the total, and the error without compensation [m].
-
-    Nothing is said of what makes hardly any of the total.
-    """
-    model, total, before = sizes
-    if model < SHARE * total:
-        return
-    large = 2 * model**2 > total**2 and total > LARGE * before
+def _found(left: LeftInTasks, shares: Mapping[str, Any]) -> Finding:
+    """What is missing; a note where it makes little of the total, or a good compensation bad."""
+    large = 2 * left.model**2 > left.total**2 and left.total > LARGE * left.before
     severity = Severity.WARNING if large else Severity.NOTE
-    yield Finding.of(severity, WORDING, "model_error", model=model, place=place, **shares)
+    data = {"model": left.model, "place": left.tasks.place, **shares}
+    return Finding.of(severity, WORDING, "model_error", **data)
 
 
-def _untold(chance: float, most: float, total: float, place: str) -> Finding:
+def _untold(left: LeftInTasks) -> Finding:
     """What these poses cannot tell."""
-    data = {"chance": chance, "most": most, "total": total, "place": place}
-    return Finding.of(Severity.WARNING, WORDING, "model_untold", **data)
+    data = {"chance": left.chance, "most": left.most, "total": left.total}
+    return Finding.of(Severity.WARNING, WORDING, "model_untold", **data, place=left.tasks.place)
 
 
 PARTS = {

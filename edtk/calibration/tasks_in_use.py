@@ -1,6 +1,6 @@
 """Task poses from a file, tools and loads that the robot has in them, and rows without answer."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,6 @@ import numpy as np
 from edtk.design.plan import Plan
 from edtk.findings.finding import Finding, Severity, Wording
 from edtk.findings.units import like_radians
-from edtk.measure.compliances import Compliances
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.pose_table import Table
 from edtk.measure.task import Task
@@ -246,18 +245,18 @@ def tools_of_task(study: Study, poses: int, own: bool) -> tuple[ToolInUse, ...]:
     return tuple(found)
 
 
-def task_findings(study: Study, found: Compliances, task: Plan) -> tuple[Finding, ...]:
+def task_findings(study: Study, k: Mapping[str, float], task: Plan) -> tuple[Finding, ...]:
     """Compare poses, loads and compliances with the sizes that they have in their units.
 
     Args:
         study: Robot, test poses, and assumed compliances.
-        found: Compliances by joint [rad/(N m)].
+        k: Compliances by joint [rad/(N m)].
         task: Desired poses and wrenches.
 
     Returns:
         What looks like another unit; nothing where all is plausible.
     """
-    return (*_angles(study, task.q), *_forces(study, task.wrench), *_sizes(study, found, task))
+    return (*_angles(study, task.q), *_forces(study, task.wrench), *_sizes(study, k, task))
 
 
 def _angles(study: Study, q: Array) -> Iterator[Finding]:
@@ -268,8 +267,8 @@ def _angles(study: Study, q: Array) -> Iterator[Finding]:
 
 def _forces(study: Study, wrench: Array) -> Iterator[Finding]:
     """Forces a thousand times smaller, or larger, than those of the study's test poses."""
-    known = np.concatenate([np.atleast_2d(one.wrench)[:, :3] for one in study.tasks])
-    expected = float(np.linalg.norm(known, axis=1).max())
+    known = [np.linalg.norm(np.atleast_2d(one.wrench)[:, :3], axis=1).max() for one in study.tasks]
+    expected = float(max(known, default=0.0))
     applied = float(np.linalg.norm(wrench[:, :3], axis=1).max())
     for factor, unit in ((1 / A_THOUSAND, "kilonewtons"), (A_THOUSAND, "millinewtons")):
         if _is_near(applied, factor * expected):
@@ -278,28 +277,27 @@ def _forces(study: Study, wrench: Array) -> Iterator[Finding]:
             )
 
 
-def _sizes(study: Study, found: Compliances, task: Plan) -> Iterator[Finding]:
+def _sizes(study: Study, k: Mapping[str, float], task: Plan) -> Iterator[Finding]:
     """Compliances a thousand times those assumed, or by which the load moves the arm far."""
     simulation = study.specification.simulation
     given = {} if simulation is None else simulation.compliance_rad_per_Nm
-    of_joints = zip(found.joints, found.k, strict=True)
-    ratios = np.array([k / given[name] for name, k in of_joints if k > 0 and name in given])
+    ratios = np.array([k[name] / given[name] for name in k if k[name] > 0 and name in given])
     ratio = float(np.median(ratios)) if len(ratios) else 1.0
     if _is_near(ratio, A_THOUSAND):
         yield Finding.of(Severity.WARNING, WORDING, "compliance_unit", ratio=ratio)
         return
-    moved = _displacement(study, found, task)
+    moved = _displacement(study, k, task)
     if moved > FAR * study.robot.reach:
         yield Finding.of(Severity.WARNING, WORDING, "soft_arm", moved=moved)
 
 
-def _displacement(study: Study, found: Compliances, task: Plan) -> float:
+def _displacement(study: Study, k: Mapping[str, float], task: Plan) -> float:
     """What the load moves the tool point by, to the first order and at most [m]."""
     robot = study.robot
-    joints = [robot.joint_names.index(name) for name in found.joints]
+    joints = [robot.joint_names.index(name) for name in k]
     J = robot.jacobian(task.q)[:, :, joints]
     torque = np.einsum("trj,tr->tj", J, task.wrench)
-    moved = np.einsum("trj,tj->tr", J[:, :3], torque * found.k)
+    moved = np.einsum("trj,tj->tr", J[:, :3], torque * np.array([*k.values()]))
     return float(np.linalg.norm(moved, axis=1).max())
 
 

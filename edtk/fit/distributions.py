@@ -144,8 +144,13 @@ def error_quantiles(A: Array, cov: Array, levels: ArrayLike, dof: float = np.inf
     Returns:
         Quantiles (..., c) [m].
     """
+    return _centred_quantiles(A @ cov @ np.swapaxes(A, -1, -2), levels, dof)
+
+
+def _centred_quantiles(V: Array, levels: ArrayLike, dof: float) -> Array:
+    """Quantiles (..., c) of the lengths of errors with covariances V (..., rows, rows)."""
     levels = np.asarray(levels, dtype=float)
-    spectrum = np.maximum(np.linalg.eigvalsh(A @ cov @ np.swapaxes(A, -1, -2)), 0.0)
+    spectrum = np.maximum(np.linalg.eigvalsh(V), 0.0)
     found = np.zeros((*spectrum.shape[:-1], len(levels)))
     scatter = _Scatter(dof, *_estimated(dof))
     for i in np.ndindex(*spectrum.shape[:-1]):
@@ -241,18 +246,23 @@ def offset_error_quantiles(
     Returns:
         Quantiles (t, c) [m].
     """
+    return _quantiles_about(mean, A @ cov @ np.swapaxes(A, 1, 2), levels, dof)
+
+
+def _quantiles_about(mean: Array, V: Array, levels: ArrayLike, dof: float) -> Array:
+    """Quantiles (t, c) of the lengths of errors with means (t, rows) and covariances V."""
     from scipy.special import ndtri
 
     levels = np.asarray(levels, dtype=float)
-    found = np.zeros((len(A), len(levels)))
+    found = np.zeros((len(V), len(levels)))
     offset = mean.any(axis=-1)
-    found[~offset] = error_quantiles(A[~offset], cov, levels, dof)
-    rows = A.shape[1]
+    found[~offset] = _centred_quantiles(V[~offset], levels, dof)
+    rows = V.shape[1]
     points = _lattice(rows + 1)
     z = ndtri(points[:, :rows])
     if np.isfinite(dof):
         z /= np.sqrt(chi_square_quantile(points[:, rows:], dof) / dof)
-    spectrum, axes = np.linalg.eigh(A @ cov @ np.swapaxes(A, 1, 2))
+    spectrum, axes = np.linalg.eigh(V)
     for i in np.flatnonzero(offset):
         along = z * np.sqrt(np.maximum(spectrum[i], 0.0)) + mean[i] @ axes[i]
         found[i] = np.quantile(np.linalg.norm(along, axis=1), levels)
@@ -275,6 +285,11 @@ class NormalMixture:
     covariance: Array
     dof: float = np.inf
 
+    @classmethod
+    def single(cls, mean: Array, covariance: Array, dof: float = np.inf) -> "NormalMixture":
+        """Errors with one mean (t, r) and covariance (t, r, r) each."""
+        return cls(np.ones(1), mean[None], covariance[None], dof)
+
     def plus(self, covariance: Array, mean: Array | None = None) -> "NormalMixture":
         """The same with independent errors (t, r, r) besides, and an offset (t, r)."""
         shifted = self.mean if mean is None else self.mean + mean
@@ -295,7 +310,9 @@ class NormalMixture:
         return weighted_median(self.sizes, self.weights)
 
     def quantiles(self, levels: ArrayLike) -> Array:
-        """Quantiles (t, c) of the lengths of the errors [m]."""
+        """Quantiles (t, c) of the lengths of the errors [m]; of one covariance almost exact."""
+        if len(self.weights) == 1:
+            return _quantiles_about(self.mean[0], self.covariance[0], levels, self.dof)
         levels = np.asarray(levels, dtype=float)
         found = np.empty((self.mean.shape[1], len(levels)))
         for t in range(len(found)):

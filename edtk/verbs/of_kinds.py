@@ -111,6 +111,7 @@ class OfCompliances(OfStudy):
         return load_task(self.study, None if task is None else as_table(task, "task"))
 
     def _commands(self, result: object, task: PlanLike | None, poses: Plan) -> "Compensation":
+        from edtk.calibration.calibrated_springs import CalibratedSprings
         from edtk.calibration.compensate import compensate
 
         known = self._compliances(result)
@@ -119,7 +120,8 @@ class OfCompliances(OfStudy):
             message = "the result is of a robot with other compensators than the study's"
             raise UserError(message, where=name_of(result, "result"), key="prediction.compensators")
         where = name_of(self.study.where if task is None else task, "task")
-        return compensate(self.study, known, poses, where, own=task is None)
+        springs = CalibratedSprings.of(self.study, known)
+        return compensate(springs, poses, where, own=task is None)
 
     def _compliances(self, given: object) -> Compliances:
         """Compliances of a file, of a calibration, by joint, or as they are.
@@ -235,13 +237,13 @@ class OfGeometry(OfStudy):
         return Plan.from_csv(table, self.study.robot, self.study.fixed, np.zeros(6))
 
     def _commands(self, result: Any, task: PlanLike | None, poses: Plan) -> "Compensation":
-        from edtk.calibration.geometry.compensate_geometry import compensate_geometry
+        from edtk.calibration.compensate import compensate
+        from edtk.calibration.geometry.calibrated_geometry import CalibratedGeometry
         from edtk.calibration.geometry.geometric_calibration import read_result
 
-        content = read_result(result)
-        where = name_of(result, "result")
-        of = name_of(self.study.where if task is None else task, "task")
-        return compensate_geometry(self.study, content, where, poses, of, own=task is None)
+        found = CalibratedGeometry.of(self.study, read_result(result), name_of(result, "result"))
+        where = name_of(self.study.where if task is None else task, "task")
+        return compensate(found, poses, where, own=task is None)
 
     def _predicted(self, result: Any, poses: Table, tool_rows: int) -> "Prediction":
         from edtk.calibration.geometry.geometric_calibration import read_result

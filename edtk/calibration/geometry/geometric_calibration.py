@@ -11,8 +11,8 @@ import numpy as np
 from criteria.linalg.spectrum import is_semidefinite
 from edtk.calibration.calibration import Judged, Origin
 from edtk.calibration.extension import Extension
-from edtk.calibration.geometry.pieces_left import LeftInTasks, PiecesLeft
 from edtk.calibration.measured_poses import MeasuredPoses
+from edtk.calibration.model_left import LeftInTasks, PiecesLeft
 from edtk.calibration.posterior_check import PosteriorCheck, compared_with_fit, pose_error
 from edtk.design.plan import Plan
 from edtk.findings.finding import Finding, Severity

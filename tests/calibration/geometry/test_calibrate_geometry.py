@@ -504,15 +504,14 @@ def test_poses_beyond_limits_are_named(study: Path, tmp_path: Path) -> None:
         "row 2: beyond the joints' limits"
     ]
     part = edtk.compensate(study, found, poses)
+    reason = "the desired value 999 is outside the joint's limits -130 .. 130"
     assert part.rows.tolist() == [0]
-    assert [row.text for row in part.refused] == [
-        "row 2: q2 of the pose is beyond the joint's limits"
-    ]
+    assert [row.text for row in part.refused] == [f"row 2, column q2_deg: {reason}"]
     assert part.to_dict()["left_out"][0]["row"] == 2
     assert part.to_frame()["row"].tolist() == [1]
-    assert "1 row left out: row 2: q2" in part.summary()
+    assert f"1 row left out: row 2, column q2_deg: {reason}" in part.summary()
     poses.write_text(f"{','.join(NAMES)}\n10,999,30,-40,50,60\n")
-    with pytest.raises(edtk.UserError, match="row 1: q2 of the pose is beyond the joint's limits"):
+    with pytest.raises(edtk.UserError, match=f"row 1, column q2_deg: {reason}"):
         edtk.compensate(study, found, poses)
 
 
