@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from edtk.calibration.prediction import Prediction
 from edtk.calibration.tasks_in_use import (
     RefusedRow,
     RefusedRowsError,
@@ -31,6 +32,7 @@ from edtk.measure.pose_table import (
     UNCOMPENSATED_COLUMN,
     UNCOMPENSATED_ROTATION_COLUMN,
     WRENCH_COLUMNS,
+    Table,
     pose_columns,
     pose_factors,
 )
@@ -276,6 +278,18 @@ class Calibrated(ABC):
     @abstractmethod
     def with_tool(self, tool: ToolInUse) -> "Commanded":
         """The same with the tool, and the loads, of some poses."""
+
+    @abstractmethod
+    def predict(self, poses: Table, tool_rows: int = 0) -> Prediction:
+        """What instruments will read in other poses, with bands.
+
+        Args:
+            poses: The file, or a data frame that holds what it would.
+            tool_rows: Rows at its beginning that place the markers on the tool.
+
+        Raises:
+            UserError: The file cannot be read, or a pose does not come to rest.
+        """
 
 
 class Commanded(ABC):

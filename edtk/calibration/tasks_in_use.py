@@ -15,7 +15,7 @@ from edtk.measure.pose_table import Table
 from edtk.measure.task import Task
 from edtk.robots.robot import Robot
 from edtk.study.study import Study
-from edtk.system.errors import UserError
+from edtk.system.errors import ArgumentError, UserError
 from edtk.system.typing import Array, Indices
 
 MOST_NAMED = 3  # rows that a sentence names one by one
@@ -113,32 +113,41 @@ def refused_in_words(refused: Sequence[RefusedRow]) -> str:
 def load_task(study: Study, path: Table | None = None) -> Plan:
     """Read task poses, columns as in a plan; without wrench columns, the test pose's load acts.
 
-    A file without them goes with test poses of one and the same load.
-
-    Joints that the study fixes may be left out, as in a plan. A column `repeats` means nothing.
+    A file without them goes with test poses of one and the same load. Joints that the study fixes
+    may be left out, as in a plan. A column `repeats` means nothing.
 
     Args:
-        study: Robot and test pose.
+        study: Robot and test poses; without any, one of [parameters] has no load.
         path: The CSV file, or a data frame that holds what it would; None for the poses
             of the study itself.
 
     Raises:
-        UserError: The study has no test pose, or some with different tools, or the file cannot be
-            read; names the row and the column.
+        UserError: The study has no test pose where it needs one, or some with different tools, or
+            the file cannot be read; names the row and the column.
     """
+    if path is not None:
+        return Plan.from_csv(path, study.robot, study.fixed, _load_of_all(study))
+    if not study.tasks and study.kind.task.wrench is not None:
+        message = "expected poses (CSV), as the study has no test pose"
+        raise ArgumentError(message, argument="task")
     require_task(study)
-    if path is None:
-        poses = np.array([task.q for task in study.tasks])
-        wrenches = np.array([task.wrench for task in study.tasks])
-        return Plan(poses, wrenches, np.ones(len(poses), dtype=int))
-    return Plan.from_csv(path, study.robot, study.fixed, _load_of_all(study))
+    poses = np.array([task.q for task in study.tasks])
+    wrenches = np.array([task.wrench for task in study.tasks])
+    return Plan(poses, wrenches, np.ones(len(poses), dtype=int))
 
 
 def _load_of_all(study: Study) -> Array | None:
-    """The wrench (6,) of all tasks; where they have several, what tasks of such a study have."""
+    """The wrench (6,) of all tasks; where they have several, or none, that of such a study.
+
+    Raises:
+        UserError: A study of compliances has no test pose, or test poses have several tools.
+    """
+    default = study.kind.task.wrench
+    if not study.tasks and default is not None:
+        return default
     wrench = task_of_all(study).wrench
     same = all(np.array_equal(task.wrench, wrench) for task in study.tasks)
-    return wrench if same else study.kind.task.wrench
+    return wrench if same else default
 
 
 def loaded_poses(study: Study, q: Array) -> Plan:
@@ -152,11 +161,7 @@ def loaded_poses(study: Study, q: Array) -> Plan:
         UserError: A study of compliances has no test pose, or test poses have several tools or
             loads.
     """
-    wrench = study.kind.task.wrench
-    if wrench is None:
-        require_task(study)
-    if study.tasks:
-        wrench = _load_of_all(study)
+    wrench = _load_of_all(study)
     if wrench is None:
         message = "the test poses have different loads; expected one, as a program states none"
         raise study.error("test_pose", message)

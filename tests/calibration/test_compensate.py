@@ -300,13 +300,13 @@ def test_the_band_contains_the_error_of_the_linear_model(tmp_path):
     names = STUDY.robot.joint_names
     known = Compliances.from_dict(fit.to_dict(), names, tuple(K))
     task = Plan(plan.q, plan.wrench, plan.repeats)
-    found = compensate(CalibratedSprings.of(study, known), task, "task")
+    found = compensate(CalibratedSprings(study, known), task, "task")
     model = ElastostaticModel(ROBOT, STUDY.model.joints)
     errors = remaining_error(model, plan.q, plan.wrench, fit.fit.k, k[1:])
     size = np.linalg.norm(errors, axis=-1)
     np.testing.assert_allclose(found.linear, size, rtol=0.03)
     assert ((found.band[:, 0] < size) & (size < found.band[:, 1])).all()
-    without = compensate(CalibratedSprings.of(study, replace(known, bias=None)), task, "task")
+    without = compensate(CalibratedSprings(study, replace(known, bias=None)), task, "task")
     assert (size > without.band[:, 1]).sum() > 6
     np.testing.assert_allclose(np.hypot(without.remaining, found.linear), found.remaining)
 

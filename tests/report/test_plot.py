@@ -67,7 +67,7 @@ def _compensation():
     known = Compliances(joints, STUDY.compliances, STUDY.compliances, covariance)
     q = STUDY.task.q + np.deg2rad([[0], [2]])
     task = Plan(q, np.tile(STUDY.task.wrench, (2, 1)), np.ones(2, dtype=int))
-    return compensate(CalibratedSprings.of(STUDY, known), task, "task")
+    return compensate(CalibratedSprings(STUDY, known), task, "task")
 
 
 @pytest.fixture(scope="module")

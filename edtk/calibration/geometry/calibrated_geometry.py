@@ -1,7 +1,8 @@
-"""Geometry that a calibration has found, and the commands that make up for it."""
+"""Geometry that a calibration has found: the commands, and the positions it predicts."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -9,20 +10,37 @@ import numpy as np
 
 from edtk.calibration.compensate import Calibrated, Commanded, Compensation, band_of
 from edtk.calibration.geometry.geometric_calibration import read_geometry
+from edtk.calibration.geometry.tool_from_rows import tool_from_rows
 from edtk.calibration.model_left import PiecesLeft
+from edtk.calibration.prediction import Prediction, beyond_limits
 from edtk.calibration.tasks_in_use import ToolInUse
 from edtk.findings.geometry.counting import Counting
+from edtk.findings.geometry.turn_reading import EXPECTED, turn_reading
+from edtk.findings.units import like_radians
 from edtk.fit.distributions import NormalMixture
-from edtk.fit.geometry.fitted_geometry import FittedGeometry, Loads
+from edtk.fit.geometry.fitted_geometry import FittedGeometry, Loads, Predicted
+from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.geometry.position_sheet import read_positions
+from edtk.fit.sheet import VECTOR
 from edtk.measure.equilibrium import NoEquilibriumError, why_no_rest
 from edtk.measure.measured_model import Seen
 from edtk.measure.parameters import TURNS, Parameter
+from edtk.measure.pose_table import (
+    CHANGE_COLUMN,
+    DEFLECTION_COLUMNS,
+    DISTANCE_COLUMN,
+    LOADED_COLUMNS,
+    ROTATION_COLUMNS,
+    Table,
+    path_of,
+)
 from edtk.measure.task import Task
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import rotation_vectors
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry, StudyLoads
-from edtk.system.errors import UserError
+from edtk.study.study_model import marker_names
+from edtk.system.errors import ArgumentError, UserError
 from edtk.system.typing import Array, Indices, Mask
 
 STEPS = 30  # of Newton's method; four are the rule
@@ -155,10 +173,9 @@ class CalibratedGeometry(Calibrated):
     Attributes:
         study: The study of the calibration.
         setting: Its markers and loads.
-        fitted: What was identified, with the markers on the tool.
+        fitted: What was identified.
         counting: How the sheet counts the joints.
-        pieces: What the springs lack; None where nothing tells it.
-        verdict: "good", "usable" or "bad"; None if it is not known.
+        result: All that the result says.
         where: The result, for messages.
     """
 
@@ -166,8 +183,7 @@ class CalibratedGeometry(Calibrated):
     setting: StudyGeometry
     fitted: FittedGeometry
     counting: Counting
-    pieces: PiecesLeft | None
-    verdict: str | None
+    result: Mapping[str, Any]
     where: Path | str
 
     @classmethod
@@ -180,17 +196,44 @@ class CalibratedGeometry(Calibrated):
             where: The result, for messages.
 
         Raises:
-            UserError: The result is not valid, older than commands, or of another study.
+            UserError: The result is not valid, or of another study.
         """
-        setting, fitted, counting = read_geometry(study, result["geometry"], where)
-        if fitted.model.row_count == 6 and fitted.placed_turns is None:
+        return cls(study, *read_geometry(study, result["geometry"], where), result, where)
+
+    @property
+    def verdict(self) -> str | None:
+        """How the identification rated the result; None if it is not known."""
+        verdict = self.result.get("verdict")
+        return verdict if isinstance(verdict, str) else None
+
+    @cached_property
+    def pieces(self) -> PiecesLeft | None:
+        """What a result says of pieces that its springs lack; None where it does not.
+
+        Raises:
+            UserError: It is not valid.
+        """
+        given = self.result.get("possible_springs")
+        if given is None:
+            return None
+        names = tuple(one.name for one in self.fitted.model.parameters)
+        try:
+            return PiecesLeft.from_dict(given, names, self.fitted.model.robot.n)
+        except (ValueError, AttributeError) as error:
+            raise UserError(str(error), where=self.where, key="possible_springs") from error
+
+    @cached_property
+    def on_tool(self) -> FittedGeometry:
+        """What was identified, with the markers on the tool.
+
+        Raises:
+            UserError: The result is older than commands for full poses.
+        """
+        model = self.fitted.model
+        if model.row_count == 6 and self.fitted.placed_turns is None:
             message = "the result is older than commands for full poses; identify the sheet anew"
-            raise UserError(message, where=where, key="geometry.placed_turns_rad")
-        pieces = _pieces_of(result, fitted, where)
-        on_tool = fitted.of_markers(np.flatnonzero(fitted.model.on_tool))
-        verdict = result.get("verdict")
-        said = verdict if isinstance(verdict, str) else None
-        return cls(study, setting, on_tool, counting, pieces, said, where)
+            raise UserError(message, where=self.where, key="geometry.placed_turns_rad")
+        return self.fitted.of_markers(np.flatnonzero(model.on_tool))
 
     @property
     def compliances(self) -> Mapping[str, float]:
@@ -210,7 +253,7 @@ class CalibratedGeometry(Calibrated):
         tools: tuple[ToolInUse, ...] = (ToolInUse(np.arange(poses), markers),)
         if self.study.tasks:
             tools = super().tools(poses, own)
-        if not self.fitted.model.markers and any(tool.task.tool is None for tool in tools):
+        if not self.on_tool.model.markers and any(tool.task.tool is None for tool in tools):
             message = "no marker is on the tool, and no task says where another tool is"
             raise UserError(f"{message}; expected one", where=self.where)
         return tools
@@ -218,8 +261,46 @@ class CalibratedGeometry(Calibrated):
     def with_tool(self, tool: ToolInUse) -> "GeometryWithTool":
         """The same with the tool of some poses, or with the markers."""
         task = tool.task
-        fitted = self.fitted if task.tool is None else self.fitted.at_tool(task.tool)
+        fitted = self.on_tool if task.tool is None else self.on_tool.at_tool(task.tool)
         return GeometryWithTool(self, fitted, self.setting.loads_of(task))
+
+    def predict(self, poses: Table, tool_rows: int = 0) -> Prediction:
+        """Predict the positions of markers in the poses of a file.
+
+        Args:
+            poses: The file, or a data frame that holds what it would.
+            tool_rows: Rows at its beginning that place the markers on the tool.
+
+        Raises:
+            UserError: The file cannot be read.
+        """
+        study, setting, fitted = self.study, self.setting, self.fitted
+        kinds = {name: setting.kinds[name] for name in (*setting.markers, *setting.references)}
+        data = read_positions(
+            poses,
+            study.robot,
+            study.fixed,
+            kinds,
+            measured=False,
+            others=marker_names(study),
+            reference=setting.reference,
+        )
+        data = setting.as_positions(data)
+        beyond = beyond_limits(study.robot, data.q, data.row)
+        radians = like_radians(study, data.q)
+        data = self.counting.of(setting.split(data.without_lost())[0])
+        _require_sound(setting, fitted, data, poses)
+        tests = data.seen.copy()
+        if tool_rows:
+            placing = _placing(fitted, data, tool_rows, path_of(poses))
+            predicted = tool_from_rows(fitted, data, placing, setting.loads)
+            tests &= ~placing & ~data.is_difference[:, None]
+        else:
+            predicted = fitted.predict(data.q, data.wrench, setting.loads, data.is_difference)
+        # Orientations are predicted though the file has none, but not of a tool that points placed.
+        rows = fitted.model.present.sum(axis=1)
+        rows = rows if predicted.turn_half is not None else np.minimum(rows, 3)
+        return _prediction(data, rows, predicted, tests, beyond, radians)
 
 
 @dataclass(frozen=True, eq=False)
@@ -343,24 +424,6 @@ class GeometryWithTool(Commanded):
         return mixture.plus(V / (MM * root) ** 2, still), NormalMixture.single(still, C)
 
 
-def _pieces_of(
-    result: Mapping[str, Any], fitted: FittedGeometry, where: Path | str
-) -> PiecesLeft | None:
-    """What a result says of pieces that its springs lack; None where it does not.
-
-    Raises:
-        UserError: It is not valid.
-    """
-    given = result.get("possible_springs")
-    if given is None:
-        return None
-    names = tuple(one.name for one in fitted.model.parameters)
-    try:
-        return PiecesLeft.from_dict(given, names, fitted.model.robot.n)
-    except (ValueError, AttributeError) as error:
-        raise UserError(str(error), where=where, key="possible_springs") from error
-
-
 def _remaining(std: Array, reading: Array | float, left: Array) -> Array:
     """Root mean square error (t,) of a marker, of all errors but a reading's.
 
@@ -371,3 +434,107 @@ def _remaining(std: Array, reading: Array | float, left: Array) -> Array:
     """
     squares = (std**2).sum(axis=-1).mean(axis=-1)
     return np.asarray(np.sqrt(np.maximum(squares - reading, 0.0) + left**2))
+
+
+def _require_sound(
+    setting: StudyGeometry, fitted: FittedGeometry, data: MarkerPositions, poses: Table
+) -> None:
+    """Check that orientations are read as they are written, and that the arm rests in each pose."""
+    robot = setting.study.robot
+    on_tool = data.absolute.of_markers(np.arange(len(setting.on_tool)))
+    reading = turn_reading(poses, robot, on_tool)
+    if reading:
+        raise UserError(f"the robot fits if {reading}; expected {EXPECTED}", where=path_of(poses))
+    snaps = np.flatnonzero(fitted.snaps(data.q, data.wrench, setting.loads))
+    if len(snaps):
+        first = int(snaps[0])
+        raise UserError(
+            why_no_rest(robot, data.q[first], fitted.compliances),
+            where=path_of(poses),
+            key=f"row {int(data.row[first].max()) + 1}",
+        )
+
+
+def _placing(
+    fitted: FittedGeometry, data: MarkerPositions, tool_rows: int, where: Path | str
+) -> Mask:
+    """The readings (m, k) of the first rows, which place the markers on the tool."""
+    last = int(data.row.max()) + 1
+    if tool_rows > last:
+        message = f"{where} has {last} rows"
+        raise ArgumentError(message, argument="tool_rows", given=tool_rows)
+    placing = np.logical_and(data.seen, data.row < tool_rows)
+    # Neither a distance nor a change under a load says where a marker is.
+    placing &= ~fitted.model.is_distance & ~data.is_difference[:, None]
+    if not placing.any():
+        raise UserError("no marker was measured in the rows that place the tool", where=where)
+    return np.asarray(placing)
+
+
+def _prediction(
+    data: MarkerPositions,
+    rows: Indices,
+    predicted: Predicted,
+    tests: Mask,
+    beyond: tuple[int, ...],
+    radians: bool,
+) -> Prediction:
+    """What the file asks for, one reading after another, each of so many rows (k,)."""
+    visit, marker = np.nonzero(data.row >= 0)
+    chosen = (visit, marker)
+    turns = predicted.turns[chosen]
+    turned = np.zeros((len(visit), 3))
+    turned_half = np.zeros((len(visit), 3))
+    if predicted.turn_half is not None:
+        given = np.full_like(turns, np.nan) if data.turns is None else data.turns[chosen]
+        seen: Mask = np.all(np.isfinite(given), axis=(-1, -2))
+        turned = np.where(seen[:, None, None], given, turns) @ np.swapaxes(turns, -1, -2)
+        turned = np.where(seen[:, None], rotation_vectors(turned), np.nan)
+        turned_half = predicted.turn_half[chosen]
+    every = (
+        np.hstack([predicted.points[chosen], rotation_vectors(turns)]),
+        np.hstack([predicted.half[chosen], turned_half]),
+        np.hstack([data.measured[chosen] - predicted.points[chosen], turned]),
+    )
+    columns, of_columns = _columns(rows[marker], data.is_difference[visit])
+    values, half, apart = (of_columns(one) for one in every)
+    return Prediction(
+        data=data,
+        what="positions",
+        row=data.row[chosen],
+        markers=tuple(data.markers[i] for i in marker),
+        columns=columns,
+        values=values,
+        half=half,
+        apart=apart,
+        tests=tests[chosen],
+        open=predicted.open[chosen],
+        beyond=beyond,
+        radians=radians,
+    )
+
+
+def _columns(rows: Indices, differs: Mask) -> tuple[tuple[str, ...], Callable[[Array], Array]]:
+    """Names of the coordinates of all readings, and what puts their rows (t, 6) into these.
+
+    Args:
+        rows: How many rows each reading (t,) has: one of a distance, three, or six of a pose.
+        differs: Which readings (t,) are differences of two.
+    """
+    lengths, turns, alone = slice(0, 3), slice(3, 6), slice(0, 1)
+    groups: tuple[tuple[tuple[str, ...], Mask, slice], ...] = (
+        (LOADED_COLUMNS, (rows > 1) & ~differs, lengths),
+        (DEFLECTION_COLUMNS, (rows > 1) & differs, lengths),
+        ((DISTANCE_COLUMN,), (rows == 1) & ~differs, alone),
+        ((CHANGE_COLUMN,), (rows == 1) & differs, alone),
+        (VECTOR, (rows == 6) & ~differs, turns),
+        (ROTATION_COLUMNS, (rows == 6) & differs, turns),
+    )
+    used = [group for group in groups if group[1].any()]
+
+    def of_columns(values: Array) -> Array:
+        """Values of all columns; NaN where a reading has no such coordinate."""
+        parts = [np.where(own[:, None], values[:, part], np.nan) for _, own, part in used]
+        return np.hstack(parts) if parts else np.zeros((len(values), 0))
+
+    return tuple(name for names, _, _ in used for name in names), of_columns
