@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from edtk.calibration.calibration import Calibration, Origin
-from edtk.calibration.model_findings import model_findings
 from edtk.calibration.told_part import ToldPart, measured_known, told_part
 from edtk.findings.causes.faults import cause_of
 from edtk.findings.finding import Finding, worst_first
@@ -110,14 +109,14 @@ def calibrate(study: Study, path: Table, how: HowFitted = AS_USUAL) -> Calibrati
     except (SingularPlanError, NothingLeftError, SigmaTooSmallError) as error:
         raise UserError(str(error), where=path) from error
     fitted = fitted.naming_outliers()
-    bare = Calibration(fitted, (), path, _bias(fitted), origin=origin, part=part)
+    bare = Calibration(fitted, _bias(fitted), findings=(), path=path, origin=origin, part=part)
     tasks = fitted.study.tasks
     budget = bare.propagation.budget(tasks, bare.rho0_bias or 0.0) if tasks else None
     named = spring_findings(fitted, bare.rho0_bias, budget)
     lacking = fitted.model_error
     if budget is not None and lacking is not None and bare.propagation.model is not None:
         left = bare.propagation.model.in_tasks(tasks, bare.propagation.joints, budget)
-        named = (*named, *model_findings(left, lacking.to_dict(), lacking.counts))
+        named = (*named, *left.findings(lacking.to_dict(), lacking.counts))
     if part is not None and study.interest is None:
         told = (len(fitted.fit.k), len(study.unknown))
         still = still_joints(study.robot, data.q)

@@ -1,12 +1,13 @@
 """What errors of the model leave in tasks after a compensation, as far as a sheet tells them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from edtk.findings.finding import Data, Finding, Severity, Wording
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.model_error import usual_share
 from edtk.fit.correlated_noise import CorrelatedNoise
@@ -27,6 +28,13 @@ from edtk.system.typing import Array
 
 ROWS = 3  # of a position, ahead of a rotation
 MOST = 0.975  # of chances: an error that is larger is told
+# Of a single normal error 5 % is beyond twice its size. Where chances are twice that, what the
+# sheet leaves open is what the promise rests on.
+OFTEN = 0.1
+# Of the displacement. A compensation that takes away nine tenths is what an engineer expects;
+# where less is due to the model, more measurements do not help.
+LARGE = 0.1
+SHARE = 0.01  # of the total error, from which a part of it is named
 DIGITS = 12  # of what is written, to print predictions as they are
 
 
@@ -347,6 +355,25 @@ class LeftInTasks:
         """The error that is exceeded with a chance of 2.5 %, in the worst task [m]."""
         return max(float(one.quantiles([MOST])[0, 0]) for one in self.parts)
 
+    def findings(self, shares: Mapping[str, float], counts: bool) -> Iterator[Finding]:
+        """Name errors of the model: those that are found, and those that the sheet leaves possible.
+
+        What is missing is a note where it makes little of the total, or a good compensation bad.
+
+        Args:
+            shares: The likeliest shares of the pieces that the model lacks [%].
+            counts: Whether the sheet speaks for one.
+        """
+        place = self.tasks.place
+        if counts and self.model >= SHARE * self.total:
+            large = 2 * self.model**2 > self.total**2 and self.total > LARGE * self.before
+            severity = Severity.WARNING if large else Severity.NOTE
+            found: dict[str, Any] = {"model": self.model, "place": place, **shares}
+            yield Finding.of(severity, WORDING, "model_error", **found)
+        if self.chance > OFTEN:
+            untold = {"chance": self.chance, "most": self.most, "total": self.total}
+            yield Finding.of(Severity.WARNING, WORDING, "model_untold", place=place, **untold)
+
 
 def possible_to_dict(pieces: MissingPieces, possible: PossibleSprings) -> dict[str, Any]:
     """Pieces and what is possible of them, as plain numbers in SI units, and shares."""
@@ -409,3 +436,34 @@ def _in_frame(fitted: FittedGeometry, columns: Array) -> Array:
     R = fitted.model.start[:ROWS, :ROWS]
     m, rows, c = columns.shape
     return (R @ columns.reshape(m, rows // ROWS, ROWS, c)).reshape(m, rows, c)
+
+
+PARTS = {
+    "across_percent": "springs across the joints of {:.2g} % of their own",
+    "held_percent": "friction of {:.2g} % of the loads",
+    "turn_percent": "stiffnesses that vary by {:.2g} % from pose to pose",
+}
+
+
+def _model_error(data: Data) -> str:
+    """What was found."""
+    parts = [words.format(data[name]) for name, words in PARTS.items() if data[name]]
+    size = f"{1e3 * data['model']:.2g} mm {data['place']}"
+    return (
+        f"the residuals look as if the robot had {', '.join(parts)}, which its model lacks: the "
+        f"expected error counts {size} for that"
+    )
+
+
+def _model_untold(data: Data) -> str:
+    """What is assumed."""
+    chance = f"{100 * data['chance']:.0f} %"
+    return (
+        "these poses and loads do not tell friction and springs that the model lacks; with usual "
+        f"ones, {chance} of such days end more than {1e3 * 2 * data['total']:.2g} mm off "
+        f"{data['place']}, twice the error expected, and up to {1e3 * data['most']:.2g} mm off; "
+        "other poses, and loads of other sizes, would tell"
+    )
+
+
+WORDING: Wording = {"model_error": _model_error, "model_untold": _model_untold}

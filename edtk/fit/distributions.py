@@ -225,32 +225,22 @@ def _quantile(weights: Array, level: float, scatter: _Scatter) -> float:
     return float(brentq(excess, low, high, xtol=1e-300, rtol=1e-12))
 
 
-def offset_error_quantiles(
-    A: Array, cov: Array, mean: Array, levels: ArrayLike, dof: float = np.inf
-) -> Array:
-    """Quantiles of ``|b + A dk|`` for errors dk with that covariance, and known offsets b.
+def _quantiles_about(mean: Array, V: Array, levels: ArrayLike, dof: float) -> Array:
+    """Quantiles (t, c) of the lengths of errors with means (t, rows) and covariances V.
 
     Without an offset they are those of `error_quantiles`, exactly. With one, the Laplace transform
     has essential singularities where that one has branch points, and its inversion loses all digits
     for large offsets. So the distribution is that of a fixed, evenly spread set of points: a
     lattice in the unit cube (Roberts' generalised golden ratio), mapped to normal variables along
-    the axes of ``A cov A'``, and to a chi-square for the estimated noise.
+    the axes of V, and to a chi-square for the estimated noise. Where V has equal eigenvalues
+    rounding chooses the axes, and with them the last of three digits.
 
     Args:
-        A: Regressors (t, rows, p) of the task poses [m/(rad/(N m))].
-        cov: Covariance (p, p) of the compliances; if dof is finite, the estimated one.
-        mean: Offsets b (t, rows) [m].
+        mean: Offsets (t, rows) [m].
+        V: Covariances (t, rows, rows); if dof is finite, the estimated ones [m^2].
         levels: Probabilities (c,) strictly between 0 and 1.
-        dof: Degrees of freedom of the covariance; inf where sigma is known.
-
-    Returns:
-        Quantiles (t, c) [m].
+        dof: Degrees of freedom of the covariances; inf where sigma is known.
     """
-    return _quantiles_about(mean, A @ cov @ np.swapaxes(A, 1, 2), levels, dof)
-
-
-def _quantiles_about(mean: Array, V: Array, levels: ArrayLike, dof: float) -> Array:
-    """Quantiles (t, c) of the lengths of errors with means (t, rows) and covariances V."""
     from scipy.special import ndtri
 
     levels = np.asarray(levels, dtype=float)

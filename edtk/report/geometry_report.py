@@ -1,21 +1,16 @@
 """The report of a calibration of geometry: verdict first, then tables and pictures."""
 
-from pathlib import Path
-
 import numpy as np
 
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.findings.finding import rows_in_words
 from edtk.fit.geometry.fitted_geometry import MM, lengths, root_mean_square
-from edtk.measure.cells import csv_text
 from edtk.measure.parameters import TITLES, Parameter
-from edtk.report.calibration_report import NAMES, calibration_title
+from edtk.report.calibration_sections import task_section
 from edtk.report.draw.residuals import left_out_errors, marker_residuals
-from edtk.report.extension import extension_files, extension_section
 from edtk.report.figures import new_figure
 from edtk.report.page import (
     QUALITY,
-    Page,
     facts,
     paragraph,
     picture,
@@ -24,14 +19,8 @@ from edtk.report.page import (
     table,
     verdict,
 )
-from edtk.report.posterior_report import posterior_report
-from edtk.report.show.page import page_html
-from edtk.report.show.plate import poses_section
-from edtk.report.show.stage import stage_of_calibration
 from edtk.report.shown import left_out_sentence, places_of
 from edtk.study.schema import describe_noise
-from edtk.system.files import Content
-from edtk.system.parsing import json_text
 from edtk.system.typing import Array
 from edtk.version import __version__
 
@@ -124,9 +113,9 @@ def robot_stands(base: Array) -> str:
     return f"at ({place}) mm, turned by the rotation vector ({turn}) deg"
 
 
-def geometry_report(found: GeometricCalibration) -> str:
-    """The text of `report.html`."""
-    parts = [
+def geometry_sections(found: GeometricCalibration) -> list[str]:
+    """What a report says of the result, the verdict first."""
+    return [
         _verdict(found),
         section(
             "How well are poses predicted?",
@@ -136,15 +125,11 @@ def geometry_report(found: GeometricCalibration) -> str:
             paragraph("The poses that the others predict least:"),
             _worst(found),
         ),
+        *([] if found.tasks is None else [task_section(found.tasks)]),
         section("Residuals of the markers", paragraph(_noise(found)), *_residuals(found)),
         *_parameters(found),
         section("What can be told apart?", *_rank(found)),
-        poses_section(stage_of_calibration(found)),
-        *extension_section(found.extension),
-        *([] if found.check is None else [posterior_report(found.check)]),
-        geometry_facts(found),
     ]
-    return Page(calibration_title(found.study), tuple(parts)).html()
 
 
 def _verdict(found: GeometricCalibration) -> str:
@@ -153,11 +138,11 @@ def _verdict(found: GeometricCalibration) -> str:
     first = QUALITY[level]
     if level != "bad":
         first = f"{first} {_expected(found)}"
-    lines = [first, *(sentence(one.words) for one in found.findings)]
+    lines = [sentence(one.words) for one in found.findings]
     lines += [sentence(f"the study: {warning}") for warning in found.study.warnings]
-    if not found.findings and not found.study.warnings:
-        lines.append("Nothing is wrong: all that was asked for is told, and no pose surprises.")
-    return verdict(level, lines)
+    if not lines:
+        lines = ["Nothing is wrong: all that was asked for is told, and no pose surprises."]
+    return verdict(level, [first, *lines])
 
 
 def _expected(found: GeometricCalibration) -> str:
@@ -178,8 +163,8 @@ def _prediction(found: GeometricCalibration) -> str:
     if found.rho0_mm is None:
         return text
     return (
-        f"{text} Wrong parameters leave {found.rho0_mm:.2g} mm (rho0) of {found.tasks.subject} "
-        f"{found.tasks.place}; what the model leaves out comes on top of it."
+        f"{text} Wrong parameters leave {found.rho0_mm:.2g} mm (rho0) of {found.in_tasks.subject} "
+        f"{found.in_tasks.place}; what the model leaves out comes on top of it."
     )
 
 
@@ -317,20 +302,3 @@ def _rank(found: GeometricCalibration) -> list[str]:
             table(["told by no pose"], [[one] for one in fit.redundant], words=1, full=True)
         )
     return parts
-
-
-def geometry_files(found: GeometricCalibration, folder: Path) -> dict[Path, Content]:
-    """The contents of `k.json`, `residuals.csv`, `report.html` and `poses.html`, by path.
-
-    Args:
-        found: The result.
-        folder: Folder of the files.
-    """
-    contents = (
-        json_text(found.to_dict()),
-        csv_text(found.residuals()),
-        geometry_report(found),
-        page_html(stage_of_calibration(found)),
-    )
-    files = {folder / name: content for name, content in zip(NAMES, contents, strict=True)}
-    return files | extension_files(found, folder)

@@ -11,7 +11,6 @@ from edtk.measure.pose_table import Table
 from edtk.study import kinds
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
-from edtk.system.files import Content
 from edtk.verbs.inputs import (
     StudyLike,
     as_study,
@@ -88,17 +87,6 @@ class OfCompliances(OfStudy):
 
         return extend(self.study, sheet, how) if how.extended else calibrate(self.study, sheet, how)
 
-    def _report(
-        self, found: "Calibration | GeometricCalibration", folder: Path
-    ) -> dict[Path, Content]:
-        from edtk.calibration.calibration import Calibration
-        from edtk.report.calibration_report import calibration_files
-        from edtk.report.geometry_report import geometry_files
-
-        if isinstance(found, Calibration):
-            return calibration_files(found, folder)
-        return geometry_files(found, folder)
-
     def _robot(self, result: Any, argument: str) -> "Calibrated":
         from edtk.calibration.calibrated_springs import CalibratedSprings
         from edtk.calibration.calibration import Calibration
@@ -168,11 +156,6 @@ class OfGeometry(OfStudy):
         from edtk.calibration.geometry.calibrate_geometry import calibrate_geometry
 
         return calibrate_geometry(self.study, sheet, how)
-
-    def _report(self, found: "GeometricCalibration", folder: Path) -> dict[Path, Content]:
-        from edtk.report.geometry_report import geometry_files
-
-        return geometry_files(found, folder)
 
     def _robot(self, result: Any, argument: str) -> "Calibrated":
         from edtk.calibration.geometry.calibrated_geometry import CalibratedGeometry

@@ -685,7 +685,7 @@ class OfStudy(Question):
         out: Path | str | None,
     ) -> "Calibration | GeometricCalibration":
         """The parameters from measurements, and their files; see `edtk.identify`."""
-        from edtk.report.calibration_report import NAMES
+        from edtk.report.calibration_report import NAMES, calibration_files
         from edtk.report.extension import NAME
 
         study = self.study
@@ -709,17 +709,13 @@ class OfStudy(Question):
 
             files[Path(sampling.export)] = inference_data(found.check)
         if out is not None:
-            files |= self._report(found, Path(out))
+            files |= calibration_files(found, Path(out))
         write_files(files)
         return found
 
     @abstractmethod
     def _calibrated(self, sheet: Table, how: "HowFitted") -> Any:
         """The calibration."""
-
-    @abstractmethod
-    def _report(self, found: Any, folder: Path) -> dict[Path, Content]:
-        """The files of a calibration."""
 
     def compensate(
         self, result: CompliancesLike, task: PlanLike | None, out: Path | str | None

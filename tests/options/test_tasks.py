@@ -240,7 +240,7 @@ def test_commands_bring_a_tool_where_the_drawing_has_it() -> None:
         assert errors[1] < 0.1 * errors[0]
         assert errors[1] < 3 * told.remaining[i]
     # In the pose without a lever that is its rho0, and what the residuals show besides.
-    accuracy = found.accuracy
+    accuracy = found.tasks
     assert accuracy is not None
     assert told.remaining[1] == pytest.approx(accuracy.error[1], rel=0.2)
 

@@ -49,7 +49,7 @@ def calibrated(spoil=lambda y: y, k=STUDY.compliances, known=True, seed=3, study
     fitted = FittedData.of(study, data, HowFitted(sigma_unknown=not known))
     budget = calibration_budget(fitted, None)
     found = spring_findings(fitted, budget=budget)
-    return Calibration(fitted, found, Path("day <1>.csv"), budget=budget)
+    return Calibration(fitted, findings=found, path=Path("day <1>.csv"), budget=budget)
 
 
 @pytest.fixture(scope="module")

@@ -57,7 +57,7 @@ def _calibration():
     moved = simulate(A, STUDY.compliances, STUDY.sigma, np.random.default_rng(0))[0]
     sigma = np.tile(STUDY.sigma, (len(q), 1))
     data = Measurements(q, wrench, moved, sigma, np.zeros((len(q), 3)))
-    return Calibration(FittedData.of(STUDY, data), (), Path("day <1>.csv"))
+    return Calibration(FittedData.of(STUDY, data), findings=(), path=Path("day <1>.csv"))
 
 
 def _compensation():

@@ -302,6 +302,7 @@ def test_results_of_other_robots_are_refused(study: Path, tmp_path: Path) -> Non
 
 
 @pytest.mark.cell("`compensate`", "parameters")
+@pytest.mark.cell("`compensate` names poses in radians, and loads in kilonewtons", "parameters")
 def test_commands_bring_the_markers_where_the_drawing_has_them(study: Path, tmp_path: Path) -> None:
     """The erring arm, commanded so, carries its markers where a perfect one would."""
     q, x = truth(40)
@@ -338,6 +339,9 @@ def test_commands_bring_the_markers_where_the_drawing_has_them(study: Path, tmp_
     assert json.loads(json.dumps(told.to_dict()))["remaining_band"] == told.band.tolist()
     assert told.plot().get_ylabel() == "error of the markers [mm]"
     assert "<table" in told._repr_html_()
+    assert not told.findings
+    radians = pd.DataFrame(np.deg2rad(task), columns=NAMES)
+    assert [one.kind for one in edtk.compensate(study, found, radians).findings] == ["angle_unit"]
     with pytest.raises(edtk.UserError, match="expected poses"):
         edtk.compensate(study, found)
 
