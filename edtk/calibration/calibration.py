@@ -101,6 +101,11 @@ class Judged(Presented):
         """The question."""
 
     @property
+    def asked(self) -> Study:
+        """The question as it was given."""
+        return self.study
+
+    @property
     @abstractmethod
     def k(self) -> dict[str, float]:
         """Compliances by joint [rad/(N m), or m/N of a prismatic joint]."""

@@ -13,7 +13,9 @@ from edtk.measure.expected_error import ErrorBudget
 from edtk.measure.pose_table import coordinate_names
 from edtk.report.calibration_sections import (
     budget_section,
-    calibration_facts,
+    evaluated_facts,
+    facts_section,
+    measured_facts,
     noise_parts,
     residual_causes,
     task_section,
@@ -23,7 +25,7 @@ from edtk.report.draw.names import room_for
 from edtk.report.draw.residuals import ResidualPanel, drawn_rows, quantiles, residuals
 from edtk.report.extension import extension_files, extension_section
 from edtk.report.figures import new_figure
-from edtk.report.geometry_report import geometry_facts, geometry_sections
+from edtk.report.geometry_report import evaluated_geometry, geometry_sections, measured_positions
 from edtk.report.page import QUALITY, Page, paragraph, picture, section, sentence, table, verdict
 from edtk.report.posterior_report import posterior_report
 from edtk.report.show.page import page_html
@@ -157,16 +159,18 @@ def _facts(found: Calibration) -> list[str]:
 def calibration_report(found: Judged) -> str:
     """The text of `report.html`."""
     if isinstance(found, GeometricCalibration):
-        sections, facts = geometry_sections(found), geometry_facts(found)
+        sections = geometry_sections(found)
+        facts = measured_positions(found), evaluated_geometry(found)
     else:
         assert isinstance(found, Calibration)
-        sections, facts = _sections(found), calibration_facts(found)
+        sections = _sections(found)
+        facts = measured_facts(found), evaluated_facts(found)
     parts = [
         *sections,
         poses_section(stage_of_calibration(found)),
         *extension_section(found.extension),
         *([] if found.check is None else [posterior_report(found.check)]),
-        facts,
+        facts_section(found, *facts),
     ]
     return Page(calibration_title(found.study), tuple(parts)).html()
 

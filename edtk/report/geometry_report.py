@@ -6,12 +6,11 @@ from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.findings.finding import rows_in_words
 from edtk.fit.geometry.fitted_geometry import MM, lengths, root_mean_square
 from edtk.measure.parameters import TITLES, Parameter
-from edtk.report.calibration_sections import task_section
+from edtk.report.calibration_sections import Facts, task_section
 from edtk.report.draw.residuals import left_out_errors, marker_residuals
 from edtk.report.figures import new_figure
 from edtk.report.page import (
     QUALITY,
-    facts,
     paragraph,
     picture,
     section,
@@ -22,7 +21,6 @@ from edtk.report.page import (
 from edtk.report.shown import left_out_sentence, places_of
 from edtk.study.schema import describe_noise
 from edtk.system.typing import Array
-from edtk.version import __version__
 
 SHOWN = 8  # rows of the table of poses
 WIDTH = 4.4  # of a picture [inch]: letters can be read on a phone, and on a desk two have room
@@ -30,23 +28,11 @@ HEIGHT = 2.9
 MOST_PICTURES = 8  # of markers
 
 
-def geometry_facts(found: GeometricCalibration) -> str:
-    """The section that lets somebody else repeat the result."""
-    return section(
-        "What was measured, and how was it evaluated?",
-        facts("Measurements", _measured(found)),
-        facts("Evaluation", _evaluated(found)),
-    )
-
-
-def _measured(found: GeometricCalibration) -> list[tuple[str, str]]:
-    """The file, and what is in it."""
+def measured_positions(found: GeometricCalibration) -> Facts:
+    """What is in the file."""
     fit = found.fit
     left_out = len(found.left_out)
-    rows = [
-        ("File", found.path.name),
-        ("SHA-256", found.origin.sha256),
-        ("Last changed", found.origin.changed),
+    return [
         ("Positions", f"{fit.data.count} in {len(fit.data)} visits of {fit.data.poses} poses"),
         ("Left out", f"{left_out} visits" if left_out else ""),
         ("Markers", ", ".join(fit.data.markers)),
@@ -55,7 +41,6 @@ def _measured(found: GeometricCalibration) -> list[tuple[str, str]]:
         ("Loads", _loads(fit.data.wrench)),
         ("Assumed", "; ".join(found.assumed)),
     ]
-    return [(name, text) for name, text in rows if text]
 
 
 def _stated(found: GeometricCalibration) -> str:
@@ -66,27 +51,19 @@ def _stated(found: GeometricCalibration) -> str:
     return describe_noise(found.setting.study.specification)
 
 
-def _evaluated(found: GeometricCalibration) -> list[tuple[str, str]]:
-    """The study, the place of the robot, and the program."""
-    study = found.study
-    name = f"{study.path.name}, " if study.path is not None else ""
+def evaluated_geometry(found: GeometricCalibration) -> Facts:
+    """The place of the robot, and the options."""
     loss = (
         "poses that fit badly count less, as with t errors" if (found.fit.weights < 1).any() else ""
     )
-    rows = [
-        ("Study", f"{name}SHA-256 begins with {study.digest}"),
-        ("Robot", study.robot.name),
+    fit = f"nonlinear least squares, variances by restricted likelihood; {loss}".rstrip("; ")
+    return [
         ("Robot in the instrument's frame", robot_stands(found.base)),
         ("Joints count", found.counting.words or "as the study says"),
-        ("Known", study.specification.joints.known_in_words("\N{PLUS-MINUS SIGN}")),
+        ("Known", found.study.specification.joints.known_in_words("\N{PLUS-MINUS SIGN}")),
         ("Known before", _told_before(found)),
-        (
-            "Fit",
-            f"nonlinear least squares, variances by restricted likelihood; {loss}".rstrip("; "),
-        ),
-        ("Program", f"edtk {__version__}"),
+        ("Fit", fit),
     ]
-    return [(name, text) for name, text in rows if text]
 
 
 def _told_before(found: GeometricCalibration) -> str:
