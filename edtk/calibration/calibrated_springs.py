@@ -196,7 +196,7 @@ class SpringsWithTool(Commanded):
     tool: ToolInUse
 
     @property
-    def robot(self) -> Robot:  # type: ignore[override]
+    def robot(self) -> Robot:
         """The chain with the tool."""
         return self.tool.robot
 

@@ -293,13 +293,12 @@ class Calibrated(ABC):
 
 
 class Commanded(ABC):
-    """A calibrated robot that is commanded with the tool of some poses.
+    """A calibrated robot that is commanded with the tool of some poses."""
 
-    Attributes:
-        robot: The chain, whose joints have limits.
-    """
-
-    robot: Robot
+    @property
+    @abstractmethod
+    def robot(self) -> Robot:
+        """The chain, whose joints have limits."""
 
     @abstractmethod
     def commands(self, q: Array, wrench: Array) -> Array:

@@ -318,7 +318,7 @@ class GeometryWithTool(Commanded):
     loads: StudyLoads | None
 
     @property
-    def robot(self) -> Robot:  # type: ignore[override]
+    def robot(self) -> Robot:
         """The chain of the drawing."""
         return self.calibrated.study.robot
 
