@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edtk import Plan, Study
+from edtk.calibration.calibrated_springs import CalibratedSprings
 from edtk.calibration.compensate import compensate
 from edtk.findings.nonlinear_part import linear_model_bias
 from edtk.fit.equilibrium import equilibrium_deflection
@@ -83,8 +84,8 @@ def _one(study: Study, known: Compliances, task: Plan) -> tuple[Array, Array, Ar
     model = ElastostaticModel(study.task.model.robot, study.model.joints)
     errors = remaining_error(model, task.q, task.wrench, known.k, study.compliances)
     size = np.linalg.norm(errors, axis=-1)
-    found = compensate(study, known, task, "task")
-    without = compensate(study, replace(known, bias=None), task, "task")
+    found = compensate(CalibratedSprings(study, known), task, "task")
+    without = compensate(CalibratedSprings(study, replace(known, bias=None)), task, "task")
     return _within(size, found.band), _within(size, without.band), found.linear / without.remaining
 
 

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from edtk.calibration.calibration import Calibration, Origin
-from edtk.calibration.model_findings import model_findings
 from edtk.calibration.told_part import ToldPart, measured_known, told_part
 from edtk.findings.causes.faults import cause_of
 from edtk.findings.finding import Finding, worst_first
@@ -110,20 +109,21 @@ def calibrate(study: Study, path: Table, how: HowFitted = AS_USUAL) -> Calibrati
     except (SingularPlanError, NothingLeftError, SigmaTooSmallError) as error:
         raise UserError(str(error), where=path) from error
     fitted = fitted.naming_outliers()
-    bare = Calibration(fitted, (), path, _bias(fitted), origin=origin, part=part)
+    bare = Calibration(fitted, _bias(fitted), findings=(), path=path, origin=origin, part=part)
     tasks = fitted.study.tasks
     budget = bare.propagation.budget(tasks, bare.rho0_bias or 0.0) if tasks else None
     named = spring_findings(fitted, bare.rho0_bias, budget)
-    if budget is not None and fitted.model_error is not None:
-        of_model = model_findings(bare.propagation, fitted.model_error, budget, tasks)
-        named = (*named, *of_model)
+    lacking = fitted.model_error
+    if budget is not None and lacking is not None and bare.propagation.model is not None:
+        left = bare.propagation.model.in_tasks(tasks, bare.propagation.joints, budget)
+        named = (*named, *left.findings(lacking.to_dict(), lacking.counts))
     if part is not None and study.interest is None:
         told = (len(fitted.fit.k), len(study.unknown))
         still = still_joints(study.robot, data.q)
         named = (untold_finding(told, part.words, still, "; or a [prior], with --bayes"), *named)
     if study.with_known is not study:
-        left = {one.name: one for one in bare.propagation.assumed}
-        named = (*named, *known_findings(study, left))
+        beside = {one.name: one for one in bare.propagation.assumed}
+        named = (*named, *known_findings(study, beside))
         if budget is not None:
             named = (*named, *unstated_findings(study, budget))
     found = replace(bare, findings=worst_first(named), budget=budget)

@@ -36,6 +36,7 @@ from edtk.fit.outliers import LackOfFit
 from edtk.fit.posterior import Posterior, SamplingOptions
 from edtk.measure.expected_error import ErrorBudget, ExpectedError, TaskAccuracy, expected_error
 from edtk.measure.pose_table import Table
+from edtk.measure.task import Tasks
 from edtk.study.evaluate import accuracy_of_tasks
 from edtk.study.study import Study
 from edtk.study.study_parts import study_prior
@@ -76,23 +77,71 @@ class Origin:
         return cls(digest, changed)
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Judged(Presented):
-    """What every calibration says of itself, whatever its parameters are.
+    """What a calibration found, whatever its parameters are, and whether to trust it.
 
     Attributes:
         findings: Everything that looks wrong, the worst first.
+        path: Where the measurements are.
+        origin: The file as it was read.
         check: The posterior; None where it was not sampled.
-        extension: The models that the sheet was asked for; None where it was not.
+        extension: The models of which this is the likeliest; None where nobody asked for them.
     """
 
     findings: tuple[Finding, ...]
-    check: PosteriorCheck | None
-    extension: Extension | None
+    path: Path
+    origin: Origin = Origin()
+    check: PosteriorCheck | None = None
+    extension: Extension | None = None
 
     @property
     @abstractmethod
     def study(self) -> Study:
         """The question."""
+
+    @property
+    def asked(self) -> Study:
+        """The question as it was given."""
+        return self.study
+
+    @property
+    @abstractmethod
+    def k(self) -> dict[str, float]:
+        """Compliances by joint [rad/(N m), or m/N of a prismatic joint]."""
+
+    @property
+    @abstractmethod
+    def covariance(self) -> Array:
+        """Covariance of the parameters by the noise, in the order of `in_tasks`."""
+
+    @property
+    @abstractmethod
+    def in_tasks(self) -> Tasks:
+        """The study's tasks, in which errors of the identified parameters do harm."""
+
+    @property
+    @abstractmethod
+    def tasks(self) -> TaskAccuracy | None:
+        """Errors to expect in each of several test poses; None for one or none."""
+
+    @property
+    @abstractmethod
+    def measured_poses(self) -> MeasuredPoses:
+        """The poses of the sheet, with the distances of their readings from the fit."""
+
+    @abstractmethod
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON; a number that is not known is null."""
+
+    @abstractmethod
+    def residuals(self) -> "pd.DataFrame":
+        """The residuals, a row for each reading, or for each of its coordinates."""
+
+    @cached_property
+    def expected(self) -> ExpectedError | None:
+        """Errors to expect in the tasks and around them; None without tasks."""
+        return expected_error(self.in_tasks, self.covariance) if self.in_tasks else None
 
     @property
     def verdict(self) -> str:
@@ -240,27 +289,17 @@ class Calibration(Judged):
 
     Attributes:
         fitted: The study, its measurements, and the fit.
-        findings: Everything that looks wrong, the worst first.
-        path: Where the measurements are.
         bias: By how far the linear model makes the compliances (p,) too large, to the first order
             [rad/(N m)]; zero where the loaded equilibrium was fitted, None if it is unknown.
         budget: The error to expect in the task, in parts; None without a test pose.
-        check: The posterior; None where it was not sampled.
-        origin: The file as it was read.
         part: What the measurements tell, where they leave compliances open that are not of
             interest; None where they tell all.
-        extension: The models that the sheet was asked for; None where it was not.
     """
 
     fitted: FittedData
-    findings: tuple[Finding, ...]
-    path: Path
     bias: Array | None = None
     budget: ErrorBudget | None = None
-    check: PosteriorCheck | None = None
-    origin: Origin = Origin()
     part: ToldPart | None = None
-    extension: Extension | None = None
 
     def headline(self) -> str:
         """Number of measurements, the accuracy to expect, and the verdict."""
@@ -345,10 +384,14 @@ class Calibration(Judged):
         return tuple(words.get(joint, name) for joint, name in names)
 
     @property
-    def expected(self) -> ExpectedError | None:
-        """Errors to expect in the test pose and around it; None without a test pose."""
-        tasks = self.study.tasks
-        return expected_error(tasks, self.fitted.noise_covariance) if tasks else None
+    def covariance(self) -> Array:
+        """Covariance (p, p) of the compliances by the noise."""
+        return self.fitted.noise_covariance
+
+    @property
+    def in_tasks(self) -> Tasks:
+        """The study's test poses."""
+        return self.study.tasks
 
     @cached_property
     def tasks(self) -> TaskAccuracy | None:
@@ -357,14 +400,12 @@ class Calibration(Judged):
         Where there is a budget, they have the total of all its parts, too.
         """
         fit = self.fit
-        tasks = self.study.tasks
-        noise = self.fitted.noise_covariance
-        found = accuracy_of_tasks(self.study, noise, fit.k, fit.covariance_dof)
+        found = accuracy_of_tasks(self.study, self.covariance, fit.k, fit.covariance_dof)
         if found is None or self.budget is None:
             return found
         bias = np.zeros(len(fit.k)) if self.bias is None else self.bias
-        left = np.array([float(np.linalg.norm(task.target @ bias)) for task in tasks])
-        return replace(found, total=self.propagation.totals(tasks, left))
+        left = np.array([float(np.linalg.norm(task.target @ bias)) for task in self.in_tasks])
+        return replace(found, total=self.propagation.totals(self.in_tasks, left))
 
     @cached_property
     def propagation(self) -> Propagation:
@@ -373,7 +414,7 @@ class Calibration(Judged):
 
     @property
     def measured_poses(self) -> MeasuredPoses:
-        """The poses of the sheet, with the distances of its positions from the fit."""
+        """The poses of the sheet, with the distances of their readings from the fit."""
         data = self.data
         first = np.unique(data.pose, return_index=True)[1]
         plan = Plan(data.q[first], data.wrench[first], np.bincount(data.pose))

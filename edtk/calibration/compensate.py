@@ -1,15 +1,14 @@
 """The last step of a calibration: commands that keep the robot accurate under its task's load."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.calibration.model_left import ModelLeft
-from edtk.calibration.prediction import POSSIBLE, model_of_result
+from edtk.calibration.prediction import Prediction
 from edtk.calibration.tasks_in_use import (
     RefusedRow,
     RefusedRowsError,
@@ -20,23 +19,10 @@ from edtk.calibration.tasks_in_use import (
 )
 from edtk.design.plan import Plan
 from edtk.findings.finding import Finding
-from edtk.fit.distributions import error_quantiles, offset_error_quantiles
+from edtk.fit.distributions import BAND, NormalMixture
 from edtk.measure.cells import csv_text
-from edtk.measure.compliances import Compliances
-from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.equilibrium import (
-    NoEquilibriumError,
-    Rest,
-    compensated_joints,
-    unloaded,
-    why_no_rest,
-)
-from edtk.measure.expected_error import (
-    AssumedJoint,
-    compensation_accuracy,
-    remaining_error,
-    with_rigid,
-)
+from edtk.measure.equilibrium import NoEquilibriumError
+from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.pose_table import (
     BAND_COLUMNS,
     PART_COLUMNS,
@@ -46,14 +32,13 @@ from edtk.measure.pose_table import (
     UNCOMPENSATED_COLUMN,
     UNCOMPENSATED_ROTATION_COLUMN,
     WRENCH_COLUMNS,
+    Table,
     pose_columns,
     pose_factors,
 )
-from edtk.measure.task import RigidJoint, all_compliances, rigid_joints, rigid_joints_in_words
+from edtk.measure.task import RigidJoint, rigid_joints_in_words
 from edtk.robots.robot import Beyond, Robot
 from edtk.study.study import Study
-from edtk.study.study_model import assumed_joints
-from edtk.system.errors import UserError
 from edtk.system.files import write_text
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
@@ -61,9 +46,9 @@ from edtk.system.typing import Array, Indices
 if TYPE_CHECKING:
     import pandas as pd
 
-BAND = (0.025, 0.975)
-ROUNDING = 1e-9  # [rad or m]: a joint at its very limit counts as within
-SETTLED = 1e-8  # [rad or m]: an arm that settles farther from the desired joints has buckled
+ROUNDING = 1e-9  # [rad or m]: a command at a joint's very limit counts as within
+DIGITS = 1e-4  # [rad or m] that a controller's display leaves out of a desired pose on a limit
+NO_COMMAND = "no command near the pose brings the markers there; is the arm stretched?"
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,38 +123,20 @@ class Compensation(Presented):
             refused: Rows without commands.
         """
         first = parts[0]
-        if len(parts) == 1:
-            return replace(first, refused=tuple(refused))
         order = np.argsort(np.concatenate([part.rows for part in parts]))
-
-        def all_of(name: str) -> Any:
-            """One column of all parts; None where it is not known."""
-            each = [getattr(part, name) for part in parts]
-            return None if each[0] is None else np.concatenate(each)[order]
-
-        most: dict[str, RigidJoint] = {}
-        for joint in sorted(
-            (joint for part in parts for joint in part.rigid_joints),
-            key=lambda joint: joint.displacement,
-        ):
-            most[joint.name] = joint
-        names = first.robot.joint_names
-        return cls(
-            robot=first.robot,
-            desired=all_of("desired"),
-            wrench=all_of("wrench"),
-            command=all_of("command"),
-            uncompensated=all_of("uncompensated"),
-            remaining=all_of("remaining"),
-            band=all_of("band"),
-            linear=all_of("linear"),
-            rho0_bias=first.rho0_bias,
-            rigid_joints=tuple(most[name] for name in names if name in most),
-            verdict=first.verdict,
-            rotation=all_of("rotation"),
-            rows=all_of("rows"),
+        columns: dict[str, Any] = {}
+        for name, value in vars(first).items():
+            if isinstance(value, np.ndarray):
+                each = [getattr(part, name) for part in parts]
+                known = all(one is not None for one in each)
+                columns[name] = np.concatenate(each)[order] if known else None
+        every = [joint for part in parts for joint in part.rigid_joints]
+        most = {one.name: one for one in sorted(every, key=lambda one: one.displacement)}
+        return replace(
+            first,
+            **columns,
+            rigid_joints=tuple(most[name] for name in first.robot.joint_names if name in most),
             refused=tuple(refused),
-            by_noise=all_of("by_noise"),
             by_joints=tuple(
                 (joint, np.concatenate([part.by_joints[j][1] for part in parts])[order])
                 for j, (joint, _) in enumerate(first.by_joints)
@@ -290,42 +257,99 @@ def _listed(values: Array | None, count: int) -> list[Any]:
     return [None] * count if values is None else list(values.tolist())
 
 
+class Calibrated(ABC):
+    """A robot as a calibration has found it, whatever its parameters are.
+
+    Attributes:
+        study: The study of the calibration.
+    """
+
+    study: Study
+
+    @property
+    @abstractmethod
+    def compliances(self) -> Mapping[str, float]:
+        """Compliances by joint [rad/(N m)]."""
+
+    def tools(self, poses: int, own: bool) -> tuple[ToolInUse, ...]:
+        """The tools in which task poses are meant, see `tools_of_task`."""
+        return tools_of_task(self.study, poses, own)
+
+    @abstractmethod
+    def with_tool(self, tool: ToolInUse) -> "Commanded":
+        """The same with the tool, and the loads, of some poses."""
+
+    @abstractmethod
+    def predict(self, poses: Table, tool_rows: int = 0) -> Prediction:
+        """What instruments will read in other poses, with bands.
+
+        Args:
+            poses: The file, or a data frame that holds what it would.
+            tool_rows: Rows at its beginning that place the markers on the tool.
+
+        Raises:
+            UserError: The file cannot be read, or a pose does not come to rest.
+        """
+
+
+class Commanded(ABC):
+    """A calibrated robot that is commanded with the tool of some poses."""
+
+    @property
+    @abstractmethod
+    def robot(self) -> Robot:
+        """The chain, whose joints have limits."""
+
+    @abstractmethod
+    def commands(self, q: Array, wrench: Array) -> Array:
+        """Joint variables (t, n) to command; NaN where there are none near the desired ones.
+
+        Args:
+            q: Desired joint variables (t, n) [rad or m].
+            wrench: Forces and torques (t, 6) [N, N m].
+
+        Raises:
+            NoEquilibriumError: A pose does not come to rest.
+        """
+
+    @abstractmethod
+    def compensation(self, rows: Indices, q: Array, wrench: Array, command: Array) -> Compensation:
+        """The commands (t, n) with their errors.
+
+        Raises:
+            NoEquilibriumError: A pose does not come to rest.
+        """
+
+    @abstractmethod
+    def why_no_rest(self, q: Array) -> str:
+        """Why a pose (n,) does not come to rest, in words."""
+
+
 def compensate(
-    study: Study, found: Compliances, task: Plan, path: Path | str, own: bool = False
+    calibrated: Calibrated, task: Plan, path: Path | str, own: bool = False
 ) -> Compensation:
-    """Compute commands for task poses with the test pose's tool, and the errors before and after.
+    """Compute commands for task poses with the tool of the test poses, and the errors they leave.
 
     Rows that have no answer are left out, and named in the result.
-    Joints that have a compliance neither here nor among the known ones of the study count as rigid.
-    The error before is that of the loaded equilibrium. The error after is the total of the error
-    budget: what errors of the compliances leave, Eq. (17), by the noise and by all else that is
-    uncertain in the calibration, and what joints that are not identified add, to first order.
 
     Args:
-        study: Robot and test poses.
-        found: Compliances, perhaps with covariance.
+        calibrated: The robot.
         task: Desired poses and wrenches.
         path: Where the task comes from, for messages.
         own: Whether these are the study's own test poses, each with its own tool and payload.
 
     Raises:
-        UserError: The study has no test pose, or some with different tools that are not its own
-            poses; or every desired or commanded pose is beyond a joint's limits, or buckles; names
-            the first row.
+        UserError: The study has no test pose where it needs one, or some with different tools that
+            are not its own poses; or every desired or commanded pose is beyond a joint's limits,
+            out of reach, or buckles; names the first row.
     """
-    try:
-        taken = _Taken.of(study, found)
-    except ValueError as error:
-        raise UserError(str(error), where=found.where, key=POSSIBLE) from error
-    turned = any(one.lever for one in study.tasks)
     parts: list[Compensation] = []
     refused: list[RefusedRow] = []
-    tools = tools_of_task(study, len(task.q), own)
-    findings = task_findings(study, found, task)
-    for tool in tools:
-        part, left_out = _with_tool(tool, taken, task, turned)
+    for tool in calibrated.tools(len(task.q), own):
+        part, left_out = _with_tool(calibrated.with_tool(tool), tool.rows, task)
         refused += left_out
         parts += [] if part is None else [part]
+    findings = task_findings(calibrated.study, calibrated.compliances, task)
     if findings and not parts:
         refused = [replace(row, reason=f"{row.reason}; {findings[0]}") for row in refused]
     require_one(len(parts), refused, path)
@@ -333,38 +357,14 @@ def compensate(
     return replace(joined, findings=findings)
 
 
-@dataclass(frozen=True, eq=False)
-class _Taken:
-    """The compliances by which commands are made.
-
-    Attributes:
-        identified: Those that were identified, with their covariance by noise and model.
-        every: The same with those of all other joints, and with all that is uncertain.
-        model: What errors of the model leave; None where nothing is known of them.
-    """
-
-    identified: Compliances
-    every: Compliances
-    model: ModelLeft | None = None
-
-    @classmethod
-    def of(cls, study: Study, found: Compliances) -> "_Taken":
-        """With what the study takes of joints that were not identified."""
-        given = dict(zip(found.joints, found.k, strict=True))
-        k = np.array([given.get(name, 0.0) for name in study.specification.joints.unknown])
-        left = model_of_result(study, found.possible)
-        return cls(found, found.including(assumed_joints(study, k)), left)
-
-
 def _with_tool(
-    tool: ToolInUse, found: _Taken, task: Plan, turned: bool
+    robot: Commanded, rows: Indices, task: Plan
 ) -> tuple[Compensation | None, list[RefusedRow]]:
     """The commands for the poses of one tool that have one; None if no pose has."""
-    rows = tool.rows
     refused: list[RefusedRow] = []
     while len(rows):
         try:
-            return _commands(tool, rows, found, task, turned), refused
+            return _commands(robot, rows, task), refused
         except RefusedRowsError as error:
             bad = [int(rows[one.row]) for one in error.rows]
             refused += [replace(one, row=row) for one, row in zip(error.rows, bad, strict=True)]
@@ -372,223 +372,55 @@ def _with_tool(
     return None, refused
 
 
-def _commands(
-    tool: ToolInUse, rows: Indices, taken: _Taken, every: Plan, turned: bool
-) -> Compensation:
+def _commands(robot: Commanded, rows: Indices, task: Plan) -> Compensation:
     """The commands for some poses.
 
     Raises:
         RefusedRowsError: Some of them have none; rows are counted among these.
     """
-    task = Plan(every.q[rows], every.wrench[rows], every.repeats[rows])
-    found = taken.every
-    robot = tool.robot
-    joints = tuple(map(robot.joint_names.index, found.joints))
-    model = tool.model(joints, all_compliances(ElastostaticModel(robot, joints), found.k))
-    q = compensated_joints(model, task.q, task.wrench, found.k)
-    _require_within_limits(robot, task.q, "desired")
-    _require_within_limits(robot, q, "commanded")
-    k = all_compliances(model, found.k)
-    with _buckling_rows(robot, q, k):
-        moved = _uncompensated(model, task, k)
-        _require_settled(model, task, q, k)
-        offset = _offset(model, task, found)
-    A = model.regressor(task.q, task.wrench)
-    known = tuple(robot.joint_names[j] for j in joints if k[j])
-    assumed = [one.joint for one in found.assumed]
-    after = _errors_after(model, task, taken, offset)
-    return Compensation(
-        robot=robot,
-        desired=task.q,
-        wrench=task.wrench,
-        command=q,
-        uncompensated=with_rigid(moved, A[..., len(joints) - len(found.assumed) :], assumed),
-        remaining=None if after is None else after.total,
-        band=None if after is None else after.band,
-        linear=None if offset is None else np.linalg.norm(offset, axis=-1),
-        rho0_bias=found.rho0_bias,
-        verdict=found.verdict,
-        rigid_joints=rigid_joints(model, task.q, task.wrench, (*taken.identified.joints, *known)),
-        rotation=_rotation_after(model, task, found) if turned else None,
-        rows=rows,
-        by_noise=None if after is None else after.by_noise,
-        by_joints=() if after is None else after.by_joints,
-    )
-
-
-@contextmanager
-def _buckling_rows(robot: Robot, q: Array, k: Array) -> Iterator[None]:
-    """Name the poses that do not come to rest.
-
-    Raises:
-        RefusedRowsError: Some do not.
-    """
+    q, wrench = task.q[rows], task.wrench[rows]
+    _require_within_limits(robot.robot, q, "desired", DIGITS)
     try:
-        yield
+        command = robot.commands(q, wrench)
+        lost = np.flatnonzero(~np.isfinite(command).all(axis=1))
+        if len(lost):
+            raise RefusedRowsError([RefusedRow(int(row), NO_COMMAND) for row in lost])
+        _require_within_limits(robot.robot, command, "commanded", ROUNDING)
+        return robot.compensation(rows, q, wrench, command)
     except NoEquilibriumError as error:
-        reasons = {pose: why_no_rest(robot, q[pose], k) for pose in error.poses}
-        raise RefusedRowsError([RefusedRow(*one) for one in reasons.items()]) from error
+        reasons = [RefusedRow(pose, robot.why_no_rest(q[pose])) for pose in error.poses]
+        raise RefusedRowsError(reasons) from error
 
 
-def _uncompensated(model: ElastostaticModel, task: Plan, k: Array) -> Array:
-    """Distance (t,) of the loaded tool point from the desired one without compensation [m].
-
-    Raises:
-        NoEquilibriumError: A pose buckles.
-    """
-    rest = Rest.of(model, task.q, task.wrench, k)
-    moved = model.robot.forward(rest.end)[:, :3, 3] - model.robot.forward(rest.start)[:, :3, 3]
-    return np.linalg.norm(moved, axis=-1)
-
-
-def _offset(model: ElastostaticModel, task: Plan, found: Compliances) -> Array | None:
-    """Mean error (t, 3) that the bias of the linear model leaves, at rest [m].
-
-    The robot whose compliances are those identified, less the bias, is commanded by the identified
-    ones. None where the file does not know the bias, or has no covariance to go with it.
-
-    Raises:
-        NoEquilibriumError: A pose buckles.
-    """
-    if found.bias is None or found.covariance is None:
-        return None
-    likely = np.maximum(found.k - found.bias, 0.0)
-    return remaining_error(model, task.q, task.wrench, found.k, likely)
-
-
-@dataclass(frozen=True, eq=False)
-class _After:
-    """Errors in task poses after compensation, root mean squares [m].
-
-    Attributes:
-        total: By all that is uncertain (t,).
-        band: Its 95 % band (t, 2).
-        by_noise: By the noise of the measurements (t,).
-        by_joints: By each joint that is not identified (t,).
-    """
-
-    total: Array
-    band: Array
-    by_noise: Array
-    by_joints: tuple[tuple[AssumedJoint, Array], ...]
-
-
-def _errors_after(
-    model: ElastostaticModel, task: Plan, taken: _Taken, offset: Array | None
-) -> _After | None:
-    """The errors that wrong compliances leave; None where nothing is known of them."""
-    identified, found = taken.identified, taken.every
-    if found.covariance is None or identified.covariance is None:
-        return None
-    A = model.regressor(task.q, task.wrench)
-    p = len(identified.joints)
-    total = compensation_accuracy(A, found.covariance)
-    noise = compensation_accuracy(A[..., :p], identified.covariance)
-    each = [
-        (
-            one.joint,
-            np.linalg.norm(A[..., :p] @ one.shifts - A[..., p + j] * one.joint.std, axis=-1),
-        )
-        for j, one in enumerate(found.assumed)
-    ]
-    if taken.model is not None:
-        return _with_model(model, task, taken, offset, tuple(each))
-    dof = _degrees_of_freedom(found.covariance_dof, total, noise)
-    band = _band(A, found.covariance, offset, dof)
-    least = _band(A[..., :p], identified.covariance, offset, found.covariance_dof)
-    off = np.zeros_like(total) if offset is None else np.linalg.norm(offset, axis=-1)
-    return _After(np.hypot(total, off), _from_least(least, band), noise, tuple(each))
-
-
-def _band(A: Array, covariance: Array, offset: Array | None, dof: float) -> Array:
-    """The 95 % band (t, 2) of errors by wrong compliances, and by an offset (t, 3) [m]."""
-    if offset is None:
-        return error_quantiles(A, covariance, BAND, dof)
-    return offset_error_quantiles(A, covariance, offset, BAND, dof)
-
-
-def _from_least(least: Array, band: Array) -> Array:
-    """A band (t, 2) that begins where that of the noise alone does.
+def band_of(every: NormalMixture, noise: NormalMixture | None) -> Array:
+    """The 95 % band (t, 2) of errors by all that is uncertain, beginning where the noise's does.
 
     What load, tool, joints and model may be off by is assumed. On the day they may as well be as
     the study states them: then the noise alone is left.
     """
-    return np.column_stack([np.minimum(least[:, 0], band[:, 0]), band[:, 1]])
+    band = every.quantiles(BAND)
+    if noise is not None:
+        band[:, 0] = np.minimum(noise.quantiles(BAND[:1])[:, 0], band[:, 0])
+    return band
 
 
-def _with_model(
-    model: ElastostaticModel,
-    task: Plan,
-    taken: _Taken,
-    offset: Array | None,
-    each: tuple[tuple[AssumedJoint, Array], ...],
-) -> _After:
-    """The errors that wrong compliances leave, and what the model leaves out."""
-    assert taken.model is not None
-    assert taken.every.covariance is not None
-    assert taken.identified.covariance is not None
-    left = taken.model
-    A = model.regressor(task.q, task.wrench)
-    transposed = np.swapaxes(A, -1, -2)
-    p, more = len(left.joints), A.shape[-1] - len(left.joints)
-    exact = taken.every.covariance + np.pad(left.noise - taken.identified.covariance, (0, more))
-    beside = left.beside if len(left.beside) == p + more else np.pad(left.beside[:p, :p], (0, more))
-    found = left.mixture(model, task.q, task.wrench).plus(A @ beside @ transposed, offset)
-    noise = compensation_accuracy(A[..., :p], left.noise)
-    # At least what the budget counts without errors of the model, see `Propagation.budget`.
-    without = np.einsum("trr->t", A @ exact @ transposed)
-    if offset is not None:
-        without = without + np.square(offset).sum(axis=-1)
-    size = np.sqrt(np.maximum(np.square(found.size), without))
-    least = _band(A[..., :p], left.noise, offset, left.dof)
-    return _After(size, _from_least(least, found.quantiles(BAND)), noise, each)
-
-
-def _degrees_of_freedom(dof: float, total: Array, noise: Array) -> float:
-    """Those of the total (Satterthwaite), as only the noise is estimated; least of all poses."""
-    share = np.divide(noise, total, out=np.ones_like(total), where=total > 0)
-    most = float(share.max(initial=0.0))
-    return dof / most**4 if most > 0 else np.inf
-
-
-def _rotation_after(model: ElastostaticModel, task: Plan, found: Compliances) -> Array | None:
-    """Root mean square (t,) of the rotations that wrong compliances leave, to first order [rad]."""
-    if found.covariance is None:
-        return None
-    A = replace(model, rows="pose").regressor(task.q, task.wrench)[:, 3:]
-    noise = compensation_accuracy(A, found.covariance)
-    return noise if found.bias is None else np.hypot(noise, np.linalg.norm(A @ found.bias, axis=-1))
-
-
-def _require_settled(model: ElastostaticModel, task: Plan, q: Array, k: Array) -> None:
-    """Check that the loaded robot comes to rest in the desired joints.
-
-    Raises:
-        NoEquilibriumError: A pose buckles.
-    """
-    loaded = Rest.of(model, q, task.wrench, k).end
-    lost = np.flatnonzero(np.abs(loaded - unloaded(model, task.q, k)).max(axis=-1) > SETTLED)
-    if len(lost):
-        raise NoEquilibriumError(lost.tolist())
-
-
-def _require_within_limits(robot: Robot, q: Array, which: str) -> None:
-    """Check that every pose (t, n) is within the joints' limits.
+def _require_within_limits(robot: Robot, q: Array, which: str, beyond: float) -> None:
+    """Check that every pose (t, n) is within the joints' limits, but for so much.
 
     Raises:
         RefusedRowsError: Some are not; names the first joint of each.
     """
-    outside = robot.bounds.excess(q) > ROUNDING
+    outside = robot.bounds.excess(q) > beyond
     columns = pose_columns(robot)
     refused = []
     for row in np.flatnonzero(outside.any(axis=1)):
-        beyond = Beyond.of(robot, q[row], int(np.argmax(outside[row])))
-        low, high = beyond.limits
-        of = "" if beyond.name == robot.joint_names[beyond.joint] else f" of {beyond.name}"
+        first = Beyond.of(robot, q[row], int(np.argmax(outside[row])))
+        low, high = first.limits
+        of = "" if first.name == robot.joint_names[first.joint] else f" of {first.name}"
         reason = (
-            f"the {which} value {beyond.value:.6g}{of} is outside the joint's limits "
+            f"the {which} value {first.value:.6g}{of} is outside the joint's limits "
             f"{low:.6g} .. {high:.6g}"
         )
-        refused.append(RefusedRow(int(row), reason, columns[beyond.joint]))
+        refused.append(RefusedRow(int(row), reason, columns[first.joint]))
     if refused:
         raise RefusedRowsError(refused)

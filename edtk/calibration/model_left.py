@@ -1,21 +1,40 @@
 """What errors of the model leave in tasks after a compensation, as far as a sheet tells them."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from edtk.findings.finding import Data, Finding, Severity, Wording
 from edtk.findings.fitted_data import FittedData
+from edtk.findings.model_error import usual_share
+from edtk.fit.correlated_noise import CorrelatedNoise
 from edtk.fit.distributions import NormalMixture, weighted_median
+from edtk.fit.geometry.fitted_geometry import MM, FittedGeometry, GeometricFit, loading_of
+from edtk.fit.geometry.least_squares_fit import PoseRows
 from edtk.fit.measurements import Measurements
+from edtk.fit.missing import MissingColumns, SizeLikelihood
 from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.expected_error import ErrorBudget
+from edtk.measure.instruments.marker import Marker
 from edtk.measure.missing_pieces import MissingPieces, PossibleSprings
 from edtk.measure.task import Task, Tasks
+from edtk.robots.frames import BodyPoint, load_turns
+from edtk.study.study_geometry import StudyGeometry
 from edtk.system.parsing import not_negative_of, numbers_of
 from edtk.system.typing import Array
 
-LENGTHS = 3  # rows of a task that are a position, ahead of a rotation
+ROWS = 3  # of a position, ahead of a rotation
+MOST = 0.975  # of chances: an error that is larger is told
+# Of a single normal error 5 % is beyond twice its size. Where chances are twice that, what the
+# sheet leaves open is what the promise rests on.
+OFTEN = 0.1
+# Of the displacement. A compensation that takes away nine tenths is what an engineer expects;
+# where less is due to the model, more measurements do not help.
+LARGE = 0.1
+SHARE = 0.01  # of the total error, from which a part of it is named
 DIGITS = 12  # of what is written, to print predictions as they are
 
 
@@ -72,7 +91,7 @@ class ModelLeft:
             [self.pieces.shared(model, q, wrench), identified.regressor(q, wrench)], axis=-1
         )
         mean, V = self.possible.errors(A, self.pieces.turns(model, q, wrench))
-        V[..., range(LENGTHS), range(LENGTHS)] += self.constant**2
+        V[..., range(ROWS), range(ROWS)] += self.constant**2
         return NormalMixture(self.possible.weights, mean, V, self.dof)
 
     def of_readings(self, model: ElastostaticModel, data: Measurements, A: Array) -> NormalMixture:
@@ -107,28 +126,22 @@ class ModelLeft:
         squares = np.einsum("t,ts->s", tasks.shares, np.array(each))
         return float(np.sqrt(weighted_median(squares, self.possible.weights)))
 
-    def chance_beyond(self, tasks: Tasks, joints: tuple[int, ...], size: float) -> float:
-        """Chance of a larger error in the test poses.
+    def in_tasks(self, tasks: Tasks, joints: tuple[int, ...], budget: ErrorBudget) -> "LeftInTasks":
+        """What is left in the study's tasks.
 
         Args:
             tasks: The test poses.
             joints: Indices (p + a,) of all joints whose compliances are taken.
-            size: An error [m].
+            budget: The errors there.
         """
-        every = [self._with_others(task, joints) for task in tasks]
-        chances = [float(one.beyond(np.array([size]))[0]) for one in every]
-        return float(tasks.shares @ np.array(chances))
+        parts = tuple(self._with_others(task, joints) for task in tasks)
+        return LeftInTasks(tasks, parts, budget.total, budget.model, budget.uncompensated)
 
     def _with_others(self, task: Task, joints: tuple[int, ...]) -> NormalMixture:
         """Errors (1, rows) in a test pose by all that is uncertain."""
         here = replace(task, within=0.0)
         A = replace(here, unknown=joints).harm(np.atleast_2d(task.q))
         return self.in_task(here).plus(A @ self.beside @ np.swapaxes(A, -1, -2))
-
-    def quantile(self, tasks: Tasks, joints: tuple[int, ...], level: float) -> float:
-        """A quantile of the error in the worst test pose [m]; see `chance_beyond`."""
-        found = [self._with_others(task, joints).quantiles([level]) for task in tasks]
-        return float(np.max(found))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers in SI units, and shares, in the order of the joints."""
@@ -160,6 +173,206 @@ class ModelLeft:
         noise = numbers_of(given, "noise", (len(joints), len(joints)))
         constant = float(not_negative_of(given, "constant", ()))
         return cls(joints, pieces, possible, noise, beside, constant, dof)
+
+
+@dataclass(frozen=True, eq=False)
+class PiecesLeft:
+    """Parameters, and pieces that the springs lack, that readings under loads leave possible.
+
+    Attributes:
+        names: The parameters (p,).
+        pieces: What may be missing.
+        possible: Their sizes, and errors of the parameters in their units, true less identified.
+        shares: The likeliest shares of the pieces, by name [%].
+    """
+
+    names: tuple[str, ...]
+    pieces: MissingPieces
+    possible: PossibleSprings
+    shares: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def counts(self) -> bool:
+        """Whether the sheet speaks for a piece."""
+        return any(self.shares.values())
+
+    @classmethod
+    def of(cls, setting: StudyGeometry, fit: GeometricFit) -> "PiecesLeft | None":
+        """Tell them from the residuals of differences of readings, of positions alone.
+
+        Absolute readings have a random error of the model in each pose instead, as what bends the
+        arm without a load is in them, too.
+
+        Returns:
+            What is left; None where nothing is read as a difference, or other springs than those of
+            the joints are among the parameters, or the study says that its model is exact.
+        """
+        fitted, means, loads = fit.fitted, fit.data.means, setting.loads
+        differs = means.is_difference
+        plain = fitted.model.row_count == ROWS and not fitted.model.is_distance.any()
+        told = fit.told_before is None and not fitted.noise.unknown and not fitted.open_parameters
+        k = fitted.compliances
+        usual = usual_share(setting.study)
+        if loads is None or setting.elastic or not usual:
+            return None
+        if not (differs.any() and plain and told and k.any()):
+            return None
+        rows = PoseRows.of(
+            fitted.model, fitted.theta, means, loading_of(fitted.bending, means, loads)
+        )
+        noise = replace(fitted.noise, model_change=(0.0, 0.0))
+        V = noise.of_pose(rows.motion, rows.places, rows.worth(fit.data), differs).dense
+        model = replace(loads.by_wrench, sensors=_markers(fitted))
+        torque = model.torque_of(model.frames(means.q[differs]), means.wrench[differs])
+        pieces = MissingPieces.of(model.robot, k, torque.T)
+        seen = (means.rows_seen & differs[:, None, None]).reshape(len(V), -1, 1)
+        shared, turns = (
+            MM * _in_frame(fitted, one(model, means.q, means.wrench)) * seen
+            for one in (pieces.shared, pieces.turns)
+        )
+        own = np.arange(len(V))
+        tilt = np.deg2rad(setting.study.specification.uncertainty.load_direction_deg)
+        shown = _tilted(model, means.q, means.wrench) @ k
+        tilted = MM * tilt * _in_frame(fitted, np.moveaxis(shown, 0, -1)) * seen
+        columns = MissingColumns(shared, pieces.kinds, turns, own, tilted)
+        likelihood = SizeLikelihood.of(
+            rows.design, rows.residual, CorrelatedNoise.by_row(V), columns, usual
+        )
+        posterior = likelihood.posterior
+        if posterior is None:
+            return None
+        possible = posterior.possible(np.zeros(fitted.model.p))
+        names = tuple(one.name for one in fitted.model.parameters)
+        return cls(names, pieces, possible, posterior.shares)
+
+    def mixture(
+        self, fitted: FittedGeometry, model: ElastostaticModel, q: Array, wrench: Array, J: Array
+    ) -> NormalMixture:
+        """Errors (t, r) of tool or markers in poses, by parameters and pieces [m].
+
+        Args:
+            fitted: The robot with that tool, or with the markers.
+            model: The same drawing under wrenches.
+            q: Poses (t, n) [rad or m].
+            wrench: Loads (t, 6) [N, N m].
+            J: Columns (t, r, p) of its parameters [mm a unit].
+        """
+        kept = [self.names.index(one.name) for one in fitted.model.parameters]
+        c = len(self.pieces.kinds)
+        some = [*range(c), *(c + i for i in kept)]
+        own = replace(
+            self.possible,
+            mean=self.possible.mean[:, some],
+            covariance=self.possible.covariance[:, some][:, :, some],
+        )
+        at = replace(model, sensors=_markers(fitted))
+        shared = _in_frame(fitted, self.pieces.shared(at, q, wrench))
+        turns = _in_frame(fitted, self.pieces.turns(at, q, wrench))
+        # A root mean square over the markers.
+        root = np.sqrt(len(fitted.model.markers))
+        every = np.concatenate([shared, J / MM], axis=-1) / root
+        mean, V = own.errors(every, turns / root)
+        return NormalMixture(own.weights, mean, V)
+
+    def in_tasks(self, setting: StudyGeometry, fitted: FittedGeometry) -> "LeftInTasks | None":
+        """What is left in the study's tasks; None without one, or where markers count.
+
+        Args:
+            setting: The study.
+            fitted: The identified robot.
+        """
+        tasks = setting.study.tasks
+        if not tasks or any(task.tool is None for task in tasks):
+            return None
+        sizes, moved = [], []
+        parts = []
+        for task in tasks:
+            assert task.tool is not None
+            robot, loads = fitted.at_tool(task.tool), setting.every_load_of(task)
+            q = np.atleast_2d(task.q)
+            wrench = np.tile(task.wrench, (len(q), 1))
+            _, _, J, _ = robot.moves(q, wrench, loads)
+            found = self.mixture(robot, loads.by_wrench, q, wrench, J[:, :ROWS])
+            own = J[:, :ROWS] @ robot.covariance @ np.swapaxes(J[:, :ROWS], 1, 2) / MM**2
+            sizes.append([found.size[0] ** 2, np.einsum("trr->", own)])
+            at = replace(loads.by_wrench, unknown=None)
+            moved.append(np.linalg.norm(at.regressor(q, wrench) @ self.pieces.k) ** 2)
+            parts.append(found)
+        total, noise = np.sqrt(tasks.shares @ np.array(sizes))
+        before = float(np.sqrt(tasks.shares @ np.array(moved)))
+        model = float(np.sqrt(max(total**2 - noise**2, 0.0)))
+        return LeftInTasks(tasks, tuple(parts), float(total), model, before)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers; parameters in their units."""
+        table = possible_to_dict(self.pieces, self.possible)
+        return {"names": list(self.names), **table}
+
+    @classmethod
+    def from_dict(cls, given: Mapping[str, Any], names: tuple[str, ...], n: int) -> "PiecesLeft":
+        """What a file says, see `to_dict`.
+
+        Args:
+            given: Its table.
+            names: Names of the parameters of the result.
+            n: Number of joints.
+
+        Raises:
+            ValueError: It is not valid.
+        """
+        if given.get("names") != list(names):
+            raise ValueError("names: expected those of the parameters")
+        pieces, possible = possible_from_dict(given, len(names), n)
+        return cls(names, pieces, possible)
+
+
+@dataclass(frozen=True, eq=False)
+class LeftInTasks:
+    """Errors in the tasks after a compensation, with what a model leaves out [m].
+
+    Attributes:
+        tasks: The tasks.
+        parts: The errors in the poses of each.
+        total: Root mean square, by parameters and model.
+        model: What the model makes of it.
+        before: The displacement without compensation.
+    """
+
+    tasks: Tasks
+    parts: tuple[NormalMixture, ...]
+    total: float
+    model: float
+    before: float
+
+    @cached_property
+    def chance(self) -> float:
+        """Chance of an error of more than twice the total."""
+        twice = np.array([2 * self.total])
+        return float(self.tasks.shares @ np.array([one.beyond(twice)[0] for one in self.parts]))
+
+    @cached_property
+    def most(self) -> float:
+        """The error that is exceeded with a chance of 2.5 %, in the worst task [m]."""
+        return max(float(one.quantiles([MOST])[0, 0]) for one in self.parts)
+
+    def findings(self, shares: Mapping[str, float], counts: bool) -> Iterator[Finding]:
+        """Name errors of the model: those that are found, and those that the sheet leaves possible.
+
+        What is missing is a note where it makes little of the total, or a good compensation bad.
+
+        Args:
+            shares: The likeliest shares of the pieces that the model lacks [%].
+            counts: Whether the sheet speaks for one.
+        """
+        place = self.tasks.place
+        if counts and self.model >= SHARE * self.total:
+            large = 2 * self.model**2 > self.total**2 and self.total > LARGE * self.before
+            severity = Severity.WARNING if large else Severity.NOTE
+            found: dict[str, Any] = {"model": self.model, "place": place, **shares}
+            yield Finding.of(severity, WORDING, "model_error", **found)
+        if self.chance > OFTEN:
+            untold = {"chance": self.chance, "most": self.most, "total": self.total}
+            yield Finding.of(Severity.WARNING, WORDING, "model_untold", place=place, **untold)
 
 
 def possible_to_dict(pieces: MissingPieces, possible: PossibleSprings) -> dict[str, Any]:
@@ -204,3 +417,53 @@ def possible_from_dict(
 def _short(numbers: Array) -> list[float]:
     """Numbers with so many digits as are written."""
     return [float(f"{x:.{DIGITS}g}") for x in numbers.tolist()]
+
+
+def _tilted(model: ElastostaticModel, q: Array, wrench: Array) -> Array:
+    """Regressors (3, m, 3k, n) under loads turned about each axis of the world [1/rad]."""
+    every = replace(model, unknown=None)
+    return np.stack([every.regressor(q, one) for one in load_turns(wrench)])
+
+
+def _markers(fitted: FittedGeometry) -> tuple[Marker, ...]:
+    """The markers of a fit, on the bodies of the drawing."""
+    pairs = zip(fitted.model.offsets, fitted.model.bodies, strict=True)
+    return tuple(Marker(BodyPoint(np.asarray(offset), body)) for offset, body in pairs)
+
+
+def _in_frame(fitted: FittedGeometry, columns: Array) -> Array:
+    """Columns (m, 3k, c) in the axes of the instrument, of those in the world's."""
+    R = fitted.model.start[:ROWS, :ROWS]
+    m, rows, c = columns.shape
+    return (R @ columns.reshape(m, rows // ROWS, ROWS, c)).reshape(m, rows, c)
+
+
+PARTS = {
+    "across_percent": "springs across the joints of {:.2g} % of their own",
+    "held_percent": "friction of {:.2g} % of the loads",
+    "turn_percent": "stiffnesses that vary by {:.2g} % from pose to pose",
+}
+
+
+def _model_error(data: Data) -> str:
+    """What was found."""
+    parts = [words.format(data[name]) for name, words in PARTS.items() if data[name]]
+    size = f"{1e3 * data['model']:.2g} mm {data['place']}"
+    return (
+        f"the residuals look as if the robot had {', '.join(parts)}, which its model lacks: the "
+        f"expected error counts {size} for that"
+    )
+
+
+def _model_untold(data: Data) -> str:
+    """What is assumed."""
+    chance = f"{100 * data['chance']:.0f} %"
+    return (
+        "these poses and loads do not tell friction and springs that the model lacks; with usual "
+        f"ones, {chance} of such days end more than {1e3 * 2 * data['total']:.2g} mm off "
+        f"{data['place']}, twice the error expected, and up to {1e3 * data['most']:.2g} mm off; "
+        "other poses, and loads of other sizes, would tell"
+    )
+
+
+WORDING: Wording = {"model_error": _model_error, "model_untold": _model_untold}

@@ -1,47 +1,26 @@
 """Readings in other poses by an identified model, with 95 % bands, and how they compare."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.calibration.calibration import Calibration
-from edtk.calibration.geometry.geometric_calibration import covariance_of
-from edtk.calibration.model_left import ModelLeft
-from edtk.calibration.propagation import FittedSprings, root_of
-from edtk.design.plan import REPEATS
 from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
-from edtk.findings.moving_joints import ReadingNoise
-from edtk.findings.units import like_radians
-from edtk.fit.distributions import student_quantile
-from edtk.fit.equilibrium import linearise
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.least_squares import share_inside
 from edtk.fit.measurements import Measurements
-from edtk.measure.compliances import Compliances
-from edtk.measure.equilibrium import NoEquilibriumError, why_no_rest
-from edtk.measure.pose_table import TURN_COLUMN, PoseTable, Table, coordinate_columns, path_of
-from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.robots.robot import Robot
-from edtk.study.study import Study
-from edtk.study.study_model import assumed_joints, study_sigma
-from edtk.system.errors import UserError
-from edtk.system.parsing import not_negative_of, numbers_of
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices, Mask
 
 if TYPE_CHECKING:
     import pandas as pd
 
-POSSIBLE = "possible_springs"  # key of what errors of the model leave possible
 MM = 1e3
 FAR = 5.0  # half bands: an error beyond them is no matter of chance
 MOST = 0.5  # of the readings: if as many are far off, what they have in common is wrong
 OPEN = 1e-4  # [m]: what a calibration left open may move a marker by, before it is said
 ROUNDING = 1e-4  # [rad or m]: a limit may be exceeded by what a controller's display leaves out
-LEAST_DOF = 0.5  # of a covariance in a file
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,205 +209,6 @@ def beyond_limits(robot: Robot, q: Array, row: Indices) -> tuple[int, ...]:
     """
     over = robot.bounds.excess(q).max(axis=1) > ROUNDING
     return tuple(sorted({int(one) for one in row[over].ravel() if one >= 0}))
-
-
-def springs_of_result(
-    study: Study, result: Calibration | Mapping[str, Any], where: Path | str
-) -> tuple[FittedSprings, bool]:
-    """Compliances of a result, with all that predictions need.
-
-    Args:
-        study: The study of the calibration.
-        result: The calibration, or what its file holds: `prediction`, or compliances by joint.
-        where: The result, for messages.
-
-    Returns:
-        The compliances, and whether their uncertainty is not known.
-
-    Raises:
-        UserError: The result is not valid, or of another robot.
-    """
-    if isinstance(result, Calibration):
-        return result.springs, False
-    given = result.get("prediction")
-    if given is None:
-        return _by_joint(study, result, where)
-    if not isinstance(given, Mapping):
-        raise UserError("expected a table", where=where, key="prediction")
-    if given.get("robot") != study.robot.digest:
-        message = "the result is of another robot or tool than the study's"
-        raise UserError(message, where=where, key="prediction.robot")
-    try:
-        springs = _springs_of_dict(study.robot, given)
-        return replace(springs, model=model_of_result(study, result.get(POSSIBLE))), False
-    except ValueError as error:
-        raise UserError(str(error), where=where, key="prediction") from error
-
-
-def _springs_of_dict(robot: Robot, given: Mapping[str, Any]) -> FittedSprings:
-    """Those of the table `prediction`.
-
-    Raises:
-        ValueError: A number is missing, or none.
-    """
-    names = given.get("joints")
-    every = robot.joint_names
-    if not isinstance(names, list) or len(set(map(str, names))) < len(names):
-        raise ValueError("joints: expected a list of names, each once")
-    unknown = [name for name in names if name not in every]
-    if unknown:
-        raise ValueError(f"joints: the robot has no joint {unknown[0]!r}")
-    a = len(names)
-    covariance = covariance_of(given, "covariance", a)
-    opened = given.get("open")
-    if not isinstance(opened, list) or len(opened) > a:
-        raise ValueError("open: expected a list of errors")
-    dof = np.inf if given.get("dof") is None else float(not_negative_of(given, "dof", ()))
-    joints = None
-    if given.get("repeatability_deg") is not None:
-        model = float(not_negative_of(given, "discrepancy_mm", ())) / MM
-        joints = float(not_negative_of(given, "repeatability_deg", ())), model
-    return FittedSprings(
-        joints=tuple(every.index(name) for name in names),
-        k=numbers_of(given, "k", (a,)),
-        root=root_of(covariance),
-        dof=max(dof, LEAST_DOF),
-        open=numbers_of(given, "open", (len(opened), a)).T,
-        noise=ReadingNoise(float(not_negative_of(given, "noise_ratio", ())), joints),
-        beside=_beside(given, a),
-    )
-
-
-def _beside(given: Mapping[str, Any], a: int) -> Array:
-    """Root (a, c) of what is neither noise nor model; nothing in files that do not tell them apart.
-
-    Raises:
-        ValueError: It is no covariance.
-    """
-    key = "covariance_beside"
-    return root_of(covariance_of(given, key, a)) if key in given else np.zeros((a, 0))
-
-
-def model_of_result(study: Study, given: object) -> ModelLeft | None:
-    """What errors of the model leave possible, as a file says it; None where it does not.
-
-    Raises:
-        ValueError: It is not valid.
-    """
-    if given is None:
-        return None
-    if not isinstance(given, Mapping):
-        raise ValueError(f"{POSSIBLE}: expected a table")
-    return ModelLeft.from_dict(given, study.model.unknown or (), study.robot.n)
-
-
-def _by_joint(
-    study: Study, result: Mapping[str, Any], where: Path | str
-) -> tuple[FittedSprings, bool]:
-    """Compliances of a file that says no more, such as one written by hand.
-
-    Raises:
-        UserError: It is not valid, or lacks a joint.
-    """
-    if "geometry" in result:
-        raise UserError("a result of a study with [parameters]; this one has none", where=where)
-    names = study.robot.joint_names
-    needed = study.specification.joints.unknown
-    found = Compliances.from_dict(result, names, needed, where)
-    known = found.covariance is not None
-    own = found.covariance if known else np.zeros((len(found.k), len(found.k)))
-    given = dict(zip(found.joints, found.k, strict=True))
-    others = assumed_joints(study, np.array([given[name] for name in needed]))
-    # The task's own uncertainties, of load and tool, are those of the day that is predicted.
-    every = replace(found, covariance=own, measured=None, every=None).including(others)
-    assert every.covariance is not None
-    a = len(every.k)
-    joints = tuple(names.index(name) for name in every.joints)
-    root = root_of(every.covariance)
-    none = np.zeros((a, 0))
-    springs = FittedSprings(
-        joints, every.unbounded, root, found.covariance_dof, none, ReadingNoise(), none
-    )
-    return springs, not known
-
-
-def predict_displacements(
-    study: Study, springs: FittedSprings, poses: Table, certain: bool = False
-) -> Prediction:
-    """Predict what instruments read under load in the poses of a file, at the loaded equilibrium.
-
-    The covariance of a reading is ``A C A' + V``, of the compliances with the derivatives A of the
-    equilibrium, and of a reading: its instrument, joints that do not come back, and what the model
-    leaves out.
-
-    Args:
-        study: The study of the calibration.
-        springs: Its compliances.
-        poses: The file, or a data frame that holds what it would.
-        certain: Whether nothing is known of their uncertainty.
-
-    Raises:
-        UserError: The file cannot be read, or a load buckles the robot.
-    """
-    table = PoseTable.read(poses, "file of poses").without([REPEATS])
-    load = study.space.load
-    wrench = load.always if isinstance(load, FixedLoad) else None
-    sigma = study_sigma(study)
-    data, row = Measurements.expected(
-        table, study.robot, study.fixed, wrench, sigma, study.model, study.is_absolute
-    )
-    model = replace(study.model, unknown=springs.joints)
-    k = np.zeros(study.robot.n)
-    k[list(springs.joints)] = springs.k
-    try:
-        linear = linearise(model, data, k)
-    except NoEquilibriumError as error:
-        first = np.unique(data.pose, return_index=True)[1][error.pose]
-        message = why_no_rest(study.robot, data.q[first], k)
-        raise UserError(message, where=path_of(poses), key=f"row {row[first] + 1}") from error
-    predicted = linear.constant + linear.A @ springs.k
-    half = _half_bands(study, springs, data, linear.A)
-    moved = np.where(data.lengths[..., None], linear.A @ springs.open, 0.0)
-    columns, of_columns = _columns(data)
-    names = [sensor.name for sensor in study.model.sensors]
-    return Prediction(
-        data=data,
-        what="displacements",
-        row=row,
-        markers=() if data.sensor is None else tuple(names[i] for i in data.sensor),
-        columns=columns,
-        values=of_columns(predicted),
-        half=of_columns(half),
-        apart=of_columns(data.deflection - predicted),
-        tests=np.all(np.isfinite(data.deflection), axis=1),
-        open=np.sqrt((moved**2).sum(axis=(1, 2))),
-        beyond=beyond_limits(study.robot, data.q, row),
-        radians=like_radians(study, data.q),
-        certain=certain,
-    )
-
-
-def _half_bands(study: Study, springs: FittedSprings, data: Measurements, A: Array) -> Array:
-    """Half the width (m, rows) of 95 % bands of readings with regressors A (m, rows, a)."""
-    reading = springs.noise.variance(study, data)
-    if springs.model is None:
-        spread = ((A @ springs.root) ** 2).sum(axis=-1)
-        return np.asarray(student_quantile(0.975, springs.dof) * np.sqrt(spread + reading))
-    beside = ((A @ springs.beside) ** 2).sum(axis=-1) + reading
-    found = springs.model.of_readings(study.model, data, A).plus(beside.reshape(-1, 1, 1))
-    return found.quantiles([0.95])[:, 0].reshape(beside.shape)
-
-
-def _columns(data: Measurements) -> tuple[tuple[str, ...], Callable[[Array], Array]]:
-    """Names of the coordinates of all readings, and what puts values (t, rows) into them.
-
-    A single rotation is a coordinate of its own, beside that of single lengths.
-    """
-    columns = coordinate_columns(data.deflection.shape[1])
-    if data.turn is None:
-        return columns, lambda values: values
-    is_turn = np.stack([~data.turn, data.turn], axis=1)
-    return (*columns, TURN_COLUMN), lambda values: np.where(is_turn, values, np.nan)
 
 
 def prediction_findings(found: "Prediction") -> tuple[Finding, ...]:

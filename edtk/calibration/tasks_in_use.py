@@ -1,6 +1,6 @@
 """Task poses from a file, tools and loads that the robot has in them, and rows without answer."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,13 +10,12 @@ import numpy as np
 from edtk.design.plan import Plan
 from edtk.findings.finding import Finding, Severity, Wording
 from edtk.findings.units import like_radians
-from edtk.measure.compliances import Compliances
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.pose_table import Table
 from edtk.measure.task import Task
 from edtk.robots.robot import Robot
 from edtk.study.study import Study
-from edtk.system.errors import UserError
+from edtk.system.errors import ArgumentError, UserError
 from edtk.system.typing import Array, Indices
 
 MOST_NAMED = 3  # rows that a sentence names one by one
@@ -114,32 +113,41 @@ def refused_in_words(refused: Sequence[RefusedRow]) -> str:
 def load_task(study: Study, path: Table | None = None) -> Plan:
     """Read task poses, columns as in a plan; without wrench columns, the test pose's load acts.
 
-    A file without them goes with test poses of one and the same load.
-
-    Joints that the study fixes may be left out, as in a plan. A column `repeats` means nothing.
+    A file without them goes with test poses of one and the same load. Joints that the study fixes
+    may be left out, as in a plan. A column `repeats` means nothing.
 
     Args:
-        study: Robot and test pose.
+        study: Robot and test poses; without any, one of [parameters] has no load.
         path: The CSV file, or a data frame that holds what it would; None for the poses
             of the study itself.
 
     Raises:
-        UserError: The study has no test pose, or some with different tools, or the file cannot be
-            read; names the row and the column.
+        UserError: The study has no test pose where it needs one, or some with different tools, or
+            the file cannot be read; names the row and the column.
     """
+    if path is not None:
+        return Plan.from_csv(path, study.robot, study.fixed, _load_of_all(study))
+    if not study.tasks and study.kind.task.wrench is not None:
+        message = "expected poses (CSV), as the study has no test pose"
+        raise ArgumentError(message, argument="task")
     require_task(study)
-    if path is None:
-        poses = np.array([task.q for task in study.tasks])
-        wrenches = np.array([task.wrench for task in study.tasks])
-        return Plan(poses, wrenches, np.ones(len(poses), dtype=int))
-    return Plan.from_csv(path, study.robot, study.fixed, _load_of_all(study))
+    poses = np.array([task.q for task in study.tasks])
+    wrenches = np.array([task.wrench for task in study.tasks])
+    return Plan(poses, wrenches, np.ones(len(poses), dtype=int))
 
 
 def _load_of_all(study: Study) -> Array | None:
-    """The wrench (6,) of all tasks; where they have several, what tasks of such a study have."""
+    """The wrench (6,) of all tasks; where they have several, or none, that of such a study.
+
+    Raises:
+        UserError: A study of compliances has no test pose, or test poses have several tools.
+    """
+    default = study.kind.task.wrench
+    if not study.tasks and default is not None:
+        return default
     wrench = task_of_all(study).wrench
     same = all(np.array_equal(task.wrench, wrench) for task in study.tasks)
-    return wrench if same else study.kind.task.wrench
+    return wrench if same else default
 
 
 def loaded_poses(study: Study, q: Array) -> Plan:
@@ -153,11 +161,7 @@ def loaded_poses(study: Study, q: Array) -> Plan:
         UserError: A study of compliances has no test pose, or test poses have several tools or
             loads.
     """
-    wrench = study.kind.task.wrench
-    if wrench is None:
-        require_task(study)
-    if study.tasks:
-        wrench = _load_of_all(study)
+    wrench = _load_of_all(study)
     if wrench is None:
         message = "the test poses have different loads; expected one, as a program states none"
         raise study.error("test_pose", message)
@@ -246,18 +250,18 @@ def tools_of_task(study: Study, poses: int, own: bool) -> tuple[ToolInUse, ...]:
     return tuple(found)
 
 
-def task_findings(study: Study, found: Compliances, task: Plan) -> tuple[Finding, ...]:
+def task_findings(study: Study, k: Mapping[str, float], task: Plan) -> tuple[Finding, ...]:
     """Compare poses, loads and compliances with the sizes that they have in their units.
 
     Args:
         study: Robot, test poses, and assumed compliances.
-        found: Compliances by joint [rad/(N m)].
+        k: Compliances by joint [rad/(N m)].
         task: Desired poses and wrenches.
 
     Returns:
         What looks like another unit; nothing where all is plausible.
     """
-    return (*_angles(study, task.q), *_forces(study, task.wrench), *_sizes(study, found, task))
+    return (*_angles(study, task.q), *_forces(study, task.wrench), *_sizes(study, k, task))
 
 
 def _angles(study: Study, q: Array) -> Iterator[Finding]:
@@ -268,8 +272,8 @@ def _angles(study: Study, q: Array) -> Iterator[Finding]:
 
 def _forces(study: Study, wrench: Array) -> Iterator[Finding]:
     """Forces a thousand times smaller, or larger, than those of the study's test poses."""
-    known = np.concatenate([np.atleast_2d(one.wrench)[:, :3] for one in study.tasks])
-    expected = float(np.linalg.norm(known, axis=1).max())
+    known = [np.linalg.norm(np.atleast_2d(one.wrench)[:, :3], axis=1).max() for one in study.tasks]
+    expected = float(max(known, default=0.0))
     applied = float(np.linalg.norm(wrench[:, :3], axis=1).max())
     for factor, unit in ((1 / A_THOUSAND, "kilonewtons"), (A_THOUSAND, "millinewtons")):
         if _is_near(applied, factor * expected):
@@ -278,28 +282,27 @@ def _forces(study: Study, wrench: Array) -> Iterator[Finding]:
             )
 
 
-def _sizes(study: Study, found: Compliances, task: Plan) -> Iterator[Finding]:
+def _sizes(study: Study, k: Mapping[str, float], task: Plan) -> Iterator[Finding]:
     """Compliances a thousand times those assumed, or by which the load moves the arm far."""
     simulation = study.specification.simulation
     given = {} if simulation is None else simulation.compliance_rad_per_Nm
-    of_joints = zip(found.joints, found.k, strict=True)
-    ratios = np.array([k / given[name] for name, k in of_joints if k > 0 and name in given])
+    ratios = np.array([k[name] / given[name] for name in k if k[name] > 0 and name in given])
     ratio = float(np.median(ratios)) if len(ratios) else 1.0
     if _is_near(ratio, A_THOUSAND):
         yield Finding.of(Severity.WARNING, WORDING, "compliance_unit", ratio=ratio)
         return
-    moved = _displacement(study, found, task)
+    moved = _displacement(study, k, task)
     if moved > FAR * study.robot.reach:
         yield Finding.of(Severity.WARNING, WORDING, "soft_arm", moved=moved)
 
 
-def _displacement(study: Study, found: Compliances, task: Plan) -> float:
+def _displacement(study: Study, k: Mapping[str, float], task: Plan) -> float:
     """What the load moves the tool point by, to the first order and at most [m]."""
     robot = study.robot
-    joints = [robot.joint_names.index(name) for name in found.joints]
+    joints = [robot.joint_names.index(name) for name in k]
     J = robot.jacobian(task.q)[:, :, joints]
     torque = np.einsum("trj,tr->tj", J, task.wrench)
-    moved = np.einsum("trj,tj->tr", J[:, :3], torque * found.k)
+    moved = np.einsum("trj,tj->tr", J[:, :3], torque * np.array([*k.values()]))
     return float(np.linalg.norm(moved, axis=1).max())
 
 

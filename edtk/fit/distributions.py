@@ -144,8 +144,13 @@ def error_quantiles(A: Array, cov: Array, levels: ArrayLike, dof: float = np.inf
     Returns:
         Quantiles (..., c) [m].
     """
+    return _centred_quantiles(A @ cov @ np.swapaxes(A, -1, -2), levels, dof)
+
+
+def _centred_quantiles(V: Array, levels: ArrayLike, dof: float) -> Array:
+    """Quantiles (..., c) of the lengths of errors with covariances V (..., rows, rows)."""
     levels = np.asarray(levels, dtype=float)
-    spectrum = np.maximum(np.linalg.eigvalsh(A @ cov @ np.swapaxes(A, -1, -2)), 0.0)
+    spectrum = np.maximum(np.linalg.eigvalsh(V), 0.0)
     found = np.zeros((*spectrum.shape[:-1], len(levels)))
     scatter = _Scatter(dof, *_estimated(dof))
     for i in np.ndindex(*spectrum.shape[:-1]):
@@ -220,39 +225,34 @@ def _quantile(weights: Array, level: float, scatter: _Scatter) -> float:
     return float(brentq(excess, low, high, xtol=1e-300, rtol=1e-12))
 
 
-def offset_error_quantiles(
-    A: Array, cov: Array, mean: Array, levels: ArrayLike, dof: float = np.inf
-) -> Array:
-    """Quantiles of ``|b + A dk|`` for errors dk with that covariance, and known offsets b.
+def _quantiles_about(mean: Array, V: Array, levels: ArrayLike, dof: float) -> Array:
+    """Quantiles (t, c) of the lengths of errors with means (t, rows) and covariances V.
 
     Without an offset they are those of `error_quantiles`, exactly. With one, the Laplace transform
     has essential singularities where that one has branch points, and its inversion loses all digits
     for large offsets. So the distribution is that of a fixed, evenly spread set of points: a
     lattice in the unit cube (Roberts' generalised golden ratio), mapped to normal variables along
-    the axes of ``A cov A'``, and to a chi-square for the estimated noise.
+    the axes of V, and to a chi-square for the estimated noise. Where V has equal eigenvalues
+    rounding chooses the axes, and with them the last of three digits.
 
     Args:
-        A: Regressors (t, rows, p) of the task poses [m/(rad/(N m))].
-        cov: Covariance (p, p) of the compliances; if dof is finite, the estimated one.
-        mean: Offsets b (t, rows) [m].
+        mean: Offsets (t, rows) [m].
+        V: Covariances (t, rows, rows); if dof is finite, the estimated ones [m^2].
         levels: Probabilities (c,) strictly between 0 and 1.
-        dof: Degrees of freedom of the covariance; inf where sigma is known.
-
-    Returns:
-        Quantiles (t, c) [m].
+        dof: Degrees of freedom of the covariances; inf where sigma is known.
     """
     from scipy.special import ndtri
 
     levels = np.asarray(levels, dtype=float)
-    found = np.zeros((len(A), len(levels)))
+    found = np.zeros((len(V), len(levels)))
     offset = mean.any(axis=-1)
-    found[~offset] = error_quantiles(A[~offset], cov, levels, dof)
-    rows = A.shape[1]
+    found[~offset] = _centred_quantiles(V[~offset], levels, dof)
+    rows = V.shape[1]
     points = _lattice(rows + 1)
     z = ndtri(points[:, :rows])
     if np.isfinite(dof):
         z /= np.sqrt(chi_square_quantile(points[:, rows:], dof) / dof)
-    spectrum, axes = np.linalg.eigh(A @ cov @ np.swapaxes(A, 1, 2))
+    spectrum, axes = np.linalg.eigh(V)
     for i in np.flatnonzero(offset):
         along = z * np.sqrt(np.maximum(spectrum[i], 0.0)) + mean[i] @ axes[i]
         found[i] = np.quantile(np.linalg.norm(along, axis=1), levels)
@@ -275,6 +275,11 @@ class NormalMixture:
     covariance: Array
     dof: float = np.inf
 
+    @classmethod
+    def single(cls, mean: Array, covariance: Array, dof: float = np.inf) -> "NormalMixture":
+        """Errors with one mean (t, r) and covariance (t, r, r) each."""
+        return cls(np.ones(1), mean[None], covariance[None], dof)
+
     def plus(self, covariance: Array, mean: Array | None = None) -> "NormalMixture":
         """The same with independent errors (t, r, r) besides, and an offset (t, r)."""
         shifted = self.mean if mean is None else self.mean + mean
@@ -295,7 +300,9 @@ class NormalMixture:
         return weighted_median(self.sizes, self.weights)
 
     def quantiles(self, levels: ArrayLike) -> Array:
-        """Quantiles (t, c) of the lengths of the errors [m]."""
+        """Quantiles (t, c) of the lengths of the errors [m]; of one covariance almost exact."""
+        if len(self.weights) == 1:
+            return _quantiles_about(self.mean[0], self.covariance[0], levels, self.dof)
         levels = np.asarray(levels, dtype=float)
         found = np.empty((self.mean.shape[1], len(levels)))
         for t in range(len(found)):

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from edtk.calibration.calibration import Calibration
+from edtk.calibration.calibration import Calibration, Judged
+from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.findings.finding import Finding, shown_probability
 from edtk.fit.identify import Identification
 from edtk.measure.cells import csv_text
@@ -12,7 +13,9 @@ from edtk.measure.expected_error import ErrorBudget
 from edtk.measure.pose_table import coordinate_names
 from edtk.report.calibration_sections import (
     budget_section,
-    calibration_facts,
+    evaluated_facts,
+    facts_section,
+    measured_facts,
     noise_parts,
     residual_causes,
     task_section,
@@ -20,8 +23,9 @@ from edtk.report.calibration_sections import (
 from edtk.report.draw.bars import correlation, intervals
 from edtk.report.draw.names import room_for
 from edtk.report.draw.residuals import ResidualPanel, drawn_rows, quantiles, residuals
-from edtk.report.extension import extension_section
+from edtk.report.extension import extension_files, extension_section
 from edtk.report.figures import new_figure
+from edtk.report.geometry_report import evaluated_geometry, geometry_sections, measured_positions
 from edtk.report.page import QUALITY, Page, paragraph, picture, section, sentence, table, verdict
 from edtk.report.posterior_report import posterior_report
 from edtk.report.show.page import page_html
@@ -50,7 +54,7 @@ SHOWN = 8  # rows of the table of residuals
 WIDTH = 4.4  # of a picture [inch]: letters can be read on a phone, and on a desk two have room
 UNITLESS = ("parameter", "std [%]")  # columns that do not have the parameters' unit
 NAMES = ("k.json", "residuals.csv", "report.html", PAGE)
-MANY = 10_000  # measurements from which the file of residuals is to be small:
+MANY = 30_000  # residuals from which their file is to be small:
 FEW_DIGITS = 6  # a residual is a difference, of which no reading has more digits
 DIGITS = 10
 
@@ -152,9 +156,28 @@ def _facts(found: Calibration) -> list[str]:
     return [f"Nothing is wrong: {facts}"]
 
 
-def calibration_report(found: Calibration) -> str:
+def calibration_report(found: Judged) -> str:
     """The text of `report.html`."""
+    if isinstance(found, GeometricCalibration):
+        sections = geometry_sections(found)
+        facts = measured_positions(found), evaluated_geometry(found)
+    else:
+        assert isinstance(found, Calibration)
+        sections = _sections(found)
+        facts = measured_facts(found), evaluated_facts(found)
     parts = [
+        *sections,
+        poses_section(stage_of_calibration(found)),
+        *extension_section(found.extension),
+        *([] if found.check is None else [posterior_report(found.check)]),
+        facts_section(found, *facts),
+    ]
+    return Page(calibration_title(found.study), tuple(parts)).html()
+
+
+def _sections(found: Calibration) -> list[str]:
+    """What a report says of compliances, the verdict first."""
+    return [
         calibration_verdict(found),
         *([] if found.budget is None else [budget_section(found, found.budget)]),
         *([] if found.tasks is None else [task_section(found.tasks)]),
@@ -177,13 +200,7 @@ def calibration_report(found: Calibration) -> str:
             _worst(found),
         ),
         section("Which parameters depend on each other?", _correlation(found), _pairs(found)),
-        poses_section(stage_of_calibration(found)),
-        *extension_section(found.extension),
     ]
-    if found.check is not None:
-        parts.append(posterior_report(found.check))
-    parts.append(calibration_facts(found))
-    return Page(calibration_title(found.study), tuple(parts)).html()
 
 
 def _compliances(found: Calibration) -> str:
@@ -332,18 +349,19 @@ def _pairs(found: Calibration) -> str:
     return table(["pair", "correlation"], rows) if rows else ""
 
 
-def calibration_files(calibration: Calibration, folder: Path) -> dict[Path, Content]:
+def calibration_files(found: Judged, folder: Path) -> dict[Path, Content]:
     """The contents of `k.json`, `residuals.csv`, `report.html` and `poses.html`, by path.
 
     Args:
-        calibration: The result.
+        found: The result.
         folder: Folder of the files.
     """
-    digits = FEW_DIGITS if len(calibration.data) > MANY else DIGITS
+    residuals = found.residuals()
     contents = (
-        json_text(calibration.to_dict()) + "\n",
-        csv_text(calibration.residuals(), digits),
-        calibration_report(calibration),
-        page_html(stage_of_calibration(calibration)),
+        json_text(found.to_dict()) + "\n",
+        csv_text(residuals, FEW_DIGITS if len(residuals) > MANY else DIGITS),
+        calibration_report(found),
+        page_html(stage_of_calibration(found)),
     )
-    return {folder / name: content for name, content in zip(NAMES, contents, strict=True)}
+    files = {folder / name: content for name, content in zip(NAMES, contents, strict=True)}
+    return files | extension_files(found, folder)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from edtk.calibration.calibration import Calibration
+from edtk.calibration.calibration import Calibration, Judged
 from edtk.findings.causes.family import NOISE, Cause
 from edtk.findings.finding import row_names, shown_probability
 from edtk.findings.noise import UNLIKELY_NOISE
@@ -42,19 +42,39 @@ CAUSES_HEADER = (
 TOOL_POINT = "the tool point"
 MOST_ROWS = 60  # of a table that a person reads
 TASK_SIZE = (6.8, 3.6)  # of the picture [inch]
+Facts = list[tuple[str, str]]  # names with what there is to say of each; empty for nothing
 
 
-def calibration_facts(found: Calibration) -> str:
-    """The section that lets somebody else repeat the result."""
-    return section(
-        "What was measured, and how was it evaluated?",
-        facts("Measurements", _measured(found)),
-        facts("Evaluation", _evaluated(found)),
-    )
+def facts_section(found: Judged, measured: Facts, evaluated: Facts) -> str:
+    """The section that lets somebody else repeat a result.
+
+    Args:
+        found: The result.
+        measured: What is in the file; texts that are empty do not count.
+        evaluated: How it was evaluated, likewise.
+    """
+    study = found.asked
+    name = f"{study.path.name}, " if study.path is not None else ""
+    tables = {
+        "Measurements": [
+            ("File", found.path.name),
+            ("SHA-256", found.origin.sha256),
+            ("Last changed", found.origin.changed),
+            *measured,
+        ],
+        "Evaluation": [
+            ("Study", f"{name}SHA-256 begins with {study.digest}"),
+            ("Robot", study.robot.name),
+            *evaluated,
+            ("Program", f"edtk {__version__}"),
+        ],
+    }
+    parts = [facts(title, [row for row in rows if row[1]]) for title, rows in tables.items()]
+    return section("What was measured, and how was it evaluated?", *parts)
 
 
-def _measured(found: Calibration) -> list[tuple[str, str]]:
-    """The file, the noise, the load and the tool."""
+def measured_facts(found: Calibration) -> Facts:
+    """The noise, the load and the tool."""
     data = found.data
     poses = int(data.pose.max()) + 1
     coordinates = data.deflection.shape[1]
@@ -62,10 +82,7 @@ def _measured(found: Calibration) -> list[tuple[str, str]]:
     place = found.study.robot.tool_is_from
     payload = found.study.specification.payload
     turned = f", turned by {_vector(tool.rpy_deg)} deg (rpy)" if any(tool.rpy_deg) else ""
-    rows = [
-        ("File", found.path.name),
-        ("SHA-256", found.origin.sha256),
-        ("Last changed", found.origin.changed),
+    return [
         ("Rows", _rows(len(data), poses, coordinates)),
         ("Stated noise", _stated_noise(data)),
         ("Estimated noise", _estimated_noise(found)),
@@ -75,30 +92,22 @@ def _measured(found: Calibration) -> list[tuple[str, str]]:
         ("Payload", "" if payload is None else payload.describe()),
         ("Displacements", "from the nominal robot" if found.study.is_absolute else ""),
     ]
-    return [(name, text) for name, text in rows if text]
 
 
-def _evaluated(found: Calibration) -> list[tuple[str, str]]:
-    """The study, the options and the program."""
-    study = found.study
-    asked = found.asked
-    name = f"{asked.path.name}, " if asked.path is not None else ""
-    pm = "\N{PLUS-MINUS SIGN}"
+def evaluated_facts(found: Calibration) -> Facts:
+    """The options."""
     plan = found.fitted.plan
-    rows = [
-        ("Study", f"{name}SHA-256 begins with {asked.digest}"),
-        ("Robot", study.robot.name),
+    known = found.study.specification.joints.known_in_words("\N{PLUS-MINUS SIGN}")
+    return [
         ("Model", _model(found)),
         ("Fit", _fit(found)),
         ("Noise", "as stated" if found.fit.known else "estimated (sigma unknown)"),
         ("Repetitions", "noise that they share is estimated" if found.fitted.common_noise else ""),
         ("Plan", "none given" if plan is None else f"{plan.experiments} experiments, compared"),
         ("Sheet", "taken as it is, even if columns look misread" if found.fitted.how.as_is else ""),
-        ("Known", study.specification.joints.known_in_words(pm)),
+        ("Known", known),
         ("Posterior", "sampled" if found.check is not None else "not sampled"),
-        ("Program", f"edtk {__version__}"),
     ]
-    return [(name, text) for name, text in rows if text]
 
 
 def _model(found: Calibration) -> str:

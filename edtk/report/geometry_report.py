@@ -1,22 +1,16 @@
 """The report of a calibration of geometry: verdict first, then tables and pictures."""
 
-from pathlib import Path
-
 import numpy as np
 
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.findings.finding import rows_in_words
 from edtk.fit.geometry.fitted_geometry import MM, lengths, root_mean_square
-from edtk.measure.cells import csv_text
 from edtk.measure.parameters import TITLES, Parameter
-from edtk.report.calibration_report import NAMES, calibration_title
+from edtk.report.calibration_sections import Facts, task_section
 from edtk.report.draw.residuals import left_out_errors, marker_residuals
-from edtk.report.extension import extension_files, extension_section
 from edtk.report.figures import new_figure
 from edtk.report.page import (
     QUALITY,
-    Page,
-    facts,
     paragraph,
     picture,
     section,
@@ -24,16 +18,9 @@ from edtk.report.page import (
     table,
     verdict,
 )
-from edtk.report.posterior_report import posterior_report
-from edtk.report.show.page import page_html
-from edtk.report.show.plate import poses_section
-from edtk.report.show.stage import stage_of_calibration
 from edtk.report.shown import left_out_sentence, places_of
 from edtk.study.schema import describe_noise
-from edtk.system.files import Content
-from edtk.system.parsing import json_text
 from edtk.system.typing import Array
-from edtk.version import __version__
 
 SHOWN = 8  # rows of the table of poses
 WIDTH = 4.4  # of a picture [inch]: letters can be read on a phone, and on a desk two have room
@@ -42,23 +29,11 @@ MOST_PICTURES = 8  # of markers
 MOST_MARKERS = 12  # whose places are listed
 
 
-def geometry_facts(found: GeometricCalibration) -> str:
-    """The section that lets somebody else repeat the result."""
-    return section(
-        "What was measured, and how was it evaluated?",
-        facts("Measurements", _measured(found)),
-        facts("Evaluation", _evaluated(found)),
-    )
-
-
-def _measured(found: GeometricCalibration) -> list[tuple[str, str]]:
-    """The file, and what is in it."""
+def measured_positions(found: GeometricCalibration) -> Facts:
+    """What is in the file."""
     fit = found.fit
     left_out = len(found.left_out)
-    rows = [
-        ("File", found.path.name),
-        ("SHA-256", found.origin.sha256),
-        ("Last changed", found.origin.changed),
+    return [
         ("Positions", f"{fit.data.count} in {len(fit.data)} visits of {fit.data.poses} poses"),
         ("Left out", f"{left_out} visits" if left_out else ""),
         ("Markers", ", ".join(fit.data.markers)),
@@ -67,7 +42,6 @@ def _measured(found: GeometricCalibration) -> list[tuple[str, str]]:
         ("Loads", _loads(fit.data.wrench)),
         ("Assumed", "; ".join(found.assumed)),
     ]
-    return [(name, text) for name, text in rows if text]
 
 
 def _stated(found: GeometricCalibration) -> str:
@@ -78,27 +52,19 @@ def _stated(found: GeometricCalibration) -> str:
     return describe_noise(found.setting.study.specification)
 
 
-def _evaluated(found: GeometricCalibration) -> list[tuple[str, str]]:
-    """The study, the place of the robot, and the program."""
-    study = found.study
-    name = f"{study.path.name}, " if study.path is not None else ""
+def evaluated_geometry(found: GeometricCalibration) -> Facts:
+    """The place of the robot, and the options."""
     loss = (
         "poses that fit badly count less, as with t errors" if (found.fit.weights < 1).any() else ""
     )
-    rows = [
-        ("Study", f"{name}SHA-256 begins with {study.digest}"),
-        ("Robot", study.robot.name),
+    fit = f"nonlinear least squares, variances by restricted likelihood; {loss}".rstrip("; ")
+    return [
         ("Robot in the instrument's frame", robot_stands(found.base)),
         ("Joints count", found.counting.words or "as the study says"),
-        ("Known", study.specification.joints.known_in_words("\N{PLUS-MINUS SIGN}")),
+        ("Known", found.study.specification.joints.known_in_words("\N{PLUS-MINUS SIGN}")),
         ("Known before", _told_before(found)),
-        (
-            "Fit",
-            f"nonlinear least squares, variances by restricted likelihood; {loss}".rstrip("; "),
-        ),
-        ("Program", f"edtk {__version__}"),
+        ("Fit", fit),
     ]
-    return [(name, text) for name, text in rows if text]
 
 
 def _told_before(found: GeometricCalibration) -> str:
@@ -125,9 +91,9 @@ def robot_stands(base: Array) -> str:
     return f"at ({place}) mm, turned by the rotation vector ({turn}) deg"
 
 
-def geometry_report(found: GeometricCalibration) -> str:
-    """The text of `report.html`."""
-    parts = [
+def geometry_sections(found: GeometricCalibration) -> list[str]:
+    """What a report says of the result, the verdict first."""
+    return [
         _verdict(found),
         section(
             "How well are poses predicted?",
@@ -137,15 +103,11 @@ def geometry_report(found: GeometricCalibration) -> str:
             paragraph("The poses that the others predict least:"),
             _worst(found),
         ),
+        *([] if found.tasks is None else [task_section(found.tasks)]),
         section("Residuals of the markers", paragraph(_noise(found)), *_residuals(found)),
         *_parameters(found),
         section("What can be told apart?", *_rank(found)),
-        poses_section(stage_of_calibration(found)),
-        *extension_section(found.extension),
-        *([] if found.check is None else [posterior_report(found.check)]),
-        geometry_facts(found),
     ]
-    return Page(calibration_title(found.study), tuple(parts)).html()
 
 
 def _verdict(found: GeometricCalibration) -> str:
@@ -154,11 +116,11 @@ def _verdict(found: GeometricCalibration) -> str:
     first = QUALITY[level]
     if level != "bad":
         first = f"{first} {_expected(found)}"
-    lines = [first, *(sentence(one.words) for one in found.findings)]
+    lines = [sentence(one.words) for one in found.findings]
     lines += [sentence(f"the study: {warning}") for warning in found.study.warnings]
-    if not found.findings and not found.study.warnings:
-        lines.append("Nothing is wrong: all that was asked for is told, and no pose surprises.")
-    return verdict(level, lines)
+    if not lines:
+        lines = ["Nothing is wrong: all that was asked for is told, and no pose surprises."]
+    return verdict(level, [first, *lines])
 
 
 def _expected(found: GeometricCalibration) -> str:
@@ -179,8 +141,8 @@ def _prediction(found: GeometricCalibration) -> str:
     if found.rho0_mm is None:
         return text
     return (
-        f"{text} Wrong parameters leave {found.rho0_mm:.2g} mm (rho0) of {found.tasks.subject} "
-        f"{found.tasks.place}; what the model leaves out comes on top of it."
+        f"{text} Wrong parameters leave {found.rho0_mm:.2g} mm (rho0) of {found.in_tasks.subject} "
+        f"{found.in_tasks.place}; what the model leaves out comes on top of it."
     )
 
 
@@ -322,20 +284,3 @@ def _rank(found: GeometricCalibration) -> list[str]:
             table(["told by no pose"], [[one] for one in fit.redundant], words=1, full=True)
         )
     return parts
-
-
-def geometry_files(found: GeometricCalibration, folder: Path) -> dict[Path, Content]:
-    """The contents of `k.json`, `residuals.csv`, `report.html` and `poses.html`, by path.
-
-    Args:
-        found: The result.
-        folder: Folder of the files.
-    """
-    contents = (
-        json_text(found.to_dict()),
-        csv_text(found.residuals()),
-        geometry_report(found),
-        page_html(stage_of_calibration(found)),
-    )
-    files = {folder / name: content for name, content in zip(NAMES, contents, strict=True)}
-    return files | extension_files(found, folder)

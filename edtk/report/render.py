@@ -22,6 +22,7 @@ PAGES = {
     "geometry_evaluation": "geometry_plan",
     "geometry_plan": "geometry_plan",
     "identification": "calibration",
+    "judged": "calibration",
     "plan": "plan",
     "plan_bias": "evaluation",
     "plan_check": "cell",

@@ -5,21 +5,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
-
 import criteria
-from edtk.design.plan import Plan
-from edtk.measure.compliances import Compliances, compliances_file, load_compliances
+from edtk.measure.compliances import Compliances, compliances_file
 from edtk.measure.pose_table import Table
 from edtk.study import kinds
 from edtk.study.study import Study
-from edtk.system.errors import ArgumentError, UserError
-from edtk.system.files import Content
+from edtk.system.errors import ArgumentError
 from edtk.verbs.inputs import (
-    PlanLike,
     StudyLike,
     as_study,
-    as_table,
     content_of,
     name_of,
 )
@@ -27,16 +21,22 @@ from edtk.verbs.of_studies import OfStudy
 
 if TYPE_CHECKING:
     from edtk.calibration.calibration import Calibration
-    from edtk.calibration.compensate import Compensation
+    from edtk.calibration.compensate import Calibrated
     from edtk.calibration.detect import Promised
     from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
     from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
-    from edtk.calibration.prediction import Prediction
     from edtk.calibration.template import SheetColumns
     from edtk.design.design_space import DesignSpace
     from edtk.design.exact.exact_plan import ExactPlan
     from edtk.findings.fitted_data import HowFitted
     from edtk.study.study_run import Designs
+
+
+# Results of compliances, by the argument that they are.
+EXPECTED = {
+    "compliances": "a calibration, compliances by joint [rad/(N m)], or the path of a k.json file",
+    "result": "a result of this study",
+}
 
 
 class OfCompliances(OfStudy):
@@ -88,75 +88,22 @@ class OfCompliances(OfStudy):
 
         return extend(self.study, sheet, how) if how.extended else calibrate(self.study, sheet, how)
 
-    def _report(
-        self, found: "Calibration | GeometricCalibration", folder: Path
-    ) -> dict[Path, Content]:
+    def _robot(self, result: Any, argument: str) -> "Calibrated":
+        from edtk.calibration.calibrated_springs import CalibratedSprings
         from edtk.calibration.calibration import Calibration
-        from edtk.report.calibration_report import calibration_files
-        from edtk.report.geometry_report import geometry_files
-
-        if isinstance(found, Calibration):
-            return calibration_files(found, folder)
-        return geometry_files(found, folder)
-
-    def _require_result(self, result: object, task: PlanLike | None) -> None:
         from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 
         if isinstance(result, GeometricCalibration):
             message = "expected a study of geometry, as the result is of one"
             raise self.study.error("parameters", message)
-
-    def _poses(self, task: PlanLike | None) -> Plan:
-        from edtk.calibration.tasks_in_use import load_task
-
-        return load_task(self.study, None if task is None else as_table(task, "task"))
-
-    def _commands(self, result: object, task: PlanLike | None, poses: Plan) -> "Compensation":
-        from edtk.calibration.compensate import compensate
-
-        known = self._compliances(result)
-        own = self.study.robot.compensators_digest
-        if known.compensators not in (None, own):
-            message = "the result is of a robot with other compensators than the study's"
-            raise UserError(message, where=name_of(result, "result"), key="prediction.compensators")
-        where = name_of(self.study.where if task is None else task, "task")
-        return compensate(self.study, known, poses, where, own=task is None)
-
-    def _compliances(self, given: object) -> Compliances:
-        """Compliances of a file, of a calibration, by joint, or as they are.
-
-        Raises:
-            UserError: The file is not valid, or lacks a joint; or it is none of these.
-        """
-        if isinstance(given, Compliances):
-            return given
-        names = self.study.robot.joint_names
-        needed = self.study.specification.joints.unknown
-        if isinstance(given, str | Path):
-            return load_compliances(given, names, needed)
-        content = content_of(given)
-        if content is None:
-            message = (
-                "expected a calibration, compliances by joint [rad/(N m)], or the path of a k.json "
-                f"file, not {type(given).__name__}"
-            )
-            raise ArgumentError(message, argument="compliances")
-        return Compliances.from_dict(content, names, needed, "compliances")
-
-    def _predicted(self, result: Any, poses: Table, tool_rows: int) -> "Prediction":
-        from edtk.calibration.calibration import Calibration
-        from edtk.calibration.prediction import predict_displacements, springs_of_result
-
-        self._require_result(result, None)
-        where = name_of(result, "result")
-        content: Any = result if isinstance(result, Calibration) else content_of(result)
+        as_it_is = isinstance(result, Calibration | Compliances)
+        content: Any = result if as_it_is else content_of(result)
         if isinstance(result, str | Path):
             content = compliances_file(result)
         if content is None:
-            message = f"expected a result of this study, not {type(result).__name__}"
-            raise ArgumentError(message, argument="result")
-        springs, certain = springs_of_result(self.study, content, where)
-        return predict_displacements(self.study, springs, poses, certain)
+            message = f"expected {EXPECTED[argument]}, not {type(result).__name__}"
+            raise ArgumentError(message, argument=argument)
+        return CalibratedSprings(self.study, content, name_of(result, argument))
 
 
 class OfGeometry(OfStudy):
@@ -207,46 +154,11 @@ class OfGeometry(OfStudy):
 
         return calibrate_geometry(self.study, sheet, how)
 
-    def _report(self, found: "GeometricCalibration", folder: Path) -> dict[Path, Content]:
-        from edtk.report.geometry_report import geometry_files
-
-        return geometry_files(found, folder)
-
-    def _require_result(self, result: object, task: PlanLike | None) -> None:
-        from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-
-        if task is None and not self.study.tasks:
-            message = "expected poses (CSV), as the study has no test pose"
-            raise ArgumentError(message, argument="task")
-        if not isinstance(result, GeometricCalibration | Mapping | str | Path):
-            raise ArgumentError("expected a result of this study", argument="compliances")
-
-    def _poses(self, task: PlanLike | None) -> Plan:
-        from edtk.calibration.tasks_in_use import load_task
-
-        if task is None:
-            return load_task(self.study)
-        table = as_table(task, "task")
-        if self.study.tasks:
-            return load_task(self.study, table)
-        return Plan.from_csv(table, self.study.robot, self.study.fixed, np.zeros(6))
-
-    def _commands(self, result: Any, task: PlanLike | None, poses: Plan) -> "Compensation":
-        from edtk.calibration.geometry.compensate_geometry import compensate_geometry
+    def _robot(self, result: Any, argument: str) -> "Calibrated":
+        from edtk.calibration.geometry.calibrated_geometry import CalibratedGeometry
         from edtk.calibration.geometry.geometric_calibration import read_result
 
-        content = read_result(result)
-        where = name_of(result, "result")
-        of = name_of(self.study.where if task is None else task, "task")
-        return compensate_geometry(self.study, content, where, poses, of, own=task is None)
-
-    def _predicted(self, result: Any, poses: Table, tool_rows: int) -> "Prediction":
-        from edtk.calibration.geometry.geometric_calibration import read_result
-        from edtk.calibration.geometry.prediction import predict_positions
-
-        geometry = read_result(result)["geometry"]
-        where = name_of(result, "result")
-        return predict_positions(self.study, geometry, where, poses, tool_rows)
+        return CalibratedGeometry.of(self.study, read_result(result), name_of(result, argument))
 
 
 # Which kind of study asks which question.

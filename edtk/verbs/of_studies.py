@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from edtk.calibration.calibration import Calibration
-    from edtk.calibration.compensate import Compensation
+    from edtk.calibration.compensate import Calibrated, Compensation
     from edtk.calibration.correct_program import CorrectedProgram
     from edtk.calibration.detect import Promised
     from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
@@ -692,7 +692,7 @@ class OfStudy(Question):
         out: Path | str | None,
     ) -> "Calibration | GeometricCalibration":
         """The parameters from measurements, and their files; see `edtk.identify`."""
-        from edtk.report.calibration_report import NAMES
+        from edtk.report.calibration_report import NAMES, calibration_files
         from edtk.report.extension import NAME
 
         study = self.study
@@ -716,7 +716,7 @@ class OfStudy(Question):
 
             files[Path(sampling.export)] = inference_data(found.check)
         if out is not None:
-            files |= self._report(found, Path(out))
+            files |= calibration_files(found, Path(out))
         write_files(files)
         return found
 
@@ -724,21 +724,29 @@ class OfStudy(Question):
     def _calibrated(self, sheet: Table, how: "HowFitted") -> Any:
         """The calibration."""
 
-    @abstractmethod
-    def _report(self, found: Any, folder: Path) -> dict[Path, Content]:
-        """The files of a calibration."""
-
     def compensate(
         self, result: CompliancesLike, task: PlanLike | None, out: Path | str | None
     ) -> "Compensation":
         """Commands that make up for what was found; see `edtk.compensate`."""
-        self._require_result(result, task)
+        from edtk.calibration.compensate import compensate
+
+        robot = self._robot(result, "compliances")
         require_output(out, *self.study.reads, *files_of(result, task))
-        poses = plan_of(self.study, task, "task")
-        found = self._commands(result, task, self._poses(task) if poses is None else poses)
+        poses = self._poses(task)
+        where = name_of(self.study.where if task is None else task, "task")
+        found = compensate(robot, poses, where, own=task is None)
         if out is not None:
             found.to_csv(out)
         return found
+
+    def _poses(self, task: PlanLike | None) -> Plan:
+        """The poses of a plan, of a table, or of the study itself."""
+        from edtk.calibration.tasks_in_use import load_task
+
+        planned = plan_of(self.study, task, "task")
+        if planned is not None:
+            return planned
+        return load_task(self.study, None if task is None else as_table(task, "task"))
 
     def correct(
         self,
@@ -749,17 +757,18 @@ class OfStudy(Question):
         every: bool,
     ) -> "CorrectedProgram":
         """A program whose targets make up for what was found; see `edtk.compensate`."""
+        from edtk.calibration.compensate import compensate
         from edtk.calibration.correct_program import ProgramFile, correct_program
         from edtk.measure.cells import csv_text
 
-        self._require_result(result, program)
+        robot = self._robot(result, "compliances")
         require_different(out=out, table=table)
         for path in (out, table):
             require_output(path, *self.study.reads, *files_of(result, program))
         found = correct_program(
             self.study,
             ProgramFile.read(Path(program)),
-            partial(self._commands, result, program),
+            partial(compensate, robot, path=Path(program)),
             text_of(result),
             every,
         )
@@ -772,20 +781,16 @@ class OfStudy(Question):
         return found
 
     @abstractmethod
-    def _require_result(self, result: object, task: PlanLike | None) -> None:
-        """Check that the result is of such a study, and that there are poses.
+    def _robot(self, result: Any, argument: str) -> "Calibrated":
+        """The robot that a result is of.
+
+        Args:
+            result: A calibration, its file, or what the file would hold.
+            argument: The result's name in the call, for messages.
 
         Raises:
-            UserError: It is not, or there are none.
+            UserError: It is no result of such a study.
         """
-
-    @abstractmethod
-    def _poses(self, task: PlanLike | None) -> Plan:
-        """The poses of a table, or of the study itself."""
-
-    @abstractmethod
-    def _commands(self, result: Any, task: PlanLike | None, poses: Plan) -> Any:
-        """The commands in poses."""
 
     def predict(
         self, result: Any, poses: PlanLike, tool_rows: int, out: Path | str | None
@@ -800,11 +805,7 @@ class OfStudy(Question):
             table = as_table(poses, "poses")
         else:
             table = plan.to_frame(study.robot).drop(columns=REPEATS)
-        found = self._predicted(result, table, tool_rows)
+        found = self._robot(result, "result").predict(table, tool_rows)
         if out is not None:
             write_files({Path(out): csv_text(found.to_frame())})
         return found
-
-    @abstractmethod
-    def _predicted(self, result: Any, poses: Table, tool_rows: int) -> "Prediction":
-        """The readings with their bands."""

@@ -6,6 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from edtk.calibration.calibrate import calibrate
+from edtk.calibration.calibrated_springs import CalibratedSprings
 from edtk.calibration.compensate import compensate
 from edtk.calibration.planned import planned_measurements
 from edtk.design.plan import Plan
@@ -400,7 +401,7 @@ def test_commands_under_a_payload(links):
     compliances = Compliances(joints, K[1:], K[1:], None)
     desired = study.tasks[0].q
     task = Plan(desired[None], np.zeros((1, 6)), np.ones(1, dtype=int))
-    found = compensate(study, compliances, task, "task")
+    found = compensate(CalibratedSprings(study, compliances), task, "task")
     loaded = Bench(study).rest(found.command[0], np.zeros(3), True)
     np.testing.assert_allclose(loaded, desired, atol=1e-9)
     unhelped = Bench(study).rest(desired, np.zeros(3), True)

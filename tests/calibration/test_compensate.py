@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from edtk.calibration.calibrate import calibrate
+from edtk.calibration.calibrated_springs import CalibratedSprings
 from edtk.calibration.compensate import BAND, compensate
 from edtk.calibration.tasks_in_use import task_findings
 from edtk.cli import main
@@ -235,6 +236,7 @@ def test_rows_without_a_command_are_left_out(given, tmp_path):
     assert "4 rows left out" in text
 
 
+@pytest.mark.cell("`compensate` names poses in radians, and loads in kilonewtons", "springs")
 @pytest.mark.parametrize(
     ("factor", "poses", "load", "words"),
     [
@@ -248,8 +250,7 @@ def test_another_unit_is_doubted(factor, poses, load, words):
     """Compliances per kN m, poses in radians and loads in kN are said, and sound ones are not."""
     q = poses * np.deg2rad([[0, -56.9, 89.3, 45.1, 76, 57.2], [20, -80, 60, 10, -40, 100]])
     wrench = load * np.tile(STUDY.tasks[0].wrench, (2, 1))
-    k = factor * np.array(list(K.values()))
-    found = Compliances(tuple(K), k, k, None)
+    found = {name: factor * k for name, k in K.items()}
     doubts = task_findings(STUDY, found, Plan(q, wrench, np.ones(2, dtype=int)))
     assert len(doubts) == (words is not None)
     assert all(doubt.words.startswith(words) for doubt in doubts)
@@ -300,13 +301,13 @@ def test_the_band_contains_the_error_of_the_linear_model(tmp_path):
     names = STUDY.robot.joint_names
     known = Compliances.from_dict(fit.to_dict(), names, tuple(K))
     task = Plan(plan.q, plan.wrench, plan.repeats)
-    found = compensate(study, known, task, "task")
+    found = compensate(CalibratedSprings(study, known), task, "task")
     model = ElastostaticModel(ROBOT, STUDY.model.joints)
     errors = remaining_error(model, plan.q, plan.wrench, fit.fit.k, k[1:])
     size = np.linalg.norm(errors, axis=-1)
     np.testing.assert_allclose(found.linear, size, rtol=0.03)
     assert ((found.band[:, 0] < size) & (size < found.band[:, 1])).all()
-    without = compensate(study, replace(known, bias=None), task, "task")
+    without = compensate(CalibratedSprings(study, replace(known, bias=None)), task, "task")
     assert (size > without.band[:, 1]).sum() > 6
     np.testing.assert_allclose(np.hypot(without.remaining, found.linear), found.remaining)
 

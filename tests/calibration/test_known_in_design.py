@@ -7,6 +7,7 @@ import pytest
 from arm import arm
 
 from edtk.calibration.calibrate import calibrate
+from edtk.calibration.calibrated_springs import CalibratedSprings
 from edtk.calibration.compensate import compensate
 from edtk.calibration.planned import SpringDesigns
 from edtk.certificate.certificate import certificate
@@ -124,7 +125,7 @@ def test_compensation_takes_what_was_measured():
     names = KNOWN.robot.joint_names
     read = Compliances.from_dict(found.to_dict(), names, ("q2",))
     task = Plan(KNOWN.task.q[None], KNOWN.task.wrench[None], np.ones(1, dtype=int))
-    done = compensate(KNOWN, read, task, "task")
+    done = compensate(CalibratedSprings(KNOWN, read), task, "task")
     (one,) = read.assumed
     assert one.joint.compliance == found.study.known[0]
     assert one.joint.std < 0.5e-6

@@ -58,7 +58,8 @@ def test_one_pose_and_a_prior():
     """One pose and a prior give the posterior's summary, which is said; JSON is whole."""
     study = STUDY.replace(prior=LOG_NORMAL)
     fitted = FittedData.with_prior(study, ONE, study_prior(study), ("k2", "k3"))
-    found = Calibration(fitted, (), Path("sheet.csv")).sampled(np.random.default_rng(1), ROUGH)
+    bare = Calibration(fitted, findings=(), path=Path("sheet.csv"))
+    found = bare.sampled(np.random.default_rng(1), ROUGH)
     posterior = found.check.posterior
     np.testing.assert_allclose(list(found.k.values()), posterior.mean)
     np.testing.assert_allclose(list(found.std.values()), posterior.std, rtol=1e-6)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from arm import arm
 
+from edtk.calibration.calibrated_springs import CalibratedSprings
 from edtk.calibration.compensate import compensate
 from edtk.calibration.planned import plan_bias
 from edtk.design.plan import Plan
@@ -71,15 +72,15 @@ def test_compensation_counts_them():
     task = Plan(KNOWN.task.q[None], KNOWN.task.wrench[None], np.ones(1, dtype=int))
     one = Compliances(("q2",), K[1:], K[1:], np.array([[1e-14]]))
     two = Compliances(("q2", "q1"), K[::-1], K[::-1], np.diag([1e-14, (0.3 * K[0]) ** 2]))
-    found = compensate(KNOWN, one, task, "task")
-    expected = compensate(RIGID, two, task, "task")
+    found = compensate(CalibratedSprings(KNOWN, one), task, "task")
+    expected = compensate(CalibratedSprings(RIGID, two), task, "task")
     for name in ("command", "uncompensated", "remaining"):
         np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-12)
     # A band begins at what the noise alone leaves, which is more of two that were measured.
     np.testing.assert_allclose(found.band[:, 1], expected.band[:, 1], rtol=1e-12)
     assert (found.band[:, 0] <= expected.band[:, 0]).all()
     assert found.rigid == ""
-    assert "q1" in compensate(RIGID, one, task, "task").rigid
+    assert "q1" in compensate(CalibratedSprings(RIGID, one), task, "task").rigid
 
 
 def test_a_file_that_has_the_joint_too_is_believed():

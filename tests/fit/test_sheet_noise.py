@@ -17,7 +17,7 @@ from edtk.measure.pose_table import (
     PoseFileError,
     PoseTable,
 )
-from edtk.report.calibration_sections import calibration_facts
+from edtk.report.calibration_sections import evaluated_facts, facts_section, measured_facts
 from edtk.verbs.template import template
 from tests.support.readings import PLAN, STUDY
 
@@ -65,7 +65,9 @@ def test_a_diagonal_covariance_is_a_sigma_for_each_axis(fitted):
     np.testing.assert_allclose(after.fit.covariance, before.fit.covariance, rtol=1e-8)
     assert after.fit.p_value == pytest.approx(before.fit.p_value, rel=1e-8)
     assert [one.words for one in after.findings] == [one.words for one in before.findings]
-    assert "correlated within a row" in calibration_facts(after)
+    assert "correlated within a row" in facts_section(
+        after, measured_facts(after), evaluated_facts(after)
+    )
 
 
 @pytest.mark.slow

@@ -132,7 +132,7 @@ def test_the_error_in_the_task_by_the_posterior(tmp_path: Path) -> None:
     pose = found.check.pose
     assert 1e3 * pose.rho0_fit == pytest.approx(found.rho0_mm)
     posterior = found.posterior
-    T = found.tasks.target
+    T = found.in_tasks.target
     off = T @ (posterior.mean - found.fit.fitted.values)
     expected = np.sqrt(np.trace(T @ posterior.covariance @ T.T) + off @ off)
     assert abs(pose.rho0 - expected) < 4 * pose.rho0_error < 0.1 * expected

@@ -10,7 +10,7 @@ import pytest
 from kr270 import REQUIRED, TEST_POSE
 
 import edtk
-from edtk.calibration.prediction import predict_displacements
+from edtk.calibration.calibrated_springs import predict_displacements
 from edtk.calibration.propagation import FittedSprings, propagation_of
 from edtk.design.plan import Plan
 from edtk.findings.fitted_data import FittedData, HowFitted
@@ -116,7 +116,7 @@ def test_bands_hold_what_they_promise():
         _, tests = day(1000 + seed, 6, 1, noise=MOVING)
         sheet = Plan(tests.q, tests.wrench, np.ones(6, int)).to_frame(study.robot)
         # Days of the linear model: what bends more is no part of the question here.
-        predicted = predict_displacements(study, springs, sheet)
+        predicted = predict_displacements(study, springs, False, sheet)
         linear = tests.regressor(study.model) @ fitted.fit.unbounded
         inside.append(np.abs(tests.deflection - linear) <= predicted.half)
     share = np.mean(inside)

@@ -240,7 +240,7 @@ def test_commands_bring_a_tool_where_the_drawing_has_it() -> None:
         assert errors[1] < 0.1 * errors[0]
         assert errors[1] < 3 * told.remaining[i]
     # In the pose without a lever that is its rho0, and what the residuals show besides.
-    accuracy = found.accuracy
+    accuracy = found.tasks
     assert accuracy is not None
     assert told.remaining[1] == pytest.approx(accuracy.error[1], rel=0.2)
 
@@ -256,6 +256,7 @@ def test_poses_of_a_file_need_one_tool() -> None:
 
 
 SOFT = {"compliance_rad_per_Nm": {"q2": 3e-6, "q3": 4e-6, "q4": 5e-6}}
+K_SOFT = np.array([3e-6, 4e-6, 5e-6])
 
 
 def visits(repeats: int) -> Plan:
@@ -349,3 +350,22 @@ def test_a_bias_of_the_linear_model_is_of_springs_alone() -> None:
     """Geometry is fitted by no linear model, which is why there is no answer."""
     with pytest.raises(edtk.UserError, match="by no linear model that could be biased"):
         edtk.bias(TWIN.replace(simulation=SOFT), visits(1))
+
+
+@pytest.mark.cell("`compensate`")
+def test_springs_have_one_command() -> None:
+    """Commands in closed form are those that a search finds, with the same tools and payloads."""
+    rng = np.random.default_rng(3)
+    wrench = np.tile([0, 0, -200.0, 0, 0, 0], (14, 1))
+    q = np.round(rng.uniform(-1.4, 1.4, (14, 6)), 3)
+    sheet = edtk.template(SPRINGS, Plan(q, wrench, np.ones(14, dtype=int)))
+    moved = SPRINGS.model.regressor(np.deg2rad(sheet.iloc[:, :6].to_numpy()), wrench) @ K_SOFT
+    sheet[["dx_mm", "dy_mm", "dz_mm"]] = 1e3 * (moved + rng.normal(0, 5e-5, moved.shape))
+    result = edtk.identify(TWIN, sheet).to_dict()
+    assert result["geometry"]["names"] == ["k_q2", "k_q3", "k_q4"]
+    result["geometry"]["values"] = (1e6 * K_SOFT).tolist()
+    searched = edtk.compensate(TWIN, result)
+    closed = edtk.compensate(SPRINGS, dict(zip(("q2", "q3", "q4"), K_SOFT.tolist(), strict=True)))
+    assert np.abs(closed.command - closed.desired).max() > 1e-4
+    np.testing.assert_allclose(searched.command, closed.command, rtol=0, atol=1e-9)
+    assert searched.left.max() < 1e-9

@@ -22,7 +22,7 @@ from edtk.fit.posterior import SamplingOptions
 from edtk.fit.run_chain import Demand
 from edtk.measure.expected_error import ErrorBudget
 from edtk.report.calibration_report import calibration_report, calibration_verdict
-from edtk.report.calibration_sections import calibration_facts
+from edtk.report.calibration_sections import evaluated_facts, facts_section, measured_facts
 from edtk.report.draw.bars import error_budget, intervals
 from edtk.report.draw.residuals import drawn_rows, quantiles
 from edtk.report.shown import digits
@@ -49,7 +49,7 @@ def calibrated(spoil=lambda y: y, k=STUDY.compliances, known=True, seed=3, study
     fitted = FittedData.of(study, data, HowFitted(sigma_unknown=not known))
     budget = calibration_budget(fitted, None)
     found = spring_findings(fitted, budget=budget)
-    return Calibration(fitted, found, Path("day <1>.csv"), budget=budget)
+    return Calibration(fitted, findings=found, path=Path("day <1>.csv"), budget=budget)
 
 
 @pytest.fixture(scope="module")
@@ -191,7 +191,7 @@ def test_what_the_result_rests_on(tmp_path):
     assert origin == Origin.of(sheet)
     asked = replace(found.fitted, how=HowFitted(linear=True, as_is=True))
     found = replace(found, path=sheet, origin=origin, fitted=asked)
-    text = calibration_facts(found)
+    text = facts_section(found, measured_facts(found), evaluated_facts(found))
     said = dict(re.findall("<dt>(.*?)</dt><dd>(.*?)</dd>", text))
     assert said["File"] == "day.csv"
     assert said["SHA-256"] == hashlib.sha256(b"rows\n").hexdigest()
@@ -204,7 +204,9 @@ def test_what_the_result_rests_on(tmp_path):
     assert said["Sheet"].startswith("taken as it is")
     assert said["Program"] == f"edtk {__version__}"
     linear = replace(found, fitted=replace(asked, nonlinear=False))
-    assert "<dd>linear, as asked for</dd>" in calibration_facts(linear)
+    assert "<dd>linear, as asked for</dd>" in facts_section(
+        linear, measured_facts(linear), evaluated_facts(linear)
+    )
 
 
 def test_a_pipe_has_no_hash(tmp_path):

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import CHROMIUM, WIDTHS, in_browser
-from geometry_sheets import STUDY, by_pose, run, truth
+from geometry_sheets import STUDY, TEST_POSE, by_pose, run, truth
 
 import edtk
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.findings.geometry.geometric_fit import geometric_findings
-from edtk.report.geometry_report import geometry_report
+from edtk.report.calibration_report import calibration_report
 
 pytestmark = pytest.mark.slow
 
@@ -31,7 +31,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> GeometricCalibration:
 @pytest.fixture(scope="module")
 def text(found: GeometricCalibration) -> str:
     """Its report, whose pictures take seconds."""
-    return geometry_report(found)
+    return calibration_report(found)
 
 
 def test_it_says_what_a_person_wants_to_know(found: GeometricCalibration, text: str) -> None:
@@ -55,19 +55,22 @@ def test_poses_that_no_other_predicts_are_no_promise(found: GeometricCalibration
     fit = replace(found.fit, placed=1e-9)
     findings = tuple(geometric_findings(fit, found.setting))
     few = replace(found, fit=fit, findings=findings, check=None)  # its pictures take seconds
-    text = geometry_report(few)
+    text = calibration_report(few)
     assert few.verdict == "bad"
     assert "in poses like these" not in text
     assert "Do not use: a pose left out is" in text
 
 
 def test_open_directions_are_in_the_report(tmp_path: Path) -> None:
-    """What the poses do not tell is named in a table."""
+    """What the poses do not tell is named in a table, and two test poses have a row each."""
     q, x = truth(12)
-    study = STUDY.replace(parameters={"geometry": ["q1", "q2"], "tool": False})
+    poses = [TEST_POSE, TEST_POSE | {"q_deg": [0, 40, 30, 0, 50, 0]}]
+    study = STUDY.replace(parameters={"geometry": ["q1", "q2"], "tool": False}, test_pose=poses)
     q[:, 0] = 20.0
     found = edtk.identify(study, by_pose(tmp_path / "day.csv", q, x), as_is=True)
-    text = geometry_report(found)
+    text = calibration_report(found)
+    assert "What error to expect in each test pose?" in text
+    assert f"<td>{1e3 * found.tasks.error[1]:.3g}</td>" in text
     assert "These poses leave open" in text
     assert all(sentence.split(" cannot")[0] in text for sentence in found.fit.open)
 

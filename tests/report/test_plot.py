@@ -13,6 +13,7 @@ from matplotlib.text import Text
 
 import criteria
 import edtk
+from edtk.calibration.calibrated_springs import CalibratedSprings
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.compensate import compensate
 from edtk.calibration.planned import check_plan_posterior, plan_bias
@@ -56,7 +57,7 @@ def _calibration():
     moved = simulate(A, STUDY.compliances, STUDY.sigma, np.random.default_rng(0))[0]
     sigma = np.tile(STUDY.sigma, (len(q), 1))
     data = Measurements(q, wrench, moved, sigma, np.zeros((len(q), 3)))
-    return Calibration(FittedData.of(STUDY, data), (), Path("day <1>.csv"))
+    return Calibration(FittedData.of(STUDY, data), findings=(), path=Path("day <1>.csv"))
 
 
 def _compensation():
@@ -66,7 +67,7 @@ def _compensation():
     known = Compliances(joints, STUDY.compliances, STUDY.compliances, covariance)
     q = STUDY.task.q + np.deg2rad([[0], [2]])
     task = Plan(q, np.tile(STUDY.task.wrench, (2, 1)), np.ones(2, dtype=int))
-    return compensate(STUDY, known, task, "task")
+    return compensate(CalibratedSprings(STUDY, known), task, "task")
 
 
 @pytest.fixture(scope="module")

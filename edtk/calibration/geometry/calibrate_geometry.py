@@ -7,9 +7,8 @@ import numpy as np
 
 from edtk.calibration.calibration import Origin
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-from edtk.calibration.geometry.pieces_left import PiecesLeft
 from edtk.calibration.geometry.told_before import told_before
-from edtk.calibration.model_findings import pieces_findings
+from edtk.calibration.model_left import PiecesLeft
 from edtk.design.plan import Plan
 from edtk.findings.finding import (
     Data,
@@ -110,16 +109,16 @@ def calibrate_geometry(
     pieces = PiecesLeft.of(setting, fit)
     left = None if pieces is None else pieces.in_tasks(setting, fit.fitted)
     if pieces is not None and left is not None:
-        findings += pieces_findings(pieces, left)
+        findings += left.findings(pieces.shares, pieces.counts)
     return GeometricCalibration(
-        setting,
-        fit,
-        _that_count(findings, where, how.as_is),
-        where,
-        sound.counting,
-        tuple(gross.visits),
-        how.robust,
-        Origin.of(path),
+        setting=setting,
+        fit=fit,
+        findings=_that_count(findings, where, how.as_is),
+        path=where,
+        counting=sound.counting,
+        left_out=tuple(gross.visits),
+        robust=how.robust,
+        origin=Origin.of(path),
         pieces=pieces,
     )
 

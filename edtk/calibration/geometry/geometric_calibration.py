@@ -1,7 +1,7 @@
 """Identified geometry and springs, with everything that a person wants to know."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from criteria.linalg.spectrum import is_semidefinite
-from edtk.calibration.calibration import Judged, Origin
-from edtk.calibration.extension import Extension
-from edtk.calibration.geometry.pieces_left import LeftInTasks, PiecesLeft
+from edtk.calibration.calibration import Judged
 from edtk.calibration.measured_poses import MeasuredPoses
+from edtk.calibration.model_left import LeftInTasks, PiecesLeft
 from edtk.calibration.posterior_check import PosteriorCheck, compared_with_fit, pose_error
 from edtk.design.plan import Plan
 from edtk.findings.finding import Finding, Severity
@@ -28,12 +27,7 @@ from edtk.fit.least_squares import Estimate
 from edtk.fit.noise import Noise
 from edtk.fit.posterior import Posterior, SamplingOptions
 from edtk.fit.prior import Flat
-from edtk.measure.expected_error import (
-    ExpectedError,
-    TaskAccuracy,
-    compensation_accuracy,
-    expected_error,
-)
+from edtk.measure.expected_error import TaskAccuracy, compensation_accuracy
 from edtk.measure.measured_model import Load
 from edtk.measure.noise import Tracker
 from edtk.measure.parameters import COMPONENTS, Parameter
@@ -324,27 +318,17 @@ class GeometricCalibration(Judged):
     Attributes:
         setting: The study and its markers.
         fit: The fit, and how well it predicts poses that it did not see.
-        findings: Everything that looks wrong, the worst first.
-        path: Where the positions are.
         counting: How the sheet counts the joints.
         left_out: Visits that were not fitted, as their positions are of no use.
         robust: Whether poses that fit badly count less.
-        origin: The file as it was read, and what was asked for.
-        check: The posterior by the nonlinear model; None where it was not sampled.
-        extension: The models of which this is the likeliest; None where nobody asked for them.
         pieces: What the springs lack, where readings under loads tell it; None elsewhere.
     """
 
     setting: StudyGeometry
     fit: GeometricFit
-    findings: tuple[Finding, ...]
-    path: Path
     counting: Counting
     left_out: tuple[int, ...] = ()
     robust: bool = False
-    origin: Origin = field(default_factory=Origin)
-    check: PosteriorCheck | None = None
-    extension: Extension | None = None
     pieces: PiecesLeft | None = None
 
     @property
@@ -367,7 +351,7 @@ class GeometricCalibration(Judged):
         """Rank, how well poses are predicted, the error to expect, and the verdict."""
         expected = ""
         if self.extension is not None and np.isfinite(self.extension.expected):
-            expected = f", {MM * self.extension.expected:.2g} mm expected {self.tasks.place}"
+            expected = f", {MM * self.extension.expected:.2g} mm expected {self.in_tasks.place}"
         return (
             f"{self.rank} parameters from {self.fit.data.count} positions of "
             f"{self.fit.data.poses} poses, rms {self.loo_rms_mm:.3g} mm left out{expected}; "
@@ -389,8 +373,13 @@ class GeometricCalibration(Judged):
         """Root mean square distance of poses that were left out one by one [mm]."""
         return MM * self.fit.loo_rms
 
+    @property
+    def covariance(self) -> Array:
+        """Covariance (p, p) of the parameters, in their units."""
+        return self.fit.fitted.covariance
+
     @cached_property
-    def tasks(self) -> Tasks:
+    def in_tasks(self) -> Tasks:
         """The study's tasks, in which errors of the identified parameters do harm."""
         fitted = self.fit.fitted
 
@@ -412,22 +401,17 @@ class GeometricCalibration(Judged):
         It is the root mean square distance that wrong parameters leave, over the tasks with their
         weights; what the model leaves out comes on top of it. None without tasks.
         """
-        if not self.tasks:
+        if not self.in_tasks:
             return None
-        return MM * float(compensation_accuracy(self.tasks.target, self.fit.fitted.covariance))
+        return MM * float(compensation_accuracy(self.in_tasks.target, self.covariance))
 
     @cached_property
-    def expected(self) -> ExpectedError | None:
-        """Errors to expect in the tasks and around them; None without tasks."""
-        return expected_error(self.tasks, self.fit.fitted.covariance) if self.tasks else None
-
-    @cached_property
-    def accuracy(self) -> TaskAccuracy | None:
+    def tasks(self) -> TaskAccuracy | None:
         """Errors to expect in each of several tasks; None for one or none."""
-        if len(self.tasks) < 2:
+        if len(self.in_tasks) < 2:
             return None
         is_path = self.study.specification.task is not None
-        return task_accuracy(self.tasks, self.fit.fitted.covariance, is_path=is_path)
+        return task_accuracy(self.in_tasks, self.covariance, is_path=is_path)
 
     @property
     def assumed(self) -> tuple[str, ...]:
@@ -440,7 +424,7 @@ class GeometricCalibration(Judged):
         if not self.fit.fitted.bending.is_rigid:
             lines.append("the loads are as stated: 1 % of a load is 1 % of every compliance")
         given = self.study.kind.parameters(self.study)
-        if given.tool and any(task.tool is not None for task in self.tasks):
+        if given.tool and any(task.tool is not None for task in self.in_tasks):
             lines.append(
                 "a tool of the test poses sits on the last joint as drawn: markers whose places on "
                 "it are unknown tell neither the zero of that joint nor its length"
@@ -475,7 +459,7 @@ class GeometricCalibration(Judged):
             "loo_rms_mm": self.loo_rms_mm,
             "rho0_mm": self.rho0_mm,
             **({} if self.expected is None else {"expected_error": self.expected.to_dict()}),
-            **({} if self.accuracy is None else {"tasks": self.accuracy.to_dict()}),
+            **({} if self.tasks is None else {"tasks": self.tasks.to_dict()}),
             "placed_rms_mm": MM * fit.placed,
             **self._turns(),
             "parameters": self.parameters,
@@ -560,11 +544,11 @@ class GeometricCalibration(Judged):
         density = GeometryDensity.of(self.fit, self.setting.loads, self.robust)
         check = _check(self.fit.fitted, density, geometry_posterior(density, rng, options))
         found = check.posterior
-        if self.tasks:
+        if self.in_tasks:
             fitted = self.fit.fitted
             used = Estimate(fitted.values, fitted.covariance)
             check = replace(
-                check, pose=pose_error(self.tasks, used, found.evenly(), displaced=False)
+                check, pose=pose_error(self.in_tasks, used, found.evenly(), displaced=False)
             )
         findings = self.findings
         if not found.trusted:

@@ -20,7 +20,6 @@ from edtk.system.typing import Array
 
 KEY = "prior.earlier_file"
 PLACES = ("joint", "compliance", "spring")  # of an earlier day, that are the same on another one
-DRAWING = "parameters"  # the key of densities about the drawing
 
 
 def told_before(setting: StudyGeometry) -> Prior:

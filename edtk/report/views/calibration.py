@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.calibration.calibration import Calibration
+from edtk.calibration.calibration import Calibration, Judged
 from edtk.calibration.posterior_check import PoseError
 from edtk.findings.finding import notes, row_names, shown_probability
 from edtk.fit.estimate_noise import NoiseEstimate
@@ -100,7 +100,7 @@ def assumed_joint(part: JointPart) -> str:
     return f"{error} by {joint.name}, which counts as known: {known}{told}"
 
 
-def calibration_show(found: Calibration) -> ShownPage:
+def judged_show(found: Judged) -> ShownPage:
     """The poses of the sheet, with the distances of their readings from the fit."""
     return ShownPage(stage_of_calibration(found))
 

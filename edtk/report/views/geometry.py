@@ -7,17 +7,10 @@ from edtk.findings.finding import notes
 from edtk.fit.geometry.fitted_geometry import root_mean_square
 from edtk.report.extension import extension_lines
 from edtk.report.geometry_report import MOST_MARKERS, robot_stands
-from edtk.report.show.page import ShownPage
-from edtk.report.show.stage import stage_of_calibration
 from edtk.report.shown import expected_rho0, left_out_line, places_of
 from edtk.report.tables import name_width
 
 MM = 1e3
-
-
-def geometric_calibration_show(found: GeometricCalibration) -> ShownPage:
-    """The poses of the sheet, with the distances of their readings from the fit."""
-    return ShownPage(stage_of_calibration(found))
 
 
 def geometric_calibration_text(found: GeometricCalibration) -> str:
@@ -117,7 +110,7 @@ def _quality(found: GeometricCalibration) -> list[str]:
         left_out_line(found.loo_rms_mm, fit.share_inside),
         *_turns(found),
         *(
-            [expected_rho0(found.rho0_mm, found.tasks), str(found.expected)]
+            [expected_rho0(found.rho0_mm, found.in_tasks), str(found.expected)]
             if found.rho0_mm is not None
             else []
         ),

@@ -302,6 +302,7 @@ def test_results_of_other_robots_are_refused(study: Path, tmp_path: Path) -> Non
 
 
 @pytest.mark.cell("`compensate`", "parameters")
+@pytest.mark.cell("`compensate` names poses in radians, and loads in kilonewtons", "parameters")
 def test_commands_bring_the_markers_where_the_drawing_has_them(study: Path, tmp_path: Path) -> None:
     """The erring arm, commanded so, carries its markers where a perfect one would."""
     q, x = truth(40)
@@ -338,6 +339,9 @@ def test_commands_bring_the_markers_where_the_drawing_has_them(study: Path, tmp_
     assert json.loads(json.dumps(told.to_dict()))["remaining_band"] == told.band.tolist()
     assert told.plot().get_ylabel() == "error of the markers [mm]"
     assert "<table" in told._repr_html_()
+    assert not told.findings
+    radians = pd.DataFrame(np.deg2rad(task), columns=NAMES)
+    assert [one.kind for one in edtk.compensate(study, found, radians).findings] == ["angle_unit"]
     with pytest.raises(edtk.UserError, match="expected poses"):
         edtk.compensate(study, found)
 
@@ -504,15 +508,14 @@ def test_poses_beyond_limits_are_named(study: Path, tmp_path: Path) -> None:
         "row 2: beyond the joints' limits"
     ]
     part = edtk.compensate(study, found, poses)
+    reason = "the desired value 999 is outside the joint's limits -130 .. 130"
     assert part.rows.tolist() == [0]
-    assert [row.text for row in part.refused] == [
-        "row 2: q2 of the pose is beyond the joint's limits"
-    ]
+    assert [row.text for row in part.refused] == [f"row 2, column q2_deg: {reason}"]
     assert part.to_dict()["left_out"][0]["row"] == 2
     assert part.to_frame()["row"].tolist() == [1]
-    assert "1 row left out: row 2: q2" in part.summary()
+    assert f"1 row left out: row 2, column q2_deg: {reason}" in part.summary()
     poses.write_text(f"{','.join(NAMES)}\n10,999,30,-40,50,60\n")
-    with pytest.raises(edtk.UserError, match="row 1: q2 of the pose is beyond the joint's limits"):
+    with pytest.raises(edtk.UserError, match=f"row 1, column q2_deg: {reason}"):
         edtk.compensate(study, found, poses)
 
 

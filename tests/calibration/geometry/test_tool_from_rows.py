@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from small_arm import ROBOT
 
 import edtk
-from edtk.calibration.geometry.prediction import tool_from_rows
+from edtk.calibration.geometry.tool_from_rows import tool_from_rows
 from edtk.fit.geometry.fitted_geometry import FittedGeometry
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.measure.position_noise import PositionNoise

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from small_arm import ROBOT
 
 import edtk
-from edtk.calibration.geometry.compensate_geometry import MarkerGoal
+from edtk.calibration.geometry.calibrated_geometry import MarkerGoal
 from edtk.calibration.geometry.geometric_calibration import geometry_of_dict
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import PositionRows
