@@ -15,7 +15,7 @@ from edtk.design.relaxation.proof import normalised
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.restricted_master import NEWTON, RelaxationError, SolverOptions
 from edtk.design.relaxation.setting import OrderOne, Setting, proved_on, solvable
-from edtk.system.time_limit import out_of_time
+from edtk.system.time_limit import out_of_time, time_limit
 from edtk.system.typing import Array, Indices
 from edtk.system.workers import one_thread
 
@@ -226,7 +226,10 @@ def _relax(
     except KeyboardInterrupt as interrupt:
         if not incumbent.iterations:
             raise
-        raise RelaxationInterrupted(_result(incumbent, setting, closed, gap)) from interrupt
+        # Whoever has interrupted it waits: weights on fewer candidates are worth no second.
+        with time_limit(0.0):
+            found = _result(incumbent, setting, closed, gap)
+        raise RelaxationInterrupted(found) from interrupt
     return _result(incumbent, setting, closed, gap)
 
 

@@ -37,8 +37,10 @@ import criteria
 from criteria import ConvexCriterion, Criterion, Relaxable
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.problem import Problem, RankDeficientError
+from edtk.design.relaxation import incumbent
 from edtk.design.relaxation.relax import RelaxationInterrupted, relax
 from edtk.design.relaxation.restricted_master import CHAIN, SolverOptions
+from edtk.system.time_limit import out_of_time
 
 pytestmark = pytest.mark.slow
 
@@ -348,6 +350,26 @@ def test_interrupt_leaves_the_best_so_far(name, k):
     least, proved_bound = off_centre_cost(name)
     assert bound <= least * (1 + GAP)
     assert proved_bound <= best.cost * (1 + GAP)
+
+
+def test_an_interrupt_asks_for_the_first_answer(monkeypatch):
+    """After Ctrl-C the time is over for all that follows; a relaxation that ends has its own."""
+    asked = []
+
+    def weights(packed, given):
+        asked.append(out_of_time())
+        return given
+
+    monkeypatch.setattr(incumbent, "sparse_weights", weights)
+    problem = Problem(off_centre(12, 2000))
+
+    def stop(iterations, gap):
+        raise KeyboardInterrupt
+
+    with pytest.raises(RelaxationInterrupted):
+        relax(problem, criterion_of("D"), progress=stop)
+    relax(problem, criterion_of("D"))
+    assert asked == [True, False]
 
 
 @pytest.mark.parametrize("calls", [1, 2])
