@@ -111,23 +111,33 @@ class AnyPrices(Prices):
         scatter = self.pricing.scatter
         rest, center, scale = scatter.without(self.M, self.places, place)
         candidates = self._candidates(center, allowed)
-        entries = self.pricing.entries * candidates.size
-        least = np.full(len(rest), np.inf)
-        new = self.places[:, place].copy()
+        costs = self._costs_of(candidates, rest, center, scale)
+        if allowed is not None:
+            costs[~np.take_along_axis(allowed, candidates, axis=1)] = np.inf
         each = np.arange(len(rest))
-        for part in np.array_split(candidates, -(-entries // AT_ONCE), axis=1):
-            costs = self.joined_costs(rest, center, scale, part)
-            if allowed is not None:
-                costs = np.where(np.take_along_axis(allowed, part, axis=1), costs, np.inf)
-            lowest = np.nanargmin(np.where(np.isnan(costs), np.inf, costs), axis=1)
-            better = costs[each, lowest] < least
-            new[better] = part[each, lowest][better]
-            least[better] = costs[each, lowest][better]
+        lowest = costs.argmin(axis=1)
+        least = costs[each, lowest]
+        new = np.where(np.isfinite(least), candidates[each, lowest], self.places[:, place])
         with np.errstate(invalid="ignore"):
             gain = np.where(np.isinf(self.costs), np.where(np.isfinite(least), 1.0, 0.0), 0.0)
             finite = np.isfinite(self.costs)
             gain[finite] = 1.0 - least[finite] / self.costs[finite]
         return new, gain
+
+    def _costs_of(self, candidates: Indices, rest: Array, center: Array, scale: float) -> Array:
+        """Costs (b, k) of candidates (b, k); inf where rounding leaves none.
+
+        They are computed plan by plan where that is enough, as each plan's rest is inverted.
+        """
+        b, k = candidates.shape
+        pieces = -(-self.pricing.entries * candidates.size // AT_ONCE)
+        costs = np.empty((b, k))
+        for plans in np.array_split(np.arange(b), min(b, pieces)):
+            chosen = candidates[plans]
+            parts = np.array_split(np.arange(k), -(-pieces // b))
+            own = rest[plans], center[plans], scale
+            costs[plans] = np.hstack([self.joined_costs(*own, chosen[:, one]) for one in parts])
+        return np.where(np.isnan(costs), np.inf, costs)
 
     def joined_costs(self, rest: Array, center: Array, scale: float, some: Indices) -> Array:
         """Costs (b, k) where candidates (b, k) join what `Scatter.without` left of plans."""
