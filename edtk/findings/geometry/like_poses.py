@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from edtk.findings.causes.rarity import FACTORS, WEIGHTS
 from edtk.findings.geometry.fit_rows import FitRows, SizedColumns
@@ -87,43 +88,51 @@ class LikePoses:
         the best of several of its kind is as likely as their mean at most.
         """
         columns = [_along(self.basis, one.columns[self.poses]) for one in causes]
-        counts = np.array([one.shape[1] for one in columns])
-        ends = np.cumsum(counts)
-        without, beside = [], []
-        for base, M, r in self._nodes(np.concatenate(columns, axis=1)):
-            without.append(base)
-            gains = []
-            for one, count, end in zip(causes, counts, ends, strict=True):
-                own = slice(end - count, end)
-                gains.append(_gain(M[own, own], r[own], one.usual))
-            beside.append(base + np.array(gains))
-        tries = np.array([one.log_tries for one in causes])
-        gained = np.logaddexp.reduce(np.array(beside), axis=0) - np.logaddexp.reduce(without)
-        return np.asarray(gained - tries)
+        ends = np.cumsum([0, *(one.shape[1] for one in columns)])
+        without, M, r = self._nodes(np.concatenate(columns, axis=1))
+        gained = []
+        for one, first, end in zip(causes, ends[:-1], ends[1:], strict=True):
+            own = slice(first, end)
+            beside = without + _gains(M[:, own, own], r[:, own], one.usual)
+            gained.append(np.logaddexp.reduce(beside) - one.log_tries)
+        return np.array(gained) - np.logaddexp.reduce(without)
 
-    def _nodes(self, C: Array) -> Iterator[tuple[float, Array, Array]]:
-        """At each size of the errors: log-likelihood without a cause, ``C'PC`` and ``C'Pz``."""
-        p = self.X.shape[1]
-        every = np.concatenate([self.X, C, self.z[:, None]], axis=1)
-        for own, a, b in product(OWN, SIZES, SIZES):
-            sizes = self.unit * np.array([a, b])
-            V = self.reading + own**2 * self.model + np.tensordot(sizes**2, self.alike, axes=1)
-            L = np.linalg.cholesky(V)
-            white = np.linalg.solve(L, every)
-            Q, R = np.linalg.qr(white[:, :p])
-            left = white[:, p:] - Q @ (Q.T @ white[:, p:])
-            G = left.T @ left
-            log_V = np.log(np.diag(L)).sum() + np.log(np.abs(np.diag(R))).sum()
-            yield -float(log_V + G[-1, -1] / 2), G[:-1, :-1], G[:-1, -1]
+    def _nodes(self, C: Array) -> tuple[Array, Array, Array]:
+        """At sizes s of the errors: log-likelihoods (s,) without a cause, ``C'PC`` and ``C'Pz``.
+
+        With orthonormal Q that the fit leaves, ``P = Q (Q'VQ)^-1 Q'`` and
+        ``|V| |X' V^-1 X| = |Q'VQ|`` (Harville 1974).
+        """
+        Q = np.linalg.qr(self.X, mode="complete")[0][:, self.X.shape[1] :]
+        kinds = np.stack([self.reading, self.model, *self.alike])
+        of_left = (Q.T @ kinds @ Q).reshape(len(kinds), -1)
+        left = Q.T @ np.concatenate([C, self.z[:, None]], axis=1)
+        scales = [1.0, 1.0, self.unit, self.unit]
+        sizes = np.array([(1.0, *one) for one in product(OWN, SIZES, SIZES)]) * scales
+        squares = np.empty((len(sizes), left.shape[1], left.shape[1]))
+        logs = np.empty(len(sizes))
+        for i, weights in enumerate(np.square(sizes)):
+            L = np.linalg.cholesky((weights @ of_left).reshape(len(left), len(left)))
+            white = solve_triangular(L, left, lower=True, check_finite=False)
+            squares[i] = white.T @ white
+            logs[i] = np.log(np.diag(L)).sum()
+        return -logs - squares[:, -1, -1] / 2, squares[:, :-1, :-1], squares[:, :-1, -1]
 
 
-def _gain(M: Array, r: Array, usual: float) -> float:
-    """Logarithm of the mean likelihood over sizes of a cause, over that without it."""
+def _gains(M: Array, r: Array, usual: float) -> Array:
+    """Logarithms (s,) of the mean likelihood over sizes of a cause, over that without it.
+
+    Args:
+        M: ``C'PC`` (s, c, c).
+        r: ``C'Pz`` (s, c).
+        usual: Length of the coefficients that such a cause usually has.
+    """
     values, vectors = np.linalg.eigh(M)
-    squares = np.square(usual * FACTORS)[:, None] / len(r)
+    squares = np.square(usual * FACTORS)[:, None, None] / r.shape[1]
     grown = 1 + squares * np.maximum(values, 0.0)
-    along = squares * np.square(r @ vectors) / grown
-    return float(np.logaddexp.reduce(np.log(WEIGHTS) + (along - np.log(grown)).sum(axis=1) / 2))
+    along = squares * np.square(r[:, None] @ vectors)[:, 0] / grown
+    each = np.log(WEIGHTS)[:, None] + (along - np.log(grown)).sum(axis=-1) / 2
+    return np.asarray(np.logaddexp.reduce(each, axis=0))
 
 
 def _motions(columns: Array) -> Array:
