@@ -178,21 +178,20 @@ def _covariance(some: Blocks, v: Array) -> Scatter:
 
 def _scores(blocks: Sequence[Blocks], v: Array) -> _Scores:
     """The terms at variances v (c,)."""
-    weights = [_covariance(some, v).inverse for some in blocks]
-    pairs = list(zip(blocks, weights, strict=True))
-    information = sum(some.design.information(own) for some, own in pairs)
-    H, log_design = inverse_of(np.asarray(information))
-    onto = [some.design.onto(own.times(some.residual[..., None])) for some, own in pairs]
-    k = np.asarray(H @ sum(onto))[:, 0]
-    parts = [_Terms.of(some, own, H, k) for some, own in pairs]
-    G = sum(part.G for part in parts)
+    weighted = [_Together.of(some, _covariance(some, v).inverse) for some in blocks]
+    H, log_design = inverse_of(np.asarray(sum(own.information for own in weighted)))
+    k = np.asarray(H @ sum(own.onto for own in weighted))
+    parts = [_Terms.of(own, H, k) for own in weighted]
+    G = np.asarray(sum(part.G for part in parts))
     HG = H @ G
-    log_V = sum(own.log_det for own in weights)
+    c = len(G)
+    log_V = sum(own.weights.log_det for own in weighted)
     square = sum(part.square for part in parts)
+    taken = HG.reshape(c, H.size) @ np.swapaxes(HG, 1, 2).reshape(c, H.size).T
     return _Scores(
         quadratic=np.asarray(sum(part.quadratic for part in parts)),
-        trace=sum(part.trace for part in parts) - np.einsum("pq,cqp->c", H, G),
-        products=sum(part.products for part in parts) + np.einsum("cpq,dqp->cd", HG, HG),
+        trace=sum(part.trace for part in parts) - G.reshape(c, H.size) @ H.ravel(),
+        products=sum(part.products for part in parts) + taken,
         likelihood=-0.5 * (log_V + log_design + square),
     )
 
@@ -216,22 +215,22 @@ class _Terms:
     square: float
 
     @classmethod
-    def of(cls, some: Blocks, weights: Precision, H: Array, k: Array) -> "_Terms":
+    def of(cls, together: "_Together", H: Array, k: Array) -> "_Terms":
         """Of blocks, with ``H = (X' V^-1 X)^-1`` and coefficients k (p,) of all."""
-        left = (some.residual - some.design.times(k))[..., None]
-        Pz = weights.times(left)
-        together = _Together.of(some, weights)
+        some, weights = together.some, together.weights
+        Pz = together.Wz - weights.times(some.design.times(k)[..., None])
+        DH = together.D @ H
         apart = {
             i: _Apart.of(kind, together)
             for i, kind in enumerate(some.kinds)
             if not _moves_together(kind)
         }
-        quadratic, trace, products, G = together.terms(Pz, H)
+        quadratic, trace, products, G = together.terms(Pz, DH)
         for i, one in apart.items():
             quadratic[i] = float((Pz * blocks_times(one.K, Pz)).sum())
-            trace[i] = _trace_beside(weights, one.K)
+            trace[i] = _trace_beside(weights, one.K, one.KB)
             G[i] = one.G
-            products[i] = products[:, i] = one.with_those_together(H)
+            products[i] = products[:, i] = one.with_those_together(DH)
         for i, one in apart.items():
             for j, other in apart.items():
                 if j <= i:
@@ -250,8 +249,10 @@ class _Together:
         of_kind: Whether a column (u,) is one of a kind (c, u): one or zero.
         U: The columns (b, r, u).
         W: ``V^-1 U`` (b, r, u).
-        D: ``U' V^-1 X`` (b, u, p).
+        Wz: ``V^-1 z`` (b, r, 1).
         F: ``B' X`` (b, n, p).
+        D: ``U' V^-1 X`` (b, u, p).
+        onto: ``X' V^-1 z`` (p,).
     """
 
     some: Blocks
@@ -259,8 +260,10 @@ class _Together:
     of_kind: Array
     U: Array
     W: Array
-    D: Array
+    Wz: Array
     F: Array
+    D: Array
+    onto: Array
 
     @classmethod
     def of(cls, some: Blocks, weights: Precision) -> "_Together":
@@ -268,29 +271,38 @@ class _Together:
         widths = [kind.shape[-1] if _moves_together(kind) else 0 for kind in some.kinds]
         of_kind = np.repeat(np.eye(len(widths)), widths, axis=1)
         own = [kind for kind in some.kinds if _moves_together(kind)]
-        U = np.concatenate([some.residual[..., None][..., :0], *own], axis=-1)
-        W = weights.times(U)
-        design = some.design
-        F = design.seen_by(weights.together)
-        return cls(some, weights, of_kind, U, W, design.seen_by(W), F)
+        every = np.concatenate([*own, some.residual[..., None]], axis=-1)
+        W = weights.times(every)
+        n = weights.together.shape[-1]
+        seen = some.design.seen_by(np.concatenate([weights.together, W], axis=-1))
+        F, D, onto = seen[:, :n], seen[:, n:-1], seen[:, -1].sum(axis=0)
+        return cls(some, weights, of_kind, every[..., :-1], W[..., :-1], W[..., -1:], F, D, onto)
 
-    def terms(self, Pz: Array, H: Array) -> tuple[Array, Array, Array, Array]:
+    @property
+    def information(self) -> Array:
+        """``X' V^-1 X`` (p, p)."""
+        return self.some.design.gram(self.weights.apart) - summed(self.F, self.F)
+
+    def terms(self, Pz: Array, DH: Array) -> tuple[Array, Array, Array, Array]:
         """Quadratic forms, traces, products and G of these kinds; zero of the others.
 
         Args:
             Pz: P z (b, r, 1).
-            H: ``(X' V^-1 X)^-1`` (p, p).
+            DH: ``U' V^-1 X (X' V^-1 X)^-1`` (b, u, p).
         """
         of = self.of_kind
         transposed = np.swapaxes(self.U, 1, 2)
         seen = transposed @ self.W
-        through = self.D @ H @ np.swapaxes(self.D, 1, 2)
+        through = DH @ np.swapaxes(self.D, 1, 2)
         pairs = (seen**2 - 2 * seen * through).sum(axis=0)
-        G = np.zeros((len(of), *H.shape))
+        p = self.D.shape[-1]
+        G = np.zeros((len(of), p, p))
         for i, own in enumerate(of > 0):
-            G[i] = summed(self.D[:, own], self.D[:, own])
+            if own.any():
+                G[i] = summed(self.D[:, own], self.D[:, own])
         quadratic = of @ ((transposed @ Pz) ** 2).sum(axis=(0, 2))
-        return quadratic, of @ np.einsum("buu->u", seen), of @ pairs @ of.T, G
+        trace = of @ (self.U * self.W).sum(axis=(0, 1))
+        return quadratic, trace, of @ pairs @ of.T, G
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,28 +313,33 @@ class _Apart:
         K: Its blocks (b, k, d, d).
         beside: The kinds that do not, and the weights.
         KB: ``K B`` (b, r, n).
+        KW: ``K V^-1 U`` (b, r, u).
         D: ``B' K V^-1 X`` (b, n, p).
+        DW: ``U' V^-1 K V^-1 X`` (b, u, p).
         G: ``X' V^-1 K V^-1 X`` (p, p).
     """
 
     K: Array
     beside: _Together
     KB: Array
+    KW: Array
     D: Array
+    DW: Array
     G: Array
 
     @classmethod
     def of(cls, K: Array, beside: _Together) -> "_Apart":
         """Of its blocks."""
-        G, D = between(beside.some.design, beside.weights, K, beside.F)
-        return cls(K, beside, blocks_times(K, beside.weights.together), D, G)
+        B = beside.weights.together
+        n = B.shape[-1]
+        moved = blocks_times(K, np.concatenate([B, beside.W], axis=-1))
+        G, D = between(beside.some.design, beside.weights, K, beside.F, moved)
+        return cls(K, beside, moved[..., :n], moved[..., n:], D[:, :n], D[:, n:], G)
 
-    def with_those_together(self, H: Array) -> Array:
+    def with_those_together(self, DH: Array) -> Array:
         """The same (c,) as `product` with each kind that moves all together; zero with others."""
         beside = self.beside
-        KW = blocks_times(self.K, beside.W)
-        taken = (beside.D @ H) * beside.some.design.seen_by(beside.weights.times(KW))
-        each = (beside.W * KW).sum(axis=(0, 1)) - 2 * taken.sum(axis=(0, 2))
+        each = (beside.W * self.KW).sum(axis=(0, 1)) - 2 * (DH * self.DW).sum(axis=(0, 2))
         return np.asarray(beside.of_kind @ each)
 
     def product(self, other: "_Apart", H: Array) -> float:
@@ -334,16 +351,17 @@ class _Apart:
         weights = self.beside.weights
         inner = self.K @ weights.apart @ other.K
         inner = (inner + np.swapaxes(inner, -1, -2)) / 2
-        G = between(self.beside.some.design, weights, inner, self.beside.F)[0]
-        trace = _trace_beside(weights, inner) - float((self.KB * weights.times(other.KB)).sum())
+        moved = blocks_times(inner, weights.together)
+        G = between(self.beside.some.design, weights, inner, self.beside.F, moved)[0]
+        trace = _trace_beside(weights, inner, moved)
+        trace -= float((self.KB * weights.times(other.KB)).sum())
         taken = float((H * G).sum()) - float(((self.D @ H) * other.D).sum())
         return trace - 2 * taken
 
 
-def _trace_beside(weights: Precision, K: Array) -> float:
-    """``tr(V^-1 K)`` of blocks K (b, k, d, d)."""
-    B = weights.together
-    return float((weights.apart * K).sum() - (B * blocks_times(K, B)).sum())
+def _trace_beside(weights: Precision, K: Array, KB: Array) -> float:
+    """``tr(V^-1 K)`` of blocks K (b, k, d, d), with ``K B`` (b, r, n)."""
+    return float((weights.apart * K).sum() - (weights.together * KB).sum())
 
 
 def joint_kinds(slides: Mask) -> list[Mask]:

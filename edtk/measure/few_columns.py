@@ -1,8 +1,10 @@
 """Columns of a design of which each instrument's rows have few: its own, and those of all."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from scipy.linalg.lapack import dtrtri
 
 from edtk.measure.whitening import Precision, Scatter, blocks_times
 from edtk.system.typing import Array, Indices, Mask
@@ -67,41 +69,47 @@ class FewColumns:
         behind = np.tile(np.arange(self.p, self.p + extra), (k, 1))
         return FewColumns(part, np.concatenate([of, behind], axis=1), self.p + extra)
 
+    @cached_property
+    def _split(self) -> "_Split":
+        """The columns of each instrument alone, and all others."""
+        return _Split.of_columns(self)
+
     def times(self, values: Array) -> Array:
         """``X v`` (m, r) of values (p,)."""
-        m, r, _ = self.shape
-        own = np.append(values, 0.0)[self.of]
-        return np.asarray((self.part @ own[..., None]).reshape(m, r))
+        return self.combined(values[:, None])[..., 0]
 
     def onto(self, rows: Array) -> Array:
         """``sum_b X_b' y_b`` (p, n) of rows y (m, r, n)."""
-        m, k, d, c = self.part.shape
-        n = rows.shape[-1]
-        X = self.part.transpose(1, 3, 0, 2).reshape(k, c, m * d)
-        y = rows.reshape(m, k, d, n).transpose(1, 0, 2, 3).reshape(k, m * d, n)
-        found = np.zeros((self.p + 1, n))
-        np.add.at(found, self.of, X @ y)
-        return found[: self.p]
+        split = self._split
+        k, c, _ = split.transposed.shape
+        own = (split.transposed @ split.by_instrument(rows)).reshape(k * c, rows.shape[-1])
+        return np.concatenate([summed(split.rows, rows), own])[split.place]
 
     def seen_by(self, rows: Array) -> Array:
         """``y_b' X_b`` (m, n, p) of rows y (m, r, n), visit by visit."""
-        m, k, d, _ = self.part.shape
-        y = np.swapaxes(rows.reshape(m, k, d, -1), 2, 3)
-        each = y @ self.part
-        found = np.zeros((m, y.shape[2], self.p + 1))
-        for i, own in enumerate(self.of):
-            found[..., own] += each[:, i]
-        return found[..., : self.p]
+        split = self._split
+        m, k, d, c = split.own.shape
+        n = rows.shape[-1]
+        each = np.swapaxes(rows.reshape(m, k, d, n), 2, 3) @ split.own
+        seen = np.swapaxes(each, 1, 2).reshape(m, n, k * c)
+        shared = np.swapaxes(rows, 1, 2) @ split.rows
+        return np.concatenate([shared, seen], axis=-1)[..., split.place]
 
     def gram(self, blocks: Array) -> Array:
         """``sum_b X_b' S_b X_b`` (p, p) of symmetric blocks S (m, k, d, d) of the instruments."""
-        m, k, d, c = self.part.shape
-        X = self.part.transpose(1, 3, 0, 2).reshape(k, c, m * d)
-        SX = (blocks @ self.part).transpose(1, 0, 2, 3).reshape(k, m * d, c)
-        found = np.zeros((self.p + 1, self.p + 1))
-        for own, square in zip(self.of, X @ SX, strict=True):
-            found[own[:, None], own] += square
-        return found[: self.p, : self.p]
+        split = self._split
+        m, k, d, c = split.own.shape
+        rows = blocks_times(blocks, split.rows)
+        own = (blocks @ split.own).reshape(m, k * d, c)
+        g = rows.shape[-1]
+        found = np.zeros((g + k * c, g + k * c))
+        found[:g, :g] = summed(split.rows, rows)
+        found[g:, :g] = (split.transposed @ split.by_instrument(rows)).reshape(k * c, g)
+        found[:g, g:] = found[g:, :g].T
+        # The squares of each instrument alone, on the diagonal.
+        at = g + np.arange(k * c).reshape(k, c)
+        found[at[:, :, None], at[:, None]] = split.transposed @ split.by_instrument(own)
+        return found[split.place[:, None], split.place]
 
     def information(self, weights: Precision) -> Array:
         """``X' V^-1 X`` (p, p) of the rows of all visits."""
@@ -110,10 +118,10 @@ class FewColumns:
 
     def combined(self, values: Array) -> Array:
         """``X C`` (m, r, c) of coefficients C (p, c)."""
-        m, k, d, c = self.part.shape
-        own = np.concatenate([values, np.zeros((1, values.shape[1]))])[self.of]
-        found = self.part.transpose(1, 0, 2, 3).reshape(k, m * d, c) @ own
-        return np.moveaxis(found.reshape(k, m, d, -1), 0, 1).reshape(m, k * d, -1)
+        split = self._split
+        m, k, d, _ = split.own.shape
+        own = np.concatenate([values, np.zeros((1, values.shape[1]))])[split.of]
+        return split.rows @ values[split.shared] + (split.own @ own).reshape(m, k * d, -1)
 
     def scaled(self, roots: Array | Mask) -> "FewColumns":
         """The same with rows times numbers that broadcast to (m, k, d)."""
@@ -134,33 +142,19 @@ class FewColumns:
             X[:, i, :, own[told]] = np.moveaxis(self.part[:, i][..., told], -1, 0)
         return X[..., : len(columns)].reshape(m, k * d, len(columns))
 
-    @property
-    def _alone(self) -> Mask:
-        """Which of the columns of each instrument (k, c) are those of no other; none of one."""
-        count = np.bincount(self.of.ravel(), minlength=self.p + 1)
-        count[self.p] = 0
-        return np.asarray((count[self.of] == 1) & (len(self.of) > 1))
-
     def independent(self) -> "FewColumns":
         """Orthonormal columns that span the same; as many are zero as depend on others.
 
         First those of each instrument alone, then what these leave of the others. Both by singular
         values, of columns of unit length.
         """
-        m, k, d, _ = self.part.shape
-        alone = self._alone
-        shared, rest = self._shared
-        part = np.zeros((m, k, d, int(alone.sum(axis=1).max(initial=0))))
-        of = np.full((k, part.shape[-1]), self.p)
-        for i, own in enumerate(alone):
-            basis = spanning(self._rows(i, own))
-            rest[i] = _less(rest[i], basis)
-            part[:, i, :, : basis.shape[1]] = basis.reshape(m, d, -1)
-            of[i, : basis.shape[1]] = self.of[i, own]
-        spanned = spanning(rest.reshape(-1, len(shared)))
-        spanned = np.moveaxis(spanned.reshape(k, m, d, -1), 0, 1)
-        both = np.concatenate([of, np.tile(shared, (k, 1))], axis=1)
-        return FewColumns(np.concatenate([part, spanned], axis=-1), both, self.p)
+        split = self._split
+        m, k, d, _ = split.own.shape
+        basis = spanning(split.by_instrument(split.own))
+        rest = spanning(_less(split.by_instrument(split.rows), basis).reshape(k * m * d, -1))
+        both = np.concatenate([basis, rest.reshape(k, m * d, -1)], axis=-1)
+        of = np.concatenate([split.of, np.tile(split.shared, (k, 1))], axis=1)
+        return FewColumns(np.moveaxis(both.reshape(k, m, d, -1), 0, 1), of, self.p)
 
     @property
     def compressed(self) -> Array:
@@ -168,31 +162,16 @@ class FewColumns:
 
         The turns are those of QR factors: of each instrument alone, and of what these leave.
         """
-        shared, rest = self._shared
-        parts = []
-        for i, own in enumerate(self._alone):
-            Q, R = np.linalg.qr(self._rows(i, own))
-            rows = np.zeros((len(R), self.p))
-            rows[:, self.of[i, own]] = R
-            rows[:, shared] = Q.T @ rest[i]
-            parts.append(rows)
-            rest[i] = _less(rest[i], Q)
-        rows = np.zeros((min(rest[..., 0].size, len(shared)) if len(shared) else 0, self.p))
-        rows[:, shared] = np.linalg.qr(rest.reshape(-1, len(shared)), mode="r")
-        return np.concatenate([*parts, rows])
-
-    @property
-    def _shared(self) -> tuple[Indices, Array]:
-        """The columns (g,) that are not one instrument's alone, and their rows (k, m d, g)."""
-        alone = self._alone
-        shared = np.setdiff1d(self.of[~alone], [self.p])
-        m, k, d, _ = self.part.shape
-        rows = self.chosen(shared).reshape(m, k, d, -1)
-        return shared, np.moveaxis(rows, 1, 0).reshape(k, m * d, -1)
-
-    def _rows(self, instrument: int, own: Mask) -> Array:
-        """Some of the columns (m d, c) of an instrument."""
-        return self.part[:, instrument].reshape(-1, len(own))[:, own]
+        split = self._split
+        Q, R = np.linalg.qr(split.by_instrument(split.own))
+        shared = split.by_instrument(split.rows)
+        rows = np.zeros((*R.shape[:2], self.p + 1))
+        rows[np.arange(len(R))[:, None], :, split.of] = np.swapaxes(R, 1, 2)
+        rows[..., split.shared] = np.swapaxes(Q, 1, 2) @ shared
+        left = _less(shared, Q).reshape(-1, len(split.shared))
+        last = np.zeros((min(left.shape), self.p))
+        last[:, split.shared] = np.linalg.qr(left, mode="r")
+        return np.concatenate([rows[..., : self.p].reshape(-1, self.p), last])
 
     @property
     def rank(self) -> int:
@@ -202,22 +181,67 @@ class FewColumns:
         return int(told[: self.p].sum())
 
 
+@dataclass(frozen=True, eq=False)
+class _Split:
+    """Columns of each instrument alone, and those of several, so that sums are few products.
+
+    Attributes:
+        shared: Columns (g,) that are not one instrument's alone; all, where there is but one.
+        rows: Their rows (m, r, g).
+        of: Columns (k, c) of each instrument alone; p where it has fewer.
+        own: Their rows (m, k, d, c).
+        place: Where each column (p,) is among the shared and after them those of instruments.
+    """
+
+    shared: Indices
+    rows: Array
+    of: Indices
+    own: Array
+    place: Indices
+
+    @classmethod
+    def of_columns(cls, few: FewColumns) -> "_Split":
+        """Of all columns."""
+        count = np.bincount(few.of.ravel(), minlength=few.p + 1)
+        alone = (count[few.of] == 1) & (few.of < few.p) & (len(few.of) > 1)
+        first = np.argsort(~alone, axis=1, kind="stable")[:, : alone.sum(axis=1).max()]
+        told = np.take_along_axis(alone, first, axis=1)
+        of = np.where(told, np.take_along_axis(few.of, first, axis=1), few.p)
+        own = np.take_along_axis(few.part, first[None, :, None], axis=-1) * told[:, None]
+        shared = np.setdiff1d(np.arange(few.p), of)
+        place = np.empty(few.p + 1, dtype=int)
+        place[of] = len(shared) + np.arange(of.size).reshape(of.shape)
+        place[shared] = np.arange(len(shared))
+        return cls(shared, few.chosen(shared), of, own, place[: few.p])
+
+    def by_instrument(self, rows: Array) -> Array:
+        """Rows (m, r, c), or (m, k, d, c), of all visits of each instrument (k, m d, c)."""
+        m, k, d, _ = self.own.shape
+        each = rows.reshape(m, k, d, rows.shape[-1])
+        return np.swapaxes(each, 0, 1).reshape(k, m * d, rows.shape[-1])
+
+    @cached_property
+    def transposed(self) -> Array:
+        """The instruments' own columns (k, c, m d)."""
+        return np.ascontiguousarray(np.swapaxes(self.by_instrument(self.own), 1, 2))
+
+
 def _less(columns: Array, basis: Array) -> Array:
-    """What an orthonormal basis (n, b) leaves of columns (n, c)."""
+    """What orthonormal bases (k, n, b) leave of columns (k, n, c)."""
     # Twice is enough: one pass leaves rounding of the size of what it removes.
     for _ in range(2 if basis.size else 0):
-        columns = columns - basis @ (basis.T @ columns)
+        columns = columns - basis @ (np.swapaxes(basis, 1, 2) @ columns)
     return columns
 
 
 def spanning(columns: Array) -> Array:
-    """Orthonormal columns (n, c) that span some (n, c), the last of them zero if these depend."""
-    length = np.linalg.norm(columns, axis=0)
+    """Orthonormal columns (..., n, c) that span some, the last of them zero if these depend."""
+    length = np.linalg.norm(columns, axis=-2, keepdims=True)
     unit = columns / np.where(length > 0, length, 1.0)
     U, sizes, _ = np.linalg.svd(unit, full_matrices=False)
-    told = sizes > DEPENDENT * sizes.max(initial=0.0)
+    told = sizes > DEPENDENT * sizes.max(axis=-1, keepdims=True, initial=0.0)
     found = np.zeros_like(columns)
-    found[:, : len(sizes)] = U * told
+    found[..., : sizes.shape[-1]] = U * told[..., None, :]
     return found
 
 
@@ -226,9 +250,10 @@ def root_of(information: Array) -> Array:
     told = np.flatnonzero(np.diagonal(information) > 0)
     # Of unit columns: parameters of other sizes are no rounding.
     size = np.sqrt(np.diagonal(information)[told])
-    L = np.linalg.cholesky(information[np.ix_(told, told)] / np.outer(size, size))
+    some = np.ix_(told, told)
+    L = np.linalg.cholesky(information[some] / np.outer(size, size))
     C = np.zeros_like(information)
-    C[np.ix_(told, told)] = np.linalg.solve(L, np.diag(1 / size)).T
+    C[some] = dtrtri(L.T)[0] / size[:, None] if len(told) else 0.0
     return C
 
 
@@ -243,25 +268,30 @@ def inverse_of(information: Array) -> tuple[Array, float]:
 
 
 def between(
-    design: FewColumns, weights: Precision, K: Array, F: Array | None = None
+    design: FewColumns,
+    weights: Precision,
+    K: Array,
+    F: Array | None = None,
+    moved: Array | None = None,
 ) -> tuple[Array, Array]:
-    """``X' W K W X`` (p, p) and ``B' K W X`` (m, n, p) of weights ``W = A - B B'``.
+    """``X' W K W X`` (p, p) and ``C' K W X`` (m, c, p) of weights ``W = A - B B'``.
 
-    With ``F = B' X``, ``E = B' K A X`` and ``D = B' K W X = E - B' K B F`` the first is
-    ``X' A K A X - Y - Y'``, ``Y = F' (E + D) / 2``.
+    With ``F = B' X``, ``E = C' K A X`` and ``D = C' K W X = E - C' K B F`` the first is
+    ``X' A K A X - Y - Y'``, ``Y = F' (E + D) / 2`` of the columns B among C.
 
     Args:
         design: Columns X.
         weights: The weights W.
         K: Symmetric blocks (m, k, d, d) of the instruments.
         F: ``B' X`` (m, n, p), where it is there already.
+        moved: ``K C`` (m, r, c) of columns C of which the first are B; of B by default.
     """
     A, B = weights.apart, weights.together
-    KB = blocks_times(K, B)
+    KC = blocks_times(K, B) if moved is None else moved
     F = design.seen_by(B) if F is None else F
-    E = design.seen_by(blocks_times(A, KB))
-    D = E - np.swapaxes(B, 1, 2) @ KB @ F
-    Y = summed(F, (E + D) / 2)
+    E = design.seen_by(blocks_times(A, KC))
+    D = E - np.swapaxes(KC, 1, 2) @ B @ F
+    Y = summed(F, (E + D)[:, : B.shape[2]] / 2)
     return design.gram(A @ K @ A) - Y - Y.T, D
 
 
@@ -273,7 +303,8 @@ def sandwich(design: FewColumns, weights: Precision, V: Scatter) -> Array:
 
 def summed(left: Array, right: Array) -> Array:
     """``sum_b L_b' R_b`` (p, q) of rows (m, n, p) and (m, n, q)."""
-    return np.tensordot(left, right, axes=((0, 1), (0, 1)))
+    m, n, p = left.shape
+    return left.reshape(m * n, p).T @ right.reshape(m * n, right.shape[-1])
 
 
 @dataclass(frozen=True, eq=False)
