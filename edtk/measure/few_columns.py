@@ -99,16 +99,16 @@ class FewColumns:
         """``sum_b X_b' S_b X_b`` (p, p) of symmetric blocks S (m, k, d, d) of the instruments."""
         split = self._split
         m, k, d, c = split.own.shape
-        rows = blocks_times(blocks, split.rows)
-        own = (blocks @ split.own).reshape(m, k * d, c)
-        g = rows.shape[-1]
+        g = len(split.shared)
+        both = blocks @ split.both
         found = np.zeros((g + k * c, g + k * c))
-        found[:g, :g] = summed(split.rows, rows)
-        found[g:, :g] = (split.transposed @ split.by_instrument(rows)).reshape(k * c, g)
+        found[:g, :g] = summed(split.rows, both[..., :g].reshape(m, k * d, g))
+        own = split.transposed @ split.by_instrument(both)
+        found[g:, :g] = own[..., :g].reshape(k * c, g)
         found[:g, g:] = found[g:, :g].T
         # The squares of each instrument alone, on the diagonal.
         at = g + np.arange(k * c).reshape(k, c)
-        found[at[:, :, None], at[:, None]] = split.transposed @ split.by_instrument(own)
+        found[at[:, :, None], at[:, None]] = own[..., g:]
         return found[split.place[:, None], split.place]
 
     def information(self, weights: Precision) -> Array:
@@ -219,6 +219,12 @@ class _Split:
         m, k, d, _ = self.own.shape
         each = rows.reshape(m, k, d, rows.shape[-1])
         return np.swapaxes(each, 0, 1).reshape(k, m * d, rows.shape[-1])
+
+    @cached_property
+    def both(self) -> Array:
+        """What the rows of each instrument have (m, k, d, g + c): the shared, and its own."""
+        rows = self.rows.reshape(*self.own.shape[:3], len(self.shared))
+        return np.concatenate([rows, self.own], axis=-1)
 
     @cached_property
     def transposed(self) -> Array:

@@ -210,8 +210,8 @@ class Scatter:
         A = np.swapaxes(own, -1, -2) @ own
         AU = blocks_times(A, U)
         L = np.linalg.cholesky(np.eye(U.shape[2]) + np.swapaxes(U, 1, 2) @ AU)
-        B = np.swapaxes(np.linalg.solve(L, np.swapaxes(AU, 1, 2)), 1, 2)
-        log = sum(np.log(np.einsum("...dd->...d", one)).sum() for one in (root, L))
+        B = AU @ np.swapaxes(np.linalg.inv(L), 1, 2)
+        log = sum(np.log(np.diagonal(one, axis1=-2, axis2=-1)).sum() for one in (root, L))
         return Precision(A, B, 2 * float(log))
 
 
