@@ -179,7 +179,8 @@ def _covariance(some: Blocks, v: Array) -> Scatter:
 def _scores(blocks: Sequence[Blocks], v: Array) -> _Scores:
     """The terms at variances v (c,)."""
     weighted = [_Together.of(some, _covariance(some, v).inverse) for some in blocks]
-    H, log_design = inverse_of(np.asarray(sum(own.information for own in weighted)))
+    information = sum(own.some.design.information(own.weights, own.F) for own in weighted)
+    H, log_design = inverse_of(np.asarray(information))
     k = np.asarray(H @ sum(own.onto for own in weighted))
     parts = [_Terms.of(own, H, k) for own in weighted]
     G = np.asarray(sum(part.G for part in parts))
@@ -278,11 +279,6 @@ class _Together:
         F, D, onto = seen[:, :n], seen[:, n:-1], seen[:, -1].sum(axis=0)
         return cls(some, weights, of_kind, every[..., :-1], W[..., :-1], W[..., -1:], F, D, onto)
 
-    @property
-    def information(self) -> Array:
-        """``X' V^-1 X`` (p, p)."""
-        return self.some.design.gram(self.weights.apart) - summed(self.F, self.F)
-
     def terms(self, Pz: Array, DH: Array) -> tuple[Array, Array, Array, Array]:
         """Quadratic forms, traces, products and G of these kinds; zero of the others.
 
@@ -298,8 +294,7 @@ class _Together:
         p = self.D.shape[-1]
         G = np.zeros((len(of), p, p))
         for i, own in enumerate(of > 0):
-            if own.any():
-                G[i] = summed(self.D[:, own], self.D[:, own])
+            G[i] = summed(self.D[:, own], self.D[:, own])
         quadratic = of @ ((transposed @ Pz) ** 2).sum(axis=(0, 2))
         trace = of @ (self.U * self.W).sum(axis=(0, 1))
         return quadratic, trace, of @ pairs @ of.T, G

@@ -111,10 +111,15 @@ class FewColumns:
         found[at[:, :, None], at[:, None]] = own[..., g:]
         return found[split.place[:, None], split.place]
 
-    def information(self, weights: Precision) -> Array:
-        """``X' V^-1 X`` (p, p) of the rows of all visits."""
-        common = self.seen_by(weights.together)
-        return self.gram(weights.apart) - summed(common, common)
+    def information(self, weights: Precision, F: Array | None = None) -> Array:
+        """``X' V^-1 X`` (p, p) of the rows of all visits.
+
+        Args:
+            weights: ``V^-1 = A - B B'``.
+            F: ``B' X`` (m, n, p), where it is there already.
+        """
+        F = self.seen_by(weights.together) if F is None else F
+        return self.gram(weights.apart) - summed(F, F)
 
     def combined(self, values: Array) -> Array:
         """``X C`` (m, r, c) of coefficients C (p, c)."""
@@ -137,9 +142,8 @@ class FewColumns:
         place = np.full(self.p + 1, len(columns))
         place[columns] = np.arange(len(columns))
         X = np.zeros((m, k, d, len(columns) + 1))
-        for i, own in enumerate(place[self.of]):
-            told = own < len(columns)
-            X[:, i, :, own[told]] = np.moveaxis(self.part[:, i][..., told], -1, 0)
+        # Of the columns that are not asked for, any one stands at the end.
+        X[:, np.arange(k)[:, None], :, place[self.of]] = self.part.transpose(1, 3, 0, 2)
         return X[..., : len(columns)].reshape(m, k * d, len(columns))
 
     def independent(self) -> "FewColumns":
@@ -158,9 +162,10 @@ class FewColumns:
 
     @property
     def compressed(self) -> Array:
-        """Rows R (n, p) that are these turned, ``R'R = X'X``, and as few as columns.
+        """Rows R (n, p) that are these turned, ``R'R = X'X``.
 
-        The turns are those of QR factors: of each instrument alone, and of what these leave.
+        The turns are those of QR factors: of each instrument alone, and of what these leave. So
+        there are as few as columns, of instruments that have equally many alone.
         """
         split = self._split
         Q, R = np.linalg.qr(split.by_instrument(split.own))
@@ -168,7 +173,7 @@ class FewColumns:
         rows = np.zeros((*R.shape[:2], self.p + 1))
         rows[np.arange(len(R))[:, None], :, split.of] = np.swapaxes(R, 1, 2)
         rows[..., split.shared] = np.swapaxes(Q, 1, 2) @ shared
-        left = _less(shared, Q).reshape(-1, len(split.shared))
+        left = _less(shared, Q).reshape(len(Q) * Q.shape[1], -1)
         last = np.zeros((min(left.shape), self.p))
         last[:, split.shared] = np.linalg.qr(left, mode="r")
         return np.concatenate([rows[..., : self.p].reshape(-1, self.p), last])

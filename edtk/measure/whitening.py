@@ -247,5 +247,4 @@ def diagonal_blocks(variances: Array) -> Array:
 def blocks_times(blocks: Array, columns: Array) -> Array:
     """Blocks (m, k, d, d) of the instruments times columns (m, k d, c)."""
     m, r, c = columns.shape
-    d = blocks.shape[-1]
-    return np.asarray((blocks @ columns.reshape(m, r // d, d, c)).reshape(m, r, c))
+    return np.asarray((blocks @ columns.reshape(*blocks.shape[:3], c)).reshape(m, r, c))
