@@ -185,14 +185,12 @@ def _scores(blocks: Sequence[Blocks], v: Array) -> _Scores:
     parts = [_Terms.of(own, H, k) for own in weighted]
     G = np.asarray(sum(part.G for part in parts))
     HG = H @ G
-    c = len(G)
     log_V = sum(own.weights.log_det for own in weighted)
     square = sum(part.square for part in parts)
-    taken = HG.reshape(c, H.size) @ np.swapaxes(HG, 1, 2).reshape(c, H.size).T
     return _Scores(
         quadratic=np.asarray(sum(part.quadratic for part in parts)),
-        trace=sum(part.trace for part in parts) - G.reshape(c, H.size) @ H.ravel(),
-        products=sum(part.products for part in parts) + taken,
+        trace=sum(part.trace for part in parts) - (G * H).sum(axis=(1, 2)),
+        products=sum(part.products for part in parts) + np.tensordot(HG, HG, axes=((1, 2), (2, 1))),
         likelihood=-0.5 * (log_V + log_design + square),
     )
 
@@ -229,7 +227,7 @@ class _Terms:
         quadratic, trace, products, G = together.terms(Pz, DH)
         for i, one in apart.items():
             quadratic[i] = float((Pz * blocks_times(one.K, Pz)).sum())
-            trace[i] = _trace_beside(weights, one.K, one.KB)
+            trace[i] = _trace_beside(weights, one.K, one.moved)
             G[i] = one.G
             products[i] = products[:, i] = one.with_those_together(DH)
         for i, one in apart.items():
@@ -292,12 +290,10 @@ class _Together:
         through = DH @ np.swapaxes(self.D, 1, 2)
         pairs = (seen**2 - 2 * seen * through).sum(axis=0)
         p = self.D.shape[-1]
-        G = np.zeros((len(of), p, p))
-        for i, own in enumerate(of > 0):
-            G[i] = summed(self.D[:, own], self.D[:, own])
+        G = [summed(self.D[:, own], self.D[:, own]) for own in of > 0]
         quadratic = of @ ((transposed @ Pz) ** 2).sum(axis=(0, 2))
         trace = of @ (self.U * self.W).sum(axis=(0, 1))
-        return quadratic, trace, of @ pairs @ of.T, G
+        return quadratic, trace, of @ pairs @ of.T, np.reshape(G, (len(of), p, p))
 
 
 @dataclass(frozen=True, eq=False)
@@ -307,35 +303,30 @@ class _Apart:
     Attributes:
         K: Its blocks (b, k, d, d).
         beside: The kinds that do not, and the weights.
-        KB: ``K B`` (b, r, n).
-        KW: ``K V^-1 U`` (b, r, u).
-        D: ``B' K V^-1 X`` (b, n, p).
-        DW: ``U' V^-1 K V^-1 X`` (b, u, p).
+        moved: ``K C`` (b, r, n + u) of ``C = [B, V^-1 U]``.
+        D: ``C' K V^-1 X`` (b, n + u, p).
         G: ``X' V^-1 K V^-1 X`` (p, p).
     """
 
     K: Array
     beside: _Together
-    KB: Array
-    KW: Array
+    moved: Array
     D: Array
-    DW: Array
     G: Array
 
     @classmethod
     def of(cls, K: Array, beside: _Together) -> "_Apart":
         """Of its blocks."""
-        B = beside.weights.together
-        n = B.shape[-1]
-        moved = blocks_times(K, np.concatenate([B, beside.W], axis=-1))
+        moved = blocks_times(K, np.concatenate([beside.weights.together, beside.W], axis=-1))
         G, D = between(beside.some.design, beside.weights, K, beside.F, moved)
-        return cls(K, beside, moved[..., :n], moved[..., n:], D[:, :n], D[:, n:], G)
+        return cls(K, beside, moved, D, G)
 
     def with_those_together(self, DH: Array) -> Array:
         """The same (c,) as `product` with each kind that moves all together; zero with others."""
         beside = self.beside
-        each = (beside.W * self.KW).sum(axis=(0, 1)) - 2 * (DH * self.DW).sum(axis=(0, 2))
-        return np.asarray(beside.of_kind @ each)
+        n = beside.F.shape[1]
+        each = (beside.W * self.moved[..., n:]).sum(axis=(0, 1))
+        return np.asarray(beside.of_kind @ (each - 2 * (DH * self.D[:, n:]).sum(axis=(0, 2))))
 
     def product(self, other: "_Apart", H: Array) -> float:
         """``tr(V^-1 K V^-1 L) - 2 tr(H X' V^-1 K V^-1 L V^-1 X)`` of this and another kind L.
@@ -348,15 +339,16 @@ class _Apart:
         inner = (inner + np.swapaxes(inner, -1, -2)) / 2
         moved = blocks_times(inner, weights.together)
         G = between(self.beside.some.design, weights, inner, self.beside.F, moved)[0]
-        trace = _trace_beside(weights, inner, moved)
-        trace -= float((self.KB * weights.times(other.KB)).sum())
-        taken = float((H * G).sum()) - float(((self.D @ H) * other.D).sum())
-        return trace - 2 * taken
+        n = moved.shape[-1]
+        crossed = float((self.moved[..., :n] * weights.times(other.moved[..., :n])).sum())
+        taken = float((H * G).sum()) - float(((self.D[:, :n] @ H) * other.D[:, :n]).sum())
+        return _trace_beside(weights, inner, moved) - crossed - 2 * taken
 
 
-def _trace_beside(weights: Precision, K: Array, KB: Array) -> float:
-    """``tr(V^-1 K)`` of blocks K (b, k, d, d), with ``K B`` (b, r, n)."""
-    return float((weights.apart * K).sum() - (weights.together * KB).sum())
+def _trace_beside(weights: Precision, K: Array, moved: Array) -> float:
+    """``tr(V^-1 K)`` of blocks K (b, k, d, d), with ``K C`` (b, r, c) of which B comes first."""
+    B = weights.together
+    return float((weights.apart * K).sum() - (B * moved[..., : B.shape[-1]]).sum())
 
 
 def joint_kinds(slides: Mask) -> list[Mask]:

@@ -44,12 +44,6 @@ class FewColumns:
             part[:, k, :, : len(chosen)] = rows[:, k, :, chosen].transpose(1, 2, 0)
         return cls(part, of, p)
 
-    @property
-    def shape(self) -> tuple[int, int, int]:
-        """Visits m, rows r and columns p."""
-        m, k, d, _ = self.part.shape
-        return m, k * d, self.p
-
     def __getitem__(self, chosen: slice | Indices) -> "FewColumns":
         """The rows of some visits."""
         return replace(self, part=self.part[chosen])
@@ -181,9 +175,7 @@ class FewColumns:
     @property
     def rank(self) -> int:
         """How many columns are not zero."""
-        told = np.zeros(self.p + 1, dtype=bool)
-        told[self.of[self.part.any(axis=(0, 2))]] = True
-        return int(told[: self.p].sum())
+        return len(np.setdiff1d(self.of[self.part.any(axis=(0, 2))], [self.p]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,16 +200,13 @@ class _Split:
     def of_columns(cls, few: FewColumns) -> "_Split":
         """Of all columns."""
         count = np.bincount(few.of.ravel(), minlength=few.p + 1)
-        alone = (count[few.of] == 1) & (few.of < few.p) & (len(few.of) > 1)
-        first = np.argsort(~alone, axis=1, kind="stable")[:, : alone.sum(axis=1).max()]
-        told = np.take_along_axis(alone, first, axis=1)
-        of = np.where(told, np.take_along_axis(few.of, first, axis=1), few.p)
-        own = np.take_along_axis(few.part, first[None, :, None], axis=-1) * told[:, None]
+        alone = np.where((count[few.of] == 1) & (len(few.of) > 1), few.of, few.p)
+        first = np.argsort(alone, axis=1)[:, : (alone < few.p).sum(axis=1).max()]
+        of = np.take_along_axis(alone, first, axis=1)
+        own = np.take_along_axis(few.part, first[None, :, None], axis=-1) * (of < few.p)[:, None]
         shared = np.setdiff1d(np.arange(few.p), of)
-        place = np.empty(few.p + 1, dtype=int)
-        place[of] = len(shared) + np.arange(of.size).reshape(of.shape)
-        place[shared] = np.arange(len(shared))
-        return cls(shared, few.chosen(shared), of, own, place[: few.p])
+        place = np.argsort(np.append(shared, of), kind="stable")[: few.p]
+        return cls(shared, few.chosen(shared), of, own, place)
 
     def by_instrument(self, rows: Array) -> Array:
         """Rows (m, r, c), or (m, k, d, c), of all visits of each instrument (k, m d, c)."""

@@ -93,8 +93,8 @@ class LikePoses:
         gained = []
         for one, first, end in zip(causes, ends[:-1], ends[1:], strict=True):
             own = slice(first, end)
-            beside = without + _gains(M[:, own, own], r[:, own], one.usual)
-            gained.append(np.logaddexp.reduce(beside) - one.log_tries)
+            gains = _gains(M[:, own, own], r[:, own], one.usual)
+            gained.append(np.logaddexp.reduce(without + gains) - one.log_tries)
         return np.array(gained) - np.logaddexp.reduce(without)
 
     def _nodes(self, C: Array) -> tuple[Array, Array, Array]:
@@ -107,8 +107,7 @@ class LikePoses:
         kinds = np.stack([self.reading, self.model, *self.alike])
         of_left = (Q.T @ kinds @ Q).reshape(len(kinds), -1)
         left = Q.T @ np.concatenate([C, self.z[:, None]], axis=1)
-        scales = [1.0, 1.0, self.unit, self.unit]
-        sizes = np.array([(1.0, *one) for one in product(OWN, SIZES, SIZES)]) * scales
+        sizes = [(1.0, f, a * self.unit, b * self.unit) for f, a, b in product(OWN, SIZES, SIZES)]
         squares = np.empty((len(sizes), left.shape[1], left.shape[1]))
         logs = np.empty(len(sizes))
         for i, weights in enumerate(np.square(sizes)):
