@@ -149,7 +149,9 @@ class FewColumns:
         split = self._split
         m, k, d, _ = split.own.shape
         basis = spanning(split.by_instrument(split.own))
-        rest = spanning(_less(split.by_instrument(split.rows), basis).reshape(k * m * d, -1))
+        shared = split.by_instrument(split.rows)
+        length = np.linalg.norm(shared, axis=(0, 1))
+        rest = spanning(_less(shared, basis).reshape(k * m * d, -1), length)
         both = np.concatenate([basis, rest.reshape(k, m * d, -1)], axis=-1)
         of = np.concatenate([split.of, np.tile(split.shared, (k, 1))], axis=1)
         return FewColumns(np.moveaxis(both.reshape(k, m, d, -1), 0, 1), of, self.p)
@@ -234,14 +236,21 @@ def _less(columns: Array, basis: Array) -> Array:
     return columns
 
 
-def spanning(columns: Array) -> Array:
-    """Orthonormal columns (..., n, c) that span some, the last of them zero if these depend."""
+def spanning(columns: Array, whole: Array | None = None) -> Array:
+    """Orthonormal columns (..., n, c) that span some, the last of them zero if these depend.
+
+    Args:
+        columns: The columns.
+        whole: Their lengths (c,) before others were taken out of them: rounding may be all that
+            was left of one. None where nothing was.
+    """
     length = np.linalg.norm(columns, axis=-2, keepdims=True)
-    unit = columns / np.where(length > 0, length, 1.0)
+    told = length > (0.0 if whole is None else DEPENDENT * whole)
+    unit = np.where(told, columns, 0.0) / np.where(told, length, 1.0)
     U, sizes, _ = np.linalg.svd(unit, full_matrices=False)
-    told = sizes > DEPENDENT * sizes.max(axis=-1, keepdims=True, initial=0.0)
+    apart = sizes > DEPENDENT * sizes.max(axis=-1, keepdims=True, initial=0.0)
     found = np.zeros_like(columns)
-    found[..., : sizes.shape[-1]] = U * told[..., None, :]
+    found[..., : sizes.shape[-1]] = U * apart[..., None, :]
     return found
 
 

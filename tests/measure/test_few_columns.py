@@ -96,6 +96,30 @@ def test_bases_span_the_columns(instruments: int, d: int) -> None:
     np.testing.assert_allclose(Q @ (Q.T @ flat), flat, atol=1e-10)
 
 
+def test_what_rounding_leaves_of_columns_is_none() -> None:
+    """Where the instruments' own columns span all rows, shared ones add nothing."""
+    rng = np.random.default_rng(2)
+    X = np.zeros((1, 6, 10))
+    X[..., :4] = rng.standard_normal((1, 6, 4))
+    X[:, :3, 4:7] = rng.standard_normal((1, 3, 3))
+    X[:, 3:, 7:] = rng.standard_normal((1, 3, 3))
+    basis = FewColumns.among(X, 2).independent()
+    assert basis.rank == 6
+    np.testing.assert_allclose(basis.dense[0] @ basis.dense[0].T, np.eye(6), atol=1e-12)
+
+
+def test_a_design_without_shared_columns_has_a_basis_too() -> None:
+    """Each instrument's columns span what they do, and compressed rows have the same squares."""
+    rng = np.random.default_rng(3)
+    X = np.zeros((4, 6, 4))
+    X[:, :3, :2] = rng.standard_normal((4, 3, 2))
+    X[:, 3:, 2:] = rng.standard_normal((4, 3, 2))
+    few = FewColumns.among(X, 2)
+    assert few.independent().rank == 4
+    rows = few.compressed
+    np.testing.assert_allclose(rows.T @ rows, summed(X, np.tile(np.eye(6), (4, 1, 1)), X))
+
+
 def test_places_of_markers_cost_what_their_rows_have() -> None:
     """Of 200 markers each row keeps the columns of all and three more, not those of all markers."""
     markers, of_all = 200, 24
