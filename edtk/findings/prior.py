@@ -286,7 +286,7 @@ def _known_unstated(data: Data) -> str:
     return (
         f"known_rad_per_Nm of {names} has no std, and the measurements hardly tell it: the error "
         f"of {1e3 * data['total']:.2g} mm takes it as right to {100 * KNOWN_WITHIN:.0f} %, "
-        f"and were the joint twice as soft, as catalogues of gears leave possible, it would be "
+        f"and were the joint twice as soft, it would be "
         f"{1e3 * data['softer']:.2g} mm; state {{ value, std }}, or identify it"
     )
 
