@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg.lapack import dtrtri
 
 from edtk.measure.whitening import Precision, Scatter, blocks_times
 from edtk.system.typing import Array, Indices, Mask
@@ -256,6 +255,8 @@ def spanning(columns: Array, whole: Array | None = None) -> Array:
 
 def root_of(information: Array) -> Array:
     """C (p, p), ``C C'`` the inverse of an information matrix; rows of zero columns are zero."""
+    from scipy.linalg.lapack import dtrtri  # not needed to read a study
+
     told = np.flatnonzero(np.diagonal(information) > 0)
     # Of unit columns: parameters of other sizes are no rounding.
     size = np.sqrt(np.diagonal(information)[told])
