@@ -37,6 +37,18 @@ from edtk.study.study_geometry import StudyGeometry
 from edtk.system.errors import UserError
 
 
+def study_of_springs(**more: object) -> Study:
+    """The same springs by displacements of the tool point, without [parameters]."""
+    return Study(
+        robot=ROBOT,
+        tool=TOOL,
+        joints={"unknown": list(K)},
+        measurement={"sigma_mm": SIGMA * np.sqrt(2)},
+        load={"F_N": LOAD},
+        **more,
+    )
+
+
 def springs_of(found: GeometricCalibration) -> Array:
     """Compliances of the joints that a study asks for."""
     fitted = found.fit.fitted
@@ -53,14 +65,7 @@ def test_springs_alone_are_those_of_a_study_of_springs(beside: bool) -> None:
     general = study_of(SPRINGS, [], measurement={"reference": "unloaded"})
     every = np.ones(12, dtype=bool)
     data = readings(general, np.array(list(K.values())), 12, every, every, SIGMA)
-    plain = Study(
-        robot=ROBOT,
-        tool=TOOL,
-        joints={"unknown": list(K)},
-        measurement={"sigma_mm": SIGMA * np.sqrt(2)},
-        load={"F_N": LOAD},
-        test_pose={"q_deg": [0] * 6, "load": {"F_N": LOAD}, "tool": TOOL},
-    )
+    plain = study_of_springs(test_pose={"q_deg": [0] * 6, "load": {"F_N": LOAD}, "tool": TOOL})
     tool_points = plain.robot.forward(data.q)[:, :3, 3]
     table = sheet(data, tool_points if beside else None).drop(columns=["marker", "visit"])
     expected = edtk.identify(plain, table)
@@ -79,13 +84,7 @@ def test_springs_alone_are_those_of_a_study_of_springs(beside: bool) -> None:
 @pytest.fixture
 def two_studies() -> dict[str, Study]:
     """Springs by displacements of the tool point, and the same springs among parameters."""
-    plain = Study(
-        robot=ROBOT,
-        tool=TOOL,
-        joints={"unknown": list(K)},
-        measurement={"sigma_mm": SIGMA * np.sqrt(2)},
-        load={"F_N": LOAD},
-    )
+    plain = study_of_springs()
     general = study_of(SPRINGS, [], measurement={"reference": "unloaded"})
     return {"springs": plain, "parameters": general}
 

@@ -122,7 +122,7 @@ class Part:
 
     def scaled(self, units: Indices) -> "Part":
         """The same for parameters k' with ``k = 2^units k'``."""
-        if self.form != "volume":
+        if not self.is_volume:
             return replace(self, K=np.ldexp(self.K, units[:, None]))
         K, logs, lost = independent(self.K, units)
         return replace(self, K=K, logs=logs, lost=lost)
@@ -148,7 +148,7 @@ class Part:
         if not design.root.tells(side.J, side.digits):
             return math.inf, math.inf
         longer = 1 + design.blur
-        if self.form == "volume":
+        if self.is_volume:
             logs, error = self._log_volume(side, design)
             found, most = np.exp((logs, logs + error)).tolist()
             return found**self.power, (most * longer) ** self.power
@@ -199,7 +199,7 @@ class Part:
         """
         side = frame.side(self.K)
         s = self.K.shape[1]
-        if self.form == "volume":
+        if self.is_volume:
             found = s * float(np.exp(2 * self._log_least(side, F) / s))
         elif self.form == "worst":
             found = self._of_worst(side, F, shares)
@@ -253,7 +253,7 @@ class Part:
             D: Root (s, r) of a covariance.
             side: Combinations (s, t) of what it is the covariance of.
         """
-        if self.form == "volume":
+        if self.is_volume:
             side = np.linalg.qr(side)[0]
         _, d, R = np.linalg.svd(side.T @ D, full_matrices=False)
         kept = d > NOTHING * d[0]

@@ -483,7 +483,7 @@ class Replay:
     def _least(self, e: Array) -> Array:
         """The least of a form by squared singular values (r, s), see `array_criteria`."""
         s = e.shape[1]
-        if self.part.form == "volume":
+        if self.part.is_volume:
             with np.errstate(divide="ignore"):
                 logs = np.log(e).sum(axis=1) + 2 * (self.part.logs - self.part.lost)
                 return np.asarray(s * np.exp(logs / s))

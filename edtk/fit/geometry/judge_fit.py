@@ -20,7 +20,7 @@ from edtk.fit.geometry.least_squares_fit import WHITE_SHARE, PoseRows, known_bef
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.least_squares import ALONE, independent_coordinates
 from edtk.fit.prior import Prior, PriorRows
-from edtk.measure.few_columns import FewColumns, root_of, sandwich
+from edtk.measure.few_columns import Beside, sandwich
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import Parameter
 from edtk.measure.position_noise import PositionNoise
@@ -153,38 +153,32 @@ class _Told:
     """What the weighted rows of all poses tell of the parameters.
 
     Attributes:
-        design: Columns X of all blocks.
+        beside: Columns X of all blocks and weights W, with C (p, p), ``C C' = H = (X' W X)^-1``.
         residual: Residuals (m, r).
-        work: The covariances that the weights W are the inverse of.
-        weights: W.
-        root: C (p, p), ``C C' = H = (X' W X)^-1``.
+        work: The covariances that W are the inverse of.
         poses: How many of the blocks are poses; these come first.
     """
 
-    design: FewColumns
+    beside: Beside
     residual: Array
     work: Scatter
-    weights: Precision
-    root: Array
     poses: int
 
     @classmethod
     def of(cls, rows: PoseRows, work: Scatter) -> "_Told":
         """Of rows with weights that are not those of their errors."""
-        weights = work.inverse
-        design = rows.columns
-        root = root_of(design.information(weights))
         poses = len(rows.residual) - rows.beside
-        return cls(design, rows.residual, work, weights, root, poses)
+        return cls(Beside.of(rows.columns, work), rows.residual, work, poses)
 
     @cached_property
     def H(self) -> Array:
         """``(X' W X)^-1`` (p, p)."""
-        return np.asarray(self.root @ self.root.T)
+        return np.asarray(self.beside.root @ self.beside.root.T)
 
     def sandwich(self, V: Scatter) -> Array:
         """``C' X' W V W X C`` (p, p) of the errors' covariances V."""
-        return self.root.T @ sandwich(self.design, self.weights, V) @ self.root
+        root = self.beside.root
+        return root.T @ sandwich(self.beside.design, self.beside.weights, V) @ root
 
     @property
     def parts(self) -> Iterator[tuple[slice, "_SomePoses"]]:
@@ -193,9 +187,9 @@ class _Told:
         step = max(1, IN_CACHE // r**2)
         for first in range(0, self.poses, step):
             some = slice(first, min(first + step, self.poses))
-            columns = self.design[some].combined(self.root)
+            columns = self.beside.design[some].combined(self.beside.root)
             fitted = columns @ np.swapaxes(columns, 1, 2)
-            residual, weights = self.residual[some], self.weights[some]
+            residual, weights = self.residual[some], self.beside.weights[some]
             yield some, _SomePoses(residual, weights, self.work[some].dense, columns, fitted)
 
 
@@ -300,7 +294,8 @@ class _LeftOutPoses:
             errors[some] = (T @ poses.residual[..., None])[..., 0]
             covariance[some] = T @ poses.of_residuals(V[some], S) @ np.swapaxes(T, 1, 2)
             surprise[some] = poses.surprise(common[some], of_common)
-        return cls(errors, covariance, surprise, told.root @ S @ told.root.T, told.H)
+        root = told.beside.root
+        return cls(errors, covariance, surprise, root @ S @ root.T, told.H)
 
     def of_rows(self, own: Array, apart: Array) -> tuple[Array, Array, int]:
         """Rows of the prior without them: in the directions that all else tells, too.

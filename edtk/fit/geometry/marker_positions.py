@@ -583,7 +583,7 @@ def _change_of(table: PoseTable, name: str, columns: tuple[str, ...]) -> tuple[s
     """
     for before in (name, f"{name}_"):
         named = tuple(f"{before}{column}" for column in columns)
-        if any(column in table for column in named):
+        if has_any(table, named):
             return named
     return columns
 

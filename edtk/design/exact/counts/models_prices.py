@@ -16,7 +16,7 @@ from edtk.system.typing import Array, Indices
 
 @dataclass(frozen=True, eq=False)
 class ModelScatter(Scatter):
-    """Information about several models side by side, see `Models`; there are no blocks of time.
+    """Information about several models side by side, see `Models`, without blocks of experiments.
 
     Attributes:
         models: Where the models stand. Each row of a candidate is about one of them alone.
