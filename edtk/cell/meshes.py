@@ -1,4 +1,4 @@
-"""Meshes from files: STL, binary or text, and OBJ; each fault is one line."""
+"""Meshes from files: STL, binary or text, OBJ and COLLADA; each fault is one line."""
 
 import re
 from collections.abc import Sequence
@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from edtk.cell.collada import collada_corners
 from edtk.cell.shapes import Mesh
 from edtk.system.errors import UserError
 from edtk.system.files import decode, read_bytes
@@ -17,7 +18,7 @@ MOST_MB = 60.0  # of a file: a million triangles
 MOST_TRIANGLES = 1_000_000
 HEADER, COUNT, RECORD = 80, 4, 50  # bytes of a binary STL: header, number of triangles, a triangle
 SMALLEST, LARGEST = 1e-3, 200.0  # [m] that a part of a cell may measure
-FORMATS = (".stl", ".obj")
+FORMATS = (".stl", ".obj", ".dae")
 
 Unit = Literal["mm", "m", "inch"]
 METRES: dict[Unit, float] = {"mm": 1e-3, "m": 1.0, "inch": 0.0254}
@@ -33,8 +34,8 @@ def read_mesh(
     """Read the triangles of a file.
 
     Args:
-        path: A file that ends in .stl or .obj.
-        unit: What one stands for in the file, which does not say.
+        path: A file that ends in .stl, .obj or .dae.
+        unit: What one stands for in the file, if it does not say, as a .dae does.
         name: How messages name the file; defaults to its path.
         largest: What it may measure at most [m].
 
@@ -48,18 +49,18 @@ def read_mesh(
     where = name or str(path)
     kind = path.suffix.lower()
     if kind not in FORMATS:
-        message = f"ends in {kind or 'nothing'!r}; expected a mesh that ends in .stl or .obj"
+        message = f"ends in {kind or 'nothing'!r}; expected a mesh: {', '.join(FORMATS)}"
         raise UserError(message, where=where)
     try:
         content = read_bytes(path, MOST_MB)
     except UserError as error:
         raise UserError(error.message, where=where) from error
     try:
-        corners = _stl(content, unit) if kind == ".stl" else _obj(decode(content, path))
+        corners = _corners(kind, content, path, unit)
     except ValueError as error:
         message = error.message if isinstance(error, UserError) else str(error)
         raise UserError(message, where=where) from error
-    return _mesh(METRES[unit] * corners, unit, where, largest)
+    return _mesh(corners, "its own" if kind == ".dae" else unit, where, largest)
 
 
 def open_edges(mesh: Mesh) -> int:
@@ -70,7 +71,19 @@ def open_edges(mesh: Mesh) -> int:
     return int((counts != 2).sum())
 
 
-def _mesh(corners: Array, unit: Unit, where: str, largest: float) -> Mesh:
+def _corners(kind: str, content: bytes, path: Path, unit: Unit) -> Array:
+    """Corners (f, 3, 3) of a file's triangles [m]."""
+    if kind == ".stl":
+        return METRES[unit] * _stl(content, unit)
+    text = decode(content, path)
+    if kind == ".obj":
+        return METRES[unit] * _obj(text)
+    corners = collada_corners(text, MOST_TRIANGLES)
+    _require_number(len(corners))
+    return corners
+
+
+def _mesh(corners: Array, unit: str, where: str, largest: float) -> Mesh:
     """The mesh of corners (f, 3, 3) [m], of a size that a part of a cell may have."""
     points, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     faces = index.reshape(-1, 3)

@@ -100,8 +100,11 @@ class MeshTable(PlacedPart):
     """A file of triangles, placed."""
 
     position_mm: Vector3 = Field(ZERO, description="Where the origin of the file is [mm]")
-    file: Line = Field(description="STL or OBJ file, beside the study")
-    unit: Unit = Field("mm", description="What a 1 in the file stands for: 'mm', 'm' or 'inch'")
+    file: Line = Field(description="STL, OBJ or COLLADA file, beside the study")
+    unit: Unit = Field(
+        "mm",
+        description="What a 1 in the file stands for: 'mm', 'm' or 'inch'; COLLADA says its own",
+    )
 
 
 class HangingTable(Table):

@@ -144,19 +144,21 @@ def _require_short_integer(where: Path | str | None, value: Any, key: str) -> No
 
 @dataclass
 class Element:
-    """An element of XML; its text is left out.
+    """An element of XML.
 
     Attributes:
         tag: Its name, with any prefix.
         attributes: Its attributes, as texts.
         line: The line in which it begins.
         children: The elements in it, in their order.
+        text: All text that stands in it, but not in its children.
     """
 
     tag: str
     attributes: dict[str, str]
     line: int
     children: list["Element"] = field(default_factory=list)
+    text: str = ""
 
     def all(self, tag: str) -> list["Element"]:
         """The children of one name."""
@@ -176,7 +178,7 @@ class Element:
 
 
 def parse_xml(text: str, where: Path | str | None = None) -> Element:
-    """Read the elements and attributes of XML in bounded time, memory and depth.
+    """Read the elements, attributes and texts of XML in bounded time, memory and depth.
 
     A document type is refused: with its entities, few lines can stand for gigabytes or for files.
     Prefixes of names are kept as they are, declared or not.
@@ -212,10 +214,12 @@ class _Builder:
         self.where = where
         self.root = Element("", {}, 0)
         self.open = [self.root]
+        self.texts: list[list[str]] = [[]]
         self.count = 0
         self.parser = expat.ParserCreate()
         self.parser.StartElementHandler = self._start
         self.parser.EndElementHandler = self._end
+        self.parser.CharacterDataHandler = self._text
         self.parser.StartDoctypeDeclHandler = self._doctype
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
@@ -228,9 +232,13 @@ class _Builder:
         element = Element(tag, attributes, self._line)
         self.open[-1].children.append(element)
         self.open.append(element)
+        self.texts.append([])
 
     def _end(self, tag: str) -> None:
-        self.open.pop()
+        self.open.pop().text = "".join(self.texts.pop())
+
+    def _text(self, text: str) -> None:
+        self.texts[-1].append(text)
 
     def _doctype(self, *declared: object) -> None:
         message = f"has a DOCTYPE (at line {self._line}); expected plain XML without one"

@@ -93,7 +93,7 @@ def test_a_file_that_is_no_mesh_is_one_line(content: bytes, said: str, tmp_path)
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
-        ("part.step", "", "expected a mesh that ends in .stl or .obj"),
+        ("part.step", "", "expected a mesh: .stl, .obj, .dae"),
         ("part.obj", "v 1 2\nf 1 1 1", "not three numbers"),
         ("part.obj", "v 1 2 3\nf 1 2 3", "line 2 is no face"),
         ("part.obj", "v 1 2 x", "line 1 is no vertex"),
