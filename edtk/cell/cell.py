@@ -639,37 +639,39 @@ class Clear(Constraint):
         """Slack and derivative; both are asked for, one after the other, of the same frames."""
         known = _known.setdefault(frames, {})
         if self not in known:
-            known[self] = self._look(frames.q)
+            known[self] = self._look(frames)
         return known[self]
 
-    def _look(self, q: Array) -> tuple[Array, Array]:
-        """Slack and derivative in poses (n, ...)."""
-        n, batch = len(q), q.shape[1:]
-        flat = q.reshape(n, -1).T
-        slack = np.empty(len(flat))
-        gradient = np.empty((n, len(flat)))
-        for part in chunks(len(flat)):
-            slack[part], gradient[:, part] = self._of_poses(flat[part])
+    def _look(self, frames: Frames) -> tuple[Array, Array]:
+        """Slack and derivative in poses (...)."""
+        n, batch = len(frames.q), frames.q.shape[1:]
+        count = frames.position[0].size
+        slack = np.empty(count)
+        gradient = np.empty((n, count))
+        cell = self.cell
+        for part in chunks(count):
+            some = cell.robot.frames_of(frames, cell.carriers, np.arange(count)[part])
+            slack[part], gradient[:, part] = self._of_poses(some)
         return slack.reshape(1, *batch), gradient.reshape(1, n, *batch)
 
-    def _of_poses(self, q: Array) -> tuple[Array, Array]:
-        """Slacks (N,) and derivatives (n, N) of poses (N, n)."""
+    def _of_poses(self, frames: Frames) -> tuple[Array, Array]:
+        """Slacks (N,) and derivatives (n, N) of poses (N,)."""
         solids = self.cell.solids
-        frames = self.cell.frames(q)
+        count = frames.position.shape[1]
         end = self.reach + self.cell.margin
         near = solids.near(solids.placed(frames), end)
         x = (end - near.nearest.distance) / self.blur
         # Exponentials are taken relative to the largest of a pose, as deep ones would overflow.
-        top = np.zeros(len(q))
+        top = np.zeros(count)
         np.maximum.at(top, near.pose, x)
         at_zero = self.reach / self.blur
         scale = np.expm1(at_zero) / _weight(at_zero, 0.0)
         own = top[near.pose]
-        total = np.exp(-top) + scale * np.bincount(near.pose, _weight(x, own), len(q))
+        total = np.exp(-top) + scale * np.bincount(near.pose, _weight(x, own), count)
         slack = self.reach - self.blur * (np.log(total) + top)
         share = scale * _weight_slope(x, own) / total[near.pose]
         slopes = share * solids.slopes(frames, near)
-        gradient = [np.bincount(near.pose, row, len(q)) for row in slopes]
+        gradient = [np.bincount(near.pose, row, count) for row in slopes]
         return slack, np.array(gradient)
 
 

@@ -161,6 +161,12 @@ class Sight:
         found = {joint for one in self.seeable for joint in one.point.bodies}
         return tuple(sorted(found))
 
+    @cached_property
+    def bodies_in_beams(self) -> tuple[int, ...]:
+        """Joints whose bodies' frames are needed, those that may hide a marker among them."""
+        hiding = () if self.beams is None else self.beams.cell.carriers
+        return tuple(sorted({*self.bodies, *hiding}))
+
     @property
     def seeable(self) -> tuple[Reflector, ...]:
         """The markers that need a line of sight."""
@@ -258,7 +264,7 @@ class Sight:
         """What is known of beams in poses whose frames are at hand."""
         known = _known.setdefault(frames, {})
         if self not in known:
-            known[self] = _Look(self, frames.q.reshape(len(frames.q), -1).T)
+            known[self] = _Look(self, frames.flat)
         return known[self]
 
     def always_hidden(self, q: ArrayLike) -> list[int]:
@@ -274,17 +280,15 @@ class Sight:
 
 
 class _Look:
-    """Beams in some poses (N, n): each is looked at once, whoever asks how often."""
+    """Beams in some poses (N,): each is looked at once, whoever asks how often."""
 
-    def __init__(self, sight: Sight, q: Array) -> None:
+    def __init__(self, sight: Sight, poses: Frames) -> None:
         assert sight.beams is not None
         self.beams = sight.beams
         self.views = [(view.eye.position, view.marker.point) for view in sight.views]
-        self.frames = partial(
-            sight.robot.frames, bodies={*sight.bodies, *sight.beams.cell.carriers}
-        )
-        self.q = q
-        every = (len(self.views), len(q))
+        self.frames = partial(sight.robot.frames_of, poses, sight.bodies_in_beams)
+        self.joints, count = poses.q.shape
+        every = (len(self.views), count)
         self.known = np.zeros(every, dtype=bool)
         unseen = (np.ones(every), np.full(every, NOTHING))
         self.near = Passing(*unseen, *np.zeros((2, 3, *every)))
@@ -297,18 +301,18 @@ class _Look:
         for part in chunks(len(poses)):
             some = poses[part]
             view, pose = np.nonzero(new[:, some])
-            found = self.beams.passing(self.frames(self.q[some]), self.views, new[:, some])
+            found = self.beams.passing(self.frames(some), self.views, new[:, some])
             for every, one in zip(self.near, found, strict=True):
                 every[..., view, some[pose]] = one
         return self.near
 
     def slopes(self, index: int) -> Array:
         """Derivatives (n, N) of the distances of one view."""
-        found = np.zeros((self.q.shape[1], len(self.q)))
+        found = np.zeros((self.joints, self.known.shape[1]))
         own = self.near.of_view(index)
         which = np.flatnonzero(own.body != NOTHING)
         if len(which):
-            at = self.frames(self.q[which])
+            at = self.frames(which)
             found[:, which] = self.beams.slopes(at, *self.views[index], own.some(which))
         return found
 

@@ -457,7 +457,15 @@ class DesignSpace:
 
     def at(self, x: Array, held: Mask | None = None) -> Experiments:
         """The experiments of design variables x (..., v), see `Space`."""
-        return Experiments(self, x, self.model.frames(x[..., : len(self.fixed)]), held=held)
+        frames = self.model.frames(x[..., : len(self.fixed)], self._bodies)
+        return Experiments(self, x, frames, held=held)
+
+    @cached_property
+    def _bodies(self) -> frozenset[int]:
+        """Joints whose bodies may touch something, or carry or hide a marker."""
+        seen = () if self.sight is None else self.sight.bodies_in_beams
+        touching = () if self.clear is None else self.clear.cell.carriers
+        return frozenset([*seen, *touching])
 
     def draw(self, cube: Array) -> Array:
         """Stretch points of the unit cube (k, len(drawn)) to design variables (k, v)."""

@@ -1,5 +1,6 @@
 """The elastostatic model: deflection under load, linear in the joint compliances."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -221,9 +222,14 @@ class ElastostaticModel:
         found = {joint for point in points for joint in point.bodies}
         return tuple(sorted(found.union(self.weights.bodies if self.weights else ())))
 
-    def frames(self, q: ArrayLike) -> Frames:
-        """The chain in the poses q (..., n) [rad or m], with all that this model needs of it."""
-        return self.robot.frames(q, self.bodies)
+    def frames(self, q: ArrayLike, beside: Collection[int] = ()) -> Frames:
+        """The chain in the poses q (..., n) [rad or m], with all that this model needs of it.
+
+        Args:
+            q: The poses.
+            beside: Joints whose bodies others need, see `Robot.frames`.
+        """
+        return self.robot.frames(q, {*self.bodies, *beside})
 
     def points_of(self, frames: Frames) -> Array:
         """Positions (s, 3, ...) of the points that the s whole instruments measure [m]."""

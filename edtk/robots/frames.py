@@ -60,6 +60,25 @@ class Frames:
         }
         return replace(self, **arrays, bodies=bodies)
 
+    @cached_property
+    def flat(self) -> "Frames":
+        """The same poses along one axis; no reference to these frames."""
+        batch = self.position.ndim - 1
+        count = self.position[0].size
+
+        def flat(A: Array) -> Array:
+            return A.reshape(*A.shape[: A.ndim - batch], count)
+
+        return replace(
+            self,
+            q=flat(self.q),
+            axes=flat(self.axes),
+            origins=flat(self.origins),
+            rotation=flat(self.rotation),
+            position=flat(self.position),
+            bodies={joint: (flat(R), flat(p)) for joint, (R, p) in self.bodies.items()},
+        )
+
     def shifted(self, place: int, shift: Array) -> "Frames":
         """The chain from a joint on, moved without a turn: the link before that joint is another.
 

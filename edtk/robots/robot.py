@@ -14,7 +14,7 @@ from edtk.robots.frames import Frames, Terms, combine, combine_terms, terms_of
 from edtk.robots.joint import Coupling, Joint, Link, TiedJoint, Ties, variables_by_drives
 from edtk.robots.rotations import transform
 from edtk.system.presented import Presented
-from edtk.system.typing import Array, Mask
+from edtk.system.typing import Array, Indices, Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -384,6 +384,18 @@ class Robot(Presented):
         for k in range(3):
             np.add(combine_terms(R, C[k]), 0.0, out=rotation[k])
         return Frames(q, axes, origins, rotation, position, self._prismatic, kept, self.ties)
+
+    def frames_of(self, known: Frames, bodies: Collection[int], chosen: Indices) -> Frames:
+        """Frames of chosen ones of some poses, along one axis; bodies that are known stay.
+
+        Args:
+            known: Frames of the poses, which may lack bodies.
+            bodies: See `frames`.
+            chosen: Indices (k,) of the poses, in the order of the flattened ones.
+        """
+        if set(bodies) <= set(known.bodies):
+            return known.flat[chosen]
+        return self.frames(known.flat.q[:, chosen].T, bodies)
 
     def forward(self, q: ArrayLike) -> Array:
         """Pose of the tool frame in the world.

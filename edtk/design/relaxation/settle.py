@@ -284,5 +284,6 @@ class _PricedCost(LogCost):
         found = super().local(near, start)
         slope = found.slope.copy()
         slope[..., -1] += self.unit
-        value = found.value + self.unit * near.x[..., -1].sum(axis=-1)
+        weight = near.experiments.x[0, ..., -1]
+        value = found.value + self.unit * weight.sum(axis=-1)
         return found._replace(value=value, slope=slope)

@@ -2,10 +2,13 @@
 
 import numpy as np
 
+from criteria import create
 from edtk import Study
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.interior_point.held import holding, with_fewer
+from edtk.design.interior_point.objective import Neighbourhood
 from edtk.design.relaxation.search_continuum import ascend
+from edtk.design.relaxation.settle import WeightedSpace, _PricedCost
 from edtk.system.typing import Array
 
 STUDY = Study(
@@ -73,3 +76,16 @@ def test_slopes_of_the_slack_are_those_of_what_is_held() -> None:
         step = 1e-6 * np.eye(held.shape[1])[j]
         up, down = (space.at(held + s * step).slack for s in (1, -1))
         np.testing.assert_allclose(found[..., j], (up - down) / 2e-6, atol=1e-6)
+
+
+def test_weights_beside_what_is_read_cost_the_same_with_and_without_derivatives() -> None:
+    """The variable that says what is read stands behind the weights, and is no weight."""
+    chosen = X[:5]
+    weighted = WeightedSpace(STUDY.space, len(chosen))
+    design = np.concatenate([chosen, np.full((5, 1), 0.2)], axis=1)
+    space, held = holding(weighted, design[None])
+    objective = _PricedCost(create("D"), np.full((1, 5), 0.2), unit=3.0)
+    first = np.array([0])
+    value = objective.value(space.at(held), first)
+    np.testing.assert_allclose(objective.local(Neighbourhood(space, held), first).value, value)
+    np.testing.assert_allclose(objective.value(weighted.at(design[None]), first), value)
