@@ -122,8 +122,11 @@ class Hidden:
     def __str__(self) -> str:
         if self.body:
             return REASONS[self.reason].format(self.body) + (f" ({self.eye})" if self.eye else "")
-        size = 1e3 * self.amount if self.reason in LENGTHS else float(np.rad2deg(self.amount))
-        return REASONS[self.reason].format(round(size) + 0) + (f" ({self.eye})" if self.eye else "")
+        if self.reason in LENGTHS:
+            size = f"{1e3 * self.amount:.0f}"
+        else:  # to a tenth, as a marker at the edge of sight may be off by less than a degree
+            size = f"{round(float(np.rad2deg(self.amount)), 1) + 0:g}"
+        return REASONS[self.reason].format(size) + (f" ({self.eye})" if self.eye else "")
 
 
 class View(NamedTuple):

@@ -31,7 +31,7 @@ def test_a_reflector_is_read_within_its_acceptance(angle: float) -> None:
     sight = sight_of(Eye("tracker", TIP + 3 * way), np.eye(3)[2], np.deg2rad(30))
     assert sight.seen(HOME)[0, 0] == (angle < 30)
     why = sight.hidden(HOME)[0][0]
-    assert str(why) == ("None" if angle < 30 else f"looks away by {angle:.0f} deg")
+    assert str(why) == ("None" if angle < 30 else f"looks away by {angle:g} deg")
 
 
 @pytest.mark.parametrize(

@@ -149,6 +149,23 @@ def test_a_place_in_a_box_beats_random_ones(kind: str) -> None:
     assert edtk.plan(Setup(placement.position, {}).of(study), size, workers=1).cost == found.cost
 
 
+@pytest.mark.slow
+def test_each_mount_has_its_own_search_of_a_box() -> None:
+    """The best place in a box is chosen with the mount, and no listed mount is better there."""
+    study = SPRINGS.replace(**MOUNTED, noise=noise(tracker_box_mm=BOX))
+    found = edtk.plan(study, 3, "D", place_tracker=True, workers=1)
+    placement = found.placement
+    assert placement is not None
+    box = np.array(BOX) / 1e3
+    assert ((placement.position >= box[0]) & (placement.position <= box[1])).all()
+    costs = {}
+    for looks in (UP, AHEAD):
+        there = Setup(placement.position, {"a": np.array(looks)}).of(study)
+        costs[tuple(looks)] = edtk.plan(there, 3, "D", workers=1).cost
+    assert len(set(costs.values())) == len(costs)
+    assert costs[tuple(placement.normals["a"].tolist())] == found.cost == min(costs.values())
+
+
 def test_a_flat_box_keeps_its_height() -> None:
     """A box without height is a floor on which the tracker moves; one without size is a place."""
     flat = [[2200, -500, 900], [3500, 900, 900]]
