@@ -423,15 +423,22 @@ class AllSeen(Constraint):
 
     def slack(self, frames: Frames) -> Array:
         """By how much each bound holds (c, ...) [m or rad]; one where it need not."""
-        frames = self.sight._with_bodies(frames)
-        every = self.sight.conditions(frames, held=self.held)
+        every = self._known.get(frames) or self._conditions(frames)
         return np.stack([np.where(self._must(view), one.slack, 1.0) for view, one in every])
 
     def gradient(self, frames: Frames) -> Array:
-        """Their derivatives (c, n, ...) by the free joints."""
-        frames = self.sight._with_bodies(frames)
-        every = self.sight.conditions(frames, True, self.held)
+        """Their derivatives (c, n, ...) by the free joints; the slacks are known then, too."""
+        every = self._conditions(frames, slopes=True)
+        self._known[frames] = every
         return np.stack([np.where(self._must(view), one.gradient, 0.0) for view, one in every])
+
+    @cached_property
+    def _known(self) -> WeakKeyDictionary[Frames, list[tuple[View, Condition]]]:
+        """The conditions of frames that are still in use."""
+        return WeakKeyDictionary()
+
+    def _conditions(self, frames: Frames, slopes: bool = False) -> list[tuple[View, Condition]]:
+        return list(self.sight.conditions(self.sight._with_bodies(frames), slopes, self.held))
 
     def _must(self, view: View) -> Mask | bool:
         """Where (...) a marker has to be read."""

@@ -148,7 +148,7 @@ class Experiments:
             return sight.rows_in(self.frames)
         return np.repeat(self.held, sight.widths, axis=0)
 
-    @property
+    @cached_property
     def _constraints(self) -> tuple[Constraint, ...]:
         """All constraints other than the bounds: what is held has to be read."""
         if self.space.sight is None or self.held is None:
