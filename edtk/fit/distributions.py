@@ -79,13 +79,6 @@ def student_below(x: ArrayLike, dof: ArrayLike) -> Array:
     return np.asarray(stdtr(dof, x))
 
 
-def normal_quantile(probability: ArrayLike) -> Array:
-    """The x that a standard normal variable is below with a probability."""
-    from scipy.special import ndtri
-
-    return np.asarray(ndtri(probability))
-
-
 def log_normal_below(x: ArrayLike) -> Array:
     """Logarithm of the probability that a standard normal variable is below x."""
     from scipy.special import log_ndtr

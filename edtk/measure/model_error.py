@@ -68,11 +68,6 @@ class ModelError:
         """What is left out of a position in all, as a share of what the springs move it."""
         return float(np.hypot(self.turn, self.anywhere))
 
-    @property
-    def is_zero(self) -> bool:
-        """Whether the model is taken as exact."""
-        return not (self.k.any() and (self.turn or self.anywhere))
-
     def to_dict(self, unit: float = 1.0) -> dict[str, Any]:
         """Plain data [rad/(N m), shares], where compliances are in units of so many a radian."""
         return {"k": (self.k / unit).tolist(), "turn": self.turn, "anywhere": self.anywhere}

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from edtk.programs.program import Axis, ProgramError
+from edtk.programs.program import Axis
 from edtk.system.typing import Array
 
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
@@ -24,10 +24,6 @@ NOT_HERE = "is not declared here"
 SAME = 1e-12  # [m, or of a rotation] by which two frames are one
 
 Frame = Array | str  # a transform (4, 4) [m], or why it is not known
-
-
-class UnknownProgramError(ProgramError):
-    """A file whose content is not what its ending promises."""
 
 
 @dataclass(frozen=True)
