@@ -628,7 +628,7 @@ class OfStudy(Question):
     def evaluate(self, plan: PlanLike) -> "Evaluation":
         """A plan under every criterion; see `edtk.evaluate`."""
         with errors_in(name_of(plan, "plan")):
-            return self.designs(self.study).evaluate(as_plan(self.study, plan))
+            return self.calibrations(self.study).evaluate(as_plan(self.study, plan))
 
     def efficiency(self, plan: Plan, of: Plan) -> tuple[str, float | None]:
         """The criterion by which plans are judged, and how good a plan is by it beside another.
