@@ -483,8 +483,9 @@ class GeometryDesigns(CalibratedDesigns):
         """Whether a plan is poor around the test poses, beside base and tool, or assumes much."""
         found = (*poor_left_out(self.question, plan), *self.rests_on_known(plan))
         asked = criterion or criteria.get(self.study.main_criterion)
-        around = expected is not None and asked.needs_target
-        return (*found, *poor_around(expected)) if around else found
+        if expected is None or not asked.needs_target:
+            return found
+        return (*found, *poor_around(expected))
 
     def evaluate(self, plan: Plan) -> GeometryEvaluation:
         """Score a plan of visits under every criterion that the study can evaluate.

@@ -270,7 +270,7 @@ class Sweep:
         """Sensitivities (r, k) of candidates."""
         return normalised(candidates.problem, self.criterion).sensitivities(self.multipliers)
 
-    def of_workers(self, n: int, workers: Workers) -> Generator[Candidates]:
+    def of_workers(self, n: int, workers: Workers) -> Generator[Candidates, None, None]:
         """The most sensitive of each stretch of the first n candidates, in their order.
 
         How many a stretch has is known only afterwards: the last one is cut to what is missing.
