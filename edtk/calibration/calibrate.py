@@ -125,7 +125,8 @@ def calibrate(study: Study, path: Table, how: HowFitted = AS_USUAL) -> Calibrati
         beside = {one.name: one for one in bare.propagation.assumed}
         named = (*named, *known_findings(study, beside))
         if budget is not None:
-            named = (*named, *unstated_findings(study, budget))
+            errors = bare.propagation.known_errors(study, tasks)
+            named = (*named, *unstated_findings(study, errors, budget.total))
     found = replace(bare, findings=worst_first(named), budget=budget)
     if tasks:
         vars(found)["propagation"] = bare.propagation  # of the same fit

@@ -19,6 +19,7 @@ from edtk.calibration.tasks_in_use import (
 )
 from edtk.design.plan import Plan
 from edtk.findings.finding import Finding
+from edtk.findings.prior import unstated_findings
 from edtk.fit.distributions import BAND, NormalMixture
 from edtk.measure.cells import csv_text
 from edtk.measure.equilibrium import NoEquilibriumError
@@ -82,7 +83,7 @@ class Compensation(Presented):
             count in the task or were measured, or if it is not known.
         refused: Rows of the task that have no answer.
         by_noise: What the noise of the measurements alone makes of it (t,) [m]; None likewise.
-        by_joints: The joints that are not identified, and what each makes of it (t,) [m].
+        by_joints: Joints that are assumed or known, and what each makes of it (t,) [m].
         findings: What looks like another unit in the task or the compliances.
         left: Error (t,) of the markers that the commands leave by the identified model, as an arm
             of few joints does [m]; None of the tool point.
@@ -354,6 +355,10 @@ def compensate(
         refused = [replace(row, reason=f"{row.reason}; {findings[0]}") for row in refused]
     require_one(len(parts), refused, path)
     joined = Compensation.joined(parts, sorted(refused, key=lambda row: row.row))
+    if joined.remaining is not None:
+        errors = {joint.name: (joint.std, error) for joint, error in joined.by_joints}
+        known = unstated_findings(calibrated.study, errors, joined.remaining)
+        findings = (*findings, *known)
     return replace(joined, findings=findings)
 
 

@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import criteria
 from edtk.calibration.posterior_check import PosteriorCheck, check_posterior, first_estimate
 from edtk.calibration.propagation import Propagation, root_of, uncertainty_of
 from edtk.calibration.template import measured_names
 from edtk.design.plan import Plan
+from edtk.findings.finding import Finding
 from edtk.findings.moving_joints import stated_noise
+from edtk.findings.prior import unstated, unstated_findings
 from edtk.fit.correlated_noise import CorrelatedNoise, NoiseBlocks, RowNoise
 from edtk.fit.equilibrium import Bias, linearisation_bias
 from edtk.fit.least_squares import SingularPlanError, covariance
@@ -20,7 +23,12 @@ from edtk.fit.noise import MOST_COORDINATES, Noise
 from edtk.fit.posterior import SamplingOptions
 from edtk.fit.sheet import sheet_turns
 from edtk.measure.equilibrium import NoEquilibriumError, why_no_rest
-from edtk.measure.expected_error import ErrorBudget, TaskAccuracy, compensation_accuracy
+from edtk.measure.expected_error import (
+    ErrorBudget,
+    ExpectedError,
+    TaskAccuracy,
+    compensation_accuracy,
+)
 from edtk.measure.instruments.pose_marker import COORDINATES
 from edtk.measure.model_error import ASSUMED
 from edtk.measure.noise import VisitNoise, shared_visits
@@ -274,6 +282,15 @@ class CalibratedDesigns(Designs, ABC):
         found = self.propagation(plan) if tasks else None
         return None if found is None else found.budget(tasks, self.left_out(tasks, plan))
 
+    def rests_on_known(self, plan: Plan) -> tuple[Finding, ...]:
+        """Known compliances on which the budget rests, and whose deviation nobody stated."""
+        budget = self.error_budget(plan) if unstated(self.study) else None
+        found = None if budget is None else self.propagation(plan)
+        if budget is None or found is None:
+            return ()
+        errors = found.known_errors(self.study, self.study.tasks)
+        return tuple(unstated_findings(self.study, errors, budget.total))
+
     def totals(self, plan: Plan) -> TaskAccuracy | None:
         """Find the errors to expect in each test pose, with the total of each where it is known.
 
@@ -299,6 +316,15 @@ class SpringDesigns(CalibratedDesigns):
     def propagation(self, plan: Plan) -> Propagation | None:
         """What is uncertain; None without a [simulation], or if the plan leaves any open."""
         return plan_propagation(self.study, plan)
+
+    def warnings(
+        self,
+        plan: Plan,
+        expected: ExpectedError | None,
+        criterion: criteria.Criterion | None = None,
+    ) -> tuple[Finding, ...]:
+        """What is hard to believe, and what the promise rests on."""
+        return (*super().warnings(plan, expected, criterion), *self.rests_on_known(plan))
 
     def error_budget(self, plan: Plan) -> ErrorBudget | None:
         """The same, which says where the size of what springs leave out is only likely."""

@@ -13,6 +13,7 @@ from edtk.findings.causes.scene import Displacements, Scene
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.match_plan import some_rows
 from edtk.findings.moving_joints import ReadingNoise
+from edtk.findings.prior import unstated
 from edtk.fit.measurements import Measurements
 from edtk.fit.prior import PriorRows
 from edtk.measure.elastostatic_model import ElastostaticModel
@@ -35,6 +36,7 @@ from edtk.system.typing import Array, Indices, Mask
 
 TOOL = ("tool_x", "tool_y", "tool_z")
 DIRECTION = ("load_direction",)
+ESTIMATED = ("noise", "model", "known_joints")  # parts whose covariance is that of a posterior
 ROUNDING = 1e-9  # of an error, which a parameter takes up in full
 MOST_ROWS = 5000  # measurements over which the circumstances are propagated
 
@@ -202,9 +204,7 @@ class Propagation:
             tasks: Where the robot shall be accurate.
             model_error: Error that the linear model leaves [m].
         """
-        # One target of all: that of a neighbourhood is a triangle, without rows of poses.
-        whose = tasks.with_unknown(self.joints) if self.visits is None else self.visits.of(tasks)
-        A0 = whose.target
+        A0 = self._target(tasks)
         parts = {name: float(np.linalg.norm(A0 @ E)) for name, E in self.roots.items()}
         for name, size in ({} if self.visits is None else self.visits.there(tasks)).items():
             parts[name] = float(np.hypot(parts.get(name, 0.0), size))
@@ -233,6 +233,41 @@ class Propagation:
         found[:, rigid] = self.roots["rigid_joints"]
         found[:, ~rigid] = self.roots["known_joints"]
         return found
+
+    def known_errors(self, asked: Study, tasks: Tasks) -> dict[str, tuple[float, float]]:
+        """What known compliances without a standard deviation do, see `unstated_findings`.
+
+        Args:
+            asked: The study, with the values before.
+            tasks: Where the robot shall be accurate.
+
+        Returns:
+            By joint, what is left of its standard deviation [rad/(N m)], and the error that goes
+            with it [m].
+        """
+        E = np.hstack([self.roots[name] for name in ESTIMATED if name in self.roots])
+        A0 = self._target(tasks)
+        own = {name: E[self._row_of(name)] for name in unstated(asked)}
+        std = {name: float(np.linalg.norm(row)) for name, row in own.items()}
+        return {
+            name: (std[name], float(np.linalg.norm(A0 @ (E @ row))) / std[name])
+            for name, row in own.items()
+            if std[name]
+        }
+
+    def _row_of(self, name: str) -> int:
+        """The row of a joint's own compliance."""
+        own = () if self.visits is None else self.visits.model.parameters
+        estimated = [one.of for one in own if one.place == "compliance"]
+        if name in estimated:
+            return [one.place == "compliance" and one.of == name for one in own].index(True)
+        return self.p + [one.name for one in self.assumed].index(name)
+
+    def _target(self, tasks: Tasks) -> Array:
+        """How all that may be in error moves the tool in tasks, see `Tasks.target`."""
+        # One target of all: that of a neighbourhood is a triangle, without rows of poses.
+        whose = tasks.with_unknown(self.joints) if self.visits is None else self.visits.of(tasks)
+        return whose.target
 
     def totals(self, tasks: Tasks, model_errors: Array) -> Array:
         """The total error (t,) in each task by itself [m].

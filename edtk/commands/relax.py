@@ -47,6 +47,11 @@ MOST_CANDIDATES = 10**9  # as in a study: no machine would end with more
     type=Number(MOST_EXPERIMENTS),
     help="Experiments that share a prior with in_design [default: the study's first size].",
 )
+@click.option(
+    "--budget",
+    type=Range(min=0, min_open=True),
+    help="Give the best weights after so many seconds, with the best bound so far.",
+)
 @seed_option
 @click.option(
     "--memory",
@@ -67,6 +72,7 @@ def command(
     continuous: bool,
     prove: float | None,
     size: int | None,
+    budget: float | None,
     seed: int | None,
     memory: float,
     workers: int | None,
@@ -77,7 +83,7 @@ def command(
 ) -> None:
     """Find the best weights over candidate poses of STUDY (TOML), with a bound on every design.
 
-    Ctrl-C ends a long run with the best certified plan so far.
+    Ctrl-C, or the end of the budget, ends a long run with the best certified plan so far.
     """
     from edtk.design.relaxation.relax_poses import PlanInterrupted
     from edtk.verbs.inputs import load_study
@@ -104,6 +110,7 @@ def command(
                 out=out,
                 certificate=certificate,
                 progress=progress,
+                budget=budget,
             )
             interrupted = False
         except PlanInterrupted as interrupt:
@@ -111,6 +118,8 @@ def command(
             interrupted = True
     show(found, as_json, out, certificate)
     warn_about(study, question.warnings)
+    if found.ended == "budget":
+        warn("the budget ended the search; these are the best weights and the best bound so far")
     if interrupted:
         warn("interrupted; this is the best certified plan so far")
         end_interrupted()

@@ -155,7 +155,7 @@ class CandidateSource:
                     break
         return Candidates(x[:start], self.space.problem_of(told[..., :start]))
 
-    def chunks(self, n: int) -> Iterator[Candidates]:
+    def chunks(self, n: int) -> Generator[Candidates, None, None]:
         """Draw the first n candidates in chunks, none of which is empty.
 
         Raises:

@@ -8,7 +8,12 @@ import numpy as np
 
 from edtk.design.plan import Plan
 from edtk.findings.causes.family import NOISE, Cause
-from edtk.findings.causes.find_causes import FoundCauses, look_for_causes, most_outliers
+from edtk.findings.causes.find_causes import (
+    MOST_ROWS,
+    FoundCauses,
+    look_for_causes,
+    most_outliers,
+)
 from edtk.findings.match_plan import EqualRows, PlanMatch, equal_rows, match_plan
 from edtk.findings.model_error import ModelErrorFound, find_model_error
 from edtk.findings.moving_joints import (
@@ -372,11 +377,16 @@ class FittedData:
         return replace(self, fit=fit)
 
     def naming_outliers(self) -> "FittedData":
-        """The same with all outliers in the fit: of itself, and beside which causes were found."""
+        """The same with all outliers in the fit.
+
+        They are those of itself and those beside which causes were found; where no cause was, those
+        that stand out beyond what the model leaves out.
+        """
+        beyond = None if self.model_error is None else self.model_error.beyond
         rows = np.union1d(self.fit.outliers, np.array(self.found_causes.outliers, dtype=int))
-        if len(rows) == len(self.fit.outliers):
-            return self
-        return self.with_outliers(rows)
+        if beyond is not None:
+            rows = np.array(beyond, dtype=int)
+        return self if np.array_equal(rows, self.fit.outliers) else self.with_outliers(rows)
 
     def with_outliers(self, rows: Indices) -> "FittedData":
         """The same with these outliers in the fit, on which the causes that were found rest not."""
@@ -410,7 +420,11 @@ class FittedData:
         if self.untold or self.how.linear:
             return self  # what bends is no error of a linear model that was asked for
         seen = LinearisedData(alone.A, alone.measured)
-        given = (readings_alone(self), self._sound_rows, constant_error(self))
+        rows, most = self._sound_rows, 0
+        if self.found_causes.unexplained and len(self.data) <= MOST_ROWS:
+            # Rows that are outliers beside the noise alone may as well be the model's.
+            rows, most = np.arange(len(self.data)), most_outliers(len(self.data))
+        given = (readings_alone(self), rows, constant_error(self), most)
         found = find_model_error(self.study, self.data, seen, (alone.fit, self.fit), *given)
         if found is None:
             return self

@@ -6,11 +6,12 @@ import numpy as np
 
 from edtk.findings.causes.faults import FAULTS
 from edtk.findings.causes.scene import AXES, Displacements
+from edtk.fit.beside_model import BesideModel, rows_beyond_model
 from edtk.fit.correlated_noise import RowNoise
 from edtk.fit.equilibrium import LinearisedData
 from edtk.fit.identify import Identification
 from edtk.fit.measurements import Measurements
-from edtk.fit.missing import MissingColumns, SizeLikelihood, SizePosterior
+from edtk.fit.missing import MissingColumns, SizePosterior
 from edtk.measure.missing_pieces import MissingPieces, PossibleSprings
 from edtk.measure.model_error import ASSUMED
 from edtk.measure.task import all_compliances
@@ -30,6 +31,7 @@ class ModelErrorFound:
         noise: Covariance (p, p) of the springs by the noise alone.
         shown: What all readings show of the pieces.
         constant: What is left out of a coordinate in any pose, whatever loads it [m].
+        beyond: Rows that stand out beyond all that; None where they were not looked for.
     """
 
     pieces: MissingPieces
@@ -38,6 +40,7 @@ class ModelErrorFound:
     noise: Array
     shown: MissingColumns
     constant: float = 0.0
+    beyond: tuple[int, ...] | None = None
 
     @property
     def counts(self) -> bool:
@@ -67,6 +70,7 @@ def find_model_error(
     noise: RowNoise,
     rows: Indices,
     constant: float,
+    most: int,
 ) -> ModelErrorFound | None:
     """Tell from residuals what the model leaves out.
 
@@ -78,6 +82,7 @@ def find_model_error(
         noise: The noise of readings, without what visits share.
         rows: The measurements that are not off by themselves.
         constant: What is left out of a coordinate in any pose [m].
+        most: How many of these rows may stand out beyond what is left out; zero where nobody looks.
 
     Returns:
         What was found; None where nothing bends, or the study says that its model is exact.
@@ -90,14 +95,15 @@ def find_model_error(
         return None
     pieces = MissingPieces.of(study.robot, k, model.torque_of(model.frames(data.q), data.wrench).T)
     columns = _columns(study, data, seen.A, alone, pieces)
-    some = (seen.A[rows], seen.measured[rows], noise[rows], columns[rows])
-    likelihood = SizeLikelihood.of(*some, usual)
-    posterior = likelihood.posterior
+    given = BesideModel(seen.A, seen.measured, noise, columns, usual)[rows]
+    beyond = rows_beyond_model(given, most)
+    posterior = given[np.delete(np.arange(len(rows)), beyond)].posterior
     if posterior is None:
         return None
     possible = posterior.possible(fit.unbounded)
     own = alone.covariance if posterior.is_seen else fit.covariance
-    return ModelErrorFound(pieces, posterior, possible, own, columns, constant)
+    off = tuple(rows[beyond].tolist()) if most else None
+    return ModelErrorFound(pieces, posterior, possible, own, columns, constant, off)
 
 
 def usual_share(study: Study) -> float:

@@ -44,8 +44,6 @@ def cause_findings(fitted: FittedData) -> Iterator[Finding]:
     if causes:
         data = {"cause": causes[0], "others": causes[1:]}
         yield Finding.of(Severity.WARNING, WORDING, "cause", rows=causes[0].rows, **data)
-    if fitted.found_causes.unexplained:
-        yield _no_cause(fitted)
     yield from _moving_joints(fitted)
     test = fitted.lack_of_fit
     if fitted.noise_estimate is not None and not fitted.noise_estimate.revisited:
@@ -69,14 +67,16 @@ def cause_findings(fitted: FittedData) -> Iterator[Finding]:
         yield Finding.of(severity, WORDING, "lack_of_fit", **data)
 
 
-def _no_cause(fitted: FittedData) -> Finding:
+def no_cause_findings(fitted: FittedData) -> Iterator[Finding]:
     """A misfit that no fault explains, with what was not measured that would tell more of it."""
+    if not fitted.found_causes.unexplained:
+        return
     data = fitted.data
     repeated = len(np.unique(data.places)) < len(data)
     shape = data.wrench / np.abs(data.wrench).max()
     loads = len(np.unique(shape.round(LIKE_LOADS), axis=0))
     severity = Severity.WARNING if _is_counted(fitted) else Severity.ALARM
-    return Finding.of(
+    yield Finding.of(
         severity,
         WORDING,
         "no_cause",
@@ -174,7 +174,9 @@ def outlier_findings(fitted: FittedData) -> Iterator[Finding]:
     rows = tuple(fit.outliers.tolist())
     rest = _rest(fitted)
     p_rest = None if rest is None else rest.p_value
-    if fitted.found_causes.unexplained and p_rest is not None and p_rest < UNEXPLAINED:
+    beyond = fitted.model_error is not None and fitted.model_error.beyond is not None
+    misfit = fitted.found_causes.unexplained and p_rest is not None and p_rest < UNEXPLAINED
+    if misfit and not beyond:
         return  # the model does not fit the other rows either
     yield Finding.of(
         severity,
@@ -183,6 +185,7 @@ def outlier_findings(fitted: FittedData) -> Iterator[Finding]:
         rows=rows,
         robust=fit.robust,
         p_rest=p_rest,
+        beyond_model=beyond,
         off=None if rest is None else _off(fitted, rest),
     )
 
@@ -363,6 +366,8 @@ def _outliers(data: Data) -> str:
     if rest is not None and rest > FITS:
         them = "them" if plural else "it"
         return f"{text}; the other rows fit without {them} (p {shown_probability(rest)})"
+    if data.get("beyond_model"):
+        return f"{text}: beyond what the model leaves out of the other rows"
     hidden = "; several can hide each other, a robust fit shows them all"
     return f"{text}{'' if data['robust'] else hidden}"
 

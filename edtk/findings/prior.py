@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from edtk.findings.finding import Data, Finding, Severity, Wording, shown_probability
 from edtk.findings.fitted_data import FittedData
@@ -10,10 +11,10 @@ from edtk.fit.distributions import chi_square_tail, fisher_tail, student_below
 from edtk.fit.identify import Identification
 from edtk.fit.posterior import Posterior
 from edtk.fit.prior import Flat, Marginal, Prior
-from edtk.measure.expected_error import AssumedJoint, ErrorBudget
+from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.parameters import Parameter
 from edtk.study.study import Study
-from edtk.study.tables_of_robot import KNOWN_WITHIN
+from edtk.study.tables_of_robot import KNOWN_WITHIN, KnownCompliance
 from edtk.system.typing import Array
 
 # Which of two estimates to believe, by the reason why they differ.
@@ -149,29 +150,41 @@ def known_findings(asked: Study, left: Mapping[str, AssumedJoint]) -> Iterator[F
             yield Finding.of(Severity.WARNING, WORDING, kind, parameters=(name,), **data)
 
 
-def unstated_findings(asked: Study, budget: ErrorBudget) -> Iterator[Finding]:
+def unstated(asked: Study) -> dict[str, KnownCompliance]:
+    """Known compliances whose standard deviation nobody stated, by joint."""
+    known = asked.specification.joints.known
+    return {name: one for name, one in known.items() if one.std is None and one.deviation}
+
+
+def unstated_findings(
+    asked: Study, errors: Mapping[str, tuple[float, ArrayLike]], total: ArrayLike
+) -> Iterator[Finding]:
     """Known compliances whose standard deviation nobody stated, where the promise rests on it.
 
-    The budget takes `KNOWN_WITHIN` of a value v for its standard deviation s. Where the joint is
-    twice as soft, measurements that leave s' of s take up a part of the error v, and ``v s'^2/s^2``
-    is left: that is ``v s' / s^2`` times what s' makes of the budget. It is said where it would
-    break the promise.
+    A value v counts with `KNOWN_WITHIN` of it as its standard deviation s, and the posterior
+    covariance C of all parameters follows. Where the joint is twice as soft, the prior's mean is
+    off by v, and the estimates by ``C e_j v / s^2``: of the error e that goes with what is left of
+    s, the standard deviation ``s' = sqrt(C_jj)``, that is ``v s' / s^2`` times. It is said where it
+    would break the promise, of the task where it makes most.
 
     Args:
         asked: The study, with the values before.
-        budget: The errors in the test poses, with the joints as the measurements tell them.
+        errors: By joint, s' [rad/(N m)] and e (t,) in each task [m].
+        total: The errors (t,) that are promised [m].
     """
-    known = asked.specification.joints.known
-    softer = {}
-    for part in budget.joints:
-        one = known.get(part.joint.name)
-        if one is not None and one.std is None and one.deviation:
-            softer[part.joint.name] = part.error * one.value * part.joint.std / one.deviation**2
-    total = float(np.linalg.norm([budget.total, *softer.values()]))
-    if total <= TWICE * budget.total:
+    promised = np.atleast_1d(np.asarray(total, dtype=float))
+    softer = {
+        name: np.atleast_1d(errors[name][1]) * one.value * errors[name][0] / one.deviation**2
+        for name, one in unstated(asked).items()
+        if name in errors
+    }
+    every = np.sqrt(np.square([promised, *softer.values()]).sum(axis=0))
+    broken = np.where(every > TWICE * promised, every, 0.0)
+    worst = int(broken.argmax())
+    if not broken[worst]:
         return
-    joints = tuple(name for name, error in softer.items() if error > SHARE * total)
-    data = {"total": budget.total, "softer": total}
+    joints = tuple(name for name, error in softer.items() if error[worst] > SHARE * every[worst])
+    data = {"total": float(promised[worst]), "softer": float(every[worst])}
     yield Finding.of(Severity.WARNING, WORDING, "known_unstated", parameters=joints, **data)
 
 

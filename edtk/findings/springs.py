@@ -19,6 +19,7 @@ from edtk.findings.match_plan import not_measured, pose_resolution
 from edtk.findings.noise import (
     cause_findings,
     left_out_findings,
+    no_cause_findings,
     noise_findings,
     outlier_findings,
 )
@@ -269,6 +270,7 @@ def spring_findings(
         found += noise_findings(fitted)
         found += cause_findings(fitted)
         found += outlier_findings(fitted)
+        found += no_cause_findings(fitted)
         if fitted.prior is not None and not fitted.untold:
             found += prior_findings(fitted.fit, fitted.prior)
         found += structure_findings(fitted, rho0_bias)

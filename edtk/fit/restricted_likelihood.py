@@ -16,6 +16,10 @@ ITERATIONS = 60  # of Fisher scoring; ten are the rule
 SETTLED = 1e-4  # relative change of what a variance adds to the total
 HALVINGS = 4  # of a step that lowers the likelihood, before a step that cannot takes its place
 ENOUGH = 20  # degrees of freedom of repeats, from which they tell the noise of a reading
+# Gain in log-likelihood of a step that is worth another way where rounding hides it: a variance is
+# off by a thirtieth of its standard deviation. Where errors of a drawing are a million times those
+# of a fit, variances would wander about their best values.
+WORTH = 5e-4
 # Twice the gain in log-likelihood, from which a model error is believed: chance exceeds it one time
 # in twenty, or in forty where the variance may not be negative.
 SPEAKS = 4.0
@@ -126,6 +130,7 @@ def _step(
     step = np.zeros_like(v)
     F = 0.5 * at.products[np.ix_(moving, moving)]
     step[moving] = np.linalg.lstsq(F, slope[moving], rcond=None)[0]
+    gain = 0.5 * float(slope @ step)
     for _ in range(HALVINGS):
         after = np.maximum(v + step, 0.0)
         try:
@@ -136,6 +141,8 @@ def _step(
         if there.likelihood >= at.likelihood - 1e-9 * abs(at.likelihood):
             return after, there
         step = step / 2
+    if gain < WORTH:
+        return v, at
     # Neither is negative, but by rounding, where the design leaves next to no residuals.
     both = (v > 0) & (at.quadratic > 0) & (at.trace > 0)
     ratio = np.divide(at.quadratic, at.trace, out=np.ones_like(v), where=both)

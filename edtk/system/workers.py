@@ -6,11 +6,17 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
+from math import inf
 from threading import Event, Thread
+from time import monotonic
 from typing import Any, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
+from edtk.system.time_limit import time_left, time_limit
+
+# Two processes that take two seconds each to load what they need have done nothing more by then.
+STARTING_S = 4.0
 GREETING_S = 5.0  # in which a scheduler has to answer
 PATIENCE_S = 20.0  # with a cluster that has lost all its workers
 GLANCE_S = 1.0  # between two looks at a cluster's workers
@@ -59,6 +65,9 @@ class Workers:
     def run(self, pieces: Sequence[Callable[[], T]]) -> Iterator[tuple[int, T]]:
         """Do pieces of work.
 
+        A limit (`time_limit`) holds for each piece, also for the time that it waits for a process
+        of this machine. Where too little is left, no processes are started.
+
         Args:
             pieces: Functions without arguments; with more than one process they are sent to others,
                 so that they have to be picklable.
@@ -69,7 +78,7 @@ class Workers:
         Raises:
             WorkersLostError: No process is left to do the work.
         """
-        if self.size == 1:
+        if self.size == 1 or (not self.remote and time_left() < STARTING_S):
             return (_numbered(i, piece) for i, piece in enumerate(pieces))
         return self._run_in_parallel(pieces)
 
@@ -80,7 +89,9 @@ class Workers:
 
         import joblib
 
-        work = (joblib.delayed(_numbered)(i, piece) for i, piece in enumerate(pieces))
+        # Processes of one machine share a clock.
+        limit = (time_left(), None if self.remote else monotonic())
+        work = (joblib.delayed(_numbered)(i, piece, *limit) for i, piece in enumerate(pieces))
         # More processes than pieces would be started all the same, and a million of them.
         jobs = self.size if self.remote else min(self.size, max(1, len(pieces)))
         gone = f"the workers of {self.name} have gone away"
@@ -121,13 +132,23 @@ def _safe_path() -> Iterator[None]:
             os.environ[SAFE_PATH] = before
 
 
-def _numbered(index: int, piece: Callable[[], T]) -> tuple[int, T]:
-    """The answer of a piece, with its index."""
+def _numbered(
+    index: int, piece: Callable[[], T], seconds: float = inf, since: float | None = None
+) -> tuple[int, T]:
+    """The answer of a piece, with its index.
+
+    Args:
+        index: The index.
+        piece: The piece.
+        seconds: Time that is left for it [s].
+        since: From when on, on the clock of `time.monotonic` [s]; defaults to now.
+    """
     import scipy.linalg  # noqa: F401, only libraries that are loaded can be limited
 
     # The rounding of a product may depend on the number of threads, which is another one in
     # processes of a team than in a single process; and so would the answer.
-    with one_thread():
+    waited = 0.0 if since is None else monotonic() - since
+    with one_thread(), time_limit(max(0.0, seconds - waited)):
         return index, piece()
 
 

@@ -580,6 +580,7 @@ class OfStudy(Question):
         from edtk.design.relaxation.relax_poses import PlanInterrupted
         from edtk.study.plan_study import RunOptions
 
+        limit = time_limit(seconds_for(call.budget, "budget"))
         files = TableAndCertificate(call.out, call.certificate)
         files.require(*self.study.reads)
         prove = proved_gap(call.prove, "prove")
@@ -594,7 +595,7 @@ class OfStudy(Question):
 
         options = RunOptions(seed=call.seed, threads=call.workers, progress=call.progress)
         try:
-            with self._sweepers(call) as pool, errors_in(self.study.where):
+            with self._sweepers(call) as pool, errors_in(self.study.where), limit as limited:
                 found = self._relaxed(
                     asked,
                     criterion,
@@ -606,8 +607,11 @@ class OfStudy(Question):
                     options=replace(options, workers=pool),
                 )
         except PlanInterrupted as interrupt:
+            interrupt.best = replace(interrupt.best, ended="interrupted")
             write(interrupt.best)
             raise
+        if limited.cut:
+            found = replace(found, ended="budget")
         write(found)
         return found
 
@@ -628,7 +632,7 @@ class OfStudy(Question):
     def evaluate(self, plan: PlanLike) -> "Evaluation":
         """A plan under every criterion; see `edtk.evaluate`."""
         with errors_in(name_of(plan, "plan")):
-            return self.designs(self.study).evaluate(as_plan(self.study, plan))
+            return self.calibrations(self.study).evaluate(as_plan(self.study, plan))
 
     def efficiency(self, plan: Plan, of: Plan) -> tuple[str, float | None]:
         """The criterion by which plans are judged, and how good a plan is by it beside another.

@@ -73,7 +73,7 @@ REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
             "not for plans of a problem of arrays",
         ),
         "relax": _none_of(
-            ("candidates", "seed", *OF_WORKERS, "prove"),
+            ("candidates", "seed", "budget", *OF_WORKERS, "prove"),
             "not for the relaxation of a problem of arrays",
         ),
     },
@@ -81,7 +81,9 @@ REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
         "plan": _none_of(
             (*OF_PROBLEMS[1:], "prove", "cost_budget", *OF_STUDIES), "not for plans of a region"
         ),
-        "relax": _none_of(("seed", *OF_WORKERS, *OF_WEIGHTS), "not for the relaxation of a region"),
+        "relax": _none_of(
+            ("seed", "budget", *OF_WORKERS, *OF_WEIGHTS), "not for the relaxation of a region"
+        ),
     },
     "compliances": {
         "plan": _none_of(OF_PROBLEMS, "not for plans of a study"),
@@ -171,6 +173,7 @@ class RelaxCall:
     out: Path | str | None
     certificate: Path | str | None
     progress: Callable[[str, float], object]
+    budget: float | None = None
     prove: float | None = None
     least: Any = None
     most: Any = None

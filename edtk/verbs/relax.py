@@ -37,6 +37,7 @@ def relax(
     out: Path | str | None = None,
     certificate: Path | str | None = None,
     progress: Progress = ...,
+    budget: float | None = None,
     prove: float | None = None,
 ) -> "RelaxedPlan": ...
 
@@ -86,6 +87,7 @@ def relax(
     out: Path | str | None = None,
     certificate: Path | str | None = None,
     progress: Progress = lambda stage, gap: None,
+    budget: float | None = None,
     prove: float | None = None,
     least: "ArrayLike | None" = None,
     most: "ArrayLike | None" = None,
@@ -113,6 +115,9 @@ def relax(
         out: File to write poses and weights to (CSV); "-" is standard output.
         certificate: File to write what proves the numbers to (JSON), for `edtk.verify`; likewise.
         progress: Called with the stage and its relative gap.
+        budget: Seconds after which the best weights so far are given, with the best bound so far;
+            a first design on the candidates, or on those drawn by then, is always completed.
+            `.ended` says so. Defaults to no limit.
         prove: Relative gap, such as 0.01, to which the bound is proved for all feasible poses of a
             study, or for all points of a region whose functions can be enclosed, see the how-to of
             regions: no design is better. It is `.bound_proved`, beside `.bound_searched`.
@@ -154,6 +159,7 @@ def relax(
         out=out,
         certificate=certificate,
         progress=progress,
+        budget=budget,
         prove=prove,
         least=least,
         most=most,

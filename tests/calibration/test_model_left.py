@@ -353,3 +353,29 @@ def test_the_part_of_the_model_in_poses_left_out():
             k = np.linalg.lstsq(X, U[others].reshape(len(X), -1), rcond=None)[0]
             expected[b] += np.square(U[b] - A[b] @ k).sum(axis=-1)
     np.testing.assert_allclose(fitted.left_out.model, expected, rtol=1e-6)
+
+
+def varying_day(number, off):
+    """Readings of springs that vary by 15 % with the angle; two rows are off by so many sigma."""
+    rng = RNG((number, 7))
+    q = sample_feasible(STUDY.space, 30, number)[:, :6]
+    wrench = np.tile(STUDY.space.load.always, (30, 1))
+    soft = K / (1 + 0.15 * np.sin(q + rng.uniform(0, 2 * np.pi, 6)))[:, 1:]
+    shown = np.einsum("mrp,mp->mr", STUDY.model.regressor(q, wrench), soft)
+    shown = shown + STUDY.sigma * rng.standard_normal(shown.shape)
+    rows = np.sort(rng.choice(30, 2, replace=False))
+    away = rng.standard_normal((2, 3))
+    shown[rows] += off * STUDY.sigma * away / np.linalg.norm(away, axis=1)[:, None]
+    data = Measurements(q, wrench, shown, np.tile(STUDY.sigma, (30, 1)), np.zeros((30, 3)))
+    return data, tuple(rows.tolist())
+
+
+def test_rows_beyond_the_errors_of_the_model_are_named_first():
+    """Where no cause explains a misfit, rows that stand out beyond what the others show do."""
+    for number in (0, 1):
+        data, rows = varying_day(number, 15)
+        first, second = found_of(data).findings[:2]
+        assert (first.kind, first.rows, second.kind) == ("outliers", rows, "no_cause")
+        assert "beyond what the model leaves out of the other rows" in first.words
+        sound = found_of(varying_day(number, 0)[0])
+        assert "outliers" not in [one.kind for one in sound.findings]

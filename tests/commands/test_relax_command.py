@@ -266,3 +266,15 @@ def test_long_work_says_how_near_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     assert answer.exit_code == 0
     assert json.loads(answer.stdout)["candidates"] == 321
     assert "gap" in answer.stderr
+
+
+def test_a_budget_ends_the_search_and_says_so():
+    """The best weights so far come with their bound, and a line says what ended the search."""
+    command = ["relax", str(PATH), "--continuous", "--candidates", "500", "--budget", "1e-3"]
+    result = CliRunner().invoke(main, [*command, "--json"], catch_exceptions=False)
+    assert result.exit_code == 0
+    answer = json.loads(result.stdout)
+    assert answer["ended"] == "budget"
+    assert 0 <= answer["gap"] < 1
+    assert "the budget ended the search" in result.stderr
+    assert "ended" not in relaxed()

@@ -7,7 +7,7 @@ from arm import arm
 from edtk.findings.finding import Severity
 from edtk.findings.prior import unstated_findings
 from edtk.findings.springs import budget_findings
-from edtk.measure.expected_error import AssumedJoint, ErrorBudget, JointPart
+from edtk.measure.expected_error import ErrorBudget
 
 
 @pytest.mark.parametrize(
@@ -43,9 +43,9 @@ def test_a_promise_that_rests_on_a_value_without_a_std_is_not_good(known, left, 
     """A joint that is twice as soft would break it, and how large the error were then is said."""
     asked = arm(joints={"unknown": ["q2"], "known_rad_per_Nm": {"q1": known}})
     error = 0.3e-3 * left / 0.9e-6  # of 30 % of the value, as far as it is not told
-    part = JointPart(AssumedJoint("q1", 0, 3e-6, left, "known_rad_per_Nm"), error)
-    budget = ErrorBudget(noise, 0, 0, 0, 0, error, 0, 0, uncompensated=1e-2, joints=(part,))
-    found = list(unstated_findings(asked, budget))
+    budget = ErrorBudget(noise, 0, 0, 0, 0, error, 0, 0, uncompensated=1e-2)
+    errors = {"q1": (left, error)}
+    found = list(unstated_findings(asked, errors, budget.total))
     assert [one.severity for one in found] == [Severity.WARNING] * said
     for one in found:
         assert one.data["parameters"] == ("q1",)

@@ -1,6 +1,8 @@
 """Variances of errors by restricted likelihood."""
 
 import tracemalloc
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,6 +31,32 @@ def test_variances_of_kinds_are_found() -> None:
     assert std[0] == pytest.approx(0.09 * np.sqrt(2 / (b * (r - 1))), rel=0.1)
     none = fit_variances([Blocks.dense(eye, [eye], rng.standard_normal((b, r)) * 0.5, X)])
     assert none.variances[0] == 0.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_fit_ends_where_rounding_hides_the_likelihood(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Kinds that are far larger than what is known leave digits for the variances, and no more."""
+    rng = np.random.default_rng(seed)
+    r = 18
+    Q = np.linalg.qr(rng.standard_normal((r, r)))[0]
+    C = (Q * np.geomspace(1e-10, 1e-6, r)) @ Q.T
+    U = rng.standard_normal((2, r, 8))
+    y = (U @ rng.standard_normal((8, 1)))[..., 0]
+    y = [1e3, 10] @ y + np.linalg.cholesky(C) @ rng.standard_normal(r)
+    calls = []
+
+    def counted(blocks: Sequence[Blocks], v: Array) -> Any:
+        calls.append(v)
+        return _scores(blocks, v)
+
+    monkeypatch.setattr("edtk.fit.restricted_likelihood._scores", counted)
+    kinds = [(one @ one.T)[None] for one in U]
+    found = fit_variances([Blocks.dense(C[None], kinds, y[None], rng.standard_normal((1, r, 1)))])
+    assert len(calls) < 60  # of more than three hundred that are allowed
+    # Of eight normal numbers: a factor of five either way is one of a thousand.
+    np.testing.assert_array_less(np.abs(np.log(found.variances / [1e6, 100])), np.log(5))
 
 
 def test_information_of_variances_is_that_of_the_whole_matrices() -> None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from arm import ROBOT as PLANAR_ROBOT
 from geometry_sheets import OFFSETS, PLACE, ROBOT, Array, by_pose
@@ -14,6 +15,7 @@ import edtk
 from edtk.calibration.geometry.told_before import told_before
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import PositionRows
+from edtk.design.plan import Plan
 from edtk.findings.geometry.geometric_fit import geometric_findings
 from edtk.fit.geometry.fit_geometry import fit_geometry
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, resting_load
@@ -163,6 +165,78 @@ def test_a_compliance_that_is_known_exactly_bends_the_robot() -> None:
     assert abs(fit.fitted.theta[0] - SOFT["q2"]) < 4 * fit.fitted.std[0] * 1e-6
     stiff = fitted(springs_of(joints={"unknown": ["q2"]}), data)
     assert fit.rms < 0.6 * stiff.rms
+
+
+TWICE = {"q1": 6e-6, "q2": 5e-6}  # q1 is known as half of it
+
+
+def half_known(kind: str, side: float) -> Study:
+    """A study of q2 with a stiff wrist, whose loads tell q1 by their part from the side."""
+    marker = {"position_mm": [100, 0, 50]}
+    stiff = dict.fromkeys(("q3", "q4", "q5", "q6"), 1e-12)
+    exact = {"load_percent": 0, "load_direction_deg": 0, "tool_mm": 0, "rigid_rad_per_Nm": stiff}
+    alone = {"geometry": [], "base": False, "tool": False}
+    visits = {"parameters": alone, "marker": [{"name": "A", **marker}]}
+    return Study(
+        robot=ROBOT,
+        tool=marker,
+        joints={"unknown": ["q2"], "known_rad_per_Nm": {"q1": 3e-6}},
+        simulation={"compliance_rad_per_Nm": {"q2": TWICE["q2"]}},
+        load={"F_N": [0, side, -300]},
+        measurement={"sigma_mm": 0.005},
+        noise={"model_error_percent": 0},
+        uncertainty=exact,
+        test_pose={
+            "q_deg": [10, -40, 60, 20, 50, 10],
+            "tool": marker,
+            "load": {"F_N": [0, 200, -100]},
+        },
+        **(visits if kind == "parameters" else {}),
+    )
+
+
+def exact_sheet(study: Study, plan: Plan) -> pd.DataFrame:
+    """What instruments read without errors of a robot whose q1 is twice as soft."""
+    table = plan.to_frame(study.robot).drop(columns="repeats")
+    if study.specification.parameters is None:
+        model = replace(study.model, unknown=(0, 1))
+        moved = model.regressor(plan.q, plan.wrench) @ list(TWICE.values())
+        return table.assign(**dict(zip(("dx_mm", "dy_mm", "dz_mm"), MM * moved.T, strict=True)))
+    setting = StudyGeometry.of(study)
+    theta = np.array([TWICE[one.of] for one in setting.model.parameters])
+    torque = setting.loads(plan.q, plan.wrench)
+    x = setting.model.see(theta, plan.q, torque, derivatives=False).points[:, 0]
+    return table.assign(**dict(zip(("Ax_mm", "Ay_mm", "Az_mm"), MM * x.T, strict=True)))
+
+
+@pytest.mark.parametrize("side", [0.0, 10.0])
+@pytest.mark.parametrize("kind", ["springs", "parameters"])
+def test_what_rests_on_a_value_without_a_deviation_is_said_alike(kind: str, side: float) -> None:
+    """Plan, sheet and commands say by how much a joint that is twice as soft breaks the promise."""
+    study = half_known(kind, side)
+    q = np.random.default_rng(0).uniform(-1.5, 1.5, (12, 6))
+    wrench = np.tile([0, side, -300.0, 0, 0, 0], (12, 1))
+    if kind == "parameters":
+        wrench[::2] = 0.0
+    plan = Plan(q, wrench, np.ones(12, dtype=int))
+    sheet = exact_sheet(study, plan)
+    found = edtk.identify(study, sheet)
+    commands = edtk.compensate(study, found)
+    named = [
+        [one.data for one in each if one.kind == "known_unstated"]
+        for each in (edtk.evaluate(study, plan).warnings, found.findings, commands.findings)
+    ]
+    assert [len(one) for one in named] == [1, 1, 1]
+    assert found.verdict == "usable"
+    told = found.k if kind == "parameters" else {"q1": found.study.known[0], **found.k}
+    error = [told[name] - TWICE[name] for name in ("q1", "q2")]
+    broken = np.linalg.norm(study.tasks.with_unknown((0, 1)).target @ error)
+    for (data,) in named:
+        assert data["parameters"] == ("q1",)
+        assert np.sqrt(data["softer"] ** 2 - data["total"] ** 2) == pytest.approx(broken, rel=2e-3)
+    stated = {"unknown": ["q2"], "known_rad_per_Nm": {"q1": {"value": 3e-6, "std": 3e-6}}}
+    kinds = [one.kind for one in edtk.identify(study.replace(joints=stated), sheet).findings]
+    assert "known_unstated" not in kinds
 
 
 @pytest.mark.cell("`[prior]`, which tells what the sheet does not", "parameters")

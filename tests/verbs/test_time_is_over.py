@@ -3,6 +3,7 @@
 import pkgutil
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -95,6 +96,32 @@ def test_after_the_deadline_nothing_is_begun(kind: str, monkeypatch: pytest.Monk
             every |= {name} if left else set()
     expected = set(STEPS) - ({"a refinement"} if kind == "springs" else set())
     assert every == expected
+
+
+@pytest.mark.cell("`relax --budget`", "springs", "parameters")
+@pytest.mark.parametrize("kind", ["springs", "parameters"])
+def test_weights_within_a_budget_have_a_bound_and_say_so(
+    kind: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """No design is better than the bound wherever the time ends, and more time cuts off less."""
+    ended = []
+    with short_search():
+        best = edtk.relax(STUDIES[kind], "D", continuous=True)
+        for budget in (1, 100, 1000, 1e9):
+            with monkeypatch.context() as patch:
+                patch.setattr(time_limit, "monotonic", Clock())
+                written = {"out": tmp_path / "weights.csv", "certificate": tmp_path / "proof.json"}
+                found = edtk.relax(
+                    STUDIES[kind], "D", continuous=True, budget=budget, workers=1, **written
+                )
+            assert found.proved_bound.cost <= found.cost * (1 + 1e-9)
+            assert found.proved_bound.cost <= best.cost * (1 + 1e-9)
+            assert found.to_dict().get("ended", "proved") == found.ended
+            assert edtk.verify(written["certificate"]).valid
+            ended.append(found.ended)
+    assert ended == sorted(ended)
+    assert (ended[0], ended[-1]) == ("budget", "proved")
+    assert found.weights == pytest.approx(best.weights)
 
 
 @pytest.mark.parametrize("when", LATE)

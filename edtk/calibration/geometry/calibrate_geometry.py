@@ -110,10 +110,10 @@ def calibrate_geometry(
     left = None if pieces is None else pieces.in_tasks(setting, fit.fitted)
     if pieces is not None and left is not None:
         findings += left.findings(pieces.shares, pieces.counts)
-    return GeometricCalibration(
+    found = GeometricCalibration(
         setting=setting,
         fit=fit,
-        findings=_that_count(findings, where, how.as_is),
+        findings=(),
         path=where,
         counting=sound.counting,
         left_out=tuple(gross.visits),
@@ -121,6 +121,8 @@ def calibrate_geometry(
         origin=Origin.of(path),
         pieces=pieces,
     )
+    findings += found.rests_on_known
+    return replace(found, findings=_that_count(findings, where, how.as_is))
 
 
 def _as_read(study: Study, path: Table, where: Path, as_is: bool) -> MarkerPositions:

@@ -16,12 +16,14 @@ from edtk.calibration.prediction import Prediction, beyond_limits
 from edtk.calibration.tasks_in_use import ToolInUse
 from edtk.findings.geometry.counting import Counting
 from edtk.findings.geometry.turn_reading import EXPECTED, turn_reading
+from edtk.findings.prior import unstated
 from edtk.findings.units import like_radians
 from edtk.fit.distributions import NormalMixture
 from edtk.fit.geometry.fitted_geometry import FittedGeometry, Loads, Predicted
 from edtk.fit.geometry.marker_positions import MarkerPositions, read_positions
 from edtk.fit.sheet import VECTOR
 from edtk.measure.equilibrium import NoEquilibriumError, why_no_rest
+from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.measured_model import Seen
 from edtk.measure.parameters import TURNS, Parameter
 from edtk.measure.pose_table import (
@@ -38,7 +40,7 @@ from edtk.robots.robot import Robot
 from edtk.robots.rotations import rotation_vectors
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry, StudyLoads
-from edtk.study.study_model import marker_names
+from edtk.study.study_model import KNOWN, marker_names
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.typing import Array, Indices, Mask
 
@@ -376,8 +378,28 @@ class GeometryWithTool(Commanded):
             rotation=rotation,
             rows=rows,
             left=left,
+            by_joints=self._by_known(at, wrench),
             rotation_before=None if rotation is None else goal.angle(before),
             rotation_left=None if rotation is None else angle,
+        )
+
+    def _by_known(self, q: Array, wrench: Array) -> tuple[tuple[AssumedJoint, Array], ...]:
+        """Known compliances whose deviation nobody stated, and what goes with their errors."""
+        study = self.calibrated.study
+        given = unstated(study)
+        errors = self.fitted.going_with(given)
+        if not errors:
+            return ()
+        J = self.fitted.columns(q, wrench, self.loads)
+        rows = np.arange(J.shape[1]) % self.fitted.model.row_count < POSITION
+        J = J[:, rows] / (MM * np.sqrt(len(self.fitted.model.markers)))
+        index = study.robot.joint_names.index
+        return tuple(
+            (
+                AssumedJoint(name, index(name), given[name].value, std, KNOWN),
+                np.linalg.norm(J @ error, axis=-1),
+            )
+            for name, (std, error) in errors.items()
         )
 
     def _seen(self, q: Array, wrench: Array) -> Seen:

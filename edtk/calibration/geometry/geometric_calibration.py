@@ -16,6 +16,7 @@ from edtk.calibration.posterior_check import PosteriorCheck, compared_with_fit, 
 from edtk.design.plan import Plan
 from edtk.findings.finding import Finding, Severity
 from edtk.findings.geometry.counting import Counting
+from edtk.findings.prior import unstated, unstated_findings
 from edtk.fit.distributions import task_accuracy
 from edtk.fit.geometry.fitted_geometry import FittedGeometry, GeometricFit, root_mean_square
 from edtk.fit.geometry.geometry_posterior import (
@@ -404,6 +405,18 @@ class GeometricCalibration(Judged):
         if not self.in_tasks:
             return None
         return MM * float(compensation_accuracy(self.in_tasks.target, self.covariance))
+
+    @property
+    def rests_on_known(self) -> tuple[Finding, ...]:
+        """Known compliances on which rho0 rests, and whose deviation nobody stated."""
+        if self.rho0_mm is None:
+            return ()
+        target = self.in_tasks.target
+        errors = {
+            name: (std, float(np.linalg.norm(target @ error)))
+            for name, (std, error) in self.fit.fitted.going_with(unstated(self.study)).items()
+        }
+        return tuple(unstated_findings(self.study, errors, self.rho0_mm / MM))
 
     @cached_property
     def tasks(self) -> TaskAccuracy | None:

@@ -480,10 +480,12 @@ class GeometryDesigns(CalibratedDesigns):
         expected: ExpectedError | None,
         criterion: criteria.Criterion | None = None,
     ) -> tuple[Finding, ...]:
-        """Whether a plan is poor around the test poses, or no better than base and tool alone."""
-        few = poor_left_out(self.question, plan)
+        """Whether a plan is poor around the test poses, beside base and tool, or assumes much."""
+        found = (*poor_left_out(self.question, plan), *self.rests_on_known(plan))
         asked = criterion or criteria.get(self.study.main_criterion)
-        return few if expected is None or not asked.needs_target else (*few, *poor_around(expected))
+        if expected is None or not asked.needs_target:
+            return found
+        return (*found, *poor_around(expected))
 
     def evaluate(self, plan: Plan) -> GeometryEvaluation:
         """Score a plan of visits under every criterion that the study can evaluate.

@@ -32,12 +32,13 @@ from edtk.design.relaxation.relax_poses import (
     relax_poses,
 )
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
-from edtk.system.time_limit import out_of_time, time_limit
+from edtk.system.time_limit import out_of_time, time_left, time_limit
 from edtk.system.typing import Array
 
 # Of the gap that is asked for: what the search over all poses may leave, and what boxes may take.
 SEARCHED = 0.2
 COVERED = 0.95
+UNTIL_COVERED = 0.5  # of the time that is left: the search before boxes
 TURNS = 8  # designs that are made anew, at most
 BISECTIONS = 30
 # A pose is new to a design where it is more sensitive than all known ones by this part of the gap.
@@ -145,7 +146,8 @@ def _prove_poses(
     known: Array | None = None
     is_last = False
     for turn in range(TURNS):
-        plan = relax_poses(source, n, relaxable, True, sharp, known)
+        with time_limit(UNTIL_COVERED * time_left()):
+            plan = relax_poses(source, n, relaxable, True, sharp, known)
         earlier = () if best is None else best.coverings
         is_last = is_last or turn == TURNS - 1
         attempt = _Attempt(plan, polynomials, accuracy, is_last, options.progress)

@@ -265,11 +265,11 @@ class VisitSearch:
         """What a method of this search makes of plans (b, ...), side by side on several workers."""
         is_long = self.workers.remote or sum(self.relaxed.seconds.values()) >= LONG
         if self.workers.size == 1 or not is_long:
-            return _improved(self, np.inf, method, *plans, **options)
+            return _improved(self, method, *plans, **options)
         # What is seen here goes to no other process.
         alone = replace(self, progress=_unseen, workers=THIS_PROCESS)
         pieces = [
-            partial(_improved, alone, time_left(), method, *(one[[i]] for one in plans), **options)
+            partial(_improved, alone, method, *(one[[i]] for one in plans), **options)
             for i in range(len(plans[0]))
         ]
         answers = sorted(self.workers.run(pieces), key=lambda done: done[0])
@@ -318,12 +318,9 @@ class VisitSearch:
         return FoundPlan(x, repeats.astype(int), cost, starts, found, optima, ended)
 
 
-def _improved(
-    search: VisitSearch, seconds: float, method: str, *plans: Any, **options: Any
-) -> tuple[Array, ...]:
+def _improved(search: VisitSearch, method: str, *plans: Any, **options: Any) -> tuple[Array, ...]:
     """What a method of a search makes of plans, as a piece of work for any process."""
-    with time_limit(seconds):
-        return tuple(getattr(search, method)(*plans, **options))
+    return tuple(getattr(search, method)(*plans, **options))
 
 
 def _unseen(label: str, cost: float) -> None:

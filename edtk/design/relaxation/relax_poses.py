@@ -20,6 +20,7 @@ from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.design.relaxation.restricted_master import SolverOptions
 from edtk.design.relaxation.search_continuum import (
     LargestSensitivities,
+    PassCutOffError,
     fresh_poses,
     most_sensitive,
     search_continuum,
@@ -45,6 +46,8 @@ FEW = 200  # poses that one program weighs as quickly as several programs would,
 MERGING = ((0.1, 1e-3), (0.03, 1e-3), (0.01, 1e-4), (0.001, 1e-5), (0.0, 1e-5))
 ROUNDS = 40  # passes over the candidates, or searches over all poses, at most
 NEAR_OPTIMAL = 100  # candidates per multiplier that stay beside the support when others are dropped
+# Of the time, at most: a bound on many candidates that no time is left to weigh is worth little.
+SHARE_OF_DRAWING = 0.25
 SHARE_WITHOUT_CELL = 0.5  # of the time for a bound, at most: the rest is for that with the cell
 SHARE_OF_BOUND = 0.5  # of the time for a plan, at most, that its bound may take
 MERGING_SHARE = 0.5  # of the tolerance, which merging support points may spend
@@ -390,6 +393,8 @@ def _relax_poses(
     run = _Run(source, n, relaxable, options, BestPlan(source, relaxable))
     try:
         run.all_stages(min(n, fit), continuous, known)
+    except PassCutOffError:
+        pass  # the bound on the candidates of the last whole pass is the best so far
     except KeyboardInterrupt as interrupt:
         if run.best.plan is None:
             raise
@@ -444,9 +449,10 @@ class _Run:
             self.solve_continuum(active, head)
 
     def take(self, n: int) -> Candidates:
-        """Generate the first n candidates, which are held in memory; fewer where time is over."""
+        """Generate the first n candidates, which are held in memory; fewer where time is short."""
         self.options.progress("candidates", 1.0)
-        head = self.source.take(n, in_time=True)
+        with time_limit(SHARE_OF_DRAWING * time_left()):
+            head = self.source.take(n, in_time=True)
         self.best.spend("candidates")
         return head
 

@@ -37,8 +37,8 @@ class RelaxedPlan(RelaxedDesign):
         searched_sensitivities: The largest sensitivities that were found in any pose, and where;
             None without a search.
         seconds: Time that each stage took [s].
-        ended: Why the proof of a bound over all poses ended: "proved", also where nobody asked for
-            one, "budget" or "interrupted".
+        ended: Why the search, or the proof of a bound over all poses, ended: "proved", also where
+            nobody asked for one, "budget" or "interrupted".
         without_cell: The same over all poses, whether they are free or not, where there is a cell:
             its bound holds with the cell, too, and is what a certificate proves.
     """
@@ -226,6 +226,7 @@ class RelaxedPlan(RelaxedDesign):
             "solver": self.solver,
             "iterations": self.iterations,
             "seconds": self.seconds,
+            **({} if self.ended == "proved" else {"ended": self.ended}),
             **self._without_cell(),
             "exact": self._exact(),
         }

@@ -1,6 +1,7 @@
 """The search over all poses for the largest sensitivities: where a design should measure next."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,13 +16,14 @@ from edtk.design.interior_point.descend import descend
 from edtk.design.interior_point.held import with_fewer
 from edtk.design.interior_point.objective import Local, Neighbourhood, Objective
 from edtk.design.relaxation.proof import is_normalised, normalised
+from edtk.system.time_limit import out_of_time, time_left
 from edtk.system.typing import Array, Indices
 from edtk.system.workers import THIS_PROCESS, Workers
 
 ASCENT_STEPS = 200
 BARRIER = 0.1  # larger than for plans: one experiment is worth more than each of many
 # Chunks of samples that a worker looks at before it answers, which takes about a second, and how
-# many such stretches a worker is given before what they found is joined.
+# many such stretches a worker is given before what they found is joined: one where time is limited.
 STRETCH = 128
 AHEAD = 8
 FULL = 4  # times the number to keep: a choice among so many costs less than holding them
@@ -192,6 +194,10 @@ class LargestSensitivities:
         return cls(np.array(data["values"]), np.array(data["x"]))
 
 
+class PassCutOffError(Exception):
+    """The time ended a pass over candidates: the largest sensitivity is not known."""
+
+
 def sweep_candidates(
     source: CandidateSource,
     n: int,
@@ -212,13 +218,29 @@ def sweep_candidates(
 
     Returns:
         The largest sensitivities of all n candidates, and the candidates that are kept.
+
+    Raises:
+        PassCutOffError: The time is over (`time_limit`).
     """
     sweep = Sweep(source, criterion, multipliers, keep)
     parts = source.chunks(n) if workers.size == 1 else sweep.of_workers(n, workers)
-    _, kept = sweep.most_sensitive(parts)
+    with closing(parts):
+        _, kept = sweep.most_sensitive(_in_time(parts))
     assert kept is not None
     # The most sensitive of all are among those that are kept.
     return LargestSensitivities.over(kept, criterion, multipliers), kept
+
+
+def _in_time(parts: Iterable[Candidates]) -> Iterator[Candidates]:
+    """The parts, as long as there is time.
+
+    Raises:
+        PassCutOffError: There is none.
+    """
+    for part in parts:
+        if out_of_time():
+            raise PassCutOffError
+        yield part
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,17 +273,18 @@ class Sweep:
         """Sensitivities (r, k) of candidates."""
         return normalised(candidates.problem, self.criterion).sensitivities(self.multipliers)
 
-    def of_workers(self, n: int, workers: Workers) -> Iterator[Candidates]:
+    def of_workers(self, n: int, workers: Workers) -> Generator[Candidates, None, None]:
         """The most sensitive of each stretch of the first n candidates, in their order.
 
         How many a stretch has is known only afterwards: the last one is cut to what is missing.
         """
         left = n
         first = done = found = 0
+        ahead = AHEAD if np.isinf(time_left()) else 1
         while left > 0:
             # Nothing is known of the first stretches; what others hold is much alike.
             wanted = workers.size if not found else -(-left * done // found)
-            number = min(max(1, wanted), AHEAD * workers.size)
+            number = min(max(1, wanted), ahead * workers.size)
             pieces = [Stretch(self, first + STRETCH * i, left) for i in range(number)]
             answers = sorted(workers.run(pieces), key=lambda one: one[0])
             for piece, (_, (count, kept)) in zip(pieces, answers, strict=True):

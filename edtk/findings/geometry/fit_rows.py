@@ -1,6 +1,6 @@
 """Residuals and columns of the positions of a fit, and what grew or drifted over a day."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -18,9 +18,8 @@ from edtk.measure.measured_model import Seen
 from edtk.measure.parameters import Parameter, all_parameters
 from edtk.measure.position_noise import PositionNoise
 from edtk.measure.whitening import Scatter, of_rows
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array
 
-ORDERS = 400  # of the poses, that show less than that of the day
 RATES = (0.0, 3.0, 8.0)  # of settling in a day: a steady drift, and warming up
 FEWEST_OF_TREND = 8  # poses
 UNLIKELY_SCALE = 1e-4
@@ -264,22 +263,6 @@ def lowered(gradient: Array, square: Array, along: Array) -> tuple[Array, Array]
     inner_inverse = np.linalg.pinv(inner, rcond=1e-8, hermitian=True)
     values = (inner_inverse @ gradient[..., None])[..., 0]
     return values, (gradient * values).sum(axis=1)
-
-
-def beats_other_orders(shown: Callable[[Indices], float], poses: int) -> bool:
-    """Whether the poses of a day show more in its order than in any of many others.
-
-    What a robot's errors leave is not quite the noise that was fitted, so that a probability by
-    Fisher's distribution may be too small. A day on which nothing happened has no order: one of
-    so many orders shows most, each as likely (a permutation test, Fisher 1935).
-
-    Args:
-        shown: What an order (m,) of the poses shows.
-        poses: Number m.
-    """
-    rng = np.random.default_rng(0)
-    own = shown(np.arange(poses))
-    return all(shown(rng.permutation(poses)) < own for _ in range(ORDERS))
 
 
 @dataclass(frozen=True, eq=False)

@@ -107,7 +107,9 @@ class LikePoses:
         kinds = np.stack([self.reading, self.model, *self.alike])
         of_left = (Q.T @ kinds @ Q).reshape(len(kinds), -1)
         left = Q.T @ np.concatenate([C, self.z[:, None]], axis=1)
-        sizes = [(1.0, f, a * self.unit, b * self.unit) for f, a, b in product(OWN, SIZES, SIZES)]
+        # Where a fit has left no errors to poses of their own, all shares of them are the same.
+        own = OWN if self.model.any() else OWN[:1]
+        sizes = [(1.0, f, a * self.unit, b * self.unit) for f, a, b in product(own, SIZES, SIZES)]
         squares = np.empty((len(sizes), left.shape[1], left.shape[1]))
         logs = np.empty(len(sizes))
         for i, weights in enumerate(np.square(sizes)):

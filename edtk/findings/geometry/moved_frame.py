@@ -10,7 +10,6 @@ from edtk.findings.causes.faults import FAULTS, USUAL_MOVE
 from edtk.findings.geometry.fit_rows import (
     FitRows,
     SizedColumns,
-    beats_other_orders,
     log_chance,
     lowered,
 )
@@ -76,7 +75,8 @@ def moved_frame(rows: FitRows) -> MovedFrame | None:
 
     Residuals are weighted by the noise that was fitted, and equally: a motion is part of what was
     fitted as noise, which may hide it. So the noise is fitted anew beside the motion that lowers
-    the squares most, too, and then tells smaller ones.
+    the squares most, too, and then tells smaller ones. Whether errors that like poses share explain
+    it `LikePoses` says.
 
     Args:
         rows: Of a sheet whose poses are in the order in which they were measured.
@@ -84,8 +84,7 @@ def moved_frame(rows: FitRows) -> MovedFrame | None:
     day = _Day(rows, rows.frame)
     found = [*(_best(day, white) for white in (False, True)), _beside_noise(day)]
     told = [one for one in found if one is not None]
-    most = max(told, key=lambda one: one.explained, default=None)
-    return most if most is not None and _is_of_this_order(day, most.end == len(day)) else None
+    return max(told, key=lambda one: one.explained, default=None)
 
 
 def _best(day: "_Day", white: bool) -> MovedFrame | None:
@@ -128,15 +127,6 @@ def _beside_noise(day: "_Day") -> MovedFrame | None:
     if _probability(fall, total, independent) * m > RARE or fall < FRAME_EXPLAINS[False] * total:
         return None
     return day.moved_between(s, m, after.motion(s, m), fall / total)
-
-
-def _is_of_this_order(day: "_Day", to_the_end: bool) -> bool:
-    """Whether a motion, to the end of the day or taken back, shows in this order of poses alone."""
-    m = len(day)
-    steps = np.unique(np.linspace(FEWEST_IN_FRAME, m - FEWEST_IN_FRAME, BREAKS).astype(int))
-    pairs = [(s, m) for s in steps.tolist()] if to_the_end else _pairs(m)
-    sums = day.sums(day.rows.noise)
-    return beats_other_orders(lambda order: sums.in_order(order).best(pairs)[0], m)
 
 
 def _pairs(m: int) -> list[tuple[int, int]]:
@@ -198,19 +188,6 @@ class _Sums:
         gradient = self.gradient[t] - self.gradient[s]
         square = self.square[t] - self.square[s]
         return lowered(gradient, square, self.along[t] - self.along[s])
-
-    def in_order(self, order: Indices) -> "_Sums":
-        """Those of the same poses in another order (m,)."""
-
-        def again(sums: Array) -> Array:
-            return _before(np.diff(sums, axis=0)[order])
-
-        return replace(
-            self,
-            gradient=again(self.gradient),
-            square=again(self.square),
-            along=again(self.along),
-        )
 
     def motion(self, s: int, t: int) -> Array:
         """The motion (6,) from pose s to pose t that lowers the squares most."""

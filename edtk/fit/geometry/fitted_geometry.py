@@ -1,5 +1,6 @@
 """Geometry and springs that were identified, what they predict, and their residuals."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
@@ -148,6 +149,27 @@ class FittedGeometry:
     def compliances(self) -> Array:
         """Compliances (n,) of all free joints [rad/(N m)]; zero where they are not parameters."""
         return self.model.compliances(self.theta)
+
+    def going_with(self, names: Iterable[str]) -> dict[str, tuple[float, Array]]:
+        """Errors of all parameters that go with one of a joint's compliance.
+
+        Of normal errors with the covariance C those that are expected beside one of ``sqrt(C_jj)``
+        of the j-th are ``C e_j / sqrt(C_jj)``.
+
+        Args:
+            names: Some joints; those whose compliance is no parameter, or exact, are left out.
+
+        Returns:
+            By joint, the standard deviation of its compliance [rad/(N m)], and the errors (p,) in
+            the parameters' units.
+        """
+        every = self.model.parameters
+        row = {one.of: j for j, one in enumerate(every) if one.place == "compliance"}
+        told = [(name, row[name]) for name in names if name in row and self.std[row[name]]]
+        return {
+            name: (float(self.std[j] * every[j].scale), self.covariance[:, j] / self.std[j])
+            for name, j in told
+        }
 
     @cached_property
     def bending(self) -> Bending:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from itertools import count
 
 import numpy as np
 import pytest
@@ -345,6 +346,23 @@ def test_beyond_memory_and_the_candidates(little_memory):
     assert little_memory[0] == capacity(3, 6, 0.03) < 300
     assert_sound(plan)
     assert_certified(plan)
+
+
+def test_a_pass_that_is_cut_off_proves_nothing(little_memory, monkeypatch):
+    """The bound is then on the candidates of the last whole pass, or on those in memory."""
+    source = CandidateSource(TWO, 3)
+    held = capacity(3, 6, 0.03)
+    options = RelaxOptions(memory_mb=0.03)
+    proved = set()
+    for looks in (1, 20, 25, 30, 35, 40, 1000):
+        clock = count()
+        with monkeypatch.context() as patch:
+            patch.setattr("edtk.system.time_limit.monotonic", lambda clock=clock: next(clock))
+            with time_limit(looks):
+                found = relax_poses(source, 5000, create("D"), options=options)
+        proved.add(found.candidates)
+        assert_certified(found)
+    assert proved == {held, 5000}
 
 
 def test_memory_limit():

@@ -8,7 +8,6 @@ import pytest
 from geometry_sheets import OFFSETS, PLACE, STUDY, Array, by_pose
 
 import edtk
-from edtk.findings.geometry.fit_rows import beats_other_orders
 from edtk.study.study_geometry import StudyGeometry
 
 POSES = 36
@@ -77,16 +76,3 @@ def test_a_step_and_a_sound_day_are_no_trend(seed: int, tmp_path: Path) -> None:
     assert not {"drift", "growth"} & set(stepped)
     sound = kinds_of(tmp_path, seed, 0 * TIME, 0 * TIME)
     assert not {"frame_moved", "drift", "growth", "untold_load"} & set(sound)
-
-
-def test_an_order_without_meaning_beats_others_by_chance_alone() -> None:
-    """Of 400 days one in 401 does, whatever errors they have; a trend does always."""
-    rng = np.random.default_rng(0)
-    times = TIME - TIME.mean()
-
-    def beats(errors: Array) -> bool:
-        return beats_other_orders(lambda order: abs(float(times @ errors[order])), POSES)
-
-    days = rng.standard_cauchy((400, POSES))
-    assert sum(map(beats, days)) <= 6  # of more the chance is below one in ten thousand
-    assert all(beats(rng.normal(0, 0.2, POSES) + TIME) for _ in range(20))
