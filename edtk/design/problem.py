@@ -322,16 +322,16 @@ class Problem(WeightedCandidates):
             67   0.67     0.5
             400  4.00     0.5
         """
-        from edtk.design.of_model import problem_of_model  # it makes objects of this class
+        from edtk.design.of_model import of_model  # it makes objects of this class
+        from edtk.design.sites import CandidateSites  # likewise
 
-        return problem_of_model(
+        return of_model(
+            CandidateSites.of(candidates, variables),
             f,
             theta,
-            candidates,
             robust,
             weights,
             prior,
-            variables,
             family=family,
             link=link,
             sigma=sigma,
@@ -391,15 +391,15 @@ class Problem(WeightedCandidates):
             >>> round(design.worst.value, 4)
             0.25
         """
-        from edtk.design.of_model import problem_of_rivals  # it makes objects of this class
+        from edtk.design.of_model import of_rivals  # it makes objects of this class
+        from edtk.design.sites import CandidateSites  # likewise
 
-        return problem_of_rivals(
+        return of_rivals(
+            CandidateSites.of(candidates, variables),
             f,
             theta,
             rival,
             rival_theta,
-            candidates,
-            variables,
             parameters,
             family=family,
             link=link,
