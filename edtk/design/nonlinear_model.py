@@ -267,7 +267,7 @@ def _log_deviation(
     Raises:
         ArgumentError: It is not positive, or has no derivative.
     """
-    value = as_called(sigma, theta, x, "sigma")
+    value = as_called(sigma, theta, x, "sigma", variables)
     values = value(x, theta)
     lost = np.flatnonzero(~(np.isfinite(values) & (np.real(values) > 0)).all(axis=1))
     if len(lost):

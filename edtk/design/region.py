@@ -60,8 +60,11 @@ class UserFunction:
                     raise TypeError("values are complex; expected real ones")
                 # What runs on polynomials has them as its values, see `expand`.
                 values = values.astype(x.dtype)
-        except (TypeError, ValueError, IndexError) as error:
-            message = f"fails for points of shape {x.shape}: {error}"
+        except ArgumentError:  # of a model, which says where
+            raise
+        except Exception as error:  # a user's function may raise anything
+            why = str(error) or type(error).__name__
+            message = f"fails for points of shape {x.shape}: {why}"
             raise ArgumentError(message, argument=self.name) from error
         if values.shape[:1] != (len(x),) or (shape is not None and values.shape[1:] != shape):
             expected = "one entry a point" if shape is None else f"{(len(x), *shape)}"
@@ -95,8 +98,9 @@ class UserEnclosure:
         try:
             least, most = self.function(low.copy(), high.copy())
             ends = np.stack([np.asarray(least, dtype=float), np.asarray(most, dtype=float)])
-        except (TypeError, ValueError, IndexError) as error:
-            message = f"fails for boxes of shape {low.shape}: {error}"
+        except Exception as error:  # likewise
+            why = str(error) or type(error).__name__
+            message = f"fails for boxes of shape {low.shape}: {why}"
             raise ArgumentError(message, argument="enclosure") from error
         expected = (2, len(low), *self.shape)
         if ends.shape != expected:

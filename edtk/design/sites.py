@@ -77,9 +77,12 @@ class CandidateSites(Sites[Problem]):
         except (TypeError, ValueError, OverflowError) as error:
             raise ArgumentError("expected numbers", argument="candidates") from error
         points = points[:, None] if points.ndim == 1 else points
-        if points.ndim != 2 or 0 in points.shape or not np.isfinite(points).all():
-            message = f"expected finite points (n, d) or (n,), not of shape {points.shape}"
+        if points.ndim != 2 or 0 in points.shape:
+            message = f"expected points (n, d) or (n,), not of shape {points.shape}"
             raise ArgumentError(message, argument="candidates")
+        lost = np.flatnonzero(~np.isfinite(points).all(axis=1))
+        if len(lost):
+            raise ArgumentError(f"point {lost[0]} is not finite", argument="candidates")
         return cls(points, _told(names, variables))
 
     @property
