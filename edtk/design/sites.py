@@ -167,7 +167,7 @@ class BoxSites(Sites[Region]):
         one = several_models([model.problem(self.trial[:1]) for model in models])
 
         def rows(x: Any) -> Array:
-            return side_by_side([model.functions[0].function(x) for model in models])
+            return side_by_side([np.asarray(one.functions[0].function(x)) for one in models])
 
         return self.alone(rows, one.parameters, one.prior)
 

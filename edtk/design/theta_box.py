@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any, Generic
+from typing import Any, Generic, cast
 
 import numpy as np
 from scipy.ndimage import minimum_filter
@@ -126,7 +126,8 @@ class ThetaBox(ABC, Generic[Made]):
 
     def among(self, x: Array) -> "ThetaBox[Problem]":
         """The same ranges for candidates x (n, d)."""
-        return replace(self, sites=CandidateSites(x, self.sites.variables), _models={})
+        same = cast("ThetaBox[Any]", self)
+        return replace(same, sites=CandidateSites(x, self.sites.variables), _models={})
 
     def model(self, theta: Array) -> Made:
         """The problem or the region of one theta alone, once."""
@@ -205,13 +206,14 @@ class ThetaBox(ABC, Generic[Made]):
             optimum: Finds the best weights for one model alone.
             known: Theta where the search begins, too.
         """
+
+        def values(parts: Array) -> Array:
+            return np.array([self.value(self.at(u), design, own, optimum) for u in parts])
+
         begun = self._parts(known)
-        tried, listed = (
-            np.array([self.value(self.at(u), design, own, optimum) for u in each])
-            for each in (self.tried, begun)
-        )
-        starts = [begun[np.argmin(listed)], *self.tried[self.lowest(tried)]]
-        ends = [self.descend(u, design, own, optimum) for u in starts]
+        lowest: Array = self.tried[self.lowest(values(self.tried))]
+        starts: list[Array] = [begun[np.argmin(values(begun))], *lowest]
+        ends: list[Array] = [self.descend(u, design, own, optimum) for u in starts]
         thetas = [self.at(u) for u in [*ends, *starts]]
         found = [self.value(theta, design, own, optimum) for theta in thetas]
         i = int(np.argmin(found))

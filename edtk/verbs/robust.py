@@ -23,10 +23,10 @@ from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
 from edtk.verbs.inputs import CriterionLike
 
-Design = TypeVar("Design", Relaxation, ProblemPlan, RelaxedRegion, RegionPlan)
+Design = TypeVar("Design", bound=Relaxation | ProblemPlan | RelaxedRegion | RegionPlan)
 
 ROUNDS = 60  # designs at most: five are the rule, of rivals some twenty
-ENOUGH = 1e-5  # part by which the worst theta may be worse than those of the list
+ENOUGH = 5e-7  # part by which the worst theta may be worse than those of the list
 # Besides at each design, the worst theta is looked for near the best one: designs of short lists
 # swing to and fro (Ben-Ameur and Neto, Networks 49, 2007). It halves their number.
 NEAR = 0.3
@@ -177,7 +177,9 @@ def _of_grid(region: Region, asked: CriterionLike) -> list[Array]:
     return [*thetas[parts > PART * parts.max()]]
 
 
-def best_weights(model: Problem | Region, criterion: criteria.Criterion) -> RelaxedDesign:
+def best_weights(
+    model: Problem | Region, criterion: criteria.Criterion
+) -> Relaxation | RelaxedRegion:
     """The best weights for one model alone."""
     if isinstance(model, Problem):
         return relax(model, criterion)
