@@ -192,6 +192,40 @@ def test_weights_are_at_least_as_good_as_those_of_algdesign(candidates, points, 
     assert found.value >= np.linalg.det(M) ** (1 / 3) * (1 - TOLERANCE)
 
 
+@pytest.mark.parametrize(
+    ("errors", "theirs"),
+    [
+        (None, 9.361714707695096),
+        (edtk.Errors.split_plot("A", 5, variance=0.1), 8.432135863585366),
+    ],
+    ids=["independent runs", "five whole plots"],
+)
+def test_plans_are_at_least_as_good_as_those_of_pyoptex(errors, theirs):
+    """Its quickstart: a factor of three names, two numbers, 20 runs; its reference metric."""
+    runs = edtk.candidates.full_factorial(
+        {"A": ["L1", "L2", "L3"], "B": [-1, 0, 1], "D": [-1, 0, 1]}
+    )
+    model = "C(A, contr.sum) * (B + D) + B:D + I(B**2) + I(D**2)"
+    problem = edtk.Problem.from_frame(runs, model)
+    plan = edtk.plan(problem, size=20, errors=errors, starts=32)
+    assert plan.value >= theirs * (1 - TOLERANCE)
+    assert plan.bound >= theirs
+
+
+def test_a_mixture_of_bofire_lies_on_its_vertices():
+    """Twelve runs of a linear model within two constraints, as its own test has them."""
+    within = [({"x1": 5, "x2": 4}, None, 3.9), ({"x1": -20, "x2": 5}, None, -3)]
+    ranges = {"x1": (0, 1), "x2": (0.1, 1), "x3": (0, 0.6)}
+    shares = edtk.candidates.extreme_vertices(ranges, within, centroids=1)
+    problem = edtk.Problem.from_frame(shares, "0 + x1 + x2 + x3")
+    plan = edtk.plan(problem, size=12)
+    theirs = np.array([[0.2, 0.2, 0.6], [0.3, 0.6, 0.1], [0.7, 0.1, 0.2], [0.3, 0.1, 0.6]])
+    made = shares.to_numpy()[plan.counts > 0]
+    assert np.abs(made[:, None] - theirs).max(axis=2).min(axis=1).max() < 1e-9
+    M = theirs[:3].T @ theirs[:3] * 4  # four runs at each of the first three
+    assert plan.value >= np.linalg.det(M) ** (1 / 3) * (1 - TOLERANCE)
+
+
 TWO_ENZYMES = ("Vmax * x1 * x2 / ((K1 + x1) * (K2 + x2))", {"Vmax": 1, "K1": 1, "K2": 1})
 TWO_DOSES = {"x1": (0.1, 10), "x2": (0.1, 10)}
 VAPOUR = ("a * exp(-b / x)", {"a": 1, "b": 1500}, {"x": (212, 422)})
