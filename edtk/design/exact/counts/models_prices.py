@@ -29,13 +29,13 @@ class ModelScatter(Scatter):
     models: Models
 
     def __init__(self, rows: Array | Sequence[Array], limits: Limits, models: Models) -> None:
-        is_one = isinstance(rows, np.ndarray)
-        object.__setattr__(self, "each", _split(rows, models) if is_one else tuple(rows))
+        each = _split(rows, models) if isinstance(rows, np.ndarray) else tuple(rows)
+        object.__setattr__(self, "each", each)
         object.__setattr__(self, "limits", limits)
         object.__setattr__(self, "models", models)
 
     @cached_property
-    def rows(self) -> Array:  # type: ignore[override]
+    def rows(self) -> Array:
         """The rows (n, r, p) about all models, most of them zeros."""
         return side_by_side(self.each)
 
