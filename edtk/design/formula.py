@@ -87,7 +87,7 @@ class Formula:
 
     def __call__(self, x: Array, theta: Array) -> Array:
         """Values (n,) at points x (n, d) for parameters theta (p,)."""
-        return np.broadcast_to(self._followed(x, theta).value, x.shape[:1])
+        return np.broadcast_to(self._followed(x, theta, ()).value, x.shape[:1])
 
     def gradient(self, x: Array, theta: Array) -> list[Any]:
         """Derivatives by each parameter, (n,) each, at points x (n, d).
@@ -95,16 +95,16 @@ class Formula:
         They are exact: those of sums, products, powers and functions are put together as the
         formula is. Points may be whatever has arithmetic, such as polynomials or intervals.
         """
-        slopes = self._followed(x, theta).slopes
+        slopes = self._followed(x, theta, self.parameters).slopes
         zero = 0.0 * x[:, 0]
         return [zero + slopes[name] if name in slopes else zero for name in self.parameters]
 
-    def _followed(self, x: Array, theta: Array) -> "_Dual":
-        """The value with its derivatives by the parameters."""
+    def _followed(self, x: Array, theta: Array, by: Sequence[str]) -> "_Dual":
+        """The value with its derivatives by some of the parameters."""
         known = {name: _Dual(value, {}) for name, value in CONSTANTS.items()}
         known |= {name: _Dual(x[:, i], {}) for i, name in enumerate(self.variables)}
         known |= {
-            name: _Dual(value, {name: 1.0})
+            name: _Dual(value, {name: 1.0} if name in by else {})
             for name, value in zip(self.parameters, theta, strict=True)
         }
         # Values that are not finite are told by their points, and not as warnings.

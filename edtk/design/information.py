@@ -671,11 +671,12 @@ def side_by_side(blocks: Sequence[Array]) -> Array:
     """Rows (n, rows_1 + .. + rows_k, p_1 + .. + p_k) of models with parameters of their own.
 
     Args:
-        blocks: Rows (n, rows_j, p_j) of each model.
+        blocks: Rows (n, rows_j, p_j) of each model, numbers or what has their arithmetic.
     """
     rows = np.cumsum([0, *(A.shape[-2] for A in blocks)])
     columns = np.cumsum([0, *(A.shape[-1] for A in blocks)])
-    found = np.zeros((*blocks[0].shape[:-2], rows[-1], columns[-1]))
+    shape = (*blocks[0].shape[:-2], rows[-1], columns[-1])
+    found = np.zeros(shape, dtype=np.result_type(*blocks))
     for j, A in enumerate(blocks):
         found[..., rows[j] : rows[j + 1], columns[j] : columns[j + 1]] = A
     return found

@@ -70,8 +70,9 @@ class NonlinearModel:
             x: Points (n, d).
             mean: Predictors (n, k) of another model, which is the true one.
         """
-        roots = self.response.deviance_roots(mean, self.predicted(x, self.theta))
-        return np.asarray(roots @ self.whitener.T)
+        own = self.predicted(x, self.theta)
+        plain = self.response.is_plain
+        return (mean - own if plain else self.response.deviance_roots(mean, own)) @ self.whitener.T
 
     @property
     def _is_unit(self) -> bool:
@@ -266,7 +267,7 @@ def _log_deviation(
     Raises:
         ArgumentError: It is not positive, or has no derivative.
     """
-    value = as_called(sigma, theta, x, "sigma")
+    value = as_called(sigma, theta, x, "sigma", variables)
     values = value(x, theta)
     lost = np.flatnonzero(~(np.isfinite(values) & (np.real(values) > 0)).all(axis=1))
     if len(lost):

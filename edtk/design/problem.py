@@ -16,7 +16,7 @@ from edtk.design.conditioning import Conditioning, ConditioningOfModels
 from edtk.design.information import Known, ModelRows, PackedInformation, Rows, nearly_equal
 from edtk.design.weighted_candidates import WeightedCandidates
 from edtk.system.arguments import checked
-from edtk.system.errors import real_numbers
+from edtk.system.errors import UserError, real_numbers
 from edtk.system.typing import Array, Indices, Mask
 
 if TYPE_CHECKING:
@@ -107,22 +107,22 @@ def rows_of_blocks(blocks: ArrayLike, sigma: ArrayLike) -> Rows:
             finite (its candidate is named), or sigma is not positive.
     """
     if isinstance(blocks, np.ndarray) and np.iscomplexobj(blocks):
-        raise ValueError("blocks must be real numbers; give real and imaginary parts as two rows")
+        raise UserError("blocks must be real numbers; give real and imaginary parts as two rows")
     A = real_numbers(blocks, "blocks")
     if A.ndim != 3 or 0 in A.shape:
         hint = "; X[:, None, :] has one row a candidate" if A.ndim == 2 and A.size else ""
-        raise ValueError(
+        raise UserError(
             f"blocks must be a non-empty array (n, rows, p), not of shape {A.shape}{hint}"
         )
     given = real_numbers(sigma, "sigma")
     if given.shape not in ((), (1,), A.shape[1:2]):
-        raise ValueError(
+        raise UserError(
             f"sigma must be one number, or one for each of {A.shape[1]} rows, not of shape "
             f"{given.shape}"
         )
     scale = np.broadcast_to(given, A.shape[1:2])
     if not (np.isfinite(scale) & (scale > 0)).all():
-        raise ValueError("sigma must be finite and positive")
+        raise UserError("sigma must be finite and positive")
     _require_finite(np.asarray(np.isfinite(A).all(axis=(1, 2))))
     # A finite regressor may have a square that is not; it is named below without a warning.
     with np.errstate(over="ignore", invalid="ignore"):
@@ -140,7 +140,7 @@ def packed_information(packed: Array) -> PackedInformation:
     """
     packed = real_numbers(packed, "packed")
     if packed.ndim != 2 or 0 in packed.shape:
-        raise ValueError(
+        raise UserError(
             f"packed information must be a non-empty array (p(p+1)/2, n), not {packed.shape}"
         )
     # A sum is finite only if all its terms are, and needs no mask of the size of the input.
@@ -155,13 +155,13 @@ def require_information(prior: Array | None) -> None:
         ValueError: It is not finite, symmetric and positive semidefinite.
     """
     if prior is not None and not is_information(prior):
-        raise ValueError("the prior must be finite, symmetric and positive semidefinite")
+        raise UserError("the prior must be finite, symmetric and positive semidefinite")
 
 
 def _require_finite(finite: Mask, what: str = "an entry that is not finite") -> None:
     """Name the first candidate that has an entry which is not finite, or has no finite square."""
     if not finite.all():
-        raise ValueError(f"block {np.flatnonzero(~finite)[0]} has {what}")
+        raise UserError(f"block {np.flatnonzero(~finite)[0]} has {what}")
 
 
 class Problem(WeightedCandidates):
@@ -214,7 +214,7 @@ class Problem(WeightedCandidates):
         self.is_exact = True
         named_twice = {name for name in self.parameters if self.parameters.count(name) > 1}
         if named_twice:
-            raise ValueError(f"several parameters have the name {min(named_twice)!r}")
+            raise UserError(f"several parameters have the name {min(named_twice)!r}")
         require_information(self.prior)
 
     @classmethod
@@ -322,16 +322,16 @@ class Problem(WeightedCandidates):
             67   0.67     0.5
             400  4.00     0.5
         """
-        from edtk.design.of_model import problem_of_model  # it makes objects of this class
+        from edtk.design.of_model import of_model  # it makes objects of this class
+        from edtk.design.sites import CandidateSites  # likewise
 
-        return problem_of_model(
+        return of_model(
+            CandidateSites.of(candidates, variables),
             f,
             theta,
-            candidates,
             robust,
             weights,
             prior,
-            variables,
             family=family,
             link=link,
             sigma=sigma,
@@ -391,15 +391,15 @@ class Problem(WeightedCandidates):
             >>> round(design.worst.value, 4)
             0.25
         """
-        from edtk.design.of_model import problem_of_rivals  # it makes objects of this class
+        from edtk.design.of_model import of_rivals  # it makes objects of this class
+        from edtk.design.sites import CandidateSites  # likewise
 
-        return problem_of_rivals(
+        return of_rivals(
+            CandidateSites.of(candidates, variables),
             f,
             theta,
             rival,
             rival_theta,
-            candidates,
-            variables,
             parameters,
             family=family,
             link=link,
@@ -454,13 +454,13 @@ class Problem(WeightedCandidates):
         default = tuple(f"k{i + 1}" for i in range(self.p))
         self.parameters = default if parameters is None else tuple(parameters)
         if len(self.parameters) != self.p:
-            raise ValueError(f"{len(self.parameters)} names for {self.p} parameters")
+            raise UserError(f"{len(self.parameters)} names for {self.p} parameters")
         # None instead of zeros: without a prior nothing is added, and no last digit changes.
         known = prior
         if known is not None and not isinstance(known, Known):
             squares = real_numbers(known, "prior")
             if squares.shape != (self.p, self.p):
-                raise ValueError(f"the prior must be ({self.p}, {self.p}), not {squares.shape}")
+                raise UserError(f"the prior must be ({self.p}, {self.p}), not {squares.shape}")
             known = Known.of(squares)
         self.known = known
         self.prior = None if known is None else known.information

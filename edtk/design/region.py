@@ -1,6 +1,6 @@
 """A region where experiments may lie: a model as a function of its points. It knows no robot."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -60,8 +60,11 @@ class UserFunction:
                     raise TypeError("values are complex; expected real ones")
                 # What runs on polynomials has them as its values, see `expand`.
                 values = values.astype(x.dtype)
-        except (TypeError, ValueError, IndexError) as error:
-            message = f"fails for points of shape {x.shape}: {error}"
+        except ArgumentError:  # of a model, which says where
+            raise
+        except Exception as error:  # a user's function may raise anything
+            why = str(error) or type(error).__name__
+            message = f"fails for points of shape {x.shape}: {why}"
             raise ArgumentError(message, argument=self.name) from error
         if values.shape[:1] != (len(x),) or (shape is not None and values.shape[1:] != shape):
             expected = "one entry a point" if shape is None else f"{(len(x), *shape)}"
@@ -95,8 +98,9 @@ class UserEnclosure:
         try:
             least, most = self.function(low.copy(), high.copy())
             ends = np.stack([np.asarray(least, dtype=float), np.asarray(most, dtype=float)])
-        except (TypeError, ValueError, IndexError) as error:
-            message = f"fails for boxes of shape {low.shape}: {error}"
+        except Exception as error:  # likewise
+            why = str(error) or type(error).__name__
+            message = f"fails for boxes of shape {low.shape}: {why}"
             raise ArgumentError(message, argument="enclosure") from error
         expected = (2, len(low), *self.shape)
         if ends.shape != expected:
@@ -405,23 +409,83 @@ class Region(Presented):
             >>> edtk.relax(answers, "D").points.round(4).tolist()
             [[-1.5434], [1.5434]]
         """
-        from edtk.design.of_model import region_of_model  # it makes objects of this class
+        from edtk.design.of_model import of_model  # it makes objects of this class
+        from edtk.design.sites import BoxSites  # likewise
 
-        return region_of_model(
+        return of_model(
+            BoxSites.of(box, variables, constraints),
             f,
             theta,
-            box,
             robust,
             weights,
             prior,
-            variables,
-            constraints,
             family=family,
             link=link,
             sigma=sigma,
             covariance=covariance,
             gradient=gradient,
             parameters=parameters,
+        )
+
+    @classmethod
+    def of_rivals(
+        cls,
+        f: "str | Callable[..., ArrayLike]",
+        theta: Any,
+        rival: "str | Callable[..., ArrayLike]",
+        rival_theta: Mapping[str, Any],
+        box: Any,
+        family: str = "normal",
+        *,
+        link: str | None = None,
+        sigma: ArrayLike = 1.0,
+        covariance: ArrayLike | None = None,
+        parameters: Sequence[str] | None = None,
+        variables: Sequence[str] | None = None,
+        constraints: Model | Sequence[Model] = (),
+    ) -> "Region":
+        """Make a region of telling a model from a rival, whatever parameters the rival has.
+
+        Args:
+            f: See `Problem.of_rivals`.
+            theta: See `Problem.of_rivals`.
+            rival: See `Problem.of_rivals`.
+            rival_theta: See `Problem.of_rivals`.
+            box: See `of_model`.
+            family: See `Problem.of_rivals`.
+            link: See `Problem.of_rivals`.
+            sigma: See `Problem.of_rivals`.
+            covariance: See `Problem.of_rivals`.
+            parameters: See `Problem.of_rivals`.
+            variables: See `Problem.of_rivals`.
+            constraints: See `Region`.
+
+        Raises:
+            ArgumentError: See `Problem.of_rivals`.
+
+        Example:
+            >>> import edtk
+            >>> line = "c + d * x"
+            >>> rivals = edtk.Region.of_rivals(
+            ...     "a * x^2", {"a": 1.0}, line, {"c": (-2, 2), "d": (-2, 2)}, (-1, 1)
+            ... )
+            >>> round(edtk.relax(rivals).worst.value, 4)
+            0.25
+        """
+        from edtk.design.of_model import of_rivals  # it makes objects of this class
+        from edtk.design.sites import BoxSites  # likewise
+
+        return of_rivals(
+            BoxSites.of(box, variables, constraints),
+            f,
+            theta,
+            rival,
+            rival_theta,
+            parameters,
+            family=family,
+            link=link,
+            sigma=sigma,
+            covariance=covariance,
         )
 
     def headline(self) -> str:

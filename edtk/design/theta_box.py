@@ -8,9 +8,9 @@ ranges; that no theta is worse than the worst one that was found rests on a sear
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from typing import Any, Generic, cast
 
 import numpy as np
 from scipy.ndimage import minimum_filter
@@ -18,16 +18,11 @@ from scipy.optimize import least_squares, minimize
 
 from criteria import Criterion
 from edtk.design.nonlinear_model import Robust
-from edtk.design.problems import DescribedProblem, several_models
+from edtk.design.problem import Problem
+from edtk.design.sites import CandidateSites, Made, Sites
 from edtk.design.user_model import point_text
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Indices
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from edtk.design.bound import RelaxedDesign
-    from edtk.design.problem import Problem
 
 # A place within ranges, in parts of them: not the middle, where symmetric ranges have a zero, at
 # which a model may lose a parameter.
@@ -42,8 +37,33 @@ SAME = 1e-20  # part of the largest deviance that is tried up to which a rival i
 STEP = 1e-5  # of central differences, in parts of a range
 APART = 1e-6  # parts of the ranges up to which two theta are one
 
-# The best weights of one model alone.
-Optimum = Callable[["Problem", Criterion], "RelaxedDesign"]
+
+@dataclass(frozen=True, eq=False)
+class Shares:
+    """How experiments are shared out among points.
+
+    Attributes:
+        x: Points (k, d).
+        weights: Weights (k,) of sum one.
+    """
+
+    x: Array
+    weights: Array
+
+    @classmethod
+    def of(cls, x: Array, numbers: Array) -> "Shares":
+        """Points (n, d) with weights or counts (n,), of which those without any are left out."""
+        has = numbers > 0
+        return cls(x[has], np.asarray(numbers[has] / numbers.sum()))
+
+    def mixed(self, other: "Shares", part: float) -> "Shares":
+        """These to a part, and the others to the rest."""
+        weights = np.concatenate([part * self.weights, (1 - part) * other.weights])
+        return Shares(np.concatenate([self.x, other.x]), weights)
+
+
+# The best cost of one model alone, and how experiments are shared out then.
+Optimum = Callable[[Any, Criterion], tuple[float, Shares]]
 
 
 @dataclass(frozen=True)
@@ -71,25 +91,23 @@ class WorstTheta:
 
 
 @dataclass(frozen=True, eq=False)
-class ThetaBox(ABC):
+class ThetaBox(ABC, Generic[Made]):
     """Ranges of theta, and the model at each of them.
 
     Attributes:
         rows: Theta (p,) and points (n, d) to whitened rows (n, r, s).
-        points: The candidates (n, d).
-        frame: The same as a table.
+        sites: Where experiments may lie.
         limits: Bounds (2, p) of theta; a parameter without a range has equal ones.
         names: Names (p,) of theta.
         parameters: Names (s,) of what the rows are about.
     """
 
-    rows: Callable[[Array, Array], Array]
-    points: Array
-    frame: "pd.DataFrame"
+    rows: Callable[[Array, Any], Any]
+    sites: Sites[Made]
     limits: Array
     names: tuple[str, ...]
     parameters: tuple[str, ...]
-    _models: dict[bytes, DescribedProblem] = field(default_factory=dict)
+    _models: dict[bytes, Made] = field(default_factory=dict)
 
     kind = "maximin"
     what = "least efficiency"
@@ -106,33 +124,55 @@ class ThetaBox(ABC):
         theta[self.free] += np.clip(u, 0, 1) * (high - low)[self.free]
         return np.clip(theta, low, high)
 
-    def model(self, theta: Array) -> DescribedProblem:
-        """The problem of one theta alone, once."""
+    def among(self, x: Array) -> "ThetaBox[Problem]":
+        """The same ranges for candidates x (n, d)."""
+        same = cast("ThetaBox[Any]", self)
+        return replace(same, sites=CandidateSites(x, self.sites.variables), _models={})
+
+    def model(self, theta: Array) -> Made:
+        """The problem or the region of one theta alone, once."""
         key = theta.tobytes()
         if key not in self._models:
-            rows = self.finite_rows(theta, self.points)
-            self._models[key] = DescribedProblem(rows, self.parameters, None, self.frame)
+            rows = partial(self.finite_rows, theta)
+            self._models[key] = self.sites.alone(rows, self.parameters)
         return self._models[key]
 
-    def finite_rows(self, theta: Array, x: Array) -> Array:
-        """Rows at points x.
+    def finite_rows(self, theta: Array, x: Any) -> Any:
+        """Rows at points x (n, d), or whatever the rows are of what has arithmetic.
 
         Raises:
-            ArgumentError: They are not finite; theta and point are named.
+            ArgumentError: They are not finite where an experiment may be; theta and point are
+                named.
         """
         rows = self.rows(theta, x)
-        lost = np.flatnonzero(~np.isfinite(rows).all(axis=(1, 2)))
-        if len(lost):
-            where = point_text(tuple(self.frame.columns), x[lost[0]])
+        if rows.dtype == object:
+            return rows
+        lost = ~np.isfinite(rows).all(axis=(1, 2))
+        if lost.any():
+            lost &= self.sites.allowed(x)
+        if lost.any():
+            assert self.sites.variables is not None
+            where = point_text(self.sites.variables, x[np.argmax(lost)])
             message = f"at {point_text(self.names, theta)} the model is not finite at {where}"
             raise ArgumentError(message, argument="theta")
         return rows
 
-    def listed(self, thetas: Sequence[Array]) -> DescribedProblem:
-        """The problem of a list of theta."""
+    def listed(self, thetas: Sequence[Array]) -> Made:
+        """The problem or the region of a list of theta."""
         each = tuple(self.model(theta) for theta in thetas)
-        found = DescribedProblem.of(several_models(each), self.frame)
+        found = self.sites.together(each)
         found.robust = Robust(self.kind, each, np.full(len(each), 1 / len(each)))
+        return found
+
+    def inside(self) -> Array:
+        """A theta (p,) within the ranges."""
+        return self.at(np.full(len(self.free), INSIDE))
+
+    def first(self) -> Made:
+        """The problem or the region of one theta, which knows the ranges."""
+        found = self.listed([self.inside()])
+        assert found.robust is not None
+        found.robust = replace(found.robust, box=self)
         return found
 
     @cached_property
@@ -156,25 +196,26 @@ class ThetaBox(ABC):
         return np.asarray(order[is_low[order]][:SEARCHES])
 
     def worst(
-        self, weights: Array, own: Criterion, optimum: Optimum, known: Sequence[Array]
+        self, design: Shares, own: Criterion, optimum: Optimum, known: Sequence[Array]
     ) -> tuple[Array, float]:
-        """The worst theta for weights (n,) that a search finds, and its value.
+        """The worst theta for a design that a search finds, and its value.
 
         Args:
-            weights: Weights of the candidates, of sum one.
+            design: How experiments are shared out.
             own: The criterion of one model.
             optimum: Finds the best weights for one model alone.
             known: Theta where the search begins, too.
         """
+
+        def values(parts: Array) -> Array:
+            return np.array([self.value(self.at(u), design, own, optimum) for u in parts])
+
         begun = self._parts(known)
-        tried, listed = (
-            np.array([self.value(self.at(u), weights, own, optimum) for u in each])
-            for each in (self.tried, begun)
-        )
-        starts = [begun[np.argmin(listed)], *self.tried[self.lowest(tried)]]
-        ends = [self.descend(u, weights, own, optimum) for u in starts]
+        lowest: Array = self.tried[self.lowest(values(self.tried))]
+        starts: list[Array] = [begun[np.argmin(values(begun))], *lowest]
+        ends: list[Array] = [self.descend(u, design, own, optimum) for u in starts]
         thetas = [self.at(u) for u in [*ends, *starts]]
-        found = [self.value(theta, weights, own, optimum) for theta in thetas]
+        found = [self.value(theta, design, own, optimum) for theta in thetas]
         i = int(np.argmin(found))
         return thetas[i], found[i]
 
@@ -184,11 +225,11 @@ class ThetaBox(ABC):
         return np.asarray((np.array(thetas)[:, self.free] - low) / (high - low))
 
     @abstractmethod
-    def value(self, theta: Array, weights: Array, own: Criterion, optimum: Optimum) -> float:
-        """How good weights are at a theta; the worst theta has the least."""
+    def value(self, theta: Array, design: Shares, own: Criterion, optimum: Optimum) -> float:
+        """How good a design is at a theta; the worst theta has the least."""
 
     @abstractmethod
-    def descend(self, u: Array, weights: Array, own: Criterion, optimum: Optimum) -> Array:
+    def descend(self, u: Array, design: Shares, own: Criterion, optimum: Optimum) -> Array:
         """Parts (q,) of the ranges of a local minimum of the value."""
 
     def is_new(self, theta: Array, thetas: Sequence[Array]) -> bool:
@@ -197,31 +238,30 @@ class ThetaBox(ABC):
         return bool((far.max(axis=1) > APART).all())
 
 
-class EfficiencyBox(ThetaBox):
+class EfficiencyBox(ThetaBox[Made]):
     """Ranges over which the least efficiency ``(best(theta) / cost(w, theta))^(1/d)`` counts."""
 
-    def value(self, theta: Array, weights: Array, own: Criterion, optimum: Optimum) -> float:
-        """The efficiency of weights at a theta."""
-        model = self.model(theta)
-        cost = own.cost(model.information(weights))
-        return float((optimum(model, own).cost / cost) ** (1 / own.degree))
+    def value(self, theta: Array, design: Shares, own: Criterion, optimum: Optimum) -> float:
+        """The efficiency of a design at a theta."""
+        best, _ = optimum(self.model(theta), own)
+        return float((best / self._cost(theta, own, design)) ** (1 / own.degree))
 
-    def descend(self, u: Array, weights: Array, own: Criterion, optimum: Optimum) -> Array:
+    def descend(self, u: Array, design: Shares, own: Criterion, optimum: Optimum) -> Array:
         """A local minimum of the efficiency, by quasi-Newton steps.
 
         The slope of the best cost is that of the cost of the best weights, held fixed (Danskin).
         """
 
         def logarithm(v: Array) -> float:
-            return float(np.log(max(self.value(self.at(v), weights, own, optimum), NOTHING)))
+            return float(np.log(max(self.value(self.at(v), design, own, optimum), NOTHING)))
 
         def slope(v: Array) -> Array:
-            ideal = optimum(self.model(self.at(v)), own).weights
+            _, ideal = optimum(self.model(self.at(v)), own)
             found = []
             for step in np.eye(len(v)) * STEP:
                 ends = np.clip(v + step, 0, 1), np.clip(v - step, 0, 1)
                 costs = [
-                    [self._cost(self.at(end), own, one) for one in (ideal, weights)] for end in ends
+                    [self._cost(self.at(end), own, one) for one in (ideal, design)] for end in ends
                 ]
                 (up_best, up), (down_best, down) = np.log(costs)
                 found.append((up_best - up - down_best + down) / (ends[0] - ends[1]).sum())
@@ -230,14 +270,13 @@ class EfficiencyBox(ThetaBox):
         bounds = [(0.0, 1.0)] * len(u)
         return np.asarray(minimize(logarithm, u, jac=slope, bounds=bounds, method="L-BFGS-B").x)
 
-    def _cost(self, theta: Array, own: Criterion, weights: Array) -> float:
-        """Cost of weights at a theta, of which nothing is kept."""
-        has = weights > 0
-        rows = self.finite_rows(theta, self.points[has])
-        return float(own.cost(np.einsum("n,nrp,nrq->pq", weights[has], rows, rows)))
+    def _cost(self, theta: Array, own: Criterion, design: Shares) -> float:
+        """Cost of a design at a theta, of which nothing is kept."""
+        rows = self.finite_rows(theta, design.x)
+        return float(own.cost(np.einsum("n,nrp,nrq->pq", design.weights, rows, rows)))
 
 
-class RivalBox(ThetaBox):
+class RivalBox(ThetaBox[Made]):
     """Ranges of the parameters of a rival: rows are what its means lack, in parts of the noise.
 
     A list of rivals is a list of models of one parameter, whose information is the deviance
@@ -247,33 +286,32 @@ class RivalBox(ThetaBox):
     kind = "rivals"
     what = "least deviance"
 
-    def value(self, theta: Array, weights: Array, own: Criterion, optimum: Optimum) -> float:
+    def value(self, theta: Array, design: Shares, own: Criterion, optimum: Optimum) -> float:
         """The deviance of one experiment."""
-        return float(np.square(self._residuals(theta, weights)).sum())
+        return self._deviance(theta, design)
 
-    def descend(self, u: Array, weights: Array, own: Criterion, optimum: Optimum) -> Array:
+    def descend(self, u: Array, design: Shares, own: Criterion, optimum: Optimum) -> Array:
         """A local minimum of the deviance, by least squares."""
-        return self._fitted(u, weights)
+        return self._fitted(u, design)
 
     def require_apart(self) -> None:
-        """Check that some candidate tells the rival, whatever its parameters are.
+        """Check that some point that is tried tells the rival, whatever its parameters are.
 
         Raises:
             ArgumentError: The rival can be what it is told from; its parameters are named.
         """
-        weights = np.full(len(self.points), 1 / len(self.points))
-        begun = [self._residuals(self.at(u), weights) for u in self.tried]
-        sizes = np.square(begun).sum(axis=1)
+        even = Shares.of(self.sites.trial, np.ones(len(self.sites.trial)))
+        sizes = np.array([self._deviance(self.at(u), even) for u in self.tried])
         for u in self.tried[self.lowest(sizes)]:
-            theta = self.at(self._fitted(u, weights))
-            if np.square(self._residuals(theta, weights)).sum() <= SAME * max(sizes):
+            theta = self.at(self._fitted(u, even))
+            if self._deviance(theta, even) <= SAME * max(sizes):
                 where = point_text(self.names, theta)
-                message = f"it is f at all candidates for {where}; expected ranges without that"
+                message = f"it is f at all points for {where}; expected ranges without that"
                 raise ArgumentError(message, argument="rival_theta")
 
-    def _fitted(self, u: Array, weights: Array) -> Array:
+    def _fitted(self, u: Array, design: Shares) -> Array:
         found = least_squares(
-            lambda v: self._residuals(self.at(v), weights),
+            lambda v: self._residuals(self.at(v), design),
             np.clip(u, STEP, 1 - STEP),
             bounds=(0.0, 1.0),
             xtol=1e-15,
@@ -282,8 +320,10 @@ class RivalBox(ThetaBox):
         )
         return np.asarray(found.x)
 
-    def _residuals(self, theta: Array, weights: Array) -> Array:
-        """Roots of the parts of the deviance, of candidates that have weight."""
-        has = weights > 0
-        rows = self.finite_rows(theta, self.points[has])
-        return np.asarray((np.sqrt(weights[has])[:, None] * rows[..., 0]).ravel())
+    def _deviance(self, theta: Array, design: Shares) -> float:
+        return float(np.square(self._residuals(theta, design)).sum())
+
+    def _residuals(self, theta: Array, design: Shares) -> Array:
+        """Roots of the parts of the deviance."""
+        rows = self.finite_rows(theta, design.x)
+        return np.asarray((np.sqrt(design.weights)[:, None] * rows[..., 0]).ravel())

@@ -7,7 +7,7 @@ and both are compared before any work.
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from time import perf_counter
 from typing import Any
 
@@ -26,6 +26,8 @@ COMPLEX_STEP = 1e-30
 # all of them are taken at a step of zero (Ridders 1982).
 FIRST_STEP = 0.02
 STEPS = 8
+EPS = float(np.finfo(float).eps)
+SEEN = 1e4  # roundings by which a step has to change a value, so that some digits tell its slope
 AGREES = 1e-6  # of derivatives, in parts of the largest by the same parameter, and of differences
 ROUGH = 0.01  # of the largest derivative, by which differences may be off beside exact ones
 # Slopes to both sides of a kink differ however small the step is. Of a smooth function the
@@ -61,7 +63,7 @@ def slopes_of(
     Raises:
         ArgumentError: It fails, or has no derivative.
     """
-    value = as_called(f, theta, x, argument)
+    value = as_called(f, theta, x, argument, variables)
     checked = _Differences(value, theta, x, argument, names, variables)
     by_differences, error = checked.slopes()
     if gradient is not None:
@@ -70,12 +72,42 @@ def slopes_of(
         slope = partial(_complex_slopes, value)
     else:
         checked.require_smooth(by_differences, error)
-        slope = partial(_differences, value)
+        slope = partial(_differences, value, checked.steps)
     return Slopes(value, slope)
 
 
+class _PointError(Exception):
+    """A function of single points failed at one of them, after so many others."""
+
+    def __init__(self, message: str, done: int) -> None:
+        super().__init__(message)
+        self.done = done
+
+
+def _one_by_one(
+    f: Callable[..., ArrayLike], as_number: bool, variables: Sequence[str], points: Array, t: Array
+) -> list[ArrayLike]:
+    """Values of a function of one point (d,), or of one number.
+
+    Raises:
+        _PointError: It fails; its point is named.
+    """
+    found = []
+    for point in points:
+        try:
+            found.append(f(point.item() if as_number else point, t))
+        except Exception as error:  # a user's function may raise anything
+            why = str(error) or type(error).__name__
+            raise _PointError(f"at {point_text(variables, point)}: {why}", len(found)) from error
+    return found
+
+
 def as_called(
-    f: Callable[..., ArrayLike], theta: Array, x: Array, argument: str
+    f: Callable[..., ArrayLike],
+    theta: Array,
+    x: Array,
+    argument: str,
+    variables: Sequence[str],
 ) -> Callable[[Array, Array], Array]:
     """The function of many points (n, d) with values (n, k), however the user's wants to be called.
 
@@ -83,17 +115,17 @@ def as_called(
     first way whose values are those of the points one by one is taken.
 
     Raises:
-        ArgumentError: None is; the last error is told.
+        ArgumentError: None is; the last error is told, or that of the way which went farthest.
     """
     ways: list[Callable[[Array, Array], Any]] = [lambda points, t: f(points, t)]
     if x.shape[1] == 1:
         ways.insert(0, lambda points, t: f(points[:, 0], t))
-        ways.append(lambda points, t: [f(point, t) for point in points[:, 0].tolist()])
-    ways.append(lambda points, t: [f(point, t) for point in points])
+        ways.append(partial(_one_by_one, f, True, variables))
+    ways.append(partial(_one_by_one, f, False, variables))
     if len(x) < 3:  # fewer points do not tell the ways apart
         x = np.concatenate([x, x, x])
     chosen = x[[0, len(x) // 2, len(x) - 1]]
-    wrong = "values have no entry for each point"
+    wrong, farthest = "for points and theta: values have no entry for each point", 0
     start = perf_counter()
     for way in ways:
         try:
@@ -101,14 +133,24 @@ def as_called(
                 together = _columns(way(chosen, theta), 3)
                 some = _columns(way(chosen[[2, 0]], theta), 2)
         except Exception as error:  # a user's function may raise anything
-            wrong = str(error) or type(error).__name__
+            done = getattr(error, "done", 0)
+            if done >= farthest:
+                wrong, farthest = _why(error), done
             continue
         if together is None or some is None or together.shape[1] != some.shape[1]:
             continue
         if np.allclose(together[[2, 0]], some, rtol=ALIKE, atol=0.0, equal_nan=True):
             _tell_slow(perf_counter() - start, argument)
             return partial(_values, way, argument=argument)
-    raise ArgumentError(f"fails for points and theta: {wrong}", argument=argument)
+    raise ArgumentError(f"fails {wrong}", argument=argument)
+
+
+def _why(error: Exception) -> str:
+    """Where and why a user's function fails."""
+    if isinstance(error, _PointError) and error.done:
+        return str(error)
+    cause = error.__cause__ if isinstance(error, _PointError) else error
+    return f"for points and theta: {str(cause) or type(cause).__name__}"
 
 
 def _columns(given: Any, n: int) -> Array | None:
@@ -132,8 +174,7 @@ def _values(
         with np.errstate(all="ignore"):
             found = _columns(way(points.copy(), theta), len(points))
     except Exception as error:  # a user's function may raise anything
-        message = f"fails for {len(points)} points: {str(error) or type(error).__name__}"
-        raise ArgumentError(message, argument=argument) from error
+        raise ArgumentError(f"fails {_why(error)}", argument=argument) from error
     if found is None:
         message = f"values of {len(points)} points have another shape than those of three"
         raise ArgumentError(message, argument=argument)
@@ -168,29 +209,75 @@ def _complex_slopes(value: Callable[[Array, Array], Array], x: Array, theta: Arr
     return np.stack(found, axis=-1)
 
 
-def _sizes(theta: Array) -> Array:
-    """Sizes (p,) of the parameters by which steps are taken; a zero has that of the others."""
-    size = np.abs(theta)
-    return np.where(size > 0, size, size.max() if size.any() else 1.0)
+@dataclass(frozen=True, eq=False)
+class _Steps:
+    """By what parts of which sizes the parameters are moved.
+
+    A parameter has its own size. One that is zero has none, and steps of one may be too small
+    beside the others: ``1e12 + 1e-12 x`` has no digit of the second. Then it is moved by the size
+    of the largest, or by one.
+
+    Attributes:
+        fixed: Sizes (p,); not a number for those that have their own.
+    """
+
+    fixed: Array
+
+    @classmethod
+    def of(cls, value: Callable[[Array, Array], Array], x: Array, theta: Array) -> "_Steps":
+        """The first sizes by whose steps values stay finite, and change by some digits."""
+        own = cls(np.full(len(theta), np.nan))
+        largest = float(np.abs(theta).max())
+        for j, size in enumerate(own.sizes(theta)):
+            sizes = [size, *(other for other in (largest, 1.0) if 0 < other != size)]
+            seen = [other for other in sizes if _is_seen(value, x, theta, j, other)]
+            if seen and seen[0] != size:
+                own.fixed[j] = seen[0]
+        return own
+
+    def sizes(self, theta: Array) -> Array:
+        """Sizes (p,) at a theta; a zero has that of the others, or one."""
+        size = np.abs(theta)
+        own = np.where(size > 0, size, size.max() if size.any() else 1.0)
+        return np.where(np.isnan(self.fixed), own, self.fixed)
 
 
-def _ridders(value: Callable[[Array, Array], Array], x: Array, theta: Array) -> tuple[Array, Array]:
+def _is_seen(
+    value: Callable[[Array, Array], Array], x: Array, theta: Array, j: int, size: float
+) -> bool:
+    """Whether values change by more than rounding where a parameter is moved, and stay finite."""
+    step = np.zeros(len(theta))
+    step[j] = FIRST_STEP * size
+    up, down = (np.real(value(x, theta + sign * step)) for sign in (1, -1))
+    with np.errstate(all="ignore"):
+        change = np.abs(up - down)
+        rounding = EPS * np.maximum(np.abs(up), np.abs(down))
+    return bool(np.isfinite(change).all() and (change > SEEN * rounding).any())
+
+
+def _ridders(
+    value: Callable[[Array, Array], Array], x: Array, theta: Array, sizes: Array
+) -> tuple[Array, Array]:
     """Derivatives (n, k, p) by central differences at several steps, and how far they may be off.
 
     Neville's scheme on the squares of the steps; of all entries of the table the one is taken which
-    is nearest to both of its parents (Ridders, Advances in Engineering Software 4, 1982).
+    is nearest to both of its parents (Ridders, Advances in Engineering Software 4, 1982), beside
+    what rounding may have made of the values over its smallest step.
     """
     best, errors = [], []
-    for j, size in enumerate(_sizes(theta)):
+    for j, size in enumerate(sizes):
         table: list[Array] = []
         for i in range(STEPS):
             h = FIRST_STEP * size / 2**i
             e = np.zeros(len(theta))
             e[j] = h
-            row = [(np.real(value(x, theta + e)) - np.real(value(x, theta - e))) / (2 * h)]
+            up, down = np.real(value(x, theta + e)), np.real(value(x, theta - e))
+            row = [(up - down) / (2 * h)]
+            rounding = EPS * np.maximum(np.abs(up), np.abs(down)) / h
             for m in range(1, i + 1):
                 row.append(row[m - 1] + (row[m - 1] - table[m - 1]) / (4.0**m - 1))
                 off = np.maximum(np.abs(row[m] - row[m - 1]), np.abs(row[m] - table[m - 1]))
+                off = off + rounding
                 if i == 1:
                     found, error = row[m], off
                 else:
@@ -203,9 +290,12 @@ def _ridders(value: Callable[[Array, Array], Array], x: Array, theta: Array) -> 
     return np.stack(best, axis=-1), np.stack(errors, axis=-1)
 
 
-def _differences(value: Callable[[Array, Array], Array], x: Array, theta: Array) -> Array:
+def _differences(
+    value: Callable[[Array, Array], Array], steps: _Steps, x: Array, theta: Array
+) -> Array:
     """Derivatives (n, k, p) by differences alone."""
-    return _ridders(value, x, theta)[0]
+    with np.errstate(all="ignore"):
+        return _ridders(value, x, theta, steps.sizes(theta))[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +320,13 @@ class _Differences:
         if len(lost):
             message = f"the value is not finite at {self._point(lost[0])}"
             raise ArgumentError(message, argument=self.argument)
-        return _ridders(self.value, self.x, self.theta)
+        with np.errstate(all="ignore"):  # what is not finite is no derivative
+            return _ridders(self.value, self.x, self.theta, self.steps.sizes(self.theta))
+
+    @cached_property
+    def steps(self) -> _Steps:
+        """By what the parameters are moved."""
+        return _Steps.of(self.value, self.x, self.theta)
 
     def agrees(self, given: Array, slopes: Array, error: Array) -> bool:
         """Whether other derivatives are these, within what both may be off."""
@@ -264,7 +360,7 @@ class _Differences:
         """Where slopes to both sides differ at a small step as they do at a larger one."""
         here = np.real(self.value(self.x, self.theta))
         found = []
-        for j, size in enumerate(_sizes(self.theta)):
+        for j, size in enumerate(self.steps.sizes(self.theta)):
             gaps = []
             for part in SIDES:
                 e = np.zeros(len(self.theta))

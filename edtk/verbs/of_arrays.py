@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import criteria
 from edtk.certificate.region_certificate import region_certificate
@@ -26,7 +27,7 @@ from edtk.verbs.asked_limits import asked_weight_limits
 from edtk.verbs.inputs import CriterionLike, TableAndCertificate, given_size, proved_gap
 from edtk.verbs.plan_problem import plan_problem, plan_region
 from edtk.verbs.question import OF_PROBLEMS, OF_WEIGHTS, PlanCall, Question, RelaxCall
-from edtk.verbs.robust import criterion_of, over_ranges
+from edtk.verbs.robust import Design, best_weights, criterion_of, has_ranges, over_ranges
 from edtk.verbs.verify import MOST_MB
 
 PLANS = 4  # plans over ranges of theta: each is a search of its own
@@ -67,8 +68,9 @@ class OfProblem(Question):
                 **given,
             )
 
-        if self._has_ranges:
-            found = self._plan_over_ranges(call, solve)
+        if has_ranges(self.problem):
+            _require_candidates(call)
+            found = _plan_over_ranges(self.problem, call, solve)
         else:
             criterion = self._criterion(call.criterion)
             if call.certificate is not None and not has_whole_plans(criterion.name):
@@ -86,35 +88,12 @@ class OfProblem(Question):
         def solve(problem: Problem, criterion: criteria.Criterion) -> Relaxation:
             return _weights(problem, criterion, call)
 
-        if self._has_ranges:
+        if has_ranges(self.problem):
             found = over_ranges(self.problem, _asked(call.criterion), solve)
         else:
             found = solve(self.problem, self._criterion(call.criterion))
         files.write(lambda: found.to_frame().reset_index(), lambda: _proof(found))
         return found
-
-    @property
-    def _has_ranges(self) -> bool:
-        return self.problem.robust is not None and self.problem.robust.box is not None
-
-    def _plan_over_ranges(
-        self, call: PlanCall, solve: Callable[[Problem, criteria.Criterion], ProblemPlan]
-    ) -> ProblemPlan:
-        """The plan that is best at its worst theta; its first list is that of the weights.
-
-        Raises:
-            ArgumentError: Experiments are not all candidates, each alone.
-        """
-        elsewhere = call.keep if isinstance(call.keep, Problem) else None
-        beside = {"blocks": call.blocks, "errors": call.errors, "keep": elsewhere}
-        for name, value in beside.items():
-            if value is not None:
-                message = "is not known beside ranges of theta; expected a list of theta"
-                raise ArgumentError(message, argument=name)
-        asked = _asked(call.criterion)
-        weights = over_ranges(self.problem, asked, relax)
-        assert weights.worst is not None
-        return over_ranges(self.problem, asked, solve, list(weights.worst.thetas), PLANS)
 
     def _criterion(self, asked: CriterionLike | None) -> criteria.Criterion:
         return criterion_of(_asked(asked), self.problem, _best)
@@ -135,32 +114,44 @@ class OfRegion(Question):
         """Points with their counts; see `edtk.plan`."""
         files = TableAndCertificate(call.out, None)
         files.require()
-        found = plan_region(
-            self.region,
-            given_size(call.size),
-            self._criterion(call.criterion),
-            call.seed or 0,
-            call.starts,
-            call.keep,
-            call.progress,
-            proved_gap(call.prove_bound, "prove_bound"),
-        )
+
+        def solve(region: Region, criterion: criteria.Criterion) -> RegionPlan:
+            return plan_region(
+                region,
+                given_size(call.size),
+                criterion,
+                call.seed or 0,
+                call.starts,
+                call.keep,
+                call.progress,
+                proved_gap(call.prove_bound, "prove_bound"),
+            )
+
+        if has_ranges(self.region):
+            found = _plan_over_ranges(self.region, call, solve)
+        else:
+            found = solve(self.region, self._criterion(call.criterion))
         files.write(found.to_frame, str)
         return found
 
     def relax(self, call: RelaxCall) -> RelaxedRegion:
         """Points with their weights; see `edtk.relax`."""
-        criterion = self._criterion(call.criterion)
         files = TableAndCertificate(call.out, call.certificate)
         files.require()
         given = call.candidates
         points = POINTS if given is None else whole_number(given, "candidates", 2)
-        of_one = criterion.for_size(_number(call.size))
         eps = proved_gap(call.prove, "prove")
-        if eps is None:
-            found = relax_region(self.region, of_one, points, progress=call.progress)
+
+        def solve(region: Region, criterion: criteria.Criterion) -> RelaxedRegion:
+            of_one = criterion.for_size(_number(call.size))
+            if eps is None:
+                return relax_region(region, of_one, points, progress=call.progress)
+            return prove_region(region, of_one, eps, points, call.progress)
+
+        if has_ranges(self.region):
+            found = over_ranges(self.region, _asked(call.criterion), solve)
         else:
-            found = prove_region(self.region, of_one, eps, points, call.progress)
+            found = solve(self.region, self._criterion(call.criterion))
         files.write(found.to_frame, lambda: json_text(region_certificate(found)) + "\n")
         return found
 
@@ -171,6 +162,32 @@ class OfRegion(Question):
 def _asked(criterion: CriterionLike | None) -> CriterionLike:
     """The criterion, D where none is given."""
     return "D" if criterion is None else criterion
+
+
+def _require_candidates(call: PlanCall) -> None:
+    """Check that experiments of a call are all candidates, each alone.
+
+    Raises:
+        ArgumentError: They are not.
+    """
+    elsewhere = call.keep if isinstance(call.keep, Problem) else None
+    beside = {"blocks": call.blocks, "errors": call.errors, "keep": elsewhere}
+    for name, value in beside.items():
+        if value is not None:
+            message = "is not known beside ranges of theta; expected a list of theta"
+            raise ArgumentError(message, argument=name)
+
+
+def _plan_over_ranges(
+    question: Problem | Region,
+    call: PlanCall,
+    solve: Callable[[Any, criteria.Criterion], Design],
+) -> Design:
+    """The plan that is best at its worst theta; its first list is that of the weights."""
+    asked = _asked(call.criterion)
+    weights = over_ranges(question, asked, best_weights)
+    assert weights.worst is not None
+    return over_ranges(question, asked, solve, list(weights.worst.thetas), PLANS)
 
 
 def _weights(problem: Problem, criterion: criteria.Criterion, call: RelaxCall) -> Relaxation:
@@ -186,9 +203,7 @@ def _weights(problem: Problem, criterion: criteria.Criterion, call: RelaxCall) -
 
 def _best(model: Problem | Region, criterion: criteria.Criterion) -> float:
     """The best value that a criterion can have for one model alone."""
-    if isinstance(model, Problem):
-        return relax(model, criterion).value
-    return relax_region(model, criterion, POINTS).value
+    return best_weights(model, criterion).value
 
 
 def _proof(found: Relaxation) -> str:

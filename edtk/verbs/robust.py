@@ -2,29 +2,36 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 import criteria
+from edtk.design.bound import RelaxedDesign
 from edtk.design.exact.counts.problem_plan import ProblemPlan
+from edtk.design.exact.plan_region import RegionPlan
 from edtk.design.nonlinear_model import Robust
 from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.design.relaxation.relax import relax
+from edtk.design.relaxation.relax_region import relax_region
 from edtk.design.relaxation.relaxation import Relaxation
-from edtk.design.theta_box import INSIDE, ThetaBox, WorstTheta
+from edtk.design.relaxation.relaxed_region import RelaxedRegion
+from edtk.design.relaxation.search_region import RegionGrid
+from edtk.design.theta_box import Shares, ThetaBox, WorstTheta
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
 from edtk.verbs.inputs import CriterionLike
 
-Design = TypeVar("Design", Relaxation, ProblemPlan)
+Design = TypeVar("Design", bound=Relaxation | ProblemPlan | RelaxedRegion | RegionPlan)
 
 ROUNDS = 60  # designs at most: five are the rule, of rivals some twenty
-ENOUGH = 1e-5  # part by which the worst theta may be worse than those of the list
+ENOUGH = 5e-7  # part by which the worst theta may be worse than those of the list
 # Besides at each design, the worst theta is looked for near the best one: designs of short lists
 # swing to and fro (Ben-Ameur and Neto, Networks 49, 2007). It halves their number.
 NEAR = 0.3
+GRID = 600  # points of a region where the first list of theta is found
+PART = 1e-3  # of the largest part in a proof, below which a theta has none
 VARIANCES = ("A", "I", "c")  # criteria that are sums of variances, with what each sums
 
 
@@ -56,7 +63,7 @@ def criterion_of(
     names = robust.models[0].parameters
     own = criteria.as_criterion(asked, names)
     sizes = [model.p for model in robust.models]
-    if robust.box is not None:
+    if has_ranges(question):
         message = "has ranges, which edtk.relax and edtk.plan serve; expected a list of theta"
         raise ArgumentError(message, argument="theta")
     if robust.kind in ("maximin", "rivals"):
@@ -88,65 +95,100 @@ def _mean_root(own: criteria.Criterion, robust: Robust) -> Array:
     return found
 
 
+def has_ranges(question: Problem | Region) -> bool:
+    """Whether its theta have ranges."""
+    return question.robust is not None and question.robust.box is not None
+
+
 def over_ranges(
-    problem: Problem,
+    question: Problem | Region,
     asked: CriterionLike,
-    solve: Callable[[Problem, criteria.Criterion], Design],
+    solve: Callable[[Any, criteria.Criterion], Design],
     first: Sequence[Array] = (),
     rounds: int = ROUNDS,
 ) -> Design:
     """The design whose worst theta within ranges is the best, see `edtk.design.theta_box`.
 
     Args:
-        problem: The problem of a model with ranges.
+        question: The problem or the region of a model with ranges.
         asked: The criterion of one model.
-        solve: Finds the best design of a problem of several models.
-        first: Theta (p,) of the first list; defaults to one within the ranges.
+        solve: Finds the best design of a problem or a region of several models.
+        first: Theta (p,) of the first list; defaults to one within the ranges, of a region to those
+            that matter on a grid of its points.
         rounds: Designs at most. If they end before the worst theta is one of the list, it is the
             best of these designs, beside the bound of its list.
     """
-    assert problem.robust is not None
-    box: ThetaBox = problem.robust.box
+    assert question.robust is not None
+    box: ThetaBox[Any] = question.robust.box
     own = criteria.as_criterion(asked, box.parameters)
-    known: dict[Problem, Relaxation] = {}
+    if not first and isinstance(question, Region):
+        first = _of_grid(question, asked)
+    known: dict[Any, RelaxedDesign] = {}
 
-    def optimum(model: Problem, criterion: criteria.Criterion) -> Relaxation:
+    def best(model: Problem | Region, criterion: criteria.Criterion) -> RelaxedDesign:
         if model not in known:
-            known[model] = relax(model, criterion)
+            known[model] = best_weights(model, criterion)
         return known[model]
 
-    def best_value(model: Problem | Region, criterion: criteria.Criterion) -> float:
-        assert isinstance(model, Problem)
-        return optimum(model, criterion).value
+    def optimum(model: Any, criterion: criteria.Criterion) -> tuple[float, Shares]:
+        found = best(model, criterion)
+        return found.cost, _shares(found, box)
 
-    thetas = list(first) or [box.at(np.full(len(box.free), INSIDE))]
-    best: Design | None = None
+    thetas = list(first) or [box.inside()]
+    found: Design | None = None
     highest = 0.0
     for _ in range(rounds):
         listed = box.listed(thetas)
-        criterion = criterion_of(asked, listed, best_value)
+        criterion = criterion_of(asked, listed, lambda model, one: best(model, one).value)
         design = solve(listed, criterion)
-        weights = _shares(design)
-        theta, value = box.worst(weights, own, optimum, thetas)
-        of_list = min(box.value(one, weights, own, optimum) for one in thetas)
+        shares = _shares(design, box)
+        theta, value = box.worst(shares, own, optimum, thetas)
+        of_list = min(box.value(one, shares, own, optimum) for one in thetas)
         named = dict(zip(box.names, theta.tolist(), strict=True))
         design = replace(design, worst=WorstTheta(named, value, np.array(thetas), box.what))
         if value >= of_list * (1 - ENOUGH) or not box.is_new(theta, thetas):
             return design
         trials = [theta]
-        if best is None or value > highest:
-            best, highest = design, value
+        if found is None or value > highest:
+            found, highest = design, value
         else:
-            near = NEAR * weights + (1 - NEAR) * _shares(best)
+            near = shares.mixed(_shares(found, box), NEAR)
             trials.append(box.worst(near, own, optimum, thetas)[0])
         for one in trials:
             if box.is_new(one, thetas):
                 thetas.append(one)
-    assert best is not None
-    return best
+    assert found is not None
+    return found
 
 
-def _shares(design: Relaxation | ProblemPlan) -> Array:
-    """Weights (n,) of sum one."""
-    found = design.weights if isinstance(design, Relaxation) else design.counts
-    return np.asarray(found / found.sum())
+def _of_grid(region: Region, asked: CriterionLike) -> list[Array]:
+    """Theta that count at the best weights on a grid: those with a part in what proves them.
+
+    Weights on candidates are found many times faster than points of a region.
+    """
+    assert region.robust is not None
+    grid = region.robust.box.among(RegionGrid.of(region, GRID).x)
+    found = over_ranges(grid.first(), asked, relax)
+    assert found.worst is not None
+    thetas = found.worst.thetas
+    M = grid.listed(thetas).information(found.weights)
+    traces = (found.multipliers.sum(axis=0) * M).sum(axis=0)
+    parts = traces.reshape(len(thetas), -1).sum(axis=1)
+    return [*thetas[parts > PART * parts.max()]]
+
+
+def best_weights(
+    model: Problem | Region, criterion: criteria.Criterion
+) -> Relaxation | RelaxedRegion:
+    """The best weights for one model alone."""
+    if isinstance(model, Problem):
+        return relax(model, criterion)
+    return relax_region(model, criterion)
+
+
+def _shares(design: Any, box: ThetaBox[Any]) -> Shares:
+    """How a design shares experiments out."""
+    is_whole = isinstance(design, ProblemPlan | RegionPlan)
+    numbers = design.counts if is_whole else design.weights
+    in_region = isinstance(design, RegionPlan | RelaxedRegion)
+    return Shares.of(design.points if in_region else box.sites.trial, numbers)

@@ -3,12 +3,16 @@
     python studies/benchmarks/exact.py
 
 writes exact.md beside this file. R with the package AlgDesign is measured in the same run, one
-start after the other on one thread, where `Rscript` finds it.
+start after the other on one thread, where `Rscript` finds it. R is r-base-core of Debian; the
+package is not among Debian's, and was built from its sources, version 1.2.1.2, for this measurement
+alone (R_LIBS says where it is).
 """
 
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import combinations, product
 from pathlib import Path
@@ -26,8 +30,17 @@ from edtk.system.files import write_text
 HERE = Path(__file__).parent
 STARTS = 200
 SEED = 1
-MOST = 5.0  # times the time of AlgDesign for a start
+MOST = 5.0  # times the time of AlgDesign for a start, of ours with its five kicks
+ALONE = 3.0  # the same of one descent alone
+TOGETHER = 200  # starts of one call, of exchange alone
+MANY = 4000  # of small models: R counts milliseconds
+CALLS = 40  # of one start each
+REPEATS = 2  # of which the shortest time counts
 SAME = 5e-8  # of a determinant that is as good as another one
+EXCHANGES = [
+    *("model", "n", "criterion", "ms of many", "AlgDesign", "ratio"),
+    *("ms a call", "AlgDesign a call", "ratio of calls", "hold"),
+]
 HADAMARD = (12, 16, 20)
 SCRIPT = """
 suppressMessages(library(AlgDesign))
@@ -37,6 +50,18 @@ set.seed({seed})
 time <- system.time(
   found <- optFederov(~quad(.), candidates, nTrials = {size}, nRepeats = {starts}))
 cat(time[["user.self"]], found$D)
+"""
+EXCHANGE = """
+suppressMessages(library(AlgDesign))
+candidates <- gen.factorial({levels}, {factors}, center = TRUE)
+candidates <- candidates / max(candidates)
+seconds <- function(work) min(sapply(seq_len({repeats}), function(i) {{
+  set.seed(i)
+  system.time(work())[["user.self"]]}}))
+one <- function(repeats) try(silent = TRUE, optFederov(
+  ~quad(.), candidates, nTrials = {size}, nRepeats = repeats, criterion = "{letter}"))
+cat(seconds(function() one({together})) / {together},
+    seconds(function() for (i in seq_len({calls})) one(1)) / {calls})
 """
 
 
@@ -54,7 +79,10 @@ class Case:
     levels: int
     factors: int
     size: int
-    best: float
+    best: float = 0.0
+
+    def __str__(self) -> str:
+        return f"quadratic {self.levels}^{self.factors}"
 
     def rows(self) -> np.ndarray:
         """Rows (n, p) of the candidates."""
@@ -70,6 +98,7 @@ CASES = (
     Case(3, 4, 24, 0.4723634),
     Case(3, 5, 26, 0.4824686),
 )
+SMALL = (Case(3, 2, 9), Case(5, 2, 10), Case(3, 3, 14))
 
 
 def own(case: Case) -> tuple[float, float, int]:
@@ -86,16 +115,64 @@ def own(case: Case) -> tuple[float, float, int]:
 
 def algdesign(case: Case) -> tuple[float, float] | None:
     """Best determinant, and seconds for a start; None where R or the package is not there."""
+    told = _told_by_r(SCRIPT, case, starts=STARTS, seed=SEED)
+    return None if told is None else (told[1], told[0] / STARTS)
+
+
+def _told_by_r(script: str, case: Case, **numbers: object) -> list[float] | None:
+    """Numbers that a script of R writes; None where R or the package is not there."""
     if shutil.which("Rscript") is None:
         return None
-    script = SCRIPT.format(
-        levels=case.levels, factors=case.factors, size=case.size, starts=STARTS, seed=SEED
-    )
-    done = subprocess.run(["Rscript", "-e", script], capture_output=True, text=True, check=False)
-    if done.returncode:
-        return None
-    seconds, best = map(float, done.stdout.split())
-    return best, seconds / STARTS
+    text = script.format(levels=case.levels, factors=case.factors, size=case.size, **numbers)
+    done = subprocess.run(["Rscript", "-e", text], capture_output=True, text=True, check=False)
+    return None if done.returncode else [float(word) for word in done.stdout.split()]
+
+
+def exchanged(case: Case, letter: str, together: int) -> tuple[float, float]:
+    """Seconds of `edtk.exchange` for a start of many together, and for a call with one."""
+    rows = case.rows()
+    points = {"points": rows} if letter == "I" else {}
+    criterion = edtk.criteria.create(letter, **points)
+    problem = Problem(rows[:, None, :])
+    rng = np.random.default_rng(SEED)
+    starts = rng.integers(len(rows), size=(together, case.size))
+
+    def one_by_one() -> None:
+        for start in starts[:CALLS]:
+            with suppress(edtk.UserError):  # a start that stays singular
+                edtk.exchange(problem, criterion, start)
+
+    many = _shortest(lambda: edtk.exchange(problem, criterion, starts))
+    return many / together, _shortest(one_by_one) / CALLS
+
+
+def _shortest(work: Callable[[], object]) -> float:
+    """The least seconds of a few times the same work."""
+    taken = []
+    for _ in range(REPEATS):
+        since = process_time()
+        work()
+        taken.append(process_time() - since)
+    return min(taken)
+
+
+def starts_of_exchange() -> list[list[object]]:
+    """One start of exchange in both packages: a row for each model and criterion."""
+    rows: list[list[object]] = []
+    for case in (*SMALL, *CASES):
+        for letter in "DAI":
+            together = MANY if case in SMALL else TOGETHER
+            many, single = exchanged(case, letter, together)
+            numbers = {"repeats": REPEATS, "together": together, "calls": CALLS}
+            told = _told_by_r(EXCHANGE, case, letter=letter, **numbers)
+            cells = [f"{1e3 * many:.3f}", "not there", "", f"{1e3 * single:.2f}", "", "", ""]
+            if told is not None:
+                ratios = many / told[0], single / told[1]
+                cells[1:3] = f"{1e3 * told[0]:.3f}", f"{ratios[0]:.2f}"
+                cells[4:6] = f"{1e3 * told[1]:.2f}", f"{ratios[1]:.2f}"
+                cells[6] = " ".join("yes" if ratio <= ALONE else "no" for ratio in ratios)
+            rows.append([str(case), case.size, letter, *cells])
+    return rows
 
 
 def hadamard(p: int) -> tuple[float, int, float]:
@@ -120,7 +197,7 @@ def main() -> int:
         holds &= as_asked
         rows.append(
             [
-                f"quadratic {case.levels}^{case.factors}",
+                str(case),
                 case.size,
                 f"{case.best:.7f}",
                 f"{best:.7f}",
@@ -138,11 +215,13 @@ def main() -> int:
         as_asked = value >= 1 - SAME
         holds &= as_asked
         cubes.append([p, f"{value:.9f}", starts, f"{seconds:.1f}", "yes" if as_asked else "no"])
-    write_text(HERE / "exact.md", _page(rows, cubes))
+    write_text(HERE / "exact.md", _page(rows, starts_of_exchange(), cubes))
     return 0 if holds else 1
 
 
-def _page(rows: list[list[object]], cubes: list[list[object]]) -> str:
+def _page(
+    rows: list[list[object]], exchanges: list[list[object]], cubes: list[list[object]]
+) -> str:
     """The report."""
     header = [
         "model",
@@ -166,6 +245,15 @@ AlgDesign is one descent. Asked: the best determinant that AlgDesign was seen to
 {MOST:g} times its time for a start. {machine()}.
 
 {markdown_table(header, rows)}
+
+One start of exchange alone, `edtk.exchange` beside `optFederov(nRepeats=1)`, in milliseconds of the
+processor: as one of the many starts of a call ({TOGETHER}, or {MANY} of the small models), and as
+a call of its own; the least of {REPEATS} times. Asked is a ratio of {ALONE:g} at most. Ours
+exchanges the places in turn (Cook and Nachtsheim 1980), AlgDesign's makes the best of all exchanges
+(Fedorov 1972), in C. What ours spends on small models is Python, not arithmetic. AlgDesign 1.2.1.2
+was built from its sources, with R of Debian's r-base-core.
+
+{markdown_table(EXCHANGES, exchanges)}
 
 Saturated plans of a constant and p - 1 factors of two levels, over all corners; Hadamard's bound
 is one. The time is that of the whole call, with the bound that proves the plan.

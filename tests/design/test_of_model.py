@@ -10,7 +10,7 @@ import edtk
 from edtk.design import user_model
 from edtk.design.families import CLOSED, FAMILIES, LINKS, Response
 from edtk.design.formula import DERIVATIVES, Formula
-from edtk.system.errors import ArgumentError, Note
+from edtk.system.errors import ArgumentError, Note, UserError
 
 DOSE = np.linspace(0.0, 4.0, 401)
 ENZYME = "V * x / (K + x)"
@@ -246,6 +246,12 @@ BAD = {
     "ignored": (lambda x, t: t[0] * x, [1.0, 2.0], {}, r"^f: .*depend on 'k2' at any point$"),
     "fails": (lambda x, t: t[7] * x, [1.0], {}, r"^f: fails for points and theta: index 7"),
     "text": (lambda x, t: "a", [1.0], {}, r"^f: fails for .*expected numbers"),
+    "raises at a point": (
+        lambda x, t: t[0] * float(x) if x != 0.03 else [][0],
+        [1.0],
+        {},
+        r"^f: fails at x = 0.03: list index out of range$",
+    ),
     "raises": (lambda x, t: 1 / 0, [1.0], {}, r"^f: fails for .*division by zero"),
     "digits": (f"a * x * {'9' * 400}", {"a": 1.0}, {}, r"^f: .* is no formula: int too large"),
     "zero": ("a * x / 0", {"a": 1.0}, {}, r"^f: the value is not finite at x = 0"),
@@ -283,6 +289,43 @@ def test_a_bad_model_is_refused_in_one_line(name):
     with pytest.raises(ArgumentError, match=words) as caught:
         edtk.Problem.of_model(f, theta, DOSE, **options)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("make", [edtk.Problem.of_model, edtk.Region.of_model])
+@pytest.mark.parametrize("prior", [np.eye(3), [1.0, 2.0], 1.0, -np.eye(2), [[1, 1], [0, 1]], "a"])
+def test_a_bad_prior_is_refused_in_one_line(make, prior):
+    """Of a wrong shape, of no information, or no numbers."""
+    with pytest.raises(UserError, match=r"prior.* must be|prior: expected numbers") as caught:
+        make(ENZYME, AT, (0.0, 4.0), prior=prior)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("theta", [(0.0, 1e12), (1e12, 1e-12), (1e12, 0.0), (0.0, 0.0)])
+@pytest.mark.parametrize("number", [float, lambda value: value], ids=["differences", "complex"])
+def test_sizes_of_theta_that_are_far_apart(theta, number):
+    """A line has its two columns, whatever its parameters are: by differences and by complex steps.
+
+    Steps of 1e-12 beside 1e12 change no digit; then a step of another size tells the derivative.
+    """
+
+    def line(x, t):
+        return number(t[0]) + number(t[1]) * x
+
+    problem = edtk.Problem.of_model(line, theta, DOSE)
+    rows = np.stack([np.ones_like(DOSE), DOSE], axis=-1)
+    np.testing.assert_allclose(problem.factors()[:, 0], rows, atol=1e-9)
+
+
+@pytest.mark.parametrize("number", [float, lambda value: value], ids=["differences", "complex"])
+def test_a_zero_beside_a_large_parameter(number):
+    """Decay that begins with a rate of zero: steps of the other parameter's size would overflow."""
+
+    def decay(x, t):
+        return number(t[1]) * np.exp(-number(t[0]) * x)
+
+    problem = edtk.Problem.of_model(decay, (0.0, 1e12), DOSE)
+    rows = np.stack([-1e12 * DOSE, np.ones_like(DOSE)], axis=-1)
+    np.testing.assert_allclose(problem.factors()[:, 0], rows, rtol=1e-9, atol=1e-9)
 
 
 def test_constraints_of_a_region_are_functions() -> None:

@@ -6,6 +6,7 @@ from scipy.optimize import linprog, minimize_scalar
 from scipy.stats import binom, gamma, norm, poisson
 
 import edtk
+from edtk.design.bound import BoundKind
 from edtk.design.families import FAMILIES, Response
 from edtk.system.errors import ArgumentError
 
@@ -242,6 +243,80 @@ def test_a_certificate_is_about_the_list(tmp_path):
     assert len(design.problem.each) == len(design.worst.thetas)
 
 
+def in_region(K, **options):
+    """Michaelis and Menten's model over all doses up to one, with a range of K."""
+    theta = {"V": 2.0, "K": K}
+    return edtk.Region.of_model(ENZYME, theta, (0, 1), robust="maximin", **options)
+
+
+def rivals_in_region(rival="p + q * x", **options):
+    """A parabola that is told from a rival between -1 and 1."""
+    return edtk.Region.of_rivals("a * x^2", {"a": 1.0}, rival, LINE, (-1, 1), **options)
+
+
+@pytest.mark.slow
+def test_a_narrow_range_in_a_region_has_the_design_of_two_points():
+    """That of the first test, of which the dose is found; its bound over all doses is proved."""
+    low, high = 0.5, 1.0
+    a, b = (1 / np.sqrt(K * (K + 1)) for K in (low, high))
+    dose = (high * b - low * a) / (a - b)
+    efficiency = 4 * low * (low + 1) * dose * (1 - dose) / (low + dose) ** 2
+    design = edtk.relax(in_region((low, high)), prove=1e-4)
+    assert design.points.ravel() == pytest.approx([dose, 1.0], abs=1e-5)
+    assert design.weights == pytest.approx([0.5, 0.5], abs=1e-5)
+    assert design.worst.value == pytest.approx(efficiency, rel=1e-6)
+    assert design.kind is BoundKind.PROVED
+    assert efficiency <= 1 / design.bound * (1 + 1e-9)
+    assert design.gap <= 1e-4
+
+
+@pytest.mark.slow
+def test_a_region_and_a_fine_grid_have_the_same_worst_theta():
+    """Five hundred doses are as good as all of them; no K of a fine grid is worse than told."""
+    design = edtk.relax(in_region((0.05, 2.0)))
+    grid = edtk.relax(enzyme((0.05, 2.0), np.linspace(0, 1, 501)))
+    assert design.worst.value == pytest.approx(grid.worst.value, rel=1e-4)
+    K = np.linspace(0.05, 2.0, 2001)
+    rows = np.stack(
+        [design.points / (K + design.points), -2 * design.points / (K + design.points) ** 2],
+        axis=-1,
+    )
+    M = np.einsum("n,nkp,nkq->kpq", design.weights, rows, rows)
+    ideal = K / (2 * K + 1)
+    best = ideal * (1 - ideal) / ((K + ideal) ** 2 * (K + 1) ** 2)
+    least = (np.sqrt(np.linalg.det(M)) / best).min()
+    assert least >= design.worst.value * (1 - 1e-6)
+    assert design.worst.value == pytest.approx(1 / design.bound, rel=2e-5)
+
+
+@pytest.mark.slow
+def test_atkinson_and_fedorov_in_a_region():
+    """Their first example without a grid: points and weights to the digits that they print."""
+    limits = LINE | {"r": (-10, 10)}
+    rivals = edtk.Region.of_rivals(
+        "a + b * exp(x) + c * exp(-x)",
+        {"a": 4.5, "b": -1.5, "c": -2.0},
+        "p + q * x + r * x^2",
+        limits,
+        (-1, 1),
+    )
+    design = edtk.relax(rivals)
+    assert design.points.ravel() == pytest.approx([-1, -0.669, 0.144, 0.957], abs=5e-4)
+    assert design.weights == pytest.approx([0.253, 0.428, 0.247, 0.072], abs=6e-4)
+    assert design.worst.value == pytest.approx(1.087e-3, abs=5e-7)
+
+
+@pytest.mark.slow
+def test_a_plan_in_a_region_tells_rivals():
+    """Two, four and two experiments; where the model is linear the bound is proved, too."""
+    plan = edtk.plan(rivals_in_region(), 8, prove_bound=1e-3)
+    assert plan.points.ravel() == pytest.approx([-1, 0, 1], abs=1e-4)
+    assert plan.counts.tolist() == [2, 4, 2]
+    assert plan.worst.value == pytest.approx(0.25, rel=1e-6)
+    assert plan.kind is BoundKind.PROVED
+    assert "least deviance 0.25 at p = 0.5" in plan.headline()
+
+
 def of_line(x=(0.0, 1.0, 2.0), **options):
     given = {"theta": {"a": 1.0}, "rival": "p + q * x", "rival_theta": LINE, "family": "normal"}
     return edtk.Problem.of_rivals("a * x^2", candidates=list(x), **(given | options))
@@ -257,9 +332,13 @@ BAD = {
     "prior": (lambda: enzyme((1, 2), prior=np.eye(2)), r"^prior: expected none beside ranges"),
     "weights": (lambda: enzyme((1, 2), weights=[1]), r"^weights: expected none beside ranges"),
     "not finite": (lambda: edtk.relax(enzyme((-1, 1))), r"^theta: at V = 2, K = -1 .* at x = 1$"),
-    "region": (
-        lambda: edtk.Region.of_model(ENZYME, {"V": 1, "K": (1, 2)}, (0, 1), robust="maximin"),
-        r"^theta: ranges are for candidates",
+    "region, not finite": (
+        lambda: edtk.relax(in_region(K=(-1, 1))),
+        r"^theta: at V = 2, K = -[0-9.]+ the model is not finite at x = [0-9.]+$",
+    ),
+    "region, same": (
+        lambda: rivals_in_region("p + q * x^2"),
+        r"^rival_theta: it is f at all points for p = .*, q = 1;",
     ),
     "blocks": (lambda: edtk.plan(enzyme((1, 2)), blocks=(3, 3)), r"^blocks: is not known beside"),
     "efficiency": (
@@ -271,7 +350,7 @@ BAD = {
     "rival": (lambda: of_line(rival="p + q * y"), r"^rival: the rival: f: 'p \+ q \* y' has 'y'"),
     "same": (
         lambda: of_line(rival="p + q * x^2"),
-        r"^rival_theta: it is f at all candidates",
+        r"^rival_theta: it is f at all points for",
     ),
     "sigma": (lambda: of_line(sigma=lambda x, t: x), r"^sigma: expected numbers, which both"),
     "mean": (

@@ -74,6 +74,7 @@ def test_variance_over_a_frame_goes_between_its_rows(designs):
     ax = designs["screen"].plot(kind="variance", factors="B", at={"A": 0.5})
     b, shown = ax.lines[0].get_data()
     np.testing.assert_allclose(shown, (1 + 0.25 + b**2) / 8, rtol=1e-12)
+    assert ax.get_xlabel().endswith("\nat A = 0.5, C = 0, D = 0, E = 0")
     assert designs["screen"].plot(kind="variance", factors=("A", "E")).get_ylabel() == "E"
 
 
@@ -105,6 +106,15 @@ def test_power_is_that_of_the_t_test(designs, name, freedom):
         shift = effect[60] / deviation
         mean, _ = quad(both_tails, 0, 99, args=(edge, shift), epsabs=1e-12, epsrel=1e-11)
         assert power[60] == pytest.approx(mean, abs=1e-9)
+
+
+def test_parameters_of_one_power_share_a_name_in_the_legend(designs):
+    """All six of an orthogonal design have one curve; both of an enzyme's have their own."""
+    texts = {
+        name: [text.get_text() for text in designs[name].plot(kind="power").get_legend().texts]
+        for name in ("screen", "region")
+    }
+    assert texts == {"screen": ["Intercept\nA\nB\nC\nD\nE"], "region": ["V", "K"]}
 
 
 def test_power_without_freedom_takes_the_noise_for_known():

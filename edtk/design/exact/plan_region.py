@@ -24,6 +24,8 @@ from edtk.system.typing import Array, Indices
 if TYPE_CHECKING:
     import pandas as pd
 
+    from edtk.design.theta_box import WorstTheta
+
 STARTS = 32
 GRID = 600  # points among which places are exchanged, besides those of the relaxation
 REFINED = 3  # plans of either kind that are refined one by one to the end
@@ -49,6 +51,7 @@ class RegionPlan(BoundedDesign):
         starts: Number of starts of the search.
         found: How many of them led to a plan as good as this one.
         seconds: Duration of the search [s], the relaxation included.
+        worst: Where in ranges of theta it is worst; None of a region without any.
     """
 
     relaxed: RelaxedRegion
@@ -59,6 +62,7 @@ class RegionPlan(BoundedDesign):
     starts: int
     found: int
     seconds: float
+    worst: "WorstTheta | None" = None
 
     def headline(self) -> str:
         """Criterion, value, size and efficiency."""
@@ -68,6 +72,7 @@ class RegionPlan(BoundedDesign):
             f"{self.criterion.label} = {self.value:.6g} with {self.size} experiments at "
             f"{len(self.points)} points, efficiency {100 * self.efficiency:.2f} % "
             f"({self.lower_bound.kind.value} bound){digits}"
+            f"{'' if self.worst is None else f', {self.worst}'}"
         )
 
     @property

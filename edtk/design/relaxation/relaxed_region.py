@@ -23,6 +23,8 @@ from edtk.system.typing import Array
 if TYPE_CHECKING:
     import pandas as pd
 
+    from edtk.design.theta_box import WorstTheta
+
 # Sizes of information beyond which searches over a region would leave floating-point numbers.
 SMALL = 1e-100
 LARGE = 1e100
@@ -128,6 +130,7 @@ class RelaxedRegion(RelaxedDesign):
         grid: Points (n, d) of the grid.
         accuracy: Relative error that rounding may have made in cost and bounds, see
             `relative_accuracy`.
+        worst: Where in ranges of theta it is worst; None of a region without any.
     """
 
     region: Region
@@ -137,6 +140,7 @@ class RelaxedRegion(RelaxedDesign):
     largest: LargestSensitivities
     grid: Array
     accuracy: float
+    worst: "WorstTheta | None" = None
 
     def headline(self) -> str:
         """Criterion, value, number of points, and gap with its kind."""
@@ -144,6 +148,7 @@ class RelaxedRegion(RelaxedDesign):
         return (
             f"{self.criterion.label} = {self.value:.6g} with weights on {len(self.points)} points, "
             f"{self.kind.value} gap {self.gap:.1e}{digits}"
+            f"{'' if self.worst is None else f', {self.worst}'}"
         )
 
     @property

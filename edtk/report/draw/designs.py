@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +14,7 @@ from edtk.design.exact.model_design import LEVEL, Design, ModelDesign, Places
 from edtk.design.exact.size_curve import SizeCurve, size_curve
 from edtk.design.problem import Problem
 from edtk.design.problems import DescribedProblem
+from edtk.design.region import Region
 from edtk.report.draw.names import name_ticks, short_names
 from edtk.report.figures import BLUE, COLOURS, GREY, ORANGE, panels
 from edtk.report.shown import plain
@@ -26,6 +29,7 @@ GRID = 81  # points along each axis of a map
 DISTANT = 10.0  # ratio of two effects beyond which they share a logarithmic axis
 WRITTEN = 12  # columns up to which each cell of a map has its number
 AREA = 120.0  # of the marker of the experiment that is made most often [square points]
+SAME = 1e-9  # relative difference of standard deviations that are one
 FULL = 0.999  # power at which the axis of effects ends
 BY_NOISE = "variance of prediction /\nvariance of noise"
 OF_ONE = "variance of prediction x experiments /\nvariance of noise"
@@ -115,9 +119,13 @@ def _variance(
     places = _placed(design, x)
     names = _factors(places, factors)
     where = [places.names.index(name) for name in names]
-    evaluate = None if x is not None else _evaluation(design, places, names, at or {})
+    others = _others(design.model, names, at or {})
+    evaluate = None if x is not None else _evaluation(design, others, names)
     draw_over = _variance_curve if len(names) == 1 else _variance_map
     draw_over(design, places, where, evaluate, ax)
+    if evaluate is not None and others:
+        held = ", ".join(f"{plain(str(name))} = {_text(value)}" for name, value in others.items())
+        ax.set_xlabel(f"{ax.get_xlabel()}\nat {held}")
 
 
 def _placed(design: ModelDesign, x: ArrayLike | None) -> Places:
@@ -153,67 +161,80 @@ def _factors(places: Places, asked: str | Sequence[str] | None) -> tuple[str, ..
     return names
 
 
+def _text(value: Any) -> str:
+    return f"{value:.3g}" if isinstance(value, Real) else plain(str(value))
+
+
+def _others(
+    model: Problem | Region, names: tuple[str, ...], at: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Values of the variables over which nothing is drawn, as told or by default.
+
+    Raises:
+        ArgumentError: There are no such variables.
+    """
+    if isinstance(model, Problem):
+        if not isinstance(model, DescribedProblem) or model.rows_of is None:
+            if at:
+                message = "the model is known at its candidates alone; expected none"
+                raise ArgumentError(message, argument="at")
+            return {}
+        frame = model.frame
+        numbers = frame.select_dtypes("number").columns
+        usual: dict[Any, Any] = {
+            name: 0.5 * (column.min() + column.max()) if name in numbers else column.iloc[0]
+            for name, column in frame.items()
+        }
+    else:
+        usual = dict(zip(model.variables, model.limits.mean(axis=0).tolist(), strict=True))
+    unknown = [name for name in at if name not in usual]
+    if unknown:
+        message = f"expected values of {', '.join(map(str, usual))}"
+        raise ArgumentError(message, argument="at", given=unknown[0])
+    return {name: value for name, value in (usual | dict(at)).items() if name not in names}
+
+
 def _evaluation(
-    design: ModelDesign, places: Places, names: tuple[str, ...], at: Mapping[str, Any]
+    design: ModelDesign, others: Mapping[str, Any], names: tuple[str, ...]
 ) -> Callable[[Array], Array] | None:
-    """Variances (k,) at values (k, 1 or 2) of the named variables, others as told; nan outside.
+    """Variances (k,) at values (k, 1 or 2) of the named variables; nan outside of a region.
 
     None where the model is known at its candidates alone.
     """
     model = design.model
     if isinstance(model, Problem):
         if not isinstance(model, DescribedProblem) or model.rows_of is None:
-            if at:
-                message = "the model is known at its candidates alone; expected none"
-                raise ArgumentError(message, argument="at")
             return None
-        return _of_frame(design, model, names, at)
-    unknown = [name for name in at if name not in places.names]
-    if unknown:
-        message = f"expected values of {', '.join(places.names)}"
-        raise ArgumentError(message, argument="at", given=unknown[0])
-    middle = model.limits.mean(axis=0)
-    base = np.array([at.get(n, m) for n, m in zip(places.names, middle, strict=True)], dtype=float)
-    where = [places.names.index(name) for name in names]
+        return partial(_of_frame, design, model, others, names)
+    region = model
 
     def variances(values: Array) -> Array:
-        points = np.tile(base, (len(values), 1))
-        points[:, where] = values
-        inside = model.at(points).feasible
+        given = {name: values[:, i] for i, name in enumerate(names)}
+        told = given | dict(others)
+        columns = [np.broadcast_to(told[name], len(values)) for name in region.variables]
+        points = np.stack(columns, axis=-1).astype(float)
+        inside = region.at(points).feasible
         found = np.full(len(points), np.nan)
         if inside.any():
-            found[inside] = design.variances(model.rows_at(points[inside]))
+            found[inside] = design.variances(region.rows_at(points[inside]))
         return found
 
     return variances
 
 
 def _of_frame(
-    design: ModelDesign, model: DescribedProblem, names: tuple[str, ...], at: Mapping[str, Any]
-) -> Callable[[Array], Array]:
+    design: ModelDesign,
+    model: DescribedProblem,
+    others: Mapping[str, Any],
+    names: tuple[str, ...],
+    values: Array,
+) -> Array:
     """The same for candidates of a data frame."""
-    frame = model.frame
-    unknown = [name for name in at if name not in frame.columns]
-    if unknown:
-        message = f"expected values of {', '.join(map(str, frame.columns))}"
-        raise ArgumentError(message, argument="at", given=unknown[0])
-    numbers = set(frame.select_dtypes("number").columns)
-
-    def told(name: Any) -> Any:
-        if name in at:
-            return at[name]
-        column = frame[name]
-        return 0.5 * (column.min() + column.max()) if name in numbers else column.iloc[0]
-
-    def variances(values: Array) -> Array:
-        given = {name: values[:, i] for i, name in enumerate(names)}
-        others = {name: told(name) for name in frame.columns if name not in given}
-        # The first row brings the type of each column, as of categories.
-        table = frame.iloc[np.zeros(len(values), dtype=int)].reset_index(drop=True)
-        assert model.rows_of is not None
-        return design.variances(model.rows_of(table.assign(**others, **given)))
-
-    return variances
+    # The first row brings the type of each column, as of categories.
+    table = model.frame.iloc[np.zeros(len(values), dtype=int)].reset_index(drop=True)
+    assert model.rows_of is not None
+    given = {name: values[:, i] for i, name in enumerate(names)}
+    return design.variances(model.rows_of(table.assign(**others, **given)))
 
 
 def _variance_curve(
@@ -259,6 +280,8 @@ def _variance_map(
         heights = evaluate(grid.reshape(-1, 2)).reshape(GRID, GRID)
         shown = ax.contourf(*axes, heights, levels=12, cmap="viridis")
     made = _made(design, places)[:, where]
+    ax.set(xlim=(values[:, 0].min(), values[:, 0].max()))
+    ax.set(ylim=(values[:, 1].min(), values[:, 1].max()))
     discs: dict[str, Any] = {"color": "w", "edgecolor": "k", "clip_on": False, "zorder": 3}
     ax.scatter(made[:, 0], made[:, 1], s=_areas(design), **discs)
     first, second = (plain(places.names[i]) for i in where)
@@ -322,9 +345,11 @@ def _power(
         else np.linspace(0, largest, FINE)
     )
     powers = design.powers(effects, level, freedom, m)[:, chosen]
-    for i, name in enumerate(short_names(names)):
+    short = [plain(name) for name in short_names(names)]
+    for i, alike in enumerate(_alike(deviations)):
         style = ("-", "--", ":", "-.")[i // len(COLOURS) % 4]
-        ax.plot(effects, powers[:, i], style, color=COLOURS[i % len(COLOURS)], label=plain(name))
+        lines = ax.plot(effects, powers[:, alike], style, color=COLOURS[i % len(COLOURS)])
+        lines[0].set_label("\n".join(short[j] for j in alike))
     if is_wide:
         ax.set_xscale("log")
     noise = f"{freedom} degrees of freedom for the noise" if freedom else "the noise is known"
@@ -333,6 +358,18 @@ def _power(
     ax.set_ylim(0, 1.02)
     ax.grid(alpha=0.3)
     ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
+
+
+def _alike(deviations: Array) -> list[list[int]]:
+    """Numbers of parameters with the same standard deviation: their curves are one."""
+    found: list[list[int]] = []
+    for i, deviation in enumerate(deviations.tolist()):
+        same = [g for g in found if abs(deviations[g[0]] - deviation) <= SAME * deviation]
+        if same:
+            same[0].append(i)
+        else:
+            found.append([i])
+    return found
 
 
 def _correlation(design: ModelDesign, ax: "Axes", beyond: Any = None) -> None:
@@ -344,6 +381,7 @@ def _correlation(design: ModelDesign, ax: "Axes", beyond: Any = None) -> None:
     if own < len(names):
         for line in (ax.axhline, ax.axvline):
             line(own - 0.5, color=ORANGE, linewidth=1.2)
+        ax.set_xlabel("beyond the lines: terms that the model leaves out")
 
 
 def _alias(design: ModelDesign, ax: "Axes", beyond: Any = None) -> None:

@@ -40,7 +40,7 @@ class AnyPricing(Pricing):
 
     def effort(self, limits: Limits) -> float:
         """Some ten sweeps over short lists, and a few over all candidates, with p^2 for each."""
-        n = len(self.scatter.rows)
+        n = self.scatter.n
         return 20.0 * limits.m * (SHORTLISTS[0] + n) * self.rows * self.entries
 
     @property
@@ -51,7 +51,7 @@ class AnyPricing(Pricing):
     @property
     def candidates(self) -> int:  # type: ignore[override]
         """Number of candidates without the empty place."""
-        n = len(self.scatter.rows)
+        n = self.scatter.n
         return n if self.limits.sized else n - 1
 
     @property
@@ -72,7 +72,7 @@ class AnyPricing(Pricing):
     @property
     def rounds(self) -> tuple[int, ...]:  # type: ignore[override]
         """Lengths of the shortlists, the last one of all candidates."""
-        n = len(self.scatter.rows)
+        n = self.scatter.n
         short = tuple(size for size in SHORTLISTS if size < n)
         return (*short, n) if self.thorough or not short else short
 
@@ -154,7 +154,7 @@ class AnyPrices(Prices):
 
     def _candidates(self, center: Array, allowed: Mask | None) -> Indices:
         """Candidates (b, size) of largest sensitivity, or all of them."""
-        n = len(self.pricing.scatter.rows)
+        n = self.pricing.scatter.n
         every = np.broadcast_to(np.arange(n), (len(center), n))
         # A singular plan has no gradient, and therefore no short list.
         if self.size >= n or not np.isfinite(self.costs).all():

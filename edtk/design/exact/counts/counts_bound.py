@@ -41,6 +41,11 @@ class Scatter:
     rows: Array
     limits: Limits
 
+    @property
+    def n(self) -> int:
+        """Number of candidates."""
+        return len(self.rows)
+
     def information(self, places: Indices) -> Array:
         """Information (b, p, p) of plans (b, m), that of every plan included."""
         U = self.rows[places]

@@ -1,7 +1,6 @@
 """Prices of candidates that are rows of several models: of small blocks, and not of one matrix."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -10,28 +9,40 @@ from criteria.linalg.models import Models, put, taken
 from criteria.several_criteria import Alike, SeveralCriteria
 from edtk.design.exact.counts.any_prices import AnyPrices, AnyPricing
 from edtk.design.exact.counts.counts_bound import Scatter
+from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.exchange_costs import exchange_costs
+from edtk.design.information import side_by_side
 from edtk.system.typing import Array, Indices
 
 
-@dataclass(frozen=True, eq=False)
 class ModelScatter(Scatter):
     """Information about several models side by side, see `Models`, without blocks of experiments.
 
-    Attributes:
-        models: Where the models stand. Each row of a candidate is about one of them alone.
+    Args:
+        rows: Rows (n, r, p) of the candidates, each about one of the models alone; or the rows
+            (n, r_j, s_j) about each model.
+        limits: What every plan has and obeys.
+        models: Where the models stand.
     """
 
+    each: tuple[Array, ...]
     models: Models
 
+    def __init__(self, rows: Array | Sequence[Array], limits: Limits, models: Models) -> None:
+        each = _split(rows, models) if isinstance(rows, np.ndarray) else tuple(rows)
+        object.__setattr__(self, "each", each)
+        object.__setattr__(self, "limits", limits)
+        object.__setattr__(self, "models", models)
+
     @cached_property
-    def each(self) -> tuple[Array, ...]:
-        """The rows (n, r_j, s_j) about each model."""
-        found = []
-        for part in self.models.parts:
-            own = self.rows[:, :, part]
-            found.append(own[:, own.any(axis=(0, 2))])
-        return tuple(found)
+    def rows(self) -> Array:
+        """The rows (n, r, p) about all models, most of them zeros."""
+        return side_by_side(self.each)
+
+    @property
+    def n(self) -> int:
+        """Number of candidates."""
+        return len(self.each[0])
 
     def rows_of(self, numbers: Sequence[int] | Indices) -> Array:
         """The rows (g, n, r, s) about models of the same order, with zeros below the shorter."""
@@ -57,6 +68,24 @@ class ModelScatter(Scatter):
             own = np.swapaxes(np.swapaxes(U, -1, -2) @ U, 0, 1)
             put(M, at, taken(M, at) + own)
         return M
+
+    def without(self, M: Array, places: Indices, place: int) -> tuple[Array, Array, float]:
+        """Take the experiment at one place out of plans, block by block; there is no center."""
+        rest = M.copy()
+        for at, rows in self.alike:
+            U = rows[:, places[:, place]]
+            own = np.swapaxes(np.swapaxes(U, -1, -2) @ U, 0, 1)
+            put(rest, at, taken(rest, at) - own)
+        return rest, np.zeros((len(places), 1, 1)), 1.0
+
+
+def _split(rows: Array, models: Models) -> tuple[Array, ...]:
+    """The rows (n, r_j, s_j) about each model, of rows (n, r, p) about one of them each."""
+    found = []
+    for part in models.parts:
+        own = rows[:, :, part]
+        found.append(own[:, own.any(axis=(0, 2))])
+    return tuple(found)
 
 
 class ModelsPricing(AnyPricing):
@@ -120,7 +149,7 @@ class ModelsPrices(AnyPrices):
 
     def sensitivities(self, G: Array, center: Array) -> Array:
         """``sum_j <G_jj, U_j'U_j>`` (b, n)."""
-        found = np.zeros((len(G), len(self.pricing.scatter.rows)))
+        found = np.zeros((len(G), self.pricing.scatter.n))
         for at, packed in self.pricing.packed:
             found += taken(G, at).reshape(len(G), -1) @ packed
         return found

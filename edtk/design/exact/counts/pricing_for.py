@@ -1,5 +1,6 @@
 """The quickest way to price the candidates of a problem under a criterion, and to search them."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +23,7 @@ from edtk.design.exact.counts.prices import Pricing
 from edtk.design.exact.counts.several_rows_pricing import SeveralRowsPricing
 from edtk.design.exact.counts.two_level_prices import TwoLevelPricing, two_levels
 from edtk.design.exact.exchange_costs import constant_slope
+from edtk.design.information import side_by_side
 from edtk.design.problem import Problem
 from edtk.system.typing import Array
 
@@ -105,18 +107,21 @@ def search_for(
         relaxed: The relaxation, if there is one.
         thorough: Whether no exchange of one place shall improve the plan.
     """
-    rows = bare.factors()
     T = _of_each_model(bare, criterion.plan_criterion, limits)
     transformed = criterion.transformed(T)
     if transformed is None:
         T = np.eye(bare.p)
         transformed = criterion
-    rows = rows @ T
-    flat = rows.reshape(-1, bare.p)
+    problems, places = _apart(bare, T)
+    rows = [one.factors() @ T[at, at] for one, at in zip(problems, places, strict=True)]
     # From the rows: squares of those as given may have no digits left.
-    mean = flat.T @ flat / bare.n + T.T @ limits.base @ T / limits.m
+    squares = np.zeros((bare.p, bare.p))
+    for each, at in zip(rows, places, strict=True):
+        flat = each.reshape(-1, each.shape[-1])
+        squares[at, at] = flat.T @ flat
+    mean = squares / bare.n + T.T @ limits.base @ T / limits.m
     if not limits.sized:
-        rows = np.concatenate([rows, np.zeros((1, *rows.shape[1:]))])
+        rows = [np.concatenate([each, np.zeros((1, *each.shape[1:]))]) for each in rows]
     own = replace(limits, base=T.T @ limits.base @ T)
     scatter = scatter_for(transformed.plan_criterion, rows, own)
     pricing = pricing_for(transformed.plan_criterion, scatter, mean)
@@ -129,12 +134,29 @@ def search_for(
     )
 
 
-def scatter_for(criterion: Criterion, rows: Array, limits: Limits) -> Scatter:
-    """The information of rows (n, r, p); of several models that nothing mixes, in blocks."""
+def _apart(bare: Problem, T: Array) -> tuple[list[Problem], tuple[slice, ...]]:
+    """The problem of each model, and its parameters; of all together where T mixes them."""
+    if len(bare.models) > 1 and bare.models.are_apart(T):
+        return bare.each, bare.models.parts
+    return [bare], (slice(None),)
+
+
+def scatter_for(criterion: Criterion, rows: Sequence[Array], limits: Limits) -> Scatter:
+    """The information of rows, of several models that nothing mixes in blocks.
+
+    Args:
+        criterion: Tells the models, if there are several.
+        rows: Rows (n, r_j, p_j) about each model, or those (n, r, p) of all alone.
+        limits: What every plan has and obeys.
+    """
     models = criterion.models if isinstance(criterion, SeveralCriteria) else None
-    if models is None or limits.blocks or not models.are_apart(limits.base):
-        return Scatter(rows, limits)
-    return ModelScatter(rows, limits, models)
+    mixes = models is None or bool(limits.blocks) or not models.are_apart(limits.base)
+    if models is not None and not mixes and models.sizes == tuple(one.shape[-1] for one in rows):
+        return ModelScatter(rows, limits, models)
+    whole = side_by_side(rows) if len(rows) > 1 else rows[0]
+    if models is None or mixes:
+        return Scatter(whole, limits)
+    return ModelScatter(whole, limits, models)
 
 
 def _of_each_model(bare: Problem, criterion: Criterion, limits: Limits) -> Array:

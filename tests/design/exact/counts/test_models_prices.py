@@ -39,6 +39,20 @@ def test_information_in_blocks_is_that_of_all_rows():
     one = Scatter(ROWS, NONE).information(places)
     own = ModelScatter(ROWS, NONE, Models(SIZES)).information(places)
     np.testing.assert_allclose(own, one, rtol=1e-13, atol=1e-13)
+    own_rows = [ROWS[:, :, part] for part in Models(SIZES).parts]
+    apart = ModelScatter([rows[:, rows.any(axis=(0, 2))] for rows in own_rows], NONE, Models(SIZES))
+    np.testing.assert_allclose(apart.information(places), one, rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize("place", [0, M - 1])
+def test_what_is_left_without_an_experiment_is_that_of_one_matrix(place):
+    """Block by block, as of the rows of all models together."""
+    places = plans(4)
+    information = Scatter(ROWS, NONE).information(places)
+    one, _, share = Scatter(ROWS, NONE).without(information, places, place)
+    own, _, same = ModelScatter(ROWS, NONE, Models(SIZES)).without(information, places, place)
+    np.testing.assert_allclose(own, one, rtol=1e-12, atol=1e-12)
+    assert share == same == 1.0
 
 
 @pytest.mark.parametrize("name", ["compound", "minimax"])
@@ -47,7 +61,7 @@ def test_the_best_exchange_is_that_of_one_matrix(name, ridge):
     """A look at all candidates finds the cost of each sum; short lists never find a better one."""
     criterion = criterion_of(name)
     mean = Scatter(ROWS, NONE).information(np.arange(N)[None])[0] / N
-    pricing = pricing_for(criterion, scatter_for(criterion, ROWS, NONE), mean)
+    pricing = pricing_for(criterion, scatter_for(criterion, [ROWS], NONE), mean)
     assert type(pricing) is ModelsPricing
     every = AnyPricing(criterion, Scatter(ROWS, NONE), mean)
     places = plans(3)
@@ -71,9 +85,9 @@ def test_blocks_of_time_and_priors_across_models_keep_one_matrix():
     criterion = criterion_of("compound")
     mixed = Limits(M, np.ones((P, P)))
     in_blocks = Limits(M, np.zeros((P, P)), blocks=(3, 3))
-    assert type(scatter_for(criterion, ROWS, mixed)) is Scatter
-    assert type(scatter_for(criterion, ROWS, in_blocks)) is Scatter
-    assert type(scatter_for(criteria.create("A"), ROWS, NONE)) is Scatter
+    assert type(scatter_for(criterion, [ROWS], mixed)) is Scatter
+    assert type(scatter_for(criterion, [ROWS], in_blocks)) is Scatter
+    assert type(scatter_for(criteria.create("A"), [ROWS], NONE)) is Scatter
 
 
 def test_models_whose_criteria_differ_by_a_number_stay_alike():
