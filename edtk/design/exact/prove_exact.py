@@ -38,6 +38,8 @@ REGULAR = 1e-12  # least eigenvalue at unit diagonal of information that can be 
 BLURRED = 1e-3  # part of all information that is added where it orders the candidates
 STARTS = 16
 AMONG = 5000  # candidates that starts are exchanged among
+# The second is for kinks, where the most sensitive candidates are not the best to exchange for.
+SHORTLISTS = (8, 512)
 LIGHT = 1e-3  # experiments that are not rounded up
 ROUNDED = 1e-6  # distance to a whole number that counts as none
 TINY = float(np.finfo(float).tiny)
@@ -602,7 +604,9 @@ class _Search:
         places = rng.choice(len(some), size=(STARTS, self.m), p=chance / chance.sum())
         members = self.working.members[some]
         beside = self.beside[members]
-        found, costs = exchange(beside, self.criterion, places, shortlists=(8,), thorough=False)
+        found, costs = exchange(
+            beside, self.criterion, places, shortlists=SHORTLISTS, thorough=False
+        )
         least = int(costs.argmin())
         if costs[least] < self.best:
             self.best = float(costs[least])
