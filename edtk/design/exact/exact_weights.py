@@ -284,39 +284,49 @@ class _Game(_OfNodes):
         """The change of a point to products of none, and what a product adds to it."""
         w, s, v = point.w, point.s, point.v
         room = self.most - w
-        known = self.known
+        W = np.where(self.known, 1.0 / (s / w + v / room), 0.0)
+        wrong = _each(self.own, point.y) - self.reduced(point, slope) - s
+        rho = np.stack([-wrong - s + v, 1.0 / w - 1.0 / room], axis=2) * self.known[..., None]
+        dx = self._solution(point, slope, W, rho)
         q = self.B.shape[2]
         g = self.counts.shape[1]
-        W = np.where(known, 1.0 / (s / w + v / room), 0.0)
-        wrong = _each(self.own, point.y) - self.reduced(point, slope) - s
-        rho = np.stack([-wrong - s + v, 1.0 / w - 1.0 / room], axis=2) * known[..., None]
+        dprice = dx[:, q + g :]
+        dw = W[..., None] * (rho - self.J @ dx)
+        ds = _complement(s, w, dw) * self.known[..., None]
+        dv = _complement(v, room, -dw) * self.is_limited[..., None]
+        dleft = _complement(point.left, point.price, dprice)
+        changes = (dw, ds, dv, dx[:, q : q + g], dprice, dleft)
+        return [own[..., 0] for own in changes], [own[..., 1] for own in changes]
+
+    def _solution(self, point: _Point, slope: _Slope, W: Array, rho: Array) -> Array:
+        """The changes ``x = (H u, dy, dmu)`` (b, q + g + k, 2) of a step."""
+        q = self.B.shape[2]
+        g = self.counts.shape[1]
         JW = np.swapaxes(self.J * W[..., None], 1, 2)
         A = JW @ self.J
-        right = JW @ rho
         A[:, :, :q] = A[:, :, :q] @ slope.H
         each = np.arange(A.shape[1])
         A[:, each[:q], each[:q]] += 1.0
         A[:, each[q : q + g], each[q : q + g]] += self.counts == 0
         A[:, each[q + g :], each[q + g :]] += point.left / point.price
-        right[:, q : q + g, 0] -= self.counts - _sums(self.own, w * known)
-        right[:, q + g :, 0] -= self.funds - _sums(self.costs, w * known)
+        right = JW @ rho
+        right[:, q : q + g, 0] -= self.counts - _sums(self.own, point.w * self.known)
+        right[:, q + g :, 0] -= self.funds - _sums(self.costs, point.w * self.known)
         right[:, q + g :, 1] += 1.0 / point.price
         x = solved(A, right)
-        dprice = x[:, q + g :]
         x[:, :q] = slope.H @ x[:, :q]
-        dw = W[..., None] * (rho - self.J @ x)
-        ds = -(s / w)[..., None] * dw
-        ds[..., 0] -= s
-        ds[..., 1] += 1.0 / w
-        dv = (v / room)[..., None] * dw
-        dv[..., 0] -= v
-        dv[..., 1] += 1.0 / room
-        ds *= known[..., None]
-        dleft = -(point.left / point.price)[..., None] * dprice
-        dleft[..., 0] -= point.left
-        dleft[..., 1] += 1.0 / point.price
-        changes = (dw, ds, dv * self.is_limited[..., None], x[:, q : q + g], dprice, dleft)
-        return [own[..., 0] for own in changes], [own[..., 1] for own in changes]
+        return x
+
+
+def _complement(dual: Array, primal: Array, change: Array) -> Array:
+    """How numbers (b, c) change whose products with others, that change by (b, c, 2), are aimed at.
+
+    The last axis is that of `_Game._directions`.
+    """
+    found = -(dual / primal)[..., None] * change
+    found[..., 0] -= dual
+    found[..., 1] += 1.0 / primal
+    return np.asarray(found)
 
 
 def _each(own: Array, values: Array) -> Array:
