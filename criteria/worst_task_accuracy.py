@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from criteria.convex_criterion import ConvexCriterion
 from criteria.criterion import KinkedCriterion
-from criteria.linalg.inverse import power_trace, rounding_of_rows, whitener
+from criteria.linalg.inverse import lowered_root, power_trace_of_root, rounding_of_rows, whitener
 from criteria.linalg.logarithms import soft_maximum
 from criteria.linalg.typing import Array, Indices, triangle
 from criteria.registry import register
@@ -92,7 +92,7 @@ class WorstTaskAccuracy(KinkedCriterion, ConvexCriterion):
         Any l is valid: the worst task is at least as bad as any weighted mean of squares, which is
         rho0 with the target B; see `dual_weights` for the choice.
         """
-        return _weighted_polar(self.targets, Z, self.dual_weights(Z, M))
+        return _weighted_polar(self.targets, lowered_root(Z), self.dual_weights(Z, M))
 
     def dual_weights(self, Z: Array, M: Array) -> Array:
         """Weights l (tasks,) of sum one with which a multiplier proves much, see `polar`.
@@ -113,12 +113,13 @@ class WorstTaskAccuracy(KinkedCriterion, ConvexCriterion):
         S = np.linalg.inv(T)
         whitened = T.T @ squares @ T
         worst = np.trace(whitened, axis1=1, axis2=2).argmax()
+        F = lowered_root(Z)
         starts = [_least_squares_weights(whitened, S @ Z @ S.T), np.eye(len(tasks))[worst]]
         best = starts[1]
         most = -1.0
         for weights in starts:
             for step in _steps(whitened, S @ Z @ S.T, weights):
-                found = _weighted_polar(self.targets[tasks], Z, step)
+                found = _weighted_polar(self.targets[tasks], F, step)
                 if found > most:
                     most = found
                     best = step
@@ -179,15 +180,19 @@ class WorstTaskAccuracy(KinkedCriterion, ConvexCriterion):
         return -cov @ mixed @ cov
 
 
-def _weighted_polar(targets: Array, Z: Array, weights: Array) -> float:
-    """The polar of rho0 with the rows ``sqrt(l_i) A_i`` of targets (t, rows, p) as its target."""
+def _weighted_polar(targets: Array, F: Array, weights: Array) -> float:
+    """The polar of rho0 with the rows ``sqrt(l_i) A_i`` of targets (t, rows, p) as its target.
+
+    It is computed from a root F (p, p) of the multiplier ``F'F``: of a product that has no part in
+    some direction, rounding would leave an eigenvalue, and its root would be far larger.
+    """
     carries = weights > 0
     if not carries.any():
         return 0.0  # no weights, no proof
     rows = np.sqrt(weights[carries])[:, None, None] * targets[carries]
     # At most p rows have the same squares; the factor comes from the rows, not from their squares.
     B = np.asarray(np.linalg.qr(rows.reshape(-1, rows.shape[-1]), mode="r"))
-    return power_trace(B @ Z @ B.T, 0.5)
+    return power_trace_of_root(B @ F.T, 0.5)
 
 
 def _least_squares_weights(squares: Array, Z: Array) -> Array:

@@ -248,7 +248,7 @@ def test_within_limits_equal_candidates_need_a_position_each():
 
 def test_the_check_takes_less_time_than_the_proof():
     """A tree of some hundred nodes is replayed faster than it was found."""
-    problem = Problem(np.random.default_rng(5).normal(size=(120, 1, 4)))
+    problem = Problem(np.random.default_rng(5).normal(size=(120, 1, 6)))
     since = time.process_time()
     content = stored(problem, criteria.create("A"), 7)
     proving = time.process_time() - since

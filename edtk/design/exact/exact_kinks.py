@@ -19,11 +19,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from criteria.linalg.typing import triangle
-from edtk.design.exact.exact_nodes import Merits, Nodes, Told
+from edtk.design.exact.exact_nodes import NEAR_AT_KINKS, Merits, Nodes, is_near
+from edtk.design.exact.exact_weights import solved
 from edtk.design.information import order, sensitivity_rows
 from edtk.system.typing import Array, Indices, Mask
 
-NEAREST = 80  # candidates of a node that take part
 STEPS = 40  # of Newton's method, at most
 BEGIN = 0.05  # part of the merit that the distance may have at the beginning
 INSIDE = 0.1  # part of the first multiplier that is regular
@@ -35,21 +35,21 @@ SMALL = 1e-14  # part of the largest eigenvalue that rounding leaves of others
 
 
 def spectral_multipliers(
-    merits: Merits, nodes: Nodes, told: Told, Z: Array, near: float, least: float
+    merits: Merits, nodes: Nodes, z: Array, Z: Array, least: float
 ) -> tuple[Array, Array]:
     """Multipliers (b, q + k) of nodes (b,), and weights (s,) of their candidates.
 
     Args:
         merits: Of a criterion with a floor.
         nodes: The nodes.
-        told: What known multipliers tell of them.
-        Z: These (b, q + k).
-        near: Distance from the best multiplier at which to end, in parts of the merit.
+        z: Sensitivities (s,) by which candidates are chosen that take part.
+        Z: Known multipliers (b, q + k).
         least: The merit below which a node is closed, and no better multiplier of use.
     """
-    chosen, known = _chosen(nodes, told)
-    game = _Game.of(merits, nodes, chosen, known, told.merit, near, least)
-    state = game.begun(Z, told.merit)
+    chosen, known = nodes.spread(z)
+    merit = merits.tell(nodes, Z).merit
+    game = _Game.of(merits, nodes, chosen, known, merit, least)
+    state = game.begun(Z, merit)
     for _ in range(STEPS):
         some = np.flatnonzero(game.open(state))
         if not len(some):
@@ -60,22 +60,6 @@ def spectral_multipliers(
     # Of a candidate at the boundary.
     weights[~np.isfinite(weights)] = 0.0
     return game.packed(state), weights
-
-
-def _chosen(nodes: Nodes, told: Told) -> tuple[Indices, Mask]:
-    """The candidates (b, k) of each node that take part, and where there is one."""
-    top = np.maximum.reduceat(told.sensitivities, nodes.heads)[nodes.group_of]
-    even = (nodes.counts / nodes.lengths)[nodes.group_of]
-    distance = (top - told.sensitivities) / (1.0 + nodes.weights / even)
-    number = np.minimum(nodes.sizes, NEAREST)
-    known = np.arange(int(number.max())) < number[:, None]
-    chosen = np.zeros(known.shape, dtype=int)
-    for i, (start, size) in enumerate(zip(nodes.starts, nodes.sizes, strict=True)):
-        order = np.arange(size)
-        if size > NEAREST:
-            order = np.argpartition(distance[start : start + size], NEAREST - 1)[:NEAREST]
-        chosen[i, known[i]] = start + order
-    return chosen, known
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +112,6 @@ class _Game:
         floor: F (q + k,), entries off the diagonal twice.
         twice: How often each entry (q,) stands in a matrix.
         dearest: The largest price (b,) of a budget.
-        near: Distances (b,) at which to end.
         least: The merit below which a node is closed.
     """
 
@@ -140,7 +123,6 @@ class _Game:
     floor: Array
     twice: Array
     dearest: Array
-    near: Array
     least: float
 
     @classmethod
@@ -151,27 +133,21 @@ class _Game:
         chosen: Indices,
         known: Mask,
         merit: Array,
-        near: float,
         least: float,
     ) -> "_Game":
         """Those of nodes with chosen candidates (b, c), of merits (b,) that are known."""
         merit = np.where(np.isfinite(merit) & (merit > 0), merit, 1.0)
-        place = np.arange(len(nodes.heads)) - nodes.first_groups[nodes.node_of_group]
-        groups = int(place.max()) + 1
-        counts = np.zeros((nodes.n, groups))
-        counts[nodes.node_of_group, place] = nodes.counts
-        own = (place[nodes.group_of[chosen]][..., None] == np.arange(groups)) & known[..., None]
+        counts, own = nodes.grouped(chosen, known)
         assert merits.floor is not None
         return cls(
             F=merits.F[nodes.candidates[chosen]] * known[..., None],
             known=known,
-            own=own.astype(float),
+            own=own,
             counts=counts,
             K=merits.K,
             floor=np.append(sensitivity_rows(merits.floor), np.zeros(merits.budgets)),
             twice=merits.twice[: merits.q],
             dearest=DEAREST * merit,
-            near=near * merit,
             least=least,
         )
 
@@ -179,7 +155,7 @@ class _Game:
         """Those of some nodes."""
         return _Game(
             self.F[some], self.known[some], self.own[some], self.counts[some],
-            self.K, self.floor, self.twice, self.dearest[some], self.near[some], self.least,
+            self.K, self.floor, self.twice, self.dearest[some], self.least,
         )  # fmt: skip
 
     @property
@@ -226,7 +202,8 @@ class _Game:
     def open(self, state: _State) -> Mask:
         """The nodes (b,) whose multipliers are to be improved."""
         value = self.packed(state) @ self.K + (self.counts * state.y).sum(axis=1)
-        done = (state.centred & (self.terms <= self.near * state.tau)) | (value <= self.least)
+        merit = np.where(state.centred, value - self.terms / state.tau, 0.0)
+        done = is_near(value, merit, self.least, NEAR_AT_KINKS)
         return np.asarray(~done & ~state.lost & np.isfinite(value))
 
     def weights(self, state: _State) -> Array:
@@ -246,7 +223,8 @@ class _Game:
         rise = 1.0 / state.price
         fall = 1.0 / (self.dearest[:, None] - state.price)
         g, H = self._derivatives(tau, R @ np.swapaxes(R, 1, 2), rise, fall, u, J)
-        step = _solved(H, np.append(-g, np.zeros((len(tau), 1)), axis=1))[:, :-1]
+        right = np.append(-g, np.zeros((len(tau), 1)), axis=1)
+        step = solved(H, right[..., None])[:, :-1, 0]
         lost = ~np.isfinite(step).all(axis=1)
         step[lost] = 0.0
         length = np.sqrt(np.maximum(-(g * step).sum(axis=1), 0.0))
@@ -322,14 +300,3 @@ class _Game:
         products = W[:, i[:, None], i] * W[:, j[:, None], j]
         products += W[:, i[:, None], j] * W[:, j[:, None], i]
         return np.asarray(0.5 * np.outer(self.twice, self.twice) * products)
-
-
-def _solved(H: Array, right: Array) -> Array:
-    """Solutions (b, k) of equations; no numbers where there is none."""
-    try:
-        return np.asarray(np.linalg.solve(H, right[..., None])[..., 0])
-    except np.linalg.LinAlgError:
-        if len(H) == 1:
-            return np.full(right.shape, np.nan)
-        each = zip(H[:, None], right[:, None], strict=True)
-        return np.concatenate([_solved(one, own) for one, own in each])

@@ -18,13 +18,34 @@ EPS = float(np.finfo(float).eps)
 RIDGE = 1e-6
 LARGE = 48  # candidates of a node from which on a product of its own is quicker
 DENSE = 4  # positions for each candidate up to which the product is one of all of them
-EVEN = 1e-2  # part of a group's experiments that all its candidates get evenly
-HEAVY = 2.0  # times such a weight from which on one tells something
-SHARPNESS = (8.0, 32.0, 128.0, 1024.0)  # of soft maxima, one step after the other
+SHARPNESS = 128.0  # of soft maxima
+BLURRED = 2.0 / SHARPNESS  # part of a merit that these may take
+STRETCHES = 64  # of a node, of which each has a candidate that is heard
+FEWEST_STRETCHES = 8  # of a group
+SOME = 1e-3  # part of a group's experiments from which on a weight is some
+# Distance of a bound that is near, in parts of what it leaves. Tuned on the paper's example: the
+# trees of nearer bounds are no smaller; at kinks each digit takes many steps.
+NEAR = 2e-3
+NEAR_AT_KINKS = 3e-2
+NEAREST = 1e-7  # in parts of the merit
 PRICED = 8  # looks at the candidates for the best price of a budget
 LEAST_PRICE = 1e-4  # part of a bound by which another price still matters
-TILTED = 8  # Newton steps by which weights come within a budget
-STEEPEST = 50.0  # logarithm of the largest ratio of weights that such steps make
+
+
+def is_near(bound: Array, merit: Array, least: float, near: float) -> Mask:
+    """Whether bounds (b,) of nodes close these, or are near merits (b,) of some of their weights.
+
+    A node that is not to be closed needs no bound that is nearer than what it leaves open. What is
+    no number is as near as it comes.
+
+    Args:
+        bound: No plan of a node has a larger merit.
+        merit: The merit of some weights.
+        least: A node of no larger merit is closed.
+        near: Distance of a bound that is near, in parts of what it leaves open.
+    """
+    distance = np.maximum(near * (merit - least), NEAREST * merit)
+    return np.asarray(~(bound > least) | ~(bound - merit > distance))
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,11 +130,43 @@ class Nodes:
             sums = np.add.reduceat(weights, self.heads)
         return replace(self, weights=weights * (self.counts / sums)[self.group_of])
 
-    def heavy(self, z: Array) -> Mask:
-        """The candidates (s,) that have more than the least weights, and those of the largest z."""
-        even = (HEAVY * EVEN * self.counts / self.lengths)[self.group_of]
-        top = np.maximum.reduceat(z, self.heads)[self.group_of]
-        return np.asarray((self.weights > even) | (z >= top))
+    def spread(self, z: Array) -> tuple[Indices, Mask]:
+        """Candidates (b, c) of each node that stand for all, and where there is one.
+
+        They are those that have some weight, and of every stretch of a group the one of the largest
+        z (s,): the order of candidates keeps near ones together, so that all regions are heard.
+
+        Returns:
+            Positions (b, c) among the candidates of all nodes, and a mask (b, c).
+        """
+        groups = np.bincount(self.node_of_group, minlength=self.n)[self.node_of_group]
+        stretches = np.maximum(STRETCHES // groups, FEWEST_STRETCHES)
+        stretches = np.minimum(stretches, self.lengths)[self.group_of]
+        within = np.arange(len(self.candidates)) - self.heads[self.group_of]
+        stretch = within * stretches // self.lengths[self.group_of]
+        begins = np.append(True, (np.diff(self.group_of) != 0) | (np.diff(stretch) != 0))
+        top = np.maximum.reduceat(z, np.flatnonzero(begins))[np.cumsum(begins) - 1]
+        heard = (z >= top) | (self.weights > SOME * self.counts[self.group_of])
+        some = np.flatnonzero(heard)
+        sizes = np.bincount(self.node_of[some], minlength=self.n)
+        known = np.arange(int(sizes.max())) < sizes[:, None]
+        chosen = np.zeros(known.shape, dtype=int)
+        chosen[known] = some
+        return chosen, known
+
+    def grouped(self, chosen: Indices, known: Mask) -> tuple[Array, Array]:
+        """Experiments (b, g) of each group, and groups (b, c, g) of candidates as ones and zeros.
+
+        Args:
+            chosen: Positions (b, c) of the candidates.
+            known: Where there is one (b, c).
+        """
+        place = np.arange(len(self.heads)) - self.first_groups[self.node_of_group]
+        groups = int(place.max()) + 1
+        counts = np.zeros((self.n, groups))
+        counts[self.node_of_group, place] = self.counts
+        own = (place[self.group_of[chosen]][..., None] == np.arange(groups)) & known[..., None]
+        return counts, own.astype(float)
 
     def apart(self) -> list["Nodes"]:
         """Each node alone."""
@@ -203,6 +256,15 @@ class Told(NamedTuple):
             self.tops[alive[nodes.node_of_group]],
         )
 
+    def put(self, nodes: Nodes, which: Mask, other: "Told") -> "Told":
+        """The same with what others tell of some nodes, with all their candidates."""
+        groups = which[nodes.node_of_group]
+        places = (which, which[nodes.node_of], groups, groups)
+        arrays = [own.copy() for own in self]
+        for own, place, new in zip(arrays, places, other, strict=True):
+            own[place] = new
+        return Told(*arrays)
+
     def fixed(self, nodes: Nodes, least: float) -> tuple[Mask, Mask]:
         """The candidates (s,) that stay, and the nodes (b,) that do, for a merit above `least`."""
         alive = self.merit > least
@@ -266,6 +328,20 @@ class Merits:
         band = self.criterion.spectral_band(self.p)
         return None if band is None or band.a else np.asarray(band.floor)
 
+    @cached_property
+    def smooth(self) -> Relaxable:
+        """The criterion, or a smooth one in its place."""
+        if self.criterion.smooth:
+            return self.criterion
+        smoothed = self.criterion.smoothed(SHARPNESS)
+        assert isinstance(smoothed, Relaxable)
+        return smoothed
+
+    @property
+    def near(self) -> float:
+        """Distance of a bound that is near, see `is_near`."""
+        return NEAR if self.floor is None else NEAR_AT_KINKS
+
     def __getitem__(self, chosen: Indices) -> "Merits":
         """Those of some candidates."""
         most = None if self.most is None else self.most[chosen]
@@ -297,6 +373,11 @@ class Merits:
         shape = (nodes.n, len(self.F))
         chosen = csr_array((counts[some], nodes.candidates[some], starts), shape=shape)
         return self.unpacked((chosen @ self.F + self.K) / self.twice)
+
+    def merits(self, nodes: Nodes) -> Array:
+        """Merits (b,) of the weights of nodes; zero where these leave something open."""
+        cost = self.criterion.cost(self.information(nodes, nodes.weights))
+        return np.asarray(cost ** (-1.0 / self.criterion.degree))
 
     def sensitivities(self, nodes: Nodes, Z: Array) -> Array:
         """``<Z, M_i>`` (s,) of the candidates of nodes with multipliers (b, q + k)."""
@@ -445,33 +526,7 @@ class Merits:
         counts[order] = taken
         return counts
 
-    def within(self, nodes: Nodes) -> Nodes:
-        """Weights that spend no more than the funds: the nearest by relative entropy.
-
-        They are ``w_i exp(-l c_i)``, scaled in each group, where l solves an equation whose left
-        side falls in l (Newton).
-        """
-        for funds, costs in self._of_budgets(nodes):
-            size = np.maximum(np.maximum.reduceat(np.abs(costs), nodes.starts), EPS)
-            relative = costs / size[nodes.node_of]
-            tilt = np.zeros(nodes.n)
-            tilted = nodes
-            for _ in range(TILTED):
-                spent = np.bincount(nodes.node_of, tilted.weights * relative, nodes.n)
-                over = spent - funds / size
-                if not (over > EPS).any():
-                    break
-                sums = np.add.reduceat(tilted.weights * relative, nodes.heads)
-                mean = (sums / nodes.counts)[nodes.group_of]
-                varies = tilted.weights * np.square(relative - mean)
-                falls = np.bincount(nodes.node_of, varies, nodes.n)
-                step = np.divide(over, falls, out=np.full(nodes.n, STEEPEST), where=falls > EPS)
-                tilt = np.clip(tilt + np.minimum(step, STEEPEST), 0.0, STEEPEST)
-                tilted = nodes.with_weights(nodes.weights * np.exp(-tilt[nodes.node_of] * relative))
-            nodes = tilted
-        return nodes
-
-    def multipliers(self, X: Array, sharpness: float = np.inf) -> Array:
+    def multipliers(self, X: Array) -> Array:
         """Multipliers (b, q + k) that bound merits best at information X (b, p, p), at no price.
 
         Of a convex cost f of degree d the gradient -Z at X has ``<Z, X> = d f(X)``, and every Y
@@ -480,9 +535,9 @@ class Merits:
         takes the place of this formula. Either errs by ``p^2 eps`` times the condition number.
         """
         p = self.p
-        regular = self._regular(X)
+        regular = self.regular(X)
         if not self.criterion.smooth:
-            _, G = self.criterion.smoothed(sharpness).cost_and_gradient(regular)
+            _, G = self.smooth.cost_and_gradient(regular)
             return self.scaled(-G, X)
         cost, G = self.criterion.cost_and_gradient(regular)
         d = self.criterion.degree
@@ -499,7 +554,7 @@ class Merits:
         """
         z, V = np.linalg.eigh(0.5 * (Z + np.swapaxes(Z, 1, 2)))
         Z = V * np.maximum(z, 0.0)[:, None] @ np.swapaxes(V, 1, 2)
-        X = self._regular(X)
+        X = self.regular(X)
         polars = self.criterion.polars(Z, X)
         proves = np.where(polars > 0, polars, np.nan)
         error = 8 * self.p**2 * EPS * np.linalg.cond(X)
@@ -512,11 +567,11 @@ class Merits:
         They are part of a proof of a criterion that is the worst of several, as other shares prove
         another bound; None for a criterion that needs none.
         """
-        matrices = zip(self.unpacked(Z), self._regular(X), strict=True)
+        matrices = zip(self.unpacked(Z), self.regular(X), strict=True)
         found = [self.criterion.dual_weights(own, near) for own, near in matrices]
         return None if not found or found[0] is None else np.array(found)
 
-    def _regular(self, X: Array) -> Array:
+    def regular(self, X: Array) -> Array:
         """Information (b, p, p) with a little of all directions: empty places tell none."""
         size = np.trace(X, axis1=1, axis2=2) + RIDGE * self.largest
         return np.asarray(X + (RIDGE * size / self.p)[:, None, None] * np.eye(self.p))

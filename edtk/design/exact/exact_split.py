@@ -5,16 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from edtk.design.exact.exact_nodes import EVEN, Merits, Nodes
+from edtk.design.exact.exact_nodes import Merits, Nodes
 from edtk.system.typing import Array, Indices, Mask
 
 LIGHT = 1e-3  # part of a group's experiments below which a weight tells nothing
 WHOLE = 1e-9  # distance from a whole number that is rounding
 # What a part of whole experiments counts: to divide a group of one experiment may be all there is.
 SETTLED = 1e-4
-NEAR = 1e-3  # relative distance to the largest sensitivity of candidates that get more
-MORE = 2e-2  # such a part, of them
-FEW = 0.5  # part of a group's experiments below which its weights tell little
 AXES = 10  # directions along which candidates are ordered, at most
 
 
@@ -208,8 +205,6 @@ class Division:
             nodes, order, inside[order], outside[order], parent[built], counts[built]
         )
         own = z[order][source]
-        if children.n:
-            children = with_some_weight(children, own, FEW)
         return cls(part, parent, counts, children, built, parent[built], own)
 
 
@@ -251,21 +246,3 @@ def _built(
         depths=nodes.depths[parent] + 1,
     )
     return made, source
-
-
-def with_some_weight(nodes: Nodes, z: Array, few: float = 0.0) -> Nodes:
-    """Weights that leave no candidate without, and give more to those of the largest z (s,).
-
-    Groups whose weights are below the part `few` of their experiments get new ones by z alone.
-    """
-    group = nodes.group_of
-    sums = np.add.reduceat(nodes.weights, nodes.heads)
-    share = np.divide(
-        nodes.counts, sums, out=np.zeros(len(sums)), where=sums > LIGHT * nodes.counts
-    )
-    top = np.maximum.reduceat(z, nodes.heads)
-    near = z >= (top - NEAR * np.abs(top))[group]
-    number = np.add.reduceat(near.astype(float), nodes.heads)
-    more = np.where(sums < few * nodes.counts, 1.0, MORE) * nodes.counts / number
-    even = EVEN * nodes.counts / nodes.lengths
-    return nodes.with_weights(nodes.weights * share[group] + more[group] * near + even[group])

@@ -15,9 +15,10 @@ from edtk.design.exact.counts.counts_bound import RelaxedCounts, relaxed_counts
 from edtk.design.exact.counts.limits import ROUNDING as SPENT
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.exact_kinks import spectral_multipliers
-from edtk.design.exact.exact_nodes import SHARPNESS, Merits, Nodes, Told
-from edtk.design.exact.exact_split import Division, halved_order, parts, with_some_weight
+from edtk.design.exact.exact_nodes import Merits, Nodes, Told, is_near
+from edtk.design.exact.exact_split import Division, halved_order, parts
 from edtk.design.exact.exact_tree import ExactTree, TreeRecord
+from edtk.design.exact.exact_weights import best_weights
 from edtk.design.exact.exchange import exchange
 from edtk.design.information import Known, Rows, sensitivity_rows
 from edtk.design.problem import Problem
@@ -32,16 +33,15 @@ MARGIN = 1e-9
 MOST_DEPENDENT = 1e3
 AT_ONCE = 256  # nodes
 MOST_AT_ONCE = 200_000  # candidates of them
-NEARER = (1e-2, 3e-4)  # parts of the merit to which multipliers at kinks are computed
-LOOKS = 2  # at all candidates of a node
-STEPS = 2  # of its weights before each
+LOOKS = 6  # at all candidates of a node, at most
 REGULAR = 1e-12  # least eigenvalue at unit diagonal of information that can be whitened
 BLURRED = 1e-3  # part of all information that is added where it orders the candidates
 STARTS = 16
 AMONG = 5000  # candidates that starts are exchanged among
+# The second is for kinks, where the most sensitive candidates are not the best to exchange for.
+SHORTLISTS = (8, 512)
 LIGHT = 1e-3  # experiments that are not rounded up
 ROUNDED = 1e-6  # distance to a whole number that counts as none
-FRESH = 1e-4  # weight that candidates get which had none, in parts of all
 TINY = float(np.finfo(float).tiny)
 
 Progress = Callable[[int, float, float], object]
@@ -381,7 +381,6 @@ class _Search:
         n = len(weights)
         self.order = np.arange(n)
         whole = Nodes(np.arange(n), weights, alone, np.array([self.m]), alone, alone, alone)
-        whole = whole.with_weights(weights + FRESH / n)
         root, best = self._settled(whole, self._first(whole, known))
         told, Z, _ = best
         self._round(root)
@@ -512,10 +511,10 @@ class _Search:
             heapq.heappush(self.open, entry)
 
     def _settled(self, nodes: Nodes, best: _Best) -> tuple[Nodes, _Best]:
-        """Improve the weights of nodes a few times, and keep the multipliers that bound them best.
+        """Find weights of nodes that are nearly the best, and keep the multipliers that bound best.
 
-        Weights become larger in proportion to sensitivities (Silvey, Titterington, Torsney 1978),
-        those of the candidates that have some; now and then all candidates are looked at.
+        A few candidates of each take part. Where others turn out to be more sensitive than these,
+        they join, and nodes that are neither closed nor near their bound are settled once more.
 
         Args:
             nodes: The nodes (b,).
@@ -524,62 +523,46 @@ class _Search:
         Returns:
             The nodes with their last weights, and the best multipliers.
         """
-        if self.merits.floor is not None:
-            return self._settled_at_kinks(nodes, best)
-        told = best.told
-        everywhere = np.ones(nodes.n, dtype=bool)
-        for look in range(LOOKS):
-            heavy = nodes.heavy(told.sensitivities)
-            some = nodes.kept(heavy, everywhere)
-            some = some.with_weights(some.weights)
-            for step in range(STEPS):
-                Z, _ = self._multipliers(some, LOOKS * look + step)
-                z = self.merits.sensitivities(some, Z)
-                some = some.with_weights(some.weights * self._ratios(some, z, Z))
-                some = self.merits.within(some)
-            weights = np.zeros(len(nodes.weights))
-            weights[heavy] = some.weights
+        told, Z, near = best
+        merit = np.zeros(nodes.n)
+        every = np.ones(len(nodes.candidates), dtype=bool)
+        for _ in range(LOOKS):
+            open_ = ~is_near(best.told.merit, merit, self.least, self.merits.near)
+            if not open_.any():
+                break
+            some = nodes.kept(every, open_)
+            some, own, X = self._multipliers(some, told.kept(nodes, every, open_), best.Z[open_])
+            told = told.put(nodes, open_, self.merits.tell(some, own))
+            Z, near, merit = Z.copy(), near.copy(), merit.copy()
+            Z[open_], near[open_] = own, X
+            merit[open_] = self.merits.merits(some)
+            weights = nodes.weights.copy()
+            weights[open_[nodes.node_of]] = some.weights
             nodes = replace(nodes, weights=weights)
-            Z, X = self._multipliers(some, LOOKS * look + STEPS)
-            Z = self.merits.priced(nodes, Z)
-            told = self.merits.tell(nodes, Z)
-            best = best.or_better(nodes, _Best(told, Z, X))
-            if look < LOOKS - 1:
-                nodes = with_some_weight(nodes, told.sensitivities)
+            best = best.or_better(nodes, _Best(told, Z, near))
         return nodes, best
 
-    def _settled_at_kinks(self, nodes: Nodes, best: _Best) -> tuple[Nodes, _Best]:
-        """The same of a criterion of the least eigenvalue, by Newton's method."""
-        for near in NEARER:
-            told, Z, _ = best
-            Z, weights = spectral_multipliers(self.merits, nodes, told, Z, near, self.least)
-            # Its polar does not depend on the information.
-            one = np.broadcast_to(np.eye(self.merits.p), (nodes.n, self.merits.p, self.merits.p))
-            prices = Z[:, self.merits.q :]
-            Z = self.merits.scaled(self.merits.unpacked(Z), one)
-            Z[:, self.merits.q :] = prices
-            nodes = nodes.with_weights(weights)
-            best = best.or_better(nodes, _Best(self.merits.tell(nodes, Z), Z, one))
-        return nodes, best
+    def _multipliers(self, nodes: Nodes, told: Told, Z: Array) -> tuple[Nodes, Array, Array]:
+        """The best weights of nodes, their multipliers (b, q + k), and information near which.
 
-    def _multipliers(self, nodes: Nodes, step: int) -> tuple[Array, Array]:
-        """The best multipliers (b, q + k) of the weights of nodes, and their information."""
-        X = self.merits.information(nodes, nodes.weights)
-        Z = self.merits.multipliers(X, SHARPNESS[min(step, len(SHARPNESS) - 1)])
-        return self.merits.priced(nodes, Z), X
-
-    def _ratios(self, nodes: Nodes, z: Array, Z: Array) -> Array:
-        """Sensitivities (s,) in parts of the largest of each group; one where that is no number.
-
-        Prices lower them by costs, so that they are counted from the dearest experiment.
+        Args:
+            nodes: The nodes (b,).
+            told: What the last multipliers tell of them.
+            Z: The best ones so far (b, q + k).
         """
-        q = self.merits.q
-        for j in range(self.merits.budgets):
-            costs = -self.merits.F[nodes.candidates, q + j]
-            dearest = np.maximum.reduceat(costs, nodes.starts) * Z[:, q + j]
-            z = z + dearest[nodes.node_of]
-        marginal = np.maximum.reduceat(z, nodes.heads)[nodes.group_of]
-        return np.maximum(np.divide(z, marginal, out=np.ones(len(z)), where=marginal > 0), 0.0)
+        merits = self.merits
+        if merits.floor is None:
+            weights = best_weights(merits, nodes, told.sensitivities, self.least)
+            nodes = nodes.with_weights(weights)
+            X = merits.information(nodes, nodes.weights)
+            return nodes, merits.priced(nodes, merits.multipliers(X)), X
+        Z, weights = spectral_multipliers(merits, nodes, told.sensitivities, Z, self.least)
+        # The polar does not depend on the information.
+        one = np.broadcast_to(np.eye(merits.p), (nodes.n, merits.p, merits.p))
+        prices = Z[:, merits.q :]
+        Z = merits.scaled(merits.unpacked(Z), one)
+        Z[:, merits.q :] = prices
+        return nodes.with_weights(weights), Z, one
 
     def _round(self, nodes: Nodes) -> None:
         """Round the weights of nodes to whole experiments, and take over the best plan."""
@@ -621,7 +604,9 @@ class _Search:
         places = rng.choice(len(some), size=(STARTS, self.m), p=chance / chance.sum())
         members = self.working.members[some]
         beside = self.beside[members]
-        found, costs = exchange(beside, self.criterion, places, shortlists=(8,), thorough=False)
+        found, costs = exchange(
+            beside, self.criterion, places, shortlists=SHORTLISTS, thorough=False
+        )
         least = int(costs.argmin())
         if costs[least] < self.best:
             self.best = float(costs[least])
