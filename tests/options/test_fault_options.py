@@ -169,6 +169,18 @@ def positions_of(seed: int, fault: str) -> MarkerPositions:
     return MarkerPositions(q, wrench, x, row, tuple("ABC"))
 
 
+def table_of(data: MarkerPositions) -> pd.DataFrame:
+    """The sheet of a day."""
+    each = [np.rad2deg(data.q)[:, None], 1e3 * data.measured, data.wrench[:, None, :3]]
+    cells = [
+        np.broadcast_to(one, (len(data), 3, one.shape[-1])).reshape(-1, one.shape[-1])
+        for one in each
+    ]
+    columns = [*NAMES, "x_mm", "y_mm", "z_mm", "Fx_N", "Fy_N", "Fz_N"]
+    table = pd.DataFrame(np.hstack(cells), columns=columns)
+    return table.assign(marker=np.tile(list("ABC"), len(data)))
+
+
 def day_of(seed: int, fault: str) -> tuple[list[Finding], Array]:
     """What is said of a day.
 
@@ -221,13 +233,7 @@ def test_a_fault_of_the_registry_is_the_cause_of_what_positions_leave(
 
 def test_a_cause_of_a_sheet_is_in_its_result() -> None:
     """`identify` has it with what it does in the test pose, and its JSON too."""
-    data = positions_of(0, "joint_zero")
-    each = [data.q[:, None] * np.ones((1, 3, 1)), data.measured, data.wrench[:, None, 2:3]]
-    q, x, force = (np.broadcast_to(one, (36, 3, one.shape[-1])).reshape(108, -1) for one in each)
-    table = pd.DataFrame(np.hstack([np.rad2deg(q), 1e3 * x, force]))
-    table.columns = [*NAMES, "x_mm", "y_mm", "z_mm", "Fz_N"]
-    table = table.assign(marker=np.tile(list("ABC"), 36), Fx_N=0.0, Fy_N=0.0)
-    found = edtk.identify(SPRUNG, table)
+    found = edtk.identify(SPRUNG, table_of(positions_of(0, "joint_zero")))
     (cause,) = found.causes
     (named,) = (one for one in day_of(0, "joint_zero")[0] if one.kind == "cause")
     assert cause.effect == pytest.approx(named.data["cause"].effect, rel=1e-6)
@@ -257,6 +263,10 @@ def test_a_bearing_that_bends_is_the_cause_of_what_positions_leave() -> None:
     cause = found.data["cause"]
     assert (cause.cause, cause.joint) == ("lateral", "q2.rz")
     assert cause.size == pytest.approx(2 / 3 * 100, rel=0.1)  # of what joint 2 gives way
+    # Beside base, markers and springs it is the piece that the sheet needs.
+    assert (
+        "q2.rz" in edtk.identify(setting.study, table_of(data), extend=True).extension.chosen.pieces
+    )
 
 
 def test_a_sound_day_has_no_cause() -> None:

@@ -390,7 +390,7 @@ def _lateral_words(cause: Cause) -> str:
 def model_it(springs: Sequence[str]) -> str:
     """What to do about a missing spring."""
     asked = ", ".join(f'"{one}"' for one in springs)
-    return f"ask for springs = [{asked}] in [parameters], as --extend does of displacements"
+    return f"ask for springs = [{asked}] in [parameters], as --extend does"
 
 
 def _compensator(scene: Scene) -> Iterator[Family]:

@@ -307,9 +307,10 @@ def _effect(found: NamedCause, rows: FitRows, setting: StudyGeometry) -> float |
     if not (tasks and alone and all(task.tool is not None for task in tasks)):
         return None
     prior = None if fit.told_before is None else fit.told_before.prior
-    cleared = fit_geometry(
-        setting.model, rows.without(found.added), setting.noise, setting.loads, prior=prior
-    ).fitted
+    stated = replace(setting.noise, unknown=fit.fitted.noise.unknown)
+    is_robust = bool((fit.weights < 1).any())
+    given = (setting.model, rows.without(found.added), stated, setting.loads, is_robust, prior)
+    cleared = fit_geometry(*given).fitted
     each = [rows.off_in(task, setting.every_load_of(task), found, cleared) for task in tasks]
     return float(np.sqrt(tasks.shares @ np.square(each).sum(axis=-1))) / MM
 
