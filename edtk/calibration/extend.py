@@ -1,9 +1,9 @@
 """Which model a sheet needs: pieces beside ideal springs, weighed against each other."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -91,13 +91,7 @@ def _of_joint(scene: Displacements, i: int, name: str, own: float) -> Iterator[P
     if not (most > 0 and own > 0):
         return
     joint = scene.robot.joints[sheet.sprung[i]]
-    sizes = {
-        "square": USUAL_LAW * own / most,
-        "cubic": USUAL_LAW * own / most**2,
-        "sign": USUAL_SHARE * own,
-        "gap": USUAL_PLAY[joint.kind],
-    }
-    for law, size in sizes.items():
+    for law, size in law_sizes(joint.kind, own, most).items():
         of_sheet = sheet.law(i, LAWS[law][0])[..., None]
         if is_one_of(sheet.A, of_sheet):
             continue  # as of a sign where all torques have the same
@@ -112,6 +106,16 @@ def _of_joint(scene: Displacements, i: int, name: str, own: float) -> Iterator[P
         )
 
 
+def law_sizes(kind: str, own: float, most: float) -> dict[str, float]:
+    """Usual sizes of the laws of a spring, beside its compliance, under loads up to the most."""
+    return {
+        "square": USUAL_LAW * own / most,
+        "cubic": USUAL_LAW * own / most**2,
+        "sign": USUAL_SHARE * own,
+        "gap": USUAL_PLAY[kind],
+    }
+
+
 def waves_of(q: Array) -> Array:
     """The waves (m, 4) of a compensator's torque at angles q (m,)."""
     return np.stack([np.cos(q), np.sin(q), np.cos(2 * q), np.sin(2 * q)], axis=-1)
@@ -122,37 +126,20 @@ class Search:
     """Models of a sheet, each weighed once.
 
     Attributes:
-        plain: The sheet with ideal springs.
-        noise: By how much its noise is larger than stated.
         pieces: The pieces that are tried.
+        evidence: The readings in units of their noise.
+        whitened: Columns (N, c) of each piece, in the same units.
+        A: Regressors (m, rows, p) of the readings.
+        measured: The readings (m, rows).
+        pose: Number (m,) of the pose of each.
     """
 
-    plain: PlainFit
-    noise: float
     pieces: tuple[Piece, ...]
-
-    @cached_property
-    def evidence(self) -> Evidence:
-        """The readings."""
-        plain = self.plain
-        A = plain.A if plain.prior is None else plain.prior.below(plain.A)
-        found = plain.evidence(A, plain.measured)
-        rows = replace(found.rows, e=found.rows.e / self.noise**2)
-        return Evidence(rows, found.y / self.noise, found.X / self.noise)
-
-    @cached_property
-    def _columns(self) -> list[Array]:
-        """Columns (N, c) of each piece in units of the noise."""
-        plain = self.plain
-        found = []
-        for one in self.pieces:
-            columns = one.columns
-            if plain.prior is not None:
-                below = plain.prior.zeros_below(np.moveaxis(columns, -1, 0))
-                columns = np.moveaxis(below, 0, -1)
-            whitened = whiten_columns(columns, plain.noise)
-            found.append(whitened.reshape(-1, whitened.shape[-1]) / self.noise)
-        return found
+    evidence: Evidence
+    whitened: tuple[Array, ...]
+    A: Array
+    measured: Array
+    pose: Indices
 
     @cached_property
     def weighed(self) -> dict[frozenset[int], Weighed]:
@@ -165,7 +152,7 @@ class Search:
         empty = np.zeros((len(self.evidence.y), 0))
         positive = [np.full(len(one.usual), one.positive) for one in own]
         return Pieces(
-            np.concatenate([empty, *(self._columns[i] for i in sorted(chosen))], axis=1),
+            np.concatenate([empty, *(self.whitened[i] for i in sorted(chosen))], axis=1),
             np.concatenate([np.zeros(0), *(one.usual for one in own)]),
             np.concatenate([np.zeros(0, dtype=bool), *positive]),
         )
@@ -221,25 +208,23 @@ class Search:
         inverse = np.linalg.inv(R) / length[:, None]
         G = inverse @ inverse.T
         x = G @ (B.T @ y)
-        raw = [self.plain.A, *(self.pieces[i].columns for i in sorted(chosen))]
+        raw = [self.A, *(self.pieces[i].columns for i in sorted(chosen))]
         columns = np.concatenate(raw, axis=-1)
-        measured = self.plain.measured_rows(self.plain.measured)
         squares = 0.0
         per_pose = zip(*self._by_pose, strict=True)
         for members, place in per_pose:
             r = y[place] - B[place] @ x
             gain = B[place] @ G @ B[place].T
             shift = G @ B[place].T @ np.linalg.lstsq(np.eye(len(place)) - gain, r, rcond=None)[0]
-            apart = measured[members] - columns[members] @ (x - shift)
+            apart = self.measured[members] - columns[members] @ (x - shift)
             squares += float((apart**2).sum())
-        return math.sqrt(squares / len(measured))
+        return math.sqrt(squares / len(self.measured))
 
     @cached_property
     def _by_pose(self) -> tuple[list[Indices], list[Indices]]:
         """Measurements, and coordinates, of each pose."""
-        rows = self.plain.data.deflection.shape[1]
-        pose = self.plain.data.pose
-        members = [np.flatnonzero(pose == one) for one in np.unique(pose)]
+        rows = self.measured.shape[1]
+        members = [np.flatnonzero(self.pose == one) for one in np.unique(self.pose)]
         places = [(own[:, None] * rows + np.arange(rows)).ravel() for own in members]
         return members, places
 
@@ -296,8 +281,36 @@ def extend(study: Study, sheet: Table, how: HowFitted) -> "Calibration | Geometr
     Returns:
         The calibration by the likeliest model, with all of them.
     """
-    plain = calibrate(study, sheet, how)
-    search = _search_of(plain)
+    found = calibrate(study, sheet, how)
+    plain, search = _search_of(found)
+    tasks = InTasks.of(plain, study.tasks) if study.tasks else None
+    parts = {} if found.budget is None else found.budget.parts
+    others = [part for name, part in parts.items() if name not in ("noise", "model")]
+    extension = extension_of(search, tasks, others, partial(_study_of, found.study, plain, search))
+    if extension.study is found.study:
+        budget = found.budget
+        if budget is not None:
+            budget = replace(budget, model=float(np.hypot(budget.model, extension.undecided)))
+        return replace(found, extension=extension, budget=budget)
+    from edtk.calibration.geometry.calibrate_geometry import calibrate_geometry
+
+    return replace(calibrate_geometry(extension.study, sheet, how), extension=extension)
+
+
+def extension_of(
+    search: Search,
+    tasks: InTasks | None,
+    others: Sequence[float],
+    study_of: Callable[[frozenset[int]], Study],
+) -> Extension:
+    """Search the models of a sheet, and weigh those that count.
+
+    Args:
+        search: The models.
+        tasks: What they say of the study's tasks; None without any.
+        others: Errors to expect there besides [m].
+        study_of: The study of a model.
+    """
     search.run()
     scores = {chosen: search.score(chosen) for chosen in search.weighed}
     least = min(scores.values())
@@ -310,7 +323,6 @@ def extend(study: Study, sheet: Table, how: HowFitted) -> "Calibration | Geometr
         if w / total > LEAST_WEIGHT or chosen == nothing
     }
     order = sorted(counted, key=lambda chosen: -counted[chosen])
-    tasks = InTasks.of(search.plain, plain.study.tasks) if plain.study.tasks else None
     models = tuple(_model(search, tasks, chosen, counted[chosen]) for chosen in order)
     names = [one.name for one in search.pieces]
     inclusion = {
@@ -318,21 +330,12 @@ def extend(study: Study, sheet: Table, how: HowFitted) -> "Calibration | Geometr
         for i, name in enumerate(names)
     }
     inclusion = {name: p for name, p in inclusion.items() if p > OPEN}
-    undecided, expected = _error(search, tasks, order, models, plain)
-    own = _study_of(plain.study, search, order[0])
-    extension = Extension(models, len(weights), inclusion, undecided, expected, own)
-    if own is plain.study:
-        budget = plain.budget
-        if budget is not None:
-            budget = replace(budget, model=float(np.hypot(budget.model, undecided)))
-        return replace(plain, extension=extension, budget=budget)
-    from edtk.calibration.geometry.calibrate_geometry import calibrate_geometry
-
-    return replace(calibrate_geometry(own, sheet, how), extension=extension)
+    undecided, expected = _error(search, tasks, order, models, others)
+    return Extension(models, len(weights), inclusion, undecided, expected, study_of(order[0]))
 
 
-def _search_of(found: Calibration) -> Search:
-    """The models of a sheet, without its outliers."""
+def _search_of(found: Calibration) -> tuple[PlainFit, Search]:
+    """The fit of a sheet without its outliers, and the models."""
     fitted = found.fitted
     data, rows = fitted.data, np.arange(len(fitted.data))
     off = np.union1d(fitted.fit.outliers, np.array(fitted.found_causes.outliers, dtype=int))
@@ -348,7 +351,29 @@ def _search_of(found: Calibration) -> Search:
         noise = max(noise, 1.0)
     elif not dof:
         noise = fitted.fit.scale
-    return Search(plain, noise, tuple(pieces_of(plain.scene)))
+    pieces = tuple(pieces_of(plain.scene))
+    whitened = tuple(_whitened(plain, one.columns) / noise for one in pieces)
+    measured = plain.measured_rows(plain.measured)
+    return plain, Search(
+        pieces, _evidence(plain, noise), whitened, plain.A, measured, plain.data.pose
+    )
+
+
+def _evidence(plain: PlainFit, noise: float) -> Evidence:
+    """The readings, whose noise is so many times as large as stated."""
+    A = plain.A if plain.prior is None else plain.prior.below(plain.A)
+    found = plain.evidence(A, plain.measured)
+    rows = replace(found.rows, e=found.rows.e / noise**2)
+    return Evidence(rows, found.y / noise, found.X / noise)
+
+
+def _whitened(plain: PlainFit, columns: Array) -> Array:
+    """Columns (N, c) in units of the stated noise, of a piece's (m, rows, c)."""
+    if plain.prior is not None:
+        below = plain.prior.zeros_below(np.moveaxis(columns, -1, 0))
+        columns = np.moveaxis(below, 0, -1)
+    whitened = whiten_columns(columns, plain.noise)
+    return whitened.reshape(-1, whitened.shape[-1])
 
 
 def _model(
@@ -366,7 +391,7 @@ def _error(
     tasks: InTasks | None,
     order: Sequence[frozenset[int]],
     models: Sequence[WeighedModel],
-    plain: Calibration,
+    others: Sequence[float],
 ) -> tuple[float, float]:
     """What remains undecided in the tasks, and the error to expect there [m].
 
@@ -380,15 +405,11 @@ def _error(
     w = w / w.sum()
     apart = np.array([((moved - said[0][0]) ** 2).sum(axis=1) for moved, _ in said])
     unsure = np.array([squares for _, squares in said])
-    total = tasks.mean(w @ (apart + unsure))
-    if plain.budget is not None:
-        parts = plain.budget.parts
-        others = [part for name, part in parts.items() if name not in ("noise", "model")]
-        total = float(np.linalg.norm([total, *others]))
+    total = float(np.linalg.norm([tasks.mean(w @ (apart + unsure)), *others]))
     return tasks.mean(w @ apart), total
 
 
-def _study_of(study: Study, search: Search, chosen: frozenset[int]) -> Study:
+def _study_of(study: Study, plain: PlainFit, search: Search, chosen: frozenset[int]) -> Study:
     """The study with the pieces of a model; the same without any.
 
     Raises:
@@ -407,7 +428,7 @@ def _study_of(study: Study, search: Search, chosen: frozenset[int]) -> Study:
         if name.startswith(COMPENSATOR):
             joint = name.removeprefix(f"{COMPENSATOR}.")
             k = float(weighed.mean[study.specification.joints.unknown.index(joint)])
-            q = search.plain.data.q[:, study.robot.joint_names.index(joint)]
+            q = plain.data.q[:, study.robot.joint_names.index(joint)]
             tables.append(_compensator_table(study, joint, q, waves_of(q) @ own / k))
         else:
             springs.append(name)
@@ -420,12 +441,21 @@ def _study_of(study: Study, search: Search, chosen: frozenset[int]) -> Study:
     if tables:
         table = {"file": robot} if isinstance(robot, str) else dict(robot)
         robot = table | {"compensator": [*table.get("compensator", []), *tables]}
+    names = [search.pieces[i].name for i in sorted(chosen)]
+    return with_pieces(study, names, joints=joints, parameters=asked, robot=robot)
+
+
+def with_pieces(study: Study, names: Sequence[str], **keys: Any) -> Study:
+    """The study with other keys, for pieces of some names.
+
+    Raises:
+        UserError: The study cannot have them.
+    """
     try:
-        return study.replace(joints=joints, parameters=asked, robot=robot)
+        return study.replace(**keys)
     except UserError as error:
-        names = ", ".join(search.pieces[i].name for i in sorted(chosen))
-        message = f"the likeliest model has {names}, which this study cannot have: {error}"
-        raise UserError(message) from error
+        message = f"the likeliest model has {', '.join(names)}, which this study cannot have"
+        raise UserError(f"{message}: {error}") from error
 
 
 def _compensator_table(study: Study, joint: str, q: Array, torque: Array) -> dict[str, Any]:

@@ -234,7 +234,7 @@ class PiecesLeft:
         tilt = np.deg2rad(setting.study.specification.uncertainty.load_direction_deg)
         shown = _tilted(model, means.q, means.wrench) @ k
         tilted = MM * tilt * _in_frame(fitted, np.moveaxis(shown, 0, -1)) * seen
-        columns = MissingColumns(shared, pieces.kinds, turns, own, tilted)
+        columns = MissingColumns(shared, pieces.kinds, turns, own, tilted, pieces.mean)
         likelihood = SizeLikelihood.of(
             rows.design, rows.residual, CorrelatedNoise.by_row(V), columns, usual
         )

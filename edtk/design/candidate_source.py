@@ -146,7 +146,9 @@ class CandidateSource:
         with closing(self._told_chunks(n)) as chunks:
             for chunk in chunks:
                 if not start:
-                    told = np.empty((*chunk.told.shape[:-1], n))
+                    # In the order of memory that the space has: a transposition of a million rows
+                    # would take longer than to compute them.
+                    told = np.empty_like(chunk.told, shape=(*chunk.told.shape[:-1], n))
                 end = start + len(chunk.x)
                 x[start:end] = chunk.x
                 told[..., start:end] = chunk.told

@@ -123,12 +123,13 @@ def rows_of_blocks(blocks: ArrayLike, sigma: ArrayLike) -> Rows:
     scale = np.broadcast_to(given, A.shape[1:2])
     if not (np.isfinite(scale) & (scale > 0)).all():
         raise UserError("sigma must be finite and positive")
-    _require_finite(np.asarray(np.isfinite(A).all(axis=(1, 2))))
     # A finite regressor may have a square that is not; it is named below without a warning.
     with np.errstate(over="ignore", invalid="ignore"):
-        whitened = A / scale[:, None]
+        whitened = A if (scale == 1.0).all() else A / scale[:, None]
         squares = np.einsum("irp,irp->i", whitened, whitened)
-    _require_finite(np.isfinite(squares), "an entry that is too large to be squared")
+    if not np.isfinite(squares).all():
+        _require_finite(np.asarray(np.isfinite(A).all(axis=(1, 2))))
+        _require_finite(np.isfinite(squares), "an entry that is too large to be squared")
     return Rows.of(A, scale)
 
 

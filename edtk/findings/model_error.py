@@ -12,6 +12,7 @@ from edtk.fit.equilibrium import LinearisedData
 from edtk.fit.identify import Identification
 from edtk.fit.measurements import Measurements
 from edtk.fit.missing import MissingColumns, SizePosterior
+from edtk.measure.friction import together
 from edtk.measure.missing_pieces import MissingPieces, PossibleSprings
 from edtk.measure.model_error import ASSUMED
 from edtk.measure.task import all_compliances
@@ -54,8 +55,12 @@ class ModelErrorFound:
         Sizes are root mean squares of those that are possible.
         """
         across, held, turn = np.sqrt(self.posterior.weights @ np.square(self.posterior.sizes))
-        sizes = np.array([across, held])[self.shown.kinds]
-        return self.shown.shared * sizes, self.shown.turns * turn
+        kinds = self.shown.kinds
+        shared = self.shown.shared * np.array([across, held])[kinds]
+        # Of what friction holds the mean is not zero: the columns are of its squares.
+        own = np.moveaxis(shared[..., kinds == 1], -1, 0)
+        shared[..., kinds == 1] = np.moveaxis(together(np.sqrt(2.0) * own), 0, -1)
+        return shared, self.shown.turns * turn
 
     def to_dict(self) -> dict[str, float]:
         """The likeliest shares of the pieces [%]."""
@@ -128,6 +133,7 @@ def _columns(
         turns=pieces.turns(*given),
         pose=data.pose,
         known=_circumstances(study, data, A, np.maximum(fit.k, 0.0)),
+        mean=pieces.mean,
     )
 
 

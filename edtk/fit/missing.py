@@ -37,6 +37,7 @@ class MissingColumns:
         turns: Columns (m, rows, n) of the piece whose shares are others in each pose.
         pose: Number (m,) of each measurement's pose and load, from 0.
         known: Columns (m, rows, e) of what else is uncertain, by one standard deviation each.
+        mean: Mean (c,) of the shared columns' shares of variance one.
     """
 
     shared: Array
@@ -44,12 +45,13 @@ class MissingColumns:
     turns: Array
     pose: Indices
     known: Array
+    mean: Array
 
     def __getitem__(self, rows: Indices) -> "MissingColumns":
         """Those of some measurements."""
         pose = np.unique(self.pose[rows], return_inverse=True)[1]
         some = (self.shared[rows], self.kinds, self.turns[rows], pose, self.known[rows])
-        return MissingColumns(*some)
+        return MissingColumns(*some, self.mean)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,11 +72,13 @@ class _Sums:
 class SizeLikelihood:
     """The restricted likelihood of what a model leaves out, and the springs for each size.
 
-    With the regressors A, errors of the model ``U u`` of shares u with variances S^2 and the
-    covariance R of noise and turns, Henderson's equations (1950) give springs and shares at once:
+    With the regressors A, errors of the model ``U S v`` of sizes S and shares v of mean m and
+    variance one, and the covariance R of noise and turns, Henderson's equations (1950) give springs
+    and shares at once:
 
         M = [[I + S U'R^-1 U S, S U'R^-1 A], [A'R^-1 U S, A'R^-1 A]],
-        -2 log L = log |R| + log |M| + y'R^-1 y - b'M^-1 b,   b = [S U'R^-1 y, A'R^-1 y],
+        -2 log L = log |R| + log |M| + y'R^-1 y + m'm - b'M^-1 b,
+        b = [m + S U'R^-1 y, A'R^-1 y],
 
     which is the likelihood of Patterson and Thompson (1971), and ``M^-1`` is the covariance of
     their errors. What else is uncertain of the day is a part of R, with its known size.
@@ -82,12 +86,14 @@ class SizeLikelihood:
     Attributes:
         sums: One for each size of the turns.
         kinds: Which of two sizes each shared column (c,) has.
+        before: Mean (c,) of the shares.
         scale: Sizes (p,) of the regressors, by which they are divided.
         usual: Share that a piece has on average.
     """
 
     sums: tuple[_Sums, ...]
     kinds: Indices
+    before: Array
     scale: Array
     usual: float = ASSUMED
 
@@ -123,7 +129,7 @@ class SizeLikelihood:
             share = size**2 / (1 + gain)
             less = np.einsum("bn,bnc,bnd->cd", share, shown, shown, optimize=True)
             sums.append(_Sums(whole - less, float(np.log1p(gain).sum())))
-        return cls(tuple(sums), columns.kinds, scale, usual)
+        return cls(tuple(sums), columns.kinds, columns.mean, scale, usual)
 
     @cached_property
     def posterior(self) -> "SizePosterior | None":
@@ -150,9 +156,9 @@ class SizeLikelihood:
         parts = []
         for turn, sums in enumerate(self.sums):
             fixed, log_V = _without(sums, c + p + 1)
-            M, b = _equations(fixed[: c + p, : c + p], fixed[: c + p, c + p], S, c)
+            M, b = _equations(fixed[: c + p, : c + p], fixed[: c + p, c + p], S, self.before)
             mean = np.linalg.solve(M, b[..., None])[..., 0]
-            square = fixed[c + p, c + p] - (b * mean).sum(axis=1)
+            square = fixed[c + p, c + p] + self.before @ self.before - (b * mean).sum(axis=1)
             likelihood = -0.5 * (log_V + np.linalg.slogdet(M)[1] + square)
             before = prior[turn] + prior[:, None] + prior
             parts.append((likelihood + before.ravel(), mean, M, np.full(len(S), SIZES[turn])))
@@ -187,11 +193,14 @@ def _without(sums: _Sums, first: int) -> tuple[Array, float]:
     return found, sums.log_V + float(np.linalg.slogdet(inner)[1])
 
 
-def _equations(G: Array, y: Array, S: Array, c: int) -> tuple[Array, Array]:
+def _equations(G: Array, y: Array, S: Array, before: Array) -> tuple[Array, Array]:
     """M (s, c + p, c + p) and b (s, c + p) for sizes S (s, c + p)."""
+    c = len(before)
     M = S[:, :, None] * G * S[:, None]
     M[:, range(c), range(c)] += 1.0
-    return M, S * y
+    b = S * y
+    b[:, :c] += before
+    return M, b
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.friction import held, together
+from edtk.measure.friction import held
 from edtk.robots.frames import Frames
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array, Indices
@@ -31,10 +31,11 @@ class MissingPieces:
     1. *Across*: about both axes across that of joint j there is a spring as soft as the joint's
        own, ``J_e k_j (J_e' w)`` with the motion J_e of what is measured by a turn about that axis.
        Bearings tilt, and links bend, like that.
-    2. *Held*: friction of joint j holds its mean load m_j in calibration, of either sign:
-       ``y_j k_j m_j sign(tau_j)`` with ``y_j = dy/dq_j``; where ``|tau_j|`` is less than a tenth
-       of m_j it is in proportion to that, see `Friction`. Its shares go together, and columns are
-       of uncorrelated ones, see `together`.
+    2. *Held*: friction of joint j holds the part u_j of its mean load m_j in calibration:
+       ``-u_j y_j k_j m_j sign(tau_j)`` with ``y_j = dy/dq_j``; where ``|tau_j|`` is less than a
+       tenth of m_j it is in proportion to that, see `Friction`. It always holds back, so that
+       ``u_j = v_j s/sqrt(2)`` with v_j of mean and variance one, as of an exponential
+       distribution: ``E[u_j^2] = s^2``, and any two are correlated by a half, see `correlated`.
     3. *Turn*: joint j turns by ``k_j tau_j`` once more, ``y_j k_j tau_j``, by another share in
        each pose, as where its stiffness varies with its position.
 
@@ -90,13 +91,18 @@ class MissingPieces:
         load = self.load.reshape(soft.shape)
         torque = model.torque_of(frames, wrench)
         turned = self.k.reshape(soft.shape) * torque * held(torque, load)
-        parts.append(together(motion_of(frames) * turned[:, None]))
+        parts.append(-np.sqrt(0.5) * motion_of(frames) * turned[:, None])
         return np.moveaxis(np.concatenate(parts), (0, 1), (-1, -2))
 
     @cached_property
     def kinds(self) -> Indices:
         """Which piece each shared column (3n,) is of: 0 across, 1 held."""
         return np.repeat([0, 1], [SIDES * len(self.k), len(self.k)])
+
+    @property
+    def mean(self) -> Array:
+        """The mean (3n,) of the shared columns' shares, whose variance is one."""
+        return np.asarray(self.kinds == 1, dtype=float)
 
     def turns(
         self, model: ElastostaticModel, q: Array, wrench: ArrayLike, motion_of: Motion | None = None

@@ -42,7 +42,7 @@ def identify(
             where that moves a compliance by more than a tenth of its standard deviation.
         extend: Whether the richest model is fitted that the sheet supports: ideal springs with
             springs across joints, laws of springs, and compensators; `.extension` of the result
-            has all models with their weights. For studies of springs by displacements.
+            has all models with their weights. Compensators are looked for by displacements alone.
         bayes: Whether the posterior is sampled too; a `Sampling` says how.
         out: Folder for `k.json`, `residuals.csv`, `report.html` and `poses.html`.
 

@@ -150,9 +150,11 @@ class OfGeometry(OfStudy):
         return position_columns(self.study)
 
     def _calibrated(self, sheet: Table, how: "HowFitted") -> "GeometricCalibration":
+        from edtk.calibration.extend_geometry import extend_geometry
         from edtk.calibration.geometry.calibrate_geometry import calibrate_geometry
 
-        return calibrate_geometry(self.study, sheet, how)
+        fit = extend_geometry if how.extended else calibrate_geometry
+        return fit(self.study, sheet, how)
 
     def _robot(self, result: Any, argument: str) -> "Calibrated":
         from edtk.calibration.geometry.calibrated_geometry import CalibratedGeometry

@@ -51,10 +51,6 @@ OF_STUDIES = (
     "place_tracker",
     "placed_study",
 )
-NOT_EXTENDED = (
-    "pieces are looked for in studies of springs by displacements; here name those that you "
-    "suspect in parameters.springs"
-)
 NOT_LINEAR = (
     "positions move with errors of geometry beyond the first order, and no linear model of them is "
     "fitted; leave this out"
@@ -100,7 +96,7 @@ REFUSED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
             "markers": "the markers of a study of geometry are its [[marker]]; leave this out",
             "positions": "a sheet of a study of geometry has positions anyway; leave this out",
         },
-        "identify": {"linear": NOT_LINEAR, "extend": NOT_EXTENDED},
+        "identify": {"linear": NOT_LINEAR},
     },
 }
 

@@ -34,7 +34,11 @@ def day(number, sizes, poses=12, repeats=1):
     model = STUDY.model
     every = np.append(0.0, K)
     pieces = MissingPieces.of(STUDY.robot, every, model.torque_of(model.frames(q), wrench).T)
-    u = rng.standard_normal(len(pieces.kinds)) * np.asarray(sizes)[pieces.kinds]
+    # What friction holds is never negative: exponential, of mean and variance one.
+    normal = rng.standard_normal(len(pieces.kinds))
+    held = RNG((number, 6)).exponential(size=len(normal))
+    shares = np.where(pieces.kinds == 1, held, normal)
+    u = shares * np.asarray(sizes)[pieces.kinds]
     task = replace(STUDY.task.model, unknown=model.unknown)
 
     def moves(of, q, wrench):
@@ -151,6 +155,7 @@ def test_bands_hold_errors_of_the_model():
         given = (STUDY.model, data.q, data.wrench)
         none = np.zeros((*data.deflection.shape, 0))
         shown = (pieces.shared(*given), pieces.kinds, pieces.turns(*given), data.pose, none)
+        shown = (*shown, pieces.mean)
         seen = SizeLikelihood.of(A, data.deflection, data.sigma, MissingColumns(*shown))
         possible = seen.posterior.possible(fit.unbounded)
         error = np.linalg.norm(there - STUDY.task.regressor @ fit.unbounded)
@@ -222,8 +227,9 @@ def test_restricted_likelihood_of_sizes():
     E, y = rng.normal(size=(m, 3, 2)), rng.normal(size=(m, 3))
     pose = np.array([0, 0, 1, 2, 3])
     kinds = np.array([0, 1, 1])
+    mean = np.array([0.0, 1.0, 1.0])
     sigma = np.full((m, 3), 0.3)
-    found = SizeLikelihood.of(A, y, sigma, MissingColumns(U, kinds, T, pose, E)).posterior
+    found = SizeLikelihood.of(A, y, sigma, MissingColumns(U, kinds, T, pose, E, mean)).posterior
     logs, means = [], []
     flat = [x.reshape(3 * m, -1) for x in (A, U, T, E)]
     same = np.kron(pose[:, None] == pose, np.ones((3, 3)))
@@ -234,14 +240,15 @@ def test_restricted_likelihood_of_sizes():
         V = R + (flat[1] * S**2) @ flat[1].T
         P = np.linalg.inv(V)
         M = flat[0].T @ P @ flat[0]
-        k = np.linalg.solve(M, flat[0].T @ P @ y.ravel())
-        r = y.ravel() - flat[0] @ k
+        rest = y.ravel() - flat[1] @ (S * mean)
+        k = np.linalg.solve(M, flat[0].T @ P @ rest)
+        r = rest - flat[0] @ k
         log = -0.5 * (np.linalg.slogdet(V)[1] + np.linalg.slogdet(M)[1] + r @ P @ r)
         logs.append(log + prior[across] + prior[held] + prior[turn])
-        means.append(k)
+        means.append(np.append(S * mean + S**2 * (flat[1].T @ P @ r), k))
     weights = np.exp(np.array(logs) - max(logs))
     np.testing.assert_allclose(found.weights, weights / weights.sum(), rtol=1e-8, atol=1e-14)
-    np.testing.assert_allclose(found.mean[:, c:], means, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(found.mean, means, rtol=1e-8, atol=1e-10)
 
 
 def test_prior_of_sizes():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.friction import together
+from edtk.measure.friction import correlated
 from edtk.measure.missing_pieces import MissingPieces, PossibleSprings
 from edtk.robots.load_robot import load_robot
 
@@ -37,15 +37,21 @@ def test_turns_are_what_springs_do():
 
 
 def test_friction_holds_a_load():
-    """Large loads of either sign lose the same; a small one loses in proportion."""
+    """Large loads of either sign lose the same; a small one loses in proportion.
+
+    Shares ``v / sqrt(2)`` with v of mean and variance one have the squares of shares of variance
+    one that are correlated by a half: so plans, which know no sign, count the same.
+    """
     torque = MODEL.torque_of(MODEL.frames(Q), W).T
     held = PIECES.shared(MODEL, Q, W)[..., 12:]
     motion = MODEL.regressor(Q, W) / torque[:, None]
     sign = torque / np.hypot(torque, 0.1 * PIECES.load)
     alone = motion * (K * PIECES.load * sign)[:, None]
-    # Shares of friction go together: columns are those of shares that do not.
-    expected = np.moveaxis(together(np.moveaxis(alone, -1, 0)), 0, -1)
-    np.testing.assert_allclose(held, expected, rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(held, -alone / np.sqrt(2), rtol=1e-9, atol=1e-15)
+    mean = PIECES.mean[12:]
+    assert not PIECES.mean[:12].any()
+    squares = held @ (np.eye(6) + np.outer(mean, mean)) @ held.mT
+    np.testing.assert_allclose(squares, alone @ correlated(6) @ alone.mT, rtol=1e-9, atol=1e-15)
     less = PIECES.shared(MODEL, Q, 1e-7 * W)[..., 12:]
     twice = PIECES.shared(MODEL, Q, 2e-7 * W)[..., 12:]
     np.testing.assert_allclose(twice, 2 * less, rtol=1e-9)

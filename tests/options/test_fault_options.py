@@ -123,22 +123,21 @@ def test_kilonewtons_beside_a_plan_are_told(tmp_path: Path) -> None:
 GEARS = 2e-5  # [rad] of each of three waves a turn, in every joint
 SOFT = np.array([0, 3e-5, 4e-5, 0, 0, 0])
 SPRUNG = STUDY.replace(
-    parameters={"compliance": ["q2", "q3"], "geometry": []}, load={"F_N": [0, 0, -100]}
+    parameters={"compliance": ["q2", "q3"], "geometry": []},
+    load={"F_N": [0, 0, -100]},
+    test_pose={
+        "q_deg": [20, -40, 50, 30, 60, 10],
+        "tool": {"position_mm": [120, -60, 90]},
+        "load": {"F_N": [0, 0, -60]},
+    },
 )
 
 
-def causes_of(seed: int, fault: str) -> list[Finding]:
-    """What is said of a day of an arm as drawn, of which base, markers and springs are fitted."""
-    rng = np.random.default_rng(seed)
-    setting = StudyGeometry.of(SPRUNG)
-    model = replace(StudyGeometry.of(STUDY).model, offsets=OFFSETS, start=PLACE)
-    q = rng.uniform(-1.7, 1.7, (36, 6))
-    wrench = np.zeros((36, 6))
-    wrench[12:, 2] = -100.0
-    applied = wrench.copy()
-    if fault == "load_direction":
-        applied[:, 0] = 0.3 * wrench[:, 2]
-    torque = setting.loads(q, applied)
+ARM = replace(StudyGeometry.of(STUDY).model, offsets=OFFSETS, start=PLACE)
+
+
+def erring(fault: str, torque: Array) -> Array:
+    """By how much loads (m, n) turn the joints of an arm with a fault."""
     bent = SOFT * torque
     if fault == "backlash":
         bent[:, 2] += 5e-4 * np.sign(torque[:, 2])
@@ -146,16 +145,61 @@ def causes_of(seed: int, fault: str) -> list[Finding]:
         bent[:, 1] *= 1 + 0.4 * np.sign(torque[:, 1])
     if fault == "joint_zero":
         bent[:, 2] += 1e-3
+    return bent
+
+
+def positions_of(seed: int, fault: str) -> MarkerPositions:
+    """A day of an arm as drawn, of which base, markers and springs are to be fitted."""
+    rng = np.random.default_rng(seed)
+    loads = StudyGeometry.of(SPRUNG).loads
+    q = rng.uniform(-1.7, 1.7, (36, 6))
+    wrench = np.zeros((36, 6))
+    wrench[12:, 2] = -100.0
+    applied = wrench.copy()
+    if fault == "load_direction":
+        applied[:, 0] = 0.3 * wrench[:, 2]
+    bent = erring(fault, loads(q, applied))
     waves = np.arange(1, 4) * q[..., None] + rng.uniform(0, 2 * np.pi, (6, 3))
     there = q + bent + (rng.normal(0, GEARS, (6, 3)) * np.sin(waves)).sum(axis=-1)
-    x = model.see(np.zeros(model.p), there, derivatives=False).points
+    x = ARM.see(np.zeros(ARM.p), there, derivatives=False).points
     x += rng.normal(0, 2e-5, x.shape)
     if fault == "typed":
         q[7, 3] += 5e-3
     row = np.arange(36)[:, None] * np.ones(3, dtype=int)
-    data = MarkerPositions(q, wrench, x, row, tuple("ABC"))
+    return MarkerPositions(q, wrench, x, row, tuple("ABC"))
+
+
+def table_of(data: MarkerPositions) -> pd.DataFrame:
+    """The sheet of a day."""
+    each = [np.rad2deg(data.q)[:, None], 1e3 * data.measured, data.wrench[:, None, :3]]
+    cells = [
+        np.broadcast_to(one, (len(data), 3, one.shape[-1])).reshape(-1, one.shape[-1])
+        for one in each
+    ]
+    columns = [*NAMES, "x_mm", "y_mm", "z_mm", "Fx_N", "Fy_N", "Fz_N"]
+    table = pd.DataFrame(np.hstack(cells), columns=columns)
+    return table.assign(marker=np.tile(list("ABC"), len(data)))
+
+
+def day_of(seed: int, fault: str) -> tuple[list[Finding], Array]:
+    """What is said of a day.
+
+    With how far (3,) the arm is in the test pose from where the fit has it [m].
+    """
+    setting = StudyGeometry.of(SPRUNG)
+    data = positions_of(seed, fault)
     fit = fit_geometry(setting.model, data, setting.noise, setting.loads)
-    return geometric_findings(fit, setting)
+    (task,) = setting.study.tasks
+    loads, goal, load = setting.every_load_of(task), task.q[None], task.wrench[None]
+    arm = replace(ARM.at_tool(task.tool), parameters=(), rows="position")
+    true = arm.see(np.zeros(0), goal + erring(fault, loads(goal, load)), derivatives=False).points
+    off = fit.fitted.at_tool(task.tool).predict(goal, load, loads).points - true
+    return geometric_findings(fit, setting), off[0, 0]
+
+
+def causes_of(seed: int, fault: str) -> list[Finding]:
+    """What is said of such a day."""
+    return day_of(seed, fault)[0]
 
 
 @pytest.mark.cell("causes of what residuals show", "parameters")
@@ -171,13 +215,29 @@ def causes_of(seed: int, fault: str) -> list[Finding]:
 def test_a_fault_of_the_registry_is_the_cause_of_what_positions_leave(
     fault: str, joint: str, size: float
 ) -> None:
-    """It is named with its joint, and with its size within a fifth."""
-    (found,) = (one for one in causes_of(0, fault) if one.kind == "cause")
+    """It is named with its joint, and with its size and its harm in the task within a fifth.
+
+    The harm is what the same day without the fault has less.
+    """
+    said, off = day_of(0, fault)
+    (found,) = (one for one in said if one.kind == "cause")
     cause = found.data["cause"]
+    harm = float(np.linalg.norm(off - day_of(0, "none")[1]))
+    assert cause.effect == pytest.approx(harm, rel=0.2)
+    assert f"puts the test pose off by {1e3 * cause.effect:.2g} mm" in found.words
     assert (cause.cause, cause.joint) == (fault, joint)
     assert cause.size == pytest.approx(size, rel=0.2)
     assert cause.p < 1e-4
     assert cause_wording(cause) in found.words
+
+
+def test_a_cause_of_a_sheet_is_in_its_result() -> None:
+    """`identify` has it with what it does in the test pose, and its JSON too."""
+    found = edtk.identify(SPRUNG, table_of(positions_of(0, "joint_zero")))
+    (cause,) = found.causes
+    (named,) = (one for one in day_of(0, "joint_zero")[0] if one.kind == "cause")
+    assert cause.effect == pytest.approx(named.data["cause"].effect, rel=1e-6)
+    assert found.to_dict()["causes"] == [cause.to_dict()]
 
 
 def test_a_bearing_that_bends_is_the_cause_of_what_positions_leave() -> None:
@@ -203,6 +263,10 @@ def test_a_bearing_that_bends_is_the_cause_of_what_positions_leave() -> None:
     cause = found.data["cause"]
     assert (cause.cause, cause.joint) == ("lateral", "q2.rz")
     assert cause.size == pytest.approx(2 / 3 * 100, rel=0.1)  # of what joint 2 gives way
+    # Beside base, markers and springs it is the piece that the sheet needs.
+    assert (
+        "q2.rz" in edtk.identify(setting.study, table_of(data), extend=True).extension.chosen.pieces
+    )
 
 
 def test_a_sound_day_has_no_cause() -> None:

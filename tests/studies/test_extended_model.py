@@ -138,10 +138,69 @@ def test_files_of_an_extended_result_command_the_robot(simulation, plain, tmp_pa
     assert off < 1e-4  # the plain model leaves 0.8 mm
 
 
+VISITS = STUDY.replace(
+    parameters={"springs": JOINTS, "geometry": [], "base": False, "tool": False},
+    joints={"fixed_deg": {"q1": 0}},
+    marker=[{"name": "A"}],
+    measurement={"sigma_mm": SIGMA / np.sqrt(2), "reference": "unloaded"},
+    uncertainty={"load_percent": 0, "load_direction_deg": 0, "tool_mm": 0}
+    | {"rigid_rad_per_Nm": {"q1": 1e-15}},
+)
+
+
+@pytest.mark.slow
 @pytest.mark.cell("`identify --extend`", "parameters")
-def test_studies_with_parameters_name_their_springs_themselves():
-    """They are told where to do so."""
-    asked = {"springs": ["joints"], "geometry": [], "base": False, "tool": False}
-    study = STUDY.replace(parameters=asked, joints={"fixed_deg": {"q1": 0}})
-    with pytest.raises(UserError, match=r"name those that you suspect in parameters\.springs"):
-        edtk.identify(study, pd.DataFrame(), extend=True)
+@pytest.mark.parametrize("pieces", [(), ("q3.rx",)], ids=["ideal", "bending"])
+def test_a_study_with_parameters_weighs_the_same_models(simulation, plain, tmp_path, pieces):
+    """Of the same day it finds the same pieces, as likely, with the same errors to expect.
+
+    Rows are those where the arm rests by the fit without pieces, of which both kinds of study
+    linearise by themselves: what is told of pieces differs by a few per cent.
+    """
+    soft = plain.replace(compliance=np.append(K, 1.2e-7), elastic=((2, "rx"),))
+    table = day(simulation, soft if pieces else plain)
+    out = tmp_path / "out"
+    found = edtk.identify(VISITS, table.assign(marker="A"), extend=True, out=out)
+    own, other = found.extension, edtk.identify(STUDY, table, extend=True).extension
+    assert own.chosen.pieces == other.chosen.pieces == pieces
+    assert own.chosen.weight == pytest.approx(other.chosen.weight, abs=0.1)
+    scores, others = (
+        {one.pieces: one.weighed.score for one in models.models} for models in (own, other)
+    )
+    if pieces:
+        gained = others[()] - others[pieces]
+        assert scores[()] - scores[pieces] == pytest.approx(gained, rel=0.05)
+    else:
+        assert scores[()] == pytest.approx(others[()], rel=2e-3)
+    assert own.chosen.left_out == pytest.approx(other.chosen.left_out, rel=0.02)
+    assert own.chosen.left_out == pytest.approx(found.fit.loo_rms, rel=0.1)
+    assert own.chosen.expected == pytest.approx(other.chosen.expected, rel=0.1)
+    direct = edtk.compensate(own.study, found).command
+    if pieces:
+        read = edtk.compensate(out / "extended.toml", out / "k.json").command
+        np.testing.assert_allclose(read, direct, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"springs": None, "geometry": ["q2.rz"]}, "no spring is told"),
+        ({"springs": JOINTS, "geometry": []}, "leave known values and"),
+    ],
+)
+def test_what_no_pieces_stand_beside_is_said(simulation, plain, keys, words):
+    """Where nothing is told of a spring, or known before of one, it is one line."""
+    asked = {"base": False, "tool": False} | {k: v for k, v in keys.items() if v is not None}
+    known = {"known_rad_per_Nm": {"q1": {"value": 1e-7, "std": 1e-8}}} if keys["springs"] else {}
+    study = STUDY.replace(
+        parameters=asked,
+        joints={"fixed_deg": {"q1": 0}, **known},
+        marker=[{"name": "A"}],
+        measurement={"sigma_mm": SIGMA},
+    )
+    table = day(simulation, plain).assign(marker="A")
+    if not keys["springs"]:
+        table[["x_mm", "y_mm", "z_mm"]] = 1e3 * tips(simulation, plain, POSES)
+        table = table.drop(columns=["dx_mm", "dy_mm", "dz_mm"])
+    with pytest.raises(UserError, match=words):
+        edtk.identify(study, table, extend=True)

@@ -42,7 +42,6 @@ OF_ITS_TYPE = {
     "certificate": "no.json",
     "positions": True,
     "linear": True,
-    "extend": True,
 }
 NEEDED["predict"] = {"result": {}, "poses": "no.csv"}
 

@@ -14,6 +14,7 @@ from edtk.calibration.measured_poses import MeasuredPoses
 from edtk.calibration.model_left import LeftInTasks, PiecesLeft
 from edtk.calibration.posterior_check import PosteriorCheck, compared_with_fit, pose_error
 from edtk.design.plan import Plan
+from edtk.findings.causes.family import Cause
 from edtk.findings.finding import Finding, Severity
 from edtk.findings.geometry.counting import Counting
 from edtk.findings.prior import unstated, unstated_findings
@@ -485,6 +486,7 @@ class GeometricCalibration(Judged):
                 for name in names
             },
             "std": std,
+            "causes": [cause.to_dict() for cause in self.causes],
             **self.judgement(),
             "assumed": list(self.assumed),
             "geometry": {
@@ -495,6 +497,11 @@ class GeometricCalibration(Judged):
             **self._model_error(),
             "poses": self.measured_poses.to_list(),
         }
+
+    @property
+    def causes(self) -> tuple[Cause, ...]:
+        """A fault of the robot, the tool or the load that explains what positions leave."""
+        return tuple(one.data["cause"] for one in self.findings if one.kind == "cause")
 
     @property
     def k(self) -> dict[str, float]:

@@ -397,7 +397,8 @@ class GeometrySpace(DesignSpace):
     def rows(self, x: Array, visits: Array | None = None, read: Mask | None = None) -> Array:
         """Whitened rows (m, r markers, p) of experiments x (m, v), for one unit of costs each."""
         q, wrench = self._visits(x)
-        return self._rows(q, wrench, visits, read) * self.shares(x)[:, None, None]
+        A = self._rows(q, wrench, visits, read)
+        return A if self.prices is None else A * self.shares(x)[:, None, None]
 
     def slopes(
         self, x: Array, B: Array, visits: Array | None = None, read: Mask | None = None

@@ -83,6 +83,7 @@ class Fault:
         by_compliances: Whether compliances say how much of it shows.
         in_positions: Whether it shows only in positions in the frame of the instrument.
         in_tasks: Whether the robot itself is another one, so that it errs where it works, too.
+        drawn: Whether its drawing is another one: its positions err where it works, too.
     """
 
     name: str
@@ -93,6 +94,7 @@ class Fault:
     by_compliances: bool = False
     in_positions: bool = False
     in_tasks: bool = False
+    drawn: bool = False
 
 
 def units_in_words() -> str:
@@ -388,7 +390,7 @@ def _lateral_words(cause: Cause) -> str:
 def model_it(springs: Sequence[str]) -> str:
     """What to do about a missing spring."""
     asked = ", ".join(f'"{one}"' for one in springs)
-    return f"ask for springs = [{asked}] in [parameters], as --extend does of displacements"
+    return f"ask for springs = [{asked}] in [parameters], as --extend does"
 
 
 def _compensator(scene: Scene) -> Iterator[Family]:
@@ -685,8 +687,8 @@ FAULTS = _by_name(
     Fault("compensator", _compensator_words, _compensator, "Nm", True, True, in_tasks=True),
     Fault("stiffening", _stiffening_words, _stiffening, "%", True, True, in_tasks=True),
     Fault("varying", _varying_words, _varying, "%", True, True, in_tasks=True),
-    Fault("joint_zero", _joint_zero_words, _joint_zero, "deg"),
-    Fault("link_length", _link_length_words, _link_length, "mm"),
+    Fault("joint_zero", _joint_zero_words, _joint_zero, "deg", drawn=True),
+    Fault("link_length", _link_length_words, _link_length, "mm", drawn=True),
     Fault("compliance", _compliance_words, _compliance),
     Fault(POSE, _wrong_pose),
     Fault(NOISE, lambda cause: f"the noise is {_size(cause)}"),

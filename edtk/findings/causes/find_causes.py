@@ -10,6 +10,7 @@ import numpy as np
 from edtk.findings.causes.evidence import USUAL_SHARE
 from edtk.findings.causes.family import NOISE, OUTLIER, POSE, PRIOR, Cause, Tried
 from edtk.findings.causes.faults import FAULTS
+from edtk.findings.causes.scene import same_in
 from edtk.findings.causes.try_faults import (
     COMMON,
     LEVEL,
@@ -360,7 +361,7 @@ def effect_in_tasks(one: Tried, plain: PlainFit, tasks: Tasks) -> float | None:
         scene = plain.scene.in_task(task)
         off = scene.A @ (k - plain.k)
         if fault.in_tasks:
-            A, b = plain.same_in(scene, family).predict(c)
+            A, b = same_in(scene, fault.models, family).predict(c)
             off = A @ k + b - scene.A @ plain.k
         squares.append(float((off**2).sum()))
     return float(np.sqrt(tasks.shares @ squares))

@@ -148,6 +148,17 @@ class Scene(Protocol):
 
 
 Models = Callable[[Scene], Iterator[Family]]
+
+
+def same_in(scene: Scene, of: Models, family: Family) -> Family:
+    """The same fault of the same robot in another scene, whose faults the sheet's count."""
+
+    def key(one: Family) -> tuple[str, str, float, int]:
+        return one.cause, one.joint, one.usual, one.shape
+
+    return next(one for one in scene.families(of) if key(one) == key(family))
+
+
 # A torque (m,) at a joint, and its derivative (m,) by the joint, by the size (dims,) of a fault.
 Pull = Callable[[Array], tuple[Array, Array]]
 
@@ -568,6 +579,7 @@ class Positions:
         sprung: Indices (s,) of the joints whose springs are known or identified.
         soft: Their compliances (s,) [rad/(N m)].
         loads: What loads the joints; None without springs.
+        counted_by: The readings by which faults are counted, of a task; None for a sheet.
     """
 
     drawing: Robot
@@ -582,6 +594,7 @@ class Positions:
     soft: Array
     loads: JointLoads | None
     assumed: tuple[AssumedJoint, ...] = ()
+    counted_by: "Positions | None" = None
     in_frame = True
     absolute = True
     shows_load = True
@@ -606,8 +619,8 @@ class Positions:
 
     @property
     def sheet(self) -> "Positions":
-        """These."""
-        return self
+        """These, or those by which a task is counted."""
+        return self if self.counted_by is None else self.counted_by
 
     @cached_property
     def springs(self) -> Array:

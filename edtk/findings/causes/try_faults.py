@@ -25,7 +25,7 @@ from edtk.findings.causes.family import (
     Tried,
     fit_family,
 )
-from edtk.findings.causes.faults import FAULTS, families
+from edtk.findings.causes.faults import families
 from edtk.findings.causes.rarity import likely_size, noise_rarity, rarity, reading_rarity
 from edtk.findings.causes.scene import Displacements
 from edtk.findings.causes.wrong_pose import SEEN, shifted
@@ -219,16 +219,6 @@ class PlainFit:
         sizes = [measured[which] for which in (lengths, ~lengths)]
         length, turn = (max(float(np.sqrt(np.mean(x**2))), TINY) if x.size else TINY for x in sizes)
         return np.where(np.arange(parts) < COORDINATES, length, turn)
-
-    def same_in(self, scene: Displacements, family: Family) -> Family:
-        """The same fault of the same robot in another scene, see `Displacements.in_task`."""
-
-        def key(one: Family) -> tuple[str, str, float, int]:
-            return one.cause, one.joint, one.usual, one.shape
-
-        return next(
-            one for one in scene.families(FAULTS[family.cause].models) if key(one) == key(family)
-        )
 
     def below(self, family: Family) -> Family:
         """The same fault, whose predictions have the rows of the prior below them."""

@@ -7,9 +7,10 @@ from typing import Literal
 
 import numpy as np
 
-from edtk.findings.causes.faults import USUAL_DRIFT, USUAL_GROWTH
-from edtk.findings.causes.scene import JointLoads, Positions, link_length, since_first
-from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, Loads
+from edtk.findings.causes.family import Cause, Family
+from edtk.findings.causes.faults import FAULTS, USUAL_DRIFT, USUAL_GROWTH
+from edtk.findings.causes.scene import JointLoads, Positions, link_length, same_in, since_first
+from edtk.fit.geometry.fitted_geometry import MM, FittedGeometry, GeometricFit, Loads
 from edtk.fit.geometry.least_squares_fit import columns_of
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.restricted_likelihood import Blocks, fit_model_error, fit_variances
@@ -17,6 +18,7 @@ from edtk.measure.few_columns import Beside, FewColumns, summed
 from edtk.measure.measured_model import Seen
 from edtk.measure.parameters import Parameter, all_parameters
 from edtk.measure.position_noise import PositionNoise
+from edtk.measure.task import Task
 from edtk.measure.whitening import Scatter, of_rows
 from edtk.system.typing import Array
 
@@ -79,35 +81,51 @@ class FitRows:
     @cached_property
     def scene(self) -> Positions:
         """What faults change, to first order about the fit [mm]."""
-        fitted = self.fit.fitted
-        model, robot = fitted.model, fitted.model.robot
         means = self.fit.data.means
 
-        def columns(parameters: tuple[Parameter, ...], wrench: Array) -> Array:
-            torque = fitted.torque(means.q, wrench, self.loads)
-            fitted_names = [one.name for one in model.parameters]
-            others = tuple(one for one in parameters if one.name not in fitted_names)
-            every = model.with_parameters((*model.parameters, *others))
-            theta = np.concatenate([fitted.theta, np.zeros(len(others))])
-            seen = every.see(theta, means.q, torque)
-            names = [one.name for one in every.parameters]
-            chosen = np.array([names.index(one.name) for one in parameters], dtype=int)
+        def columns(seen: Seen, chosen: Indices) -> Array:
             return MM * of_positions(seen, means).chosen(chosen)
 
-        sprung = tuple(np.flatnonzero(fitted.compliances).tolist()) if self.loads else ()
-        return Positions(
-            robot,
-            tuple(name for name, own in zip(model.markers, model.on_tool, strict=True) if own),
-            columns,
-            np.zeros((*self.residual.shape, 0)),
-            np.zeros(0),
-            means.q,
-            means.wrench,
-            since_first(len(means)),
-            sprung,
-            fitted.compliances[list(sprung)],
-            self.loads,
-        )
+        return scene_of(self.fit.fitted, means.q, means.wrench, self.loads, columns)
+
+    def without(self, added: Array) -> MarkerPositions:
+        """The positions without what something adds to them (m, 3k) [mm]."""
+        data = self.fit.data
+        own = added.reshape(len(added), -1, 3)[data.pose] / MM
+        return replace(data, measured=data.measured - own)
+
+    def off_in(
+        self, task: Task, loads: JointLoads, named: "NamedCause", cleared: FittedGeometry
+    ) -> Array:
+        """How far a robot with a fault is off in a task (3,), compensated by the fit [mm].
+
+        Without the fault another fit would be found. Commands are off by the difference of both,
+        less what the fault does in the task: what is wrong with the measurements alone does nothing
+        there.
+
+        Args:
+            task: The task, with a tool.
+            loads: What loads the joints there.
+            named: The fault.
+            cleared: The fit of positions that are without it.
+        """
+        assert task.tool is not None
+        q = np.atleast_2d(task.q)
+        wrench = np.tile(task.wrench, (len(q), 1))
+        robot, other = (one.at_tool(task.tool) for one in (self.fit.fitted, cleared))
+        there, without = (one.predict(q, wrench, loads).points for one in (robot, other))
+        off = MM * (there - without)[0, 0]
+        fault = FAULTS[named.family.cause]
+        if not (fault.in_tasks or fault.drawn):
+            return np.asarray(off)
+
+        def columns(seen: Seen, chosen: Indices) -> Array:
+            assert seen.jacobian is not None
+            return MM * seen.jacobian[:, 0, :3][..., chosen]
+
+        scene = replace(scene_of(robot, q, wrench, loads, columns), counted_by=self.scene)
+        family = same_in(scene, fault.models, named.family)
+        return np.asarray(off - family.derivative_at_zero(scene.k)[0] @ named.values)
 
     @property
     def frame(self) -> Array:
@@ -169,6 +187,51 @@ class FitRows:
         values = inverse @ squares[1:, 0]
         fall = float(values @ squares[1:, 0])
         return Explained(values, inverse, fall, fall / max(float(squares[0, 0]), 1e-300))
+
+
+def scene_of(
+    fitted: FittedGeometry,
+    q: Array,
+    wrench: Array,
+    loads: JointLoads | None,
+    read: Callable[[Seen, Indices], Array],
+) -> Positions:
+    """What faults change in some poses, to first order about a fit [mm].
+
+    Args:
+        fitted: The robot.
+        q: Poses (m, n) [rad or m].
+        wrench: Loads (m, 6) [N, N m].
+        loads: What loads the joints; None without springs.
+        read: Columns (m, rows, c) of some parameters, of all that is seen.
+    """
+    model = fitted.model
+
+    def columns(parameters: tuple[Parameter, ...], wrench: Array) -> Array:
+        torque = fitted.torque(q, wrench, loads)
+        known = [one.name for one in model.parameters]
+        others = tuple(one for one in parameters if one.name not in known)
+        every = model.with_parameters((*model.parameters, *others))
+        theta = np.concatenate([fitted.theta, np.zeros(len(others))])
+        names = [one.name for one in every.parameters]
+        chosen = np.array([names.index(one.name) for one in parameters], dtype=int)
+        return read(every.see(theta, q, torque), chosen)
+
+    rows = read(model.see(fitted.theta, q, fitted.torque(q, wrench, loads)), np.zeros(0, dtype=int))
+    sprung = tuple(np.flatnonzero(fitted.compliances).tolist()) if loads else ()
+    return Positions(
+        model.robot,
+        tuple(name for name, own in zip(model.markers, model.on_tool, strict=True) if own),
+        columns,
+        rows,
+        np.zeros(0),
+        q,
+        wrench,
+        since_first(len(q)),
+        sprung,
+        fitted.compliances[list(sprung)],
+        loads,
+    )
 
 
 def own_columns(fit: GeometricFit, loads: Loads | None = None) -> FewColumns:
@@ -244,6 +307,26 @@ class SizedColumns:
     columns: Array
     usual: float
     log_tries: float
+
+
+@dataclass(frozen=True, eq=False)
+class NamedCause(SizedColumns):
+    """A fault of the registry that explains a good part of the residuals.
+
+    Attributes:
+        cause: The fault with its size.
+        family: What it does.
+        values: Its size (c,), in SI units.
+    """
+
+    cause: Cause
+    family: Family
+    values: Array
+
+    @property
+    def added(self) -> Array:
+        """What it adds (m, 3k) [mm]."""
+        return self.columns @ self.values
 
 
 def lowered(gradient: Array, square: Array, along: Array) -> tuple[Array, Array]:

@@ -1,5 +1,8 @@
 """What looks wrong in a fit of geometry, and whether its poses are enough to judge it."""
 
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,6 +13,7 @@ from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_word
 from edtk.findings.geometry.fit_rows import (
     DayTrend,
     FitRows,
+    NamedCause,
     SizedColumns,
     common_scale,
     day_trends,
@@ -18,7 +22,6 @@ from edtk.findings.geometry.fit_rows import (
 from edtk.findings.geometry.like_poses import LikePoses
 from edtk.findings.geometry.moved_frame import (
     MovedFrame,
-    NamedCause,
     UntoldLoad,
     moved_frame,
     other_causes,
@@ -34,6 +37,7 @@ from edtk.findings.prior import (
     rescue_findings,
 )
 from edtk.findings.springs import still_joints, untold_finding
+from edtk.fit.geometry.fit_geometry import fit_geometry
 from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, root_mean_square
 from edtk.fit.prior import PriorRows
 from edtk.measure.equilibrium import why_no_rest
@@ -266,30 +270,58 @@ def _causes(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     """
     alone = FitRows.of(fit, setting.loads)
     rows = alone.beside(setting.taken_as_drawn)
-    found: list[tuple[SizedColumns, Finding]] = []
+    found: list[tuple[SizedColumns, Callable[[], Finding]]] = []
     moved = moved_frame(rows)
     if moved is not None:
-        found.append((moved, _moved(fit, moved)))
-    found += [(trend, _trend(fit, trend)) for trend in day_trends(rows)]
+        found.append((moved, partial(_moved, fit, moved)))
+    found += [(trend, partial(_trend, fit, trend)) for trend in day_trends(rows)]
     rigid = not any(one.is_spring for one in fit.fitted.model.parameters)
     if fit.fitted.noise.model_fit is not None:
         bent = untold_load(alone) if rigid else None
         if bent is not None:
-            found.append((bent, _bent(fit, bent)))
+            found.append((bent, partial(_bent, fit, bent)))
         others = other_causes(alone)
         rows = alone if others else rows  # these may be of errors that were not asked for
-        found += [(one, _other(one)) for one in others]
+        found += [(one, partial(_other, one, alone, setting)) for one in others]
     if not found:
         return []
     likelier = LikePoses.of(rows).likelier([one for one, _ in found])
     best = int(np.argmax(likelier))
-    return [found[best][1]] if likelier[best] > np.log(LIKELIER) else []
+    return [found[best][1]()] if likelier[best] > np.log(LIKELIER) else []
 
 
-def _other(found: NamedCause) -> Finding:
+def _other(found: NamedCause, rows: FitRows, setting: StudyGeometry) -> Finding:
     """A fault of the robot, the tool or the load that is the same in all poses."""
-    cause = found.cause
+    cause = replace(found.cause, effect=_effect(found, rows, setting))
     return _say(Severity.WARNING, "cause", cause=cause, explained=cause.explained)
+
+
+def _effect(found: NamedCause, rows: FitRows, setting: StudyGeometry) -> float | None:
+    """How far a robot with a fault is off in the tasks, root mean square [m].
+
+    None without a task that has a tool, and where more than positions was fitted: what the fault
+    does to that is not known here.
+    """
+    tasks, fit = setting.study.tasks, rows.fit
+    alone = fit.turns is None and not fit.data.is_difference.any()
+    if not (tasks and alone and all(task.tool is not None for task in tasks)):
+        return None
+    prior = None if fit.told_before is None else fit.told_before.prior
+    stated = replace(setting.noise, unknown=fit.fitted.noise.unknown)
+    is_robust = bool((fit.weights < 1).any())
+    given = (setting.model, rows.without(found.added), stated, setting.loads, is_robust, prior)
+    cleared = fit_geometry(*given).fitted
+    each = [rows.off_in(task, setting.every_load_of(task), found, cleared) for task in tasks]
+    return float(np.sqrt(tasks.shares @ np.square(each).sum(axis=-1))) / MM
+
+
+def _cause(data: Data) -> str:
+    """A fault, what it explains, and what it does in the test poses."""
+    cause = data["cause"]
+    text = f"{cause_wording(cause)}: {_explains(data)}"
+    if cause.effect is None:
+        return text
+    return f"{text}, and puts the test pose off by {MM * cause.effect:.2g} mm"
 
 
 def _moved(fit: GeometricFit, moved: MovedFrame) -> Finding:
@@ -588,7 +620,7 @@ WORDING: Wording = {
         "(axis times angle) in degrees, or quaternions, in the frame of the positions?"
     ),
     "outliers": _outliers_words,
-    "cause": lambda data: f"{cause_wording(data['cause'])}: {_explains(data)}",
+    "cause": _cause,
     "frame_moved": _frame_moved,
     "growth": _growth,
     "drift": lambda data: (

@@ -9,6 +9,7 @@ from edtk.findings.causes.family import Cause
 from edtk.findings.causes.faults import FAULTS, USUAL_MOVE
 from edtk.findings.geometry.fit_rows import (
     FitRows,
+    NamedCause,
     SizedColumns,
     log_chance,
     lowered,
@@ -403,17 +404,6 @@ class _LoadedPoses:
         return loaded
 
 
-@dataclass(frozen=True, eq=False)
-class NamedCause(SizedColumns):
-    """A fault of the registry that explains a good part of the residuals.
-
-    Attributes:
-        cause: The fault with its size.
-    """
-
-    cause: Cause
-
-
 def other_causes(rows: FitRows) -> list[NamedCause]:
     """Try every fault of the registry that can be seen, in all poses, and test those that explain.
 
@@ -467,5 +457,6 @@ def other_causes(rows: FitRows) -> list[NamedCause]:
             explained,
             family.joint,
         )
-        found.append(NamedCause(columns, family.usual, float(np.log(len(families))), cause))
+        log_tries = float(np.log(len(families)))
+        found.append(NamedCause(columns, family.usual, log_tries, cause, family, told.values))
     return found
