@@ -1,6 +1,6 @@
 """Residuals and columns of the positions of a fit, and what grew or drifted over a day."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -20,7 +20,7 @@ from edtk.measure.parameters import Parameter, all_parameters
 from edtk.measure.position_noise import PositionNoise
 from edtk.measure.task import Task
 from edtk.measure.whitening import Scatter, of_rows
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 
 RATES = (0.0, 3.0, 8.0)  # of settling in a day: a steady drift, and warming up
 FEWEST_OF_TREND = 8  # poses
