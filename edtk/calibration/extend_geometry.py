@@ -18,6 +18,7 @@ from edtk.fit.geometry.fitted_geometry import MM, loading_of, resting_load
 from edtk.fit.geometry.least_squares_fit import PoseRows
 from edtk.fit.measurements import Measurements
 from edtk.measure.measured_model import MeasuredModel
+from edtk.measure.parameters import springs_asked
 from edtk.measure.pose_table import Table
 from edtk.measure.task import Task
 from edtk.study.study import Study
@@ -87,9 +88,10 @@ class Beside:
         """Springs that the study asks for."""
         study = self.found.study
         asked = study.kind.parameters(study).springs
-        known = [asked] if isinstance(asked, str) else list(asked or ())
         unknown = study.specification.joints.unknown
-        return [*known, *(name for name in unknown if "joints" not in known)]
+        every = springs_asked(study.robot, asked)
+        own = {one.of for one in every if one.place == "compliance"}
+        return [*asked, *(name for name in unknown if name not in own)]
 
     @cached_property
     def _tried(self) -> dict[str, tuple[float, bool]]:

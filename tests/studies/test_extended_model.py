@@ -11,6 +11,7 @@ from click.testing import CliRunner
 import edtk
 from edtk.cli import main
 from edtk.robots.load_robot import load_robot
+from edtk.study.study_geometry import StudyGeometry
 from edtk.system.errors import UserError
 
 ROBOT = load_robot("kuka_kr270_compensator")
@@ -179,6 +180,22 @@ def test_a_study_with_parameters_weighs_the_same_models(simulation, plain, tmp_p
     if pieces:
         read = edtk.compensate(out / "extended.toml", out / "k.json").command
         np.testing.assert_allclose(read, direct, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "asked", [{"compliance": JOINTS}, {"springs": "joints"}, {"springs": ["lateral", "q2.cubic"]}]
+)
+def test_springs_that_are_asked_for_stay(simulation, plain, asked):
+    """However they are named, the study of the chosen model has them, and each once."""
+    table = day(simulation, plain.replace(laws=(simulation.Law(1, "square", 3e-11),)))
+    others = {"geometry": [], "base": False, "tool": False}
+    study = VISITS.replace(parameters=asked | others)
+    extended = edtk.identify(study, table.assign(marker="A"), extend=True).extension
+    before, after = (
+        {one.name for one in StudyGeometry.of(one).model.parameters}
+        for one in (study, extended.study)
+    )
+    assert after == before | {f"k_{name}" for name in extended.chosen.pieces}
 
 
 @pytest.mark.parametrize(
