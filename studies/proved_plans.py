@@ -30,7 +30,7 @@ PAGE = Path(__file__).with_suffix(".md")
 CANDIDATES = 100_000
 SECONDS = 60.0
 SEARCH = 20.0  # [s], of a plan off the candidates
-CRITERIA = ("rho0", "D")
+CRITERIA = ("rho0", "A", "D", "E")
 SIZES = (2, 3, 4, 6, 12)
 
 

@@ -219,10 +219,11 @@ class Line(NamedTuple):
         Where these fall, too, it is one at which they are below zero.
         """
         steep = other.slope - self.slope
-        nothing = np.zeros_like(steep)
-        meets = np.divide(self.value - other.value, steep, out=nothing, where=steep > 0)
+        rise = self.value - other.value
+        meets = np.divide(rise, steep, out=np.zeros_like(steep), where=steep > 0)
         falls = other.slope < 0
-        zero = np.divide(-np.abs(other.value), other.slope, out=nothing.copy(), where=falls)
+        nothing = np.zeros_like(steep)
+        zero = np.divide(-np.abs(other.value), other.slope, out=nothing, where=falls)
         return np.asarray(np.maximum(np.maximum(meets, 2.0 * zero), 0.0))
 
     def where(self, chosen: Mask, other: "Line") -> "Line":

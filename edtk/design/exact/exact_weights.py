@@ -35,6 +35,7 @@ SPREAD = 0.1  # part of a group's experiments that is spread over its candidates
 BEGIN = 0.1  # part of the first gap that is left for the products of the beginning
 LEAST_GAP = 1e-6  # of the beginning
 FILLED = 0.9  # part of a limit, or of funds, that weights take at most at the beginning
+ALLOWED = 1e-6  # part by which weights may miss their sums
 LEAST_SHRINKING = 1e-3  # of the products in one step
 
 
@@ -61,10 +62,15 @@ def best_weights(merits: Merits, nodes: Nodes, z: Array, least: float) -> Array:
         slope = _Slope.at(merits, game, point.w)
         gap = game.gap(point, slope)
         bound = slope.merit * (1.0 + gap)
-        better = bound < best[some]
-        best[some[better]] = bound[better]
+        within = game.allows(point)
+        # A step that rounding has lost is no number; as long as none is within, the last one is.
+        better = np.where(
+            np.isfinite(best[some]), within & (bound < best[some]), np.isfinite(bound)
+        )
+        best[some[better]] = np.where(within, bound, np.inf)[better]
         found[some[better]] = point.w[better]
-        open_ = ~is_near(bound, slope.merit, least, merits.near)
+        # Weights that exceed their limits reach too much.
+        open_ = ~is_near(bound, np.where(within, slope.merit, 0.0), least, merits.near)
         if not open_.any():
             break
         if step == 0:
@@ -201,6 +207,14 @@ class _Game(_OfNodes):
         w = np.where(self.known, np.minimum(w, FILLED * self.most), 1.0)
         nothing = np.zeros_like(self.funds)
         return _Point(w, np.ones_like(w), np.zeros_like(w), np.zeros_like(sums), nothing, nothing)
+
+    def allows(self, point: _Point) -> Mask:
+        """Whether weights (b,) sum to the counts, and spend no more than the funds."""
+        sums = _sums(self.own, point.w * self.known)
+        spent = _sums(self.costs, point.w * self.known)
+        amiss = np.abs(sums - self.counts) > ALLOWED * self.counts
+        exceeds = spent - self.funds > ALLOWED * np.abs(self.funds)
+        return np.asarray(~amiss.any(axis=1) & ~exceeds.any(axis=1))
 
     def reduced(self, point: _Point, slope: _Slope) -> Array:
         """Sensitivities (b, c), less the prices."""
