@@ -5,12 +5,12 @@ from house import house
 
 # What may be at most. When a count has become better, its limit follows.
 LIMITS = {
-    "files": 507,
-    "statements": 57_676,
-    "one_function": 3.5,
+    "files": 511,
+    "statements": 58_413,
+    "one_function": 2.0,
     "circles": 2,
     "questions": 2,
-    "constants": 14.0,
+    "constants": 11.9,
 }
 
 

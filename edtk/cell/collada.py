@@ -69,6 +69,7 @@ class _Collada:
             for library in self.root.all("library_geometries"):
                 yield from ((geometry, np.eye(4)) for geometry in library.all("geometry"))
             return
+        waiting: list[tuple[tuple[Element, ...], Array]]
         waiting = [((node,), np.eye(4)) for node in scene.all("node")]
         count = 0
         while waiting:
