@@ -189,15 +189,14 @@ class Part:
         mean = ((d / d[0]) ** (2 * self.q)).sum() / self.K.shape[1]
         return float(d[0] ** 2 * mean ** (1 / self.q))
 
-    def least(self, F: Array, frame: Frame, shares: Array | None = None) -> float:
+    def least(self, F: Array, side: Side, shares: Array | None = None) -> float:
         """The least cost of any X with ``<F'F, X> <= 1``, lowered by rounding.
 
         Args:
             F: Root (k, p) of a multiplier, for the parameters of a frame.
-            frame: The parameters.
+            side: The combinations K for these parameters, see `Frame.side`.
             shares: Shares (groups,) of sum one at most, for the worst of several.
         """
-        side = frame.side(self.K)
         s = self.K.shape[1]
         if self.is_volume:
             found = s * float(np.exp(2 * self._log_least(side, F) / s))
@@ -395,7 +394,9 @@ class Several:
         if u is None or len(u) != len(self.parts):
             raise ValueError(f"dual_weights: expected {len(self.parts)} shares")
         parts = zip(self.parts, self._split(F, design, u), strict=True)
-        q = self._losses(np.array([part.least(C @ F, design.frame) for part, C in parts]))
+        q = self._losses(
+            np.array([part.least(C @ F, design.frame.side(part.K)) for part, C in parts])
+        )
         if self.weights is None:
             return float(q.sum())
         return float(np.prod((q / self.weights) ** self.weights))
@@ -452,7 +453,7 @@ def bound(about: Whole, proof: Proof, design: Design, shares: list[Array | None]
         if isinstance(about, Several):
             least = about.bound(F, design, u)
         else:
-            least = about.least(F, proof.frame, u)
+            least = about.least(F, proof.frame.side(about.K), u)
         best = max(best, least * float(t) ** -about.degree)
     return best
 

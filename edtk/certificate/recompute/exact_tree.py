@@ -475,7 +475,7 @@ class Replay:
             unsure = ~(lost <= SURE * e[:, 0])
         shares = self.tree.shares
         for i in np.flatnonzero(unsure):
-            own = part.least(factor_of(Z[i]), frame, None if shares is None else shares[i])
+            own = part.least(factor_of(Z[i]), side, None if shares is None else shares[i])
             least[i] = max(own, least[i])
         with np.errstate(divide="ignore"):
             return np.asarray((least * (1 - 64 * EPS)) ** (-1.0 / part.degree))
