@@ -421,8 +421,10 @@ class FittedData:
             return self  # what bends is no error of a linear model that was asked for
         seen = LinearisedData(alone.A, alone.measured)
         rows, most = self._sound_rows, 0
-        if self.found_causes.unexplained and len(self.data) <= MOST_ROWS:
-            # Rows that are outliers beside the noise alone may as well be the model's.
+        nothing = self.found_causes.unexplained and self.found_causes.possible is None
+        if nothing and len(self.data) <= MOST_ROWS:
+            # Rows that are outliers beside the noise alone may as well be the model's. A cause that
+            # explains much, and not all, is no error of poses: rows may stand out for want of it.
             rows, most = np.arange(len(self.data)), most_outliers(len(self.data))
         given = (readings_alone(self), rows, constant_error(self), most)
         found = find_model_error(self.study, self.data, seen, (alone.fit, self.fit), *given)

@@ -29,7 +29,7 @@ def given(seed, poses=12, repeats=2, off=(), size=0.0, correlated=False):
     if correlated:
         whole = SIGMA**2 * (0.7 * np.eye(3) + 0.3)
         noise = CorrelatedNoise.by_row(np.tile(whole, (m, 1, 1)))
-    columns = MissingColumns(shared, np.array([0, 0, 1]), turns, pose, known)
+    columns = MissingColumns(shared, np.array([0, 0, 1]), turns, pose, known, np.zeros(3))
     return BesideModel(A, y, noise, columns, 0.1)
 
 
