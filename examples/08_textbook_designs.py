@@ -63,7 +63,8 @@ ranges = {"t0": 2.0, "t1": 2.0, "t2": (1, 15)}
 unsure = edtk.Region.of_model("t0 + t1 * log(x + t2)", ranges, (0, 150), robust="maximin")
 safe = edtk.relax(unsure)
 print(safe.worst, safe.to_frame(), sep="\n")
-np.testing.assert_allclose(safe.to_frame()["weight"], [0.3204, 0.1207, 0.2293, 0.3296], atol=0.02)
+heavy = safe.weights[safe.weights > 1e-3]
+np.testing.assert_allclose(heavy, [0.3204, 0.1207, 0.2293, 0.3296], atol=0.02)
 
 # %%
 # optedr's first rivals: Michaelis and Menten against a line. It prints 1.127578 and 5 with the
