@@ -257,10 +257,10 @@ class Propagation:
 
     def _row_of(self, name: str) -> int:
         """The row of a joint's own compliance."""
-        own = () if self.visits is None else self.visits.model.parameters
-        estimated = [one.of for one in own if one.place == "compliance"]
-        if name in estimated:
-            return [one.place == "compliance" and one.of == name for one in own].index(True)
+        every = () if self.visits is None else self.visits.model.parameters
+        springs = [one.of if one.place == "compliance" else None for one in every]
+        if name in springs:
+            return springs.index(name)
         return self.p + [one.name for one in self.assumed].index(name)
 
     def _target(self, tasks: Tasks) -> Array:

@@ -131,7 +131,7 @@ class _Collada:
         step = max(offsets) + 1
         faces = []
         for run in surface.all("p"):
-            index = _integers(run)
+            index = _whole(run.text, run)
             if len(index) % step:
                 message = f"line {run.line}: <p> has {len(index)} numbers; expected a multiple"
                 raise ValueError(f"{message} of {step}")
@@ -177,7 +177,7 @@ def _triangles(surface: Element, corners: Indices) -> Indices:
     counts = np.array([n])
     if tag == "polylist":
         given = surface.first("vcount")
-        counts = np.zeros(0, dtype=int) if given is None else _integers(given)
+        counts = np.zeros(0, dtype=int) if given is None else _whole(given.text, given)
     if (counts < 3).any() or counts.sum() != n:
         raise ValueError(f"line {surface.line}: <{tag}> has {n} corners in polygons that differ")
     first = np.repeat(np.cumsum(counts) - counts, counts - 2)
@@ -219,11 +219,6 @@ def _numbers(text: str, element: Element, count: int | None = None) -> Array:
             f"line {element.line}: <{element.tag}> has {text[:40]!r}; expected {number}"
         )
     return found
-
-
-def _integers(element: Element) -> Indices:
-    """The whole numbers of an element's text."""
-    return _whole(element.text, element)
 
 
 def _attribute(element: Element, key: str, default: str = "") -> int:

@@ -164,12 +164,12 @@ class BoxSites(Sites[Region]):
 
     def together(self, models: Sequence[Region]) -> Region:
         """The box under several models."""
-        one = several_models([model.problem(self.trial[:1]) for model in models])
+        beside = several_models([model.problem(self.trial[:1]) for model in models])
 
         def rows(x: Any) -> Array:
-            return side_by_side([np.asarray(one.functions[0].function(x)) for one in models])
+            return side_by_side([np.asarray(model.functions[0].function(x)) for model in models])
 
-        return self.alone(rows, one.parameters, one.prior)
+        return self.alone(rows, beside.parameters, beside.prior)
 
     def allowed(self, x: Array) -> Mask:
         """Those that obey the constraints."""
