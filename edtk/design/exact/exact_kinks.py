@@ -1,36 +1,36 @@
 """Multipliers of nodes of a proof by a criterion of the least eigenvalue, which has kinks.
 
-With floor F the merit of X is the largest t with ``t F <= X``. So the best multiplier of a node
-whose groups g have c_g experiments each minimises
+With floor F the merit of X is the largest t with ``t F <= X``. So the best weights and the best
+multiplier of a node whose groups g have c_g experiments each solve
 
-    <Z, K> + sum_g c_g y_g,   y_g >= <Z, M_i> of each candidate i of g,   <Z, F> = 1,   Z >= 0.
+    max t:  K + sum_i w_i M_i - t F = S >= 0,   sum of w_i in g = c_g,   w >= 0,
+    min <Z, K> + sum_g c_g y_g:  s_i = y_g - <Z, M_i> >= 0,   <Z, F> = 1,   Z >= 0.
 
-The barrier ``-log det Z - sum_i log(y_g - <Z, M_i>)`` is added with a factor 1/tau (Vandenberghe,
-Boyd 1996); Newton's method follows its minima to larger tau. There the numbers
-``w_i = 1/(tau (y_g - z_i))`` are weights of the candidates, with ``sum w_i = c_g`` in each group,
-and p + n is tau times the distance of both problems. Budgets ``C r <= f`` have prices ``mu >= 0``
-beside Z, see `Merits`, with logarithms of mu and of what is left to a largest price: plans that
-spend all would let it grow without end. Only candidates that are near the largest of
+At the optimum ``w_i s_i = 0`` and ``S Z = 0``. A primal-dual method aims at a product in place of
+zero, which it lowers. With the scaling of Nesterov and Todd (1997), ``W Z W = S``, the products
+change as
+
+    w_i ds_i + s_i dw_i = product - w_i s_i,    W dZ W + dS = product Z^-1 - S,
+
+and dw and dS are eliminated, so that a step costs a system in the entries of Z and in y. Budgets
+``C r <= f`` have prices ``mu >= 0`` beside Z, see `Merits`. The multiplier always bounds, the
+weights sum to their counts after the first whole step. Only candidates that are near the largest of
 their group take part; the bound is computed anew from all, for whatever multiplier comes out.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from criteria.linalg.typing import triangle
 from edtk.design.exact.exact_nodes import NEAR_AT_KINKS, Merits, Nodes, is_near
-from edtk.design.exact.exact_weights import solved
+from edtk.design.exact.exact_weights import ALLOWED, LEAST_SHRINKING, REACH, OfNodes, solved
 from edtk.design.information import order, sensitivity_rows
 from edtk.system.typing import Array, Indices, Mask
 
-STEPS = 40  # of Newton's method, at most
+STEPS = 30
 BEGIN = 0.05  # part of the merit that the distance may have at the beginning
 INSIDE = 0.1  # part of the first multiplier that is regular
-CENTRED = 0.6  # length of a Newton step from which on tau grows
-FASTER = 12.0  # growth of tau
-REACH = 0.8  # part of the way to the boundary
-DEAREST = 1e4  # largest price of the dearest experiment, in parts of the merit
 SMALL = 1e-14  # part of the largest eigenvalue that rounding leaves of others
 
 
@@ -47,256 +47,325 @@ def spectral_multipliers(
         least: The merit below which a node is closed, and no better multiplier of use.
     """
     chosen, known = nodes.spread(z)
-    merit = merits.tell(nodes, Z).merit
-    game = _Game.of(merits, nodes, chosen, known, merit, least)
-    state = game.begun(Z, merit)
+    game = _Game.of(merits, nodes, chosen, known)
+    point = game.begun(Z, merits.tell(nodes, Z).merit)
+    some = np.arange(nodes.n)
+    left = point
     for _ in range(STEPS):
-        some = np.flatnonzero(game.open(state))
-        if not len(some):
+        open_ = ~is_near(game.bound(left), game.merit(left), least, NEAR_AT_KINKS)
+        if not open_.any():
             break
-        state.put(some, game[some].stepped(state[some]))
+        some, game, left = some[open_], game[open_], left[open_]
+        moved = game.stepped(left)
+        # Rounding may leave no step; the last multiplier then stays.
+        told = moved.is_number
+        some, game, left = some[told], game[told], moved[told]
+        for own in fields(point):
+            getattr(point, own.name)[some] = getattr(left, own.name)
     weights = np.zeros(len(nodes.candidates))
-    weights[chosen[known]] = game.weights(state)[known]
-    # Of a candidate at the boundary.
-    weights[~np.isfinite(weights)] = 0.0
-    return game.packed(state), weights
+    weights[chosen[known]] = point.w[known]
+    rows, columns = triangle(merits.p)
+    return np.concatenate([point.Z[:, rows, columns], point.price], axis=1), weights
 
 
 @dataclass(frozen=True, eq=False)
-class _State:
-    """Where Newton's method is, in each of some nodes (b,).
+class _Point(OfNodes):
+    """Weights and multipliers of nodes (b,).
 
     Attributes:
         Z: Multipliers (b, p, p).
-        price: Prices (b, k) of budgets.
+        S: What the information (b, p, p) of the weights has above the floor.
+        w: Weights (b, c); one where there is no candidate.
+        s: Their slacks (b, c).
         y: Bounds (b, g) on the sensitivities of each group.
-        tau: Factors (b,) of the objective.
-        centred: Whether (b,) the minimum for that factor is near.
-        lost: Whether (b,) rounding left no further step.
+        price: Prices (b, k) of budgets.
+        left: What is left (b, k) of these.
+        t: The largest multiple (b,) of the floor.
+        missing: Part (b,) of the first distance of the weights from their sums that is left.
     """
 
     Z: Array
-    price: Array
+    S: Array
+    w: Array
+    s: Array
     y: Array
-    tau: Array
-    centred: Mask
-    lost: Mask
+    price: Array
+    left: Array
+    t: Array
+    missing: Array
 
-    def __getitem__(self, some: Indices) -> "_State":
-        """That of some nodes."""
-        return _State(
-            self.Z[some], self.price[some], self.y[some], self.tau[some], self.centred[some],
-            self.lost[some],
-        )  # fmt: skip
-
-    def put(self, some: Indices, other: "_State") -> None:
-        """Take over the state of some nodes."""
-        self.Z[some] = other.Z
-        self.price[some] = other.price
-        self.y[some] = other.y
-        self.tau[some] = other.tau
-        self.centred[some] = other.centred
-        self.lost[some] = other.lost
+    @property
+    def is_number(self) -> Mask:
+        """Whether nodes (b,) have numbers in all places."""
+        every = [getattr(self, own.name).reshape(len(self.t), -1) for own in fields(self)]
+        return np.asarray(np.isfinite(np.concatenate(every, axis=1)).all(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
-class _Game:
+class _Scaling:
+    """Parameters of nodes (b,) in which Z is one, and S diagonal.
+
+    Attributes:
+        B: ``Z^-1 = B B'`` (b, p, p).
+        d: ``S = B diag(d) B'`` (b, p).
+    """
+
+    B: Array
+    d: Array
+
+    @classmethod
+    def of(cls, point: _Point) -> "_Scaling":
+        """Those of a point."""
+        z, V = np.linalg.eigh(point.Z)
+        root = np.sqrt(np.maximum(z, SMALL * z[:, -1:]))[:, None]
+        d, Q = np.linalg.eigh(_turned(V * root, point.S))
+        return cls(V / root @ Q, np.maximum(d, SMALL * d[:, -1:]))
+
+    @property
+    def W(self) -> Array:
+        """The scaling (b, p, p) with ``W Z W = S``."""
+        return self.B * np.sqrt(self.d)[:, None] @ np.swapaxes(self.B, 1, 2)
+
+    @property
+    def inverse(self) -> Array:
+        """Inverses (b, p, p) of the multipliers."""
+        return np.asarray(self.B @ np.swapaxes(self.B, 1, 2))
+
+
+@dataclass(frozen=True, eq=False)
+class _Change:
+    """How a point of nodes (b,) changes: to products of none, and what a product adds.
+
+    Each array has the name that it has in a point, and a last axis of these two.
+
+    Attributes:
+        Z: In the parameters of the scaling.
+        S: In units of its diagonal there.
+    """
+
+    Z: Array
+    S: Array
+    w: Array
+    s: Array
+    y: Array
+    price: Array
+    left: Array
+    t: Array
+
+    def at(self, product: Array) -> "_Change":
+        """The change to products (b,), without a last axis."""
+        arrays = [getattr(self, own.name) for own in fields(self)]
+        return _Change(
+            *(
+                own[..., 0] + product.reshape(-1, *[1] * (own.ndim - 2)) * own[..., 1]
+                for own in arrays
+            )
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Game(OfNodes):
     """The problems of nodes (b,).
 
     Attributes:
-        F: Features (b, c, q + k) of candidates, zeros where there is none.
-        known: Where there is one (b, c).
-        own: Their groups (b, c, g), as ones and zeros.
-        counts: Experiments (b, g) in each; zero of groups that a node has not.
-        K: What every plan has (q + k,).
-        floor: F (q + k,), entries off the diagonal twice.
-        twice: How often each entry (q,) stands in a matrix.
-        dearest: The largest price (b,) of a budget.
-        least: The merit below which a node is closed.
+        J: Derivatives (b, c, q + k + g) of the slacks by the multiplier, the prices and the bounds.
+        known: Where there is a candidate (b, c).
+        counts: Experiments (b, g) in each group; zero of groups that a node has not.
+        K: What every plan has, and the funds (b, q + k).
+        floor: F (b, q), entries off the diagonal twice.
+        twice: How often each entry (b, q) stands in a matrix.
     """
 
-    F: Array
+    J: Array
     known: Mask
-    own: Array
     counts: Array
     K: Array
     floor: Array
     twice: Array
-    dearest: Array
-    least: float
 
     @classmethod
-    def of(
-        cls,
-        merits: Merits,
-        nodes: Nodes,
-        chosen: Indices,
-        known: Mask,
-        merit: Array,
-        least: float,
-    ) -> "_Game":
-        """Those of nodes with chosen candidates (b, c), of merits (b,) that are known."""
-        merit = np.where(np.isfinite(merit) & (merit > 0), merit, 1.0)
-        counts, own = nodes.grouped(chosen, known)
+    def of(cls, merits: Merits, nodes: Nodes, chosen: Indices, known: Mask) -> "_Game":
+        """Those of nodes with chosen candidates (b, c)."""
         assert merits.floor is not None
-        return cls(
-            F=merits.F[nodes.candidates[chosen]] * known[..., None],
-            known=known,
-            own=own,
-            counts=counts,
-            K=merits.K,
-            floor=np.append(sensitivity_rows(merits.floor), np.zeros(merits.budgets)),
-            twice=merits.twice[: merits.q],
-            dearest=DEAREST * merit,
-            least=least,
-        )
+        counts, own = nodes.grouped(chosen, known)
+        F = merits.F[nodes.candidates[chosen]] * known[..., None]
+        alike = (merits.K, sensitivity_rows(merits.floor), merits.twice[: merits.q])
+        K, floor, twice = (np.tile(one, (nodes.n, 1)) for one in alike)
+        return cls(np.concatenate([-F, own], axis=2), known, counts, K, floor, twice)
 
-    def __getitem__(self, some: Indices) -> "_Game":
-        """Those of some nodes."""
-        return _Game(
-            self.F[some], self.known[some], self.own[some], self.counts[some],
-            self.K, self.floor, self.twice, self.dearest[some], self.least,
-        )  # fmt: skip
+    @property
+    def q(self) -> int:
+        """Number of entries of a triangle."""
+        return self.floor.shape[1]
 
     @property
     def p(self) -> int:
         """Number of parameters."""
-        return order(len(self.twice))
+        return order(self.q)
 
     @property
     def terms(self) -> Array:
-        """Number (b,) of logarithms of the barriers."""
-        return self.p + 2 * (len(self.K) - len(self.twice)) + self.known.sum(axis=1)
+        """Number (b,) of products."""
+        return self.p + self.K.shape[1] - self.q + self.known.sum(axis=1)
 
-    def packed(self, state: _State) -> Array:
-        """Multipliers (b, q + k), each entry of a matrix once."""
-        rows, columns = triangle(self.p)
-        return np.concatenate([state.Z[:, rows, columns], state.price], axis=1)
+    def begun(self, Z: Array, merit: Array) -> _Point:
+        """A start inside, near multipliers (b, q + k) that prove merits (b,).
 
-    def begun(self, Z: Array, merit: Array) -> _State:
-        """A start inside, near multipliers (b, q + k)."""
-        rows, columns = triangle(self.p)
-        b = len(self.F)
-        M = np.empty((b, self.p, self.p))
-        unit = np.append(np.eye(self.p)[rows, columns], np.zeros(len(self.K) - len(rows)))
-        # A multiplier that proves nothing is no beginning.
-        proves = np.isfinite(Z).all(axis=1) & (Z @ self.floor > 0)
-        Z = np.where(proves[:, None], Z, unit)
-        Z = Z / (Z @ self.floor)[:, None]
-        M[:, rows, columns] = M[:, columns, rows] = Z[:, : len(rows)]
-        regular = np.eye(self.p) / (self.floor @ unit)
-        M = (1.0 - INSIDE) * M + INSIDE * regular
-        merit = np.where(np.isfinite(merit) & (merit > 0), merit, 1.0)
-        room = BEGIN * merit / np.maximum(self.counts.sum(axis=1), 1.0)
-        funds = np.maximum(np.abs(self.K[len(rows) :]), SMALL)
-        price = Z[:, len(rows) :] + BEGIN * merit[:, None] / funds
-        price = np.minimum(price, 0.5 * self.dearest[:, None])
-        z = self._sensitivities(M, price)
-        tops = np.where(self.own > 0, z[..., None], -np.inf).max(axis=1)
-        y = np.where(self.counts > 0, tops + room[:, None], 0.0)
-        return _State(
-            M, price, y, self.terms / (BEGIN * merit), np.zeros(b, dtype=bool),
-            np.zeros(b, dtype=bool),
-        )  # fmt: skip
-
-    def open(self, state: _State) -> Mask:
-        """The nodes (b,) whose multipliers are to be improved."""
-        value = self.packed(state) @ self.K + (self.counts * state.y).sum(axis=1)
-        merit = np.where(state.centred, value - self.terms / state.tau, 0.0)
-        done = is_near(value, merit, self.least, NEAR_AT_KINKS)
-        return np.asarray(~done & ~state.lost & np.isfinite(value))
-
-    def weights(self, state: _State) -> Array:
-        """Weights (b, k) of the candidates."""
-        with np.errstate(divide="ignore"):
-            return np.asarray(1.0 / (state.tau[:, None] * self._slack(state)))
-
-    def stepped(self, state: _State) -> _State:
-        """One step of Newton's method, after which tau may grow."""
-        rows, columns = triangle(self.p)
-        tau = np.where(state.centred, FASTER * state.tau, state.tau)
-        z, V = np.linalg.eigh(state.Z)
-        R = V / np.sqrt(np.maximum(z, SMALL * z[:, -1:]))[:, None]
-        u = np.where(self.known, 1.0 / self._slack(state), 0.0)
-        # Derivatives of each slack by the multiplier and by the bounds of the groups.
-        J = np.concatenate([-self.F, self.own], axis=2)
-        rise = 1.0 / state.price
-        fall = 1.0 / (self.dearest[:, None] - state.price)
-        g, H = self._derivatives(tau, R @ np.swapaxes(R, 1, 2), rise, fall, u, J)
-        right = np.append(-g, np.zeros((len(tau), 1)), axis=1)
-        step = solved(H, right[..., None])[:, :-1, 0]
-        lost = ~np.isfinite(step).all(axis=1)
-        step[lost] = 0.0
-        length = np.sqrt(np.maximum(-(g * step).sum(axis=1), 0.0))
-        q = len(rows)
-        end = len(self.K)
-        dZ = np.empty_like(state.Z)
-        dZ[:, rows, columns] = dZ[:, columns, rows] = step[:, :q]
-        change = np.einsum("bkj,bj->bk", J, step)
-        shrinks = np.where(self.known, -change * u, 0.0).max(axis=1)
-        e = np.linalg.eigvalsh(np.swapaxes(R, 1, 2) @ dZ @ R)[:, 0]
-        shrinks = np.maximum(shrinks, -e)
-        of_prices = np.maximum(-step[:, q:end] * rise, step[:, q:end] * fall)
-        shrinks = np.maximum(shrinks, of_prices.max(axis=1, initial=0.0))
-        reach = REACH / np.maximum(shrinks, REACH)
-        return _State(
-            state.Z + reach[:, None, None] * dZ,
-            state.price + reach[:, None] * step[:, q:end],
-            state.y + reach[:, None] * step[:, end:],
-            tau,
-            np.asarray((length < CENTRED) & (reach >= 1.0)),
-            np.asarray(lost),
-        )
-
-    def _derivatives(
-        self, tau: Array, inverse: Array, rise: Array, fall: Array, u: Array, J: Array
-    ) -> tuple[Array, Array]:
-        """Gradient (b, k) of the barrier, and its second derivatives bordered by ``<Z, F> = 1``.
-
-        Args:
-            tau: Factors (b,) of the objective.
-            inverse: Inverses (b, p, p) of the multipliers.
-            rise: Inverses (b, k) of the prices.
-            fall: Inverses (b, k) of what is left to the largest price.
-            u: Inverses (b, c) of the slacks; zero where there is no candidate.
-            J: Derivatives (b, c, k) of the slacks.
+        All products are alike, and the weights need not sum to their counts.
         """
+        q = self.q
         rows, columns = triangle(self.p)
-        q = len(rows)
-        end = len(self.K)
-        size = J.shape[2]
-        g = tau[:, None] * np.concatenate(
-            [np.broadcast_to(self.K, (len(tau), end)), self.counts], axis=1
+        unit = np.zeros_like(Z)
+        unit[:, np.flatnonzero(rows == columns)] = 1.0
+        # A multiplier that proves nothing is no beginning.
+        scale = (Z[:, :q] * self.floor).sum(axis=1)
+        proves = np.isfinite(Z).all(axis=1) & (scale > 0)
+        Z = np.where(proves[:, None], Z, unit)
+        Z = Z / (Z[:, :q] * self.floor).sum(axis=1)[:, None]
+        regular = unit / (unit[:, :q] * self.floor).sum(axis=1)[:, None]
+        M = self._matrices((1.0 - INSIDE) * Z + INSIDE * regular)
+        merit = np.where(np.isfinite(merit) & (merit > 0), merit, 1.0)
+        room = BEGIN * merit
+        price = Z[:, q:] + room[:, None] / np.maximum(np.abs(self.K[:, q:]), SMALL)
+        own = self.J[:, :, q + price.shape[1] :]
+        x = np.concatenate([self._entries(M), price], axis=1)
+        z = -(self.J[:, :, : x.shape[1]] @ x[..., None])[..., 0]
+        tops = np.where(own > 0, z[..., None], -np.inf).max(axis=1)
+        y = tops + (room / np.maximum(self.counts.sum(axis=1), 1.0))[:, None]
+        y = np.where(self.counts > 0, y, 0.0)
+        s = np.where(self.known, (own @ y[..., None])[..., 0] - z, 1.0)
+        product = room / self.terms
+        return _Point(
+            Z=M,
+            S=product[:, None, None] * np.linalg.inv(M),
+            w=np.where(self.known, product[:, None] / s, 1.0),
+            s=s,
+            y=y,
+            price=price,
+            left=product[:, None] / price,
+            t=np.zeros(len(Z)),
+            missing=np.ones(len(Z)),
         )
-        g = g - np.einsum("bk,bkj->bj", u, J)
-        g[:, :q] -= self.twice * inverse[:, rows, columns]
-        g[:, q:end] += fall - rise
-        Ju = J * u[..., None]
-        H = np.zeros((len(tau), size + 1, size + 1))
-        H[:, :size, :size] = np.swapaxes(Ju, 1, 2) @ Ju
-        H[:, :q, :q] += self._curvature(inverse)
+
+    def bound(self, point: _Point) -> Array:
+        """The merit (b,) that no plan of these candidates exceeds."""
+        x = np.concatenate([self._entries(point.Z), point.price], axis=1)
+        return np.asarray((self.K * x).sum(axis=1) + (self.counts * point.y).sum(axis=1))
+
+    def merit(self, point: _Point) -> Array:
+        """The merit (b,) of the weights; zero where they do not sum to their counts yet."""
+        return np.where(point.missing <= ALLOWED, point.t, 0.0)
+
+    def stepped(self, point: _Point) -> _Point:
+        """One step along the path.
+
+        All changes are linear in the product that is aimed at; where a step to none may go far, it
+        is small.
+        """
+        scaling = _Scaling.of(point)
+        change = self._change(point, scaling)
+        some, others = self._reach(point, change.at(np.zeros(len(point.t))))
+        shrinking = np.maximum((1.0 - some) * (1.0 - others), LEAST_SHRINKING)
+        step = change.at(self._product(point, scaling) * shrinking)
+        some, others = self._reach(point, step)
+        root = scaling.B * np.sqrt(scaling.d)[:, None]
+        inverse = np.swapaxes(np.linalg.inv(scaling.B), 1, 2)
+        return _Point(
+            Z=point.Z + _times(others, _turned(np.swapaxes(inverse, 1, 2), step.Z)),
+            S=point.S + _times(some, _turned(np.swapaxes(root, 1, 2), step.S)),
+            w=point.w + _times(some, step.w),
+            s=point.s + _times(others, step.s),
+            y=point.y + _times(others, step.y),
+            price=point.price + _times(others, step.price),
+            left=point.left + _times(some, step.left),
+            t=point.t + some * step.t,
+            missing=point.missing * (1.0 - some),
+        )
+
+    def _product(self, point: _Point, scaling: _Scaling) -> Array:
+        """The mean (b,) of the products."""
+        of_weights = np.where(self.known, point.w * point.s, 0.0).sum(axis=1)
+        of_prices = (point.price * point.left).sum(axis=1)
+        return np.asarray((scaling.d.sum(axis=1) + of_weights + of_prices) / self.terms)
+
+    def _reach(self, point: _Point, step: _Change) -> tuple[Array, Array]:
+        """How far (b,) weights and multipliers may go, one at most."""
+        of_weights = [-step.w / point.w, -np.linalg.eigvalsh(step.S), -step.left / point.left]
+        of_slacks = [-step.s / point.s, -np.linalg.eigvalsh(step.Z), -step.price / point.price]
+        fastest = (np.concatenate(own, axis=1).max(axis=1) for own in (of_weights, of_slacks))
+        some, others = (REACH / np.maximum(own, REACH) for own in fastest)
+        return some, others
+
+    def _change(self, point: _Point, scaling: _Scaling) -> _Change:
+        """How a step changes a point."""
+        q = self.q
+        end = self.K.shape[1]
+        ratio = np.where(self.known, point.w / point.s, 0.0)
+        rise = np.where(self.known, 1.0 / point.s, 0.0)
+        x = self._solution(point, scaling, ratio, rise)
+        dx = x[:, :-1]
+        ds = self.J @ dx
+        dw = -ratio[..., None] * ds
+        dw[..., 0] -= np.where(self.known, point.w, 0.0)
+        dw[..., 1] += rise
+        dprice = dx[:, q:end]
+        dleft = -(point.left / point.price)[..., None] * dprice
+        dleft[..., 0] -= point.left
+        dleft[..., 1] += 1.0 / point.price
+        dZ = np.stack([_turned(scaling.B, self._matrices(dx[:, :q, i])) for i in (0, 1)], axis=-1)
+        dS = -dZ
+        each = np.arange(self.p)
+        dS[:, each, each, 0] -= 1.0
+        dS[:, each, each, 1] += 1.0 / scaling.d
+        dt = -x[:, -1]
+        dt[:, 0] -= point.t
+        return _Change(dZ, dS, dw, ds, dx[:, end:], dprice, dleft, dt)
+
+    def _solution(self, point: _Point, scaling: _Scaling, ratio: Array, rise: Array) -> Array:
+        """The changes of Z, prices and bounds, and minus the new t (b, q + k + g + 1, 2)."""
+        q = self.q
+        end = self.K.shape[1]
+        size = self.J.shape[2]
+        H = np.zeros((len(rise), size + 1, size + 1))
+        H[:, :size, :size] = np.swapaxes(self.J * ratio[..., None], 1, 2) @ self.J
+        H[:, :q, :q] += self._curvature(scaling.W)
         budgets = np.arange(q, end)
-        H[:, budgets, budgets] += np.square(rise) + np.square(fall)
+        H[:, budgets, budgets] += point.left / point.price
         each = np.arange(end, size)
         H[:, each, each] += self.counts == 0
-        H[:, size, :end] = H[:, :end, size] = self.floor
-        return g, H
-
-    def _sensitivities(self, Z: Array, price: Array) -> Array:
-        """``<Z, M_i> - <price, c_i>`` (b, c)."""
-        rows, columns = triangle(self.p)
-        features = np.concatenate([Z[:, rows, columns], price], axis=1)
-        return np.asarray((self.F @ features[..., None])[..., 0])
-
-    def _slack(self, state: _State) -> Array:
-        """``y_g`` minus the sensitivities (b, c); one where there is no candidate."""
-        own = self._sensitivities(state.Z, state.price)
-        slack = (self.own @ state.y[..., None])[..., 0] - own
-        return np.where(self.known, slack, 1.0)
+        H[:, size, :q] = H[:, :q, size] = self.floor
+        right = np.zeros((len(rise), size + 1, 2))
+        right[:, :size, 0] = -np.concatenate([self.K, self.counts], axis=1)
+        right[:, :size, 1] = (rise[:, None] @ self.J)[:, 0]
+        right[:, :q, 1] += self.twice * self._entries(scaling.inverse)
+        right[:, q:end, 1] += 1.0 / point.price
+        return solved(H, right)
 
     def _curvature(self, W: Array) -> Array:
-        """Second derivatives (b, q, q) of ``-log det Z`` by a triangle, with W the inverse of Z."""
+        """The products (b, q, q) of entries of a triangle of Z with those of ``W Z W``."""
         i, j = triangle(self.p)
         products = W[:, i[:, None], i] * W[:, j[:, None], j]
         products += W[:, i[:, None], j] * W[:, j[:, None], i]
-        return np.asarray(0.5 * np.outer(self.twice, self.twice) * products)
+        return np.asarray(0.5 * np.outer(self.twice[0], self.twice[0]) * products)
+
+    def _entries(self, Z: Array) -> Array:
+        """Each entry (b, q) of a triangle of matrices (b, p, p)."""
+        rows, columns = triangle(self.p)
+        return np.asarray(Z[:, rows, columns])
+
+    def _matrices(self, entries: Array) -> Array:
+        """Matrices (b, p, p) of which a triangle has these entries (b, q or more)."""
+        rows, columns = triangle(self.p)
+        M = np.empty((len(entries), self.p, self.p))
+        M[:, rows, columns] = M[:, columns, rows] = entries[:, : self.q]
+        return M
+
+
+def _turned(B: Array, M: Array) -> Array:
+    """``B' M B`` (b, p, p)."""
+    return np.asarray(np.swapaxes(B, 1, 2) @ M @ B)
+
+
+def _times(reach: Array, change: Array) -> Array:
+    """Changes (b, ...) of which each node goes a part (b,)."""
+    return np.asarray(reach.reshape(-1, *[1] * (change.ndim - 1)) * change)

@@ -82,7 +82,7 @@ def best_weights(merits: Merits, nodes: Nodes, z: Array, least: float) -> Array:
     return weights
 
 
-class _OfNodes:
+class OfNodes:
     """Arrays of which the first axis is that of nodes."""
 
     def __getitem__(self, some: Indices | Mask) -> Self:
@@ -92,7 +92,7 @@ class _OfNodes:
 
 
 @dataclass(frozen=True, eq=False)
-class _Point(_OfNodes):
+class _Point(OfNodes):
     """Weights and multipliers of nodes (b,).
 
     Attributes:
@@ -113,7 +113,7 @@ class _Point(_OfNodes):
 
 
 @dataclass(frozen=True, eq=False)
-class _Slope(_OfNodes):
+class _Slope(OfNodes):
     """What the log of the merit tells at some weights of nodes (b,).
 
     Attributes:
@@ -145,7 +145,7 @@ class _Slope(_OfNodes):
 
 
 @dataclass(frozen=True, eq=False)
-class _Game(_OfNodes):
+class _Game(OfNodes):
     """The candidates of nodes (b,) that take part, and what binds their weights.
 
     Attributes:

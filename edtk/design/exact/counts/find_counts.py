@@ -99,7 +99,7 @@ def find_counts(
     limits = inside.limits
     question = beside_blocks(inside.problem, plain, limits)
     relaxed, reason, interrupted = _relaxed(question, plain)
-    search = search_for(inside.problem, plain, limits, relaxed, thorough)
+    search = search_for(inside.problem, plain, limits, relaxed, thorough and prove is None)
     try:
         relaxed, needs_plan = _of_blocks(relaxed, search, seed)
     except KeyboardInterrupt:
