@@ -187,7 +187,7 @@ class Criterion(ABC):
         Without it a relaxation over many parameters takes far longer.
 
         Args:
-            R: Root (p, p) of a covariance, ``R R' = cov``, at which the cost is smooth.
+            R: Roots (..., p, p) of covariances, ``R R' = cov``, at which the cost is smooth.
 
         Returns:
             The derivatives; None where the criterion has no such form.
@@ -378,8 +378,8 @@ def derivatives(criterion: Criterion, M: Array) -> tuple[Array, Array, Array]:
     """Cost, gradient, and second derivative by the entries of the upper triangle.
 
     With dM given by its triangle v (q,), row by row, q = p (p + 1)/2, the cost is
-    ``f + <G, dM> + v' K v / 2`` up to third order. One call evaluates all differences of all
-    matrices; the inverse changes by ``-cov (dM - dM cov dM) cov``, to the same order.
+    ``f + <G, dM> + v' K v / 2`` up to third order. K is that of the criterion's curvature, or else
+    of differences of the gradient.
 
     Args:
         criterion: A criterion that is smooth near M.
@@ -388,11 +388,48 @@ def derivatives(criterion: Criterion, M: Array) -> tuple[Array, Array, Array]:
     Returns:
         Costs f (b,), gradients G (b, p, p) and K (b, q, q); inf, nan and nan where M is singular.
     """
-    i, j = triangle(M.shape[-1])
     safe, cov, regular = criterion.inverse(M)
+    cost = np.where(regular, criterion.cost_of_regular(safe, cov), np.inf)
+    R = _root(cov)
+    terms = criterion.curvatures(R) if criterion.needs_all else ()
+    if terms:
+        G = criterion.gradient_of_regular(safe, cov)
+        K = _by_curvature(terms, R, cost)
+    else:
+        G, K = _by_differences(criterion, safe, cov)
+    nan = np.where(regular, 0.0, np.nan)[:, None, None]
+    return cost, G + nan, K + nan
+
+
+def _root(cov: Array) -> Array:
+    """R (b, p, p) with ``R R' = cov``."""
+    d = unit_scale(np.diagonal(cov, axis1=1, axis2=2))
+    return d[:, :, None] * np.linalg.cholesky(cov / (d[:, :, None] * d[:, None]))
+
+
+def _by_curvature(terms: tuple[Curvature, ...], R: Array, cost: Array) -> Array:
+    """Second derivatives (b, q, q) of costs (b,) whose logarithms are sums of terms."""
+    slope, K = terms[0].by_entries(R)
+    for term in terms[1:]:
+        own_slope, own = term.by_entries(R)
+        slope += own_slope
+        K += own
+    # The second derivative of a cost, in parts of it, is that of its log and a square.
+    K += slope[:, :, None] * slope[:, None]
+    K *= np.where(np.isfinite(cost), cost, 0.0)[:, None, None]
+    return K
+
+
+def _by_differences(criterion: Criterion, safe: Array, cov: Array) -> tuple[Array, Array]:
+    """Gradients (b, p, p) and second derivatives (b, q, q) at regular matrices and their inverses.
+
+    One call evaluates all differences of all matrices; the inverse changes by
+    ``-cov (dM - dM cov dM) cov``, to second order.
+    """
+    i, j = triangle(safe.shape[-1])
     # Steps follow the diagonal of M, so that parameters may have any units.
     d = unit_scale(np.diagonal(safe, axis1=1, axis2=2))
-    dM = STEP * (d[:, :, None] * d[:, None])[:, None] * _entries(M.shape[-1])
+    dM = STEP * (d[:, :, None] * d[:, None])[:, None] * _entries(safe.shape[-1])
     C = np.broadcast_to(cov[:, None], dM.shape)
     change = dM @ C
     G = criterion.gradient_of_regular(safe[:, None] + dM, C - C @ (change - change @ change))
@@ -400,9 +437,7 @@ def derivatives(criterion: Criterion, M: Array) -> tuple[Array, Array, Array]:
     # An entry off the diagonal stands for two entries of M.
     weight = np.where(i == j, 1.0, 2.0)
     K = difference * weight / (STEP * d[:, i] * d[:, j])[..., None]
-    cost = np.where(regular, criterion.cost_of_regular(safe, cov), np.inf)
-    nan = np.where(regular, 0.0, np.nan)[:, None, None]
-    return cost, G[:, 0] + nan, 0.5 * (K + np.swapaxes(K, 1, 2)) + nan
+    return G[:, 0], 0.5 * (K + np.swapaxes(K, 1, 2))
 
 
 class CovarianceCriterion(Criterion):

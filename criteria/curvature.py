@@ -22,10 +22,12 @@ class Curvature:
     up to third order. So the second derivative by the weights of k candidates is ``P'P`` for their
     scaled upper triangles P (p(p+1)/2, k), less one square.
 
+    All arrays may be of several M, which come first.
+
     Attributes:
-        V: Orthonormal columns (p, s): all parameters, or those of one model of several.
-        z: The multiplier, which is diagonal in these parameters (s,); of the degree's sum.
-        W: Weights (s, s), symmetric and not negative.
+        V: Orthonormal columns (..., p, s): all parameters, or those of one model of several.
+        z: The multiplier, which is diagonal in these parameters (..., s); of the degree's sum.
+        W: Weights (..., s, s), symmetric and not negative.
         c: The factor of the square of the slope.
     """
 
@@ -37,6 +39,33 @@ class Curvature:
     def power(self, exponent: float) -> "Curvature":
         """That of the cost to the power of an exponent, whose log is a multiple."""
         return replace(self, z=exponent * self.z, W=exponent * self.W, c=self.c / exponent)
+
+    def by_entries(self, R: Array) -> tuple[Array, Array]:
+        """The derivatives of log cost by the entries of the upper triangle of M.
+
+        Args:
+            R: The root (..., p, p) of the covariance.
+
+        Returns:
+            The slope (..., q) and the second derivative (..., q, q), q = p (p + 1)/2.
+        """
+        p, s = self.V.shape[-2:]
+        i, j = triangle(p)
+        a, b = triangle(s)
+        # Products of large arrays take several times as long where the last axis is not dense.
+        T = (R @ self.V).reshape(*R.shape[:-2], p * s)
+        of_a, of_b = (s * np.array([i, j])[:, None] + own[:, None] for own in (a, b))
+        # E_ab by the entries of dM, of which one off the diagonal stands for two.
+        E = T.take(of_a[0], axis=-1) * T.take(of_b[1], axis=-1)
+        E += T.take(of_a[1], axis=-1) * T.take(of_b[0], axis=-1)
+        E *= np.where(i == j, 0.5, 1.0)
+        slope = -(self.z[..., None, :] @ E[..., a == b, :])[..., 0, :]
+        # Two entries of E off the diagonal are the same.
+        E *= np.sqrt(np.where(a == b, 1.0, 2.0) * self.W[..., a, b])[..., None]
+        K = np.swapaxes(E, -1, -2) @ E
+        if self.c:
+            K -= (self.c * slope)[..., :, None] * slope[..., None, :]
+        return slope, K
 
     def squares(self, E: Array) -> Array:
         """P (q, k) with ``P'P`` the second derivative by the weights of k candidates.
@@ -56,21 +85,22 @@ class Curvature:
 
 
 def curvature_of_variances(B: Array) -> Curvature:
-    """The curvature of ``log trace(A cov A')``, for rows ``B = A R`` (r, p).
+    """The curvature of ``log trace(A cov A')``, for rows ``B = A R`` (..., r, p).
 
     The second derivative of ``f = <L, cov>``, ``L = A'A``, is ``2 <L, cov dM cov dM cov>``. With
     the right singular vectors V of B, ``T'L T = diag(l)``, so that it is
     ``sum_ab (l_a + l_b) E_ab^2``, and ``f = sum l``.
     """
     _, s, rows = np.linalg.svd(B)
-    l = np.zeros(len(rows))  # noqa: E741, the letter of the formula
-    l[: len(s)] = np.square(s / s[0])
-    z = l / l.sum()
-    return Curvature(rows.T, z, z[:, None] + z, 1.0)
+    l = np.zeros(rows.shape[:-1])  # noqa: E741, the letter of the formula
+    l[..., : s.shape[-1]] = np.square(s / s[..., :1])
+    z = l / l.sum(axis=-1, keepdims=True)
+    W = z[..., :, None] + z[..., None, :]
+    return Curvature(np.swapaxes(rows, -1, -2), z, W, 1.0)
 
 
 def curvature_of_spectrum(R: Array, power: float) -> Curvature:
-    """The curvature of ``log trace(cov^power)`` for a root R (p, p) of the covariance.
+    """The curvature of ``log trace(cov^power)`` for a root R (..., p, p) of the covariance.
 
     The second derivative of ``trace g(M)`` is ``sum_ab g'[x_a, x_b] dM_ab^2`` in the eigenvectors
     of M, with divided differences of g' between eigenvalues (Bhatia, Matrix Analysis, V.3). They
@@ -78,15 +108,17 @@ def curvature_of_spectrum(R: Array, power: float) -> Curvature:
     where both are the same.
     """
     _, s, rows = np.linalg.svd(R)
-    x = np.square(s[0] / s)
+    x = np.square(s[..., :1] / s)
     e = power + 1.0
     # With x_a = m exp(h) and x_b = m exp(-h) the quotient is m^-(e+1) sinh(e h)/sinh(h), which has
     # no cancellation where two eigenvalues are almost the same.
-    half = 0.5 * np.log(x[:, None] / x)
+    half = 0.5 * np.log(x[..., :, None] / x[..., None, :])
     is_same = np.abs(half) < SAME
     safe = np.where(is_same, 1.0, half)
     quotient = np.where(is_same, e, np.sinh(e * safe) / np.sinh(safe))
     # T scales each direction to information one, hence the factor x_a x_b.
-    W = power * quotient * np.sqrt(x[:, None] * x) ** -power
+    W = power * quotient * np.sqrt(x[..., :, None] * x[..., None, :]) ** -power
     terms = x**-power
-    return Curvature(rows.T, power * terms / terms.sum(), W / terms.sum(), 1.0)
+    total = terms.sum(axis=-1, keepdims=True)
+    V = np.swapaxes(rows, -1, -2)
+    return Curvature(V, power * terms / total, W / total[..., None], 1.0)

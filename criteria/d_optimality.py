@@ -61,8 +61,9 @@ class DOptimality(DeterminantCriterion, ConvexCriterion):
 
     def curvature(self, R: Array) -> Curvature:
         """``trace(cov dM cov dM) / p``, the second derivative of ``-log det(M) / p``."""
-        p = len(R)
-        return Curvature(np.eye(p), np.full(p, 1.0 / p), np.full((p, p), 1.0 / p), 0.0)
+        p = R.shape[-1]
+        each = np.broadcast_to(1.0 / p, R.shape)
+        return Curvature(np.broadcast_to(np.eye(p), R.shape), each[..., 0], each, 0.0)
 
     def _gradient(self, M: Array, cov: Array) -> Array:
         return -self._cost(M, cov)[..., None, None] / M.shape[-1] * cov

@@ -311,17 +311,18 @@ class Interest(Relaxable):
         z_a.
         """
         s = self.K.shape[1]
-        Q, B = np.linalg.qr(R.T @ self.K, mode="complete")
-        base = self.base.curvature(B[:s].T)
+        Q, B = np.linalg.qr(np.swapaxes(R, -1, -2) @ self.K, mode="complete")
+        base = self.base.curvature(np.swapaxes(B[..., :s, :], -1, -2))
         if base is None:
             return None
-        p = len(R)
-        W = np.zeros((p, p))
-        W[:s, :s] = base.W
-        W[:s, s:] = base.z[:, None]
-        W[s:, :s] = base.z
-        z = np.concatenate([base.z, np.zeros(p - s)])
-        return Curvature(np.hstack([Q[:, :s] @ base.V, Q[:, s:]]), z, W, base.c)
+        W = np.zeros(R.shape)
+        W[..., :s, :s] = base.W
+        W[..., :s, s:] = base.z[..., :, None]
+        W[..., s:, :s] = base.z[..., None, :]
+        z = np.zeros(R.shape[:-1])
+        z[..., :s] = base.z
+        V = np.concatenate([Q[..., :s] @ base.V, Q[..., s:]], axis=-1)
+        return Curvature(V, z, W, base.c)
 
     def variance_rows(self, p: int) -> Array | None:
         """The base's, of the combinations."""

@@ -122,8 +122,8 @@ class OneModel(Relaxable):
         found = self.base.curvature(self.block(R))
         if found is None:
             return None
-        V = np.zeros((self.models.p, len(found.z)))
-        V[self.part] = found.V
+        V = np.zeros((*R.shape[:-1], found.z.shape[-1]))
+        V[..., self.part, :] = found.V
         return Curvature(V, found.z, found.W, found.c)
 
     def formulation(
