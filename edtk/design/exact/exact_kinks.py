@@ -290,8 +290,8 @@ class _Game(OfNodes):
 
     def _reach(self, point: _Point, step: _Change) -> tuple[Array, Array]:
         """How far (b,) weights and multipliers may go, one at most."""
-        of_weights = [-step.w / point.w, -np.linalg.eigvalsh(step.S), -step.left / point.left]
-        of_slacks = [-step.s / point.s, -np.linalg.eigvalsh(step.Z), -step.price / point.price]
+        of_weights = [-step.w / point.w, -_eigenvalues(step.S), -step.left / point.left]
+        of_slacks = [-step.s / point.s, -_eigenvalues(step.Z), -step.price / point.price]
         fastest = (np.concatenate(own, axis=1).max(axis=1) for own in (of_weights, of_slacks))
         some, others = (REACH / np.maximum(own, REACH) for own in fastest)
         return some, others
@@ -359,6 +359,12 @@ class _Game(OfNodes):
         M = np.empty((len(entries), self.p, self.p))
         M[:, rows, columns] = M[:, columns, rows] = entries[:, : self.q]
         return M
+
+
+def _eigenvalues(M: Array) -> Array:
+    """Eigenvalues (b, p) of matrices (b, p, p); zeros of those that are no numbers."""
+    is_number = np.isfinite(M).all(axis=(1, 2))
+    return np.linalg.eigvalsh(np.where(is_number[:, None, None], M, 0.0))
 
 
 def _turned(B: Array, M: Array) -> Array:
