@@ -363,7 +363,7 @@ class _Game(OfNodes):
 
 def _eigenvalues(M: Array) -> Array:
     """Eigenvalues (b, p) of matrices (b, p, p); zeros of those that are no numbers."""
-    is_number = np.isfinite(M).all(axis=(1, 2))
+    is_number = np.asarray(np.isfinite(M).all(axis=(1, 2)))
     return np.linalg.eigvalsh(np.where(is_number[:, None, None], M, 0.0))
 
 
