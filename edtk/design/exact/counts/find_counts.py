@@ -78,8 +78,9 @@ def find_counts(
         progress: Called with a line about the current step, and the best cost.
         thorough: Whether no exchange of one place for any candidate shall improve the plan, which
             is wasted on places that move afterwards.
-        prove: Seconds for a proof that no plan is better [s]. It goes on where a first start ends,
-            finds better plans, and ends the search. None for no proof.
+        prove: Seconds for a proof that no plan is better [s]. It goes on where a first start ends
+            that tries the most sensitive candidates, finds better plans, and ends the search. None
+            for no proof.
         known: Rows (k, 1, p) that every plan has beside `Limits.base`, such as those of kept
             experiments, whose squares may have lost digits.
 
@@ -99,7 +100,8 @@ def find_counts(
     limits = inside.limits
     question = beside_blocks(inside.problem, plain, limits)
     relaxed, reason, interrupted = _relaxed(question, plain)
-    search = search_for(inside.problem, plain, limits, relaxed, thorough and prove is None)
+    thorough = thorough and prove is None
+    search = search_for(inside.problem, plain, limits, relaxed, thorough)
     try:
         relaxed, needs_plan = _of_blocks(relaxed, search, seed)
     except KeyboardInterrupt:
