@@ -25,6 +25,7 @@ class AOptimality(CovarianceCriterion, ConvexCriterion):
     formula = "trace(cov)"
     sense = "min"
     degree = 1.0
+    batched_curvature = True
     has_logarithm = True
 
     def polar(self, Z: Array, M: Array) -> float:

@@ -37,6 +37,7 @@ class CompensationAccuracy(ConvexCriterion):
     formula = "sqrt(trace(A0 cov A0'))"
     sense = "min"
     degree = 0.5
+    batched_curvature = True
     has_logarithm = True
     unit_free = True
     needs_target = True

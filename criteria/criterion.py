@@ -63,6 +63,7 @@ class Criterion(ABC):
             or q. Such a criterion is used only where it is asked for with them.
         takes_interest: Whether it can be about some of the parameters only, see `Interest`.
         per_task: Whether it takes a target of each task (tasks, rows, p) instead of one of all.
+        batched_curvature: Whether `curvature` takes roots (..., p, p) of several covariances.
         precision: Prior information (p, p) that the cost adds to M; None but for Bayesian criteria.
         shown: Factor and unit with which `value` is printed; the unit may be empty.
     """
@@ -81,6 +82,7 @@ class Criterion(ABC):
     needs_all: bool = True
     needs_parameters: bool = False
     takes_interest: bool = True
+    batched_curvature: bool = False
     precision: Array | None = None
     shown: tuple[float, str] = (1.0, "")
 
@@ -187,7 +189,8 @@ class Criterion(ABC):
         Without it a relaxation over many parameters takes far longer.
 
         Args:
-            R: Roots (..., p, p) of covariances, ``R R' = cov``, at which the cost is smooth.
+            R: Root (p, p) of a covariance, ``R R' = cov``, at which the cost is smooth; or those
+                (..., p, p) of several, see `batched_curvature`.
 
         Returns:
             The derivatives; None where the criterion has no such form.
@@ -378,8 +381,8 @@ def derivatives(criterion: Criterion, M: Array) -> tuple[Array, Array, Array]:
     """Cost, gradient, and second derivative by the entries of the upper triangle.
 
     With dM given by its triangle v (q,), row by row, q = p (p + 1)/2, the cost is
-    ``f + <G, dM> + v' K v / 2`` up to third order. K is that of the criterion's curvature, or else
-    of differences of the gradient.
+    ``f + <G, dM> + v' K v / 2`` up to third order. K is that of the curvature where it is known of
+    all matrices at once, or else of differences of the gradient.
 
     Args:
         criterion: A criterion that is smooth near M.
@@ -390,8 +393,9 @@ def derivatives(criterion: Criterion, M: Array) -> tuple[Array, Array, Array]:
     """
     safe, cov, regular = criterion.inverse(M)
     cost = np.where(regular, criterion.cost_of_regular(safe, cov), np.inf)
-    R = _root(cov)
-    terms = criterion.curvatures(R) if criterion.needs_all else ()
+    is_known = criterion.batched_curvature and criterion.needs_all
+    R = _root(cov) if is_known else cov
+    terms = criterion.curvatures(R) if is_known else ()
     if terms:
         G = criterion.gradient_of_regular(safe, cov)
         K = _by_curvature(terms, R, cost)

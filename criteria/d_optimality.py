@@ -26,6 +26,7 @@ class DOptimality(DeterminantCriterion, ConvexCriterion):
     formula = "det(M)^(1/p)"
     sense = "max"
     degree = 1.0
+    batched_curvature = True
     has_logarithm = True
     unit_free = True
 

@@ -119,6 +119,7 @@ class Interest(Relaxable):
         self._chosen = _chosen(K)
         self.names = combination_names(K) if names is None else names
         self.has_logarithm = base.has_logarithm
+        self.batched_curvature = base.batched_curvature
         self._describe(base)
 
     def _describe(self, base: Relaxable) -> None:

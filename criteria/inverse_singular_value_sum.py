@@ -29,6 +29,7 @@ class InverseSingularValueSum(CovarianceCriterion, ConvexCriterion):
     formula = "sum 1/s_i"
     sense = "min"
     degree = 0.5
+    batched_curvature = True
 
     def polar(self, Z: Array, M: Array) -> float:
         """``(trace Z^(1/3))^(3/2)``, attained at a multiple of ``Z^(-2/3)``."""

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import cvxpy as cp
 
 # What the criterion of a model takes over from the one of its block.
-DECLARED = (*DESCRIBED, "shown", "expression_power", "has_logarithm")
+DECLARED = (*DESCRIBED, "shown", "expression_power", "has_logarithm", "batched_curvature")
 
 
 class OneModel(Relaxable):

@@ -43,6 +43,7 @@ class PhiOptimality(CovarianceCriterion, ConvexCriterion):
     formula = "(trace(cov^q) / p)^(1/q)"
     sense = "min"
     degree = 1.0
+    batched_curvature = True
     needs_parameters = True
     has_logarithm = True
 

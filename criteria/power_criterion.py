@@ -35,6 +35,7 @@ class PowerCriterion(ConvexCriterion):
         self.base = self.base_class() if base is None else base
         self.smooth = self.base.smooth
         self.has_logarithm = self.base.has_logarithm
+        self.batched_curvature = self.base.batched_curvature
 
     @property
     def order(self) -> int | None:

@@ -16,7 +16,14 @@ if TYPE_CHECKING:
     import cvxpy as cp
 
 # What a function of other parameters takes over from the criterion, with what its relaxation needs.
-DECLARED = (*DESCRIBED, "shown", "expression_power", "most_subproblems", "has_logarithm")
+DECLARED = (
+    *DESCRIBED,
+    "shown",
+    "expression_power",
+    "most_subproblems",
+    "has_logarithm",
+    "batched_curvature",
+)
 
 
 class Transformed(Relaxable):

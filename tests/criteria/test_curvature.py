@@ -5,6 +5,7 @@ import pytest
 from matrices import make, positive, symmetric
 
 import criteria
+from criteria.criterion import derivatives
 from criteria.linalg.inverse import whitener
 from criteria.linalg.typing import triangle
 
@@ -122,3 +123,33 @@ def test_sum_of_terms(derivative):
         lambda t: log_slope(criterion, M + t[0] * H, H)[None], np.zeros(1), 1e-3
     )[0, 0]
     assert second == pytest.approx(by_differences, rel=1e-6)
+
+
+@curved
+def test_curvatures_of_several_roots_are_those_of_each(name):
+    """The criteria of this package take several roots at once, and each has its own curvature."""
+    criterion = make(name, 4)
+    assert criterion.batched_curvature
+    rng = np.random.default_rng(5)
+    roots = np.array([whitener(positive(rng, 4)) for _ in range(3)])
+    slopes, seconds = criterion.curvature(roots).by_entries(roots)
+    for R, slope, second in zip(roots, slopes, seconds, strict=True):
+        own_slope, own_second = criterion.curvature(R).by_entries(R)
+        np.testing.assert_allclose(slope, own_slope, rtol=1e-10, atol=1e-12)
+        np.testing.assert_allclose(second, own_second, rtol=1e-9, atol=1e-12)
+
+
+def test_a_curvature_that_takes_one_root_is_not_asked_for_several():
+    """A criterion of somebody else, whose curvature knows one matrix, has its differences."""
+
+    class Own(type(make("A", 3))):
+        batched_curvature = False
+
+        def curvature(self, R):
+            assert R.ndim == 2
+            return super().curvature(R)
+
+    rng = np.random.default_rng(6)
+    M = np.array([positive(rng, 3) for _ in range(3)])
+    for own, exact in zip(derivatives(Own(), M), derivatives(make("A", 3), M), strict=True):
+        np.testing.assert_allclose(own, exact, rtol=1e-4, atol=1e-4 * np.abs(exact).max())
