@@ -106,10 +106,12 @@ class _Scaling:
     """Parameters of nodes (b,) in which Z is one, and S diagonal.
 
     Attributes:
-        B: ``Z^-1 = B B'`` (b, p, p).
+        A: ``Z = A A'`` (b, p, p).
+        B: ``Z^-1 = B B'``, the inverse of A' (b, p, p).
         d: ``S = B diag(d) B'`` (b, p).
     """
 
+    A: Array
     B: Array
     d: Array
 
@@ -119,7 +121,7 @@ class _Scaling:
         z, V = np.linalg.eigh(point.Z)
         root = np.sqrt(np.maximum(z, SMALL * z[:, -1:]))[:, None]
         d, Q = np.linalg.eigh(_turned(V * root, point.S))
-        return cls(V / root @ Q, np.maximum(d, SMALL * d[:, -1:]))
+        return cls(V * root @ Q, V / root @ Q, np.maximum(d, SMALL * d[:, -1:]))
 
     @property
     def W(self) -> Array:
@@ -269,9 +271,8 @@ class _Game(OfNodes):
         step = change.at(self._product(point, scaling) * shrinking)
         some, others = self._reach(point, step)
         root = scaling.B * np.sqrt(scaling.d)[:, None]
-        inverse = np.swapaxes(np.linalg.inv(scaling.B), 1, 2)
         return _Point(
-            Z=point.Z + _times(others, _turned(np.swapaxes(inverse, 1, 2), step.Z)),
+            Z=point.Z + _times(others, _turned(np.swapaxes(scaling.A, 1, 2), step.Z)),
             S=point.S + _times(some, _turned(np.swapaxes(root, 1, 2), step.S)),
             w=point.w + _times(some, step.w),
             s=point.s + _times(others, step.s),
