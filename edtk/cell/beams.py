@@ -32,15 +32,10 @@ class Passing(NamedTuple):
     normal: Array
     point: Array
 
-    def some(self, chosen: Indices) -> "Passing":
-        """Some of them."""
-        of_each = (self.normal[..., chosen], self.point[..., chosen])
-        return Passing(self.distance[..., chosen], self.body[..., chosen], *of_each)
-
-    def of_view(self, index: int) -> "Passing":
-        """Of one view, where each array has them before the poses."""
-        of_each = (self.normal[:, index], self.point[:, index])
-        return Passing(self.distance[index], self.body[index], *of_each)
+    def some(self, view: Indices, pose: Indices) -> "Passing":
+        """Of some views in some poses (k,), where each array has both axes."""
+        of_each = (self.normal[:, view, pose], self.point[:, view, pose])
+        return Passing(self.distance[view, pose], self.body[view, pose], *of_each)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +84,7 @@ class Beams:
         start = np.array([eye for eye, _ in views])[view].T
         ends = np.array([marker.position(frames) for _, marker in views])
         way = ends[view, :, pose].T - start
-        last = len(frames.axes) - 1
-        moved = np.array([last if one.joint is None else one.joint for _, one in views])
+        moved = _movers(frames, views)
         n = len(view)
         best = Passing(np.full(n, REACH), np.full(n, NOTHING), np.zeros((3, n)), np.zeros((3, n)))
         self._pass_capsules(best, self.cell.solids.placed(frames), pose, moved[view], start, way)
@@ -128,49 +122,75 @@ class Beams:
     def _pass_standing(self, best: Passing, start: Array, end: Array) -> None:
         """Lessen distances by those of boxes, cylinders and planes."""
         solids = self.cell.solids
-        for kind, standing in zip((Box, Cylinder), solids.standing, strict=True):
-            s, beam = np.nonzero(standing.below(start, end) < best.distance)
-            found = standing.nearest(s, start[:, beam], end[:, beam], best.distance[beam])
-            _keep(best, beam, found, 0.0, self.owners[kind][s])
+        owner = np.concatenate([self.owners[Box], self.owners[Cylinder]])
+        s, beam = np.nonzero(solids.standing.below(start, end) < best.distance)
+        found = solids.standing.nearest(s, start[:, beam], end[:, beam], best.distance[beam])
+        _keep(best, beam, found, 0.0, owner[s])
         every = np.arange(start.shape[1])
         for plane, owner in enumerate(self.owners[Plane]):
             normal, offset = solids.planes[0][plane][:, None], solids.planes[1][plane]
             found = segment_to_plane(start, end, normal, offset)
             _keep(best, every, found, 0.0, np.full(len(every), owner))
 
-    def slopes(self, frames: Frames, eye: Array, marker: BodyPoint, near: Passing) -> Array:
-        """Derivatives (n, N) of the distances by the free joints.
+    def slopes(
+        self,
+        frames: Frames,
+        views: Sequence[tuple[Array, BodyPoint]],
+        near: Passing,
+        view: Indices,
+        pose: Indices,
+    ) -> Array:
+        """Derivatives (n, k) of the distances by the free joints.
 
         A point of the beam at the share t of its length, ``x = e + t (p - e)``, moves by t times
         the marker's motion v; one at a fixed distance from the marker moves along the beam with it,
         by ``t v + (1 - t) u u.v``. Both are the same across the beam, along which the distance
         changes at the marker's end alone. The body's point moves as the beam's would on it.
+
+        Args:
+            frames: The poses (N,), as `passing` has them.
+            views: Eyes and markers (b,).
+            near: How near beams (k,) pass a body each.
+            view: Whose beam each is (k,).
+            pose: In which pose (k,).
         """
-        p = marker.position(frames)
-        way = p - eye[:, None]
+        eye = np.array([eye for eye, _ in views])[view].T
+        p = np.array([marker.position(frames) for _, marker in views])[view, :, pose].T
+        way = p - eye
         length = np.sqrt(dot(way, way))
         u = way / length
-        share = dot(near.point - eye[:, None], u) / length
-        v = marker.linear(frames)
-        along = np.einsum("jcN,cN->jN", v, u)
-        moved = share * v + ((1 - share) * along)[:, None] * u
-        turned = cross(frames.axes, self._carried(frames, near) - frames.origins)
-        turned[frames.prismatic] = frames.axes[frames.prismatic]
-        carrier = np.where(near.body == NOTHING, -1, self.carriers[near.body])
-        carried = np.arange(len(frames.axes))[:, None] <= carrier
-        by_beam = np.einsum("jcN,cN->jN", moved, near.normal)
-        by_body = np.einsum("jcN,cN->jN", turned, near.normal) * carried
-        return np.asarray(frames.folded(by_beam - by_body))
+        share = dot(near.point - eye, u) / length
+        axes, origins = frames.axes[..., pose], frames.origins[..., pose]
+        joints = np.arange(len(axes))[:, None]
 
-    def _carried(self, frames: Frames, near: Passing) -> Array:
-        """Points (3, N) that move as those of the bodies do: of what hangs, that it hangs from."""
+        def velocity(point: Array, carrier: Indices) -> Array:
+            """Velocities (N, 3, k) of points of bodies that joints carry."""
+            of_each = cross(axes, point - origins)
+            of_each[frames.prismatic] = axes[frames.prismatic]
+            return of_each * (joints <= carrier)[:, None]
+
+        v = velocity(p, _movers(frames, views)[view])
+        along = np.einsum("jck,ck->jk", v, u)
+        moved = share * v + ((1 - share) * along)[:, None] * u
+        carrier = np.where(near.body == NOTHING, -1, self.carriers[near.body])
+        moved -= velocity(self._carried(frames, near, pose), carrier)
+        return np.asarray(frames.folded(np.einsum("jck,ck->jk", moved, near.normal)))
+
+    def _carried(self, frames: Frames, near: Passing, pose: Indices) -> Array:
+        """Points (3, k) that move as those of the bodies do: of what hangs, that it hangs from."""
         point = near.point.copy()
         for index, body in enumerate(self.cell.bodies):
             if body.hangs_at is not None:
                 some = np.flatnonzero(near.body == index)
                 anchor = BodyPoint(body.hangs_at, body.carrier).position(frames)
-                point[:, some] = anchor[:, some]
+                point[:, some] = anchor[:, pose[some]]
         return point
+
+
+def _movers(frames: Frames, views: Sequence[tuple[Array, BodyPoint]]) -> Indices:
+    """Joint that moves the marker of each view (b,): the last one of what is on the tool."""
+    last = len(frames.axes) - 1
+    return np.array([last if one.joint is None else one.joint for _, one in views])
 
 
 def _keep(

@@ -99,9 +99,10 @@ class Cell:
         """Digits that differ where a shape, the margin or a pair does."""
         solids = self.solids
         places = (solids.start, solids.end, solids.radius, solids.anchors, *solids.planes)
-        standing = (one for each in solids.standing for one in each.arrays)
         text = f"{self.margin} {self.pairs} {solids.carriers.tolist()}".encode()
-        numbers = (np.ascontiguousarray(one).tobytes() for one in (*places, *standing))
+        numbers = (
+            np.ascontiguousarray(one).tobytes() for one in (*places, *solids.standing.arrays)
+        )
         return hashlib.sha256(b"".join([text, *numbers])).hexdigest()[:12]
 
     @cached_property
@@ -227,39 +228,47 @@ class Near(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Standing:
-    """Boxes or cylinders that stand still.
+    """What stands still: boxes, and behind them cylinders, which are searched together.
 
     Attributes:
         rotation: Their axes (S, 3, 3), each a row.
         middle: Their middles (S, 3) in their own axes [m].
-        size: Half edges (3, S), or radius and half height (2, S) [m].
-        is_box: Whether they are boxes.
+        half: Half of each edge (3, S); of cylinders radius, radius and half the height [m].
+        boxes: Number of boxes.
     """
 
     rotation: Array
     middle: Array
-    size: Array
-    is_box: bool
+    half: Array
+    boxes: int
 
     @classmethod
-    def of(cls, shapes: list[Box] | list[Cylinder], is_box: bool) -> "_Standing":
+    def of(cls, boxes: Sequence[Box], cylinders: Sequence[Cylinder]) -> "_Standing":
+        shapes: list[Box | Cylinder] = [*boxes, *cylinders]
         poses = np.array([shape.pose for shape in shapes]).reshape(-1, 4, 4)
         rotation = np.swapaxes(poses[:, :3, :3], 1, 2)
-        sizes = [
-            shape.half if isinstance(shape, Box) else np.array([shape.radius, shape.half_height])
-            for shape in shapes
-        ]
         middle = np.einsum("sij,sj->si", rotation, poses[:, :3, 3])
-        return cls(rotation, middle, np.array(sizes).reshape(-1, 3 if is_box else 2).T, is_box)
+        half = [box.half for box in boxes]
+        half += [np.array([one.radius, one.radius, one.half_height]) for one in cylinders]
+        return cls(rotation, middle, np.array(half).reshape(-1, 3).T, len(boxes))
 
     @property
     def arrays(self) -> tuple[Array, ...]:
-        """All its numbers."""
-        return (self.rotation, self.middle, self.size)
+        """All its numbers, those of boxes first."""
+        places = (self.rotation, self.middle)
+        boxes = (*(one[: self.boxes] for one in places), self.half[:, : self.boxes])
+        round_ones = (*(one[self.boxes :] for one in places), self.half[[0, 2], self.boxes :])
+        return (*boxes, *round_ones)
 
-    def signed(self, x: Array, size: Array) -> tuple[Array, Array]:
-        """Signed distances of points (3, ...) in the shapes' own frames, and directions."""
-        return signed_box(x, size) if self.is_box else signed_cylinder(x, size[0], size[1])
+    def signed(self, x: Array, which: Indices) -> tuple[Array, Array]:
+        """Signed distances of points (3, k) in the own frames of shapes (k,), and directions."""
+        half = self.half[:, which]
+        distance, direction = signed_box(x, half)
+        of = np.flatnonzero(which >= self.boxes)
+        if len(of):
+            found = signed_cylinder(x[:, of], half[0, of], half[2, of])
+            distance[of], direction[:, of] = found
+        return distance, direction
 
     def of_points(self, x: Array) -> Array:
         """Signed distances (S, K, N) of points (3, K, N) [m].
@@ -270,10 +279,10 @@ class _Standing:
         own = (self.rotation.reshape(-1, 3) @ x.reshape(3, -1)).reshape(count, 3, *x.shape[1:])
         own -= self.middle[:, :, None, None]
         np.abs(own, out=own)
-        if not self.is_box:
-            own[:, 1] = np.hypot(own[:, 0], own[:, 1])
-            own = own[:, 1:]
-        own -= self.size.T[:, :, None, None]
+        if len(own) > self.boxes:  # round about z: the second component is below the first
+            own[self.boxes :, 0] = np.hypot(own[self.boxes :, 0], own[self.boxes :, 1])
+            own[self.boxes :, 1] = 0.0
+        own -= self.half.T[:, :, None, None]
         deepest = own.max(axis=1)
         np.maximum(own, 0.0, out=own)
         far = np.einsum("sckn,sckn->skn", own, own)
@@ -288,7 +297,7 @@ class _Standing:
         Manocha, OBBTree, 1996). A cylinder counts as round across its axis.
         """
         count, n = len(self.rotation), start.shape[1]
-        half = self.size if self.is_box else self.size[[0, 0, 1]]
+        half = self.half
         c = (self.rotation.reshape(-1, 3) @ (0.5 * (start + end))).reshape(count, 3, n)
         c -= self.middle[:, :, None]
         w = (self.rotation.reshape(-1, 3) @ (0.5 * (end - start))).reshape(count, 3, n)
@@ -298,17 +307,18 @@ class _Standing:
             length = np.maximum(np.hypot(w[:, j], w[:, k]), TINY)
             off = np.abs(c[:, j] * w[:, k] - c[:, k] * w[:, j]) / length
             across = half[j][:, None] * size[:, k] + half[k][:, None] * size[:, j]
-            is_round = not self.is_box and i == 2
-            np.maximum(gap, off - (half[0][:, None] if is_round else across / length), out=gap)
+            across /= length
+            if i == 2:
+                across[self.boxes :] = half[0, self.boxes :, None]
+            np.maximum(gap, off - across, out=gap)
         return gap
 
     def nearest(self, which: Indices, start: Array, end: Array, beyond: Array) -> Nearest:
         """How near segments (3, k) are to shapes (k,), up to some distances (k,)."""
         axes = self.rotation[which].transpose(1, 2, 0)
         middle = self.middle[which].T
-        size = self.size[:, which]
         a, b = (np.einsum("ijk,jk->ik", axes, x) - middle for x in (start, end))
-        found = segment_to_convex(a, b, lambda x, left: self.signed(x, size[:, left]), beyond)
+        found = segment_to_convex(a, b, lambda x, left: self.signed(x, which[left]), beyond)
         normal = np.einsum("ijk,ik->jk", axes, found.normal)
         return Nearest(found.distance, normal, np.einsum("ijk,ik->jk", axes, found.point + middle))
 
@@ -317,8 +327,8 @@ class _Standing:
 class Solids:
     """The shapes of a cell as arrays, and the pairs of shapes that are looked at.
 
-    Pairs are in the order of the kind of the second shape: capsules, boxes, cylinders, planes. The
-    first one is a capsule of a body that moves.
+    Pairs are in the order of the kind of the second shape: capsules, what stands, planes. The first
+    one is a capsule of a body that moves.
 
     Attributes:
         carriers: Joints (K,) that move the capsules; -1 for those that stand still.
@@ -331,7 +341,7 @@ class Solids:
         planes: Normals (S, 3) and offsets (S,) of half spaces.
         first: Index (P,) of the capsule of each pair.
         second: Index (P,) of the second shape among those of its kind.
-        kinds: Where pairs of each kind begin and end in the list of all.
+        kinds: Where pairs of capsules, of what stands and of planes begin and end among all.
         bodies: Index (P,) of the pair of bodies that each belongs to.
         count: Number of pairs of bodies.
     """
@@ -341,7 +351,7 @@ class Solids:
     end: Array
     radius: Array
     anchors: Array
-    standing: tuple[_Standing, _Standing]
+    standing: _Standing
     planes: tuple[Array, Array]
     first: Indices
     second: Indices
@@ -352,7 +362,7 @@ class Solids:
     @classmethod
     def of(cls, cell: Cell) -> "Solids":
         """The shapes and pairs of a cell."""
-        listed: dict[type[Shape], list[Shape]] = {kind: [] for kind in KINDS}
+        listed: dict[type[Shape], list[Shape]] = {kind: [] for kind in SHAPES}
         carriers: list[int] = []
         anchors: list[Array] = []
         at: dict[str, list[tuple[type[Shape], int]]] = {}
@@ -365,10 +375,14 @@ class Solids:
                 if isinstance(shape, Capsule):
                     carriers.append(-1 if body.carrier is None else body.carrier)
                     anchors.append(np.full(3, np.nan) if body.hangs_at is None else body.hangs_at)
-        rows = _pairs_of_shapes(cell, at)
+        standing = _Standing.of(
+            [one for one in listed[Box] if isinstance(one, Box)],
+            [one for one in listed[Cylinder] if isinstance(one, Cylinder)],
+        )
+        rows = _pairs_of_shapes(cell, at, standing.boxes)
         rows.sort(key=lambda row: row[0])
         table = np.array(rows, dtype=int).reshape(-1, 4)
-        edges = np.searchsorted(table[:, 0], range(len(KINDS) + 1))
+        edges = np.searchsorted(table[:, 0], range(PLANES + 2))
         start, end, radius = capsule_arrays(
             one for one in listed[Capsule] if isinstance(one, Capsule)
         )
@@ -379,10 +393,7 @@ class Solids:
             end=end,
             radius=radius,
             anchors=np.array(anchors).reshape(-1, 3),
-            standing=(
-                _Standing.of([one for one in listed[Box] if isinstance(one, Box)], True),
-                _Standing.of([one for one in listed[Cylinder] if isinstance(one, Cylinder)], False),
-            ),
+            standing=standing,
             planes=(
                 np.array([one.normal for one in planes]).reshape(-1, 3),
                 np.array([one.offset for one in planes]),
@@ -437,14 +448,13 @@ class Solids:
         middle = 0.5 * (placed.start + placed.end)
         around = self.around
         found = np.empty((len(self.first), middle.shape[-1]))
-        capsules, boxes, cylinders, planes = self.kinds
+        capsules, standing, planes = self.kinds
         apart = middle[:, self.first[capsules]] - middle[:, self.second[capsules]]
         found[capsules] = np.sqrt(np.einsum("ck...,ck...->k...", apart, apart))
         found[capsules] -= around[self.second[capsules]][:, None]
-        for part, standing in zip((boxes, cylinders), self.standing, strict=True):
-            if part.start < part.stop:
-                grid = standing.of_points(middle)
-                found[part] = grid[self.second[part], self.first[part]]
+        if standing.start < standing.stop:
+            grid = self.standing.of_points(middle)
+            found[standing] = grid[self.second[standing], self.first[standing]]
         if planes.start < planes.stop:
             normals, offsets = self.planes
             heights = np.einsum("sc,ckn->skn", normals, middle) - offsets[:, None, None]
@@ -477,15 +487,15 @@ class Solids:
         """How near the middle lines of capsules are to shapes of one kind."""
         first, second = self.first[pair], self.second[pair]
         a, b = placed.start[:, first, pose], placed.end[:, first, pose]
-        if KINDS[kind] is Capsule:
+        if kind == CAPSULES:
             c, d = placed.start[:, second, pose], placed.end[:, second, pose]
             lines = segment_to_segment(a, b, c, d)
             return replace(lines, distance=lines.distance - self.radius[second])
-        if KINDS[kind] is Plane:
+        if kind == PLANES:
             normals, offsets = self.planes
             return segment_to_plane(a, b, normals[second].T, offsets[second])
         beyond = beyond + self.radius[first]
-        return self.standing[kind - 1].nearest(second, a, b, beyond)
+        return self.standing.nearest(second, a, b, beyond)
 
     def near(self, placed: Placed, within: Array | float) -> Near:
         """The pairs that are nearer than a distance, one for all poses or one a pose (N,)."""
@@ -553,21 +563,28 @@ class Solids:
         return point
 
 
-# Kinds of shapes, in the order of `Solids.kinds`.
-KINDS: tuple[type[Shape], ...] = (Capsule, Box, Cylinder, Plane)
+SHAPES: tuple[type[Shape], ...] = (Capsule, Box, Cylinder, Plane)
+CAPSULES, STANDING, PLANES = range(3)  # kinds, in the order of `Solids.kinds`
 
 
 def _pairs_of_shapes(
-    cell: Cell, at: Mapping[str, list[tuple[type[Shape], int]]]
+    cell: Cell, at: Mapping[str, list[tuple[type[Shape], int]]], boxes: int
 ) -> list[tuple[int, int, int, int]]:
-    """Kind of the second shape, indices of both, and the pair of bodies, of each pair of shapes."""
+    """Kind of the second shape, indices of both, and the pair of bodies, of each pair of shapes.
+
+    Of what stands, boxes come first.
+    """
+    kinds = {Capsule: (CAPSULES, 0), Plane: (PLANES, 0)}
+    kinds |= {Box: (STANDING, 0), Cylinder: (STANDING, boxes)}
     moves = {body.name: body.carrier is not None for body in cell.bodies}
     found = []
     for index, pair in enumerate(cell.pairs):
         # The first one moves, and is of capsules.
         one, other = pair if moves[pair[0]] else pair[::-1]
         for _, first in at[one]:
-            found += [(KINDS.index(kind), first, second, index) for kind, second in at[other]]
+            for shape, second in at[other]:
+                kind, before = kinds[shape]
+                found.append((kind, first, before + second, index))
     return found
 
 
@@ -629,33 +646,35 @@ class Clear(Constraint):
 
     def slack(self, frames: Frames) -> Array:
         """The slack (1, ...) [m]."""
-        return self._seen(frames)[0]
+        known = _known.get(frames, {})
+        return known[self][0] if self in known else self._look(frames, slopes=False)[0]
 
     def gradient(self, frames: Frames) -> Array:
-        """Its derivative (1, n, ...)."""
-        return self._seen(frames)[1]
-
-    def _seen(self, frames: Frames) -> tuple[Array, Array]:
-        """Slack and derivative; both are asked for, one after the other, of the same frames."""
+        """Its derivative (1, n, ...); the slack of these frames is known then, too."""
         known = _known.setdefault(frames, {})
         if self not in known:
-            known[self] = self._look(frames)
-        return known[self]
+            known[self] = self._look(frames, slopes=True)
+        return known[self][1]
 
-    def _look(self, frames: Frames) -> tuple[Array, Array]:
-        """Slack and derivative in poses (...)."""
+    def _look(self, frames: Frames, slopes: bool) -> tuple[Array, Array]:
+        """Slack and derivative in poses (...); zeros where no slopes are asked for."""
         n, batch = len(frames.q), frames.q.shape[1:]
         count = frames.position[0].size
         slack = np.empty(count)
-        gradient = np.empty((n, count))
+        gradient = np.zeros((n, count))
         cell = self.cell
         for part in chunks(count):
             some = cell.robot.frames_of(frames, cell.carriers, np.arange(count)[part])
-            slack[part], gradient[:, part] = self._of_poses(some)
+            slack[part], share, near = self._of_poses(some)
+            if slopes:
+                by_joint = share * cell.solids.slopes(some, near)
+                gradient[:, part] = [
+                    np.bincount(near.pose, row, len(some.q[0])) for row in by_joint
+                ]
         return slack.reshape(1, *batch), gradient.reshape(1, n, *batch)
 
-    def _of_poses(self, frames: Frames) -> tuple[Array, Array]:
-        """Slacks (N,) and derivatives (n, N) of poses (N,)."""
+    def _of_poses(self, frames: Frames) -> tuple[Array, Array, Near]:
+        """Slacks (N,) of poses, and by how much each of their near pairs (k,) counts in them."""
         solids = self.cell.solids
         count = frames.position.shape[1]
         end = self.reach + self.cell.margin
@@ -669,10 +688,7 @@ class Clear(Constraint):
         own = top[near.pose]
         total = np.exp(-top) + scale * np.bincount(near.pose, _weight(x, own), count)
         slack = self.reach - self.blur * (np.log(total) + top)
-        share = scale * _weight_slope(x, own) / total[near.pose]
-        slopes = share * solids.slopes(frames, near)
-        gradient = [np.bincount(near.pose, row, count) for row in slopes]
-        return slack, np.array(gradient)
+        return slack, scale * _weight_slope(x, own) / total[near.pose], near
 
 
 def _weight(x: Array | float, top: Array | float) -> Array:

@@ -5,7 +5,7 @@ towards the eye, it is neither too near nor too far, it stands within the eye's 
 crosses the beam. A marker that is not read has no rows in that pose.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Literal, NamedTuple
@@ -194,8 +194,8 @@ class Sight:
         frames = self._with_bodies(frames)
         shape = frames.position.shape[1:]
         found = np.ones((len(self.reflectors), *shape), dtype=bool)
-        for view in self.views:
-            for condition in _conditions(frames, view.eye, view.marker):
+        for view, conditions in zip(self.views, _conditions(frames, self.views), strict=True):
+            for condition in conditions:
                 found[view.instrument] &= condition.slack >= 0
         if self.beams is not None:
             of_view = [view.instrument for view in self.views]
@@ -254,14 +254,15 @@ class Sight:
                 asked &= held[[view.instrument for view in self.views]]
             look = self._look(frames)
             near = look.passing(asked)
-        for index, view in enumerate(self.views):
-            for condition in _conditions(frames, view.eye, view.marker, slopes):
+            change = look.slopes() if slopes else np.zeros((0, *near.distance.shape))
+        for index, of_view in enumerate(_conditions(frames, self.views, slopes)):
+            view = self.views[index]
+            for condition in of_view:
                 yield view, condition
             if self.beams is not None:
-                change = look.slopes(index) if slopes else np.zeros((0, near.distance.shape[1]))
-                by_joint = change.reshape(-1, *shape)
-                of_view = (near.distance[index].reshape(shape), near.body[index].reshape(shape))
-                yield view, Condition("beam", of_view[0], by_joint, of_view[1].astype(float))
+                slack, body = near.distance[index].reshape(shape), near.body[index].reshape(shape)
+                by_joint = change[:, index].reshape(-1, *shape)
+                yield view, Condition("beam", slack, by_joint, body.astype(float))
 
     def _look(self, frames: Frames) -> "_Look":
         """What is known of beams in poses whose frames are at hand."""
@@ -309,14 +310,16 @@ class _Look:
                 every[..., view, some[pose]] = one
         return self.near
 
-    def slopes(self, index: int) -> Array:
-        """Derivatives (n, N) of the distances of one view."""
-        found = np.zeros((self.joints, self.known.shape[1]))
-        own = self.near.of_view(index)
-        which = np.flatnonzero(own.body != NOTHING)
-        if len(which):
-            at = self.frames(which)
-            found[:, which] = self.beams.slopes(at, *self.views[index], own.some(which))
+    def slopes(self) -> Array:
+        """Derivatives (n, b, N) of the distances."""
+        found = np.zeros((self.joints, *self.known.shape))
+        view, pose = np.nonzero(self.near.body != NOTHING)
+        if len(view):
+            some = np.unique(pose)
+            near = self.near.some(view, pose)
+            at = self.frames(some)
+            own = np.searchsorted(some, pose)
+            found[:, view, pose] = self.beams.slopes(at, self.views, near, view, own)
         return found
 
 
@@ -324,78 +327,124 @@ class _Look:
 _known: WeakKeyDictionary[Frames, dict[Sight, _Look]] = WeakKeyDictionary()
 
 
-def _conditions(frames: Frames, eye: Eye, one: Reflector, slopes: bool = False) -> list[Condition]:
-    """All inequalities of seeing a marker from an eye.
+def _conditions(
+    frames: Frames, views: Sequence[View], slopes: bool = False
+) -> list[list[Condition]]:
+    """All inequalities of seeing each marker from its eye, but for what is in the way.
 
-    With the marker p and the eye e, the range is ``r = |p - e|`` and the way to the eye
-    ``u = (e - p) / r``. A joint that moves the marker by v and turns its body by w changes them by
-    ``dr = -u.v`` and ``du = -(v - u u.v) / r``, and the normal by ``w x n``. An angle phi between
-    unit vectors a and b changes by ``-d(a.b) / sin phi``.
+    With the range ``r = |p - e|`` of the marker p from the eye e, and the way to it
+    ``u = (e - p) / r``, a joint that moves the marker by v changes them by ``dr = -u.v`` and
+    ``du = -(v - u u.v) / r``.
 
     Args:
-        frames: Poses, with the body of the marker.
-        eye: The eye.
-        one: The marker.
+        frames: Poses, with the bodies of the markers.
+        views: The markers and their eyes (k,); arrays of all of them are computed together.
         slopes: Whether gradients are asked for.
     """
-    p = one.point.position(frames)
-    away = eye.position.reshape(3, *[1] * (p.ndim - 1)) - p
+    if not views:
+        return []
+    points = [view.marker.point for view in views]
+    p = np.stack([point.position(frames) for point in points], axis=1)
+    places = np.array([view.eye.position for view in views]).T
+    away = places.reshape(*places.shape, *[1] * (p.ndim - 2)) - p
     r = np.maximum(np.sqrt(np.square(away).sum(axis=0)), NEAREST)
     u = away / r
-    none = np.zeros((0, *r.shape))
-    v = _velocity(frames, one) if slopes else none[:, None]
+    none = np.zeros((0, 3, *r.shape))
+    v = frames.folded(np.stack([one.linear(frames) for one in points], axis=2)) if slopes else none
     dr = -dot(v, u[None])
     du = -(v + u * dr[:, None]) / r
-    found: list[Condition] = []
+    off = _off_normals(frames, views, u, du)
+    found = []
+    for i, view in enumerate(views):
+        nearest, farthest = view.eye.distance
+        found.append(
+            [
+                *off.get(i, ()),
+                *_bounded("near", r[i], dr[:, i], nearest if nearest > 0 else -np.inf, np.inf),
+                *_bounded("far", r[i], dr[:, i], -np.inf, farthest),
+                *_angles_of_eye(view.eye, -u[:, i], -du[:, :, i]),
+            ]
+        )
+    return found
 
-    def add(reason: Reason, amount: Array, change: Array, low: float, high: float) -> None:
-        """Bounds on both sides, as far as there are any."""
-        if np.isfinite(low):
-            found.append(Condition(reason, amount - low, change, amount))
-        if np.isfinite(high):
-            found.append(Condition(reason, high - amount, -change, amount))
 
-    if one.normal is not None:
-        n = np.einsum("k,kc...->c...", one.normal, one.point.orientation(frames))
-        turned = cross(_turning(frames, one), n[None]) if slopes else none[:, None]
-        angle, sine = _angle(n, u)
-        change = -(dot(turned, u[None]) + dot(du, n[None])) / sine
-        add("normal", angle, change, -np.inf, one.acceptance)
-    nearest, farthest = eye.distance
-    add("near", r, dr, nearest if nearest > 0 else -np.inf, np.inf)
-    add("far", r, dr, -np.inf, farthest)
-    d = -np.einsum("ic,c...->i...", eye.axes, u)
-    dd = -np.einsum("ic,nc...->ni...", eye.axes, du)
+def _bounded(
+    reason: Reason, amount: Array, change: Array, low: float, high: float
+) -> Iterator[Condition]:
+    """Bounds on both sides of an amount that changes so (n, ...), as far as there are any."""
+    if np.isfinite(low):
+        yield Condition(reason, amount - low, change, amount)
+    if np.isfinite(high):
+        yield Condition(reason, high - amount, -change, amount)
+
+
+def _off_normals(
+    frames: Frames, views: Sequence[View], u: Array, du: Array
+) -> dict[int, list[Condition]]:
+    """How far reflectors look away from their eyes, by the index of the view.
+
+    An angle phi between unit vectors a and b changes by ``-d(a.b) / sin phi``, and ``n.u`` by
+    ``w.(n x u) + n.du`` where the body turns by w.
+
+    Args:
+        frames: The poses.
+        views: The views (k,).
+        u: Unit vectors (3, k, ...) from the markers to the eyes.
+        du: Their derivatives (n, 3, k, ...), of no joint where no gradients are asked for.
+    """
+    normals = {i: x.marker.normal for i, x in enumerate(views) if x.marker.normal is not None}
+    if not normals:
+        return {}
+    which = list(normals)
+    points = [views[i].marker.point for i in which]
+    looking = [
+        np.einsum("k,kc...->c...", normal, point.orientation(frames))
+        for normal, point in zip(normals.values(), points, strict=True)
+    ]
+    n, u, du = np.stack(looking, axis=1), u[:, which], du[:, :, which]
+    across = cross(n[None], u[None])[0]
+    sine = np.sqrt(np.square(across).sum(axis=0))
+    angle = np.arctan2(sine, (n * u).sum(axis=0))
+    change = -dot(du, n[None])
+    if len(du):
+        turning = [
+            dot(frames.folded(point.angular(frames)), across[None, :, k])
+            for k, point in enumerate(points)
+        ]
+        change -= np.stack(turning, axis=1)
+    change /= np.maximum(sine, LEAST_SINE)
+    return {
+        i: list(_bounded("normal", angle[k], change[:, k], -np.inf, views[i].marker.acceptance))
+        for k, i in enumerate(which)
+    }
+
+
+def _angles_of_eye(eye: Eye, d: Array, dd: Array) -> Iterator[Condition]:
+    """The eye's limits on where it sees a marker, in its own axes.
+
+    Args:
+        eye: The eye.
+        d: Unit vectors (3, ...) from the eye to the marker, in the world.
+        dd: Their derivatives (n, 3, ...).
+    """
+    if eye.azimuth is None and eye.elevation is None and eye.cone is None:
+        return
+    d = np.einsum("ic,c...->i...", eye.axes, d)
+    dd = np.einsum("ic,nc...->ni...", eye.axes, dd)
     flat = np.maximum(np.hypot(d[0], d[1]), LEAST_SINE)
     if eye.azimuth is not None:
         middle, half = (eye.azimuth[0] + eye.azimuth[1]) / 2, (eye.azimuth[1] - eye.azimuth[0]) / 2
         azimuth = np.arctan2(d[1], d[0])
         off = np.mod(azimuth - middle + np.pi, 2 * np.pi) - np.pi
         change = (d[0] * dd[:, 1] - d[1] * dd[:, 0]) / flat**2
-        found.append(Condition("azimuth", half - np.abs(off), -np.sign(off) * change, azimuth))
+        yield Condition("azimuth", half - np.abs(off), -np.sign(off) * change, azimuth)
     if eye.elevation is not None:
-        add("elevation", np.arctan2(d[2], flat), dd[:, 2] / flat, *eye.elevation)
+        yield from _bounded("elevation", np.arctan2(d[2], flat), dd[:, 2] / flat, *eye.elevation)
     if eye.cone is not None:
-        off, sine = _angle(d, np.broadcast_to(np.eye(3)[0].reshape(3, *[1] * r.ndim), d.shape))
-        add("cone", off, -dd[:, 0] / sine, -np.inf, eye.cone)
-    return found
-
-
-def _angle(a: Array, b: Array) -> tuple[Array, Array]:
-    """Angles (...) between unit vectors (3, ...) [rad], and their sines, which are never zero."""
-    sine = np.sqrt(np.square(cross(a[None], b[None])[0]).sum(axis=0))
-    angle = np.arctan2(sine, (a * b).sum(axis=0))
-    return angle, np.maximum(sine, LEAST_SINE)
-
-
-def _velocity(frames: Frames, one: Reflector) -> Array:
-    """Velocities (n, 3, ...) of a marker by the free joints."""
-    return np.asarray(frames.folded(one.point.linear(frames)))
-
-
-def _turning(frames: Frames, one: Reflector) -> Array:
-    """Angular velocities (n, 3, ...) of a marker's body by the free joints."""
-    return np.asarray(frames.folded(one.point.angular(frames)))
+        sine = np.hypot(d[1], d[2])
+        off = np.arctan2(sine, d[0])
+        change = -dd[:, 0] / np.maximum(sine, LEAST_SINE)
+        yield from _bounded("cone", off, change, -np.inf, eye.cone)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from edtk.robots.compensator import Compensator, GivingWay, Pull, pull_of
 from edtk.robots.controller import Controller
-from edtk.robots.frames import Frames, Terms, combine, combine_terms, terms_of
+from edtk.robots.frames import Frames, Terms, combine_terms, terms_of
 from edtk.robots.joint import Coupling, Joint, Link, TiedJoint, Ties, variables_by_drives
 from edtk.robots.rotations import transform
 from edtk.system.presented import Presented
@@ -321,7 +321,7 @@ class Robot(Presented):
 
         They are those between frames whose z-axis is the joint axis, so that each joint turns its
         frame about z. A rotation about a coordinate axis is then a signed permutation, whose zeros
-        and ones `combine` skips.
+        and ones `combine_terms` skips.
         """
         links = []
         before = np.eye(3)
@@ -331,6 +331,11 @@ class Robot(Presented):
             before = F.T
         links.append((before @ self.tool[:3, :3], before @ self.tool[:3, 3]))
         return [([terms_of(C[:, k]) for k in range(3)], terms_of(t)) for C, t in links]
+
+    @cached_property
+    def _aligned(self) -> list[list[Terms]]:
+        """Each joint's own frame, from that whose z-axis is the joint axis, by columns."""
+        return [[terms_of(row) for row in joint.aligned] for joint in self.chain]
 
     @cached_property
     def _prismatic(self) -> Mask:
@@ -376,7 +381,11 @@ class Robot(Presented):
                 s = np.sin(x[j])
                 R = [c * R[0] + s * R[1], c * R[1] - s * R[0], R[2]]
             if j in bodies:
-                kept[j] = (_turned_back(R, joint, batch), np.broadcast_to(p, (3, *batch)))
+                rotation = np.empty((3, 3, *batch))
+                for k, column in enumerate(self._aligned[j]):
+                    rotation[k] = combine_terms(R, column)
+                rotation += 0.0
+                kept[j] = (rotation, np.broadcast_to(p, (3, *batch)))
         C, t = self._links[-1]
         position = np.empty((3, *batch))
         rotation = np.empty((3, 3, *batch))
@@ -394,7 +403,9 @@ class Robot(Presented):
             chosen: Indices (k,) of the poses, in the order of the flattened ones.
         """
         if set(bodies) <= set(known.bodies):
-            return known.flat[chosen]
+            flat = known.flat
+            every = len(chosen) == flat.q.shape[1] and (np.diff(chosen) > 0).all()
+            return flat if every else flat[chosen]
         return self.frames(known.flat.q[:, chosen].T, bodies)
 
     def forward(self, q: ArrayLike) -> Array:
@@ -429,14 +440,6 @@ class Robot(Presented):
 
 def _digest(text: str) -> str:
     return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:12]
-
-
-def _turned_back(columns: list[Array], joint: Joint, batch: tuple[int, ...]) -> Array:
-    """The joint's own frame (3, 3, ...) from that whose z-axis is the joint axis."""
-    rotation = np.empty((3, 3, *batch))
-    for k in range(3):
-        rotation[k] = combine(columns, joint.aligned[k])
-    return rotation
 
 
 def joint_distance(q: Array, other: Array, prismatic: Mask) -> Array:

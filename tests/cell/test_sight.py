@@ -66,6 +66,9 @@ def test_each_eye_has_to_see_a_marker() -> None:
     assert both.rows(HOME).tolist() == [[False, False, False, True]]
     assert str(both.hidden(HOME)[0][0]) == "beyond range, at 9000 mm (right)"
     assert both.always_hidden(HOME) == [0]
+    wires = replace(both, reflectors=(None, None), widths=(1, 1))
+    assert wires.seen(HOME).all()
+    assert wires.hidden(HOME) == [[None, None]]
 
 
 @pytest.mark.parametrize("joint", [None, 3])

@@ -9,17 +9,16 @@ and Waltz, Adaptive barrier update strategies, SIAM J. Optim. 19, 2009). All sta
 in the same few array operations.
 """
 
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
 
 import numpy as np
 
 from edtk.design.design_space import Space
 from edtk.design.interior_point.held import holding
 from edtk.design.interior_point.objective import Objective
-from edtk.design.interior_point.step import Point, ScaledVariables, State, step
+from edtk.design.interior_point.step import Landscape, Point, ScaledVariables, State, step
 from edtk.system.time_limit import out_of_time
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array
 
 # An interior-point method cannot start on a constraint, where the barrier is infinite. Starts keep
 # this distance from constraints [m, rad], and from bounds in parts of their range.
@@ -44,22 +43,27 @@ def inward(space: Space, x: Array) -> Array:
     Returns:
         Design variables (..., v) of which some may still be outside.
     """
-    x = np.array(x)
+    moved = np.array(x).reshape(-1, x.shape[-1])
     move = space.movable
     lower, upper = space.limits[:, move]
     edge = MARGIN * (upper - lower)
+    left = np.arange(len(moved))
     for _ in range(ROUNDS):
-        x[..., move] = np.clip(x[..., move], lower + edge, upper - edge)
-        here = space.at(x)
-        short = np.maximum(MARGIN - here.slack, 0.0)
-        if not short.any():
+        own = moved[left]
+        own[:, move] = np.clip(own[:, move], lower + edge, upper - edge)
+        moved[left] = own
+        short = np.maximum(MARGIN - space.at(own).slack, 0.0)
+        outside = np.flatnonzero(short.any(axis=-1))
+        if not len(outside):
             break
-        G = here.slack_gradient[..., move] * (short > 0)[..., None]
+        left, own, short = left[outside], own[outside], short[outside]
+        G = space.at(own).slack_gradient[..., move] * (short > 0)[..., None]
         transposed = np.swapaxes(G, -1, -2)
         K = G @ transposed + RIDGE * np.eye(G.shape[-2])
         pushes = np.linalg.solve(K, OVERSHOOT * short[..., None])
-        x[..., move] += (transposed @ pushes)[..., 0]
-    return x
+        own[:, move] += (transposed @ pushes)[..., 0]
+        moved[left] = own
+    return moved.reshape(x.shape)
 
 
 def descend(
@@ -106,9 +110,9 @@ def _descended(
     inside = inward(space, answer)
     least = _values_of_moved(space, objective, answer, inside)
     variables = ScaledVariables(space, inside)
-    look = partial(Point.at, variables, objective)
-    first = State.first(look(variables.begin(), np.arange(len(answer))), barrier)
-    for here in _points(first, look, iterations, accuracy, barrier):
+    landscape = Landscape(variables, objective)
+    first = State.first(landscape.point(variables.begin(), np.arange(len(answer))), barrier)
+    for here in _points(first, landscape, iterations, accuracy, barrier):
         better = np.flatnonzero(here.value < least[here.start])
         won = here.start[better]
         answer[won] = variables.design(here.y[better], won)
@@ -118,7 +122,7 @@ def _descended(
 
 def _points(
     state: State,
-    look: Callable[[Array, Indices], Point],
+    landscape: Landscape,
     iterations: int,
     accuracy: float,
     barrier: float,
@@ -131,7 +135,7 @@ def _points(
         state = state.going_on()
         if not len(state) or out_of_time():
             return
-        state = step(state, look, barrier, floor, accuracy)
+        state = step(state, landscape, barrier, floor, accuracy)
     yield state.point
 
 

@@ -4,7 +4,6 @@ Shapes: b starts, k experiments each, c slacks of an experiment. Each of the c s
 multiplier z > 0, and ``s z = mu`` on the central path.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cached_property
 
@@ -289,28 +288,6 @@ class Point:
     slack_slope: Array
     slack_curvature: Array
 
-    @classmethod
-    def at(
-        cls, variables: ScaledVariables, objective: Objective, y: Array, start: Indices
-    ) -> "Point":
-        """Evaluate objective and constraints at y (b, k, d) of some starts (b,)."""
-        near = Neighbourhood(variables.space, variables.design(y, start))
-        slack_slopes = near.first(near.experiments.slack_gradient)
-        walls = variables.bound_slopes
-        of_bounds = np.broadcast_to(walls, (*y.shape[:2], *walls.shape))
-        local = objective.local(near, start)
-        return cls(
-            start=start,
-            y=y,
-            value=local.value,
-            slope=local.slope,
-            own=local.own,
-            joint=local.joint,
-            slack=np.concatenate([near.experiments.slack[0], y, 1.0 - y], axis=-1),
-            slack_slope=np.concatenate([slack_slopes[0], of_bounds], axis=-2),
-            slack_curvature=near.second(slack_slopes),
-        )
-
     def __getitem__(self, chosen: Indices) -> "Point":
         """The chosen starts."""
         return Point(*(getattr(self, field.name)[chosen] for field in fields(self)))
@@ -325,15 +302,57 @@ class Point:
         return np.asarray((self.slack_slope @ d[..., None])[..., 0])
 
     def with_starts_of(self, other: "Point", chosen: Indices) -> "Point":
-        """The same with some starts from another point; itself if none is chosen."""
-        if not len(chosen):
-            return self
+        """The same with other starts (c,) in the place of those that are chosen."""
+        if len(chosen) == len(self.start):
+            return other
         arrays = []
         for field in fields(self):
             array = np.array(getattr(self, field.name))
-            array[chosen] = getattr(other, field.name)[chosen]
+            array[chosen] = getattr(other, field.name)
             arrays.append(array)
         return Point(*arrays)
+
+
+@dataclass(frozen=True, eq=False)
+class Landscape:
+    """What is seen of an objective and its constraints from a place of the variables.
+
+    Attributes:
+        variables: The variables, and where they may lie.
+        objective: What is minimised.
+    """
+
+    variables: ScaledVariables
+    objective: Objective
+
+    def slack(self, y: Array, start: Indices) -> Array:
+        """Slacks (b, k, c) alone, at y (b, k, d) of some starts (b,): a part of the price."""
+        experiments = self.variables.space.at(self.variables.design(y, start))
+        return _with_bounds(experiments.slack, y)
+
+    def point(self, y: Array, start: Indices) -> Point:
+        """Objective and constraints at y (b, k, d) of some starts (b,), with derivatives."""
+        near = Neighbourhood(self.variables.space, self.variables.design(y, start))
+        slack_slopes = near.first(near.experiments.slack_gradient)
+        walls = self.variables.bound_slopes
+        of_bounds = np.broadcast_to(walls, (*y.shape[:2], *walls.shape))
+        local = self.objective.local(near, start)
+        return Point(
+            start=start,
+            y=y,
+            value=local.value,
+            slope=local.slope,
+            own=local.own,
+            joint=local.joint,
+            slack=_with_bounds(near.experiments.slack[0], y),
+            slack_slope=np.concatenate([slack_slopes[0], of_bounds], axis=-2),
+            slack_curvature=near.second(slack_slopes),
+        )
+
+
+def _with_bounds(slack: Array, y: Array) -> Array:
+    """Slacks (b, k, c) of constraints, and then those of the bounds ``0 <= y <= 1``."""
+    return np.concatenate([slack, y, 1.0 - y], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -463,18 +482,20 @@ SHORTER = np.array([1.0, 0.5, 0.25, 0.125, 0.025, 5e-3, 1e-3, 1e-4, 1e-6])
 
 def step(
     state: State,
-    look: Callable[[Array, Indices], Point],
+    landscape: Landscape,
     barrier: float,
     floor: float,
     accuracy: float,
 ) -> State:
     """Try one step of every start; a start whose step fails tries a shorter one the next time.
 
-    Starts do not wait for each other's line searches: each call evaluates every start once.
+    Starts do not wait for each other's line searches: each call evaluates every start once. Steps
+    that leave the feasible set, as curved constraints let every third one in a cell, need no
+    derivatives.
 
     Args:
         state: Where the starts are.
-        look: Evaluates movable variables (b, k, d) of starts (b,).
+        landscape: Tells what is there.
         barrier: Weight of the barrier at the beginning, of all experiments together.
         floor: Least weight of the barrier.
         accuracy: On the objective, see `descend`.
@@ -482,9 +503,7 @@ def step(
     here = state.point
     direction = search_direction(state)
     length = to_boundary(direction.ds, here.slack) * SHORTER[state.tried]
-    there = look(here.y + length[:, None, None] * direction.dy, here.start)
-    drop, taken = _compare(here, there, direction, length)
-    there = there.with_starts_of(here, np.flatnonzero(~taken))
+    there, drop, taken = _tried(landscape, here, direction, length)
     over = taken | (state.tried == len(SHORTER) - 1)
     mu = direction.mu
     promise = -direction.slope
@@ -503,25 +522,33 @@ def step(
     )
 
 
-def _compare(
-    here: Point, there: Point, direction: SearchDirection, length: Array
-) -> tuple[Array, Mask]:
-    """By how much steps lower the barrier function, and whether they are taken (b,) each.
+def _tried(
+    landscape: Landscape, here: Point, direction: SearchDirection, length: Array
+) -> tuple[Point, Array, Mask]:
+    """Where steps lead: to where they began, unless they are taken.
 
     Args:
+        landscape: Tells what is there.
         here: Where the steps begin.
-        there: Where they lead.
         direction: The whole steps.
-        length: The parts (b,) of them that were tried.
+        length: The parts (b,) of them that are tried.
+
+    Returns:
+        The point, by how much steps lower the barrier function (b,), and which are taken (b,).
     """
-    mu = direction.mu
-    before = merit(here.value, here.slack, mu)
-    with np.errstate(invalid="ignore", divide="ignore"):  # outside, where the step is not taken
-        drop = before - merit(there.value, there.slack, mu)
+    y = here.y + length[:, None, None] * direction.dy
     # To first order the slacks keep this share of themselves; curved ones have to be compared.
-    inside = (there.slack > (1 - TO_BOUNDARY) * here.slack).all(axis=(1, 2))
-    enough = drop >= -ARMIJO * length * direction.slope - ROUNDING * np.abs(before)
-    return drop, inside & enough
+    kept = landscape.slack(y, here.start) > (1 - TO_BOUNDARY) * here.slack
+    inside = np.flatnonzero(kept.all(axis=(1, 2)))
+    drop = np.full(len(y), -np.inf)
+    if not len(inside):
+        return here, drop, drop > 0
+    reached = landscape.point(y[inside], here.start[inside])
+    before = merit(here.value, here.slack, direction.mu)
+    drop[inside] = before[inside] - merit(reached.value, reached.slack, direction.mu[inside])
+    taken = drop >= -ARMIJO * length * direction.slope - ROUNDING * np.abs(before)
+    own = np.flatnonzero(taken[inside])
+    return here.with_starts_of(reached[own], np.flatnonzero(taken)), drop, taken
 
 
 def _multipliers(z: Array, dz: Array, mu: Array, s: Array) -> Array:

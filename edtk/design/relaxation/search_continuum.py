@@ -4,6 +4,7 @@ from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -446,10 +447,8 @@ def _of_each_set(
     Each set has local maxima of its own, and one of few markers is rarely among the best poses.
     Half of a set's starts are its best ones that differ, the others as they were drawn.
     """
-    assert space.sight is not None
     T = range_whitener(fresh.problem.mean)
-    seen = space.sight.seen(fresh.x[:, : space.sight.robot.n])
-    sets = np.unique(seen, axis=0, return_inverse=True)[1].reshape(-1)
+    sets = _sets(space, fresh)
     of_fresh = normalised(fresh.problem, criterion).sensitivities(multipliers)
     best_of_set = np.full(int(sets.max()) + 1, -np.inf)
     np.maximum.at(best_of_set, sets, of_fresh.max(axis=0))
@@ -466,6 +465,18 @@ def _of_each_set(
             starts.append(chosen)
             owner += [j] * len(chosen)
     return np.concatenate(starts), np.array(owner)
+
+
+def _sets(space: DesignSpace, fresh: Candidates) -> Indices:
+    """Which instruments fresh poses (n,) read together, as a number; found once for all turns."""
+    assert space.sight is not None
+    if fresh not in _known_sets:
+        seen = space.sight.seen(fresh.x[:, : space.sight.robot.n])
+        _known_sets[fresh] = np.unique(seen, axis=0, return_inverse=True)[1].reshape(-1)
+    return _known_sets[fresh]
+
+
+_known_sets: WeakKeyDictionary[Candidates, Indices] = WeakKeyDictionary()
 
 
 def _and_anywhere(

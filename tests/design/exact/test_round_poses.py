@@ -5,6 +5,7 @@ import pytest
 from designs import KR270, LOADED, STUDY
 
 from criteria import create
+from edtk.cell.sight import AllSeen
 from edtk.design.candidate_source import sample_feasible
 from edtk.design.exact.round_poses import round_poses, to_steps
 from edtk.design.plan import Plan
@@ -78,6 +79,36 @@ def test_markers_at_the_edge_of_what_is_seen_are_read_as_before():
     factors = pose_factors(space.workspace.robot)[space.free]
     steps = found[:, space.free] / factors
     np.testing.assert_allclose(steps, np.round(steps, DIGITS), atol=1e-9)
+
+
+def test_markers_in_a_corner_of_what_is_seen_are_read_as_before():
+    """Where two markers are at their edges, no step nearby may read both: farther ones do.
+
+    Newton's steps bring poses to where both look away by all but a ten-millionth of what they may.
+    """
+    markers = [
+        {"name": name, "position_mm": place, "normal": normal, "acceptance_deg": 50}
+        for name, place, normal in (
+            ("a", [0, 100, 0], [0, 1, 0]),
+            ("b", [0, 0, 80], [0.9, 0.3, 0.3]),
+        )
+    ]
+    tracker = {"tracker_position_mm": [4500, 2500, 1200], "along": [10, 0.4], "across": [15, 6]}
+    space = STUDY.replace(noise=tracker, measurement={}, marker=markers, sight={}).space
+    x = sample_feasible(space, 300, 5)
+    every = AllSeen(space.sight)
+    for _ in range(30):
+        frames = space.sight.robot.frames(x[:, :6])
+        gradient = every.gradient(frames)[:, space.free]
+        G = np.moveaxis(gradient, -1, 0)
+        short = 1e-7 - every.slack(frames).T
+        x[:, space.free] += 0.5 * (np.linalg.pinv(G) @ short[..., None])[..., 0]
+    feasible = space.at(x).feasible & (np.abs(short).max(axis=-1) < 1e-8)
+    x = x[feasible & space.sight.seen(x[:, :6]).all(axis=-1)]
+    assert len(x) > 5
+    assert not space.sight.seen(to_steps(space, x)[:, :6]).all()
+    found, _ = round_poses(space, CRITERION, x, np.ones(len(x)), merge=False)
+    assert space.sight.seen(found[:, :6]).all()
 
 
 def test_poses_that_are_equal_for_a_controller_are_one():

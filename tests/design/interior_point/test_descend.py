@@ -15,6 +15,7 @@ from designs import DESIGNS, LOADED
 from edtk.design.candidate_source import sample_feasible
 from edtk.design.interior_point.descend import descend as descended
 from edtk.design.interior_point.objective import Local, Objective
+from edtk.design.interior_point.step import Landscape
 from edtk.robots.constraints.height import Height
 from edtk.robots.loads.free_load import FreeLoad
 from edtk.robots.loads.listed_load import ListedLoad
@@ -271,6 +272,30 @@ def test_from_a_corner(space):
     assert box.at(corner).feasible.all()
     end = descend(box, corner, distance_to(target), accuracy=ACCURACY)
     assert np.linalg.norm((end - target)[:, 0], axis=-1).max() <= NEAR
+
+
+@on_each
+def test_derivatives_are_taken_inside_alone(space, monkeypatch):
+    """Of steps that leave the feasible set slacks alone are looked at, and some steps do leave."""
+    lost = []
+    slack, point = Landscape.slack, Landscape.point
+
+    def slacks(self, y, start):
+        found = slack(self, y, start)
+        lost.append((found <= 0).any())
+        return found
+
+    def inside(self, y, start):
+        found = point(self, y, start)
+        assert not lost or (found.slack > 0).all()
+        return found
+
+    monkeypatch.setattr(Landscape, "slack", slacks)
+    monkeypatch.setattr(Landscape, "point", inside)
+    start = groups(space, 12, 2, 4)
+    slope = np.random.default_rng(2).normal(size=start.shape[-1])
+    descend(space, start, along(slope))
+    assert any(lost) or not space.constraints
 
 
 @on_each
