@@ -80,13 +80,13 @@ def curvature_of_spectrum(R: Array, power: float) -> Curvature:
     _, s, rows = np.linalg.svd(R)
     x = np.square(s[0] / s)
     e = power + 1.0
-    # With x_a = m exp(h) and x_b = m exp(-h) the quotient is m^-(e+1) sinh(e h)/sinh(h), which has
-    # no cancellation where two eigenvalues are almost the same.
-    half = 0.5 * np.log(x[:, None] / x)
-    is_same = np.abs(half) < SAME
-    safe = np.where(is_same, 1.0, half)
-    quotient = np.where(is_same, e, np.sinh(e * safe) / np.sinh(safe))
+    # With x_a < x_b = x_a exp(h) it is x_a^-power (1 - exp(-e h))/(1 - exp(-h)) over x_a x_b, which
+    # has no cancellation where both are almost the same, and no overflow where they are not.
+    h = np.abs(np.log(x[:, None] / x))
+    is_same = h < SAME
+    safe = np.where(is_same, 1.0, h)
+    quotient = np.where(is_same, e, np.expm1(-e * safe) / np.expm1(-safe))
     # T scales each direction to information one, hence the factor x_a x_b.
-    W = power * quotient * np.sqrt(x[:, None] * x) ** -power
+    W = power * quotient * np.minimum(x[:, None], x) ** -power
     terms = x**-power
     return Curvature(rows.T, power * terms / terms.sum(), W / terms.sum(), 1.0)

@@ -180,6 +180,8 @@ def rounding_of_rows(rows: Array, W: Array) -> float:
         rows: Rows a_j (k, p).
         W: Matrix (p, r), such as a root of a covariance.
     """
+    # The units of both do not matter; squares in far ones are no doubles.
+    rows, W = (each / (np.abs(each).max(initial=0.0) or 1.0) for each in (rows, W))
     lengths = np.linalg.norm(rows @ W, axis=1)
     sizes = np.abs(rows) @ np.linalg.norm(W, axis=1)
     total = float(lengths @ lengths)
