@@ -161,3 +161,17 @@ def test_designs_that_are_all_but_singular_in_far_units(seed):
     exact = exact_cost("c", rows, found.weights, c)
     assert abs(excess(found.cost, exact)) <= found.accuracy
     assert excess(found.proved_bound.cost, exact) <= 0
+
+
+@pytest.mark.parametrize("name", ["c", "prediction_G", "rho0"])
+@pytest.mark.parametrize("seed", range(2))
+def test_combinations_of_nearly_dependent_parameters(seed, name, tmp_path):
+    """Their terms cancel, but the cost keeps the digits of which the check makes sure."""
+    rng = np.random.default_rng(seed)
+    rows = rng.normal(size=(9, 2, 3))
+    rows[..., -1] = rows[..., 0] + 1e-9 * rows[..., -1]
+    own = {"target": rows[0]} if name == "rho0" else arguments(name, rng, rows)
+    problem = edtk.Problem(rows)
+    found = edtk.relax(problem, {"name": name, **own}, certificate=tmp_path / "c.json")
+    assert abs(excess(found.cost, exact_cost(name, rows, found.weights, own))) <= 1e-8
+    assert edtk.verify(tmp_path / "c.json", problem).valid
