@@ -6,7 +6,7 @@ import numpy as np
 
 from criteria.linalg.typing import Array, triangle
 
-# Half the log of the ratio of two eigenvalues that count as one: its square is rounding.
+# Log of the ratio of two eigenvalues that count as one: its square is rounding.
 SAME = 1e-8
 
 
@@ -110,14 +110,15 @@ def curvature_of_spectrum(R: Array, power: float) -> Curvature:
     _, s, rows = np.linalg.svd(R)
     x = np.square(s[..., :1] / s)
     e = power + 1.0
-    # With x_a = m exp(h) and x_b = m exp(-h) the quotient is m^-(e+1) sinh(e h)/sinh(h), which has
-    # no cancellation where two eigenvalues are almost the same.
-    half = 0.5 * np.log(x[..., :, None] / x[..., None, :])
-    is_same = np.abs(half) < SAME
-    safe = np.where(is_same, 1.0, half)
-    quotient = np.where(is_same, e, np.sinh(e * safe) / np.sinh(safe))
+    # With x_a < x_b = x_a exp(h) it is x_a^-power (1 - exp(-e h))/(1 - exp(-h)) over x_a x_b, which
+    # has no cancellation where both are almost the same, and no overflow where they are not.
+    pairs = x[..., :, None], x[..., None, :]
+    h = np.abs(np.log(pairs[0] / pairs[1]))
+    is_same = h < SAME
+    safe = np.where(is_same, 1.0, h)
+    quotient = np.where(is_same, e, np.expm1(-e * safe) / np.expm1(-safe))
     # T scales each direction to information one, hence the factor x_a x_b.
-    W = power * quotient * np.sqrt(x[..., :, None] * x[..., None, :]) ** -power
+    W = power * quotient * np.minimum(*pairs) ** -power
     terms = x**-power
     total = terms.sum(axis=-1, keepdims=True)
     V = np.swapaxes(rows, -1, -2)

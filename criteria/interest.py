@@ -17,7 +17,7 @@ from criteria.linalg.estimable import (
     open_directions,
     strayed_part,
 )
-from criteria.linalg.inverse import rounding_of_rows, scaled_inverse, whitener
+from criteria.linalg.inverse import long_product, rounding_of_rows, scaled_inverse, whitener
 from criteria.linalg.spectrum import is_semidefinite
 from criteria.linalg.typing import Array, Indices, Mask
 from criteria.relaxable import Formulation, Relaxable, SpectralBand
@@ -175,7 +175,7 @@ class Interest(Relaxable):
 
     def in_units(self, T: Array) -> Self:
         """The combinations of k are ``T'K`` of k', where k = T k'."""
-        return self.of(T.T @ self.K)
+        return self.of(long_product(self.K.T, T).T)
 
     def transformed(self, T: Array) -> Self:
         """The same combinations, told by the other parameters.
@@ -185,7 +185,7 @@ class Interest(Relaxable):
         of which ``theta = R' theta'``. Where that is because of the units d of the parameters,
         ``T = diag(d) T_d``, they are factorized before T_d mixes rows of different sizes.
         """
-        told = T.T @ self.K
+        told = long_product(self.K.T, T).T
         base = None
         d = np.linalg.norm(T, axis=1)
         if max(_condition(told), self.dependence(1.0 / d)) > DEPENDENT:
@@ -285,12 +285,14 @@ class Interest(Relaxable):
     def rests_on_solver(self, Z: Array, M: Array) -> bool:
         """Whether the base's bound does."""
         _, cov, _ = self.inverse(M)
-        return self.base.rests_on_solver(self.K.T @ Z @ self.K, scaled_inverse(self.variance(cov)))
+        told, _ = self._told(Z)
+        return self.base.rests_on_solver(told, scaled_inverse(self.variance(cov)))
 
     def dual_weights(self, Z: Array, M: Array) -> Array | None:
         """The base's for ``K'Z K``, see `lower_bound`."""
         _, cov, _ = self.inverse(M)
-        return self.base.dual_weights(self.K.T @ Z @ self.K, scaled_inverse(self.variance(cov)))
+        told, _ = self._told(Z)
+        return self.base.dual_weights(told, scaled_inverse(self.variance(cov)))
 
     def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
         """The base's for ``K'Z K``: as ``X >= K C_K(X) K'``, ``<K'Z K, C_K(X)> <= <Z, X> <= t``."""
@@ -300,7 +302,16 @@ class Interest(Relaxable):
         proves = is_semidefinite(Z)
         if not proves.any():
             return 0.0
-        return self.base.lower_bound(self.K.T @ Z[proves] @ self.K, t[proves], N)
+        told, power = self._told(Z[proves])
+        return self.base.lower_bound(told, np.ldexp(t[proves], power), N)
+
+    def _told(self, Z: Array) -> tuple[Array, Indices]:
+        """``2^power K'Z K`` (..., s, s) and the power (...), with ``2^power Z`` of order one.
+
+        A multiplier proves the same at any length; in far units K'Z K of a long one is no double.
+        """
+        power = -np.frexp(np.abs(Z).max(axis=(-2, -1)))[1]
+        return self.K.T @ np.ldexp(Z, power[..., None, None]) @ self.K, power
 
     def curvature(self, R: Array) -> Curvature | None:
         """The base's at C_K, and what the nuisance parameters add to it.

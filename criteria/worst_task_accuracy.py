@@ -8,7 +8,13 @@ from numpy.typing import ArrayLike
 
 from criteria.convex_criterion import ConvexCriterion
 from criteria.criterion import KinkedCriterion
-from criteria.linalg.inverse import lowered_root, power_trace_of_root, rounding_of_rows, whitener
+from criteria.linalg.inverse import (
+    long_product,
+    lowered_root,
+    power_trace_of_root,
+    rounding_of_rows,
+    whitener,
+)
 from criteria.linalg.logarithms import soft_maximum
 from criteria.linalg.typing import Array, Indices, triangle
 from criteria.registry import register
@@ -76,7 +82,7 @@ class WorstTaskAccuracy(KinkedCriterion, ConvexCriterion):
 
     def in_units(self, T: Array) -> Self:
         """The targets become ``A_i T``."""
-        return type(self)(self.targets @ T, self.sharpness)
+        return type(self)(long_product(self.targets, T), self.sharpness)
 
     def transformed(self, T: Array) -> Self:
         """The same target says the same of other parameters."""

@@ -170,6 +170,15 @@ def full_rank_root(W: ArrayLike) -> Array:
     return np.stack(columns, axis=1)
 
 
+def long_product(rows: Array, T: Array) -> Array:
+    """``rows T`` (..., k, q), summed in the longest numbers of the machine.
+
+    Where T whitens nearly dependent parameters, the terms of a combination cancel, and doubles
+    would keep ``eps`` of the terms instead of their sum.
+    """
+    return np.asarray((rows.astype(np.longdouble) @ T.astype(np.longdouble)).astype(float))
+
+
 def rounding_of_rows(rows: Array, W: Array) -> float:
     """Bound the relative error of ``sum_j |a_j W|^2`` where products of a_j and W cancel.
 
@@ -180,6 +189,8 @@ def rounding_of_rows(rows: Array, W: Array) -> float:
         rows: Rows a_j (k, p).
         W: Matrix (p, r), such as a root of a covariance.
     """
+    # The units of both do not matter; squares in far ones are no doubles.
+    rows, W = (each / (np.abs(each).max(initial=0.0) or 1.0) for each in (rows, W))
     lengths = np.linalg.norm(rows @ W, axis=1)
     sizes = np.abs(rows) @ np.linalg.norm(W, axis=1)
     total = float(lengths @ lengths)

@@ -8,6 +8,7 @@ from edtk.commands.shared import (
     FilePath,
     Number,
     Range,
+    budget_option,
     certificate_option,
     criterion_option,
     dask_option,
@@ -16,6 +17,7 @@ from edtk.commands.shared import (
     progress_line,
     seed_option,
     show,
+    time_until,
     warn,
     warn_about,
     workers_option,
@@ -57,11 +59,7 @@ class _FaultOption(click.Option):
     help="Plan, or filled-in sheet (CSV), of experiments made already.",
 )
 @click.option("--exclude", type=FilePath, help="Plan (CSV) of poses to stay away from.")
-@click.option(
-    "--budget",
-    type=Range(min=0, min_open=True),
-    help="Seconds for bound and plan together; the best so far is given then.",
-)
+@budget_option("Seconds for bound and plan together; the best so far is given then.")
 @click.option(
     "--cost-budget",
     type=Range(min=0, min_open=True),
@@ -146,18 +144,20 @@ def command(
     of the budget, leaves the best plan so far with the best bound so far. The first plan, seconds
     after the start, is waited for.
     """
+    from edtk.verbs.inputs import load_study
     from edtk.verbs.plan import plan
 
+    question = load_study(study)
     with progress_line("bound") as say:
         found = plan(
-            study,
+            question,
             size,
             criterion,
             seed,
             distinct=distinct,
             keep=keep,
             exclude=exclude,
-            budget=budget,
+            budget=time_until(budget),
             cost_budget=cost_budget,
             workers=workers,
             dask=dask,

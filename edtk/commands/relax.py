@@ -8,6 +8,7 @@ from edtk.commands.shared import (
     FilePath,
     Number,
     Range,
+    budget_option,
     certificate_option,
     criterion_option,
     dask_option,
@@ -16,6 +17,7 @@ from edtk.commands.shared import (
     progress_line,
     seed_option,
     show,
+    time_until,
     warn,
     warn_about,
     workers_option,
@@ -47,11 +49,7 @@ MOST_CANDIDATES = 10**9  # as in a study: no machine would end with more
     type=Number(MOST_EXPERIMENTS),
     help="Experiments that share a prior with in_design [default: the study's first size].",
 )
-@click.option(
-    "--budget",
-    type=Range(min=0, min_open=True),
-    help="Give the best weights after so many seconds, with the best bound so far.",
-)
+@budget_option("Give the best weights after so many seconds, with the best bound so far.")
 @seed_option
 @click.option(
     "--memory",
@@ -110,7 +108,7 @@ def command(
                 out=out,
                 certificate=certificate,
                 progress=progress,
-                budget=budget,
+                budget=time_until(budget),
             )
             interrupted = False
         except PlanInterrupted as interrupt:

@@ -12,8 +12,9 @@ from edtk.commands.shared import (
     FewLines,
     FilePath,
     FolderPath,
-    Range,
+    budget_option,
     dask_option,
+    time_until,
     warn,
     warn_about,
     workers_option,
@@ -46,11 +47,7 @@ def _progress() -> Iterator[Callable[[str, float], None]]:
 @click.option("--out", type=FolderPath, help="Folder [default: results/STUDY].")
 @workers_option
 @dask_option
-@click.option(
-    "--budget",
-    type=Range(min=0, min_open=True),
-    help="Seconds for bounds, plans and report; the best so far are compared then.",
-)
+@budget_option("Seconds for bounds, plans and report; the best so far are compared then.")
 @click.option(
     "--fresh", is_flag=True, help="Begin anew, instead of going on from the finished cases."
 )
@@ -77,7 +74,7 @@ def command(
             workers=workers,
             dask=dask,
             fresh=fresh,
-            budget=budget,
+            budget=time_until(budget),
             progress=progress,
         )
     warn_about(study, found.warnings)

@@ -243,6 +243,24 @@ class Number(click.IntRange):
         return f"1<=x<={self.max:g}"
 
 
+Command = Callable[..., None]
+
+
+def budget_option(words: str) -> Callable[[Command], Command]:
+    """The option --budget, of which a command has the end: `time_until` is what is left of it."""
+    return click.option("--budget", type=Range(min=0, min_open=True), callback=_end_of, help=words)
+
+
+def _end_of(context: click.Context, option: click.Parameter, seconds: float | None) -> float | None:
+    """When a budget ends that begins now, on the clock of `monotonic` [s]; None without one."""
+    return None if seconds is None else monotonic() + seconds
+
+
+def time_until(end: float | None) -> float | None:
+    """What is left of a budget [s], zero after its end; what is read and loaded before counts."""
+    return None if end is None else max(0.0, end - monotonic())
+
+
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, in SI units.")
 seed_option = click.option(
     "--seed", type=click.IntRange(min=0), help="Seed [default: the study's]."
@@ -319,7 +337,6 @@ def end_partial() -> NoReturn:
     leave(PARTIAL)
 
 
-Command = Callable[..., None]
 _OPTIONS = (
     click.option(
         "--accuracy",

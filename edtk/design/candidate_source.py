@@ -12,7 +12,7 @@ import numpy as np
 
 from edtk.design.design_space import DesignSpace
 from edtk.design.problem import Problem
-from edtk.system.time_limit import out_of_time
+from edtk.system.time_limit import out_of_time, time_left
 from edtk.system.typing import Array, Indices
 
 # Poses that hold all but the cell's constraint, of which none is free, when nobody looks for more:
@@ -266,13 +266,15 @@ class CandidateSource:
     def _parallel(self, size: int) -> Generator["_Chunk", None, None]:
         """Evaluate all chunks in order, a few chunks ahead of the consumer."""
         workers = self.workers or os.cpu_count() or 1
+        # Two chunks a thread keep all threads busy; more would only take memory. Where time is
+        # short, those that are ahead when it ends are lost.
+        ahead = (2 if np.isinf(time_left()) else 1) * workers
         waiting: deque[Future[_Chunk]] = deque()
         with ThreadPoolExecutor(workers) as pool:
             try:
                 for cube in self._cubes(size):
                     waiting.append(pool.submit(self._evaluate, cube))
-                    # Two chunks a thread keep all threads busy; more would only take memory.
-                    if len(waiting) > 2 * workers:
+                    if len(waiting) > ahead:
                         yield waiting.popleft().result()
             finally:
                 for future in waiting:

@@ -236,9 +236,9 @@ class PackedInformation:
         """The entries (k, e) of the blocks of some candidates, see `Models.entries`."""
         return self.blocks(chosen).reshape(len(chosen), -1)
 
-    def largest_entry(self) -> float:
-        """The root of the largest entry on a diagonal."""
-        return float(np.sqrt(self.largest().max()))
+    def sizes(self) -> Array:
+        """The roots (p,) of the largest entries of each parameter."""
+        return np.asarray(np.sqrt(np.maximum(self.largest(), 0.0)))
 
     def in_unit(self, power: int) -> "PackedInformation":
         """The same candidates with ``2^power`` times the rows."""
@@ -475,9 +475,9 @@ class Rows:
         """The entries (k, e) of the blocks of some candidates, see `Models.entries`."""
         return self.blocks(chosen).reshape(len(chosen), -1)
 
-    def largest_entry(self) -> float:
-        """The largest entry of a row."""
-        return float(np.abs(self.A).max())
+    def sizes(self) -> Array:
+        """The largest entries (p,) of each column, whose squares may be no doubles."""
+        return np.asarray(np.abs(self.A).max(axis=(0, 1)))
 
     def in_unit(self, power: int) -> "Rows":
         """The same candidates with ``2^power`` times the rows."""
@@ -569,9 +569,9 @@ class ModelRows(Rows):
         """The entries (k, e) of the blocks of some candidates, see `Models.entries`."""
         return np.hstack([part.entries(chosen) for part in self.parts])
 
-    def largest_entry(self) -> float:
-        """The largest entry of a row."""
-        return max(part.largest_entry() for part in self.parts)
+    def sizes(self) -> Array:
+        """The largest entries (p,) of each column."""
+        return np.concatenate([part.sizes() for part in self.parts])
 
     def in_unit(self, power: int) -> "ModelRows":
         """The same candidates with ``2^power`` times the rows."""

@@ -37,7 +37,7 @@ def compensation_accuracy(A: Array, cov: Array) -> Array:
     Returns:
         Root mean square position error (...) [m].
     """
-    return np.sqrt(np.einsum("...ri,ij,...rj->...", A, cov, A))
+    return np.sqrt(np.einsum("...ri,...ri->...", A @ cov, A))
 
 
 def remaining_error(

@@ -3,6 +3,7 @@
 import json
 from functools import partial
 from pathlib import Path
+from time import sleep
 
 import numpy as np
 import pandas as pd
@@ -16,6 +17,7 @@ from edtk.design.exact.find_plan import SearchOptions
 from edtk.design.relaxation.relax_poses import RelaxOptions
 from edtk.findings.causes.faults import FAULTS
 from edtk.study.study import load_study
+from edtk.system.errors import UserError
 
 pytestmark = pytest.mark.slow
 
@@ -268,6 +270,27 @@ def test_exclusions_of_the_study_and_of_the_option(found, tmp_path):
     options = ["--size", 3, "--exclude", tmp_path / "others.csv", "--budget", 1, "--workers", 1]
     q = np.array([row["q_deg"] for row in plan(study, *options)["plan"]])
     assert distances(q, table[POSES].to_numpy()).min() >= 60 - 1e-6
+
+
+def test_a_budget_begins_with_the_command(tmp_path, monkeypatch):
+    """What takes time before the search, such as reading the study, is a part of it."""
+    given = []
+
+    def read(path):
+        sleep(0.05)
+        return load_study(path)
+
+    def search(study, *_, budget, **__):
+        given.append(budget)
+        raise UserError("nothing is searched")
+
+    monkeypatch.setattr("edtk.verbs.inputs.load_study", read)
+    monkeypatch.setattr("edtk.verbs.plan.plan", search)
+    for seconds in (5, 0.01):
+        command = ["plan", str(write(tmp_path)), "--size", "3", "--budget", str(seconds)]
+        assert CliRunner().invoke(main, command).exit_code == 2
+    assert 0 < given[0] <= 4.95
+    assert given[1] == 0
 
 
 def test_budget(tmp_path):

@@ -64,6 +64,7 @@ def test_chances_are_those_of_predictions_by_the_rest(aside, correlated):
     np.testing.assert_allclose(one._chances(np.array(aside), sizes), expected, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_rows_that_are_off_are_told_and_sound_ones_are_not():
     """Two rows that would hide each other are found; of 20 sound days hardly one names a row."""
     found = [rows_beyond_model(given(seed), 4) for seed in range(20)]

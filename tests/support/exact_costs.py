@@ -115,7 +115,10 @@ def _mean_power(cov, q):
 
 
 def _root_of_determinant(V):
-    return mpmath.det(V) ** (mpmath.mpf(1) / V.rows)
+    """At unit diagonal, as a determinant of far units is taken for zero."""
+    d = [mpmath.sqrt(each) for each in _diagonal(V)]
+    unit = mpmath.diag([1 / each for each in d])
+    return (mpmath.det(unit * V * unit) * mpmath.fprod(d) ** 2) ** (mpmath.mpf(1) / V.rows)
 
 
 COSTS = {

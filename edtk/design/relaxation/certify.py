@@ -271,7 +271,12 @@ def _dual_weights(
 ) -> list[Array | None]:
     """The shares that go with each of the multipliers (r, p, p), see `Relaxable.dual_weights`."""
     M = problem.information(weights)
-    return [criterion.dual_weights(Z, M) for Z in multipliers]
+    try:
+        return [criterion.dual_weights(Z, M) for Z in multipliers]
+    except (
+        np.linalg.LinAlgError
+    ):  # the design is all but singular: the check finds its own, or none
+        return []
 
 
 def _of_limits(limits: WeightLimits, problem: Problem, multipliers: Array) -> list[list[float]]:

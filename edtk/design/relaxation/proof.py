@@ -326,7 +326,7 @@ def _lost(problem: Problem, M: Array, Z: Array, rounding: Array | None, of_squar
         norm = float(np.abs(np.linalg.eigvalsh(Z)).max())
         if of_squares:
             return (error + norm * float(rounding.max())) / t
-        along = np.sqrt(norm * np.maximum(problem.sensitivities(Z), 0.0))
+        along = np.sqrt(norm) * np.sqrt(np.maximum(problem.sensitivities(Z), 0.0))
         error += 2 * float((rounding * along).max())
     return error / t
 

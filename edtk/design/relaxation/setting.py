@@ -18,9 +18,11 @@ from edtk.design.relaxation.relaxation import Relaxation
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
 
-# Sizes of the mean information between which nothing is changed: its fourth power is a double.
+# Sizes of a parameter's information between which nothing is changed: its fourth power is a double.
 SMALL = 1e-60
 LARGE = 1e60
+# Squares of information and of covariances together span four times the decades of the units.
+APART = 1e150
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +31,8 @@ class OrderOne:
 
     All criteria are homogeneous, ``cost(c M) = c^-degree cost(M)``, so that weights and multipliers
     are those of the candidates as given, and costs differ by a number alone. Methods of relaxations
-    take squares of information, and of covariances, which leave doubles at 1e155 and at 1e-162.
+    take squares of information, and of covariances, which leave doubles at 1e155 and at 1e-162. So
+    the largest column is as far above one as the smallest is below it.
 
     Attributes:
         problem: The candidates, with information of order one.
@@ -41,14 +44,20 @@ class OrderOne:
 
     @classmethod
     def of(cls, problem: Problem) -> "OrderOne":
-        """Change the unit where the size of the information asks for it."""
+        """Change the unit where the size of the information asks for it.
+
+        Raises:
+            UserError: Parameters that were given have units too far apart for doubles.
+        """
         with np.errstate(over="ignore"):
-            size = float(np.trace(problem.mean))
-        if SMALL < size < LARGE:
+            own = np.diag(problem.mean)
+        if own.min() > SMALL and own.max() < LARGE:
             return cls(problem, 0)
-        largest = _largest_row(problem)
+        least, largest = _extreme_columns(problem)
+        if least > SMALL**0.5 and largest < LARGE**0.5:
+            return cls(problem, 0)
         # Powers of two change no digit.
-        power = -int(np.frexp(largest)[1]) if largest > 0 else 0
+        power = -int(np.frexp(np.sqrt(least) * np.sqrt(largest))[1])
         return cls(problem.in_unit(power) if power else problem, power)
 
     def information(self, M: Array) -> Array:
@@ -88,12 +97,31 @@ class OrderOne:
         )
 
 
-def _largest_row(problem: Problem) -> float:
-    """The largest entry of a row; of information, the root of the largest on a diagonal."""
-    own = problem.kept.largest_entry()
-    if problem.prior is None:
-        return own
-    return max(own, float(np.sqrt(np.diag(problem.prior).max())))
+def _extreme_columns(problem: Problem) -> tuple[float, float]:
+    """The sizes of the smallest and of the largest column that is not zero; one without any.
+
+    Raises:
+        UserError: They are so far apart that squares of information are no doubles.
+    """
+    sizes = problem.kept.sizes()
+    if problem.prior is not None:
+        sizes = np.maximum(sizes, np.sqrt(np.diag(problem.prior)))
+    told = np.flatnonzero(sizes)
+    if not len(told):
+        return 1.0, 1.0
+    if not problem.is_exact:
+        # What a model has computed is rounding where it is so small.
+        told = told[sizes[told] > sizes.max() / APART]
+    least, largest = (told[int(find(sizes[told]))] for find in (np.argmin, np.argmax))
+    decades = float(np.log10(sizes[largest]) - np.log10(sizes[least]))
+    if decades > np.log10(APART):
+        few, many = (problem.parameters[i] for i in (least, largest))
+        raise UserError(
+            f"regressors of {many} and {few} are {decades:.0f} decades apart, and squares of their "
+            f"information no floating-point numbers; expected units at most "
+            f"{np.log10(APART):.0f} decades apart"
+        )
+    return float(sizes[least]), float(sizes[largest])
 
 
 def without_open_directions(problem: Problem) -> Problem:
@@ -190,7 +218,7 @@ class Setting:
     def _lost_by_transforming(self, M: Array) -> float:
         """Relative error, of a variance, of what is given beside the candidates."""
         if self.whitened is None:
-            return self._lost_by_combining(range_whitener(M))
+            return 0.0
         W = self.criterion.whitener(M)
         found = self.given.rounding(self.whitened.T @ W)
         if self.known is not None:
@@ -204,7 +232,7 @@ class Setting:
         exceed their sum. A matrix that is multiplied from both sides has r twice: ``2 p eps r^2``.
         """
         each = 2 * len(F) * EPS
-        return float(each * (self.given.rounding(F) / each) ** 2)
+        return float(each * (self.criterion.rounding(F) / each) ** 2)
 
     def errors(
         self, weights: Array | None, multipliers: Array, design: Array | None = None
@@ -226,15 +254,16 @@ class Setting:
         )
         M = self.problem.mean if weights is None else self.problem.information(weights)
         M = M if design is None else design
-        lost = self._lost_by_transforming(M)
+        given = self._lost_by_transforming(M)
+        by_cov = self._lost_by_combining(range_whitener(M))
         if not self.criterion.monotone:
-            lost *= 1 + self.criterion.degree
+            lost = (1 + self.criterion.degree) * (given + by_cov)
             return of_cost + lost, of_bound + lost
-        by_Z = lost
-        if self.whitened is None and len(multipliers):
-            by_Z = min(lost, max(self._lost_by_combining(root(Z).T) for Z in multipliers))
+        by_Z = by_cov
+        if len(multipliers):
+            by_Z = min(by_cov, max(self._lost_by_combining(root(Z).T) for Z in multipliers))
         degree = self.criterion.degree
-        return of_cost + degree * lost, of_bound + degree * by_Z
+        return of_cost + degree * (given + by_cov), of_bound + degree * (given + by_Z)
 
     def inward(self, multipliers: Array | None) -> Array | None:
         """Multipliers (r, p, p) of the parameters as given as those of the problem here."""

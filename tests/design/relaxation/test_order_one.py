@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from exact_costs import arguments, exact_cost, excess
 from matrices import make
 
 import criteria
@@ -103,3 +104,74 @@ def test_a_cost_beyond_doubles():
     assert relax(problem, criteria.create("O5")).cost == pytest.approx(
         1e170 * relax(Problem(ROWS), criteria.create("O5")).cost, rel=1e-6
     )
+
+
+FAR = 10.0 ** np.array([-70.0, 0.0, 70.0])  # units of three parameters
+
+
+@pytest.mark.parametrize("name", ["A", "D", "E", "G", "c", "I", "Ds", "phi", "prediction_G"])
+def test_parameters_in_far_units(name, tmp_path):
+    """Columns that are 140 decades apart have a proved design, with the digits that it states."""
+    rows = ROWS * FAR
+    own = arguments(name, np.random.default_rng(1), rows)
+    if name == "Ds":
+        own = {"interest": np.eye(3)[:, :2]}
+    problem = edtk.Problem(rows)
+    found = edtk.relax(problem, {"name": name, **own}, certificate=tmp_path / "c.json")
+    assert found.gap <= 1e-6
+    exact = exact_cost(name, rows, found.weights, own)
+    assert abs(excess(found.cost, exact)) <= found.accuracy <= 1e-6
+    assert excess(found.proved_bound.cost, exact) <= 0
+    assert edtk.verify(tmp_path / "c.json", problem).valid
+
+
+def test_parameters_in_units_beyond_doubles():
+    """Squares of their information are no doubles: one line names both, and how far is too far."""
+    problem = Problem(ROWS * FAR**1.2, parameters=("near", "middle", "far"))
+    with pytest.raises(UserError, match=r"of far and near are 168 decades apart, .* at most 150"):
+        relax(problem, criteria.create("D"))
+
+
+@pytest.mark.parametrize("name", ["c", "Ds"])
+@pytest.mark.parametrize("unit", [1e-100, 1e-80, 1e80, 1e100])
+def test_combinations_in_far_units(name, unit):
+    """They have the proof of the same combinations of order one, whose rows are ill-conditioned."""
+    K = np.array([[1.0, 0.0], [1.0, 1.0], [0.5, -1.0]])
+    rows = ROWS + np.array([1e4, 0, 0])
+
+    given = {"c": {"c": K[:, 0]}, "Ds": {"interest": K}}[name]
+    near, far = (
+        relax(
+            Problem(rows), criteria.create(name, **{key: size * own for key, own in given.items()})
+        )
+        for size in (1.0, unit)
+    )
+    assert far.gap <= 1e-6
+    assert far.cost / unit / unit == pytest.approx(near.cost, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", [10, 16, 24, 40])
+def test_designs_that_are_all_but_singular_in_far_units(seed):
+    """The inverse of such a design loses digits of a combination, which the accuracy counts."""
+    rng = np.random.default_rng(seed)
+    rows = rng.normal(size=(12, 1, 4)) * rng.normal(size=(1, 5, 1))
+    rows = (rows + 1e-8 * rng.normal(size=(12, 5, 4))) * 10.0 ** np.array([-25, 3, 0, 25])
+    c = {"c": rows[0, 0] + rows[-1, 0]}
+    found = relax(Problem(rows), criteria.create("c", **c))
+    exact = exact_cost("c", rows, found.weights, c)
+    assert abs(excess(found.cost, exact)) <= found.accuracy
+    assert excess(found.proved_bound.cost, exact) <= 0
+
+
+@pytest.mark.parametrize("name", ["c", "prediction_G", "rho0"])
+@pytest.mark.parametrize("seed", range(2))
+def test_combinations_of_nearly_dependent_parameters(seed, name, tmp_path):
+    """Their terms cancel, but the cost keeps the digits of which the check makes sure."""
+    rng = np.random.default_rng(seed)
+    rows = rng.normal(size=(9, 2, 3))
+    rows[..., -1] = rows[..., 0] + 1e-9 * rows[..., -1]
+    own = {"target": rows[0]} if name == "rho0" else arguments(name, rng, rows)
+    problem = edtk.Problem(rows)
+    found = edtk.relax(problem, {"name": name, **own}, certificate=tmp_path / "c.json")
+    assert abs(excess(found.cost, exact_cost(name, rows, found.weights, own))) <= 1e-8
+    assert edtk.verify(tmp_path / "c.json", problem).valid
