@@ -296,7 +296,9 @@ class Criterion(ABC):
         # One test of singularity for all criteria: they agree on which plans are worthless.
         safe, cov, regular = self.inverse(M)
         cost = np.where(regular, self._cost(safe, cov), np.inf)
-        return np.where(np.isfinite(M).all(axis=(-2, -1)), cost, np.nan)[()]
+        if not regular.all():
+            cost = np.where(np.isfinite(M).all(axis=(-2, -1)), cost, np.nan)
+        return cost[()]
 
     # Exchanges and differences update inverses by low-rank lemmas; another inversion, with its
     # test of singularity, would be paid for every trial.

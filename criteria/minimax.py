@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from criteria.criterion import Criterion, KinkedCriterion
 from criteria.linalg.logarithms import soft_maximum
-from criteria.linalg.typing import Array, triangle
+from criteria.linalg.typing import Array, isometric, triangle
 from criteria.registry import register
 from criteria.relaxable import Formulation
 from criteria.several_criteria import SeveralCriteria
@@ -120,7 +120,7 @@ class Minimax(KinkedCriterion, SeveralCriteria):
 
         T = self.whitener(M)
         rows, columns = triangle(T.shape[1])
-        length = np.where(rows == columns, 1.0, np.sqrt(2.0))
+        length = isometric(T.shape[1])
         S = np.linalg.pinv(T)
         # Parts that are far from the largest loss must not stand in for those that have it.
         penalty = 1 - losses / losses.max()

@@ -16,7 +16,7 @@ from criteria.linalg.inverse import (
     whitener,
 )
 from criteria.linalg.logarithms import soft_maximum
-from criteria.linalg.typing import Array, Indices, triangle
+from criteria.linalg.typing import Array, Indices, isometric, triangle
 from criteria.registry import register
 from criteria.relaxable import Formulation
 
@@ -208,7 +208,7 @@ def _least_squares_weights(squares: Array, Z: Array) -> Array:
     rows, columns = triangle(Z.shape[-1])
     sizes = np.trace(squares, axis1=1, axis2=2)
     largest = sizes.max()
-    length = np.where(rows == columns, 1.0, np.sqrt(2.0))
+    length = isometric(Z.shape[-1])
     # Without the penalty a task below the largest error may stand in for some that have it.
     penalty = 1 - sizes / largest
     A = np.vstack([(squares[:, rows, columns] * length).T / largest, penalty])

@@ -346,9 +346,11 @@ def simplex_lattice(
     names = _Box.of(components).names
     m = whole_number(degree, "degree", 1)
     q = len(names)
-    _require_few(comb(q + m - 1, m))
+    number = comb(q + m - 1, m)
+    _require_few(number)
     # Bars between stars: m stars and q - 1 bars in a row.
-    bars = np.array(list(combinations(range(q + m - 1), q - 1)), dtype=int).reshape(-1, q - 1)
+    places = list(combinations(range(q + m - 1), q - 1))
+    bars = np.array(places, dtype=int).reshape(number, q - 1)
     ends = np.pad(bars, ((0, 0), (1, 1)), constant_values=(-1, q + m - 1))
     counts = np.diff(ends, axis=1) - 1
     return _frame(counts[::-1] * (_total(total) / m), names)

@@ -17,3 +17,10 @@ def triangle(p: int) -> tuple[Indices, Indices]:
     The triangle has ``q = p (p + 1)/2`` entries.
     """
     return np.triu_indices(p)
+
+
+@cache
+def isometric(p: int) -> Array:
+    """Factors (q,) that make inner products of packed triangles those of the symmetric matrices."""
+    rows, columns = triangle(p)
+    return np.where(rows == columns, 1.0, np.sqrt(2.0))

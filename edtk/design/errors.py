@@ -13,6 +13,7 @@ Generalised least squares then tells ``M = X' W X`` about k, with the precision 
 A run of several rows has effects of its own for each of them.
 """
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -55,6 +56,13 @@ class Stratum:
     variance: float
     hard: Hard | None = None
     parts: int = 1
+
+    @property
+    def plural(self) -> str:
+        """What several groups are called."""
+        if re.search("(s|x|z|ch|sh)$", self.name):
+            return f"{self.name}es"
+        return re.sub("(?<=[^aeiou])y$", "ie", self.name) + "s"
 
     def labels(self, m: int) -> Indices:
         """The group (m,) of each of m runs, counted from 0.
@@ -505,9 +513,9 @@ def _is_number(given: object) -> bool:
 def _stratum_words(stratum: Stratum) -> str:
     """A stratum in words."""
     given = np.asarray(stratum.groups)
-    number = f"{int(given)} " if given.ndim == 0 else ""
     known = f"variance {stratum.variance:g}" if np.isfinite(stratum.variance) else "fixed"
-    words = f"{number}{stratum.name}s ({known})"
+    number = f"{int(given)} " if given.ndim == 0 else ""
+    words = f"{number}{stratum.name if number == '1 ' else stratum.plural} ({known})"
     if stratum.hard is None:
         return words
     return f"{words} with one {' and '.join(hard_names(stratum.hard))} each"

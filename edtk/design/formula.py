@@ -71,12 +71,13 @@ class Formula:
         found = sorted(_names(_tree(text)))
         unused = [name for name in parameters if name not in found]
         if unused:
-            message = f"{text!r} has no parameter {unused[0]!r}"
+            message = f"{text!r} has no parameter {unused[0]!r}; it has {', '.join(found)}"
             raise ArgumentError(message, argument="parameters")
         others = [name for name in found if name not in parameters and name not in CONSTANTS]
         if variables is None:
             if len(others) > 1:
-                message = f"expected the order of {', '.join(others)}, or a parameter among them"
+                known = ", ".join(others)
+                message = f"expected the order of {known}, unless theta has a value of one of them"
                 raise ArgumentError(message, argument="variables")
             return cls(text, tuple(others), tuple(parameters))
         unknown = [name for name in others if name not in variables]

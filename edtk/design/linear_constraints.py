@@ -204,22 +204,36 @@ def linear_constraints(
         message = "expected a list of (coefficients, least, largest)"
         raise ArgumentError(message, argument=argument)
     for number, one in enumerate(given):
-        where = f"{argument}[{number}]"
-        if not isinstance(one, Sequence) or isinstance(one, str) or len(one) != 3:
-            raise ArgumentError("expected (coefficients, least, largest)", argument=where)
-        first, low, high = one
-        row, name = coefficients(first)
-        row = _numbers(row, where)
-        if row.shape != (n,):
-            message = f"{row.size} coefficients, expected {n}"
-            raise ArgumentError(message, argument=where)
-        least = _limit(low, -np.inf, where)
-        largest = _limit(high, np.inf, where)
-        if least > largest:
-            message = f"the least value {least:g} is above the largest, {largest:g}"
-            raise ArgumentError(message, argument=where)
-        found = found.and_also(row[None], least, largest, f"{where} ({name})" if name else where)
+        found = with_triple(found, one, coefficients, f"{argument}[{number}]")
     return found
+
+
+def with_triple(
+    beside: LinearConstraints,
+    given: object,
+    coefficients: Callable[[Any], tuple[Array, str]],
+    where: str,
+) -> LinearConstraints:
+    """Some constraints, and that of a triple; for the arguments see `linear_constraints`.
+
+    Raises:
+        ArgumentError: It is no such triple, or its least value is above its largest.
+    """
+    if not isinstance(given, Sequence) or isinstance(given, str) or len(given) != 3:
+        message = "expected (coefficients, least, largest)"
+        raise ArgumentError(message, argument=where, given=repr(given))
+    first, low, high = given
+    row, name = coefficients(first)
+    row = _numbers(row, where)
+    n = beside.C.shape[1]
+    if row.shape != (n,):
+        raise ArgumentError(f"{row.size} coefficients, expected {n}", argument=where)
+    least = _limit(low, -np.inf, where)
+    largest = _limit(high, np.inf, where)
+    if least > largest:
+        message = f"the least value {least:g} is above the largest, {largest:g}"
+        raise ArgumentError(message, argument=where)
+    return beside.and_also(row[None], least, largest, f"{where} ({name})" if name else where)
 
 
 def _numbers(given: object, where: str) -> Array:

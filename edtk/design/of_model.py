@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,10 @@ from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
 
 ROBUST = ("bayes", "maximin")
+# Nodes of a rule of quadrature over ranges of theta: of one range, and of all together at most.
+NODES = 9
+MOST_NODES = 64
+ROUNDING = 1e-9  # of a root that is a whole number
 
 
 def of_model(
@@ -27,8 +32,10 @@ def of_model(
 ) -> Made:
     """Make what `Problem.of_model` or `Region.of_model` describes, at its sites."""
     if is_box(theta):
-        _require_plain(robust, weights, prior)
-        return _of_ranges(sites, f, theta, options)
+        if robust != "bayes":
+            _require_plain(robust, weights, prior)
+            return _of_ranges(sites, f, theta, options)
+        theta, weights = _uniform(theta, weights)
     models = _models(f, _thetas(theta, robust, weights), sites, options)
     sites = replace(sites, variables=models[0].variables)
     each = [sites.alone(model.rows, model.parameters, prior) for model in models]
@@ -100,14 +107,43 @@ def is_box(theta: Any) -> bool:
     return isinstance(theta, Mapping) and any(np.ndim(value) for value in theta.values())
 
 
-def _require_plain(robust: str | None, weights: ArrayLike | None, prior: ArrayLike | None) -> None:
-    """Check what stands beside ranges of theta.
+def _uniform(theta: Mapping[str, Any], weights: ArrayLike | None) -> tuple[list[Any], Array]:
+    """Theta that stand for a uniform prior over its ranges, and their weights, by name.
+
+    They are the nodes of a product of Gauss and Legendre's rules, of n nodes a range, which is
+    exact for polynomials of degree 2n - 1 in each parameter.
 
     Raises:
-        ArgumentError: It is not for the worst theta, or has weights or a prior.
+        ArgumentError: There are weights besides, or too many ranges.
+    """
+    if weights is not None:
+        message = "expected none beside ranges of theta, which count alike"
+        raise ArgumentError(message, argument="weights")
+    names, limits = _ranges(theta, "theta")
+    number = int((limits[0] < limits[1]).sum())
+    each = min(NODES, int(MOST_NODES ** (1 / number) + ROUNDING))
+    if each < 2:
+        message = f"has {number} ranges, too many for a mean; expected a list of theta"
+        raise ArgumentError(message, argument="theta")
+    x, w = np.polynomial.legendre.leggauss(each)
+    rules = [
+        (0.5 * (low + high) + 0.5 * (high - low) * x, 0.5 * w) if low < high else ([low], [1.0])
+        for low, high in limits.T
+    ]
+    nodes = [
+        dict(zip(names, map(float, node), strict=True)) for node in product(*(r[0] for r in rules))
+    ]
+    return nodes, np.array([np.prod(shares) for shares in product(*(r[1] for r in rules))])
+
+
+def _require_plain(robust: str | None, weights: ArrayLike | None, prior: ArrayLike | None) -> None:
+    """Check what stands beside ranges of theta for the worst of them.
+
+    Raises:
+        ArgumentError: It is for something else, or has weights or a prior.
     """
     if robust != "maximin":
-        message = "ranges are for the worst theta in them; expected robust='maximin' beside them"
+        message = "has ranges; expected robust='maximin' beside them, or 'bayes'"
         raise ArgumentError(message, argument="theta")
     for name, value in {"weights": weights, "prior": prior}.items():
         if value is not None:

@@ -290,8 +290,9 @@ class Problem(WeightedCandidates):
                 "Vmax * x / (Km + x)". With a link it is what statisticians call the predictor:
                 the mean is the inverse of the link at f.
             theta: Parameters (p,), as numbers or as a mapping with their names; several (k, p)
-                with `robust`. With "maximin" a mapping may have ranges, such as
-                {"Vmax": 2.0, "Km": (0.5, 2.0)}: the worst theta in them is searched for.
+                with `robust`. A mapping may then have ranges, such as
+                {"Vmax": 2.0, "Km": (0.5, 2.0)}: "maximin" searches for the worst theta in them,
+                and "bayes" takes the mean over them, by nodes of Gauss and Legendre.
             candidates: Points (n, d) or (n,), or a data frame with a column a variable.
             family: "normal", "binomial", "Poisson" or "gamma".
             link: Identity, log, inverse, logit, probit or cloglog; defaults to the identity for

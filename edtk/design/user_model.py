@@ -139,9 +139,13 @@ def as_called(
             continue
         if together is None or some is None or together.shape[1] != some.shape[1]:
             continue
-        if np.allclose(together[[2, 0]], some, rtol=ALIKE, atol=0.0, equal_nan=True):
+        if np.imag(together).any():
+            wrong = "for points and theta: values are complex; expected real numbers"
+        elif np.allclose(together[[2, 0]], some, rtol=ALIKE, atol=0.0, equal_nan=True):
             _tell_slow(perf_counter() - start, argument)
             return partial(_values, way, argument=argument)
+        else:
+            wrong = "for points and theta: a point asked for again has another value"
     raise ArgumentError(f"fails {wrong}", argument=argument)
 
 

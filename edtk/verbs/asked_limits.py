@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from edtk.design.linear_constraints import Linear, LinearConstraints, linear_constraints
+from edtk.design.linear_constraints import Linear, LinearConstraints, with_triple
 from edtk.design.problem import Problem
 from edtk.design.problems import DescribedProblem
 from edtk.design.relaxation.weight_limits import WeightLimits
@@ -183,9 +183,7 @@ def asked_constraints(given: Sequence[Constraint] | None, problem: Problem) -> L
         triples = _of_levels(one, problem, where) if isinstance(one, Mapping) else [one]
         read = partial(_named, problem=problem, where=where)
         for triple in triples:
-            own = linear_constraints([triple], read, n, where)
-            names = tuple(name.replace(f"{where}[0]", where, 1) for name in own.names)
-            found = found.and_also(own.C, own.low, own.high, *names)
+            found = with_triple(found, triple, read, where)
     return found
 
 

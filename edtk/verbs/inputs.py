@@ -1,7 +1,7 @@
 """Inputs and outputs of verbs: checked before the work, so that no result is lost in the end."""
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import combinations
@@ -11,11 +11,14 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeGuard, runtime_checkable
 
 import criteria
 from edtk.design.plan import Plan
+from edtk.design.problem import Problem
+from edtk.design.problems import DescribedProblem
+from edtk.design.region import Region
 from edtk.measure.pose_table import Table, path_of
 from edtk.study.study import Study
 from edtk.study.study import load_study as read_study
 from edtk.system.arguments import checked
-from edtk.system.errors import ArgumentError, UserError, whole_number
+from edtk.system.errors import ArgumentError, UserError, finite_numbers, whole_number
 from edtk.system.files import (
     STANDARD_OUTPUT,
     Content,
@@ -380,3 +383,46 @@ class TableAndCertificate:
         if self.certificate is not None:
             files[Path(self.certificate)] = proof()
         write_files(files)
+
+
+def at_hand(question: Problem | Region, keep: Any) -> Any:
+    """Experiments at hand, as a call states them: a `Problem`, or indices of candidates, or None.
+
+    They need be no candidates: points of a region, or a data frame with the candidates' columns.
+
+    Raises:
+        ArgumentError: They are neither.
+    """
+    import pandas as pd
+
+    if keep is None or isinstance(keep, Problem):
+        return keep
+    if isinstance(question, Region):
+        frame = isinstance(keep, pd.DataFrame)
+        points = finite_numbers(_columns(keep, question.variables) if frame else keep, "keep")
+        if not points.size:
+            return None
+        points = points[:, None] if points.ndim == 1 and question.size == 1 else points
+        if points.ndim != 2 or points.shape[1] != question.size:
+            message = f"expected points (n, {question.size}), or a Problem"
+            raise ArgumentError(message, argument="keep")
+        return question.problem(points)
+    if not isinstance(keep, pd.DataFrame):
+        return keep
+    if not isinstance(question, DescribedProblem) or question.rows_of is None:
+        message = "a data frame needs one model of a data frame; expected indices or a Problem"
+        raise ArgumentError(message, argument="keep")
+    rows = question.rows_of(_columns(keep, tuple(question.frame.columns)))
+    return Problem(rows, parameters=question.parameters)
+
+
+def _columns(frame: "pd.DataFrame", names: Sequence[str]) -> "pd.DataFrame":
+    """The named columns of a data frame.
+
+    Raises:
+        ArgumentError: One is missing.
+    """
+    missing = [name for name in names if name not in frame.columns]
+    if missing:
+        raise ArgumentError(f"no column {missing[0]!r} in the data frame", argument="keep")
+    return frame[list(names)]

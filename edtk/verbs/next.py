@@ -12,7 +12,7 @@ from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.system.arguments import checked
 from edtk.system.errors import ArgumentError, UserError, whole_number
-from edtk.verbs.inputs import CriterionLike
+from edtk.verbs.inputs import CriterionLike, at_hand
 from edtk.verbs.plan import plan
 from edtk.verbs.plan_problem import MOST_PLACES
 from edtk.verbs.relax import relax
@@ -63,8 +63,9 @@ def next(
 
     Args:
         problem: The candidates as a `Problem`, or a `Region`.
-        keep: Experiments at hand: indices of candidates, each as often as it was measured, or a
-            `Problem` whose every candidate was measured once.
+        keep: Experiments at hand: indices of candidates, each as often as it was measured; a
+            `Problem` whose every candidate was measured once; points (n, d) of a region; or a data
+            frame with the columns of the candidates, or of the region's variables.
         k: Number of new experiments.
         criterion: See `edtk.plan`.
         seed: Seed of the search.
@@ -94,8 +95,9 @@ def next(
     if not isinstance(problem, Problem | Region):
         message = "is about a Problem or a Region; of a study it is edtk.plan with keep"
         raise ArgumentError(message, argument="problem")
+    keep = at_hand(problem, keep)
     try:
-        made = keep.n if isinstance(keep, Problem) else len(keep)
+        made = keep.n if isinstance(keep, Problem) else len(() if keep is None else keep)
     except TypeError as error:
         message = "expected indices of candidates, or a Problem"
         raise ArgumentError(message, argument="keep") from error
@@ -174,13 +176,15 @@ def _enough(
 
     def may(new: int) -> bool:
         """Whether the bound leaves room for so many new experiments."""
-        try:
-            found = best(new, criterion, 1)
-        except ArgumentError:
-            raise
-        except UserError:  # so few do not tell what is asked for
-            return False
-        return bool(found.told_bound.cost <= most(made + new) * (1 + REACHED))
+        for starts in (1, None):  # rounded weights alone may be singular where others are not
+            try:
+                found = best(new, criterion, starts)
+            except ArgumentError:
+                raise
+            except UserError:  # so few do not tell what is asked for
+                continue
+            return bool(found.told_bound.cost <= most(made + new) * (1 + REACHED))
+        return False
 
     high = 1
     while not may(high):
@@ -213,9 +217,8 @@ def _cost_at_hand(problem: Problem | Region, keep: Any, criterion: Criterion) ->
     if isinstance(keep, Problem):
         M = keep.kept.weighted(np.ones(keep.n))
         made = keep.n
-    elif isinstance(problem, Region):
-        raise ArgumentError("expected a Problem of the experiments at hand", argument="keep")
     else:
+        assert isinstance(problem, Problem)  # of a region they are a problem
         counts = np.asarray(keep)
         whole = counts.ndim == 1 and np.issubdtype(counts.dtype, np.integer)
         if not whole or not ((counts >= 0) & (counts < problem.n)).all():

@@ -24,7 +24,7 @@ from edtk.design.relaxation.search_region import POINTS
 from edtk.system.errors import ArgumentError, UserError, whole_number
 from edtk.system.parsing import json_text
 from edtk.verbs.asked_limits import asked_weight_limits
-from edtk.verbs.inputs import CriterionLike, TableAndCertificate, given_size, proved_gap
+from edtk.verbs.inputs import CriterionLike, TableAndCertificate, at_hand, given_size, proved_gap
 from edtk.verbs.plan_problem import plan_problem, plan_region
 from edtk.verbs.question import OF_PROBLEMS, OF_WEIGHTS, PlanCall, Question, RelaxCall
 from edtk.verbs.robust import Design, best_weights, criterion_of, has_ranges, over_ranges
@@ -53,6 +53,7 @@ class OfProblem(Question):
             raise ArgumentError(message, argument="certificate")
         if call.certificate is not None:
             require_checkable(self.problem, call.keep is not None)
+        call = replace(call, keep=at_hand(self.problem, call.keep))
         options = {name: getattr(call, name) for name in (*OF_PROBLEMS, "prove", "cost_budget")}
         given = {name: value for name, value in options.items() if value is not None}
 
@@ -114,6 +115,7 @@ class OfRegion(Question):
         """Points with their counts; see `edtk.plan`."""
         files = TableAndCertificate(call.out, None)
         files.require()
+        keep = at_hand(self.region, call.keep)
 
         def solve(region: Region, criterion: criteria.Criterion) -> RegionPlan:
             return plan_region(
@@ -122,7 +124,7 @@ class OfRegion(Question):
                 criterion,
                 call.seed or 0,
                 call.starts,
-                call.keep,
+                keep,
                 call.progress,
                 proved_gap(call.prove_bound, "prove_bound"),
             )

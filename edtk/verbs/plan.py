@@ -81,7 +81,7 @@ def plan(
     seed: int | None = None,
     *,
     starts: int | None = None,
-    keep: Problem | None = None,
+    keep: ArrayLike | Problem | None = None,
     out: Path | str | None = None,
     progress: Progress = ...,
     prove_bound: float | None = None,
@@ -143,7 +143,8 @@ def plan(
         keep: A plan of experiments that were made already, or a sheet of which the rows that are
             filled in count; as a CSV file, or a data frame. For a problem:
             indices of candidates, each as often as it was measured, or another `Problem` of which
-            every candidate was measured once. For a region: a `Problem`.
+            every candidate was measured once; a data frame with the candidates' columns is one.
+            For a region: points (n, d), a data frame with its variables, or a `Problem`.
         prove: Seconds in which to prove that no plan of the same candidates is better, by branch
             and bound. Of a problem the search ends when that is proved: `.proved_exact` tells
             whether it is, and `.bound_exact` how much better any plan can be. A plan of a study may

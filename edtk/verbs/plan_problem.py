@@ -44,7 +44,7 @@ def plan_region(
     criterion: CriterionLike,
     seed: int,
     starts: int | None,
-    keep: object,
+    keep: Problem | None,
     progress: Progress,
     prove_bound: float | None = None,
 ) -> RegionPlan:
@@ -54,8 +54,6 @@ def plan_region(
         ArgumentError: An argument is impossible.
         UserError: So few experiments cannot identify the parameters.
     """
-    if keep is not None and not isinstance(keep, Problem):
-        raise ArgumentError("expected a Problem of the experiments at hand", argument="keep")
     criterion = criteria.as_criterion(criterion, region.parameters)
     number = None if starts is None else whole_number(starts, "starts", 1)
     return exact.plan_region(

@@ -109,7 +109,9 @@ def test_mixtures_of_some_components_obey_bounds_where_these_are_present() -> No
     assert found == pairs | {(0, 0, 1)}
 
 
-@pytest.mark.parametrize(("q", "m", "number"), [(3, 2, 6), (3, 3, 10), (4, 3, 20), (5, 2, 15)])
+@pytest.mark.parametrize(
+    ("q", "m", "number"), [(1, 3, 1), (3, 2, 6), (3, 3, 10), (4, 3, 20), (5, 2, 15)]
+)
 def test_lattices_are_scheffes(q: int, m: int, number: int) -> None:
     """All mixtures in multiples of one m-th, each once."""
     found = simplex_lattice(q, m).to_numpy()

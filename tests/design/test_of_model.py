@@ -245,6 +245,13 @@ BAD = {
     "jump": (lambda x, t: (x > t[0]) * 1.0, [2.0], {}, r"^f: no derivative by 'k1' at x = "),
     "ignored": (lambda x, t: t[0] * x, [1.0, 2.0], {}, r"^f: .*depend on 'k2' at any point$"),
     "fails": (lambda x, t: t[7] * x, [1.0], {}, r"^f: fails for points and theta: index 7"),
+    "complex": (lambda x, t: t[0] * x + 1j, [1.0], {}, r"^f: fails for .* values are complex;"),
+    "random": (
+        lambda x, t: t[0] * np.random.default_rng().normal(size=np.shape(x)),
+        [1.0],
+        {},
+        r"^f: fails for .*: a point asked for again has another value$",
+    ),
     "text": (lambda x, t: "a", [1.0], {}, r"^f: fails for .*expected numbers"),
     "raises at a point": (
         lambda x, t: t[0] * float(x) if x != 0.03 else [][0],
@@ -261,7 +268,12 @@ BAD = {
     "code": ("__import__('os')", [1.0], {}, r"^f: .* is no formula: there is no function"),
     "attribute": ("a.real * x", {"a": 1.0}, {}, r"^f: .* no formula: expected numbers, names"),
     "variables": ("a * x * y", {"a": 1.0}, {}, r"^variables: expected the order of x, y"),
-    "unused": ("a * x", {"a": 1.0, "b": 2.0}, {}, r"^parameters: 'a \* x' has no parameter 'b'"),
+    "unused": (
+        "a * x",
+        {"a": 1.0, "b": 2.0},
+        {},
+        r"^parameters: 'a \* x' has no parameter 'b'; it has a, x$",
+    ),
     "names": ("a * x", [1.0], {"parameters": ("a", "b")}, r"^parameters: a, b; expected 1"),
     "theta": ("a * x", {"a": np.nan}, {}, r"^theta: expected a finite number"),
     "family": ("a * x", {"a": 1.0}, {"family": "beta"}, r"^family beta: expected one of normal"),
@@ -374,3 +386,26 @@ def test_names_of_theta_count_and_not_their_order():
     first, second = both.robust.models
     assert first.parameters == second.parameters
     np.testing.assert_array_equal(first.factors(), second.factors())
+
+
+@pytest.mark.parametrize(
+    ("make", "sites"), [(edtk.Problem.of_model, DOSE), (edtk.Region.of_model, (0.0, 4.0))]
+)
+def test_a_mean_over_ranges_is_that_of_a_uniform_prior(make, sites):
+    """``det^(1/2)`` grows as V, whose logarithm has the mean ``2 log 2 - 1`` from one to two."""
+    alone = edtk.relax(make(ENZYME, {"V": 1.0, "K": 1.0}, sites))
+    mean = edtk.relax(make(ENZYME, {"K": 1.0, "V": (1, 2)}, sites, robust="bayes"))
+    assert 1 / (mean.value * alone.value) == pytest.approx(4 / np.e, rel=1e-9)
+
+
+def test_a_mean_over_two_ranges_is_that_of_many_theta():
+    """A product of rules agrees with another one of twice as many nodes a range."""
+    ranges = {"V": (1.0, 2.0), "K": (0.5, 2.0)}
+    found = edtk.relax(edtk.Problem.of_model(ENZYME, ranges, DOSE, robust="bayes"))
+    x, w = np.polynomial.legendre.leggauss(16)
+    theta = [(1.5 + a / 2, 1.25 + 0.75 * b) for a in x for b in x]
+    weights = np.outer(w, w).ravel()
+    rows = [np.stack([DOSE / (k + DOSE), -v * DOSE / (k + DOSE) ** 2], -1) for v, k in theta]
+    M = [np.einsum("n,ni,nj->ij", found.weights, one, one) for one in rows]
+    value = np.exp(weights @ np.linalg.slogdet(M).logabsdet / 4 / 2)
+    assert found.value == pytest.approx(1 / value, rel=1e-6)

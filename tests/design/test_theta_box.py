@@ -323,9 +323,24 @@ def of_line(x=(0.0, 1.0, 2.0), **options):
 
 
 BAD = {
-    "bayes": (
-        lambda: edtk.Problem.of_model(ENZYME, {"V": 1, "K": (1, 2)}, [1, 2], robust="bayes"),
-        r"^theta: ranges are for the worst theta",
+    "robust": (
+        lambda: edtk.Problem.of_model(ENZYME, {"V": 1, "K": (1, 2)}, [1, 2]),
+        r"^theta: has ranges; expected robust='maximin' beside them, or 'bayes'$",
+    ),
+    "weights of a mean": (
+        lambda: edtk.Problem.of_model(
+            ENZYME, {"V": 1, "K": (1, 2)}, [1, 2], robust="bayes", weights=[1]
+        ),
+        r"^weights: expected none beside ranges of theta, which count alike$",
+    ),
+    "too many": (
+        lambda: edtk.Problem.of_model(
+            " + ".join(f"{name} * x ^ {i}" for i, name in enumerate("abcdefg")),
+            dict.fromkeys("abcdefg", (0, 1)),
+            [1, 2],
+            robust="bayes",
+        ),
+        r"^theta: has 7 ranges, too many for a mean; expected a list of theta$",
     ),
     "order": (lambda: enzyme((2, 1)), r"^theta: expected a number or \(low, high\), low below"),
     "three": (lambda: enzyme((1, 2, 3)), r"^theta: expected a number or \(low, high\)"),

@@ -1,6 +1,7 @@
 """The experiments to make after those at hand."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import edtk
@@ -41,6 +42,26 @@ def test_experiments_at_hand_may_be_a_problem():
     region = edtk.Region(lambda x: np.vander(x[:, 0], 3), -1, 1)
     found = edtk.next(region, made)
     np.testing.assert_allclose(found.experiments, [[1.0]], atol=1e-6)
+    for points in ([-1.0, -1.0, 0.2], [[-1.0], [-1.0], [0.2]], pd.DataFrame({"x": [-1, -1, 0.2]})):
+        assert edtk.next(region, points).cost == pytest.approx(found.cost, rel=1e-9)
+    with pytest.raises(ArgumentError, match=r"keep: expected points \(n, 1\), or a Problem"):
+        edtk.next(region, [[1.0, 2.0]])
+
+
+def test_experiments_at_hand_may_be_rows_of_a_data_frame():
+    """They have the columns of the candidates, and need be none of them."""
+    made = pd.DataFrame({"dose": [0.13, 0.77, 0.77], "batch": ["b", "a", "a"]})
+    runs = pd.DataFrame({"dose": np.tile(np.linspace(0, 1, 11), 2), "batch": ["a", "b"] * 11})
+    model = edtk.Problem.from_frame(runs, "dose * batch", sigma=0.5)
+    one = edtk.Problem(model.regressors(made)[:, None] / 0.5)
+    found = edtk.next(model, made, 3)
+    assert found.cost == pytest.approx(edtk.next(model, one, 3).cost, rel=1e-9)
+    curve = edtk.Problem.of_model("a * exp(-b * dose)", {"a": 1, "b": 1}, runs[["dose"]])
+    assert edtk.next(curve, made, 1).size == 4
+    with pytest.raises(ArgumentError, match="keep: no column 'dose' in the data frame"):
+        edtk.next(model, made[["batch"]])
+    with pytest.raises(ArgumentError, match="keep: a data frame needs one model of a data frame"):
+        edtk.next(PARABOLA, made)
 
 
 @pytest.mark.parametrize(("keep", "share"), [([0, 0, 7, 20], 0.95), ([3, 4, 5, 6], 0.9)])
@@ -56,6 +77,14 @@ def test_as_few_as_reach_an_efficiency(keep, share):
     fewer = edtk.next(PARABOLA, keep, len(found.new) - 1)
     assert efficiency(fewer.counts) < share
     assert edtk.next(PARABOLA, found.experiments, efficiency=share) is None
+
+
+def test_few_at_hand_make_an_interval_narrow():
+    """What is best for the slope is singular for the parabola, and yet fifteen more are found."""
+    found = edtk.next(PARABOLA, [0], until={"k2": 1.0})
+    cov = np.linalg.inv(PARABOLA.information(found.counts))
+    assert 2 * 1.959963984540054 * np.sqrt(cov[1, 1]) <= 1 + 1e-9
+    assert len(found.new) == 15  # of fourteen: 1.9602 * 2/sqrt(15) > 1
 
 
 def test_as_few_as_make_intervals_narrow():

@@ -1,6 +1,7 @@
 """Plans whose counts obey more than a size: least counts, several budgets, sums, and marginals."""
 
 import itertools
+import re
 
 import numpy as np
 import pandas as pd
@@ -108,6 +109,7 @@ def test_costs_that_are_nearly_alike_are_told_apart() -> None:
     costs = np.stack([1 + 1e-5 * differences, np.ones(6)])
     found = edtk.plan(problem, 4, costs=costs, cost_budget=[4, 4], starts=4)
     assert found.counts[:2].sum() == 4
+    assert re.search(r"^The new experiments cost 4\S* and 4\.$", found.summary(), re.MULTILINE)
     costs = np.stack([1 + 1e-7 * differences, np.ones(6)])
     with pytest.raises(UserError, match="no whole counts within all limits"):
         edtk.plan(problem, 4, costs=costs, cost_budget=[4 + 3e-7, 4], starts=4)
@@ -117,7 +119,7 @@ def test_costs_that_are_nearly_alike_are_told_apart() -> None:
     ("keys", "said"),
     [
         ({"constraints": 3}, "constraints: expected a list of"),
-        ({"constraints": [3]}, r"constraints\[0\]\[0\]: expected \(coefficients"),
+        ({"constraints": [3]}, r"constraints\[0\] 3: expected \(coefficients"),
         ({"constraints": [{"over": 3}]}, r"constraints\[0\]: no column 'over'"),
         ({"constraints": [{"oven": {"up": 3}}]}, "no candidate has oven = 'up'"),
         ({"constraints": [("over == 1", 1, 2)]}, "'over == 1': name 'over' is not defined"),

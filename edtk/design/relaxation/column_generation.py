@@ -17,7 +17,6 @@ from edtk.design.relaxation.proof import Proof, Step, WarmStart, experiment_bloc
 from edtk.design.relaxation.restricted_master import (
     FINEST,
     INNER,
-    LEAST_BATCH,
     NEWTON,
     Effort,
     RelaxationError,
@@ -134,8 +133,8 @@ _known: WeakKeyDictionary[Problem, dict[int, Indices]] = WeakKeyDictionary()
 
 def _chosen(problem: Problem, size: int) -> Indices:
     """The candidates of `first_active_set`."""
-    sample = np.unique(np.linspace(0, problem.n - 1, FIRST_SAMPLE).astype(int))
     every = np.arange(problem.n)
+    sample = np.linspace(0, problem.n - 1, min(problem.n, FIRST_SAMPLE)).astype(int)
     for among in (sample, every):
         part = problem[among] if len(among) < problem.n else problem
         chosen = _most_informative(part, problem.mean, min(max(size, problem.width), part.n))
@@ -273,8 +272,8 @@ class ColumnGeneration:
 
     def _first_active(self) -> Indices:
         """The candidates to begin with: some that tell all parameters, and the most sensitive."""
-        least = max(self.problem.width, LEAST_BATCH)
-        chosen = first_active_set(self.problem, min(self._batch, least))
+        # A choice one after another takes its time; as many as there are parameters will do.
+        chosen = first_active_set(self.problem, self.problem.width)
         missing = self._batch - len(chosen)
         if missing <= 0 or len(chosen) == self.problem.n:
             return chosen

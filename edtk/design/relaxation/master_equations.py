@@ -17,6 +17,7 @@ from edtk.system.typing import Array, Indices
 
 TOWARDS_BOUNDARY = 0.95  # part of the way to the boundary that a step may take
 SHORTEST = 1e-6  # a shorter step counts as none
+JAMMED = 0.1  # a shorter one is made towards the central path instead
 SPREAD = 0.5  # part of the first weights that is spread over all candidates
 # Order up to which whole matrices are as quick as rows, which of packed candidates would have to
 # be factorized first.
@@ -106,18 +107,24 @@ class PathPoint(ABC, Generic[Along]):
         predictor = direction(0.0, None)
         reached = self.products_after(predictor, *self.lengths(predictor))
         ratio = reached / (self.mu * self.count)
-        if self.is_astray:
-            along = direction(self.mu, None)
-        else:
+        found = None
+        if not self.is_astray:
             target = self.mu * min(1.0, max(ratio**3, self.least_shrinking))
-            along = direction(target, predictor)
+            found, length = self._end(direction(target, predictor))
+            if length > JAMMED:
+                return found
+        # Close to a bound steps stay short until the products are alike again.
+        return self._end(direction(self.mu, None))[0] or found
+
+    def _end(self, along: Along) -> tuple[Self | None, float]:
+        """The end of a step, None where none leads nearer, and its length in the primal."""
         primal, dual = self.lengths(along)
         while primal > SHORTEST:
             found = self.moved(along, primal, dual)
             if found is not None:
-                return found
+                return found, primal
             primal *= 0.5
-        return None
+        return None, 0.0
 
 
 P = TypeVar("P", bound=PathPoint[Any])
@@ -358,35 +365,51 @@ def _solver(P: Array, D: Array, most: float) -> Solve:
 
 def _few(P: Array, D: Array) -> Solve:
     """By the matrix of the candidates (k, k)."""
-    from scipy.linalg import cho_factor, cho_solve
-
     H = P.T @ P
-    diagonal = np.diag_indices_from(H)
+    diagonal = H.reshape(-1)[:: len(H) + 1]
     # Candidates that tell the same make H singular where D vanishes; rounding must not make it
     # indefinite.
-    H[diagonal] += D + len(D) * np.finfo(float).eps * H[diagonal]
-    factor = cho_factor(H, lower=True, overwrite_a=True, check_finite=False)
+    diagonal += D + len(D) * np.finfo(float).eps * diagonal
+    by_factors = _factorized(H)
 
     def solve(b: Array) -> Array:
-        x = cho_solve(factor, b, check_finite=False)
+        x = by_factors(b)
         # Near the optimum H is ill-conditioned; one refinement saves the last digits of a step.
-        return np.asarray(x + cho_solve(factor, b - P.T @ (P @ x) - D * x, check_finite=False))
+        return x + by_factors(b - P.T @ (P @ x) - D * x)
 
     return solve
 
 
 def _many(P: Array, D: Array) -> Solve:
     """By the matrix of the entries (q, q)."""
-    from scipy.linalg import cho_factor, cho_solve
-
     scaled = P / np.sqrt(D)
     K = scaled @ scaled.T
-    K[np.diag_indices_from(K)] += 1.0
-    factor = cho_factor(K, lower=True, overwrite_a=True, check_finite=False)
+    K.reshape(-1)[:: len(K) + 1] += 1.0
+    by_factors = _factorized(K)
 
     def solve(b: Array) -> Array:
         x = b / D
-        return np.asarray(x - (P.T @ cho_solve(factor, P @ x, check_finite=False)) / D)
+        return np.asarray(x - (P.T @ by_factors(P @ x)) / D)
+
+    return solve
+
+
+def _factorized(K: Array) -> Solve:
+    """The solutions ``K^-1 b`` of a symmetric K (n, n), which is overwritten.
+
+    LAPACK is called as it is: for a few dozen unknowns the checks around it take ten times as long.
+
+    Raises:
+        LinAlgError: K is not positive definite to working precision.
+    """
+    from scipy.linalg.lapack import dpotrf, dpotrs
+
+    factor, failed = dpotrf(K.T, lower=1, clean=0, overwrite_a=1)
+    if failed:
+        raise np.linalg.LinAlgError("the equations are not positive definite")
+
+    def solve(b: Array) -> Array:
+        return np.asarray(dpotrs(factor, b, lower=1)[0])
 
     return solve
 
@@ -442,15 +465,13 @@ def _by_weights(P: Array, D: Array, last: Array | None) -> ConicSolve:
 
 def _by_duals(P: Array, scaled: Array, D: Array, last: Array | None) -> ConicSolve:
     """By the equations of the duals."""
-    from scipy.linalg import cho_factor, cho_solve
-
     S = scaled @ scaled.T
-    S[np.diag_indices_from(S)] += 1.0
-    factor = cho_factor(S, lower=True, overwrite_a=True, check_finite=False)
-    along = None if last is None else cho_solve(factor, last, check_finite=False)
+    S.reshape(-1)[:: len(S) + 1] += 1.0
+    by_factors = _factorized(S)
+    along = None if last is None else by_factors(last)
 
     def solve(c: Array, d: Array, u: float) -> tuple[Array, float, Array]:
-        y = cho_solve(factor, c - P @ (d / D), check_finite=False)
+        y = by_factors(c - P @ (d / D))
         z = 0.0
         if last is not None and along is not None:
             z = float((last @ y - u) / (last @ along))

@@ -135,9 +135,10 @@ def _improve_by_member(
     for step in generation.steps(incumbent.last):
         incumbent.update(step, Z, t)
         progress(incumbent.iterations, incumbent.gap)
-        cost = float(subproblem.cost(step.M))
-        if is_family and cost - step.proof.lower_bound <= LEFT * (cost - known):
-            return
+        if is_family:
+            cost = float(subproblem.cost(step.M))
+            if cost - step.proof.lower_bound <= LEFT * (cost - known):
+                return
 
 
 def _ignore_progress(iterations: int, gap: float) -> None:

@@ -34,7 +34,8 @@ NEARLY_SINGULAR = 1e-10
 POLISH_OPTIONS = {"maxiter": 300, "ftol": 1e-13}
 LOG_COST_OF_SINGULAR = 1e3  # larger than the log of any cost that a double can hold
 NEWTON = "NEWTON"
-LEAST_BATCH = 40
+# Programs over so many take hardly longer than those over half of them, and fewer are solved.
+LEAST_BATCH = 100
 # Candidates per parameter that enter per round: the support grows with the number of parameters.
 BATCH_PER_PARAMETER = 4
 # Accuracy of Newton's method in parts of the gap that the candidates outside leave, and where they
@@ -372,7 +373,7 @@ class SolverOptions:
     Attributes:
         rounds: Limit on the number of restricted master problems per convex program.
         batch: Candidates that enter the restricted master problem per round, at most; defaults to
-            40, and to more where there are more than ten parameters.
+            100, and to more where there are more than 25 parameters.
         solvers: Names from `SOLVERS_IN_TURN`, the first to be tried first.
 
     Raises:

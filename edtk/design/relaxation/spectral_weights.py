@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from criteria.linalg.inverse import whitener
-from criteria.linalg.typing import triangle
+from criteria.linalg.typing import isometric, triangle
 from criteria.relaxable import SpectralBand
 from edtk.design.relaxation.master_equations import (
     SPREAD,
@@ -44,8 +44,7 @@ class Scaling:
     @classmethod
     def of(cls, X: Array, S: Array) -> "Scaling":
         """The scaling of Nesterov and Todd, by the singular values of a product of factors."""
-        L = np.linalg.cholesky(X)
-        K = np.linalg.cholesky(S)
+        L, K = np.linalg.cholesky(np.stack([X, S]))
         _, l, rows = np.linalg.svd(np.swapaxes(K, 1, 2) @ L)  # noqa: E741
         turned = np.swapaxes(rows, 1, 2) * np.sqrt(l)[:, None]
         return cls(np.swapaxes(np.linalg.solve(np.swapaxes(L, 1, 2), turned), 1, 2), l)
@@ -66,9 +65,9 @@ class Scaling:
         """
         root = np.sqrt(self.l)
         both = np.stack([X, S]) / (root[:, :, None] * root[:, None])
-        eigenvalues = np.linalg.eigvalsh(both).reshape(2, -1)
-        primal, dual = (step_length(np.ones_like(part), part) for part in eigenvalues)
-        return primal, dual
+        least = np.linalg.eigvalsh(both)[..., 0]
+        one = np.ones(len(X))
+        return step_length(one, least[0]), step_length(one, least[1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,8 +283,12 @@ class _Point(PathPoint[SpectralDirection]):
     def products_after(self, along: SpectralDirection, primal: float, dual: float) -> float:
         """Of weights and slacks, and of inequalities and their duals, which are the same here."""
         reached = (self.w + primal * along.w) @ (self.v + dual * along.v)
-        same = self.scaling.l[:, :, None] * np.eye(len(self.T))
-        return float(reached + np.vdot(same + primal * along.X, same + dual * along.S))
+        each = np.arange(len(self.T))
+        X = primal * along.X
+        S = dual * along.S
+        X[:, each, each] += self.scaling.l
+        S[:, each, each] += self.scaling.l
+        return float(reached + np.vdot(X, S))
 
     def moved(self, along: SpectralDirection, primal: float, dual: float) -> "_Point":
         """The point at the end of a step, all of which are inside."""
@@ -304,7 +307,7 @@ class _Point(PathPoint[SpectralDirection]):
     def _equations(self) -> "_Equations":
         """The equations of a step, factorized."""
         rows, columns = triangle(len(self.T))
-        scale = np.where(rows == columns, 1.0, np.sqrt(2.0))
+        scale = isometric(len(self.T))
         H = self.scaling.H
         lower = self.active.triangles(self.T @ H[0].T, scale)
         D = self.v / self.w
@@ -343,7 +346,7 @@ class _Equations:
             changes = predictor.X @ predictor.S
             lost_in_cones = 0.5 * (changes + np.swapaxes(changes, 1, 2))
         rows, columns = triangle(len(point.T))
-        scale = np.where(rows == columns, 1.0, np.sqrt(2.0))
+        scale = isometric(len(point.T))
         wanted = point.scaling.change(mu, lost_in_cones)[:, rows, columns] * scale
         missing, upper = point.residuals
         products = mu - point.w * point.v - lost

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from criteria.linalg.inverse import whitener
-from criteria.linalg.typing import triangle
+from criteria.linalg.typing import isometric, triangle
 from edtk.design.relaxation.master_equations import (
     SPREAD,
     ActiveInformation,
@@ -17,6 +17,7 @@ from edtk.design.relaxation.master_equations import (
     step_length,
     weight_equations,
 )
+from edtk.design.relaxation.proof import rounding_of_inverse
 from edtk.system.typing import Array
 
 INSIDE = 0.5  # the largest variance of the first point, where one is allowed
@@ -193,8 +194,14 @@ class _Point(PathPoint[_Direction]):
 
     @cached_property
     def error(self) -> float:
-        """The gap, or what the equations miss."""
-        return max(self.gap, float(np.abs(self.missing).max()))
+        """The gap, what the equations miss, or what rounding makes of variances.
+
+        Near a singular optimum the information about the direction that it leaves open shrinks with
+        the gap, and rounding grows: a point further along the path proves less.
+        """
+        M = self.active.information(self.w)
+        rounding = rounding_of_inverse(M, np.square(self.T).sum(axis=1))
+        return max(self.gap, float(np.abs(self.missing).max()), rounding)
 
     @property
     def gap(self) -> float:
@@ -247,7 +254,7 @@ class _Point(PathPoint[_Direction]):
         """The equations of a step, and the slopes J (j, k) of the variances."""
         l, V = self.spectrum  # noqa: E741
         rows, columns = triangle(len(V))
-        twice = np.where(rows == columns, 1.0, np.sqrt(2.0))
+        twice = isometric(len(V))
         E = self.active.triangles(self.T @ V, twice)
         B = self.turned @ V
         squares = np.swapaxes(B, 1, 2) @ B

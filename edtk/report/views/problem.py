@@ -78,7 +78,8 @@ def _plan_text(found: ProblemPlan, size: str, header: list[str], rows: list[list
         if found.lower_bound.cost
         else found.basis
     )
-    spent = "" if found.spent is None else f"The new experiments cost {found.spent:g}.\n"
+    costs = [] if found.spent is None else [f"{each:g}" for each in np.atleast_1d(found.spent)]
+    spent = f"The new experiments cost {' and '.join(costs)}.\n" if costs else ""
     return (
         f"{found.criterion.label} ({found.criterion.formula}): {found.value:.7g}, {bound}\n"
         f"{size}; {found.found} of {found.starts} starts led to a plan as good "

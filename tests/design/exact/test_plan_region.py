@@ -158,8 +158,10 @@ def test_the_front_door():
     assert found.counts.tolist() == [2, 2]
     assert found.criterion.name == "D"
     assert edtk.plan(region, size=4, criterion=criteria.create("A"), starts=2).criterion.name == "A"
-    with pytest.raises(ArgumentError, match="keep: expected a Problem"):
-        edtk.plan(region, 4, keep=[1, 2])
+    kept = edtk.plan(region, 4, starts=2, keep=region.problem([1, 2]))
+    assert edtk.plan(region, 4, starts=2, keep=[1, 2]).cost == pytest.approx(kept.cost, rel=1e-9)
+    with pytest.raises(ArgumentError, match=r"keep: expected points \(n, 1\), or a Problem"):
+        edtk.plan(region, 4, keep=[[1, 2]])
     with pytest.raises(ArgumentError, match="most: not for plans of a region"):
         edtk.plan(region, 4, most=1)
     with pytest.raises(ArgumentError, match="block_variance: not for plans of a region"):

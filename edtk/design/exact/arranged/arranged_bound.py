@@ -280,9 +280,9 @@ class ArrangedBound:
                 Group(int((sizes == size).sum()), int(size), self.rows, float(share), slices)
             )
             blocks.append(np.array([np.sort(self.places[g]) for g in groups if len(g) == size]))
-        words = f"mixtures of {stratum.name}s"
-        others = [own.name for own in self.runs.errors.levels if own is not stratum]
-        aside = [f"{name}s" for name in others] + ["trends"] * bool(self.runs.trends)
+        words = f"mixtures of {stratum.plural}"
+        aside = [own.plural for own in self.runs.errors.levels if own is not stratum]
+        aside += ["trends"] * bool(self.runs.trends)
         return self._mixed(parts, self.base, self.criterion, blocks, words, aside)
 
     def _of_series(self) -> RelaxedCounts | None:
@@ -320,7 +320,7 @@ class ArrangedBound:
             )
             parts.append(part)
             blocks.append(np.array([self.places[runs] for runs in own]))
-        aside = [f"{stratum.name}s" for stratum in errors.levels]
+        aside = [stratum.plural for stratum in errors.levels]
         if errors.trends and not e:
             aside.append("trends")
         return self._mixed(parts, base, criterion, blocks, "mixtures of sequences", aside)

@@ -62,7 +62,8 @@ class Settings:
         every = [name for own in hard for name in own]
         twice = [name for name in every if every.count(name) > 1]
         if twice:
-            raise ArgumentError(f"two strata keep {twice[0]!r}", argument="hard")
+            message = f"two strata keep {twice[0]!r}; groups inside one that keeps it do so anyway"
+            raise ArgumentError(message, argument="hard")
         if not isinstance(problem, DescribedProblem):
             named["candidate"] = _ranks(list(named.values()), problem.n)
         names = list(named)

@@ -427,7 +427,8 @@ def _require_regular(cost: float, limits: Limits, problem: Problem, criterion: C
         f"the {problem.p} parameters" if criterion.needs_all else f"what {criterion.label} needs"
     )
     raise UserError(
-        f"no plan of {experiments}{blocks} was found that identifies {needed}; more are needed"
+        f"no plan of {experiments}{blocks} was found that identifies {needed}; "
+        "more experiments, or starts, are needed"
     )
 
 

@@ -199,6 +199,7 @@ def test_nested_strata_with_a_trend() -> None:
     V = np.eye(12) + 0.5 * (grouped(12, 6) - np.eye(12))
     np.testing.assert_allclose(plan.information, dense(plan, V, N), atol=1e-9)
     assert plan.to_frame().groupby("batch").w.nunique().max() == 1
+    assert "in 2 days (fixed), 6 batches (variance 0.5) with one w each" in plan.headline()
 
 
 def test_pyoptex_finds_no_better_one() -> None:
