@@ -152,7 +152,7 @@ def test_evaluate_json_is_alone_on_standard_output_and_in_si() -> None:
     answer = process("evaluate", "studies/kr270_milling.toml", PLAN_3, "--json")
     result = json.loads(answer.stdout)
     keys = {"criteria", "observability_unscaled", "std", "covariance", "parameters", "experiments"}
-    assert set(result) == keys | {"expected_error", "skipped", "warnings"}
+    assert set(result) == keys | {"budget_mm", "expected_error", "skipped", "warnings"}
     assert result["criteria"]["rho0"] == pytest.approx(6.588e-6, rel=2e-4)
     assert result["experiments"] == 3
     assert result["std"]["q2"] == pytest.approx(np.sqrt(result["covariance"][0][0]))

@@ -14,7 +14,7 @@ from edtk.calibration.geometry.geometric_calibration import covariance_of
 from edtk.calibration.model_left import ModelLeft
 from edtk.calibration.prediction import MM, Prediction, beyond_limits
 from edtk.calibration.propagation import FittedSprings, root_of
-from edtk.calibration.tasks_in_use import ToolInUse
+from edtk.calibration.tasks_in_use import ToolInUse, reading_findings
 from edtk.design.plan import REPEATS
 from edtk.findings.moving_joints import ReadingNoise
 from edtk.findings.units import like_radians
@@ -125,7 +125,11 @@ class CalibratedSprings(Calibrated):
 
     def predict(self, poses: Table, tool_rows: int = 0) -> Prediction:
         """Predict displacements, see `predict_displacements`; no rows place anything."""
-        return predict_displacements(self.study, *self.fitted, poses)
+        springs, certain = self.fitted
+        found = predict_displacements(self.study, springs, certain, poses)
+        names = [self.study.robot.joint_names[j] for j in springs.joints]
+        k = dict(zip(names, springs.k.tolist(), strict=True))
+        return replace(found, other_units=reading_findings(self.study, k, found.data))
 
     @cached_property
     def fitted(self) -> tuple[FittedSprings, bool]:

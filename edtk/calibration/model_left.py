@@ -284,24 +284,26 @@ class PiecesLeft:
         tasks = setting.study.tasks
         if not tasks or any(task.tool is None for task in tasks):
             return None
-        sizes, moved = [], []
-        parts = []
+        squares, moved, parts = [], [], []
         for task in tasks:
             assert task.tool is not None
-            robot, loads = fitted.at_tool(task.tool), setting.every_load_of(task)
+            loads = setting.every_load_of(task)
+            robot = fitted.at_tool(task.tool).under(loads, setting.untold(loads))
             q = np.atleast_2d(task.q)
             wrench = np.tile(task.wrench, (len(q), 1))
-            _, _, J, _ = robot.moves(q, wrench, loads)
-            found = self.mixture(robot, loads.by_wrench, q, wrench, J[:, :ROWS])
-            own = J[:, :ROWS] @ robot.covariance @ np.swapaxes(J[:, :ROWS], 1, 2) / MM**2
-            sizes.append([found.size[0] ** 2, np.einsum("trr->", own)])
+            moves = robot.moves(q, wrench, loads)
+            J, kept = moves[2][:, :ROWS], slice(0, ROWS)
+            beside = robot.beside(q, wrench, moves)[:, kept, kept] / MM**2
+            found = self.mixture(robot, loads.by_wrench, q, wrench, J).plus(beside)
+            own = J @ robot.covariance @ np.swapaxes(J, 1, 2) / MM**2 + beside
+            squares.append([np.square(found.size).mean(), np.einsum("trr->t", own).mean()])
             at = replace(loads.by_wrench, unknown=None)
             moved.append(np.linalg.norm(at.regressor(q, wrench) @ self.pieces.k) ** 2)
             parts.append(found)
-        total, noise = np.sqrt(tasks.shares @ np.array(sizes))
+        total, exact = tasks.shares @ np.array(squares)
         before = float(np.sqrt(tasks.shares @ np.array(moved)))
-        model = float(np.sqrt(max(total**2 - noise**2, 0.0)))
-        return LeftInTasks(tasks, tuple(parts), float(total), model, before)
+        model = float(np.sqrt(max(total - exact, 0.0)))
+        return LeftInTasks(tasks, tuple(parts), float(np.sqrt(total)), model, before)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers; parameters in their units."""

@@ -21,6 +21,7 @@ from edtk.fit.least_squares import SingularPlanError, covariance
 from edtk.fit.measurements import Measurements, simulate
 from edtk.fit.noise import MOST_COORDINATES, Noise
 from edtk.fit.posterior import SamplingOptions
+from edtk.fit.prior import PriorRows
 from edtk.fit.sheet import sheet_turns
 from edtk.measure.equilibrium import NoEquilibriumError, why_no_rest
 from edtk.measure.expected_error import (
@@ -199,7 +200,8 @@ def plan_propagation(study: Study, plan: Plan) -> Propagation | None:
         cov,
         uncertainty_of(study),
         np.repeat(plan.repeats, len(study.model.instruments)),
-        payload=payload_beside_load(study),
+        _known_before(study),
+        payload_beside_load(study),
     )
     noise = promised_noise(study, study.model)
     if noise is None or not noise.shares:
@@ -209,6 +211,17 @@ def plan_propagation(study: Study, plan: Plan) -> Propagation | None:
     own = {"noise": by_noise, "model": by_both - by_noise}
     roots = {name: np.pad(root_of(part), below) for name, part in own.items()}
     return replace(found, roots=found.roots | roots)
+
+
+def _known_before(study: Study) -> PriorRows | None:
+    """What a study says that was known before, as rows ``R' R``; None where it does not count."""
+    known = study.prior_information
+    if known is None:
+        return None
+    size = np.sqrt(np.where(np.diag(known) > 0, np.diag(known), 1.0))
+    values, vectors = np.linalg.eigh(known / np.outer(size, size))
+    rows = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size
+    return PriorRows(rows, np.zeros(len(rows)))
 
 
 def _covariance_with(study: Study, plan: Plan, noise: VisitNoise) -> Array:

@@ -44,6 +44,7 @@ class Prediction(Presented):
         beyond: Rows, counted from 0, of poses beyond the joints' limits.
         radians: Whether the joint angles look like radians.
         certain: Whether the result does not say how well its parameters are known.
+        other_units: What looks like another unit in loads or compliances.
     """
 
     data: MarkerPositions | Measurements
@@ -59,6 +60,7 @@ class Prediction(Presented):
     beyond: tuple[int, ...] = ()
     radians: bool = False
     certain: bool = False
+    other_units: tuple[Finding, ...] = ()
 
     def headline(self) -> str:
         """How many readings, and how far they are off."""
@@ -229,6 +231,8 @@ def prediction_findings(found: "Prediction") -> tuple[Finding, ...]:
         said.append(Finding.of(Severity.WARNING, WORDING, "angle_unit"))
     if found.certain:
         said.append(Finding.of(Severity.WARNING, WORDING, "certain"))
+    if not found.tests.any():
+        said += found.other_units
     return (*said, *_far_off(found))
 
 

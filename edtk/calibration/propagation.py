@@ -1,13 +1,13 @@
 """How what is uncertain in a calibration moves its compliances, and the budget of errors."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
 
 from edtk.calibration.model_left import ModelLeft
-from edtk.calibration.told_part import LeastSquaresInverse
+from edtk.calibration.told_part import Inverse, LeastSquaresInverse
 from edtk.findings.causes.faults import FAULTS
 from edtk.findings.causes.scene import Displacements, Scene
 from edtk.findings.fitted_data import FittedData
@@ -26,11 +26,11 @@ from edtk.measure.expected_error import (
 )
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import Parameter
-from edtk.measure.task import Columns, Task, Tasks
+from edtk.measure.task import Columns, ErringColumns, Task, Tasks
 from edtk.robots.robot import Robot
 from edtk.robots.weights import DeadWeights
 from edtk.study.study import Study
-from edtk.study.study_geometry import StudyGeometry
+from edtk.study.study_geometry import StudyGeometry, StudyLoads
 from edtk.study.study_model import assumed_joints, payload_beside_load
 from edtk.system.typing import Array, Indices, Mask
 
@@ -287,15 +287,15 @@ class OfVisits:
     Attributes:
         setting: Markers, noise and loads of the study.
         model: The parameters (p,) that are estimated.
+        discrepancy: What the model leaves out of a coordinate, at one standard deviation [m].
         beside: Parameters that are taken as they are: joints (a,) that are not identified, and
             where markers are that count as known.
-        discrepancy: What the model leaves out of a coordinate, at one standard deviation [m].
     """
 
     setting: StudyGeometry
     model: MeasuredModel
-    beside: tuple[Parameter, ...]
     discrepancy: float
+    beside: tuple[Parameter, ...] = ()
 
     @property
     def _every(self) -> MeasuredModel:
@@ -307,9 +307,20 @@ class OfVisits:
         return tasks.with_columns(self._columns)
 
     def _columns(self, task: Task) -> Columns:
-        model = self._every
-        own = self.setting.columns(task, model, self.setting.every_load_of(task))
-        return lambda q, turned: own(q, turned) / model.scales
+        every, loads = self._every, self.setting.every_load_of(task)
+        own = self._about(task, self.model, loads)
+        beside = self._about(task, every, self.setting.untold(loads))
+        p = self.model.p
+
+        def columns(q: Array, turned: bool) -> Array:
+            both = [own(q, turned), beside(q, turned)[..., p:]]
+            return np.asarray(np.concatenate(both, axis=-1) / every.scales)
+
+        return columns
+
+    def _about(self, task: Task, model: MeasuredModel, loads: StudyLoads) -> ErringColumns:
+        """How what counts in a task moves with a model's parameters, about the drawing."""
+        return self.setting.columns(task, model, loads)
 
     def there(self, tasks: Tasks) -> dict[str, float]:
         """Errors in the tasks themselves, by no parameter: of the model, and of the joints [m]."""
@@ -357,7 +368,7 @@ class Others:
         R: Root (a, a) of P, with rows of zeros for joints that count as rigid.
     """
 
-    inverse: LeastSquaresInverse
+    inverse: Inverse
     joints: tuple[AssumedJoint, ...]
     columns: list[Array]
     bend: Array
@@ -366,10 +377,10 @@ class Others:
 
     @classmethod
     def of(
-        cls, inverse: LeastSquaresInverse, columns: list[Array], joints: tuple[AssumedJoint, ...]
+        cls, inverse: Inverse, columns: list[Array], joints: tuple[AssumedJoint, ...]
     ) -> "Others":
         """The joints with their columns (m, rows) of the measurements."""
-        p = inverse.whitened.R.shape[-1]
+        p = inverse.p
         bend = np.zeros((p + len(joints), len(joints)))
         bend[p:] = -np.eye(len(joints))
         for i, column in enumerate(columns):
@@ -423,7 +434,7 @@ def shown_by(scene: Scene, name: str) -> list[Array]:
 def shifts_by(told: Others, scene: Scene, names: tuple[str, ...]) -> Array:
     """Shifts (p + a, c) of all that is estimated by some faults of size one."""
     every = [told.shifts(one) for name in names for one in shown_by(scene, name)]
-    return np.hstack([told.below(np.zeros((scene.A.shape[-1], 0))), *every])
+    return np.hstack([told.below(np.zeros((told.inverse.p, 0))), *every])
 
 
 def _by_weights(
@@ -572,12 +583,15 @@ class FittedSprings:
         }
 
 
-def uncertainty_of(study: Study, k: Array | None = None) -> Uncertainty:
+def uncertainty_of(
+    study: Study, k: Array | None = None, untold: Collection[str] = ()
+) -> Uncertainty:
     """The study's [uncertainty] in SI units.
 
     Args:
         study: The study.
         k: Compliances (p,) of the unknown joints, see `assumed_joints` [rad/(N m)].
+        untold: Unknown joints that no reading tells.
     """
     given = study.specification.uncertainty
     return Uncertainty(
@@ -586,5 +600,5 @@ def uncertainty_of(study: Study, k: Array | None = None) -> Uncertainty:
         tool=given.tool_mm / 1e3,
         drift=given.drift_mm / 1e3,
         repeatability=given.repeatability_mm / 1e3,
-        joints=assumed_joints(study, k),
+        joints=assumed_joints(study, k, untold),
     )

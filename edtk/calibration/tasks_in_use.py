@@ -10,11 +10,14 @@ import numpy as np
 from edtk.design.plan import Plan
 from edtk.findings.finding import Finding, Severity, Wording
 from edtk.findings.units import like_radians
+from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.measurements import Measurements
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.pose_table import Table
 from edtk.measure.task import Task
 from edtk.robots.robot import Robot
 from edtk.study.study import Study
+from edtk.study.study_model import largest_force
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.typing import Array, Indices
 
@@ -261,7 +264,19 @@ def task_findings(study: Study, k: Mapping[str, float], task: Plan) -> tuple[Fin
     Returns:
         What looks like another unit; nothing where all is plausible.
     """
-    return (*_angles(study, task.q), *_forces(study, task.wrench), *_sizes(study, k, task))
+    known = [np.linalg.norm(np.atleast_2d(one.wrench)[:, :3], axis=1).max() for one in study.tasks]
+    expected = float(max(known, default=0.0))
+    forces = _forces(task.wrench, expected, "the task", "test pose")
+    return (*_angles(study, task.q), *forces, *_sizes(study, k, task))
+
+
+def reading_findings(
+    study: Study, k: Mapping[str, float], data: Measurements | MarkerPositions
+) -> tuple[Finding, ...]:
+    """The same of poses in which readings are predicted, beside the loads of the study."""
+    forces = _forces(data.wrench, largest_force(study), "the file", "loads")
+    poses = Plan(data.q, data.wrench, np.ones(len(data.q), dtype=int))
+    return (*forces, *_sizes(study, k, poses))
 
 
 def _angles(study: Study, q: Array) -> Iterator[Finding]:
@@ -270,16 +285,13 @@ def _angles(study: Study, q: Array) -> Iterator[Finding]:
         yield Finding.of(Severity.WARNING, WORDING, "angle_unit")
 
 
-def _forces(study: Study, wrench: Array) -> Iterator[Finding]:
-    """Forces a thousand times smaller, or larger, than those of the study's test poses."""
-    known = [np.linalg.norm(np.atleast_2d(one.wrench)[:, :3], axis=1).max() for one in study.tasks]
-    expected = float(max(known, default=0.0))
-    applied = float(np.linalg.norm(wrench[:, :3], axis=1).max())
+def _forces(wrench: Array, expected: float, whose: str, beside: str) -> Iterator[Finding]:
+    """Forces a thousand times smaller, or larger, than those of the study."""
+    applied = float(np.linalg.norm(wrench[:, :3], axis=1).max(initial=0.0))
     for factor, unit in ((1 / A_THOUSAND, "kilonewtons"), (A_THOUSAND, "millinewtons")):
         if _is_near(applied, factor * expected):
-            yield Finding.of(
-                Severity.WARNING, WORDING, "force_unit", ratio=applied / expected, unit=unit
-            )
+            data = {"ratio": applied / expected, "unit": unit, "whose": whose, "beside": beside}
+            yield Finding.of(Severity.WARNING, WORDING, "force_unit", **data)
 
 
 def _sizes(study: Study, k: Mapping[str, float], task: Plan) -> Iterator[Finding]:
@@ -317,8 +329,8 @@ WORDING: Wording = {
         "expected degrees"
     ),
     "force_unit": lambda data: (
-        f"the forces of the task are {data['ratio']:.2g} times those of the study's test pose: are "
-        f"they in {data['unit']}? expected newtons"
+        f"the forces of {data['whose']} are {data['ratio']:.2g} times those of the study's "
+        f"{data['beside']}: are they in {data['unit']}? expected newtons"
     ),
     "compliance_unit": lambda data: (
         f"the compliances are {data['ratio']:.2g} times those of the study's [simulation]: are "

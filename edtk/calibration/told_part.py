@@ -1,5 +1,6 @@
 """What measurements tell of the compliances, and of combinations that a study is about."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -186,9 +187,39 @@ def measured_known(study: Study, data: Measurements, how: HowFitted) -> Study:
     return study.replace(joints=joints | {"known_rad_per_Nm": told})
 
 
+class Inverse(ABC):
+    """How estimates change with measurements: ``dk = A+ change``."""
+
+    @property
+    @abstractmethod
+    def p(self) -> int:
+        """Number of estimates."""
+
+    @abstractmethod
+    def solve(self, change: Array) -> Array:
+        """Changes (..., p) of the estimates by changes (..., m, rows) of measurements."""
+
+    @abstractmethod
+    def left_of(self, column: Array) -> Array:
+        """What estimates leave of a column (m, rows), in units of the noise; zero of rounding."""
+
+    @abstractmethod
+    def in_sigma(self, change: Array) -> Array:
+        """A change (m, rows) of measurements in units of the noise."""
+
+    def told(self, column: Array) -> float:
+        """With which std a further parameter of this column (m, rows) would be told; may be inf."""
+        left = float(np.linalg.norm(self.left_of(column)))
+        return 1 / left if left > 0 else np.inf
+
+    def shifts(self, changes: Array) -> Array:
+        """Shifts (p, c) of the estimates by c changes (m, rows, c) of measurements."""
+        return self.solve(np.moveaxis(changes, -1, 0)).T
+
+
 @dataclass(frozen=True, eq=False)
-class LeastSquaresInverse:
-    """How estimates change with measurements: ``dk = A+ change``.
+class LeastSquaresInverse(Inverse):
+    """That of rows with their noise, and of a prior below them.
 
     Attributes:
         whitened: The factored regressors of the measurements, and of a prior below them.
@@ -222,31 +253,27 @@ class LeastSquaresInverse:
             A = prior.below(A)
         return cls(Whitened.of(A, noise, names), prior, count)
 
+    @property
+    def p(self) -> int:
+        """Number of compliances."""
+        return int(self.whitened.R.shape[-1])
+
     def solve(self, change: Array) -> Array:
-        """Changes (..., p) of the estimates by changes (..., m, rows) of measurements."""
+        """The least-squares solutions."""
         below = change if self.prior is None else self.prior.zeros_below(change)
         return self.whitened.solve(below)
 
-    def told(self, column: Array) -> float:
-        """With which std a further parameter of this column (m, rows) would be told; may be inf."""
-        left = float(np.linalg.norm(self.left_of(column)))
-        return 1 / left if left > 0 else np.inf
-
     def left_of(self, column: Array) -> Array:
-        """What estimates leave of a column (m, rows), in units of the noise; zero of rounding."""
+        """The residual of the column."""
         below = column if self.prior is None else self.prior.zeros_below(column)
         left = self.whitened.residual(below)
         whole = float(np.linalg.norm(self.whitened.in_sigma(below)))
         return left if float(np.linalg.norm(left)) > ROUNDING * whole else np.zeros_like(left)
 
     def in_sigma(self, change: Array) -> Array:
-        """A change (m, rows) of measurements in units of the noise."""
+        """With zeros below for the prior."""
         below = change if self.prior is None else self.prior.zeros_below(change)
         return self.whitened.in_sigma(below)
-
-    def shifts(self, changes: Array) -> Array:
-        """Shifts (p, c) of the estimates by c changes (m, rows, c) of measurements."""
-        return self.solve(np.moveaxis(changes, -1, 0)).T
 
     def by_reading(self) -> Array:
         """``W' Q`` (m, rows, p): what a unit of each measured coordinate adds to ``Q' W dp``."""

@@ -19,7 +19,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SAMPLE = 256  # poses within the limits, in which levers are looked for
-SHORTEST = 1e-3  # lever of a joint whose axis runs through the tool point [m]
+SHORTEST = 1e-3  # reach of a robot that has none [m]
+# Lever of a joint whose axis runs through the tool point, over the reach. No tool is a point: data
+# sheets allow the payload at a tenth of the reach from the axes of a wrist, and at more of many.
+WRIST = 0.1
 # Gears are chosen so that the largest load turns them by minutes of arc.
 BENT = 1e-3  # [rad]
 SOFTEST = 1e-4  # no gear of a robot is softer, wrists of small collaborative robots included
@@ -140,12 +143,13 @@ def levers(robot: Robot) -> Array:
 
     A gear is chosen for the load that it may have to hold, which is a force at the tool times this
     lever, whichever way the force points: so levers put joints in the order of their capacities.
-    They are looked for in poses within the joint limits, ``max |dp/dq_j|``.
+    They are looked for in poses within the joint limits, ``max |dp/dq_j|``, and are a tenth of the
+    reach at least, see `WRIST`.
     """
     lower, upper = np.clip(robot.limits, -np.pi, np.pi)
     q = np.random.default_rng(0).uniform(lower, upper, (SAMPLE, robot.n))
     found = np.linalg.norm(robot.jacobian(q)[:, :3], axis=1).max(axis=0)
-    return np.asarray(np.maximum(found, SHORTEST))
+    return np.asarray(np.maximum(found, max(WRIST * robot.reach, SHORTEST)))
 
 
 def as_neighbours(

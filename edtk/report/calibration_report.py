@@ -9,10 +9,9 @@ from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.findings.finding import Finding, shown_probability
 from edtk.fit.identify import Identification
 from edtk.measure.cells import csv_text
-from edtk.measure.expected_error import ErrorBudget
 from edtk.measure.pose_table import coordinate_names
 from edtk.report.calibration_sections import (
-    budget_section,
+    budget_of_springs,
     evaluated_facts,
     facts_section,
     measured_facts,
@@ -32,7 +31,7 @@ from edtk.report.show.page import page_html
 from edtk.report.show.plate import PAGE, poses_section
 from edtk.report.show.stage import stage_of_calibration
 from edtk.report.shown import digits, left_out_sentence
-from edtk.report.views.calibration import assumed_besides
+from edtk.report.views.calibration import of_the_total, total_expected
 from edtk.study.study import Study
 from edtk.system.files import Content
 from edtk.system.parsing import json_text
@@ -94,11 +93,7 @@ def _expected(found: Calibration) -> str:
         worst = int(np.argmax(fit.std / k))
         share = f"{100 * fit.std[worst] / k[worst]:.2g} %"
         return f"The least certain compliance is {found.parameters[worst]}, to {share}."
-    place = f" {found.study.tasks.place}" if found.study.tasks else ""
-    return (
-        f"Expect a total error of {1e3 * found.budget.total:.2g} mm{place} after compensation, "
-        f"instead of {1e3 * found.budget.uncompensated:.2g} mm without."
-    )
+    return total_expected(found.budget, found.study.tasks)
 
 
 def _parts(found: Calibration) -> list[str]:
@@ -118,9 +113,12 @@ def _parts(found: Calibration) -> list[str]:
     )
     first = f"The largest part is {PARTS[largest]}, with {1e3 * budget.parts[largest]:.2g} mm"
     if largest == "noise":
-        return [f"The largest part is {PARTS[largest]}, with {noise}; {around}.", *_assumed(budget)]
+        return [
+            f"The largest part is {PARTS[largest]}, with {noise}; {around}.",
+            *of_the_total(budget),
+        ]
     rest = f". The noise alone makes {noise}; {around}."
-    return [*_assumed(budget), f"{first}{rest}"]
+    return [*of_the_total(budget), f"{first}{rest}"]
 
 
 def _untold(found: Calibration) -> list[str]:
@@ -132,14 +130,6 @@ def _untold(found: Calibration) -> list[str]:
         for one in joints
         if one.told < one.joint.std
     ]
-
-
-def _assumed(budget: ErrorBudget) -> list[str]:
-    """What of the total was measured, and what rests on joints that nobody measured."""
-    assumed = assumed_besides(budget).replace("+-", "\N{PLUS-MINUS SIGN}")
-    if not assumed:
-        return []
-    return [f"Of the total, what was measured makes {1e3 * budget.measured:.2g} mm. {assumed}."]
 
 
 def _facts(found: Calibration) -> list[str]:
@@ -179,7 +169,7 @@ def _sections(found: Calibration) -> list[str]:
     """What a report says of compliances, the verdict first."""
     return [
         calibration_verdict(found),
-        *([] if found.budget is None else [budget_section(found, found.budget)]),
+        *([] if found.budget is None else [budget_of_springs(found, found.budget)]),
         *([] if found.tasks is None else [task_section(found.tasks)]),
         section(
             "Compliances",

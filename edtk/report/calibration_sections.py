@@ -1,5 +1,7 @@
 """Sections of a report of a calibration: facts, budget, noise, causes, and accuracy by task."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from edtk.calibration.calibration import Calibration, Judged
@@ -196,42 +198,63 @@ def _vector(values: Array | tuple[float, ...]) -> str:
     return f"({', '.join(f'{value:g}' for value in values)})"
 
 
-def budget_section(found: Calibration, budget: ErrorBudget) -> str:
-    """What error to expect in the task, by source."""
+def budget_section(
+    found: Judged,
+    budget: ErrorBudget,
+    noise: str,
+    model: str,
+    advice: Mapping[str, str] = ADVICE,
+) -> str:
+    """What error to expect in the task, by source.
+
+    Args:
+        found: The calibration.
+        budget: The parts of the error.
+        noise: What noise it is of, in words.
+        model: What is known of the model, in words.
+        advice: What makes each part smaller.
+    """
     figure = new_figure(*BUDGET_SIZE)
     error_budget(budget, figure.add_subplot())
+    assumed = {"noise": noise, "model": model, **_assumed(found, budget)}
     return section(
         "What makes up the expected error?",
-        paragraph(_meaning(found, budget)),
+        paragraph(_meaning(found, budget, advice)),
         picture(figure, CAPTION),
-        _parts(found, budget),
+        _parts(budget, assumed, advice),
     )
 
 
-def _meaning(found: Calibration, budget: ErrorBudget) -> str:
+def budget_of_springs(found: Calibration, budget: ErrorBudget) -> str:
+    """That of a calibration of springs by displacements."""
+    return budget_section(found, budget, _noise(found), _model_of_budget(found))
+
+
+def _meaning(found: Judged, budget: ErrorBudget, advice: Mapping[str, str]) -> str:
     """The result in words."""
-    place = f" {found.study.tasks.place}" if found.study.tasks else ""
+    tasks = found.study.tasks
     otherwise = "If nothing else was wrong, the" if found.verdict == "bad" else "The"
+    subject = tasks.subject.removeprefix("the ")
+    are = "are" if subject.endswith("s") else "is"
     rest = np.sqrt(max(budget.total**2 - budget.parts[budget.largest] ** 2, 0.0))
     return (
-        f"{otherwise} tool point is expected to be {1e3 * budget.total:.2g} mm off{place} after "
-        f"compensation, and {1e3 * budget.uncompensated:.2g} mm without. All errors are root mean "
-        f"squares. Without the largest part, {budget.largest.replace('_', ' ')}, "
-        f"{1e3 * rest:.2g} mm would remain. To improve first: {ADVICE[budget.largest]}."
+        f"{otherwise} {subject} {are} expected to be {1e3 * budget.total:.2g} mm off {tasks.place} "
+        f"after compensation, and {1e3 * budget.uncompensated:.2g} mm without. All errors are root "
+        f"mean squares. Without the largest part, {budget.largest.replace('_', ' ')}, "
+        f"{1e3 * rest:.2g} mm would remain. To improve first: {advice[budget.largest]}."
         + (f" Not in it are {NOT_IN_IT}." if budget.absolute else "")
     )
 
 
-def _parts(found: Calibration, budget: ErrorBudget) -> str:
+def _parts(budget: ErrorBudget, assumed: Mapping[str, str], advice: Mapping[str, str]) -> str:
     """A table with a row for each part, the largest first."""
-    assumed = _assumed(found, budget)
     order = sorted(budget.parts, key=lambda name: -budget.parts[name])
     rows = [
         [
             name.replace("_", " "),
             f"{1e3 * budget.parts[name]:.2g}",
             assumed[name],
-            ADVICE[name] if budget.parts[name] else "-",
+            advice[name] if budget.parts[name] else "-",
         ]
         for name in order
     ]
@@ -239,13 +262,11 @@ def _parts(found: Calibration, budget: ErrorBudget) -> str:
     return table(header, rows, words=2)
 
 
-def _assumed(found: Calibration, budget: ErrorBudget) -> dict[str, str]:
-    """What each part rests on, with the keys of the study's [uncertainty]."""
+def _assumed(found: Judged, budget: ErrorBudget) -> dict[str, str]:
+    """What each part by circumstances rests on, with the keys of the study's [uncertainty]."""
     given = found.study.specification.uncertainty
     load = f"{given.load_percent:g} % of its size (load_percent)"
     return {
-        "noise": _noise(found),
-        "model": _model_of_budget(found),
         "load": f"{load} and {given.load_direction_deg:g} deg of direction (load_direction_deg)",
         "tool": f"{given.tool_mm:g} mm along each axis, marker included (tool_mm)",
         "rigid_joints": _rigid(budget),

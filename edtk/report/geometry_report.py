@@ -6,7 +6,7 @@ from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.findings.finding import rows_in_words
 from edtk.fit.geometry.fitted_geometry import MM, lengths, root_mean_square
 from edtk.measure.parameters import TITLES, Parameter
-from edtk.report.calibration_sections import Facts, task_section
+from edtk.report.calibration_sections import Facts, budget_section, task_section
 from edtk.report.draw.residuals import left_out_errors, marker_residuals
 from edtk.report.figures import new_figure
 from edtk.report.page import (
@@ -19,6 +19,7 @@ from edtk.report.page import (
     verdict,
 )
 from edtk.report.shown import left_out_sentence, places_of
+from edtk.report.views.calibration import ADVICE_OF_VISITS, of_the_total, total_expected
 from edtk.study.schema import describe_noise
 from edtk.system.typing import Array
 
@@ -103,6 +104,7 @@ def geometry_sections(found: GeometricCalibration) -> list[str]:
             paragraph("The poses that the others predict least:"),
             _worst(found),
         ),
+        *_budget(found),
         *([] if found.tasks is None else [task_section(found.tasks)]),
         section("Residuals of the markers", paragraph(_noise(found)), *_residuals(found)),
         *_parameters(found),
@@ -116,19 +118,30 @@ def _verdict(found: GeometricCalibration) -> str:
     first = QUALITY[level]
     if level != "bad":
         first = f"{first} {_expected(found)}"
+    of_tasks = []
+    if found.budget is not None:
+        of_tasks = [total_expected(found.budget, found.in_tasks), *of_the_total(found.budget)]
     lines = [sentence(one.words) for one in found.findings]
     lines += [sentence(f"the study: {warning}") for warning in found.study.warnings]
     if not lines:
         lines = ["Nothing is wrong: all that was asked for is told, and no pose surprises."]
-    return verdict(level, [first, *lines])
+    return verdict(level, [first, *(of_tasks if level != "bad" else ()), *lines])
 
 
 def _expected(found: GeometricCalibration) -> str:
     """The error to expect."""
-    drawn = f"{MM * found.fit.placed:.2g} mm by the drawing"
-    return (
-        f"Expect errors of {found.loo_rms_mm:.2g} mm (rms) in poses like these, instead of {drawn}."
-    )
+    expected = f"Expect errors of {found.loo_rms_mm:.2g} mm (rms) in poses like these"
+    if np.isnan(found.fit.placed):
+        return f"{expected}."
+    return f"{expected}, instead of {MM * found.fit.placed:.2g} mm by the drawing."
+
+
+def _budget(found: GeometricCalibration) -> list[str]:
+    """What makes up the error in the tasks; nothing without tasks."""
+    if found.budget is None:
+        return []
+    model = "what the residuals show that the parameters do not explain"
+    return [budget_section(found, found.budget, _stated(found), model, ADVICE_OF_VISITS)]
 
 
 def _prediction(found: GeometricCalibration) -> str:
@@ -151,11 +164,16 @@ def _quality(found: GeometricCalibration) -> str:
     fit = found.fit
     distance = MM * lengths(fit.left_out)
     rows = [
-        ["base, markers alone", f"{MM * fit.placed:.3g}", "", ""],
+        *_placed(fit.placed),
         ["all parameters", *_distances(MM * lengths(fit.residual))],
         ["each pose by the others", *_distances(distance)],
     ]
     return table(["fitted", "rms [mm]", "mean [mm]", "largest [mm]"], rows)
+
+
+def _placed(size: float) -> list[list[str]]:
+    """The row of the drawing; none where differences of readings place nothing."""
+    return [] if np.isnan(size) else [["base, markers alone", f"{MM * size:.3g}", "", ""]]
 
 
 def _distances(values: np.ndarray) -> list[str]:

@@ -14,7 +14,7 @@ from edtk.design.plan import Plan
 from edtk.findings.finding import Finding
 from edtk.fit.distributions import task_accuracy
 from edtk.fit.least_squares import SingularPlanError, covariance
-from edtk.measure.expected_error import ExpectedError, TaskAccuracy, with_rigid
+from edtk.measure.expected_error import ErrorBudget, ExpectedError, TaskAccuracy, with_rigid
 from edtk.measure.parameters import identifiable
 from edtk.study.study import Study
 from edtk.study.study_model import assumed_joints, springs_of
@@ -158,6 +158,7 @@ class Evaluation(Presented):
         warnings: What is hard to believe in the study or in this plan, a line each.
         expected: Errors to expect in the test pose and around it; None without a test pose.
         tasks: Errors to expect in each of several test poses; None for one or none.
+        error_budget: The error to expect in the task, in parts; None where nothing tells it.
         with_prior: Whether the study's prior counts beside the plan.
         joints: Names (p,) of their joints.
         labels: What criteria are called that are about a part of the compliances, by name.
@@ -175,6 +176,7 @@ class Evaluation(Presented):
     warnings: tuple[Finding, ...]
     expected: ExpectedError | None = None
     tasks: TaskAccuracy | None = None
+    error_budget: ErrorBudget | None = None
     with_prior: bool = False
     joints: tuple[str, ...] = ()
     labels: dict[str, str] = field(default_factory=dict)
@@ -224,6 +226,7 @@ class Evaluation(Presented):
             "experiments": self.experiments,
             "expected_error": None if self.expected is None else self.expected.to_dict(),
             **({} if self.tasks is None else {"tasks": self.tasks.to_dict()}),
+            "budget_mm": None if self.error_budget is None else self.error_budget.to_dict(),
             "skipped": self.skipped,
             "warnings": [one.words for one in self.warnings],
             **({"with_prior": True} if self.with_prior else {}),

@@ -277,6 +277,14 @@ class StudyGeometry:
         loads = StudyLoads.of(self.study, self.elastic)
         return replace(loads, reads_changes=self.reads_changes)
 
+    def untold(self, loads: "StudyLoads") -> "StudyLoads":
+        """What of some loads bends joints that are not identified, and no reading tells.
+
+        Where no spring is asked for, or known, what the links' weights bend is in all readings, and
+        residuals show what the parameters leave of it.
+        """
+        return replace(loads, links=None) if self.loads is None else loads
+
     def loads_of(self, task: Task) -> "StudyLoads | None":
         """What loads the joints in a task; None where no spring is asked for."""
         return None if self.loads is None else self.every_load_of(task)

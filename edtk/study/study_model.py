@@ -1,6 +1,6 @@
 """What a study measures and what loads its robot, as the model needs it, and in words."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -28,10 +28,10 @@ from edtk.measure.parameters import Parameter, numbers_asked, springs_asked
 from edtk.measure.pose_table import pose_factors
 from edtk.robots.compensator import GivingWay
 from edtk.robots.frames import BodyPoint
-from edtk.robots.weights import DeadWeights
+from edtk.robots.weights import GRAVITY, DeadWeights
 from edtk.study.asked import Asked
 from edtk.study.tables_of_measurement import MarkerTable, NoiseTable
-from edtk.study.tables_of_task import PayloadTable
+from edtk.study.tables_of_task import PayloadTable, TaskTable, TestPose
 from edtk.system.fields import Vector3
 from edtk.system.typing import Array, Mask
 
@@ -41,7 +41,9 @@ BASE = "base"  # the body of a marker that the robot does not move
 READINGS = {"unloaded": 2, "nominal": 1}  # by what a displacement is measured from
 
 
-def assumed_joints(study: Asked, k: Array | None = None) -> tuple[AssumedJoint, ...]:
+def assumed_joints(
+    study: Asked, k: Array | None = None, untold: Collection[str] = ()
+) -> tuple[AssumedJoint, ...]:
     """List the joints that are not identified, from base to tip.
 
     A known joint may be off by its standard deviation. A revolute joint without a known compliance
@@ -53,12 +55,13 @@ def assumed_joints(study: Asked, k: Array | None = None) -> tuple[AssumedJoint, 
         study: The study.
         k: Compliances (p,) of the unknown joints; default to those of [simulation], as far as it
             has any [rad/(N m)].
+        untold: Unknown joints that no reading tells, which count as rigid, too.
     """
     known = study.specification.joints.known
     likely = likely_compliances(study, k)
     found = []
     for index, joint in enumerate(study.robot.joints):
-        if index in study.unknown:
+        if index in study.unknown and joint.name not in untold:
             continue
         if joint.name in known:
             one = known[joint.name]
@@ -110,7 +113,7 @@ def likely_compliances(study: Asked, k: Array | None = None) -> dict[str, Likely
     told |= {name: Likely(size, "rigid_rad_per_Nm") for name, size in stated.items()}
     near = _neighbours(study, simulated, k)
     lever = levers(study.robot)
-    force = _force(study)
+    force = largest_force(study)
     found = {}
     for j, joint in enumerate(study.robot.joints):
         if joint.kind == "revolute":
@@ -132,7 +135,9 @@ def with_likely_sizes(study: Asked, springs: Sequence[Parameter]) -> tuple[Param
     if not springs:
         return ()
     joints = {name: one.compliance for name, one in likely_compliances(study).items()}
-    largest = dict(zip(study.robot.joint_names, _force(study) * levers(study.robot), strict=True))
+    largest = dict(
+        zip(study.robot.joint_names, largest_force(study) * levers(study.robot), strict=True)
+    )
     return tuple(
         replace(one, likely=joints[one.of] * largest[one.of] ** (1 - one.power))
         if one.of in joints and largest[one.of]
@@ -150,17 +155,31 @@ def _neighbours(study: Asked, simulated: Mapping[str, float], k: Array | None) -
     return {j: size for j, size in near.items() if size > 0 and joints[j].kind == "revolute"}
 
 
-def _force(study: Asked) -> float:
-    """Size of the largest load of the study at the tool point, torques by the reach [N]."""
+def largest_force(study: Asked) -> float:
+    """Size of the largest load at the tool point, of calibration or task, torques by the reach [N].
+
+    A robot is chosen for what it shall do as well as for what it is calibrated with.
+    """
     given = study.specification
-    if given.load is None and given.payload is None:
-        return 0.0
-    load = given.build_load()
-    cube = np.random.default_rng(0).random((SAMPLE, load.limits.shape[1]))
-    wrench = load.wrench(load.draw(cube))
-    size = np.linalg.norm(wrench[:, :3], axis=1)
-    turn = np.linalg.norm(wrench[:, 3:], axis=1)
-    return float((size + turn / max(study.robot.reach, SHORTEST)).max())
+    reach = max(study.robot.reach, SHORTEST)
+    tasks: list[TestPose | TaskTable] = [*given.test_poses]
+    tasks += [] if given.task is None else [given.task]
+    sizes = [0.0]
+    for one in tasks:
+        sizes += [] if one.load is None else [_size(one.load.build(), reach)]
+        sizes += [] if one.payload is None else [GRAVITY * one.payload.mass_kg]
+    if given.load is not None or given.payload is not None:
+        load = given.build_load()
+        cube = np.random.default_rng(0).random((SAMPLE, load.limits.shape[1]))
+        sizes.append(_size(load.wrench(load.draw(cube)), reach))
+    return max(sizes)
+
+
+def _size(wrench: Array, reach: float) -> float:
+    """The largest of some wrenches (..., 6), torques by the reach [N]."""
+    size = np.linalg.norm(wrench[..., :3], axis=-1)
+    turn = np.linalg.norm(wrench[..., 3:6], axis=-1)
+    return float(np.max(size + turn / reach))
 
 
 def study_model(study: Asked, unknown: tuple[int, ...]) -> ElastostaticModel:

@@ -236,7 +236,7 @@ def test_rows_without_a_command_are_left_out(given, tmp_path):
     assert "4 rows left out" in text
 
 
-@pytest.mark.cell("`compensate` names poses in radians, and loads in kilonewtons", "springs")
+@pytest.mark.cell("`compensate` and `predict` name radians, and loads in kilonewtons", "springs")
 @pytest.mark.parametrize(
     ("factor", "poses", "load", "words"),
     [

@@ -5,6 +5,8 @@ from dataclasses import replace
 import pytest
 
 from edtk.findings.causes.family import Cause
+from edtk.findings.finding import Finding, Severity
+from edtk.findings.geometry.geometric_fit import WORDING
 from edtk.findings.noise import causes_words
 
 
@@ -46,3 +48,18 @@ def test_a_pose_of_one_row_is_off_by_itself(rows, words):
     """What was measured once is not off together with anything."""
     found = Cause("pose", 0.5, "mm", None, 1e-9, rows=rows)
     assert causes_words({"cause": found, "others": ()}).startswith(words)
+
+
+@pytest.mark.parametrize(
+    ("joints", "positions", "words"),
+    [
+        (0.714, 0.0, "as if joints erred by 0.71 mrad in each pose"),
+        (0.0, 0.3, "as if positions erred by 0.3 mm in each pose"),
+        (0.4, 0.02, "as if joints erred by 0.4 mrad and positions erred by 0.02 mm in each pose"),
+    ],
+)
+def test_a_discrepancy_of_size_zero_is_not_said(joints, positions, words):
+    """What the model leaves is said by the parts that it has, and none is "0 mm"."""
+    data = {"rms": 1e-3, "alike": True, "as_drawn": None, "caused": True}
+    data |= {"joints_mrad": joints, "positions_mm": positions}
+    assert words in Finding.of(Severity.NOTE, WORDING, "discrepancy", **data).words

@@ -266,7 +266,8 @@ def test_prior_of_a_spring_counts() -> None:
 
 def test_band_of_commands_is_that_of_errors_as_the_fit_has_them() -> None:
     """What a command leaves by the model, and errors of springs beside it: quantiles of draws."""
-    study = study_of()
+    exact = {"load_percent": 0, "load_direction_deg": 0, "tool_mm": 0}
+    study = study_of(uncertainty=exact)
     found = edtk.compensate(study, edtk.identify(study, measured(study)))
     fitted = edtk.identify(study, measured(study)).fit.fitted
     setting = StudyGeometry.of(study)

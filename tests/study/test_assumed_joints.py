@@ -69,8 +69,23 @@ def test_without_any_neighbour_the_load_tells():
     bare = STUDY.replace(simulation=None)
     likely = [one.compliance for one in likely_compliances(bare).values()]
     np.testing.assert_allclose(np.multiply(likely, levers(STUDY.robot)) * 2500, 1e-3)
-    light = bare.replace(load={"F_N": [0, 0, -1e-3]})
-    assert {one.compliance for one in likely_compliances(light).values()} == {1e-4}
+    light = {"load": {"F_N": [0, 0, -1e-3]}}
+    task = bare.to_dict()["test_pose"]
+    alone = bare.replace(**light, test_pose=task | light)
+    assert {one.compliance for one in likely_compliances(alone).values()} == {1e-4}
+    # The task counts as the calibration does: of both loads the larger one.
+    by_task = [one.compliance for one in likely_compliances(bare.replace(**light)).values()]
+    largest = np.minimum(1e-3 / levers(STUDY.robot) / np.hypot(280, 180), 1e-4)
+    np.testing.assert_allclose(by_task, largest)
+
+
+def test_a_wrist_through_the_tool_point_has_a_lever():
+    """No tool is a point: a wrist holds its load at a tenth of the reach, and is no soft joint."""
+    flange = STUDY.robot.with_tool(np.eye(4))
+    assert levers(flange).min() == pytest.approx(0.1 * flange.reach)
+    study = STUDY.replace(tool=None, simulation=None, payload={"mass_kg": 250}, load=None)
+    likely = likely_compliances(study)["q6"].compliance
+    assert 1e-7 < likely < 3e-6
 
 
 def test_known_compliances_have_a_standard_deviation(tmp_path):

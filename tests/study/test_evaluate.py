@@ -71,9 +71,11 @@ def test_json(plan):
         "parameters",
         "experiments",
         "expected_error",
+        "budget_mm",
         "skipped",
         "warnings",
     ]
+    assert data["budget_mm"] is None  # designs alone know nothing of calibrations
     assert list(data["std"]) == ["q2", "q3", "q4", "q5", "q6"]
     assert data["parameters"] == ["k2", "k3", "k4", "k5", "k6"]
     assert data["criteria"] == found.criteria

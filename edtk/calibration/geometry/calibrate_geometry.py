@@ -9,6 +9,7 @@ from edtk.calibration.calibration import Origin
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.calibration.geometry.told_before import told_before
 from edtk.calibration.model_left import PiecesLeft
+from edtk.calibration.visit_propagation import circumstances_of, fit_propagation
 from edtk.design.plan import Plan
 from edtk.findings.finding import (
     Data,
@@ -99,6 +100,9 @@ def calibrate_geometry(
         fit, gross = _fitted(setting, sound, how)
     except (TooFewPosesError, NoiseNotToldError) as error:
         raise UserError(str(error), where=where) from error
+    propagation = fit_propagation(setting, fit)
+    circumstances = circumstances_of(propagation, setting)
+    fit = replace(fit, fitted=replace(fit.fitted, circumstances=circumstances))
     findings = [
         *standing,
         *sound.findings,
@@ -120,6 +124,7 @@ def calibrate_geometry(
         robust=how.robust,
         origin=Origin.of(path),
         pieces=pieces,
+        propagation=propagation,
     )
     findings += found.rests_on_known
     return replace(found, findings=_that_count(findings, where, how.as_is))

@@ -13,17 +13,18 @@ from edtk.calibration.geometry.geometric_calibration import read_geometry
 from edtk.calibration.geometry.tool_from_rows import tool_from_rows
 from edtk.calibration.model_left import PiecesLeft
 from edtk.calibration.prediction import Prediction, beyond_limits
-from edtk.calibration.tasks_in_use import ToolInUse
+from edtk.calibration.tasks_in_use import ToolInUse, reading_findings
 from edtk.findings.geometry.counting import Counting
 from edtk.findings.geometry.turn_reading import EXPECTED, turn_reading
 from edtk.findings.prior import unstated
 from edtk.findings.units import like_radians
 from edtk.fit.distributions import NormalMixture
-from edtk.fit.geometry.fitted_geometry import FittedGeometry, Loads, Predicted
+from edtk.fit.geometry.circumstances import RIGID, Loads
+from edtk.fit.geometry.fitted_geometry import FittedGeometry, Predicted
 from edtk.fit.geometry.marker_positions import MarkerPositions, read_positions
 from edtk.fit.sheet import VECTOR
 from edtk.measure.equilibrium import NoEquilibriumError, why_no_rest
-from edtk.measure.expected_error import AssumedJoint
+from edtk.measure.expected_error import AssumedJoint, compensation_accuracy
 from edtk.measure.measured_model import Seen
 from edtk.measure.parameters import TURNS, Parameter
 from edtk.measure.pose_table import (
@@ -50,7 +51,6 @@ REACHED = 1e-6  # [m, rad] a last step that moves one by more leads nowhere: a s
 SINGULAR = 1e-4  # of the largest singular value: smaller ones of a Jacobian are not used
 FAR = 0.2  # [rad or m] a correction is never so large
 MM = 1e3
-POSITION = 3  # rows of a marker, ahead of those of its orientation
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,6 +263,8 @@ class CalibratedGeometry(Calibrated):
         """The same with the tool of some poses, or with the markers."""
         task = tool.task
         fitted = self.on_tool if task.tool is None else self.on_tool.at_tool(task.tool)
+        loads = self.setting.every_load_of(task)
+        fitted = fitted.under(loads, self.setting.untold(loads))
         return GeometryWithTool(self, fitted, self.setting.loads_of(task))
 
     def predict(self, poses: Table, tool_rows: int = 0) -> Prediction:
@@ -301,7 +303,8 @@ class CalibratedGeometry(Calibrated):
         # Orientations are predicted though the file has none, but not of a tool that points placed.
         rows = fitted.model.present.sum(axis=1)
         rows = rows if predicted.turn_half is not None else np.minimum(rows, 3)
-        return _prediction(data, rows, predicted, tests, beyond, radians)
+        found = _prediction(data, rows, predicted, tests, beyond, radians)
+        return replace(found, other_units=reading_findings(study, self.compliances, data))
 
 
 @dataclass(frozen=True, eq=False)
@@ -356,32 +359,43 @@ class GeometryWithTool(Commanded):
         predicted = fitted.predict(at, wrench, self.loads)
         every, noise = self._errors(at, wrench, after.points - goal.points)
         left, angle = goal.distance(after), goal.angle(after)
-        known = 0.0 if fitted.noise.unknown else 1.0  # else readings and model are not told apart
-        remaining = every.size
-        if noise is None:
-            reading = known * fitted.noise.squared_reading(predicted.points).mean(axis=1) / MM**2
-            remaining = _remaining(predicted.std, reading, left)
         rotation = None
         if predicted.turn_std is not None and angle is not None:
             counted = slice(None) if goal.turned is None else goal.turned
+            known = 0.0 if fitted.noise.unknown else 1.0  # else readings and model are one
             reading = known * 3 * ((fitted.noise.turn or 0.0) / MM) ** 2
             rotation = _remaining(predicted.turn_std[:, counted], reading, angle)
+        bent = self._lengths(fitted.bent_besides(at, wrench))
         return Compensation(
             robot=self.robot,
             desired=q,
             wrench=wrench,
             command=command,
-            uncompensated=goal.distance(before),
-            remaining=remaining,
+            uncompensated=np.hypot(goal.distance(before), np.linalg.norm(bent, axis=(1, 2))),
+            remaining=every.size,
             band=band_of(every, noise),
             verdict=self.calibrated.verdict,
             rotation=rotation,
             rows=rows,
             left=left,
-            by_joints=self._by_known(at, wrench),
+            by_noise=self._by_noise(at, wrench),
+            by_joints=(*self._by_rigid(at, wrench), *self._by_known(at, wrench)),
             rotation_before=None if rotation is None else goal.angle(before),
             rotation_left=None if rotation is None else angle,
         )
+
+    def _by_noise(self, q: Array, wrench: Array) -> Array:
+        """Root mean square errors (t,) by what the fit leaves of the parameters [m]."""
+        J = self._lengths(self.fitted.columns(q, wrench, self.loads))
+        return compensation_accuracy(J, self.fitted.covariance)
+
+    def _by_rigid(self, q: Array, wrench: Array) -> tuple[tuple[AssumedJoint, Array], ...]:
+        """Joints that count as rigid, and what each that bends as is assumed makes (t,) [m]."""
+        found = self.fitted.circumstances
+        if found is None:
+            return ()
+        E = self._lengths(self.fitted.by_circumstances(q, wrench)[RIGID])
+        return tuple(zip(found.rigid, np.linalg.norm(E, axis=1).T, strict=True))
 
     def _by_known(self, q: Array, wrench: Array) -> tuple[tuple[AssumedJoint, Array], ...]:
         """Known compliances whose deviation nobody stated, and what goes with their errors."""
@@ -390,9 +404,7 @@ class GeometryWithTool(Commanded):
         errors = self.fitted.going_with(given)
         if not errors:
             return ()
-        J = self.fitted.columns(q, wrench, self.loads)
-        rows = np.arange(J.shape[1]) % self.fitted.model.row_count < POSITION
-        J = J[:, rows] / (MM * np.sqrt(len(self.fitted.model.markers)))
+        J = self._lengths(self.fitted.columns(q, wrench, self.loads))
         index = study.robot.joint_names.index
         return tuple(
             (
@@ -401,6 +413,11 @@ class GeometryWithTool(Commanded):
             )
             for name, (std, error) in errors.items()
         )
+
+    def _lengths(self, columns: Array) -> Array:
+        """The rows (t, 3k, c) of positions, whose squares add up to the mean of the markers [m]."""
+        root = np.sqrt(len(self.fitted.model.markers))
+        return np.asarray(columns[:, self.fitted.lengths] / (MM * root))
 
     def _seen(self, q: Array, wrench: Array) -> Seen:
         """Tool or markers in some poses, at rest under the load."""
@@ -433,12 +450,10 @@ class GeometryWithTool(Commanded):
             least = float(dof.min())
             return NormalMixture.single(still / root, covariance / root**2, least), None
         still = off.reshape(len(q), -1) / root
-        _, motion, J, _ = fitted.moves(q, wrench, self.loads)
-        lengths = np.arange(J.shape[1]) % fitted.model.row_count < POSITION
-        J, motion = J[:, lengths], motion[:, lengths]
-        # Joints and model err in each pose besides.
-        V = replace(fitted.noise, turn=None, model_turn=0.0).of_model(motion)
-        V = V + (motion * np.square(np.asarray(fitted.noise.joints))) @ np.swapaxes(motion, 1, 2)
+        moved = fitted.moves(q, wrench, self.loads)
+        kept = fitted.lengths
+        J = moved[2][:, kept]
+        V = fitted.beside(q, wrench, moved)[:, kept[:, None], kept]
         mixture = pieces.mixture(fitted, self.loads.by_wrench, q, wrench, J)
         columns = J / (MM * root)
         C = columns @ fitted.covariance @ np.swapaxes(columns, 1, 2)

@@ -13,12 +13,14 @@ from edtk.calibration.calibration import Judged
 from edtk.calibration.measured_poses import MeasuredPoses
 from edtk.calibration.model_left import LeftInTasks, PiecesLeft
 from edtk.calibration.posterior_check import PosteriorCheck, compared_with_fit, pose_error
+from edtk.calibration.propagation import Propagation
 from edtk.design.plan import Plan
 from edtk.findings.causes.family import Cause
 from edtk.findings.finding import Finding, Severity
 from edtk.findings.geometry.counting import Counting
 from edtk.findings.prior import unstated, unstated_findings
 from edtk.fit.distributions import task_accuracy
+from edtk.fit.geometry.circumstances import RIGID, UNTOLD, Circumstances
 from edtk.fit.geometry.fitted_geometry import FittedGeometry, GeometricFit, root_mean_square
 from edtk.fit.geometry.geometry_posterior import (
     GeometryDensity,
@@ -29,10 +31,15 @@ from edtk.fit.least_squares import Estimate
 from edtk.fit.noise import Noise
 from edtk.fit.posterior import Posterior, SamplingOptions
 from edtk.fit.prior import Flat
-from edtk.measure.expected_error import TaskAccuracy, compensation_accuracy
-from edtk.measure.measured_model import Load
+from edtk.measure.expected_error import (
+    AssumedJoint,
+    ErrorBudget,
+    TaskAccuracy,
+    compensation_accuracy,
+)
+from edtk.measure.measured_model import Load, MeasuredModel
 from edtk.measure.noise import Tracker
-from edtk.measure.parameters import COMPONENTS, Parameter
+from edtk.measure.parameters import COMPONENTS, Parameter, all_parameters
 from edtk.measure.pose_table import coordinate_names
 from edtk.measure.position_noise import BlockVariances, PositionNoise
 from edtk.measure.task import ErringColumns, Task, Tasks
@@ -49,7 +56,7 @@ if TYPE_CHECKING:
 
 
 MOST = 1000  # parameters or joints in a file
-RIGID = 1e-9
+ORTHONORMAL = 1e-9
 ROUNDING = 1e-8  # of a covariance's entries, beside the standard deviations
 SAME = 1e-6  # relative difference of marks that rounding may leave
 OTHERWISE = {
@@ -87,6 +94,7 @@ def geometry_to_dict(fitted: FittedGeometry, counting: Counting) -> dict[str, An
         "covariance": fitted.covariance.tolist(),
         "open": [one.name for one in fitted.open_parameters],
         "shares": fitted.shares.tolist(),
+        **_circumstances_to_dict(fitted.circumstances),
         "counting": counting.matrix.tolist(),
         "counting_words": counting.words,
         "noise": {
@@ -152,9 +160,71 @@ def geometry_of_dict(
         numbers_of(given, "placed_turns_rad", (len(model.markers), 3))
         if "placed_turns_rad" in given and setting.full_poses
         else None,
+        _circumstances(given.get("circumstances"), fitted_model, setting),
     )
     words = given.get("counting_words", "")
     return fitted, Counting(numbers_of(given, "counting", (n, n)), str(words))
+
+
+def _circumstances_to_dict(found: Circumstances | None) -> dict[str, Any]:
+    """What no reading tells; nothing where nothing is known of it."""
+    if found is None:
+        return {}
+    joints = [
+        {
+            "joint": one.name,
+            "rad_per_Nm": one.compliance,
+            "std_rad_per_Nm": one.std,
+            "source": one.source,
+        }
+        for one in found.joints
+    ]
+    errors = {name: E.tolist() for name, E in found.roots.items()}
+    others = [one.name for one in found.others]
+    return {"circumstances": {"joints": joints, "others": others, "errors": errors}}
+
+
+def _circumstances(
+    given: object, model: MeasuredModel, setting: StudyGeometry
+) -> Circumstances | None:
+    """What no reading tells; None in results that are older.
+
+    Args:
+        given: The table of a result.
+        model: The parameters that were identified.
+        setting: What loads the joints.
+
+    Raises:
+        ValueError: It is not valid.
+    """
+    if given is None:
+        return None
+    if not isinstance(given, Mapping) or not isinstance(given.get("errors"), Mapping):
+        raise ValueError("circumstances: expected a table with the table errors")
+    names = model.robot.joint_names
+    joints = []
+    for one in given.get("joints", ()):
+        if not isinstance(one, Mapping) or one.get("joint") not in names:
+            raise ValueError(f"circumstances.joints: expected joints among {', '.join(names)}")
+        taken, std = (
+            float(not_negative_of(one, key, ())) for key in ("rad_per_Nm", "std_rad_per_Nm")
+        )
+        name = one["joint"]
+        joints.append(AssumedJoint(name, names.index(name), taken, std, str(one.get("source"))))
+    places = all_parameters(model.robot, model.markers, (), names, base=False, tool=True)
+    others = tuple(_named(given, "others", {one.name: one for one in places}))
+    errors = given["errors"]
+    widths = {name: _width(errors[name]) for name in UNTOLD if name in errors}
+    widths[RIGID] = sum(one.rigid for one in joints)
+    rows = model.p + len(others)
+    roots = {name: numbers_of(errors, name, (rows, width)) for name, width in widths.items()}
+    loads = setting.every_load
+    return Circumstances(tuple(joints), others, roots, loads, setting.untold(loads))
+
+
+def _width(rows: object) -> int:
+    """How many columns rows of a file have, by the first of them."""
+    return len(rows[0]) if isinstance(rows, list) and rows and isinstance(rows[0], list) else 0
 
 
 def _named(given: Mapping[str, Any], key: str, every: Mapping[str, Parameter]) -> list[Parameter]:
@@ -265,7 +335,7 @@ def _pose(given: Mapping[str, Any], key: str) -> Array:
     values = numbers_of(given, key, (4, 4))
     R = values[:3, :3]
     bottom = np.array([0.0, 0.0, 0.0, 1.0])
-    is_rotation = np.allclose(R @ R.T, np.eye(3), atol=RIGID) and np.linalg.det(R) > 0
+    is_rotation = np.allclose(R @ R.T, np.eye(3), atol=ORTHONORMAL) and np.linalg.det(R) > 0
     if not is_rotation or not np.array_equal(values[3], bottom):
         raise ValueError(f"{key}: expected a pose, a rotation and a place")
     return values
@@ -324,6 +394,7 @@ class GeometricCalibration(Judged):
         left_out: Visits that were not fitted, as their positions are of no use.
         robust: Whether poses that fit badly count less.
         pieces: What the springs lack, where readings under loads tell it; None elsewhere.
+        propagation: How what is uncertain moves what is estimated; None where it is not known.
     """
 
     setting: StudyGeometry
@@ -332,6 +403,7 @@ class GeometricCalibration(Judged):
     left_out: tuple[int, ...] = ()
     robust: bool = False
     pieces: PiecesLeft | None = None
+    propagation: Propagation | None = None
 
     @property
     def base(self) -> Array:
@@ -354,6 +426,8 @@ class GeometricCalibration(Judged):
         expected = ""
         if self.extension is not None and np.isfinite(self.extension.expected):
             expected = f", {MM * self.extension.expected:.2g} mm expected {self.in_tasks.place}"
+        elif self.budget is not None:
+            expected = f", {MM * self.budget.total:.2g} mm expected {self.in_tasks.place}"
         return (
             f"{self.rank} parameters from {self.fit.data.count} positions of "
             f"{self.fit.data.poses} poses, rms {self.loo_rms_mm:.3g} mm left out{expected}; "
@@ -407,17 +481,24 @@ class GeometricCalibration(Judged):
             return None
         return MM * float(compensation_accuracy(self.in_tasks.target, self.covariance))
 
+    @cached_property
+    def budget(self) -> ErrorBudget | None:
+        """The error to expect in the tasks, in parts; None without tasks."""
+        if not self.in_tasks or self.propagation is None:
+            return None
+        return self.propagation.budget(self.in_tasks, 0.0 if self.left is None else self.left.model)
+
     @property
     def rests_on_known(self) -> tuple[Finding, ...]:
-        """Known compliances on which rho0 rests, and whose deviation nobody stated."""
-        if self.rho0_mm is None:
+        """Known compliances on which the budget rests, and whose deviation nobody stated."""
+        if self.budget is None:
             return ()
         target = self.in_tasks.target
         errors = {
             name: (std, float(np.linalg.norm(target @ error)))
             for name, (std, error) in self.fit.fitted.going_with(unstated(self.study)).items()
         }
-        return tuple(unstated_findings(self.study, errors, self.rho0_mm / MM))
+        return tuple(unstated_findings(self.study, errors, self.budget.total))
 
     @cached_property
     def tasks(self) -> TaskAccuracy | None:
@@ -472,6 +553,7 @@ class GeometricCalibration(Judged):
             "rms_mm": MM * fit.rms,
             "loo_rms_mm": self.loo_rms_mm,
             "rho0_mm": self.rho0_mm,
+            "budget_mm": None if self.budget is None else self.budget.to_dict(),
             **({} if self.expected is None else {"expected_error": self.expected.to_dict()}),
             **({} if self.tasks is None else {"tasks": self.tasks.to_dict()}),
             "placed_rms_mm": MM * fit.placed,

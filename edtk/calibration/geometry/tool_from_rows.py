@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from edtk.fit.geometry.fitted_geometry import ErrorParts, FittedGeometry, Loads, Predicted
+from edtk.fit.geometry.circumstances import Loads
+from edtk.fit.geometry.fitted_geometry import ErrorParts, FittedGeometry, Predicted
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.measure.parameters import COMPONENTS
 from edtk.robots.rotations import rotation

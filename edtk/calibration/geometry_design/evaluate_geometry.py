@@ -18,19 +18,9 @@ from edtk.calibration.geometry_design.geometry_plan import (
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import GeometrySpace, PositionRows
 from edtk.calibration.planned import CalibratedDesigns
-from edtk.calibration.propagation import (
-    DIRECTION,
-    ROUNDING,
-    TOOL,
-    OfVisits,
-    Others,
-    Propagation,
-    Uncertainty,
-    root_of,
-    shifts_by,
-    uncertainty_of,
-)
+from edtk.calibration.propagation import OfVisits, Propagation, uncertainty_of
 from edtk.calibration.told_part import LeastSquaresInverse
+from edtk.calibration.visit_propagation import Visits, propagated, untold_joints
 from edtk.design.exact.day import MOST_VISITS, DayCosts, PosesByLoad
 from edtk.design.exact.day_search import DaySearch
 from edtk.design.exact.exact_plan import ExactPlan, NoPlanError, require_enough
@@ -47,9 +37,8 @@ from edtk.measure.expected_error import (
     ExpectedError,
     TaskAccuracy,
 )
-from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.noise import MM, VisitNoise
-from edtk.measure.parameters import AXES, Identifiable, Parameter, all_parameters
+from edtk.measure.parameters import Identifiable, all_parameters
 from edtk.measure.task import Columns, Task, Tasks
 from edtk.robots.workspace import neighbourhood
 from edtk.study.evaluate import Evaluation, observability
@@ -202,128 +191,49 @@ class GeometryEvaluation(Evaluation):
 def visit_propagation(question: GeometryQuestion, plan: Plan) -> Propagation | None:
     """Propagate the circumstances of a calibration by visits to what it estimates.
 
-    All is to the first order about the drawing, with the compliances of [simulation]. Parameters
-    of geometry are in metres and radians here.
+    All is to the first order about the drawing, with the compliances of [simulation].
 
     Args:
         question: The question of the study.
         plan: All visits.
 
     Returns:
-        The shifts; None where springs are unknown and there is no [simulation], or if the plan
-        leaves a parameter open.
+        The errors, see `propagated`; None where springs are unknown and there is no [simulation],
+        or if the plan leaves a parameter open.
     """
     study, setting, model = question.study, question.setting, question.model
     by_plan = ToldByPlan(question, plan)
     if len(by_plan.told.left) or (study.unknown and study.specification.simulation is None):
         return None
     visits = np.repeat(np.arange(len(plan.q)), plan.repeats)
-    scene = _Visits(question, plan.q[visits], plan.wrench[visits])
-    A = scene.under(setting.every_load)
+    q, wrench = plan.q[visits], plan.wrench[visits]
+
+    def under(loads: StudyLoads) -> Positions:
+        return visited(question, q, wrench, np.zeros(len(q)), loads)
+
+    A = under(setting.every_load)
     names = tuple(one.name for one in model.parameters)
     known = question.known / model.scales
     prior = PriorRows(known, np.zeros(len(known))) if len(known) else None
-    inverse = LeastSquaresInverse.of_rows(A.A, np.ones(A.A.shape[:2]), names, prior)
-    given = uncertainty_of(study)
-    estimated = {one.of for one in model.parameters if one.place == "compliance"}
-    others = tuple(one for one in given.joints if one.name not in estimated)
-    told = Others.of(inverse, [A.compliant(one.index) for one in others], others)
-    table = study.specification.noise
-    discrepancy = 0.0 if table is None else table.discrepancy_mm / 1e3
-    loaded = np.any(scene.wrench, axis=1).astype(float)[:, None, None]
     units = np.outer(model.scales, model.scales)
     by_noise = ToldByPlan(question.with_exact_model, plan).covariance
-    places = _places(model)
-    markers = tuple(one for one in places if one not in model.parameters)
-    roots = {
-        "noise": told.below(root_of(by_noise * units)),
-        "model": told.below(root_of((by_plan.covariance - by_noise) * units)),
-        "load": scene.by_load(told, given),
-        "tool": given.tool * shifts_by(told, A, TOOL),
-        "drift": given.drift * told.shifts(A.shift * loaded),
-        "repeatability": told.below(np.zeros((model.p, 1))),
-        "rigid_joints": told.rigid,
-        "known_joints": told.known,
-    }
-    roots = {name: np.pad(E, ((0, len(markers)), (0, 0))) for name, E in roots.items()}
-    rows = [*model.parameters, *others, *markers]
-    own = [(rows.index(one), AXES.index(one.component)) for one in places]
-    roots["tool"] = _beside_places(roots["tool"], own, given.tool)
-    joints = [one.name for one in others]
-    springs = all_parameters(study.robot, (), (), joints, base=False, tool=False)
-    taken = [*scene.values, *(one.compliance for one in others), *(0.0 for _ in markers)]
-    return Propagation(
-        unknown=(),
-        assumed=told.joints,
-        k=np.array(taken),
-        roots=roots,
-        told=tuple(map(inverse.told, told.columns)),
-        visits=OfVisits(setting, model, (*springs, *markers), discrepancy),
+    joints = study.specification.joints
+    soft = dict(zip(joints.unknown, A.soft.tolist(), strict=True))
+    soft |= {name: one.value for name, one in joints.known.items()}
+    k = [soft.get(one.of, 0.0) if one.place == "compliance" else 0.0 for one in model.parameters]
+    table = study.specification.noise
+    return propagated(
+        Visits(
+            setting=setting,
+            model=model,
+            under=under,
+            inverse=LeastSquaresInverse.of_rows(A.A, np.ones(A.A.shape[:2]), names, prior),
+            taken=np.array(k),
+        ),
+        uncertainty_of(study, None, untold_joints(setting, model.parameters)),
+        {"noise": by_noise * units, "model": (by_plan.covariance - by_noise) * units},
+        OfVisits(setting, model, 0.0 if table is None else table.discrepancy_mm / 1e3),
     )
-
-
-def _beside_places(root: Array, own: list[tuple[int, int]], size: float) -> Array:
-    """By how much estimates (r, 3) are beside markers that are elsewhere by a size on each axis.
-
-    These are elsewhere in the tasks, too; an unknown place is found where it is.
-
-    Args:
-        root: Shifts (r, 3) of the estimates.
-        own: Row and axis of each marker's place.
-        size: How far the markers are elsewhere [m].
-    """
-    beside = root.copy()
-    rows, axes = np.array(own, dtype=int).reshape(-1, 2).T
-    beside[rows, axes] -= size
-    return np.where(np.abs(beside) <= ROUNDING * size, 0.0, beside)
-
-
-@dataclass(frozen=True, eq=False)
-class _Visits:
-    """The visits of a plan, each by itself.
-
-    Attributes:
-        question: The question of the study.
-        q: Poses (m, n) [rad or m].
-        wrench: Their loads (m, 6) [N, N m].
-    """
-
-    question: GeometryQuestion
-    q: Array
-    wrench: Array
-
-    def under(self, loads: StudyLoads) -> Positions:
-        """What they show, where these load the joints."""
-        return visited(self.question, self.q, self.wrench, np.zeros(len(self.q)), loads)
-
-    def by_load(self, told: "Others", given: Uncertainty) -> Array:
-        """Errors (p + a, c) by a load of another size or direction, and by another payload."""
-        loads = self.question.setting.every_load
-        scene = self.under(loads)
-        if not scene.sprung or not self.wrench.any():
-            return np.zeros((len(told.bend), 1))
-        sizes = [shifts_by(told, scene, ("load_size",))]
-        if loads.payload is not None:
-            both = self.under(replace(loads, links=None))
-            alone = self.under(replace(loads, links=None, payload=None))
-            sizes.append(told.shifts(((both.springs - alone.springs) @ scene.soft)[..., None]))
-        direction = given.load_direction * shifts_by(told, scene, DIRECTION)
-        return np.hstack([given.load_size * np.hstack(sizes), direction])
-
-    @property
-    def values(self) -> list[float]:
-        """What is assumed of the parameters (p,): springs of [simulation], and the drawing."""
-        names = self.question.study.specification.joints.unknown
-        scene = self.under(self.question.setting.every_load)
-        soft = dict(zip(names, scene.soft.tolist(), strict=True))
-        parameters = self.question.model.parameters
-        return [soft.get(one.of, 0.0) if one.place == "compliance" else 0.0 for one in parameters]
-
-
-def _places(model: MeasuredModel) -> tuple[Parameter, ...]:
-    """Where the markers are, along the axes of what carries them."""
-    names = [name for name, far in zip(model.markers, model.is_distance, strict=True) if not far]
-    return tuple(Parameter("tool", name, axis) for name in names for axis in AXES)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,8 @@ import numpy as np
 from edtk.findings.causes.family import Cause, Family
 from edtk.findings.causes.faults import FAULTS, USUAL_DRIFT, USUAL_GROWTH
 from edtk.findings.causes.scene import JointLoads, Positions, link_length, same_in, since_first
-from edtk.fit.geometry.fitted_geometry import MM, FittedGeometry, GeometricFit, Loads
+from edtk.fit.geometry.circumstances import Loads
+from edtk.fit.geometry.fitted_geometry import MM, FittedGeometry, GeometricFit
 from edtk.fit.geometry.least_squares_fit import columns_of
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.restricted_likelihood import Blocks, fit_model_error, fit_variances
@@ -20,7 +21,7 @@ from edtk.measure.parameters import Parameter, all_parameters
 from edtk.measure.position_noise import PositionNoise
 from edtk.measure.task import Task
 from edtk.measure.whitening import Scatter, of_rows
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
 
 RATES = (0.0, 3.0, 8.0)  # of settling in a day: a steady drift, and warming up
 FEWEST_OF_TREND = 8  # poses
@@ -195,6 +196,7 @@ def scene_of(
     wrench: Array,
     loads: JointLoads | None,
     read: Callable[[Seen, Indices], Array],
+    differs: Mask | None = None,
 ) -> Positions:
     """What faults change in some poses, to first order about a fit [mm].
 
@@ -204,11 +206,12 @@ def scene_of(
         wrench: Loads (m, 6) [N, N m].
         loads: What loads the joints; None without springs.
         read: Columns (m, rows, c) of some parameters, of all that is seen.
+        differs: Which readings (m,) are their changes under the wrench; None for none.
     """
     model = fitted.model
 
     def columns(parameters: tuple[Parameter, ...], wrench: Array) -> Array:
-        torque = fitted.torque(q, wrench, loads)
+        torque = fitted.loading(q, wrench, loads, differs)
         known = [one.name for one in model.parameters]
         others = tuple(one for one in parameters if one.name not in known)
         every = model.with_parameters((*model.parameters, *others))
@@ -217,7 +220,8 @@ def scene_of(
         chosen = np.array([names.index(one.name) for one in parameters], dtype=int)
         return read(every.see(theta, q, torque), chosen)
 
-    rows = read(model.see(fitted.theta, q, fitted.torque(q, wrench, loads)), np.zeros(0, dtype=int))
+    seen = model.see(fitted.theta, q, fitted.loading(q, wrench, loads, differs))
+    rows = read(seen, np.zeros(0, dtype=int))
     sprung = tuple(np.flatnonzero(fitted.compliances).tolist()) if loads else ()
     return Positions(
         model.robot,

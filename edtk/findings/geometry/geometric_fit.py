@@ -576,10 +576,12 @@ def _common_scale(data: Data) -> str:
 def _discrepancy(data: Data) -> str:
     """What the model leaves, and whose it may be."""
     up_to = "" if data["alike"] else "up to "
+    joints, positions = data["joints_mrad"], data["positions_mm"]
+    parts = [f"joints erred by {up_to}{joints:.2g} mrad"] if joints else []
+    parts += [f"positions erred by {positions:.2g} mm"] if positions else []
+    as_if = f": as if {' and '.join(parts)} in each pose" if parts else ""
     text = (
-        f"the model leaves {MM * data['rms']:.2g} mm, many times the noise: as if joints erred by "
-        f"{up_to}{data['joints_mrad']:.2g} mrad and positions by {data['positions_mm']:.2g} mm in "
-        "each pose; bands include it"
+        f"the model leaves {MM * data['rms']:.2g} mm, many times the noise{as_if}; bands include it"
     )
     if data["as_drawn"] is not None:
         return (

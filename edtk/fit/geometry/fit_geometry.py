@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from edtk.fit.geometry.circumstances import Loads
 from edtk.fit.geometry.fitted_geometry import (
     LEAST_DOF,
     GeometricFit,
-    Loads,
     loading_of,
     root_mean_square,
 )

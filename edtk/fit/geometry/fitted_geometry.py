@@ -3,10 +3,10 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
+from edtk.fit.geometry.circumstances import RIGID, Circumstances, Loads
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.least_squares import share_inside
 from edtk.fit.prior import Prior
@@ -28,16 +28,6 @@ SUBSTITUTIONS = 12  # three are the rule
 NEWTON = 30
 LONGEST = 0.5  # [rad or m] of a step; beyond, the derivative says nothing about the arm
 LEAST_DOF = 3.0  # of a band: below it a quantile of Student's t says nothing
-
-
-class Loads(Protocol):
-    """What loads the joints."""
-
-    def __call__(self, q: Array, wrench: Array) -> Array:
-        """Loads (m, s) of the free joints [N m or N] in poses q (m, n or s), under wrenches (m, 6).
-
-        The first n are those of the joints that motors turn, and the rest of the elastic ones.
-        """
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +65,8 @@ class ErrorParts:
 
     Attributes:
         columns: How they move with the identified parameters (m, r, p) [mm or mrad a unit].
-        open: How they move with those that are open, which the others do not follow (m, r, o).
+        open: How far what is open moves them (m, r, o), and joints that count as rigid behind that,
+            each by one standard deviation [mm or mrad].
         own: Variances (m, r) of a reading and of what the model leaves out [mm^2 or mrad^2].
         slopes: Derivatives (m, r, c) of these by the fitted variances; None where none is fitted.
     """
@@ -101,6 +92,7 @@ class FittedGeometry:
             that of the model's start and these is the robot that commands are made for.
         placed_turns: Their orientations (k, 3) there, as rotation vectors [rad]; None where
             positions alone are measured.
+        circumstances: What no reading tells; None where nothing is known of that.
     """
 
     model: MeasuredModel
@@ -111,6 +103,7 @@ class FittedGeometry:
     noise: PositionNoise
     placed: Array
     placed_turns: Array | None = None
+    circumstances: Circumstances | None = None
 
     def of_markers(self, chosen: Indices) -> "FittedGeometry":
         """The same, of some of the instruments."""
@@ -123,9 +116,11 @@ class FittedGeometry:
             if one.place != "tool" or one.of in names
         ]
         turns = self.placed_turns if model.row_count == 6 else None
+        beside = self.circumstances
         return replace(
             self,
             model=model,
+            circumstances=None if beside is None else beside.among(np.array(own), names),
             theta=self.theta[own],
             covariance=self.covariance[np.ix_(own, own)],
             open_parameters=tuple(self.open_parameters[i] for i in kept),
@@ -171,6 +166,13 @@ class FittedGeometry:
             for name, j in told
         }
 
+    def under(self, loads: Loads, untold: Loads) -> "FittedGeometry":
+        """The same robot, where other loads bend it, see `Circumstances`."""
+        found = self.circumstances
+        if found is None:
+            return self
+        return replace(self, circumstances=replace(found, loads=loads, untold=untold))
+
     @cached_property
     def bending(self) -> Bending:
         """What loads turn all joints by."""
@@ -190,6 +192,7 @@ class FittedGeometry:
             for every in (self.model.parameters, self.open_parameters)
         )
         still = np.zeros((1, 3))
+        beside = self.circumstances
         return FittedGeometry(
             self.model.at_tool(tool),
             self.theta[kept],
@@ -201,6 +204,7 @@ class FittedGeometry:
             ),
             placed=still,
             placed_turns=still,
+            circumstances=None if beside is None else beside.among(np.flatnonzero(kept)),
         )
 
     def torque(self, q: Array, wrench: Array, loads: Loads | None) -> Load | None:
@@ -271,29 +275,67 @@ class FittedGeometry:
 
         Returns:
             What is seen there, the motions (m, r, n) of the coordinates by the joints, their
-            columns (m, r, p), and those of open parameters (m, r, o), see `ErrorParts`.
+            columns (m, r, p), and what is open moves them by (m, r, o), see `ErrorParts`.
         """
         wrench = np.zeros((len(q), 6)) if wrench is None else wrench
-        torque: Torque = self.torque(q, wrench, loads)
-        if differs is not None and differs.any():
-            torque = loading_in(self.bending, q, wrench, loads, differs)
+        torque = self.loading(q, wrench, loads, differs)
         seen = self.model.see(self.theta, q, torque)
         assert seen.jacobian is not None
         assert seen.by_joints is not None
         m, k = seen.points.shape[:2]
         J = MM * (seen.jacobian * self.model.scales).reshape(m, self.model.row_count * k, -1)
-        return seen, seen.by_joints.reshape(*J.shape[:2], -1), J, self._left(q, torque, J)
+        left = [self._left(q, torque, J)]
+        by_cause = self.by_circumstances(q, wrench, differs)
+        left += [by_cause[RIGID]] if RIGID in by_cause else []
+        motion = seen.by_joints.reshape(*J.shape[:2], -1)
+        return seen, motion, J, np.concatenate(left, axis=-1)
+
+    def loading(
+        self, q: Array, wrench: Array, loads: Loads | None, differs: Mask | None = None
+    ) -> Torque:
+        """What loads the joints in poses, and what did before in those that are differences."""
+        if differs is not None and differs.any():
+            return loading_in(self.bending, q, wrench, loads, differs)
+        return self.torque(q, wrench, loads)
+
+    def by_circumstances(
+        self, q: Array, wrench: Array, differs: Mask | None = None
+    ) -> dict[str, Array]:
+        """Errors (m, r, c) of the coordinates in some poses, by what no reading tells [mm, mrad].
+
+        Args:
+            q: Joint variables (m, n) [rad or m].
+            wrench: Forces and torques (m, 6).
+            differs: Which readings (m,) are their changes under the wrench; None for none.
+
+        Returns:
+            A column for each standard deviation, by cause; see `Circumstances`.
+        """
+        found = self.circumstances
+        if found is None:
+            return {}
+        own = self._wide((), q, self.loading(q, wrench, found.loads, differs))
+        beside = self._besides(q, wrench, differs)
+        wide = np.concatenate([own, beside], axis=-1)
+        return {name: wide @ E for name, E in found.roots.items()}
+
+    def _besides(self, q: Array, wrench: Array, differs: Mask | None = None) -> Array:
+        """Columns (m, r, o) of what is taken as it is [mm or mrad a unit]."""
+        found = self.circumstances
+        assert found is not None
+        torque = self.loading(q, wrench, found.untold, differs)
+        return self._wide(found.others, q, torque)[..., self.model.p :]
 
     def banded(self, seen: Seen, parts: ErrorParts) -> Predicted:
         """Positions with the bands of some errors."""
         m, k = seen.points.shape[:2]
         J = parts.columns
         known = np.einsum("mrp,pq,mrq->mr", J, self.covariance, J)
-        spread = np.array([one.spread for one in self.open_parameters])
-        left = parts.open**2 @ spread**2
+        squares = parts.open**2
+        left = squares[..., : len(self.open_parameters)].sum(axis=-1)
         # Rounding may leave less than nothing of a variance that is none.
         there = self.model.present.reshape(-1)
-        var = np.maximum(known + parts.own + left, 0.0) * there
+        var = np.maximum(known + parts.own + squares.sum(axis=-1), 0.0) * there
         rows = self.model.row_count
         shape = (m, k, rows)
         half = (np.sqrt(var) * student_quantile(self._dof(parts.slopes, parts.own))).reshape(shape)
@@ -318,15 +360,10 @@ class FittedGeometry:
             Covariances (m, 3k, 3k) of the coordinates [m^2], and their degrees of freedom (m,),
             those of the variances that were fitted.
         """
-        seen, motion, columns, apart = self.moves(q, wrench, loads)
-        own = self.noise.of_model(motion)
-        if self.noise.unknown:
-            own = own + self.noise.of_reading(motion, seen.places)
-        open_ones = apart * np.array([one.spread for one in self.open_parameters])
-        C = columns @ self.covariance @ np.swapaxes(columns, 1, 2) + own
-        C = C + open_ones @ np.swapaxes(open_ones, 1, 2)
-        k, rows = seen.points.shape[1], self.model.row_count
-        kept = np.arange(k * rows).reshape(k, rows)[:, :3].ravel()
+        moved = self.moves(q, wrench, loads)
+        seen, motion, columns, _ = moved
+        C = columns @ self.covariance @ np.swapaxes(columns, 1, 2) + self.beside(q, wrench, moved)
+        kept = self.lengths
         C = C[:, kept[:, None], kept]
         fit = self.noise.model_fit
         dof = np.full(len(q), np.inf)
@@ -335,23 +372,70 @@ class FittedGeometry:
             assert slopes is not None
             slopes = slopes[:, kept].sum(axis=1)
             # Only the part that was fitted is uncertain.
-            fitted = np.minimum(
-                slopes @ fit.variances, np.einsum("mrr->m", own[:, kept[:, None], kept])
-            )
+            own = np.einsum("mrr->mr", self.anew(motion, seen.places))[:, kept].sum(axis=1)
+            fitted = np.minimum(slopes @ fit.variances, own)
             share = fitted / np.einsum("mrr->m", C)
             dof = np.maximum(fit.relative_dof(slopes) / np.maximum(share, 1e-6) ** 2, LEAST_DOF)
         return C / MM**2, dof
 
+    def bent_besides(self, q: Array, wrench: Array) -> Array:
+        """How far joints that count as rigid bend (m, r, a), each by a standard deviation [mm]."""
+        found = self.circumstances
+        if found is None:
+            return np.zeros((len(q), self.model.row_count * len(self.model.markers), 0))
+        return np.asarray(self._besides(q, wrench) @ found.roots[RIGID][self.model.p :])
+
+    @property
+    def lengths(self) -> Indices:
+        """Which rows (3k,) of a pose are of positions."""
+        rows = self.model.row_count
+        return np.arange(rows * len(self.model.markers)).reshape(-1, rows)[:, :3].ravel()
+
+    def beside(self, q: Array, wrench: Array, moved: tuple[Seen, Array, Array, Array]) -> Array:
+        """Covariances (m, r, r) of all that markers are off by but errors of parameters [mm^2].
+
+        Args:
+            q: Joint variables (m, n) [rad or m].
+            wrench: Forces and torques (m, 6).
+            moved: What `moves` says there.
+        """
+        seen, motion, _, apart = moved
+        V = self.anew(motion, seen.places)
+        by_cause = self.by_circumstances(q, wrench)
+        for E in (apart, *(E for name, E in by_cause.items() if name != RIGID)):
+            V = V + E @ np.swapaxes(E, 1, 2)
+        return V
+
+    def anew(self, motion: Array, places: Array) -> Array:
+        """Covariances (m, r, r) of what comes anew in each pose, whatever is known [mm^2, mrad^2].
+
+        It is what the model leaves out, and the joints that do not come back. Where the noise is
+        unknown, readings and model are not told apart, and both count.
+        """
+        noise = self.noise
+        if noise.unknown:
+            return np.asarray(noise.of_model(motion) + noise.of_reading(motion, places))
+        of_joints = motion * np.square(np.asarray(noise.joints)) @ np.swapaxes(motion, 1, 2)
+        return np.asarray(noise.of_model(motion) + of_joints)
+
     def _left(self, q: Array, torque: Torque, J: Array) -> Array:
-        """Columns (m, r, o) of the open parameters, less what the others take of them [mm]."""
+        """What open parameters that are a standard deviation off move (m, r, o) [mm or mrad].
+
+        It is less by what the others take of them.
+        """
         if not self.open_parameters:
             return np.zeros((*J.shape[:2], 0))
-        every = self.model.with_parameters((*self.model.parameters, *self.open_parameters))
-        theta = np.concatenate([self.theta, np.zeros(len(self.open_parameters))])
+        own = self._wide(self.open_parameters, q, torque)[..., self.model.p :]
+        spread = np.array([one.spread for one in self.open_parameters])
+        return np.asarray((own - J @ self.shares) * spread)
+
+    def _wide(self, others: tuple[Parameter, ...], q: Array, torque: Torque) -> Array:
+        """Columns (m, r, p + o) of the parameters, and of others that are as drawn [mm, mrad]."""
+        every = self.model.with_parameters((*self.model.parameters, *others))
+        theta = np.concatenate([self.theta, np.zeros(len(others))])
         columns = every.see(theta, q, torque).jacobian
         assert columns is not None
-        wide = MM * (columns * every.scales).reshape(*J.shape[:2], -1)
-        return np.asarray(wide[..., self.model.p :] - J @ self.shares)
+        return np.asarray(MM * (columns * every.scales).reshape(len(q), -1, every.p))
 
     def own_variances(self, motion: Array, places: Array) -> Array:
         """Variances (m, r) of a reading, and of what the model leaves out [mm^2 or mrad^2].

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from edtk.fit.geometry.circumstances import Loads
 from edtk.fit.geometry.fit_geometry import NU, fit_beside
-from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, Loads, loading_of
+from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, loading_of
 from edtk.fit.geometry.least_squares_fit import PoseRows, known_before, measured_less_seen
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.posterior import (

@@ -6,11 +6,11 @@ from functools import cached_property
 
 import numpy as np
 
+from edtk.fit.geometry.circumstances import Loads
 from edtk.fit.geometry.fitted_geometry import (
     MM,
     FittedGeometry,
     GeometricFit,
-    Loads,
     ToldBefore,
     TurnResiduals,
     loading_of,

@@ -11,6 +11,7 @@ from edtk.fit.estimate_noise import NoiseEstimate
 from edtk.fit.identify import Identification
 from edtk.measure.expected_error import ErrorBudget, JointPart
 from edtk.measure.pose_table import TURN_COLUMN, coordinate_columns
+from edtk.measure.task import Tasks
 from edtk.report.draw.bars import intervals
 from edtk.report.draw.residuals import ResidualPanel, residuals
 from edtk.report.extension import extension_lines
@@ -48,12 +49,15 @@ ADVICE_OF_VISITS = ADVICE | {
 }
 
 
-def error_budget(found: ErrorBudget, of_visits: bool = False) -> str:
-    """The expected error in the task, with its parts; by displacements, or by visits."""
+def error_budget(found: ErrorBudget, of_visits: bool = False, planned: bool = True) -> str:
+    """The expected error in the task, with its parts; by displacements, or by visits.
+
+    Before a day nothing is known of the drawing's errors: without compensation there is the load.
+    """
     advice = ADVICE_OF_VISITS if of_visits else ADVICE
     if found.assumed_share and not of_visits:
         advice = advice | {"model": UNSTATED.format(percent=100 * found.assumed_share)}
-    by = "by the load and " if of_visits else ""
+    by = "by the load, " if of_visits and planned else ""
     parts = ", ".join(
         f"{name.replace('_', ' ')} {1e3 * part:.2g}" for name, part in found.parts.items()
     )
@@ -65,6 +69,13 @@ def error_budget(found: ErrorBudget, of_visits: bool = False) -> str:
         f"  of it [mm]: {parts}\n{joints}{without}"
         f"  to improve first: {advice[found.largest]}"
     )
+
+
+def budget_lines(
+    found: ErrorBudget | None, of_visits: bool = False, planned: bool = True
+) -> list[str]:
+    """The same as lines; none where the budget is not known."""
+    return [] if found is None else [error_budget(found, of_visits, planned)]
 
 
 def assumed_joints(found: ErrorBudget) -> list[str]:
@@ -83,6 +94,22 @@ def assumed_besides(found: ErrorBudget) -> str:
     """What a report says of these beside what was measured; empty without any."""
     lines = assumed_joints(found)
     return f"Besides, it counts what is assumed: {'; '.join(lines)}" if lines else ""
+
+
+def total_expected(found: ErrorBudget, tasks: Tasks) -> str:
+    """The error to expect, in a sentence of a report."""
+    return (
+        f"Expect a total error of {1e3 * found.total:.2g} mm {tasks.place} after compensation, "
+        f"instead of {1e3 * found.uncompensated:.2g} mm without."
+    )
+
+
+def of_the_total(found: ErrorBudget) -> list[str]:
+    """What of the total was measured, and what rests on joints that nobody measured."""
+    assumed = assumed_besides(found).replace("+-", "\N{PLUS-MINUS SIGN}")
+    if not assumed:
+        return []
+    return [f"Of the total, what was measured makes {1e3 * found.measured:.2g} mm. {assumed}."]
 
 
 def assumed_joint(part: JointPart) -> str:

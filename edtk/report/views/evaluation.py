@@ -11,6 +11,7 @@ from edtk.report.draw.names import name_ticks
 from edtk.report.figures import BLUE, panels
 from edtk.report.shown import shown_value
 from edtk.report.tables import name_width, notebook_table
+from edtk.report.views.calibration import budget_lines
 from edtk.study.evaluate import Evaluation
 
 
@@ -52,6 +53,7 @@ def evaluation_text(found: Evaluation) -> str:
     """A line for each criterion, and one for each standard deviation."""
     beside = " beside what the prior tells" if found.with_prior else ""
     expected = [] if found.expected is None else [str(found.expected)]
+    expected += budget_lines(found.error_budget)
     head = f"{found.experiments} experiments{beside}"
     lines = [head, *criteria_lines(found), *expected, *deviation_lines(found)]
     if found.interest:
@@ -105,6 +107,7 @@ def evaluation_notebook(found: Evaluation) -> str:
         for name, std, unit in zip(found.names, found.std, found.units, strict=True)
     ]
     notes = [] if found.expected is None else [str(found.expected)]
+    notes += budget_lines(found.error_budget)
     header = ["criterion", "value", "sense", "formula"]
     first = notebook_table(found.headline(), header, values, notes)
     second = notebook_table("standard deviations", ["parameter", "std", "unit"], deviations)

@@ -9,6 +9,7 @@ from edtk.report.extension import extension_lines
 from edtk.report.geometry_report import MOST_MARKERS, robot_stands
 from edtk.report.shown import expected_rho0, left_out_line, places_of
 from edtk.report.tables import name_width
+from edtk.report.views.calibration import budget_lines
 
 MM = 1e3
 
@@ -104,9 +105,11 @@ def _quality(found: GeometricCalibration) -> list[str]:
     repeats = f"; repeats of readings scatter by {fit.reading:.3g} mm" if noise.repeats else ""
     if noise.repeats and noise.turn is not None:
         repeats += f" and {np.rad2deg(1e-3 * noise.turn):.3g} deg"
+    alone = f"{MM * fit.placed:.4g} mm rms with base and tools fitted alone, "
+    if np.isnan(fit.placed):
+        alone = ""  # differences of readings place nothing
     return [
-        f"distance of positions: {MM * fit.placed:.4g} mm rms with base and tools fitted alone, "
-        f"{MM * fit.rms:.4g} with all",
+        f"distance of positions: {alone}{MM * fit.rms:.4g} mm rms with all fitted",
         left_out_line(found.loo_rms_mm, fit.share_inside),
         *_turns(found),
         *(
@@ -114,5 +117,6 @@ def _quality(found: GeometricCalibration) -> list[str]:
             if found.rho0_mm is not None
             else []
         ),
+        *budget_lines(found.budget, of_visits=True, planned=False),
         left_out + repeats,
     ]

@@ -9,7 +9,7 @@ from edtk.report.show.page import ShownPage
 from edtk.report.show.stage import shares, stage_of_plan
 from edtk.report.shown import expected_rho0
 from edtk.report.tables import number_columns
-from edtk.report.views.calibration import error_budget
+from edtk.report.views.calibration import budget_lines
 from edtk.report.views.evaluation import criteria_lines, deviation_lines
 from edtk.report.views.plan import experiments, on_limits, search_lines
 from edtk.system.typing import Array
@@ -72,7 +72,7 @@ def _rho0(found: GeometryPlan) -> list[str]:
     return [
         expected_rho0(1e3 * found.rho0, found.question.study.tasks),
         *([] if found.expected is None else [str(found.expected)]),
-        *([] if found.error_budget is None else [error_budget(found.error_budget, True)]),
+        *budget_lines(found.error_budget, of_visits=True),
         *as_drawn(found.question),
     ]
 
@@ -158,6 +158,7 @@ def _rho0_of_evaluation(found: GeometryEvaluation) -> list[str]:
         return [
             expected_rho0(1e3 * found.rho0, tasks),
             *([] if found.expected is None else [str(found.expected)]),
+            *budget_lines(found.error_budget, of_visits=True),
             *as_drawn(found.question),
         ]
     if not tasks:

@@ -24,7 +24,7 @@ from geometry_sheets import (
 from small_arm import ROBOT
 
 import edtk
-from edtk.measure.pose_table import BAND_COLUMNS
+from edtk.measure.pose_table import BAND_COLUMNS, PART_COLUMNS
 from edtk.robots.rotations import transform
 from edtk.study.study_geometry import StudyGeometry
 
@@ -302,7 +302,7 @@ def test_results_of_other_robots_are_refused(study: Path, tmp_path: Path) -> Non
 
 
 @pytest.mark.cell("`compensate`", "parameters")
-@pytest.mark.cell("`compensate` names poses in radians, and loads in kilonewtons", "parameters")
+@pytest.mark.cell("`compensate` and `predict` name radians, and loads in kilonewtons", "parameters")
 def test_commands_bring_the_markers_where_the_drawing_has_them(study: Path, tmp_path: Path) -> None:
     """The erring arm, commanded so, carries its markers where a perfect one would."""
     q, x = truth(40)
@@ -331,8 +331,8 @@ def test_commands_bring_the_markers_where_the_drawing_has_them(study: Path, tmp_
     assert (after < floor + 5e3 * told.remaining).all()
     header = out.read_text().splitlines()[0].split(",")
     assert header[:6] == NAMES
-    assert header[-4:-2] == ["uncompensated_mm", "remaining_rms_mm"]
-    assert header[-2:] == list(BAND_COLUMNS)
+    assert header[-6:-4] == ["uncompensated_mm", "remaining_rms_mm"]
+    assert header[-4:] == [*BAND_COLUMNS, *PART_COLUMNS]
     assert "error of the markers [mm]   remaining rms (95 % band) [mm]" in told.summary()
     low, high = told.band.T
     assert ((low < told.remaining) & (told.remaining < high)).all()
