@@ -5,8 +5,8 @@ from house import house
 
 # What may be at most. When a count has become better, its limit follows.
 LIMITS = {
-    "files": 511,
-    "statements": 58_473,
+    "files": 513,
+    "statements": 58_970,
     "one_function": 2.0,
     "circles": 2,
     "questions": 2,
