@@ -6,7 +6,7 @@ from house import house
 # What may be at most. When a count has become better, its limit follows.
 LIMITS = {
     "files": 513,
-    "statements": 58_966,
+    "statements": 58_959,
     "one_function": 2.0,
     "circles": 2,
     "questions": 2,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import criteria
+from criteria.linalg.inverse import root
 from edtk.calibration.posterior_check import PosteriorCheck, check_posterior, first_estimate
 from edtk.calibration.propagation import Propagation, root_of, uncertainty_of
 from edtk.calibration.template import measured_names
@@ -218,10 +219,7 @@ def _known_before(study: Study) -> PriorRows | None:
     known = study.prior_information
     if known is None:
         return None
-    size = np.sqrt(np.where(np.diag(known) > 0, np.diag(known), 1.0))
-    values, vectors = np.linalg.eigh(known / np.outer(size, size))
-    rows = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size
-    return PriorRows(rows, np.zeros(len(rows)))
+    return PriorRows(root(known), np.zeros(len(known)))
 
 
 def _covariance_with(study: Study, plan: Plan, noise: VisitNoise) -> Array:

@@ -25,7 +25,7 @@ import numpy as np
 from criteria.linalg.typing import triangle
 from edtk.design.exact.exact_nodes import NEAR_AT_KINKS, Merits, Nodes, is_near
 from edtk.design.exact.exact_weights import ALLOWED, LEAST_SHRINKING, REACH, OfNodes, solved
-from edtk.design.information import order, sensitivity_rows
+from edtk.design.information import order, sensitivity_rows, unpack
 from edtk.system.typing import Array, Indices, Mask
 
 STEPS = 30
@@ -105,6 +105,9 @@ class _Point(OfNodes):
 class _Scaling:
     """Parameters of nodes (b,) in which Z is one, and S diagonal.
 
+    Eigenvalues that rounding loses are raised: some of many nodes may be all but singular, which
+    Cholesky's factors refuse.
+
     Attributes:
         A: ``Z = A A'`` (b, p, p).
         B: ``Z^-1 = B B'``, the inverse of A' (b, p, p).
@@ -175,7 +178,6 @@ class _Game(OfNodes):
         counts: Experiments (b, g) in each group; zero of groups that a node has not.
         K: What every plan has, and the funds (b, q + k).
         floor: F (b, q), entries off the diagonal twice.
-        twice: How often each entry (b, q) stands in a matrix.
     """
 
     J: Array
@@ -183,7 +185,6 @@ class _Game(OfNodes):
     counts: Array
     K: Array
     floor: Array
-    twice: Array
 
     @classmethod
     def of(cls, merits: Merits, nodes: Nodes, chosen: Indices, known: Mask) -> "_Game":
@@ -191,9 +192,9 @@ class _Game(OfNodes):
         assert merits.floor is not None
         counts, own = nodes.grouped(chosen, known)
         F = merits.F[nodes.candidates[chosen]] * known[..., None]
-        alike = (merits.K, sensitivity_rows(merits.floor), merits.twice[: merits.q])
-        K, floor, twice = (np.tile(one, (nodes.n, 1)) for one in alike)
-        return cls(np.concatenate([-F, own], axis=2), known, counts, K, floor, twice)
+        alike = (merits.K, sensitivity_rows(merits.floor))
+        K, floor = (np.tile(one, (nodes.n, 1)) for one in alike)
+        return cls(np.concatenate([-F, own], axis=2), known, counts, K, floor)
 
     @property
     def q(self) -> int:
@@ -204,6 +205,11 @@ class _Game(OfNodes):
     def p(self) -> int:
         """Number of parameters."""
         return order(self.q)
+
+    @property
+    def twice(self) -> Array:
+        """How often each entry (q,) stands in a matrix."""
+        return sensitivity_rows(np.ones((self.p, self.p)))
 
     @property
     def terms(self) -> Array:
@@ -225,7 +231,7 @@ class _Game(OfNodes):
         Z = np.where(proves[:, None], Z, unit)
         Z = Z / (Z[:, :q] * self.floor).sum(axis=1)[:, None]
         regular = unit / (unit[:, :q] * self.floor).sum(axis=1)[:, None]
-        M = self._matrices((1.0 - INSIDE) * Z + INSIDE * regular)
+        M = unpack(((1.0 - INSIDE) * Z + INSIDE * regular)[:, :q].T)
         merit = np.where(np.isfinite(merit) & (merit > 0), merit, 1.0)
         room = BEGIN * merit
         price = Z[:, q:] + room[:, None] / np.maximum(np.abs(self.K[:, q:]), SMALL)
@@ -313,7 +319,7 @@ class _Game(OfNodes):
         dleft = -(point.left / point.price)[..., None] * dprice
         dleft[..., 0] -= point.left
         dleft[..., 1] += 1.0 / point.price
-        dZ = np.stack([_turned(scaling.B, self._matrices(dx[:, :q, i])) for i in (0, 1)], axis=-1)
+        dZ = np.stack([_turned(scaling.B, unpack(dx[:, :q, i].T)) for i in (0, 1)], axis=-1)
         dS = -dZ
         each = np.arange(self.p)
         dS[:, each, each, 0] -= 1.0
@@ -347,19 +353,12 @@ class _Game(OfNodes):
         i, j = triangle(self.p)
         products = W[:, i[:, None], i] * W[:, j[:, None], j]
         products += W[:, i[:, None], j] * W[:, j[:, None], i]
-        return np.asarray(0.5 * np.outer(self.twice[0], self.twice[0]) * products)
+        return np.asarray(0.5 * np.outer(self.twice, self.twice) * products)
 
     def _entries(self, Z: Array) -> Array:
         """Each entry (b, q) of a triangle of matrices (b, p, p)."""
         rows, columns = triangle(self.p)
         return np.asarray(Z[:, rows, columns])
-
-    def _matrices(self, entries: Array) -> Array:
-        """Matrices (b, p, p) of which a triangle has these entries (b, q or more)."""
-        rows, columns = triangle(self.p)
-        M = np.empty((len(entries), self.p, self.p))
-        M[:, rows, columns] = M[:, columns, rows] = entries[:, : self.q]
-        return M
 
 
 def _eigenvalues(M: Array) -> Array:

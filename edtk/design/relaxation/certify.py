@@ -273,9 +273,8 @@ def _dual_weights(
     M = problem.information(weights)
     try:
         return [criterion.dual_weights(Z, M) for Z in multipliers]
-    except (
-        np.linalg.LinAlgError
-    ):  # the design is all but singular: the check finds its own, or none
+    except np.linalg.LinAlgError:
+        # The design is all but singular: the check finds its own, or none.
         return []
 
 
