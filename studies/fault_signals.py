@@ -19,9 +19,9 @@ from edtk.findings.causes.faults import families
 from edtk.findings.causes.scene import Displacements
 from edtk.fit.least_squares import Whitened
 from edtk.fit.measurements import Measurements
+from edtk.robots.frames import MILLIMETRE
 from edtk.system.typing import Array
 
-MM = 1e-3
 DIRECTIONS = 1000  # of vectors, spread evenly
 CHUNK = 1_000_000  # log-likelihoods at once
 OUTLIER = 15.0  # [sigma]
@@ -149,11 +149,11 @@ def signals_of(study: Study, q: Array, poses_of: Array) -> dict[str, Alternative
 # along x and y are in no table.
 WITH_DIRECTION = {
     "load_direction": ("load tilted by 3 degrees", np.deg2rad(3)),
-    "tool_x": ("tool_x", 2 * MM),
-    "tool_y": ("tool_y", 2 * MM),
-    "tool_z": ("tool point 10 mm off along z", 10 * MM),
+    "tool_x": ("tool_x", 2 * MILLIMETRE),
+    "tool_y": ("tool_y", 2 * MILLIMETRE),
+    "tool_z": ("tool point 10 mm off along z", 10 * MILLIMETRE),
     "frame_rotation": ("measuring frame turned by 2 degrees", np.deg2rad(2)),
-    "drift": ("drift of 50 um", 0.05 * MM),
+    "drift": ("drift of 50 um", 0.05 * MILLIMETRE),
 }
 # Those of joints: the cause, whether it is in one joint, and in which if that is not by chance.
 SOFTER = 0.3 / 2.3  # of the mean compliance, to either side: 30 % from one side to the other
@@ -166,10 +166,10 @@ OF_JOINTS = (
 # Those that have either sign, and friction, whose size is the usual one.
 OF_EITHER_SIGN = (
     ("joint_zero", True, "zero of one joint 1 degree off", np.deg2rad(1)),
-    ("link_length", True, "one link 100 mm longer", 100 * MM),
+    ("link_length", True, "one link 100 mm longer", 100 * MILLIMETRE),
 )
 OTHERS = (
-    ("link_length", False, "", "all links 100 mm longer", 100 * MM),
+    ("link_length", False, "", "all links 100 mm longer", 100 * MILLIMETRE),
     ("friction", True, "", "friction, a tenth of one joint's load", None),
     ("friction", False, "deg", "friction of 0.005 degrees, all joints", np.deg2rad(0.005)),
 )

@@ -8,9 +8,9 @@ from scene import Scene
 from scipy.spatial.transform import Rotation
 
 from edtk.measure.pose_table import DEFLECTION_COLUMNS, pose_columns
+from edtk.robots.frames import MILLIMETRE
 from edtk.system.typing import Array
 
-MM = 1e-3
 OUTLIER = 15.0  # size of an outlier, in standard deviations of the noise
 KR270 = "KUKA KR 270"
 COMMON_SHARE = 0.5  # of the noise's variance that all repetitions of a pose have in common
@@ -71,13 +71,13 @@ def load_size(scene: Scene, rng: np.random.Generator) -> Scene:
 def tool_z(scene: Scene, rng: np.random.Generator) -> Scene:
     """The tool point is 10 mm further along the tool's z-axis, or nearer."""
     tool = scene.tool.copy()
-    tool[:3, 3] += rng.choice([-1, 1]) * 10 * MM * tool[:3, 2]
+    tool[:3, 3] += rng.choice([-1, 1]) * 10 * MILLIMETRE * tool[:3, 2]
     return replace(scene, tool=tool)
 
 
 def drift(scene: Scene, rng: np.random.Generator) -> Scene:
     """The tracker moves by 50 um between unloaded and loaded readings."""
-    return replace(scene, moved=scene.moved + 0.05 * MM * direction(rng))
+    return replace(scene, moved=scene.moved + 0.05 * MILLIMETRE * direction(rng))
 
 
 def noise(scene: Scene, rng: np.random.Generator) -> Scene:
@@ -199,13 +199,13 @@ def friction_everywhere(scene: Scene, rng: np.random.Generator) -> Scene:
 def link_length(scene: Scene, rng: np.random.Generator) -> Scene:
     """One link between two joints is 100 mm longer than in the model."""
     chosen = np.arange(len(scene.longer)) == rng.choice(_links(scene))
-    return replace(scene, longer=100 * MM * chosen)
+    return replace(scene, longer=100 * MILLIMETRE * chosen)
 
 
 def all_links(scene: Scene, rng: np.random.Generator) -> Scene:
     """All links between joints are 100 mm longer than in the model."""
     chosen = np.isin(np.arange(len(scene.longer)), _links(scene))
-    return replace(scene, longer=100 * MM * chosen)
+    return replace(scene, longer=100 * MILLIMETRE * chosen)
 
 
 def two_outliers(scene: Scene, rng: np.random.Generator) -> Scene:
@@ -219,7 +219,7 @@ def two_outliers(scene: Scene, rng: np.random.Generator) -> Scene:
 def _links(scene: Scene) -> list[int]:
     """The joints behind links that have a length, but for the first, which is on the base."""
     lengths = [float(np.linalg.norm(one.origin[:3, 3])) for one in scene.study.robot.joints]
-    return [j for j, length in enumerate(lengths) if j > 0 and length > 10 * MM]
+    return [j for j, length in enumerate(lengths) if j > 0 and length > 10 * MILLIMETRE]
 
 
 def outlier(scene: Scene, rng: np.random.Generator) -> Scene:

@@ -26,11 +26,11 @@ from edtk.fit.geometry.place_robot import place_robot
 from edtk.fit.restricted_likelihood import Blocks, contrasts_of, fit_model_error, fit_variances
 from edtk.measure.position_noise import PositionNoise
 from edtk.report.tables import markdown_table
+from edtk.robots.frames import MM
 from edtk.system.files import write_text
 
 HERE = Path(__file__).parent
 Array = NDArray[np.float64]
-MM = 1e3
 SIZES = (8, 12, 20)
 SUBSETS = 1000
 DAYS = 1000  # simulated ones

@@ -13,10 +13,10 @@ from edtk import Study
 from edtk.fit.equilibrium import equilibrium_deflection
 from edtk.measure.equilibrium import torque_and_derivative
 from edtk.measure.pose_table import DEFLECTION_COLUMNS, WRENCH_COLUMNS, pose_columns, pose_factors
+from edtk.robots.frames import MILLIMETRE
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array, Indices
 
-MM = 1e-3
 TINY = 1e-12  # length of a link that is none [m]
 
 
@@ -122,7 +122,7 @@ class Scene:
         free = [j for j in range(self.study.robot.n) if j not in self.study.fixed]
         columns = [pose_columns(self.study.robot)[j] for j in free]
         q = (self.q / pose_factors(self.study.robot))[:, free]
-        cells = np.hstack([q, self.wrench, self.measured(rng) / MM])
+        cells = np.hstack([q, self.wrench, self.measured(rng) / MILLIMETRE])
         names = [*columns, *WRENCH_COLUMNS, *DEFLECTION_COLUMNS]
         if self.exchanged:
             i, j = (names.index(name) for name in self.exchanged)

@@ -10,10 +10,10 @@ import numpy as np
 
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.compensate import Calibrated, Commanded, Compensation, band_of
-from edtk.calibration.geometry.geometric_calibration import covariance_of
 from edtk.calibration.model_left import ModelLeft
-from edtk.calibration.prediction import MM, Prediction, beyond_limits
+from edtk.calibration.prediction import Prediction, beyond_limits
 from edtk.calibration.propagation import FittedSprings, root_of
+from edtk.calibration.result_file import OTHER_ROBOT, springs_of_dict
 from edtk.calibration.tasks_in_use import ToolInUse, reading_findings
 from edtk.design.plan import REPEATS
 from edtk.findings.moving_joints import ReadingNoise
@@ -38,11 +38,9 @@ from edtk.robots.robot import Robot
 from edtk.study.study import Study
 from edtk.study.study_model import assumed_joints, study_sigma
 from edtk.system.errors import UserError
-from edtk.system.parsing import not_negative_of, numbers_of
 from edtk.system.typing import Array, Indices
 
 POSSIBLE = "possible_springs"  # key of what errors of the model leave possible
-LEAST_DOF = 0.5  # of a covariance in a file
 SETTLED = 1e-8  # [rad or m]: an arm that settles farther from the desired joints has buckled
 
 
@@ -152,10 +150,9 @@ class CalibratedSprings(Calibrated):
         if not isinstance(given, Mapping):
             raise UserError("expected a table", where=self.where, key="prediction")
         if given.get("robot") != self.study.robot.digest:
-            message = "the result is of another robot or tool than the study's"
-            raise UserError(message, where=self.where, key="prediction.robot")
+            raise UserError(OTHER_ROBOT, where=self.where, key="prediction.robot")
         try:
-            springs = _springs_of_dict(self.study.robot, given)
+            springs = springs_of_dict(self.study.robot, given)
         except ValueError as error:
             raise UserError(str(error), where=self.where, key="prediction") from error
         return replace(springs, model=self._model(content.get(POSSIBLE), "prediction")), False
@@ -347,50 +344,6 @@ def _degrees_of_freedom(dof: float, total: Array, noise: Array) -> float:
     share = np.divide(noise, total, out=np.ones_like(total), where=total > 0)
     most = float(share.max(initial=0.0))
     return dof / most**4 if most > 0 else np.inf
-
-
-def _springs_of_dict(robot: Robot, given: Mapping[str, Any]) -> FittedSprings:
-    """Those of the table `prediction`.
-
-    Raises:
-        ValueError: A number is missing, or none.
-    """
-    names = given.get("joints")
-    every = robot.joint_names
-    if not isinstance(names, list) or len(set(map(str, names))) < len(names):
-        raise ValueError("joints: expected a list of names, each once")
-    unknown = [name for name in names if name not in every]
-    if unknown:
-        raise ValueError(f"joints: the robot has no joint {unknown[0]!r}")
-    a = len(names)
-    covariance = covariance_of(given, "covariance", a)
-    opened = given.get("open")
-    if not isinstance(opened, list) or len(opened) > a:
-        raise ValueError("open: expected a list of errors")
-    dof = np.inf if given.get("dof") is None else float(not_negative_of(given, "dof", ()))
-    joints = None
-    if given.get("repeatability_deg") is not None:
-        model = float(not_negative_of(given, "discrepancy_mm", ())) / MM
-        joints = float(not_negative_of(given, "repeatability_deg", ())), model
-    return FittedSprings(
-        joints=tuple(every.index(name) for name in names),
-        k=numbers_of(given, "k", (a,)),
-        root=root_of(covariance),
-        dof=max(dof, LEAST_DOF),
-        open=numbers_of(given, "open", (len(opened), a)).T,
-        noise=ReadingNoise(float(not_negative_of(given, "noise_ratio", ())), joints),
-        beside=_beside(given, a),
-    )
-
-
-def _beside(given: Mapping[str, Any], a: int) -> Array:
-    """Root (a, c) of what is neither noise nor model; nothing in files that do not tell them apart.
-
-    Raises:
-        ValueError: It is no covariance.
-    """
-    key = "covariance_beside"
-    return root_of(covariance_of(given, key, a)) if key in given else np.zeros((a, 0))
 
 
 def predict_displacements(

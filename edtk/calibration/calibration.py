@@ -19,6 +19,7 @@ from edtk.calibration.propagation import (
     calibration_budget,
     propagation_of,
 )
+from edtk.calibration.result_file import springs_to_dict
 from edtk.calibration.told_part import ToldPart, interest_estimates
 from edtk.design.plan import Plan
 from edtk.findings.causes.family import Cause
@@ -202,7 +203,7 @@ def calibration_to_dict(found: "Calibration") -> dict[str, Any]:
         "k_unbounded": _known(found.by_joint(fit.unbounded)),
         "k_bias": None if found.bias is None else _known(found.by_joint(found.bias)),
         **_of_interest(found),
-        "prediction": found.springs.to_dict(found.study.robot),
+        "prediction": springs_to_dict(found.springs, found.study.robot),
         **_model_error(found),
         "poses": found.measured_poses.to_list(),
     }

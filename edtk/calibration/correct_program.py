@@ -25,6 +25,7 @@ from edtk.programs.targets.reading import (
     targets_of,
     written,
 )
+from edtk.robots.frames import MM
 from edtk.robots.inverse import ROUNDING, Posture, is_nearest, solutions, solve
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import rotation_vectors
@@ -41,7 +42,6 @@ DIGITS = 12  # of the SHA-256 that names a calibration, or the targets, in a pro
 ENCODING = "latin-1"  # a character for each byte: what is no number stays as it is
 BYTE_ORDER_MARK = "\xef\xbb\xbf"  # of UTF-8, in these characters
 NO_TEXT = "\0"  # in a program that is no text of one byte a character
-MM = 1e3
 OTHER_BRANCH = "its corrected joints are on another branch than it states"
 OTHER_SIDES = "no joints within the limits are on the branch that it states"
 

@@ -12,7 +12,7 @@ from edtk.findings.fitted_data import FittedData
 from edtk.findings.model_error import usual_share
 from edtk.fit.correlated_noise import CorrelatedNoise
 from edtk.fit.distributions import NormalMixture, weighted_median
-from edtk.fit.geometry.fitted_geometry import MM, FittedGeometry, GeometricFit, loading_of
+from edtk.fit.geometry.fitted_geometry import FittedGeometry, GeometricFit, loading_of
 from edtk.fit.geometry.least_squares_fit import PoseRows
 from edtk.fit.measurements import Measurements
 from edtk.fit.missing import MissingColumns, SizeLikelihood
@@ -21,7 +21,7 @@ from edtk.measure.expected_error import ErrorBudget
 from edtk.measure.instruments.marker import Marker
 from edtk.measure.missing_pieces import MissingPieces, PossibleSprings
 from edtk.measure.task import Task, Tasks
-from edtk.robots.frames import BodyPoint, load_turns
+from edtk.robots.frames import MM, BodyPoint, load_turns
 from edtk.study.study_geometry import StudyGeometry
 from edtk.system.parsing import not_negative_of, numbers_of
 from edtk.system.typing import Array

@@ -9,6 +9,7 @@ from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_word
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.least_squares import share_inside
 from edtk.fit.measurements import Measurements
+from edtk.robots.frames import MM
 from edtk.robots.robot import Robot
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices, Mask
@@ -16,7 +17,6 @@ from edtk.system.typing import Array, Indices, Mask
 if TYPE_CHECKING:
     import pandas as pd
 
-MM = 1e3
 FAR = 5.0  # half bands: an error beyond them is no matter of chance
 MOST = 0.5  # of the readings: if as many are far off, what they have in common is wrong
 OPEN = 1e-4  # [m]: what a calibration left open may move a marker by, before it is said

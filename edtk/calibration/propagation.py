@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -27,7 +27,6 @@ from edtk.measure.expected_error import (
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import Parameter
 from edtk.measure.task import Columns, ErringColumns, Task, Tasks
-from edtk.robots.robot import Robot
 from edtk.robots.weights import DeadWeights
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry, StudyLoads
@@ -563,24 +562,6 @@ class FittedSprings:
             np.hstack(beside),
             propagation.model,
         )
-
-    def to_dict(self, robot: Robot) -> dict[str, Any]:
-        """Plain numbers in SI units, but `repeatability_deg` and `discrepancy_mm`."""
-        noise = self.noise
-        joints, model = (None, None) if noise.joints is None else noise.joints
-        return {
-            "robot": robot.digest,
-            **({"compensators": robot.compensators_digest} if robot.compensators else {}),
-            "joints": [robot.joint_names[j] for j in self.joints],
-            "k": self.k.tolist(),
-            "covariance": (self.root @ self.root.T).tolist(),
-            "covariance_beside": (self.beside @ self.beside.T).tolist(),
-            "dof": self.dof if np.isfinite(self.dof) else None,
-            "open": self.open.T.tolist(),
-            "noise_ratio": noise.ratio,
-            "repeatability_deg": joints,
-            "discrepancy_mm": None if model is None else 1e3 * model,
-        }
 
 
 def uncertainty_of(

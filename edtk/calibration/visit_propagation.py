@@ -22,7 +22,7 @@ from edtk.calibration.told_part import Inverse
 from edtk.findings.causes.scene import Positions
 from edtk.findings.geometry.fit_rows import scene_of
 from edtk.fit.geometry.circumstances import RIGID, UNTOLD, Circumstances
-from edtk.fit.geometry.fitted_geometry import MM, FittedGeometry, GeometricFit, loading_of
+from edtk.fit.geometry.fitted_geometry import FittedGeometry, GeometricFit, loading_of
 from edtk.fit.geometry.least_squares_fit import PoseRows, known_before
 from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.few_columns import Beside
@@ -30,6 +30,7 @@ from edtk.measure.measured_model import Load, MeasuredModel, Seen
 from edtk.measure.parameters import AXES, Parameter, all_parameters
 from edtk.measure.task import ErringColumns, Task, Tasks
 from edtk.measure.whitening import Scatter
+from edtk.robots.frames import MM
 from edtk.study.study_geometry import StudyGeometry, StudyLoads
 from edtk.system.typing import Array, Indices
 

@@ -9,11 +9,11 @@ import numpy as np
 from edtk.cell.cell import Cell, Clearance
 from edtk.cell.sight import Sight
 from edtk.cell.ways import DrivenWay
+from edtk.robots.frames import MM
 from edtk.robots.robot import Robot
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 
-MM = 1e3
 ALL = "all markers"  # what is read in a pose that hides none
 
 

@@ -8,13 +8,12 @@ import numpy as np
 
 from edtk.cell.shapes import Body, Capsule, Source
 from edtk.cell.urdf_bodies import urdf_bodies
+from edtk.robots.frames import MILLIMETRE
 from edtk.robots.load_robot import TOML, URDF, robot_content
 from edtk.robots.robot import Robot
 from edtk.robots.robot_file import BodyTable, RobotFile, RobotFileError
 from edtk.robots.urdf.load_urdf import XACRO
 from edtk.system.typing import Array
-
-MM = 1e-3
 
 
 def robot_bodies(
@@ -64,7 +63,11 @@ def typed_bodies(
         (
             table.name,
             None if table.joint is None else robot.body_names.index(table.joint),
-            Capsule(MM * np.array(table.from_mm), MM * np.array(table.to_mm), MM * table.radius_mm),
+            Capsule(
+                MILLIMETRE * np.array(table.from_mm),
+                MILLIMETRE * np.array(table.to_mm),
+                MILLIMETRE * table.radius_mm,
+            ),
         )
         for table in tables
     ]

@@ -17,7 +17,6 @@ FramesLike = TypeVar("FramesLike")
 FramesLike_contra = TypeVar("FramesLike_contra", contravariant=True)
 
 SAME = 1e-9  # [rad]: poses nearer than this are one pose, whatever the distance that is asked for
-MM = 1e3  # [mm/m]
 
 
 @dataclass(frozen=True, eq=False)

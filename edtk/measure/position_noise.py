@@ -5,8 +5,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from edtk.measure.noise import MM, Tracker, VisitNoise
+from edtk.measure.noise import Tracker, VisitNoise
 from edtk.measure.whitening import Scatter, component_first, of_rows
+from edtk.robots.frames import MM
 from edtk.system.typing import Array, Indices, Mask
 
 ROUNDING = 1e-6  # [mm] no instrument reads better

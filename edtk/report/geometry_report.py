@@ -4,7 +4,7 @@ import numpy as np
 
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
 from edtk.findings.finding import rows_in_words
-from edtk.fit.geometry.fitted_geometry import MM, lengths, root_mean_square
+from edtk.fit.geometry.fitted_geometry import lengths, root_mean_square
 from edtk.measure.parameters import TITLES, Parameter
 from edtk.report.calibration_sections import Facts, budget_section, task_section
 from edtk.report.draw.residuals import left_out_errors, marker_residuals
@@ -20,6 +20,7 @@ from edtk.report.page import (
 )
 from edtk.report.shown import left_out_sentence, places_of
 from edtk.report.views.calibration import ADVICE_OF_VISITS, of_the_total, total_expected
+from edtk.robots.frames import MM
 from edtk.study.schema import describe_noise
 from edtk.system.typing import Array
 

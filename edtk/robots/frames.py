@@ -10,6 +10,9 @@ from numpy.typing import ArrayLike
 from edtk.robots.joint import Ties
 from edtk.system.typing import Array, Indices, Mask
 
+MM = 1e3  # [mm/m]: the house reckons in metres, and people read millimetres
+MILLIMETRE = 1e-3  # [m]
+
 # Numbers up to which copies cost less than more calls; measured on one core.
 FEW = 20_000
 # Entries of a constant rotation that are this close to zero are the rounding of a right angle.

@@ -12,6 +12,7 @@ from edtk.cell.robot_bodies import default_tool, merged, robot_bodies, typed_bod
 from edtk.cell.shapes import Body, Mesh, Shape
 from edtk.cell.swinging import hanging_bodies
 from edtk.cell.urdf_bodies import held
+from edtk.robots.frames import MILLIMETRE
 from edtk.robots.robot import Robot
 from edtk.robots.robot_file import RobotAndMore, RobotFile
 from edtk.study.schema import Specification
@@ -19,7 +20,6 @@ from edtk.study.tables_of_cell import MeshTable, PartTable, PlaneTable, SceneTab
 from edtk.system.errors import UserError, note
 from edtk.system.typing import Array
 
-MM = 1e-3
 TOOL = "tool"  # the frame in which tools are given
 TOOL_RADIUS = 0.03  # [m] of a tool that nobody describes
 
@@ -58,11 +58,16 @@ def study_cell(
     ignored = {frozenset(pair) for pair in keys.scene.ignore}
     try:
         found = pairs_to_look_at(
-            robot, bodies, MM * keys.scene.margin_mm, own=set(names), ignored=ignored, fixed=fixed
+            robot,
+            bodies,
+            MILLIMETRE * keys.scene.margin_mm,
+            own=set(names),
+            ignored=ignored,
+            fixed=fixed,
         )
     except ValueError as error:
         raise UserError(str(error), where=where, key="scene") from error
-    return Cell(robot, bodies, MM * keys.scene.margin_mm, found.looked_at)
+    return Cell(robot, bodies, MILLIMETRE * keys.scene.margin_mm, found.looked_at)
 
 
 def _own_bodies(keys: Specification, robot: Robot, folder: Path, where: str) -> tuple[Body, ...]:
@@ -125,11 +130,11 @@ class _Scene:
                 hanging.name,
                 last,
                 self.robot.tool[:3, 3],
-                rope=MM * hanging.rope_mm,
-                radius=MM * hanging.radius_mm,
-                height=MM * hanging.height_mm,
+                rope=MILLIMETRE * hanging.rope_mm,
+                radius=MILLIMETRE * hanging.radius_mm,
+                height=MILLIMETRE * hanging.height_mm,
                 swing=float(np.deg2rad(hanging.swing_deg)),
-                rope_radius=MM * hanging.rope_radius_mm,
+                rope_radius=MILLIMETRE * hanging.rope_radius_mm,
             )
             return merged((*found, *more))
         except UserError:

@@ -8,11 +8,11 @@ from pydantic_core import PydanticCustomError
 
 from edtk.cell.meshes import Unit
 from edtk.cell.shapes import Box, Capsule, Cylinder, Plane
+from edtk.robots.frames import MILLIMETRE
 from edtk.robots.rotations import transform
 from edtk.system.fields import ZERO, Finite, Line, NotNegative, Table, Vector3
 from edtk.system.typing import Array
 
-MM = 1e-3
 Millimetres = Annotated[Finite, Field(ge=0.1)]  # of a size: a body has one
 
 
@@ -38,7 +38,7 @@ class PlacedPart(PartTable):
     @property
     def pose(self) -> Array:
         """Transform (4, 4) [m]."""
-        return transform(MM * np.array(self.position_mm), np.deg2rad(self.rpy_deg))
+        return transform(MILLIMETRE * np.array(self.position_mm), np.deg2rad(self.rpy_deg))
 
 
 class BoxTable(PlacedPart):
@@ -50,7 +50,7 @@ class BoxTable(PlacedPart):
 
     def build(self) -> Box:
         """The box [m]."""
-        return Box(self.pose, MM * np.array(self.size_mm) / 2)
+        return Box(self.pose, MILLIMETRE * np.array(self.size_mm) / 2)
 
 
 class CylinderTable(PlacedPart):
@@ -61,7 +61,7 @@ class CylinderTable(PlacedPart):
 
     def build(self) -> Cylinder:
         """The cylinder [m]."""
-        return Cylinder(self.pose, MM * self.radius_mm, MM * self.height_mm / 2)
+        return Cylinder(self.pose, MILLIMETRE * self.radius_mm, MILLIMETRE * self.height_mm / 2)
 
 
 class CapsuleTable(PartTable):
@@ -73,8 +73,8 @@ class CapsuleTable(PartTable):
 
     def build(self) -> Capsule:
         """The capsule [m]."""
-        start, end = MM * np.array([self.from_mm, self.to_mm])
-        return Capsule(start, end, MM * self.radius_mm)
+        start, end = MILLIMETRE * np.array([self.from_mm, self.to_mm])
+        return Capsule(start, end, MILLIMETRE * self.radius_mm)
 
 
 class PlaneTable(Table):
@@ -93,7 +93,7 @@ class PlaneTable(Table):
     def build(self) -> Plane:
         """The half space [m]."""
         normal = np.array(self.normal) / np.linalg.norm(self.normal)
-        return Plane(normal, float(MM * normal @ self.position_mm))
+        return Plane(normal, float(MILLIMETRE * normal @ self.position_mm))
 
 
 class MeshTable(PlacedPart):

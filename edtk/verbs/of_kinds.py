@@ -158,9 +158,10 @@ class OfGeometry(OfStudy):
 
     def _robot(self, result: Any, argument: str) -> "Calibrated":
         from edtk.calibration.geometry.calibrated_geometry import CalibratedGeometry
-        from edtk.calibration.geometry.geometric_calibration import read_result
+        from edtk.calibration.result_file import geometry_result
 
-        return CalibratedGeometry.of(self.study, read_result(result), name_of(result, argument))
+        content = geometry_result(content_of(result) or result)
+        return CalibratedGeometry.of(self.study, content, name_of(result, argument))
 
 
 # Which kind of study asks which question.

@@ -12,7 +12,7 @@ from small_arm import ROBOT
 
 import edtk
 from edtk.calibration.calibrate import calibrate
-from edtk.calibration.geometry.geometric_calibration import geometry_of_dict
+from edtk.calibration.result_file import geometry_of_dict
 from edtk.fit.geometry.fit_geometry import fit_geometry
 from edtk.fit.geometry.fitted_geometry import student_quantile
 from edtk.fit.geometry.least_squares_fit import PoseRows

@@ -18,11 +18,12 @@ from edtk.calibration.geometry_design.geometry_space import PositionRows
 from edtk.design.plan import Plan
 from edtk.findings.geometry.geometric_fit import geometric_findings
 from edtk.fit.geometry.fit_geometry import fit_geometry
-from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, resting_load
+from edtk.fit.geometry.fitted_geometry import GeometricFit, resting_load
 from edtk.fit.geometry.geometry_posterior import GeometryDensity
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.prior import Gaussian, Prior, fit_with_prior
 from edtk.measure.measured_model import MeasuredModel
+from edtk.robots.frames import MM
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry
 from edtk.system.errors import UserError

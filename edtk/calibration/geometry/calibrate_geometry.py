@@ -43,9 +43,10 @@ from edtk.findings.geometry.turn_reading import EXPECTED, turn_reading
 from edtk.findings.match_plan import match_plan, not_measured, other_pose
 from edtk.findings.units import force_findings
 from edtk.fit.geometry.fit_geometry import NoiseNotToldError, TooFewPosesError, fit_geometry
-from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, root_mean_squares
+from edtk.fit.geometry.fitted_geometry import GeometricFit, root_mean_squares
 from edtk.fit.geometry.marker_positions import MarkerPositions, read_positions
 from edtk.measure.pose_table import LOADED_COLUMNS, Table, path_of
+from edtk.robots.frames import MM
 from edtk.robots.robot import Robot
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry, alone_load

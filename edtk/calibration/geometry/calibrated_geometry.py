@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from edtk.calibration.compensate import Calibrated, Commanded, Compensation, band_of
-from edtk.calibration.geometry.geometric_calibration import read_geometry
 from edtk.calibration.geometry.tool_from_rows import tool_from_rows
 from edtk.calibration.model_left import PiecesLeft
 from edtk.calibration.prediction import Prediction, beyond_limits
+from edtk.calibration.result_file import read_geometry
 from edtk.calibration.tasks_in_use import ToolInUse, reading_findings
 from edtk.findings.geometry.counting import Counting
 from edtk.findings.geometry.turn_reading import EXPECTED, turn_reading
@@ -37,6 +37,7 @@ from edtk.measure.pose_table import (
     path_of,
 )
 from edtk.measure.task import Task
+from edtk.robots.frames import MM
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import rotation_vectors
 from edtk.study.study import Study
@@ -50,7 +51,6 @@ SETTLED = 1e-9  # [m, rad] a step that moves no marker by more ends the search
 REACHED = 1e-6  # [m, rad] a last step that moves one by more leads nowhere: a stretched arm's do
 SINGULAR = 1e-4  # of the largest singular value: smaller ones of a Jacobian are not used
 FAR = 0.2  # [rad or m] a correction is never so large
-MM = 1e3
 
 
 @dataclass(frozen=True, eq=False)

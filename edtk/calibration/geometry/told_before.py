@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from edtk.calibration.geometry.geometric_calibration import MOST_MB, read_geometry
+from edtk.calibration.result_file import MOST_MB, read_geometry
 from edtk.fit.geometry.fitted_geometry import FittedGeometry
 from edtk.fit.prior import Flat, Marginal, Normal, Prior
 from edtk.measure.measured_model import MeasuredModel

@@ -11,8 +11,6 @@ from edtk.measure.parameters import COMPONENTS
 from edtk.robots.rotations import rotation
 from edtk.system.typing import Array, Indices, Mask
 
-MM = 1e3
-
 
 def tool_from_rows(
     fitted: FittedGeometry, data: MarkerPositions, placing: Mask, loads: Loads | None

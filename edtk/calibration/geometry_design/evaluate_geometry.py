@@ -37,9 +37,10 @@ from edtk.measure.expected_error import (
     ExpectedError,
     TaskAccuracy,
 )
-from edtk.measure.noise import MM, VisitNoise
+from edtk.measure.noise import VisitNoise
 from edtk.measure.parameters import Identifiable, all_parameters
 from edtk.measure.task import Columns, Task, Tasks
+from edtk.robots.frames import MM
 from edtk.robots.workspace import neighbourhood
 from edtk.study.evaluate import Evaluation, observability
 from edtk.study.plan_study import RunOptions, no_progress, study_errors

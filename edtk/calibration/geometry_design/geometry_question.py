@@ -23,7 +23,6 @@ from edtk.design.plan import Plan
 from edtk.fit.geometry.fit_geometry import told_apart
 from edtk.fit.prior import PriorRows
 from edtk.measure.measured_model import MeasuredModel
-from edtk.measure.noise import MM
 from edtk.measure.parameters import (
     COMPONENTS,
     NUMBERS,
@@ -32,7 +31,7 @@ from edtk.measure.parameters import (
     compensator_names,
 )
 from edtk.measure.task import Task, Tasks
-from edtk.robots.frames import BodyPoint, all_wrenches
+from edtk.robots.frames import MM, BodyPoint, all_wrenches
 from edtk.robots.loads.bounded_load import BoundedLoad
 from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.robots.loads.free_load import FreeLoad

@@ -13,10 +13,11 @@ from edtk.design.enclosure.robot_polynomials import RowPolynomials
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem, rows_of_blocks
 from edtk.measure.measured_model import MeasuredModel
-from edtk.measure.noise import MM, VisitNoise, shared_visits
+from edtk.measure.noise import VisitNoise, shared_visits
 from edtk.measure.nominal_columns import NominalColumns, PlacedColumns
 from edtk.measure.parameters import LINEAR
 from edtk.measure.whitening import Whitener, WhiteRows, component_first, read_alone
+from edtk.robots.frames import MM
 from edtk.robots.loads.listed_load import ListedLoad
 from edtk.robots.loads.load import Load
 from edtk.study.study_geometry import StudyLoads

@@ -23,11 +23,10 @@ from edtk.findings.causes.scene import (
 )
 from edtk.findings.finding import Finding, row_names
 from edtk.measure.parameters import ALONG
-from edtk.robots.frames import shared_load
+from edtk.robots.frames import MM, shared_load
 from edtk.robots.joint import Joint
 from edtk.system.typing import Array, Mask
 
-MM = 1e3
 PERCENT = 100.0
 MICRO = 1e6
 DEGREES = 180 / np.pi

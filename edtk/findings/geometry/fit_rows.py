@@ -11,7 +11,7 @@ from edtk.findings.causes.family import Cause, Family
 from edtk.findings.causes.faults import FAULTS, USUAL_DRIFT, USUAL_GROWTH
 from edtk.findings.causes.scene import JointLoads, Positions, link_length, same_in, since_first
 from edtk.fit.geometry.circumstances import Loads
-from edtk.fit.geometry.fitted_geometry import MM, FittedGeometry, GeometricFit
+from edtk.fit.geometry.fitted_geometry import FittedGeometry, GeometricFit
 from edtk.fit.geometry.least_squares_fit import columns_of
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.restricted_likelihood import Blocks, fit_model_error, fit_variances
@@ -21,6 +21,7 @@ from edtk.measure.parameters import Parameter, all_parameters
 from edtk.measure.position_noise import PositionNoise
 from edtk.measure.task import Task
 from edtk.measure.whitening import Scatter, of_rows
+from edtk.robots.frames import MM
 from edtk.system.typing import Array, Indices, Mask
 
 RATES = (0.0, 3.0, 8.0)  # of settling in a day: a steady drift, and warming up

@@ -38,12 +38,13 @@ from edtk.findings.prior import (
 )
 from edtk.findings.springs import still_joints, untold_finding
 from edtk.fit.geometry.fit_geometry import fit_geometry
-from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, root_mean_square
+from edtk.fit.geometry.fitted_geometry import GeometricFit, root_mean_square
 from edtk.fit.prior import PriorRows
 from edtk.measure.equilibrium import why_no_rest
 from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.few_columns import FewColumns
 from edtk.measure.parameters import Parameter
+from edtk.robots.frames import MM
 from edtk.study.study_geometry import StudyGeometry
 from edtk.study.study_model import KNOWN
 

@@ -14,9 +14,9 @@ from edtk.findings.geometry.fit_rows import (
     log_chance,
     lowered,
 )
-from edtk.fit.geometry.fitted_geometry import MM
 from edtk.measure.few_columns import Beside
 from edtk.measure.position_noise import PositionNoise
+from edtk.robots.frames import MM
 from edtk.system.typing import Array, Indices, Mask
 
 FEWEST_IN_FRAME = 2  # poses before, after and between

@@ -10,9 +10,10 @@ from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_word
 from edtk.findings.input_errors import CHANCE
 from edtk.findings.match_plan import resolution
 from edtk.fit.distributions import poisson_tail
-from edtk.fit.geometry.fitted_geometry import MM, GeometricFit
+from edtk.fit.geometry.fitted_geometry import GeometricFit
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.geometry.place_robot import rigid_motion
+from edtk.robots.frames import MM
 from edtk.study.study_geometry import StudyGeometry
 from edtk.study.study_model import on_robot
 from edtk.system.errors import UserError

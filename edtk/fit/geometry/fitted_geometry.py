@@ -16,9 +16,9 @@ from edtk.measure.parameters import Parameter
 from edtk.measure.position_noise import PositionNoise
 from edtk.measure.springs import Bending
 from edtk.robots.elastic_robot import widened
+from edtk.robots.frames import MM
 from edtk.system.typing import Array, Indices, Mask
 
-MM = 1e3
 STEP = 1e-4  # [rad or m] of differences
 SETTLED = 1e-13  # [rad or m] a turn of the joints by less ends the search for rest
 FAR = 0.1  # [rad or m] a joint that turns by more may have gone over to another equilibrium

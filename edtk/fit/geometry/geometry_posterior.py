@@ -6,7 +6,7 @@ import numpy as np
 
 from edtk.fit.geometry.circumstances import Loads
 from edtk.fit.geometry.fit_geometry import NU, fit_beside
-from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, loading_of
+from edtk.fit.geometry.fitted_geometry import GeometricFit, loading_of
 from edtk.fit.geometry.least_squares_fit import PoseRows, known_before, measured_less_seen
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.posterior import (
@@ -20,6 +20,7 @@ from edtk.fit.posterior import (
 from edtk.fit.prior import Prior
 from edtk.measure.measured_model import Load, Loading, MeasuredModel, Seen, Torque
 from edtk.robots.elastic_robot import widened
+from edtk.robots.frames import MM
 from edtk.robots.rotations import rotation
 from edtk.system.typing import Array
 

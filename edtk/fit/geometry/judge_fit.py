@@ -8,7 +8,6 @@ import numpy as np
 
 from edtk.fit.geometry.circumstances import Loads
 from edtk.fit.geometry.fitted_geometry import (
-    MM,
     FittedGeometry,
     GeometricFit,
     ToldBefore,
@@ -25,6 +24,7 @@ from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import Parameter
 from edtk.measure.position_noise import PositionNoise
 from edtk.measure.whitening import Precision, Scatter
+from edtk.robots.frames import MM
 from edtk.system.typing import Array
 
 IN_CACHE = 1_000_000  # numbers of a matrix for each of some poses

@@ -12,10 +12,10 @@ from edtk.measure.few_columns import FewColumns
 from edtk.measure.measured_model import MeasuredModel, Seen, Torque
 from edtk.measure.position_noise import white_kinds
 from edtk.measure.whitening import Precision, Scatter
+from edtk.robots.frames import MM
 from edtk.robots.rotations import rotation_vectors
 from edtk.system.typing import Array, Mask
 
-MM = 1e3
 WHITE_SHARE = 0.5  # of the size of a pose's errors that weights count as white
 STILL = 1e-18  # of the squares: a step that lowers them by less, where all is linear, is the last
 LEAST_FALL = 1e-3  # of what is foreseen that a step has to lower the squares by

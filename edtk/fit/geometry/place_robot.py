@@ -7,7 +7,6 @@ from itertools import product
 import numpy as np
 
 from edtk.fit.geometry.least_squares_fit import (
-    MM,
     LeastSquaresFit,
     columns_of,
     least_squares_fit,
@@ -16,6 +15,7 @@ from edtk.fit.geometry.least_squares_fit import (
 from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import COMPONENTS, Parameter
+from edtk.robots.frames import MM
 from edtk.robots.rotations import rotation, rotation_vectors
 from edtk.system.typing import Array, Indices, Mask
 

@@ -10,13 +10,13 @@ import numpy as np
 
 from edtk.programs.program import Axis
 from edtk.programs.targets.reading import Frames, Literal, Number, Reading
+from edtk.robots.frames import MM
 from edtk.robots.inverse import Posture
 from edtk.robots.rotations import rotation, rotation_vector, transform
 from edtk.system.typing import Array
 
 GIMBAL = 1e-9  # cosine of the second angle below which the others are one
 EDGE = 1e-6  # [rad or m] within which a joint or a wrist point is on both sides of zero
-MM = 1e3
 MARK = re.compile(r"edtk ([0-9a-f]{12}) ([0-9a-f]{12})")
 
 

@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from edtk.fit.geometry.fitted_geometry import MM, GeometricFit, lengths
+from edtk.fit.geometry.fitted_geometry import GeometricFit, lengths
 from edtk.fit.identify import Identification
 from edtk.measure.pose_table import coordinate_names
 from edtk.report.draw.posterior import thinned
 from edtk.report.figures import BLUE, COLOURS, MARKERS, ORANGE
+from edtk.robots.frames import MM
 from edtk.system.typing import Array, Indices, Mask
 
 if TYPE_CHECKING:

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from edtk.cell.plan_check import MM, PlanCheck
+from edtk.cell.plan_check import PlanCheck
 from edtk.report.tables import notebook_table, text_table
+from edtk.robots.frames import MM
 
 
 def plan_check_text(found: PlanCheck) -> str:

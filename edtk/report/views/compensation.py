@@ -13,11 +13,11 @@ from edtk.report.figures import BLUE, ORANGE, panels
 from edtk.report.shown import plain
 from edtk.report.tables import notebook_table, number_columns
 from edtk.report.views.calibration import SHARE, assumed_joint
+from edtk.robots.frames import MM
 from edtk.system.typing import Array
 
 MOST_BARS = 20  # poses up to which each has bars of its own
 SHIFT = 0.2  # of the two bars of a pose, which are twice as wide
-MM = 1e3
 MOST_LINES = 60
 
 

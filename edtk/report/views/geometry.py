@@ -10,8 +10,7 @@ from edtk.report.geometry_report import MOST_MARKERS, robot_stands
 from edtk.report.shown import expected_rho0, left_out_line, places_of
 from edtk.report.tables import name_width
 from edtk.report.views.calibration import budget_lines
-
-MM = 1e3
+from edtk.robots.frames import MM
 
 
 def geometric_calibration_text(found: GeometricCalibration) -> str:

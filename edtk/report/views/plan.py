@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from edtk.cell.plan_check import MM
 from edtk.design.bound import BoundKind, printed_form
 from edtk.design.detection import ENOUGH, Detection, Separation
 from edtk.design.exact.day import DayPlan
@@ -26,6 +25,7 @@ from edtk.report.shown import plain
 from edtk.report.tables import notebook_table, number_columns, text_table
 from edtk.report.views.calibration import error_budget
 from edtk.report.views.day import day_lines
+from edtk.robots.frames import MM
 from edtk.robots.robot import Robot
 from edtk.robots.workspace import on_limits_in_words
 from edtk.study.study import Study

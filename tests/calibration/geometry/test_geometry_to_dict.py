@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from edtk.calibration.geometry.geometric_calibration import geometry_of_dict, geometry_to_dict
+from edtk.calibration.result_file import geometry_of_dict, geometry_to_dict
 from edtk.findings.geometry.counting import Counting
 from edtk.fit.geometry.fitted_geometry import FittedGeometry
 from edtk.measure.position_noise import BlockVariances, PositionNoise

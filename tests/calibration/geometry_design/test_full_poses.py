@@ -13,9 +13,9 @@ from small_arm import ROBOT
 
 import edtk
 from edtk.calibration.geometry.calibrated_geometry import MarkerGoal
-from edtk.calibration.geometry.geometric_calibration import geometry_of_dict
 from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_design.geometry_space import PositionRows
+from edtk.calibration.result_file import geometry_of_dict
 from edtk.fit.geometry.fitted_geometry import FittedGeometry
 from edtk.fit.geometry.geometry_posterior import GeometryDensity
 from edtk.fit.geometry.least_squares_fit import PoseRows, least_squares_fit
