@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from edtk.calibration.geometry.geometric_calibration import (
         GeometricCalibration as GeometricCalibration,
     )
-    from edtk.calibration.geometry.geometry_problem import geometry_problem as geometry_problem
     from edtk.calibration.geometry_design.evaluate_geometry import (
         GeometryEvaluation as GeometryEvaluation,
     )
     from edtk.calibration.geometry_design.geometry_plan import GeometryPlan as GeometryPlan
+    from edtk.calibration.geometry_design.geometry_plan import geometry_problem as geometry_problem
     from edtk.calibration.planned import PlanBias as PlanBias
     from edtk.calibration.posterior_check import PosteriorCheck as PosteriorCheck
     from edtk.calibration.prediction import Prediction as Prediction
@@ -151,7 +151,7 @@ _HOME = {
     "RegionPlan": "edtk.design.exact.plan_region",
     "apportion": "edtk.design.exact.apportion",
     "exchange": "edtk.design.exact.exchange",
-    "geometry_problem": "edtk.calibration.geometry.geometry_problem",
+    "geometry_problem": "edtk.calibration.geometry_design.geometry_plan",
 }
 _MODULES = {"criteria": "criteria", "candidates": "edtk.candidates"}
 __all__ = ["__version__", *_MODULES, *_HOME]

@@ -18,7 +18,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 import edtk
-from edtk.design.exact.store_exact import store_exact
+from edtk.certificate.problem_proofs import store_exact
 from edtk.report.tables import markdown_table
 
 PAGE = Path(__file__).with_suffix(".md")

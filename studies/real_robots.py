@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 import edtk
 from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-from edtk.calibration.geometry.geometry_problem import geometry_problem
 from edtk.calibration.geometry.tool_from_rows import tool_from_rows
+from edtk.calibration.geometry_design.geometry_plan import geometry_problem
 from edtk.fit.geometry.fit_geometry import fit_geometry, placed_tools
 from edtk.fit.geometry.fitted_geometry import FittedGeometry, GeometricFit
 from edtk.fit.geometry.least_squares_fit import working

@@ -11,11 +11,10 @@ from edtk.calibration.told_part import ToldPart, measured_known, told_part
 from edtk.findings.causes.faults import cause_of
 from edtk.findings.finding import Finding, worst_first
 from edtk.findings.fitted_data import AS_USUAL, FittedData, HowFitted
-from edtk.findings.input_errors import find_input_error
 from edtk.findings.moving_joints import stated_noise
 from edtk.findings.nonlinear_part import linear_model_bias
 from edtk.findings.prior import known_findings, unstated_findings
-from edtk.findings.springs import spring_findings, still_joints, untold_finding
+from edtk.findings.springs import find_input_error, spring_findings, still_joints, untold_finding
 from edtk.fit.correlated_noise import NotPositiveDefiniteError
 from edtk.fit.fit_huber import SigmaTooSmallError
 from edtk.fit.identify import NothingLeftError

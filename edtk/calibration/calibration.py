@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.calibration.extension import Extension
-from edtk.calibration.measured_poses import MeasuredPoses
 from edtk.calibration.posterior_check import PosteriorCheck, check_posterior
 from edtk.calibration.propagation import (
     FittedSprings,
@@ -19,7 +18,7 @@ from edtk.calibration.propagation import (
     calibration_budget,
     propagation_of,
 )
-from edtk.calibration.result_file import springs_to_dict
+from edtk.calibration.result_file import MeasuredPoses, springs_to_dict
 from edtk.calibration.told_part import ToldPart, interest_estimates
 from edtk.design.plan import Plan
 from edtk.findings.causes.family import Cause

@@ -1,10 +1,11 @@
-"""What the file of a calibration holds for predictions and commands, written and read.
+"""What the file of a calibration holds for commands, predictions and pictures, written and read.
 
-Of compliances alone that is the table `prediction`, of geometry the table `geometry`.
+Commands and predictions need the table `prediction` of compliances alone, or `geometry`; pictures
+of the measured poses need `poses`.
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from criteria.linalg.spectrum import is_semidefinite
 from edtk.calibration.propagation import FittedSprings, root_of
+from edtk.design.plan import Plan
 from edtk.findings.geometry.counting import Counting
 from edtk.findings.moving_joints import ReadingNoise
 from edtk.fit.geometry.circumstances import RIGID, UNTOLD, Circumstances
@@ -28,7 +30,7 @@ from edtk.study.study_geometry import StudyGeometry, study_marks
 from edtk.system.errors import UserError
 from edtk.system.files import read_text
 from edtk.system.parsing import not_negative_of, numbers_of, parse_json
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 
 MOST = 1000  # parameters or joints in a file
 MOST_MB = 100.0  # of a file
@@ -41,6 +43,8 @@ OTHERWISE = {
     "loads": "the study's load point, payload or masses are not those of the result",
 }
 OTHER_ROBOT = "the result is of another robot or tool than the study's"
+MOST_POSES = 2000  # of a file, which people read too
+POSE_KEYS = ("q", "wrench", "repeats", "residual_mm")
 
 
 def geometry_result(given: object) -> Mapping[str, Any]:
@@ -423,3 +427,79 @@ def _require_same(given: object, setting: StudyGeometry, where: Path | str) -> N
         size = float(np.abs(own).max(initial=1.0))
         if mark.shape != own.shape or not (np.abs(mark - own) <= SAME * size).all():
             raise UserError(OTHERWISE[name], where=where, key=f"geometry.study.{name}")
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredPoses:
+    """Poses in the order of the sheet.
+
+    Attributes:
+        plan: The poses, their loads, and how many rows of the sheet each has.
+        residual: Root mean square of the distances of its readings from the fit (k,) [m]; NaN where
+            nothing but rotations was read.
+    """
+
+    plan: Plan
+    residual: Array
+
+    @classmethod
+    def of(cls, plan: Plan, pose: Indices, square: Array) -> "MeasuredPoses":
+        """Those of a fit.
+
+        Args:
+            plan: The poses, each once.
+            pose: Which of them each reading is of (r,).
+            square: Squared distances of markers from the fit (r, k) [m^2]; NaN where none was seen.
+        """
+        seen = np.isfinite(square)
+        count = np.bincount(pose, weights=seen.sum(axis=1), minlength=len(plan.q))
+        size = np.where(seen, square, 0.0).sum(axis=1)
+        total = np.bincount(pose, weights=size, minlength=len(plan.q))
+        return cls(plan, np.sqrt(total / np.where(count > 0, count, np.nan)))
+
+    def to_list(self) -> list[dict[str, Any]]:
+        """A table for each of the first poses, SI but for the residual."""
+        rows = zip(self.plan.q, self.plan.wrench, self.plan.repeats, self.residual, strict=True)
+        return [
+            {
+                "q": q.tolist(),
+                "wrench": wrench.tolist(),
+                "repeats": int(repeats),
+                "residual_mm": 1e3 * float(residual) if np.isfinite(residual) else None,
+            }
+            for q, wrench, repeats, residual in list(rows)[:MOST_POSES]
+        ]
+
+    @classmethod
+    def from_list(cls, given: object, joints: int, where: object) -> "MeasuredPoses":
+        """The poses of a file.
+
+        Args:
+            given: What `to_list` gave.
+            joints: Number of joints of the robot.
+            where: The file, for messages.
+
+        Raises:
+            UserError: It is none, or of another robot.
+        """
+        expected = f"expected a table for each pose with {', '.join(POSE_KEYS)}"
+        if not isinstance(given, list) or not given:
+            raise UserError(expected, where=str(where), key="poses")
+        columns: dict[str, list[Any]] = {key: [] for key in POSE_KEYS}
+        for i, row in enumerate(given):
+            key = f"poses[{i + 1}]"
+            if not isinstance(row, Mapping) or not set(POSE_KEYS) <= set(row):
+                raise UserError(expected, where=str(where), key=key)
+            if isinstance(row["q"], list) and len(row["q"]) != joints:
+                message = f"has {len(row['q'])} joints; expected the {joints} of the study's robot"
+                raise UserError(message, where=str(where), key=key)
+            for name in POSE_KEYS:
+                columns[name].append(np.nan if row[name] is None else row[name])
+        try:
+            q, wrench, residual = (
+                np.array(columns[name], dtype=float) for name in ("q", "wrench", "residual_mm")
+            )
+            plan = Plan(q, wrench, np.array(columns["repeats"], dtype=int))
+        except (TypeError, ValueError) as error:
+            raise UserError(expected, where=str(where), key="poses") from error
+        return cls(plan, residual / 1e3)

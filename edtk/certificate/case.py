@@ -1,22 +1,26 @@
-"""A certificate read back, and all numbers that follow from it."""
+"""A certificate read back, and all numbers that follow from it: of weights, of a plan, and of all
+plans of whole experiments on its candidates.
+"""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from edtk.certificate.day_bound import DayBound, read_proofs
-from edtk.certificate.exact_on_candidates import ExactOnCandidates
-from edtk.certificate.proof import Experiments, LargestSensitivities, Proof
+from edtk.certificate.proof import LARGEST, Experiments, LargestSensitivities, Proof
 from edtk.certificate.recompute import values
-from edtk.certificate.recompute.candidates import of_rows, require
+from edtk.certificate.recompute.array_criteria import FORMS, Part
+from edtk.certificate.recompute.arrays import LONG, Candidates
+from edtk.certificate.recompute.candidates import candidates, of_rows, require
 from edtk.certificate.recompute.covering import largest_sensitivities
 from edtk.certificate.recompute.day import Day
+from edtk.certificate.recompute.exact_tree import Tree, plan_of
 from edtk.certificate.recompute.lower_bound import Multipliers, lower_bound
-from edtk.certificate.recompute.plain_data import table, text, whole
+from edtk.certificate.recompute.plain_data import number, table, text, whole
 from edtk.certificate.recompute.setting import Setting
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 
 KEYS = ("criterion", "kind", "claims", "experiments", "kept", "proof", "setting")
 ON_CANDIDATES = "on_candidates"
@@ -24,8 +28,106 @@ DECORATION = ("edtk", "title", "study_sha256")  # keys on which no claim rests
 AMOUNTS = {"relaxation": "weight", "plan": "repeats"}
 LONGEST_NAME = 60
 MOST_REPEATS = 1e9
-MOST_NUMBERS = 2e7  # in the rows of all experiments together
+MOST_NUMBERS = 2e7  # in the rows of all experiments, or the information of all candidates
 WEIGHTS_SUM = 1e-9  # deviation from one that is rounding
+KEYS_ON_CANDIDATES = ("candidates", "plan", "value", "bound_exact", "proved_exact", "tree")
+
+
+@dataclass(frozen=True, eq=False)
+class ExactOnCandidates:
+    """A proof about all plans on the first candidates of a sequence, which are drawn anew.
+
+    Attributes:
+        number: Number of candidates.
+        counts: The plan that is said to be the best known (n,): how often each is measured.
+        tree: Why.
+        stated: What is claimed: `value`, `bound_exact` and `proved_exact`.
+        setting: Robot, load, noise and limits.
+        proof: Seed of the sequence.
+    """
+
+    number: int
+    counts: Indices
+    tree: Tree
+    stated: dict[str, Any]
+    setting: Setting
+    proof: Proof
+
+    @classmethod
+    def from_dict(cls, content: Any, setting: Setting, proof: Proof) -> "ExactOnCandidates":
+        """Read the part `on_candidates` of a certificate.
+
+        Raises:
+            ValueError: A part is missing, is not what it should be, or is too much to check.
+        """
+        content = table(content, KEYS_ON_CANDIDATES, ON_CANDIDATES)
+        n = whole(content["candidates"], 1, LARGEST, f"{ON_CANDIDATES}.candidates")
+        if n * setting.p * max(setting.p + 1, 2 * len(setting.sigma)) > 2 * MOST_NUMBERS:
+            raise ValueError(f"{ON_CANDIDATES}: {n} candidates are more than are computed here")
+        if not isinstance(content["proved_exact"], bool):
+            raise ValueError(f"{ON_CANDIDATES}.proved_exact: expected true or false")
+        table(content["plan"], ("candidate", "count"), f"{ON_CANDIDATES}.plan")
+        names = ("value", "bound_exact")
+        tree = Tree.of(content["tree"], n, setting.p)
+        weights = setting.tasks.weights
+        if tree.shares is not None and tree.shares.shape[1] == len(weights):
+            # A task that the design does not weigh is no part of the worst.
+            tree = replace(tree, shares=tree.shares[:, weights > 0])
+        return cls(
+            number=n,
+            counts=plan_of(content["plan"], n),
+            tree=tree,
+            stated={name: number(content[name], f"{ON_CANDIDATES}.{name}") for name in names}
+            | {"proved_exact": content["proved_exact"]},
+            setting=setting,
+            proof=proof,
+        )
+
+    @cached_property
+    def drawn(self) -> Experiments:
+        """The candidates, each with its repetitions in the plan.
+
+        Raises:
+            ValueError: They cannot be drawn.
+        """
+        n = len(self.setting.fixed)
+        chunks = candidates(self.setting, self.proof.seed, self.proof.sampling, self.number)
+        x = np.concatenate(list(chunks))
+        return Experiments(x[:, :n], self.setting.load.wrench(x[:, n:]), self.counts.astype(float))
+
+    @property
+    def plan(self) -> Experiments:
+        """The experiments of the plan."""
+        return self.drawn.chosen(self.counts > 0)
+
+    def beside(self, known: Array) -> Candidates:
+        """What one visit of each candidate tells, with the information (p, p) of every plan.
+
+        Visits that share errors tell less together, so that bounds hold for them as well.
+        """
+        return Candidates(self.drawn.rows(self.setting), None, known.astype(LONG), "")
+
+    def part(self, name: str) -> Part:
+        """The criterion, of a name, in the form in which whole plans are bounded.
+
+        Raises:
+            ValueError: There is none.
+        """
+        if name not in FORMS:
+            raise ValueError(f"the criterion {name} has no second implementation for whole plans")
+        p = self.setting.p
+        if name not in values.OF_TARGET:
+            K = self.setting.interest
+            given = {"name": name} if K is None else {"name": name, "interest": K.tolist()}
+            return Part.of(given, p)
+        targets = self.setting.tasks.targets(name)
+        if not targets:
+            raise ValueError(f"{name} needs a test pose")
+        form, power = FORMS[name]
+        lengths = [len(target) for target in targets]
+        number = np.arange(len(targets)) if form == "worst" else np.zeros(len(targets))
+        groups = np.repeat(number.astype(float), lengths).astype(int)
+        return Part(form, power, np.concatenate(targets).T, 1.0, groups, needs_all=True)
 
 
 @dataclass(frozen=True, eq=False)

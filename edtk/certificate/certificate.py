@@ -15,6 +15,7 @@ from edtk.cell.shapes import Box, Capsule, Plane, Shape
 from edtk.cell.sight import Eye, Reflector, Sight
 from edtk.certificate.case import ON_CANDIDATES
 from edtk.certificate.coverings import coverings_to_list
+from edtk.certificate.problem_proofs import tree_to_dict
 from edtk.certificate.recompute.pose_polynomials import require_checkable
 from edtk.certificate.recompute.setting import Setting
 from edtk.design.bound import BoundKind
@@ -22,15 +23,14 @@ from edtk.design.design_space import DesignSpace
 from edtk.design.enclosure.prove_continuum import ProvedPlan
 from edtk.design.enclosure.robot_polynomials import polynomials_of
 from edtk.design.exact.exact_plan import ExactPlan, OnCandidates
-from edtk.design.exact.store_exact import tree_to_dict
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.friction import Friction
 from edtk.measure.instruments.distance import Distance
 from edtk.measure.instruments.marker import Marker
 from edtk.measure.instruments.pose_marker import PoseMarker
 from edtk.measure.instruments.sensor import Sensor
+from edtk.measure.springs import Friction
 from edtk.measure.task import Task
 from edtk.robots.compensator import GivingWay, Pull
 from edtk.robots.constraints.excluded import Excluded

@@ -1,4 +1,4 @@
-"""Everything that looks wrong in measurements."""
+"""Everything that looks wrong in measurements, and what is certainly wrong first."""
 
 from collections.abc import Iterator, Sequence
 
@@ -14,8 +14,7 @@ from edtk.findings.finding import (
     worst_first,
 )
 from edtk.findings.fitted_data import FittedData
-from edtk.findings.input_errors import find_input_error, twins
-from edtk.findings.match_plan import not_measured, pose_resolution
+from edtk.findings.match_plan import not_measured, other_pose, pose_resolution
 from edtk.findings.noise import (
     cause_findings,
     left_out_findings,
@@ -39,6 +38,7 @@ SAME = 1e-6  # [rad or m] a joint that moves less stands still
 MOST_NAMED = 2  # open directions that are named in full
 MOST_LETTERS = 120  # of their names together
 UNKNOWN = 1e3  # growth of a standard deviation beyond which a parameter is as good as unknown
+CHANCE = 1e-3  # probability of equal rows up to which they are copies
 
 
 def budget_findings(budget: ErrorBudget | None) -> Iterator[Finding]:
@@ -372,7 +372,61 @@ def _beyond_limits(data: Data) -> str:
     )
 
 
+def copied_rows(fitted: FittedData) -> Finding | None:
+    """Find rows that are the same, if they are more than coarse readings explain."""
+    found = fitted.equal_rows
+    if found is None or found.chance > CHANCE:
+        return None
+    return Finding.of(
+        Severity.ALARM,
+        WORDING,
+        "copied_rows",
+        rows=(found.later, found.earlier),
+        others=found.others,
+    )
+
+
+def _other_pose(fitted: FittedData) -> Finding | None:
+    """The first measured pose that is not planned."""
+    if fitted.plan is None or fitted.match is None:
+        return None
+    rows = [(row,) for row in range(len(fitted.data))]
+    return other_pose(fitted.study, fitted.data, fitted.plan, fitted.match, rows)
+
+
+def misread_columns(fitted: FittedData) -> Finding | None:
+    """Find columns that fit if they are read otherwise, and do not as they are headed."""
+    found = fitted.explanation
+    return found.finding if found is not None and found.certain else None
+
+
+def find_input_error(fitted: FittedData) -> Finding | None:
+    """Find the first input error in measurements that can be read and fitted.
+
+    Args:
+        fitted: The measurements, their fit, and the plan that was to be carried out.
+
+    Returns:
+        The error, with its rows and columns; None if the measurements have none.
+    """
+    return _other_pose(fitted) or copied_rows(fitted) or misread_columns(fitted)
+
+
+def twins(data: Data) -> str:
+    """Rows that are the same."""
+    later, earlier = data["rows"]
+    others = data["others"]
+    more = f", and {others} more rows have such a twin" if others else ""
+    return f"row {later + 1} is row {earlier + 1} to the last digit, in all columns{more}"
+
+
+def _copied_rows(data: Data) -> str:
+    """Rows that were copied."""
+    return f"{twins(data)}; expected measurements anew"
+
+
 WORDING: Wording = {
+    "copied_rows": _copied_rows,
     "open": _open,
     "all_negative": _all_negative,
     "far_below_zero": _far_below_zero,

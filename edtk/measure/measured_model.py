@@ -6,10 +6,9 @@ from typing import Literal
 
 import numpy as np
 
-from edtk.measure.compensators import UnknownNumbers
 from edtk.measure.few_columns import FewColumns
 from edtk.measure.parameters import COMPONENTS, Parameter
-from edtk.measure.springs import Answers, Bending, Springs, sprung
+from edtk.measure.springs import Answers, Bending, Springs, UnknownNumbers, sprung
 from edtk.robots.compensator import GivingWay
 from edtk.robots.elastic_robot import ElasticJoint, body_of, widened
 from edtk.robots.robot import Robot

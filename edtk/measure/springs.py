@@ -1,4 +1,6 @@
-"""Springs: by how much joints and bearings turn under the torques that load them."""
+"""Springs: by how much joints and bearings turn under the torques that load them, with unknown
+numbers of compensators beside them, and with what friction holds.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -6,10 +8,16 @@ from functools import cached_property
 
 import numpy as np
 
-from edtk.measure.compensators import UnknownNumbers
-from edtk.measure.parameters import COMPONENTS, LINEAR, Parameter, own_direction
-from edtk.robots.compensator import GivingWay
-from edtk.robots.elastic_robot import ElasticJoint, ElasticRobot
+from edtk.measure.parameters import (
+    COMPONENTS,
+    LINEAR,
+    NUMBERS,
+    Parameter,
+    compensator_names,
+    own_direction,
+)
+from edtk.robots.compensator import GivingWay, Pull
+from edtk.robots.elastic_robot import ElasticJoint, ElasticRobot, pull_on
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array, Indices
 
@@ -23,6 +31,74 @@ LAWS: dict[str, tuple[Callable[[Array], Array], Callable[[Array], Array]]] = {
     "sign": (np.abs, np.sign),
     "gap": (np.sign, np.zeros_like),
 }
+# Of a joint's usual load: friction holds most of a load that is smaller than that.
+GIVES = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class UnknownNumbers:
+    """Numbers of a robot's compensators that are parameters: by how much they differ from stated.
+
+    Attributes:
+        pulls: The compensators as they are stated.
+        joints: The free joint (c,) of each.
+        loaded: Coordinates that each loads: elastic joints before its own, and that.
+        places: The compensator, and the place among its numbers, of each parameter.
+        of: Index of each parameter among all of the model.
+    """
+
+    pulls: tuple[Pull, ...]
+    joints: tuple[int, ...]
+    loaded: tuple[list[int], ...]
+    places: tuple[tuple[int, int], ...]
+    of: Indices
+
+    @classmethod
+    def among(
+        cls, robot: Robot, elastic: tuple[ElasticJoint, ...], parameters: Sequence[Parameter]
+    ) -> "UnknownNumbers":
+        """Those among parameters of a robot.
+
+        Args:
+            robot: The rigid robot.
+            elastic: The elastic joints, whose coordinates come after those of its free joints.
+            parameters: Of which some are numbers of compensators.
+        """
+        whole = ElasticRobot.of(robot, elastic)
+        pulls = tuple(pull_on(whole, pull) for pull in robot.pulls)
+        between = ([whole.body_names[i] for i in pull.places] for pull in pulls)
+        loaded = tuple([whole.joint_names.index(name) for name in names] for names in between)
+        own = [(i, one) for i, one in enumerate(parameters) if one.place == "compensator"]
+        names = compensator_names(robot)
+        joints = tuple(robot.joint_names.index(pull.given.joint) for pull in robot.pulls)
+        places = tuple((names.index(one.of), NUMBERS.index(one.component)) for _, one in own)
+        return cls(pulls, joints, loaded, places, np.array([i for i, _ in own], dtype=int))
+
+    def changed(self, sizes: Array) -> tuple[Pull, ...]:
+        """The compensators whose numbers differ by sizes (c,), in SI units."""
+        numbers = np.array([pull.given.numbers() for pull in self.pulls])
+        for (which, place), size in zip(self.places, sizes, strict=True):
+            numbers[which, place] += size
+        pairs = zip(self.pulls, numbers, strict=True)
+        return tuple(replace(pull, given=pull.given.with_numbers(own)) for pull, own in pairs)
+
+    def torque(self, sizes: Array, q: Array) -> Array:
+        """What such changes add to the loads (m, s) of the joints, at q (m, s) [N m]."""
+        added = np.zeros_like(q)
+        if sizes.any():
+            for at, new, old in zip(self.loaded, self.changed(sizes), self.pulls, strict=True):
+                x = q[:, at].T
+                added[:, at] += (new.loads(x) - old.loads(x)).T
+        return added
+
+    def by_numbers(self, sizes: Array, q: Array) -> Array:
+        """Derivatives (m, s, c) of these loads by the sizes."""
+        found = np.zeros((*q.shape, len(self.places)))
+        changed = self.changed(sizes) if len(self.places) else ()
+        for i, (which, place) in enumerate(self.places):
+            at = self.loaded[which]
+            found[:, at, i] = changed[which].loads_by_numbers(q[:, at].T)[place].T
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -315,3 +391,90 @@ def elastic_joints(robot: Robot, parameters: Sequence[Parameter]) -> tuple[Elast
 def sprung(robot: Robot, elastic: tuple[ElasticJoint, ...]) -> Robot:
     """The robot with its elastic joints."""
     return ElasticRobot.of(robot, elastic)
+
+
+@dataclass(frozen=True, eq=False)
+class Friction:
+    """Friction of joints, each of which holds a share of its usual load.
+
+    The spring of joint j turns by ``k_j tau_j``. Friction that holds the load ``u_j m_j``, a share
+    of the usual load m_j, takes ``k_j m_j sign(tau_j)`` times that share from it. A load of far
+    less than a tenth of m_j is held in proportion, so that the shares have the columns
+
+        U_j = y_j k_j h(tau_j),   h(t) = m_j t / sqrt(t^2 + (m_j / 10)^2),
+
+    with the motion y_j of what is measured: that of the spring, times a factor of its load. Loads
+    of one size leave both one and the same; those of several sizes tell them apart. The way from
+    one to the other is smooth, as that of gears is, and so that ascents do not stop at a bend: the
+    best poses have loads of this size.
+
+    Where a load is put on, friction holds back in every joint, so that shares go together: any two
+    of them are correlated by a half.
+
+    Attributes:
+        k: Compliances (p,) of the joints [rad/(N m)].
+        load: Their usual loads (p,), each above zero where the compliance is [N m or N].
+        share: Standard deviation of each share.
+    """
+
+    k: Array
+    load: Array
+    share: float
+
+    def __len__(self) -> int:
+        return len(self.k)
+
+    def factors(self, torque: Array) -> Array:
+        """``k_j h(tau_j) / tau_j`` (p, ...), of loads tau (p, ...)."""
+        return self._lifted(self.k, torque) * held(torque, self._lifted(self.load, torque))
+
+    def slopes(self, torque: Array) -> Array:
+        """The derivatives (p, ...) of these factors by the loads."""
+        small = _small(self._lifted(self.load, torque))
+        return -self.factors(torque) * torque / (torque**2 + small**2)
+
+    @staticmethod
+    def _lifted(values: Array, torque: Array) -> Array:
+        """Values (p, 1, ...) of the joints, to go with loads (p, ...)."""
+        return values.reshape(-1, *[1] * (torque.ndim - 1))
+
+    @property
+    def information(self) -> Array:
+        """What is known of the shares before they are measured (p, p)."""
+        return np.asarray(np.linalg.inv(correlated(len(self.k))) / self.share**2)
+
+    def names(self, joints: Sequence[str]) -> tuple[str, ...]:
+        """Names of the shares."""
+        return tuple(f"friction of {name}" for name in joints)
+
+
+def held(torque: Array, load: Array) -> Array:
+    """``h(tau) / tau`` of loads tau: the part that friction holds by a share of one.
+
+    Args:
+        torque: The loads (n, ...) [N m or N].
+        load: Usual loads (n, 1, ...); friction holds nothing where they are zero.
+    """
+    return np.asarray(load / np.hypot(torque, _small(load)))
+
+
+def _small(load: Array) -> Array:
+    """The loads below which friction holds in proportion; not zero where usual loads are."""
+    return GIVES * np.where(load > 0, load, 1.0)
+
+
+def correlated(n: int) -> Array:
+    """Covariance (n, n) of numbers of variance one that are correlated by a half."""
+    return (np.eye(n) + 1.0) / 2
+
+
+def together(columns: Array) -> Array:
+    """Columns (n, ...) of uncorrelated shares, of those whose shares are correlated by a half.
+
+    With the symmetric root R of ``(I + 11')/2``, shares ``R u`` have this covariance for u of
+    covariance I. Its eigenvalues are ``(n + 1)/2`` along the vector of ones and 1/2 across it.
+    """
+    n = len(columns)
+    own = np.sqrt(1 / 2)
+    common = (np.sqrt((n + 1) / 2) - own) / n
+    return np.asarray(own * columns + common * columns.sum(axis=0))

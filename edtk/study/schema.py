@@ -15,7 +15,7 @@ from pydantic_core import PydanticCustomError
 
 from edtk.robots.loads.load import Load as LoadFamily
 from edtk.robots.robot_file import ControllerTable
-from edtk.study.tables_of_cell import SceneTable
+from edtk.study.tables_of_cell import SceneTable, SightTable
 from edtk.study.tables_of_measurement import (
     CostsTable,
     DistanceTable,
@@ -33,7 +33,6 @@ from edtk.study.tables_of_robot import (
     ParametersTable,
     WorkspaceTable,
 )
-from edtk.study.tables_of_sight import SightTable
 from edtk.study.tables_of_task import (
     CriterionTable,
     FramesTable,

@@ -14,8 +14,8 @@ from edtk.measure.instruments.distance import Distance
 from edtk.robots.frames import BodyPoint
 from edtk.study.asked import Asked
 from edtk.study.study_model import is_reference, on_robot
+from edtk.study.tables_of_cell import ACCEPTANCE, SightTable
 from edtk.study.tables_of_measurement import MarkerTable
-from edtk.study.tables_of_sight import ACCEPTANCE, SightTable
 from edtk.system.typing import Array
 
 LOOKED_AT = 4096  # poses within the limits, in one of which a marker must be seen

@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import criteria
-from edtk.certificate.region_certificate import region_certificate
+from edtk.certificate.problem_proofs import region_certificate, require_checkable, store_exact
 from edtk.certificate.verify_exact import has_whole_plans
 from edtk.certificate.verify_problem import verify_problem
 from edtk.design.enclosure.prove_region import prove_region
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.counts.relax_within import relax_within
 from edtk.design.exact.plan_region import RegionPlan
-from edtk.design.exact.store_exact import require_checkable, store_exact
 from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.design.relaxation.relax import relax

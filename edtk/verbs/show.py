@@ -96,7 +96,7 @@ def _result(given: object) -> Mapping[str, Any] | None:
 
 def _of_result(question: OfStudy, content: Mapping[str, Any], where: Path) -> "Stage":
     """The poses of a calibration with their residuals; those of the study where it has none."""
-    from edtk.calibration.measured_poses import MeasuredPoses
+    from edtk.calibration.result_file import MeasuredPoses
     from edtk.report.show.stage import OF_SHEET, residuals, stage_of
 
     study = question.study

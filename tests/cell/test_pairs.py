@@ -8,9 +8,8 @@ from edtk.cell.cell import Cell
 from edtk.cell.containing import containing, inside
 from edtk.cell.legs import prove_legs
 from edtk.cell.pairs import pairs_to_look_at
-from edtk.cell.robot_bodies import robot_bodies
+from edtk.cell.robot_bodies import hanging_bodies, robot_bodies
 from edtk.cell.shapes import Body, Capsule, Mesh
-from edtk.cell.swinging import hanging_bodies
 from edtk.robots.load_robot import load_robot
 from edtk.robots.robot_file import robot_from_dict
 from edtk.robots.rotations import transform

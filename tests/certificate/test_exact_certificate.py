@@ -9,7 +9,7 @@ import pytest
 
 import criteria
 import edtk
-from edtk.design.exact.store_exact import store_exact
+from edtk.certificate.problem_proofs import store_exact
 from edtk.design.problem import Problem
 from edtk.system.errors import UserError
 

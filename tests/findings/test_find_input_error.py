@@ -10,8 +10,7 @@ from readings import PLAN, STUDY, measured, readings_of
 from edtk.design.plan import Plan
 from edtk.findings.finding import Severity
 from edtk.findings.fitted_data import FittedData, HowFitted
-from edtk.findings.input_errors import find_input_error
-from edtk.findings.springs import spring_findings
+from edtk.findings.springs import find_input_error, spring_findings
 from edtk.fit.equilibrium import equilibrium_deflection
 from edtk.fit.measurements import Measurements, simulate
 from edtk.measure.elastostatic_model import ElastostaticModel

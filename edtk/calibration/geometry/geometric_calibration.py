@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.calibration.calibration import Judged
-from edtk.calibration.measured_poses import MeasuredPoses
 from edtk.calibration.model_left import LeftInTasks, PiecesLeft
 from edtk.calibration.posterior_check import PosteriorCheck, compared_with_fit, pose_error
 from edtk.calibration.propagation import Propagation
-from edtk.calibration.result_file import geometry_to_dict
+from edtk.calibration.result_file import MeasuredPoses, geometry_to_dict
 from edtk.design.plan import Plan
 from edtk.findings.causes.family import Cause
 from edtk.findings.finding import Finding, Severity

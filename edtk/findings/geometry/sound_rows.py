@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
-from edtk.findings.input_errors import CHANCE
 from edtk.findings.match_plan import resolution
+from edtk.findings.springs import CHANCE
 from edtk.fit.distributions import poisson_tail
 from edtk.fit.geometry.fitted_geometry import GeometricFit
 from edtk.fit.geometry.marker_positions import MarkerPositions

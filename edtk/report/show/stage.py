@@ -9,7 +9,7 @@ import numpy as np
 
 from criteria import Criterion
 from edtk.calibration.calibration import Judged
-from edtk.calibration.measured_poses import MeasuredPoses
+from edtk.calibration.result_file import MeasuredPoses
 from edtk.calibration.template import sheet_order
 from edtk.calibration.timetable import day_of, has_day
 from edtk.cell.shapes import Body, Box, Capsule, Cylinder, Mesh, Shape

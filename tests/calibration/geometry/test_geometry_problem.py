@@ -9,7 +9,7 @@ from small_arm import ROBOT
 
 import criteria
 import edtk
-from edtk.calibration.geometry.geometry_problem import geometry_problem
+from edtk.calibration.geometry_design.geometry_plan import geometry_problem
 from edtk.fit.geometry import fit_geometry as module
 from edtk.fit.geometry.fit_geometry import fit_geometry
 from edtk.fit.geometry.marker_positions import MarkerPositions
