@@ -64,20 +64,20 @@ if TYPE_CHECKING:
     from edtk.system.errors import UserError as UserError
     from edtk.verbs.bayes import Sampling as Sampling
     from edtk.verbs.bayes import bayes as bayes
-    from edtk.verbs.bias import bias as bias
-    from edtk.verbs.check import check as check
     from edtk.verbs.compare import compare as compare
-    from edtk.verbs.compensate import compensate as compensate
-    from edtk.verbs.controller import controller as controller
+    from edtk.verbs.evaluate import bias as bias
+    from edtk.verbs.evaluate import check as check
     from edtk.verbs.evaluate import evaluate as evaluate
+    from edtk.verbs.identify import compensate as compensate
     from edtk.verbs.identify import identify as identify
+    from edtk.verbs.identify import predict as predict
     from edtk.verbs.inputs import load_study as load_study
     from edtk.verbs.new import new as new
     from edtk.verbs.next import next as next
     from edtk.verbs.plan import plan as plan
-    from edtk.verbs.predict import predict as predict
     from edtk.verbs.program import program as program
     from edtk.verbs.relax import relax as relax
+    from edtk.verbs.robot import controller as controller
     from edtk.verbs.robot import robot as robot
     from edtk.verbs.run import run as run
     from edtk.verbs.show import show as show
@@ -88,7 +88,7 @@ if TYPE_CHECKING:
 _HOME = {
     # verbs, in the order of a day's work
     "new": "edtk.verbs.new",
-    "controller": "edtk.verbs.controller",
+    "controller": "edtk.verbs.robot",
     "load_study": "edtk.verbs.inputs",
     "robot": "edtk.verbs.robot",
     "plan": "edtk.verbs.plan",
@@ -97,16 +97,16 @@ _HOME = {
     "compare": "edtk.verbs.compare",
     "run": "edtk.verbs.run",
     "evaluate": "edtk.verbs.evaluate",
-    "check": "edtk.verbs.check",
+    "check": "edtk.verbs.evaluate",
     "show": "edtk.verbs.show",
     "template": "edtk.verbs.template",
     "timetable": "edtk.verbs.template",
     "program": "edtk.verbs.program",
     "identify": "edtk.verbs.identify",
-    "predict": "edtk.verbs.predict",
+    "predict": "edtk.verbs.identify",
     "bayes": "edtk.verbs.bayes",
-    "bias": "edtk.verbs.bias",
-    "compensate": "edtk.verbs.compensate",
+    "bias": "edtk.verbs.evaluate",
+    "compensate": "edtk.verbs.identify",
     "verify": "edtk.verbs.verify",
     # nouns
     "Study": "edtk.study.study",

@@ -17,6 +17,6 @@ def command(study: Path, plan: Path, as_json: bool) -> None:
     The robot of the [simulation] of STUDY (TOML) comes to rest under each load of the plan, however
     large; the linear model, Eq. (2), is fitted to its deflections.
     """
-    from edtk.verbs.bias import bias
+    from edtk.verbs.evaluate import bias
 
     show(bias(study, plan), as_json)

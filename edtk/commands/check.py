@@ -19,7 +19,7 @@ def command(study: Path, plan: Path, as_json: bool) -> int:
     pose in the order of the plan's sheet, all joints in step, by via poses where that is not free.
     The exit code is 1 where something touches, or where no free way is found.
     """
-    from edtk.verbs.check import check
+    from edtk.verbs.evaluate import check
 
     found = check(study, plan)
     show(found, as_json)

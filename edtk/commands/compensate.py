@@ -48,7 +48,7 @@ def command(
     code is then 1. --all-literals corrects those in conditionals and loops, too.
     """
     from edtk.calibration.compensate import Compensation
-    from edtk.verbs.compensate import compensate
+    from edtk.verbs.identify import compensate
 
     found = compensate(study, k, task, out=out, table=table, all_literals=all_literals)
     if found.verdict == "bad":

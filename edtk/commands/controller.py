@@ -30,7 +30,7 @@ def command(
     NAMEy_mm and NAMEz_mm for each marker of a pose. Prints a table [controller] for the study, and
     how sure it is.
     """
-    from edtk.verbs.controller import controller
+    from edtk.verbs.robot import controller
 
     found = controller(robot, positions, base=base, tip=tip, out=out)
     show(found, as_json, out)

@@ -30,8 +30,8 @@ def command(
     a sheet. Where POSES holds readings (x_mm y_mm z_mm, or dx_mm dy_mm dz_mm), these are tests:
     errors are printed, and the share inside the bands.
     """
+    from edtk.verbs.identify import predict
     from edtk.verbs.inputs import as_study
-    from edtk.verbs.predict import predict
 
     question = as_study(study)
     found = predict(question, result, poses, tool_rows=tool_rows, out=out)

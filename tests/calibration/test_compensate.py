@@ -27,8 +27,8 @@ from edtk.measure.expected_error import remaining_error
 from edtk.study.study import load_study
 from edtk.study.study_model import assumed_joints
 from edtk.system.errors import UserError
-from edtk.verbs.compensate import compensate as commands
 from edtk.verbs.evaluate import evaluate
+from edtk.verbs.identify import compensate as commands
 
 pytestmark = pytest.mark.slow
 

@@ -15,7 +15,7 @@ from edtk.cell.shapes import Box, Cylinder
 from edtk.cell.sight import AllSeen, Sight
 from edtk.certificate.certificate import setting_to_dict
 from edtk.certificate.recompute.setting import Setting
-from edtk.report.views.cell import plan_check_text
+from edtk.report.views.day import plan_check_text
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
 

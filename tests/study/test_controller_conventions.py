@@ -14,8 +14,7 @@ from edtk.design.plan import Plan
 from edtk.robots.robot_file import robot_from_dict, robot_to_dict
 from edtk.study.study import Study, load_study
 from edtk.system.errors import UserError
-from edtk.verbs.compensate import compensate
-from edtk.verbs.identify import identify
+from edtk.verbs.identify import compensate, identify
 from edtk.verbs.plan import plan
 from edtk.verbs.template import template
 from edtk.verbs.verify import verify

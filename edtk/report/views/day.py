@@ -1,12 +1,16 @@
-"""Days of measurements: how long they take, over which free ways, and each step with the clock."""
+"""Plans that are carried out: in a cell, as a day with the clock, and as a robot's program."""
 
 import numpy as np
 
-from edtk.calibration.robot_program import load_in_words
+from edtk.calibration.robot_program import WrittenProgram, load_in_words
 from edtk.calibration.timetable import Day, Step
+from edtk.cell.plan_check import PlanCheck
 from edtk.cell.ways import Leg
 from edtk.measure.pose_table import wrench_in_file_units
-from edtk.report.tables import text_table
+from edtk.programs.program import Dwell, Wait
+from edtk.report.tables import notebook_table, text_table
+from edtk.robots.frames import MM
+from edtk.robots.joint import UNITS
 from edtk.robots.robot import Robot
 from edtk.study.tables_of_measurement import SPEED_DEG, SPEED_MM
 from edtk.system.typing import Array
@@ -14,6 +18,7 @@ from edtk.system.typing import Array
 MOST_NAMED = 5  # legs without a free way that are named one by one
 MINUTE, HOUR = 60, 3600  # [s]
 SEVERAL = {"warm-up": "warm-ups", "visit": "visits", "load change": "load changes"}
+LEAST = 1e-9  # [deg or mm]: below that it is the conversion to SI units and back
 
 
 def day_text(result: Day) -> str:
@@ -137,3 +142,109 @@ def in_words(seconds: float) -> str:
         return f"{seconds / MINUTE:.1f} min"
     minutes = round(seconds / MINUTE)
     return f"{minutes // MINUTE} h {minutes % MINUTE} min"
+
+
+def plan_check_text(found: PlanCheck) -> str:
+    """What was looked at, and a line for each pose and each way."""
+    lines = ["; ".join([found.headline(), *looked_at(found)]), text_table(*plan_check_rows(found))]
+    if found.ways:
+        lines += ["", text_table(*way_rows(found))]
+    return "\n".join(lines)
+
+
+def plan_check_notebook(found: PlanCheck) -> str:
+    """The rows of the text."""
+    return notebook_table(found.headline(), *plan_check_rows(found), looked_at(found))
+
+
+def looked_at(found: PlanCheck) -> list[str]:
+    """Number of bodies and pairs, and the margin; nothing without a cell."""
+    cell = found.cell
+    if cell is None:
+        return []
+    defaults = sum(body.source == "default" for body in cell.bodies)
+    typical = f" ({defaults} of them with typical sizes, not measured)" if defaults else ""
+    return [
+        f"{len(cell.bodies)} bodies{typical}, {len(cell.pairs)} pairs, "
+        f"margin {cell.margin * MM:g} mm"
+    ]
+
+
+def plan_check_rows(found: PlanCheck) -> tuple[list[str], list[list[str]]]:
+    """Header and rows: pose, clearance beyond the margin, what is nearest, and what is seen."""
+    header = ["pose"]
+    rows = [[str(i + 1)] for i in range(len(found.q))]
+    if found.cell is not None:
+        header += ["clearance_mm", "", "nearest"]
+        clearance = found.clearance
+        for i, (room, free) in enumerate(zip(clearance.least, clearance.free, strict=True)):
+            pair = " - ".join(clearance.names(i) or ("nothing to look at",))
+            millimetres = f"{room * MM:.1f}" if np.isfinite(room) else ""
+            rows[i] += [millimetres, "free" if free else "touches", pair]
+    if found.seen is not None:
+        header.append("seen")
+        rows = [[*row, found.seen.words(i)] for i, row in enumerate(rows)]
+    return header, rows
+
+
+def way_rows(found: PlanCheck) -> tuple[list[str], list[list[str]]]:
+    """Header and rows: from where to where, whether it is free, and what is nearest on it."""
+    rows = []
+    for one in found.ways:
+        start, end = ("home" if row is None else str(row + 1) for row in one.rows)
+        leg = one.nearest
+        by = 0 if one.way is None else len(one.way.via)
+        verdict = "no free way found" if one.way is None else "free"
+        if by:
+            verdict = f"free by {by} via pose{'s' if by > 1 else ''}"
+        room = f"{leg.clearance * MM:.1f}" if np.isfinite(leg.clearance) else ""
+        pair = " - ".join(leg.pair or ("nothing to look at",))
+        rows.append([f"{start} to {end}", room, verdict, pair])
+    return ["leg", "clearance_mm", "", "nearest"], rows
+
+
+def _facts(found: WrittenProgram) -> list[tuple[str, str]]:
+    """Pairs of what and how."""
+    program = found.program
+    axes = ", ".join(f"{axis.joint} = {axis.place}" for axis in program.axes)
+    dwells = {step.seconds for step in program.steps if isinstance(step, Dwell)}
+    rest = f"{max(dwells):g} s of rest before a reading" if dwells else "no rest before a reading"
+    waits = [step for step in program.steps if isinstance(step, Wait)]
+    asks = [step.signals for step in waits if step.signals is not None]
+    read = "an operator starts the program again after each reading"
+    if asks:
+        read = f"output {asks[0][0]} asks for each reading, input {asks[0][1]} answers"
+    homes = [move for move in program.moves if move.purpose == "home"]
+    vias = sum(move.purpose == "via" for move in program.moves)
+    return [
+        ("files", ", ".join(found.files)),
+        ("rows of the sheet", f"{found.rows}, in {found.visits} visits of {found.poses} poses"),
+        ("axes", axes),
+        ("moves", f"in step, at {program.speed_percent:g} % of the joints' speed, {rest}"),
+        ("readings", read),
+        ("home", "at both ends" if homes else "none: the first move begins where the arm stands"),
+        ("via poses", f"{vias}" if vias else "none"),
+        ("as rounded", _as_rounded(found)),
+    ]
+
+
+def _as_rounded(found: WrittenProgram) -> str:
+    """What rounding does to the plan."""
+    kinds = {axis.kind for axis in found.program.axes}
+    units = " or ".join(UNITS[kind] for kind in sorted(kinds, reverse=True))
+    change = f"by {found.rounding:.1g} {units} at most" if found.rounding > LEAST else "no change"
+    if found.efficiency is None:
+        return f"{change}; {found.criterion} is not known of this plan"
+    return f"{change}; {100 * found.efficiency:.4f} % of the plan's efficiency by {found.criterion}"
+
+
+def written_program_text(found: WrittenProgram) -> str:
+    """A line for each fact."""
+    facts = _facts(found)
+    width = max(len(what) for what, _ in facts)
+    return "\n".join([found.headline(), *(f"  {what:{width}}  {how}" for what, how in facts)])
+
+
+def written_program_notebook(found: WrittenProgram) -> str:
+    """The same as a table."""
+    return notebook_table(found.headline(), ["what", "how"], [list(fact) for fact in _facts(found)])
