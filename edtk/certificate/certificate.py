@@ -26,11 +26,11 @@ from edtk.design.exact.exact_plan import ExactPlan, OnCandidates
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.friction import Friction
 from edtk.measure.instruments.distance import Distance
 from edtk.measure.instruments.marker import Marker
 from edtk.measure.instruments.pose_marker import PoseMarker
 from edtk.measure.instruments.sensor import Sensor
-from edtk.measure.springs import Friction
 from edtk.measure.task import Task
 from edtk.robots.compensator import GivingWay, Pull
 from edtk.robots.constraints.excluded import Excluded

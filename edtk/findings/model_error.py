@@ -6,16 +6,15 @@ import numpy as np
 
 from edtk.findings.causes.faults import FAULTS
 from edtk.findings.causes.scene import AXES, Displacements
-from edtk.fit.correlated_noise import CorrelatedNoise, RowNoise, groups_by_size
-from edtk.fit.distributions import chi_square_tail
+from edtk.fit.beside_model import BesideModel, rows_beyond_model
+from edtk.fit.correlated_noise import RowNoise
 from edtk.fit.equilibrium import LinearisedData
 from edtk.fit.identify import Identification
 from edtk.fit.measurements import Measurements
-from edtk.fit.missing import MissingColumns, SizeLikelihood, SizePosterior
-from edtk.fit.outliers import DETERMINED, LEVEL
+from edtk.fit.missing import MissingColumns, SizePosterior
+from edtk.measure.friction import together
 from edtk.measure.missing_pieces import MissingPieces, PossibleSprings
 from edtk.measure.model_error import ASSUMED
-from edtk.measure.springs import together
 from edtk.measure.task import all_compliances
 from edtk.robots.frames import load_turns
 from edtk.study.study import Study
@@ -160,159 +159,3 @@ def _tilted(study: Study, data: Measurements, k: Array) -> Array:
     turned = load_turns(data.wrench)
     shown = [replace(data, wrench=wrench).regressor(model) @ every for wrench in turned]
     return np.stack(shown, axis=-1)
-
-
-@dataclass(frozen=True, eq=False)
-class BesideModel:
-    """Measurements whose model leaves something out, of a size that they tell themselves.
-
-    Attributes:
-        A: Regressors (m, rows, p) of the springs.
-        measured: Deflections (m, rows) [m, rad].
-        noise: Their noise.
-        columns: What may be missing.
-        usual: Share that a piece has on average.
-    """
-
-    A: Array
-    measured: Array
-    noise: RowNoise
-    columns: MissingColumns
-    usual: float
-
-    def __getitem__(self, rows: Indices) -> "BesideModel":
-        """Some of the measurements."""
-        some = (self.A[rows], self.measured[rows], self.noise[rows], self.columns[rows])
-        return BesideModel(*some, self.usual)
-
-    @property
-    def posterior(self) -> SizePosterior | None:
-        """What they say of the sizes; None where they tell no springs."""
-        given = (self.A, self.measured, self.noise, self.columns, self.usual)
-        return SizeLikelihood.of(*given).posterior
-
-    def least_likely(self, posterior: SizePosterior) -> int:
-        """The reading that is farthest from what all others predict, by the likeliest sizes.
-
-        With the covariance V of noise and pieces, and
-        ``P = V^-1 - V^-1 A (A' V^-1 A)^-1 A' V^-1``, these predict it with the error
-        ``P_ii^-1 (P y)_i``, whose covariance is ``P_ii^-1``. Pieces of all poses are columns with a
-        prior of variance one, as in Henderson's equations.
-        """
-        own, BX, gain, By = self._weighed(posterior.likeliest)
-        P = own - np.einsum("mrc,cms->mrs", BX, gain)
-        Py = By - np.einsum("mrc,c->mr", BX, np.einsum("cmr,mr->c", gain, self.measured))
-        return int(_chances(P, Py, self._std).argmin())
-
-    def chances(self, rows: Indices, posterior: SizePosterior) -> Array:
-        """Probabilities (a,) of readings as far from what the rest predicts, without all of them.
-
-        The errors of these predictions are ``P_aa^-1 (P y)_a``, with the covariance ``P_aa^-1``.
-        They are averages over what a posterior leaves possible of the sizes.
-        """
-        chosen, weights = posterior.kept
-        each = [self._chances(rows, sizes) for sizes in posterior.sizes[chosen]]
-        return np.asarray(weights @ np.array(each))
-
-    def _chances(self, aside: Indices, sizes: Array) -> Array:
-        """The same for pieces of some sizes (3,)."""
-        m, rows = self.measured.shape
-        units = np.zeros((m, rows, len(aside), rows))
-        units[aside, :, range(len(aside))] = self._std[aside, :, None] * np.eye(rows)
-        E = units.reshape(m, rows, -1)
-        _, BX, gain, BE = self._weighed(sizes, E)
-        P = np.einsum("mra,mrb->ab", E, BE)
-        P -= np.einsum("mra,mrc->ac", E, BX) @ np.einsum("cmr,mrb->cb", gain, E)
-        y = np.einsum("mra,mr->a", BE, self.measured)
-        y -= np.einsum("mra,mrc->ac", E, BX) @ np.einsum("cmr,mr->c", gain, self.measured)
-        inverse = np.linalg.pinv(P, rcond=DETERMINED, hermitian=True)
-        of_row = np.einsum("aras->ars", inverse.reshape(len(aside), rows, len(aside), rows))
-        own = np.linalg.pinv(of_row, rcond=DETERMINED, hermitian=True)
-        off = (inverse @ y).reshape(len(aside), rows)
-        return _chances(own, np.einsum("ars,as->ar", own, off), np.ones((len(aside), rows)))
-
-    @property
-    def _std(self) -> Array:
-        """Standard deviations (m, rows) of the noise [m, rad]."""
-        return CorrelatedNoise.of_any(self.noise, self.measured.shape).std
-
-    def _weighed(
-        self, sizes: Array, others: Array | None = None
-    ) -> tuple[Array, Array, Array, Array]:
-        """What readings weigh where noise and turns of a pose are of some sizes (3,).
-
-        Returns:
-            Inverse covariances B (m, rows, rows) of readings; ``B X`` (m, rows, w) of the columns X
-            of pieces and springs; ``(X'BX)^-1 X'B`` (w, m, rows), with the prior of the pieces; and
-            ``B`` times other columns (m, rows, c), or the deflections (m, rows).
-        """
-        m, rows, p = self.A.shape
-        across = self.columns.shared * sizes[self.columns.kinds]
-        scale = np.sqrt(np.square(self.A).sum(axis=(0, 1)))
-        X = np.concatenate([across, self.columns.known, self.A / scale], axis=-1)
-        every = np.concatenate([X, self.measured[..., None] if others is None else others], axis=-1)
-        noise = CorrelatedNoise.of_any(self.noise, (m, rows))
-        own = np.empty((m, rows, rows))
-        weighed = np.empty(every.shape)
-        for members in groups_by_size(self.columns.pose):
-            g, s = members.shape
-            T = sizes[2] * self.columns.turns[members].reshape(g, s * rows, -1)
-            V = noise.among(members).reshape(g, s * rows, -1) + T @ np.swapaxes(T, 1, 2)
-            B = np.linalg.inv(V)
-            here = B @ every[members].reshape(g, s * rows, -1)
-            weighed[members] = here.reshape(g, s, rows, -1)
-            own[members] = np.einsum("girit->girt", B.reshape(g, s, rows, s, rows))
-        w = X.shape[-1]
-        M = np.einsum("mrc,mrd->cd", X, weighed[..., :w])
-        of_pieces = range(w - p)
-        M[of_pieces, of_pieces] += 1.0
-        gain = np.linalg.solve(M, np.moveaxis(weighed[..., :w], -1, 0).reshape(w, -1))
-        rest = weighed[..., w] if others is None else weighed[..., w:]
-        return own, weighed[..., :w], gain.reshape(w, m, rows), rest
-
-
-def _chances(P: Array, Py: Array, std: Array) -> Array:
-    """Probabilities (m,) of errors ``P^-1 P y`` (m, rows) whose covariances are ``P^-1``.
-
-    Their squares are chi-square, with as many degrees of freedom as P (m, rows, rows) has
-    eigenvalues that are not zero, in units of standard deviations (m, rows).
-    """
-    values, axes = np.linalg.eigh(std[:, :, None] * P * std[:, None])
-    told = values > DETERMINED
-    along = np.einsum("mrs,mr->ms", axes, std * Py)
-    squares = np.where(told, along**2 / np.where(told, values, 1.0), 0.0).sum(axis=1)
-    count = told.sum(axis=1)
-    return np.where(count > 0, chi_square_tail(squares, np.maximum(count, 1)), 1.0)
-
-
-def rows_beyond_model(given: BesideModel, most: int) -> Indices:
-    """Readings that stand out beyond noise and the model's errors that the others show.
-
-    So many are set aside one after another, the least likely first, so that they neither hide each
-    other nor make the model's errors large. Then those that the rest predicts enter again, the
-    likeliest first: a reading stays out whose probability is below 0.01/m (Bonferroni).
-
-    Args:
-        given: The measurements.
-        most: How many may be off by themselves.
-
-    Returns:
-        Their rows, counted from 0.
-    """
-    every = np.arange(len(given.A))
-    rest = every
-    for _ in range(most):
-        posterior = given[rest].posterior
-        if posterior is None:
-            break
-        rest = np.delete(rest, given[rest].least_likely(posterior))
-    aside = np.setdiff1d(every, rest)
-    while len(aside):
-        posterior = given[np.setdiff1d(every, aside)].posterior
-        if posterior is None:
-            return aside[:0]
-        chances = given.chances(aside, posterior)
-        if chances.max() < LEVEL / len(every):
-            break
-        aside = np.delete(aside, chances.argmax())
-    return aside

@@ -8,12 +8,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from edtk.measure.friction import Friction
 from edtk.measure.instruments.marker import Marker
 from edtk.measure.instruments.one_row import whole_instruments
 from edtk.measure.instruments.pose_marker import PoseMarker
 from edtk.measure.instruments.sensor import Sensor
 from edtk.measure.parameters import parameter_names
-from edtk.measure.springs import Friction
 from edtk.robots.compensator import GivingWay
 from edtk.robots.frames import (
     WRENCH,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.springs import held
+from edtk.measure.friction import held
 from edtk.robots.frames import Frames
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array, Indices

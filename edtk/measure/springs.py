@@ -1,5 +1,5 @@
-"""Springs: by how much joints and bearings turn under the torques that load them, with unknown
-numbers of compensators beside them, and with what friction holds.
+"""Springs: by how much joints and bearings turn under the torques that load them, and what
+unknown numbers of compensators add to these torques.
 """
 
 from collections.abc import Callable, Sequence
@@ -31,8 +31,6 @@ LAWS: dict[str, tuple[Callable[[Array], Array], Callable[[Array], Array]]] = {
     "sign": (np.abs, np.sign),
     "gap": (np.sign, np.zeros_like),
 }
-# Of a joint's usual load: friction holds most of a load that is smaller than that.
-GIVES = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -391,90 +389,3 @@ def elastic_joints(robot: Robot, parameters: Sequence[Parameter]) -> tuple[Elast
 def sprung(robot: Robot, elastic: tuple[ElasticJoint, ...]) -> Robot:
     """The robot with its elastic joints."""
     return ElasticRobot.of(robot, elastic)
-
-
-@dataclass(frozen=True, eq=False)
-class Friction:
-    """Friction of joints, each of which holds a share of its usual load.
-
-    The spring of joint j turns by ``k_j tau_j``. Friction that holds the load ``u_j m_j``, a share
-    of the usual load m_j, takes ``k_j m_j sign(tau_j)`` times that share from it. A load of far
-    less than a tenth of m_j is held in proportion, so that the shares have the columns
-
-        U_j = y_j k_j h(tau_j),   h(t) = m_j t / sqrt(t^2 + (m_j / 10)^2),
-
-    with the motion y_j of what is measured: that of the spring, times a factor of its load. Loads
-    of one size leave both one and the same; those of several sizes tell them apart. The way from
-    one to the other is smooth, as that of gears is, and so that ascents do not stop at a bend: the
-    best poses have loads of this size.
-
-    Where a load is put on, friction holds back in every joint, so that shares go together: any two
-    of them are correlated by a half.
-
-    Attributes:
-        k: Compliances (p,) of the joints [rad/(N m)].
-        load: Their usual loads (p,), each above zero where the compliance is [N m or N].
-        share: Standard deviation of each share.
-    """
-
-    k: Array
-    load: Array
-    share: float
-
-    def __len__(self) -> int:
-        return len(self.k)
-
-    def factors(self, torque: Array) -> Array:
-        """``k_j h(tau_j) / tau_j`` (p, ...), of loads tau (p, ...)."""
-        return self._lifted(self.k, torque) * held(torque, self._lifted(self.load, torque))
-
-    def slopes(self, torque: Array) -> Array:
-        """The derivatives (p, ...) of these factors by the loads."""
-        small = _small(self._lifted(self.load, torque))
-        return -self.factors(torque) * torque / (torque**2 + small**2)
-
-    @staticmethod
-    def _lifted(values: Array, torque: Array) -> Array:
-        """Values (p, 1, ...) of the joints, to go with loads (p, ...)."""
-        return values.reshape(-1, *[1] * (torque.ndim - 1))
-
-    @property
-    def information(self) -> Array:
-        """What is known of the shares before they are measured (p, p)."""
-        return np.asarray(np.linalg.inv(correlated(len(self.k))) / self.share**2)
-
-    def names(self, joints: Sequence[str]) -> tuple[str, ...]:
-        """Names of the shares."""
-        return tuple(f"friction of {name}" for name in joints)
-
-
-def held(torque: Array, load: Array) -> Array:
-    """``h(tau) / tau`` of loads tau: the part that friction holds by a share of one.
-
-    Args:
-        torque: The loads (n, ...) [N m or N].
-        load: Usual loads (n, 1, ...); friction holds nothing where they are zero.
-    """
-    return np.asarray(load / np.hypot(torque, _small(load)))
-
-
-def _small(load: Array) -> Array:
-    """The loads below which friction holds in proportion; not zero where usual loads are."""
-    return GIVES * np.where(load > 0, load, 1.0)
-
-
-def correlated(n: int) -> Array:
-    """Covariance (n, n) of numbers of variance one that are correlated by a half."""
-    return (np.eye(n) + 1.0) / 2
-
-
-def together(columns: Array) -> Array:
-    """Columns (n, ...) of uncorrelated shares, of those whose shares are correlated by a half.
-
-    With the symmetric root R of ``(I + 11')/2``, shares ``R u`` have this covariance for u of
-    covariance I. Its eigenvalues are ``(n + 1)/2`` along the vector of ones and 1/2 across it.
-    """
-    n = len(columns)
-    own = np.sqrt(1 / 2)
-    common = (np.sqrt((n + 1) / 2) - own) / n
-    return np.asarray(own * columns + common * columns.sum(axis=0))

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.friction import Friction
 from edtk.measure.measured_model import Load, MeasuredModel, Seen
-from edtk.measure.springs import Friction
 from edtk.robots.compensator import GivingWay
 from edtk.robots.robot import Robot
 from edtk.robots.weights import DeadWeights

@@ -9,8 +9,8 @@ from typing import Any, Unpack
 
 from edtk.design.plan import Plan
 from edtk.findings.finding import Finding
+from edtk.measure.friction import Friction
 from edtk.measure.pose_table import Table
-from edtk.measure.springs import Friction
 from edtk.robots.robot import Robot
 from edtk.robots.robot_file import robot_to_dict
 from edtk.study.check_study import check_study

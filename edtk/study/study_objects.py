@@ -17,9 +17,9 @@ from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
 from edtk.findings.finding import Finding
 from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.friction import Friction
 from edtk.measure.noise import VisitNoise
 from edtk.measure.pose_table import PoseTable, Table
-from edtk.measure.springs import Friction
 from edtk.measure.task import Task, Tasks
 from edtk.robots.loads.load import Load
 from edtk.robots.robot import Robot

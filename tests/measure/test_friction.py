@@ -13,7 +13,7 @@ from edtk.certificate.certificate import certificate, setting_to_dict
 from edtk.certificate.recompute.setting import Setting
 from edtk.certificate.verify_certificate import verify_certificate
 from edtk.design.plan import Plan
-from edtk.measure.springs import GIVES, Friction, correlated, together
+from edtk.measure.friction import GIVES, Friction, correlated, together
 from edtk.study.plan_study import plan_study
 from edtk.study.study_objects import friction_of
 from edtk.verbs.evaluate import evaluate

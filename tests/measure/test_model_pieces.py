@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.friction import correlated
 from edtk.measure.missing_pieces import MissingPieces, PossibleSprings
-from edtk.measure.springs import correlated
 from edtk.robots.load_robot import load_robot
 
 ROBOT = load_robot("kuka_kr270")

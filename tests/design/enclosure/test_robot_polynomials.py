@@ -11,10 +11,10 @@ from edtk.design.enclosure.polynomial import NotEnclosedError
 from edtk.design.enclosure.prove_continuum import enclosed as with_criterion
 from edtk.design.enclosure.robot_polynomials import RobotPolynomials
 from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.friction import Friction
 from edtk.measure.instruments.marker import Marker
 from edtk.measure.instruments.pose_marker import PoseMarker
 from edtk.measure.noise import Tracker, VisitNoise
-from edtk.measure.springs import Friction
 from edtk.robots.constraints.excluded import Excluded
 from edtk.robots.constraints.height import Height
 from edtk.robots.constraints.radius import Radius

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from edtk.findings.model_error import BesideModel, rows_beyond_model
+from edtk.fit.beside_model import BesideModel, rows_beyond_model
 from edtk.fit.correlated_noise import CorrelatedNoise
 from edtk.fit.missing import SIZES, MissingColumns
 
