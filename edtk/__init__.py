@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from edtk.calibration.calibration import Calibration as Calibration
     from edtk.calibration.compensate import Compensation as Compensation
     from edtk.calibration.correct_program import CorrectedProgram as CorrectedProgram
-    from edtk.calibration.geometry.geometric_calibration import (
-        GeometricCalibration as GeometricCalibration,
-    )
-    from edtk.calibration.geometry_design.evaluate_geometry import (
+    from edtk.calibration.evaluate_geometry import (
         GeometryEvaluation as GeometryEvaluation,
     )
-    from edtk.calibration.geometry_design.geometry_plan import GeometryPlan as GeometryPlan
-    from edtk.calibration.geometry_design.geometry_plan import geometry_problem as geometry_problem
+    from edtk.calibration.geometric_calibration import (
+        GeometricCalibration as GeometricCalibration,
+    )
+    from edtk.calibration.geometry_plan import GeometryPlan as GeometryPlan
+    from edtk.calibration.geometry_plan import geometry_problem as geometry_problem
     from edtk.calibration.planned import PlanBias as PlanBias
     from edtk.calibration.posterior_check import PosteriorCheck as PosteriorCheck
     from edtk.calibration.prediction import Prediction as Prediction
@@ -123,11 +123,11 @@ _HOME = {
     "Cell": "edtk.cell.cell",
     "PlanCheck": "edtk.cell.plan_check",
     "Calibration": "edtk.calibration.calibration",
-    "GeometricCalibration": "edtk.calibration.geometry.geometric_calibration",
+    "GeometricCalibration": "edtk.calibration.geometric_calibration",
     "Prediction": "edtk.calibration.prediction",
     "WrittenProgram": "edtk.calibration.robot_program",
-    "GeometryPlan": "edtk.calibration.geometry_design.geometry_plan",
-    "GeometryEvaluation": "edtk.calibration.geometry_design.evaluate_geometry",
+    "GeometryPlan": "edtk.calibration.geometry_plan",
+    "GeometryEvaluation": "edtk.calibration.evaluate_geometry",
     "PosteriorCheck": "edtk.calibration.posterior_check",
     "PlanBias": "edtk.calibration.planned",
     "Compensation": "edtk.calibration.compensate",
@@ -151,7 +151,7 @@ _HOME = {
     "RegionPlan": "edtk.design.exact.plan_region",
     "apportion": "edtk.design.exact.apportion",
     "exchange": "edtk.design.exact.exchange",
-    "geometry_problem": "edtk.calibration.geometry_design.geometry_plan",
+    "geometry_problem": "edtk.calibration.geometry_plan",
 }
 _MODULES = {"criteria": "criteria", "candidates": "edtk.candidates"}
 __all__ = ["__version__", *_MODULES, *_HOME]

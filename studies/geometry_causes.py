@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from edtk.design.tours import visiting_order
-from edtk.findings.geometry.fit_rows import FitRows
-from edtk.findings.geometry.moved_frame import moved_frame, untold_load
-from edtk.fit.geometry.fit_geometry import fit_geometry
-from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.findings.fit_rows import FitRows
+from edtk.findings.moved_frame import moved_frame, untold_load
+from edtk.fit.fit_geometry import fit_geometry
+from edtk.fit.marker_positions import MarkerPositions
 from edtk.report.tables import markdown_table
 from edtk.robots.rotations import transform
 from edtk.study.study import Study

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 import edtk
-from edtk.fit.geometry.fitted_geometry import resting_torque
+from edtk.fit.fitted_geometry import resting_torque
 from edtk.measure.measured_model import MeasuredModel
 from edtk.report.tables import markdown_table
 from edtk.study.study_geometry import StudyGeometry

@@ -15,14 +15,14 @@ from measured_robots import FANUC, IRB_120, paths, study_of
 from numpy.typing import NDArray
 
 import edtk
-from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-from edtk.calibration.geometry.tool_from_rows import tool_from_rows
-from edtk.calibration.geometry_design.geometry_plan import geometry_problem
-from edtk.fit.geometry.fit_geometry import fit_geometry, placed_tools
-from edtk.fit.geometry.fitted_geometry import FittedGeometry, GeometricFit
-from edtk.fit.geometry.least_squares_fit import working
-from edtk.fit.geometry.marker_positions import MarkerPositions
-from edtk.fit.geometry.place_robot import place_robot
+from edtk.calibration.geometric_calibration import GeometricCalibration
+from edtk.calibration.geometry_plan import geometry_problem
+from edtk.calibration.tool_from_rows import tool_from_rows
+from edtk.fit.fit_geometry import fit_geometry, placed_tools
+from edtk.fit.fitted_geometry import FittedGeometry, GeometricFit
+from edtk.fit.marker_positions import MarkerPositions
+from edtk.fit.place_robot import place_robot
+from edtk.fit.pose_rows import working
 from edtk.fit.restricted_likelihood import Blocks, contrasts_of, fit_model_error, fit_variances
 from edtk.measure.position_noise import PositionNoise
 from edtk.report.tables import markdown_table

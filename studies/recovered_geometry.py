@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from edtk.fit.geometry.fit_geometry import fit_geometry
-from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.fit_geometry import fit_geometry
+from edtk.fit.marker_positions import MarkerPositions
 from edtk.measure.measured_model import MeasuredModel, Seen
 from edtk.measure.parameters import all_parameters
 from edtk.measure.position_noise import PositionNoise

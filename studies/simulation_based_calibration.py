@@ -18,11 +18,11 @@ from scipy import stats
 from threadpoolctl import threadpool_limits
 
 from edtk import Study
-from edtk.fit.geometry.fit_geometry import NU, fit_geometry
-from edtk.fit.geometry.fitted_geometry import GeometricFit, loading_of
-from edtk.fit.geometry.geometry_posterior import GeometryDensity, geometry_posterior, many_seen
-from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.fit_geometry import NU, fit_geometry
+from edtk.fit.fitted_geometry import GeometricFit, loading_of
+from edtk.fit.geometry_posterior import GeometryDensity, geometry_posterior, many_seen
 from edtk.fit.least_squares import estimate
+from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.measurements import simulate
 from edtk.fit.noise import Noise
 from edtk.fit.posterior import Posterior, SamplingOptions, sample_posterior

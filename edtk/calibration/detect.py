@@ -24,7 +24,7 @@ from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:
-    from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+    from edtk.calibration.geometry_question import GeometryQuestion
 
 CANDIDATES = 300  # poses among which one more experiment is looked for
 VISITS = 100  # the same of visits, whose rows are more
@@ -155,7 +155,7 @@ class Promised:
             plan: All visits.
         """
         # Plans of springs need nothing of geometry.
-        from edtk.calibration.geometry_design.geometry_plan import visited
+        from edtk.calibration.geometry_plan import visited
 
         study = question.study
         order = visit_order(study, plan)

@@ -37,7 +37,7 @@ from edtk.system.errors import UserError
 from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:
-    from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+    from edtk.calibration.geometric_calibration import GeometricCalibration
 
 MOST_PIECES = 10  # of a model
 PAIRED = 8  # likeliest pieces, of which pairs are tried where no single one helps
@@ -292,7 +292,7 @@ def extend(study: Study, sheet: Table, how: HowFitted) -> "Calibration | Geometr
         if budget is not None:
             budget = replace(budget, model=float(np.hypot(budget.model, extension.undecided)))
         return replace(found, extension=extension, budget=budget)
-    from edtk.calibration.geometry.calibrate_geometry import calibrate_geometry
+    from edtk.calibration.calibrate_geometry import calibrate_geometry
 
     return replace(calibrate_geometry(extension.study, sheet, how), extension=extension)
 

@@ -6,17 +6,17 @@ from functools import cached_property
 
 import numpy as np
 
+from edtk.calibration.calibrate_geometry import calibrate_geometry
 from edtk.calibration.extend import InTasks, Piece, Search, extension_of, law_sizes, with_pieces
-from edtk.calibration.geometry.calibrate_geometry import calibrate_geometry
-from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.calibration.geometric_calibration import GeometricCalibration
 from edtk.findings.causes.evidence import ErringRows, Evidence
 from edtk.findings.causes.faults import USUAL_ACROSS, is_one_of, lateral_axes
 from edtk.findings.causes.scene import AXES
 from edtk.findings.fitted_data import HowFitted
 from edtk.fit.correlated_noise import CorrelatedNoise, whiten, whiten_columns
-from edtk.fit.geometry.fitted_geometry import loading_of, resting_load
-from edtk.fit.geometry.least_squares_fit import PoseRows
+from edtk.fit.fitted_geometry import loading_of, resting_load
 from edtk.fit.measurements import Measurements
+from edtk.fit.pose_rows import PoseRows
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import springs_asked
 from edtk.measure.pose_table import Table

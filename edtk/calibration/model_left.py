@@ -12,10 +12,10 @@ from edtk.findings.fitted_data import FittedData
 from edtk.findings.model_error import usual_share
 from edtk.fit.correlated_noise import CorrelatedNoise
 from edtk.fit.distributions import NormalMixture, weighted_median
-from edtk.fit.geometry.fitted_geometry import FittedGeometry, GeometricFit, loading_of
-from edtk.fit.geometry.least_squares_fit import PoseRows
+from edtk.fit.fitted_geometry import FittedGeometry, GeometricFit, loading_of
 from edtk.fit.measurements import Measurements
 from edtk.fit.missing import MissingColumns, SizeLikelihood
+from edtk.fit.pose_rows import PoseRows
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.expected_error import ErrorBudget
 from edtk.measure.instruments.marker import Marker

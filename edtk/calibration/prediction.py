@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
-from edtk.fit.geometry.marker_positions import MarkerPositions
 from edtk.fit.least_squares import share_inside
+from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.measurements import Measurements
 from edtk.robots.frames import MM
 from edtk.robots.robot import Robot

@@ -14,10 +14,10 @@ import numpy as np
 from criteria.linalg.spectrum import is_semidefinite
 from edtk.calibration.propagation import FittedSprings, root_of
 from edtk.design.plan import Plan
-from edtk.findings.geometry.counting import Counting
+from edtk.findings.counting import Counting
 from edtk.findings.moving_joints import ReadingNoise
-from edtk.fit.geometry.circumstances import RIGID, UNTOLD, Circumstances
-from edtk.fit.geometry.fitted_geometry import FittedGeometry
+from edtk.fit.circumstances import RIGID, UNTOLD, Circumstances
+from edtk.fit.fitted_geometry import FittedGeometry
 from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.noise import Tracker

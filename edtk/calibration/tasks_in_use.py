@@ -10,7 +10,7 @@ import numpy as np
 from edtk.design.plan import Plan
 from edtk.findings.finding import Finding, Severity, Wording
 from edtk.findings.units import like_radians
-from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.measurements import Measurements
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.pose_table import Table

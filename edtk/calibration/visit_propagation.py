@@ -20,10 +20,10 @@ from edtk.calibration.propagation import (
 )
 from edtk.calibration.told_part import Inverse
 from edtk.findings.causes.scene import Positions
-from edtk.findings.geometry.fit_rows import scene_of
-from edtk.fit.geometry.circumstances import RIGID, UNTOLD, Circumstances
-from edtk.fit.geometry.fitted_geometry import FittedGeometry, GeometricFit, loading_of
-from edtk.fit.geometry.least_squares_fit import PoseRows, known_before
+from edtk.findings.fit_rows import scene_of
+from edtk.fit.circumstances import RIGID, UNTOLD, Circumstances
+from edtk.fit.fitted_geometry import FittedGeometry, GeometricFit, loading_of
+from edtk.fit.pose_rows import PoseRows, known_before
 from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.few_columns import Beside
 from edtk.measure.measured_model import Load, MeasuredModel, Seen

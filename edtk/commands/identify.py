@@ -24,7 +24,7 @@ from edtk.system.parsing import json_text
 
 if TYPE_CHECKING:
     from edtk.calibration.calibration import Calibration
-    from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+    from edtk.calibration.geometric_calibration import GeometricCalibration
     from edtk.findings.finding import Finding
 
 # Characters of a message and its hint, which leaves some of a line for the name of the file.

@@ -10,7 +10,7 @@ from edtk.findings.finding import Data, Finding, Severity, Wording, row_names
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.match_plan import OTHER_LOAD, like_rounding, steps_of
 from edtk.fit.equilibrium import NoFitError, fit_equilibrium
-from edtk.fit.geometry.place_robot import rigid_motion
+from edtk.fit.place_robot import rigid_motion
 from edtk.measure.equilibrium import NoEquilibriumError
 from edtk.measure.pose_table import WRENCH_COLUMNS
 from edtk.measure.task import all_compliances

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.marker_positions import MarkerPositions
 from edtk.measure.few_columns import FewColumns, between, inverse_of, summed
 from edtk.measure.position_noise import ROUNDING, BlockVariances, PositionNoise
 from edtk.measure.whitening import Precision, Scatter, blocks_times, diagonal_blocks, of_rows

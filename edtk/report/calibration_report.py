@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from edtk.calibration.calibration import Calibration, Judged
-from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.calibration.geometric_calibration import GeometricCalibration
 from edtk.findings.finding import Finding, shown_probability
 from edtk.fit.identify import Identification
 from edtk.measure.cells import csv_text

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
+from edtk.calibration.evaluate_geometry import GeometryDesigns
 from edtk.design.exact.find_plan import BATCH_SIZE
 from edtk.design.exact.visit_search import STARTS
 from edtk.measure.expected_error import TaskAccuracy

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import criteria
-from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
+from edtk.calibration.evaluate_geometry import GeometryDesigns
 from edtk.design.exact.day import PosesByLoad
 from edtk.measure.expected_error import TaskAccuracy
 from edtk.report.calibration_sections import TOOL_POINT, task_sentence, task_table

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.calibration.geometric_calibration import GeometricCalibration
 from edtk.findings.finding import rows_in_words
-from edtk.fit.geometry.fitted_geometry import lengths, root_mean_square
+from edtk.fit.fitted_geometry import lengths, root_mean_square
 from edtk.measure.parameters import TITLES, Parameter
 from edtk.report.calibration_sections import Facts, budget_section, task_section
 from edtk.report.draw.residuals import left_out_errors, marker_residuals

@@ -9,7 +9,7 @@ import numpy as np
 
 import criteria
 from edtk.fit.correlated_noise import row_numbers
-from edtk.fit.geometry.marker_positions import read_positions
+from edtk.fit.marker_positions import read_positions
 from edtk.measure.parameters import Parameter, all_parameters
 from edtk.measure.pose_table import (
     SHEET_COLUMNS,

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from edtk.cell.sight import Sight
-from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.prior import Gaussian
 from edtk.fit.sheet import Reference
 from edtk.measure.elastostatic_model import ElastostaticModel

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.compensate import Compensation
-from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.calibration.geometric_calibration import GeometricCalibration
 from edtk.calibration.prediction import Prediction
 from edtk.findings.fitted_data import HowFitted
 from edtk.measure.pose_table import Table

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from edtk.calibration.calibration import Calibration
     from edtk.calibration.compensate import Calibrated
     from edtk.calibration.detect import Promised
-    from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-    from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+    from edtk.calibration.geometric_calibration import GeometricCalibration
+    from edtk.calibration.geometry_question import GeometryQuestion
     from edtk.calibration.template import SheetColumns
     from edtk.design.design_space import DesignSpace
     from edtk.design.exact.exact_plan import ExactPlan
@@ -91,7 +91,7 @@ class OfCompliances(OfStudy):
     def _robot(self, result: Any, argument: str) -> "Calibrated":
         from edtk.calibration.calibrated_springs import CalibratedSprings
         from edtk.calibration.calibration import Calibration
-        from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+        from edtk.calibration.geometric_calibration import GeometricCalibration
 
         if isinstance(result, GeometricCalibration):
             message = "expected a study of geometry, as the result is of one"
@@ -113,7 +113,7 @@ class OfGeometry(OfStudy):
 
     @cached_property
     def _question(self) -> "GeometryQuestion":
-        from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+        from edtk.calibration.geometry_question import GeometryQuestion
 
         return GeometryQuestion.of(self.study)
 
@@ -122,14 +122,14 @@ class OfGeometry(OfStudy):
 
     def setting(self, criterion: str, space: "DesignSpace | None" = None) -> dict[str, Any]:
         """That of all designs of the study: neither criterion nor space says more."""
-        from edtk.calibration.geometry_design.geometry_question import geometry_setting
+        from edtk.calibration.geometry_question import geometry_setting
 
         return geometry_setting(self._question)
 
     @staticmethod
     def sought() -> "type[Designs]":
         """Visits of poses, without and with a load."""
-        from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
+        from edtk.calibration.evaluate_geometry import GeometryDesigns
 
         return GeometryDesigns
 
@@ -140,24 +140,24 @@ class OfGeometry(OfStudy):
 
     def calibrations(self, study: Study, found: Any = None) -> "Designs":
         """Those of the question that a plan answers."""
-        from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
+        from edtk.calibration.evaluate_geometry import GeometryDesigns
 
         return self.designs(study) if found is None else GeometryDesigns(study, found.question)
 
     def _sheet(self, positions: bool, markers: int) -> "SheetColumns":
-        from edtk.calibration.geometry_design.geometry_plan import position_columns
+        from edtk.calibration.geometry_plan import position_columns
 
         return position_columns(self.study)
 
     def _calibrated(self, sheet: Table, how: "HowFitted") -> "GeometricCalibration":
+        from edtk.calibration.calibrate_geometry import calibrate_geometry
         from edtk.calibration.extend_geometry import extend_geometry
-        from edtk.calibration.geometry.calibrate_geometry import calibrate_geometry
 
         fit = extend_geometry if how.extended else calibrate_geometry
         return fit(self.study, sheet, how)
 
     def _robot(self, result: Any, argument: str) -> "Calibrated":
-        from edtk.calibration.geometry.calibrated_geometry import CalibratedGeometry
+        from edtk.calibration.calibrated_geometry import CalibratedGeometry
         from edtk.calibration.result_file import geometry_result
 
         content = geometry_result(content_of(result) or result)

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from edtk.calibration.compensate import Calibrated, Compensation
     from edtk.calibration.correct_program import CorrectedProgram
     from edtk.calibration.detect import Promised
-    from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+    from edtk.calibration.geometric_calibration import GeometricCalibration
     from edtk.calibration.prediction import Prediction
     from edtk.calibration.template import SheetColumns
     from edtk.calibration.timetable import Day

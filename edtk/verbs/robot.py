@@ -5,7 +5,7 @@ from pathlib import Path
 
 from edtk.fit.controller.find_controller import FoundController, find_controller
 from edtk.fit.controller.fits import Positions
-from edtk.fit.geometry.marker_positions import MarkerPositions, read_positions
+from edtk.fit.marker_positions import MarkerPositions, read_positions
 from edtk.measure.pose_table import Table
 from edtk.robots.load_robot import load_robot
 from edtk.robots.robot import Robot

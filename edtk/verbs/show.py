@@ -29,7 +29,7 @@ from edtk.verbs.of_studies import OfStudy
 
 if TYPE_CHECKING:
     from edtk.calibration.calibration import Calibration
-    from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+    from edtk.calibration.geometric_calibration import GeometricCalibration
     from edtk.report.show.page import ShownPage
     from edtk.report.show.stage import Shade, Stage
 

@@ -15,7 +15,7 @@ from loaded_arm import LOAD, STUDY
 from plain_checker import KIND, RejectedError, check
 
 import edtk
-from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+from edtk.calibration.geometry_question import GeometryQuestion
 from edtk.certificate.recompute.setting import Setting
 from edtk.certificate.verify_certificate import verify_certificate
 from edtk.cli import main

@@ -6,7 +6,7 @@ import pytest
 
 from edtk.findings.causes.family import Cause
 from edtk.findings.finding import Finding, Severity
-from edtk.findings.geometry.geometric_fit import WORDING
+from edtk.findings.geometric_fit import WORDING
 from edtk.findings.noise import causes_words
 
 

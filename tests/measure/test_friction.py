@@ -8,7 +8,7 @@ import pytest
 from arm import arm
 from short_search import short_search
 
-from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+from edtk.calibration.geometry_question import GeometryQuestion
 from edtk.certificate.certificate import certificate, setting_to_dict
 from edtk.certificate.recompute.setting import Setting
 from edtk.certificate.verify_certificate import verify_certificate

@@ -11,10 +11,10 @@ from arm import ROBOT
 from numpy.typing import NDArray
 
 import edtk
-from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
-from edtk.calibration.geometry_design.geometry_space import PositionRows
-from edtk.fit.geometry.fitted_geometry import loading_in, no_rest, resting_torque
-from edtk.fit.geometry.geometry_posterior import many_seen
+from edtk.calibration.geometry_question import GeometryQuestion
+from edtk.calibration.geometry_space import PositionRows
+from edtk.fit.fitted_geometry import loading_in, no_rest, resting_torque
+from edtk.fit.geometry_posterior import many_seen
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry, planned_noise
 from edtk.system.errors import UserError

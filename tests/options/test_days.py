@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from loaded_arm import STUDY, plan_geometry
 
 import edtk
-from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+from edtk.calibration.geometry_question import GeometryQuestion
 from edtk.cli import main
 from edtk.design.exact import day_search, visit_search
 from edtk.design.exact.day import DayCosts, DayPlan

@@ -11,15 +11,15 @@ from readings import STUDY as DISPLACEMENTS
 
 import edtk
 from edtk.calibration.detect import Promised, detect, sized_faults
-from edtk.calibration.geometry_design.geometry_plan import visited
-from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
-from edtk.calibration.geometry_design.geometry_space import PositionRows
+from edtk.calibration.geometry_plan import visited
+from edtk.calibration.geometry_question import GeometryQuestion
+from edtk.calibration.geometry_space import PositionRows
 from edtk.findings.causes.faults import FAULTS, cause_wording
 from edtk.findings.finding import Finding
-from edtk.findings.geometry.geometric_fit import geometric_findings
-from edtk.fit.geometry.fit_geometry import fit_geometry
-from edtk.fit.geometry.fitted_geometry import loading_in
-from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.findings.geometric_fit import geometric_findings
+from edtk.fit.fit_geometry import fit_geometry
+from edtk.fit.fitted_geometry import loading_in
+from edtk.fit.marker_positions import MarkerPositions
 from edtk.study.study_geometry import StudyGeometry, planned_noise
 from edtk.system.errors import UserError
 from edtk.system.typing import Array

@@ -28,10 +28,10 @@ from mixed_sheets import (
 from small_arm import ROBOT
 
 import edtk
-from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
+from edtk.calibration.geometric_calibration import GeometricCalibration
 from edtk.fit.equilibrium import fit_equilibrium
-from edtk.fit.geometry.fitted_geometry import loading_of
-from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.fitted_geometry import loading_of
+from edtk.fit.marker_positions import MarkerPositions
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry
 from edtk.system.errors import UserError

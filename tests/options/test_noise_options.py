@@ -13,10 +13,10 @@ from small_arm import ROBOT
 import edtk
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.result_file import geometry_of_dict
-from edtk.fit.geometry.fit_geometry import fit_geometry
-from edtk.fit.geometry.fitted_geometry import student_quantile
-from edtk.fit.geometry.least_squares_fit import PoseRows
-from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.fit_geometry import fit_geometry
+from edtk.fit.fitted_geometry import student_quantile
+from edtk.fit.marker_positions import MarkerPositions
+from edtk.fit.pose_rows import PoseRows
 from edtk.measure.measured_model import MeasuredModel
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry

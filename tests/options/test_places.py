@@ -9,7 +9,7 @@ from geometry_sheets import run
 from loaded_arm import STUDY
 
 import edtk
-from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+from edtk.calibration.geometry_question import GeometryQuestion
 from edtk.design.plan import Plan
 from edtk.findings.causes.scene import turned_by
 from edtk.measure.elastostatic_model import ElastostaticModel

@@ -12,15 +12,15 @@ from geometry_sheets import OFFSETS, PLACE, ROBOT, Array, by_pose
 from scipy.stats import norm
 
 import edtk
-from edtk.calibration.geometry.told_before import told_before
-from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
-from edtk.calibration.geometry_design.geometry_space import PositionRows
+from edtk.calibration.geometry_question import GeometryQuestion
+from edtk.calibration.geometry_space import PositionRows
+from edtk.calibration.told_before import told_before
 from edtk.design.plan import Plan
-from edtk.findings.geometry.geometric_fit import geometric_findings
-from edtk.fit.geometry.fit_geometry import fit_geometry
-from edtk.fit.geometry.fitted_geometry import GeometricFit, resting_load
-from edtk.fit.geometry.geometry_posterior import GeometryDensity
-from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.findings.geometric_fit import geometric_findings
+from edtk.fit.fit_geometry import fit_geometry
+from edtk.fit.fitted_geometry import GeometricFit, resting_load
+from edtk.fit.geometry_posterior import GeometryDensity
+from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.prior import Gaussian, Prior, fit_with_prior
 from edtk.measure.measured_model import MeasuredModel
 from edtk.robots.frames import MM

@@ -11,7 +11,7 @@ import pytest
 
 import edtk
 from edtk import Study
-from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+from edtk.calibration.geometry_question import GeometryQuestion
 from edtk.calibration.planned import plan_noise, planned_measurements
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace

@@ -11,12 +11,12 @@ import pytest
 from small_arm import ROBOT
 
 import edtk
-from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
-from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
-from edtk.calibration.geometry_design.geometry_space import PositionRows
+from edtk.calibration.evaluate_geometry import GeometryDesigns
+from edtk.calibration.geometry_question import GeometryQuestion
+from edtk.calibration.geometry_space import PositionRows
 from edtk.calibration.planned import SpringDesigns, held_in_tasks
 from edtk.design.plan import Plan
-from edtk.fit.geometry.fitted_geometry import resting_torque
+from edtk.fit.fitted_geometry import resting_torque
 from edtk.measure.parameters import Parameter
 from edtk.measure.task import Task
 from edtk.study.study import Study

@@ -10,8 +10,8 @@ from browser import CHROMIUM, WIDTHS, in_browser
 from geometry_sheets import STUDY, TEST_POSE, by_pose, run, truth
 
 import edtk
-from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-from edtk.findings.geometry.geometric_fit import geometric_findings
+from edtk.calibration.geometric_calibration import GeometricCalibration
+from edtk.findings.geometric_fit import geometric_findings
 from edtk.report.calibration_report import calibration_report
 
 pytestmark = pytest.mark.slow

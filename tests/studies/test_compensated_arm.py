@@ -12,7 +12,7 @@ from edtk.certificate.certificate import setting_to_dict
 from edtk.certificate.recompute.setting import Setting
 from edtk.design.plan import Plan
 from edtk.findings.fitted_data import FittedData
-from edtk.fit.geometry.fitted_geometry import loading_in
+from edtk.fit.fitted_geometry import loading_in
 from edtk.fit.measurements import Measurements
 from edtk.measure.equilibrium import Rest
 from edtk.robots.load_robot import load_robot

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from loaded_arm import STUDY
 
 import edtk
-from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
+from edtk.calibration.evaluate_geometry import GeometryDesigns
 from edtk.cli import main
 from edtk.design.relaxation import search_continuum
 from edtk.report.comparison_report import comparison_report

@@ -4,8 +4,8 @@ from typing import Any
 
 from arm import ROBOT
 
-from edtk.calibration.geometry_design.evaluate_geometry import GeometryDesigns
-from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
+from edtk.calibration.evaluate_geometry import GeometryDesigns
+from edtk.calibration.geometry_plan import GeometryPlan
 from edtk.study.plan_study import plan_study
 from edtk.study.study import Study
 

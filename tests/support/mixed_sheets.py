@@ -8,8 +8,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from small_arm import ROBOT
 
-from edtk.fit.geometry.fitted_geometry import loading_of
-from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.fitted_geometry import loading_of
+from edtk.fit.marker_positions import MarkerPositions
 from edtk.robots.rotations import rotation, rotation_vectors
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry

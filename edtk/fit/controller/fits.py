@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 
-from edtk.fit.geometry.marker_positions import MarkerPositions
+from edtk.fit.marker_positions import MarkerPositions
 from edtk.robots.frames import Frames
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import vector_product

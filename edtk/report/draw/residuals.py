@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from edtk.fit.geometry.fitted_geometry import GeometricFit, lengths
+from edtk.fit.fitted_geometry import GeometricFit, lengths
 from edtk.fit.identify import Identification
 from edtk.measure.pose_table import coordinate_names
 from edtk.report.draw.posterior import thinned

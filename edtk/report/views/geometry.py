@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from edtk.calibration.geometry.geometric_calibration import GeometricCalibration
-from edtk.calibration.geometry_design.evaluate_geometry import GeometryEvaluation
-from edtk.calibration.geometry_design.geometry_plan import GeometryPlan
-from edtk.calibration.geometry_design.geometry_question import GeometryQuestion
+from edtk.calibration.evaluate_geometry import GeometryEvaluation
+from edtk.calibration.geometric_calibration import GeometricCalibration
+from edtk.calibration.geometry_plan import GeometryPlan
+from edtk.calibration.geometry_question import GeometryQuestion
 from edtk.design.exact.day import PosesByLoad
 from edtk.findings.finding import notes
-from edtk.fit.geometry.fitted_geometry import root_mean_square
+from edtk.fit.fitted_geometry import root_mean_square
 from edtk.measure.pose_table import in_file_units, pose_columns
 from edtk.report.extension import extension_lines
 from edtk.report.geometry_report import MOST_MARKERS, robot_stands

@@ -12,8 +12,8 @@ import pytest
 from chains import coupled_chain, mixed_chain, tied_chain
 from numpy.typing import NDArray
 
-from edtk.fit.geometry.circumstances import Loads
-from edtk.fit.geometry.fitted_geometry import loading_in
+from edtk.fit.circumstances import Loads
+from edtk.fit.fitted_geometry import loading_in
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.nominal_columns import NominalColumns
 from edtk.measure.parameters import all_parameters, springs_asked

@@ -1,1 +1,0 @@
-"""From a sheet of absolute positions to geometry, springs, predictions and commands."""

@@ -1,0 +1,243 @@
+"""How a sheet counts the joints, where it is not as the study says."""
+
+from dataclasses import dataclass, replace
+from itertools import combinations, product
+
+import numpy as np
+
+from edtk.findings.gross_errors import DEGREE, FAR, distances, points_at
+from edtk.fit.marker_positions import MarkerPositions
+from edtk.fit.place_robot import LinearStart, linear_start
+from edtk.robots.robot import Robot
+from edtk.system.typing import Array
+
+MOST_POSES = 40  # that a search looks at
+MOST_JOINTS = 8  # beyond them the ways to count are too many to try
+MUCH = 4.0  # times better, another way to count is believed
+# Two ways whose distances differ by less are equally good. Every change has to pay for itself: one
+# of a joint that stands still in most visits fits these as well, and makes the others look wrong.
+ALIKE = 1.5
+BEYOND = 10.0  # times the distance of the best way: a visit farther off does not fit at all
+KEPT = 0.75  # of the visits place the robot where a few may be wrong
+TURNS = 5  # of placing it and of choosing these visits
+MOST_TRIED = 24  # ways to count that are looked at with a part of the visits
+
+
+@dataclass(frozen=True, eq=False)
+class Counting:
+    """How joint variables follow from those of a sheet: ``q = C q_sheet``.
+
+    Attributes:
+        matrix: C (n, n): signs on its diagonal, and where a joint follows the one before it.
+        words: What is different, for people; empty where nothing is.
+        exchanged: Whether columns are exchanged, which no controller does.
+    """
+
+    matrix: Array
+    words: str = ""
+    exchanged: bool = False
+
+    def of(self, data: MarkerPositions) -> MarkerPositions:
+        """The same positions with the joint variables that are meant."""
+        return replace(data, q=data.q @ self.matrix.T) if self.words else data
+
+    def turned(self, q: Array) -> Array:
+        """Joint variables (m, n) that are meant by those of a sheet."""
+        return q @ self.matrix.T if self.words else q
+
+    def back(self, q: Array) -> Array:
+        """Joint variables (m, n) of a sheet for those that are meant."""
+        return q @ np.linalg.inv(self.matrix).T if self.words else q
+
+
+def as_said(robot: Robot) -> Counting:
+    """The way to count of the study."""
+    return Counting(np.eye(robot.n))
+
+
+def placed(robot: Robot, data: MarkerPositions, matrix: Array | None = None) -> LinearStart:
+    """The linear place of robot and markers, for joint variables times a matrix."""
+    q = data.q if matrix is None else data.q @ matrix.T
+    return linear_start(robot.forward(q), data.measured, data.seen)
+
+
+def placed_by_most(robot: Robot, data: MarkerPositions, matrix: Array | None = None) -> LinearStart:
+    """The same by the visits that fit best, in turns (Rousseeuw and Van Driessen 2006)."""
+    start = placed(robot, data, matrix)
+    flange = robot.forward(data.q if matrix is None else data.q @ matrix.T)
+    count = int(np.ceil(KEPT * len(data)))
+    for _ in range(TURNS):
+        if not start.whole or not start.scale < np.inf:
+            break
+        local = flange[:, None, :3, 3] + np.einsum("mij,kj->mki", flange[:, :3, :3], start.tools)
+        x = data.measured / start.scale
+        apart = x - local @ start.base[:3, :3].T
+        squares = ((apart - np.nanmedian(apart, axis=(0, 1))) ** 2).sum(axis=-1)
+        size = np.nanmax(np.where(data.seen, squares, -1.0), axis=1)
+        chosen = np.sort(np.argsort(size, kind="stable")[:count])
+        again = linear_start(flange[chosen], data.measured[chosen], data.seen[chosen])
+        if not again.whole:
+            break
+        start = again
+    return start
+
+
+def far_off(start: LinearStart, data: MarkerPositions) -> bool:
+    """Whether the drawing is so far from the positions that something else is wrong."""
+    spread = float(np.sqrt(((data.measured[data.seen] - _center(data)) ** 2).sum(axis=-1).mean()))
+    size = start.rms * (start.scale if np.isfinite(start.scale) else 1.0)
+    return size > FAR * spread or (start.whole and (start.mirrored or start.distorted))
+
+
+def find_counting(robot: Robot, data: MarkerPositions) -> Counting | None:
+    """Find signs of the joints, and a joint that follows the one before it, by which all fits.
+
+    A controller may count joints the other way, and that of an arm with a parallelogram may count
+    the elbow from the horizontal. Of ways that fit equally well that with the fewest changes
+    counts.
+
+    Args:
+        robot: The drawing.
+        data: Positions with the joint variables of the sheet.
+
+    Returns:
+        The way to count; None where none fits much better than that of the study.
+    """
+    n = robot.n
+    if n > MOST_JOINTS:
+        return None
+    few = _thinned(data)
+    still = placed_by_most(robot, few)
+    best: list[tuple[float, int, Counting]] = []
+    names = robot.joint_names
+    moving = np.ptp(few.q, axis=0) > DEGREE / 10
+    choices = [(1, -1) if one else (1,) for one in moving]
+    for signs in product(*choices):
+        for follower, by in [(0, 0), *((j, s) for j in range(1, n) for s in (1, -1))]:
+            if follower and not (moving[follower] and moving[follower - 1] and n > 3):
+                continue
+            matrix = np.diag(np.array(signs, dtype=float))
+            if follower:
+                matrix[follower] += by * matrix[follower - 1]
+            start = placed(robot, few, matrix)
+            if start.mirrored or not start.whole:
+                continue
+            turned = [name for name, sign in zip(names, signs, strict=True) if sign < 0]
+            words = _words(turned, names, follower, by)
+            changes = len(turned) + 2 * bool(follower)
+            best.append((start.rms, changes, Counting(matrix, words)))
+    best += [(placed(robot, few, one.matrix).rms, 3, one) for one in _exchanges(names, moving)]
+    return _least(robot, few, still, best)
+
+
+def _exchanges(names: tuple[str, ...], moving: Array) -> list[Counting]:
+    """The ways in which two columns may be exchanged."""
+    found = []
+    for i, j in combinations(np.flatnonzero(moving).tolist(), 2):
+        order = list(range(len(names)))
+        order[i], order[j] = j, i
+        words = f"the columns of {names[i]} and {names[j]} are exchanged"
+        found.append(Counting(np.eye(len(names))[order], words, exchanged=True))
+    return found
+
+
+def _least(
+    robot: Robot,
+    few: MarkerPositions,
+    still: LinearStart,
+    ways: list[tuple[float, int, Counting]],
+) -> Counting | None:
+    """The way that fits best, of those that fit alike the one with the fewest changes.
+
+    Args:
+        robot: The drawing.
+        few: Some of the visits, a few of which may be wrong.
+        still: The place with the way to count of the study.
+        ways: For each way how well it fits all these visits, and its number of changes.
+    """
+    ways = sorted(ways, key=lambda one: one[:2])[:MOST_TRIED]
+    starts = [placed_by_most(robot, few, way.matrix) for _, _, way in ways]
+    sound = [
+        (start, changes, way)
+        for start, (_, changes, way) in zip(starts, ways, strict=True)
+        if start.whole and not start.mirrored
+    ]
+    if not sound:
+        return None
+    limit = BEYOND * min(start.rms for start, _, _ in sound) + 1e-9
+    sizes = [_bounded(robot, few, start, way, limit) for start, _, way in sound]
+    alike = [
+        one for one, size in zip(sound, sizes, strict=True) if size <= ALIKE * min(sizes) + 1e-9
+    ]
+    start, _, way = min(alike, key=lambda one: one[1])
+    if not way.words or far_off(start, few):
+        return None
+    if still.rms < MUCH * start.rms and not still.mirrored:
+        return None
+    return way
+
+
+def _bounded(
+    robot: Robot, few: MarkerPositions, start: LinearStart, way: Counting, limit: float
+) -> float:
+    """Root mean square distance of all visits, none counted as farther off than a limit [m].
+
+    A start by most visits is not judged by these alone: a way that makes sound visits look wrong
+    is worse than one that fits them.
+    """
+    apart = distances(few, points_at(robot.forward(few.q @ way.matrix.T), start))
+    return float(np.sqrt((np.minimum(apart, limit) ** 2).mean()))
+
+
+def in_radians(robot: Robot, data: MarkerPositions) -> bool:
+    """Whether the sheet's degrees fit far better as radians."""
+    matrix = np.diag(np.where(_slides(robot), 1.0, 1 / DEGREE))
+    meant = placed_by_most(robot, data, matrix)
+    return meant.whole and not far_off(meant, data)
+
+
+def one_in_radians(robot: Robot, data: MarkerPositions) -> str | None:
+    """The joint whose degrees fit far better as radians, if one alone is written so."""
+    for j in np.flatnonzero(np.logical_not(_slides(robot))):
+        scale = np.ones(robot.n)
+        scale[j] /= DEGREE
+        meant = placed_by_most(robot, data, np.diag(scale))
+        if meant.whole and not far_off(meant, data):
+            return robot.joint_names[j]
+    return None
+
+
+def in_metres(robot: Robot, data: MarkerPositions) -> bool:
+    """Whether the sheet's millimetres of prismatic joints fit far better as metres."""
+    slides = _slides(robot)
+    if not slides.any():
+        return False
+    meant = placed_by_most(robot, data, np.diag(np.where(slides, 1e3, 1.0)))
+    return meant.whole and not far_off(meant, data)
+
+
+def _slides(robot: Robot) -> Array:
+    """Mask (n,) of the prismatic joints."""
+    return np.array([joint.kind == "prismatic" for joint in robot.joints])
+
+
+def _words(turned: list[str], names: tuple[str, ...], follower: int, by: int) -> str:
+    """What is different, for people."""
+    parts = []
+    if turned:
+        parts.append(f"{', '.join(turned)} count{'s' * (len(turned) == 1)} the other way")
+    if follower:
+        how = "with" if by > 0 else "against"
+        parts.append(f"{names[follower]} turns {how} {names[follower - 1]}")
+    return " and ".join(parts)
+
+
+def _thinned(data: MarkerPositions) -> MarkerPositions:
+    """Poses spread over all."""
+    chosen = np.unique(np.linspace(0, len(data) - 1, MOST_POSES).round().astype(int))
+    return data[chosen]
+
+
+def _center(data: MarkerPositions) -> Array:
+    """The mean (3,) of all positions [m]."""
+    return np.asarray(data.measured[data.seen].mean(axis=0))

@@ -1,0 +1,491 @@
+"""Residuals and columns of the positions of a fit, and what grew or drifted over a day."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from edtk.findings.causes.family import Cause, Family
+from edtk.findings.causes.faults import FAULTS, USUAL_DRIFT, USUAL_GROWTH
+from edtk.findings.causes.scene import JointLoads, Positions, link_length, same_in, since_first
+from edtk.fit.circumstances import Loads
+from edtk.fit.fitted_geometry import FittedGeometry, GeometricFit
+from edtk.fit.marker_positions import MarkerPositions
+from edtk.fit.pose_rows import columns_of
+from edtk.fit.restricted_likelihood import Blocks, fit_model_error, fit_variances
+from edtk.measure.few_columns import Beside, FewColumns, summed
+from edtk.measure.measured_model import Seen
+from edtk.measure.parameters import Parameter, all_parameters
+from edtk.measure.position_noise import PositionNoise
+from edtk.measure.task import Task
+from edtk.measure.whitening import Scatter, of_rows
+from edtk.robots.frames import MM
+from edtk.system.typing import Array, Indices, Mask
+
+RATES = (0.0, 3.0, 8.0)  # of settling in a day: a steady drift, and warming up
+FEWEST_OF_TREND = 8  # poses
+UNLIKELY_SCALE = 1e-4
+LEAST = 1e-4  # [m/m] below it a scale is that of the air's temperature
+FEWEST_OF_SCALE = 6  # parameters of the geometry that show how far from the drawing this robot is
+
+
+@dataclass(frozen=True, eq=False)
+class FitRows:
+    """What the positions of the poses leave, in millimetres; orientations are left aside.
+
+    Rows of what was not seen are zero.
+
+    Attributes:
+        fit: The fit.
+        residual: Residuals (m, 3k).
+        design: Columns X (m, 3k, p) that span those of its parameters.
+        motion: Motions (m, 3k, n) by the joints [mm/mrad].
+        places: Where the markers are (m, k, 3), in the frame of the instrument [m].
+        noise: The noise of positions that was fitted.
+        loads: What loads the joints; None without springs.
+    """
+
+    fit: GeometricFit
+    residual: Array
+    design: FewColumns
+    motion: Array
+    places: Array
+    noise: PositionNoise
+    loads: JointLoads | None = None
+
+    @classmethod
+    def of(cls, fit: GeometricFit, loads: JointLoads | None = None) -> "FitRows":
+        """Of a fit.
+
+        Args:
+            fit: The fit.
+            loads: What loads the joints.
+        """
+        model = fit.fitted.model
+        means = fit.data.means
+        torque = fit.fitted.torque(means.q, means.wrench, loads)
+        seen = model.see(fit.fitted.theta, means.q, torque)
+        assert seen.by_joints is not None
+        return cls(
+            fit,
+            MM * np.nan_to_num(fit.residual).reshape(len(means), -1),
+            # Absolute positions alone need not tell all that springs, turns, wires and earlier
+            # knowledge do: dependent columns would take some of the residuals at random.
+            own_columns(fit, loads).independent(),
+            of_all(seen.by_joints[:, :, :3], means),
+            seen.places,
+            replace(fit.fitted.noise, turn=None, model_turn=0.0),
+            loads,
+        )
+
+    @cached_property
+    def scene(self) -> Positions:
+        """What faults change, to first order about the fit [mm]."""
+        means = self.fit.data.means
+
+        def columns(seen: Seen, chosen: Indices) -> Array:
+            return MM * of_positions(seen, means).chosen(chosen)
+
+        return scene_of(self.fit.fitted, means.q, means.wrench, self.loads, columns)
+
+    def without(self, added: Array) -> MarkerPositions:
+        """The positions without what something adds to them (m, 3k) [mm]."""
+        data = self.fit.data
+        own = added.reshape(len(added), -1, 3)[data.pose] / MM
+        return replace(data, measured=data.measured - own)
+
+    def off_in(
+        self, task: Task, loads: JointLoads, named: "NamedCause", cleared: FittedGeometry
+    ) -> Array:
+        """How far a robot with a fault is off in a task (3,), compensated by the fit [mm].
+
+        Without the fault another fit would be found. Commands are off by the difference of both,
+        less what the fault does in the task: what is wrong with the measurements alone does nothing
+        there.
+
+        Args:
+            task: The task, with a tool.
+            loads: What loads the joints there.
+            named: The fault.
+            cleared: The fit of positions that are without it.
+        """
+        assert task.tool is not None
+        q = np.atleast_2d(task.q)
+        wrench = np.tile(task.wrench, (len(q), 1))
+        robot, other = (one.at_tool(task.tool) for one in (self.fit.fitted, cleared))
+        there, without = (one.predict(q, wrench, loads).points for one in (robot, other))
+        off = MM * (there - without)[0, 0]
+        fault = FAULTS[named.family.cause]
+        if not (fault.in_tasks or fault.drawn):
+            return np.asarray(off)
+
+        def columns(seen: Seen, chosen: Indices) -> Array:
+            assert seen.jacobian is not None
+            return MM * seen.jacobian[:, 0, :3][..., chosen]
+
+        scene = replace(scene_of(robot, q, wrench, loads, columns), counted_by=self.scene)
+        family = same_in(scene, fault.models, named.family)
+        return np.asarray(off - family.derivative_at_zero(scene.k)[0] @ named.values)
+
+    @property
+    def frame(self) -> Array:
+        """Columns (m, 3k, 6) of a motion of the frame [mm a mm, mm a mrad]."""
+        return self.scene.frame / MM
+
+    def beside(self, others: Sequence[Parameter]) -> "FitRows":
+        """The same, as if other parameters were fitted too: noise and columns are beside theirs.
+
+        Columns are orthonormal then, and as many as the parameters that the poses tell apart.
+
+        Args:
+            others: Parameters that are none of the fit; without any, nothing changes.
+        """
+        if not others:
+            return self
+        fitted = self.fit.fitted
+        means = self.fit.data.means
+        every = fitted.model.with_parameters((*fitted.model.parameters, *others))
+        theta = np.concatenate([fitted.theta, np.zeros(len(others))])
+        added = np.arange(fitted.model.p, every.p)
+        columns = of_positions(every.see(theta, means.q), means).in_units(MM * every.scales)
+        design = self.design.beside(columns.chosen(added)).independent()
+        return replace(self, design=design, noise=self._noise_beside(design))
+
+    def dof(self, others: int) -> int:
+        """Coordinates that neither the fit nor so many other columns take."""
+        return 3 * int(self.fit.data.means.seen.sum()) - self.design.rank - others
+
+    def noise_beside(self, columns: Array) -> PositionNoise:
+        """The noise, fitted beside other columns (m, 3k, c) too, that it may have hidden."""
+        return self._noise_beside(self.design.beside(columns))
+
+    def _noise_beside(self, design: FewColumns) -> PositionNoise:
+        """The noise, fitted beside a design."""
+        joints = self.fit.fitted.model.robot.joints
+        slides = np.array([joint.kind == "prismatic" for joint in joints])
+        counts = self.fit.data.counts
+        return fit_model_error(
+            self.noise, self.motion, self.places, counts, self.residual, design, slides
+        )
+
+    def weighed(self, noise: PositionNoise | None) -> Beside:
+        """The design by weights of a noise; all coordinates alike where there is none."""
+        V = (noise or self.noise).of_pose(self.motion, self.places, self.fit.data.counts)
+        if noise is None:
+            variances = V.variances
+            there = of_rows(self.fit.data.means.seen, variances.shape[1])
+            alike = np.where(there > 0, variances.mean(), 1.0)
+            V = Scatter(np.zeros_like(V.apart), V.together[..., :0]).with_white(alike)
+        return Beside.of(self.design, V)
+
+    def explained(self, columns: Array, by: Beside) -> "Explained":
+        """What columns (m, 3k, c) explain of the residuals, beside the design."""
+        both = np.concatenate([self.residual[..., None], columns], axis=-1)
+        left = by.left(both)
+        squares = summed(left, by.weights.times(left))
+        inverse = np.asarray(np.linalg.pinv(squares[1:, 1:], hermitian=True))
+        values = inverse @ squares[1:, 0]
+        fall = float(values @ squares[1:, 0])
+        return Explained(values, inverse, fall, fall / max(float(squares[0, 0]), 1e-300))
+
+
+def scene_of(
+    fitted: FittedGeometry,
+    q: Array,
+    wrench: Array,
+    loads: JointLoads | None,
+    read: Callable[[Seen, Indices], Array],
+    differs: Mask | None = None,
+) -> Positions:
+    """What faults change in some poses, to first order about a fit [mm].
+
+    Args:
+        fitted: The robot.
+        q: Poses (m, n) [rad or m].
+        wrench: Loads (m, 6) [N, N m].
+        loads: What loads the joints; None without springs.
+        read: Columns (m, rows, c) of some parameters, of all that is seen.
+        differs: Which readings (m,) are their changes under the wrench; None for none.
+    """
+    model = fitted.model
+
+    def columns(parameters: tuple[Parameter, ...], wrench: Array) -> Array:
+        torque = fitted.loading(q, wrench, loads, differs)
+        known = [one.name for one in model.parameters]
+        others = tuple(one for one in parameters if one.name not in known)
+        every = model.with_parameters((*model.parameters, *others))
+        theta = np.concatenate([fitted.theta, np.zeros(len(others))])
+        names = [one.name for one in every.parameters]
+        chosen = np.array([names.index(one.name) for one in parameters], dtype=int)
+        return read(every.see(theta, q, torque), chosen)
+
+    seen = model.see(fitted.theta, q, fitted.loading(q, wrench, loads, differs))
+    rows = read(seen, np.zeros(0, dtype=int))
+    sprung = tuple(np.flatnonzero(fitted.compliances).tolist()) if loads else ()
+    return Positions(
+        model.robot,
+        tuple(name for name, own in zip(model.markers, model.on_tool, strict=True) if own),
+        columns,
+        rows,
+        np.zeros(0),
+        q,
+        wrench,
+        since_first(len(q)),
+        sprung,
+        fitted.compliances[list(sprung)],
+        loads,
+    )
+
+
+def own_columns(fit: GeometricFit, loads: Loads | None = None) -> FewColumns:
+    """Columns X (m, 3k, p) of the positions by a fit's parameters in their units [mm].
+
+    Args:
+        fit: The fit.
+        loads: What loads the joints; without it no spring moves anything.
+    """
+    model = fit.fitted.model
+    means = fit.data.means
+    torque = fit.fitted.torque(means.q, means.wrench, loads)
+    seen = model.see(fit.fitted.theta, means.q, torque)
+    return of_positions(seen, means).in_units(MM * model.scales)
+
+
+@dataclass(frozen=True, eq=False)
+class Explained:
+    """What columns explain beside those of a fit.
+
+    Attributes:
+        values: Their coefficients (c,).
+        covariance: Of these (c, c), where the errors have the size one.
+        fall: What the squares fall by.
+        share: Share of the squares that this is.
+    """
+
+    values: Array
+    covariance: Array
+    fall: float
+    share: float
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations (c,) of the coefficients."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+def log_chance(share: float, count: int, dof: float) -> float:
+    """Logarithm of the probability that so many columns explain such a share by chance."""
+    from scipy.stats import f
+
+    return float(f.logsf(share / max(1 - share, 1e-12) * dof / count, count, dof))
+
+
+def of_positions(seen: Seen, means: MarkerPositions) -> FewColumns:
+    """Columns X (m, 3k, p) of the positions, from those of all that is measured.
+
+    Rows of what was not seen are zero.
+    """
+    assert seen.columns is not None
+    positions = replace(seen.columns, part=seen.columns.part[:, :, :3])
+    return positions.scaled(means.seen[..., None])
+
+
+def of_all(columns: Array, means: MarkerPositions) -> Array:
+    """Columns (m, rk, c) of what is measured, from those (m, k, r, c) of what may have been."""
+    there = means.seen[..., None, None]
+    found = np.where(there, columns, 0.0)
+    return np.asarray(found.reshape(len(columns), -1, columns.shape[-1]))
+
+
+@dataclass(frozen=True, eq=False)
+class SizedColumns:
+    """What a cause adds to the positions.
+
+    Attributes:
+        columns: Columns (m, 3k, c) [mm a unit].
+        usual: Length of the coefficients that such a cause usually has.
+        log_tries: Logarithm of how many of its kind were tried, of which this is the best.
+    """
+
+    columns: Array
+    usual: float
+    log_tries: float
+
+
+@dataclass(frozen=True, eq=False)
+class NamedCause(SizedColumns):
+    """A fault of the registry that explains a good part of the residuals.
+
+    Attributes:
+        cause: The fault with its size.
+        family: What it does.
+        values: Its size (c,), in SI units.
+    """
+
+    cause: Cause
+    family: Family
+    values: Array
+
+    @property
+    def added(self) -> Array:
+        """What it adds (m, 3k) [mm]."""
+        return self.columns @ self.values
+
+
+def lowered(gradient: Array, square: Array, along: Array) -> tuple[Array, Array]:
+    """By how much columns Y beside those of a fit lower the squares of what it leaves, z.
+
+    ``g' (Y'WY - A'A)^-1 g`` with ``g = Y'Wz``, for several sets of columns.
+
+    Args:
+        gradient: g (k, c).
+        square: Y'WY (k, c, c).
+        along: A (k, p, c), which is what the fit takes of them, see `Beside.along`.
+
+    Returns:
+        The coefficients (k, c), and how much (k,).
+    """
+    inner = square - np.swapaxes(along, 1, 2) @ along
+    inner_inverse = np.linalg.pinv(inner, rcond=1e-8, hermitian=True)
+    values = (inner_inverse @ gradient[..., None])[..., 0]
+    return values, (gradient * values).sum(axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class DayTrend(SizedColumns):
+    """Something that grows from the first pose to the last.
+
+    Attributes:
+        kind: "drift" of the frame, or "growth" of all links.
+        size: In the last pose (see `since_first`): how far positions are off, root mean square [m],
+            or the growth of all lengths [m/m].
+        explained: Share of the weighted squares that it explains.
+    """
+
+    kind: Literal["drift", "growth"]
+    size: float
+    explained: float
+
+
+def day_trends(rows: FitRows) -> list[DayTrend]:
+    """A drift of the frame and a growth of all links, each as it explains most.
+
+    At the time t, from 0 at the first pose to 1 at the last, both have the size ``t`` or, as where
+    something warms up, ``(1 - exp(-c t)) / (1 - exp(-c))``. A drift has the six columns of a motion
+    of the frame, and growth one: the motion by all lengths of the drawing together. The noise is
+    fitted anew beside them (see `moved_frame`). Whether chance explains them `LikePoses` says.
+
+    Args:
+        rows: Of a sheet whose poses are in the order in which they were measured.
+    """
+    if len(rows.residual) < FEWEST_OF_TREND:
+        return []
+    lengths = {one.name: link_length(one) for one in rows.scene.robot.chain}
+    grown = rows.scene.longer({name: one for name, one in lengths.items() if one > 0})
+    tried = [
+        _best(rows, "drift", rows.frame, 2 * USUAL_DRIFT * MM),
+        _best(rows, "growth", grown(np.ones(1))[1][..., None] / MM, USUAL_GROWTH * MM),
+    ]
+    return [one for one in tried if one is not None]
+
+
+def _best(
+    rows: FitRows, kind: Literal["drift", "growth"], columns: Array, usual: float
+) -> DayTrend | None:
+    """The shape of one kind that explains most; None where too little is left to tell."""
+    m, _, c = columns.shape
+    if rows.dof(c) < 2 * c:
+        return None
+    times = since_first(m)
+    shapes = [np.expm1(-r * times) / np.expm1(-r) if r else times for r in RATES]
+    by_noise = rows.weighed(rows.noise_beside(columns * times[:, None, None]))
+    tried = []
+    for shape in shapes:
+        grown = columns * shape[:, None, None]
+        one = rows.explained(grown, by_noise)
+        tried.append((one.share, one.values, grown))
+    share, values, grown = max(tried, key=lambda one: one[0])
+    log_tries = float(np.log(len(shapes)))
+    if kind == "growth":
+        return DayTrend(grown, usual, log_tries, kind, 1e-3 * float(values[0]), share)
+    seen = rows.fit.data.means.seen[-1].reshape(-1)
+    off = (columns[-1] @ values).reshape(-1, 3)[seen]
+    size = float(np.sqrt((off**2).sum(axis=-1).mean())) / MM if len(off) else 0.0
+    return DayTrend(grown, usual, log_tries, kind, size, share)
+
+
+@dataclass(frozen=True)
+class CommonScale:
+    """A scale by which lengths that were measured are longer than drawn.
+
+    Attributes:
+        size: The scale less one [m/m].
+        std: Its standard deviation.
+    """
+
+    size: float
+    std: float
+
+
+def common_scale(fit: GeometricFit) -> CommonScale | None:
+    """Estimate a scale of all lengths, beside errors of the drawing of unknown size, and test it.
+
+    Where all geometry is fitted, lengths take up a scale s of the instrument: they come out as
+    ``theta = T d + s t + e``, with the errors d of the drawing, how all of them (T) and a scale (t)
+    move the minimal set, and the errors e of the fit, of covariance C. Robots are built with errors
+    of either sign: d has two variances, of lengths and of angles, fitted by restricted likelihood,
+    and s is that of generalised least squares with ``C + T D T'``. Base and markers are free.
+
+    Args:
+        fit: Of a study that asks for all geometry.
+    """
+    model = fit.fitted.model
+    own = np.array([one.place == "joint" for one in model.parameters])
+    if own.sum() < FEWEST_OF_SCALE:
+        return None
+    means = fit.data.means
+    errors = all_parameters(model.robot, model.markers, base=False, tool=False)
+    every = model.with_parameters(errors)
+    seen = model.see(fit.fitted.theta, means.q)
+    jacobian = every.see(np.zeros(every.p), means.q).jacobian
+    assert jacobian is not None
+    scaled = np.zeros((*jacobian.shape[:3], 1))
+    scaled[:, :, :3] = seen.points[..., None]  # mm by 1 mm/m; a scale turns nothing
+    moved = MM * jacobian * every.scales
+    columns = of_all(np.concatenate([moved, scaled], axis=-1), means)
+    # Some of the minimal set is told by orientations alone.
+    taken = _coefficients(columns_of(model, means, seen), columns)[own]
+    turns = np.array([one.turns for one in errors])
+    kinds = [K @ K.T for K in (taken[:, :-1][:, ~turns], taken[:, :-1][:, turns])]
+    C = fit.fitted.covariance[np.ix_(own, own)]
+    y = fit.fitted.values[own]
+    t = taken[:, -1]
+    blocks = Blocks.dense(C[None], [K[None] for K in kinds], y[None], t[None, :, None])
+    found = fit_variances([blocks])
+    V = C + sum(v * K for v, K in zip(found.variances, kinds, strict=True))
+    weighted = np.linalg.solve(V, t)
+    variance = 1 / float(t @ weighted)
+    scale = CommonScale(1e-3 * variance * float(weighted @ y), 1e-3 * float(np.sqrt(variance)))
+    return scale if _is_told(scale, len(y) - 1 - len(kinds)) else None
+
+
+def _coefficients(design: FewColumns, columns: Array) -> Array:
+    """How a design (m, r, p) combines to columns (m, r, c): (p, c)."""
+    # Of unit columns: parameters of other sizes are no rounding.
+    square = design.gram(np.eye(design.part.shape[2])[None, None])
+    length = np.sqrt(np.diagonal(square))
+    length = np.where(length > 0, length, 1.0)
+    inverse = np.linalg.pinv(square / np.outer(length, length), hermitian=True)
+    onto = design.onto(columns) / length[:, None]
+    return np.asarray(inverse @ onto / length[:, None])
+
+
+def _is_told(scale: CommonScale, dof: int) -> bool:
+    """Whether a scale is large, and no matter of chance."""
+    from scipy.stats import t
+
+    if abs(scale.size) < LEAST:
+        return False
+    return bool(2 * t.sf(abs(scale.size) / scale.std, dof) < UNLIKELY_SCALE)

@@ -1,1 +1,0 @@
-"""What looks wrong in sheets of positions, and in fits to them."""

@@ -1,0 +1,462 @@
+"""Whether the frame moved, or a weight hangs that nobody told, by the residuals of a fit."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from edtk.findings.causes.family import Cause
+from edtk.findings.causes.faults import FAULTS, USUAL_MOVE
+from edtk.findings.fit_rows import (
+    FitRows,
+    NamedCause,
+    SizedColumns,
+    log_chance,
+    lowered,
+)
+from edtk.measure.few_columns import Beside
+from edtk.measure.position_noise import PositionNoise
+from edtk.robots.frames import MM
+from edtk.system.typing import Array, Indices, Mask
+
+FEWEST_IN_FRAME = 2  # poses before, after and between
+UNLIKELY_FRAME = 1e-6
+# Of the squares, at least: a drift of the floor explains less. Equal weights make more of errors
+# that the coordinates of a pose have in common, which are then as if fewer poses told something.
+FRAME_EXPLAINS = {False: 0.2, True: 0.5}
+FRAME_COORDINATES = {False: 3.0, True: 6.0}  # of a pose that err together
+# Probability of a motion that the noise was fitted beside: of 200 sound days none had less.
+RARE = 1e-2
+SIDE = 4  # poses before and after such a motion: of fewer it may be that one is a wrong one
+BREAKS = 30  # poses at which a motion that is taken back is tried first
+UNLIKELY_LOAD = 1e-4
+LOAD_EXPLAINS = 0.5  # of the squares, at least: gears that are not round explain less
+# The same where poses with the weight were chosen by what they leave: of errors in one direction
+# the choice of those of one sign explains 2/pi, whatever they are, and a little more of few.
+CHOSEN_EXPLAINS = 0.8
+LOAD_COORDINATES = 3.0  # of a pose that err together
+USUAL_BEND = 3.0  # of a joint under a weight, by a lever of a metre [mrad]
+# Causes that have names of their own above, whatever part of the day they are in.
+OF_THE_DAY = ("frame_moved", "drift", "growth")
+MOSTLY = 0.7  # of the misfit, at least, that a fault explains which is there all day
+SEEN = 1e-4  # of the length of what a fault adds, that the parameters of the fit have to leave
+SURE = 2.0  # standard deviations by which a joint gives way
+FEWEST_LOADED = 4  # poses with the weight, and without it
+STARTS = 6  # random ones of the search for poses with a weight
+ROUNDS = 12  # of telling the weight and the poses, in turn
+SAME = 1e-6  # [m] a load that changes less from pose to pose tells nothing
+
+
+@dataclass(frozen=True, eq=False)
+class MovedFrame(SizedColumns):
+    """A motion of the frame that explains a good part of the residuals.
+
+    Attributes:
+        first: The first pose (of the means, in order of the file) after it.
+        end: The pose at which it was taken back; the number of poses where it was not.
+        shift: How far positions are off after it, root mean square [m].
+        explained: Share of the squared residuals that it explains.
+    """
+
+    first: int
+    end: int
+    shift: float
+    explained: float
+
+
+def moved_frame(rows: FitRows) -> MovedFrame | None:
+    """Try a rigid motion of the frame between any two poses, and test the best.
+
+    The motion has six parameters, whose columns B count from pose s to pose t. With residuals z of
+    the fit and its columns X, both weighted, the squares fall by
+    ``g' (B'B - B'X (X'X)^-1 X'B)^-1 g`` with ``g = B'z``; running sums give this for all s and t.
+    The ratio to what is left has Fisher's distribution for one pair; the smallest probability
+    counts as often as pairs are. The frame does not move back as a rule: motions to the end of the
+    day are tried all, and others between some poses, and then near the best of these.
+
+    Residuals are weighted by the noise that was fitted, and equally: a motion is part of what was
+    fitted as noise, which may hide it. So the noise is fitted anew beside the motion that lowers
+    the squares most, too, and then tells smaller ones. Whether errors that like poses share explain
+    it `LikePoses` says.
+
+    Args:
+        rows: Of a sheet whose poses are in the order in which they were measured.
+    """
+    day = _Day(rows, rows.frame)
+    found = [*(_best(day, white) for white in (False, True)), _beside_noise(day)]
+    told = [one for one in found if one is not None]
+    return max(told, key=lambda one: one.explained, default=None)
+
+
+def _best(day: "_Day", white: bool) -> MovedFrame | None:
+    """The motion that lowers the squares most, where chance does not explain it."""
+    m = len(day)
+    dof = day.dof
+    if m < 2 * FEWEST_IN_FRAME or dof < 4:
+        return None
+    sums = day.sums(None if white else day.rows.noise)
+    total = sums.total
+    best = sums.best([(s, m) for s in range(FEWEST_IN_FRAME, m - FEWEST_IN_FRAME + 1)])
+    pairs = _pairs(m)
+    between = sums.best(pairs) if pairs else best
+    between = sums.best(_near(between[1], between[2], m))
+    independent = max(dof / FRAME_COORDINATES[white], 1.0)
+    judged = [
+        (_probability(fall, total, independent) * count, fall, s, t)
+        for (fall, s, t), count in ((best, m), (between, m * m))
+    ]
+    probability, fall, s, t = min(judged)
+    if probability > UNLIKELY_FRAME or fall < FRAME_EXPLAINS[white] * total:
+        return None
+    return day.moved_between(s, t, sums.motion(s, t), fall / total)
+
+
+def _beside_noise(day: "_Day") -> MovedFrame | None:
+    """The motion to the end of the day, where it is large beside the noise that it leaves.
+
+    A motion of half a millimetre amid errors of a robot of a third is fitted as noise, which then
+    looks large enough to explain it. Fitted beside its columns, the noise is as without it.
+    """
+    m = len(day)
+    if m < 2 * SIDE or day.dof < 4:
+        return None
+    _, s, _ = day.sums(day.rows.noise).best([(s, m) for s in range(SIDE, m - SIDE + 1)])
+    after = day.sums(day.noise_beside(s))
+    total = after.total
+    fall, _, _ = after.best([(s, m)])
+    independent = max(day.dof / FRAME_COORDINATES[False], 1.0)
+    if _probability(fall, total, independent) * m > RARE or fall < FRAME_EXPLAINS[False] * total:
+        return None
+    return day.moved_between(s, m, after.motion(s, m), fall / total)
+
+
+def _pairs(m: int) -> list[tuple[int, int]]:
+    """Some poses between which a motion is tried, the day's ends left out."""
+    breaks = np.unique(np.linspace(FEWEST_IN_FRAME, m - 1, BREAKS).astype(int)).tolist()
+    return [(s, t) for s in breaks for t in breaks if t - s >= FEWEST_IN_FRAME]
+
+
+def _near(s: int, t: int, m: int) -> list[tuple[int, int]]:
+    """Pairs near a pair, as near as the next that was tried, and itself."""
+    step = max(m // BREAKS, 1) + 1
+    pairs = {(s, t)}
+    for a in range(max(s - step, FEWEST_IN_FRAME), min(s + step, m - FEWEST_IN_FRAME) + 1):
+        for b in range(max(t - step, a + FEWEST_IN_FRAME), min(t + step, m) + 1):
+            pairs.add((a, b))
+    return sorted(pairs)
+
+
+def _probability(fall: float, total: float, dof: float) -> float:
+    """How likely chance lowers the squares as much between two given poses."""
+    from scipy.stats import f
+
+    share = fall / max(total, 1e-300)
+    return float(f.sf(share / max(1 - share, 1e-12) * dof / 6, 6, dof))
+
+
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """Running sums over the poses, each before its pose.
+
+    Attributes:
+        total: The squares of the residuals, without what the columns explain.
+        gradient: Sums of B'Wz (m + 1, 6).
+        square: Sums of B'WB (m + 1, 6, 6).
+        along: Sums of what the columns take of B (m + 1, p, 6), see `Beside.along`.
+    """
+
+    total: float
+    gradient: Array
+    square: Array
+    along: Array
+
+    @classmethod
+    def of(cls, by: Beside, residual: Array, B: Array) -> "_Sums":
+        """Of residuals (m, r) and motions B (m, r, 6)."""
+        # The fit has other weights, so that something is left along its own columns.
+        z = by.left(residual[..., None])
+        Wz = by.weights.times(z)
+        transposed = np.swapaxes(B, 1, 2)
+        return cls(
+            float((z * Wz).sum()),
+            _before((transposed @ Wz)[..., 0]),
+            _before(transposed @ by.weights.times(B)),
+            _before(by.along(B)),
+        )
+
+    def _motions(self, s: Indices, t: Indices) -> tuple[Array, Array]:
+        """Motions (k, 6) from poses s to t (k,) that lower the squares most, and how much (k,)."""
+        gradient = self.gradient[t] - self.gradient[s]
+        square = self.square[t] - self.square[s]
+        return lowered(gradient, square, self.along[t] - self.along[s])
+
+    def motion(self, s: int, t: int) -> Array:
+        """The motion (6,) from pose s to pose t that lowers the squares most."""
+        return self._motions(np.array([s]), np.array([t]))[0][0]
+
+    def best(self, pairs: Sequence[tuple[int, int]]) -> tuple[float, int, int]:
+        """The pair of poses between which a motion lowers the squares most: how much, and it."""
+        s, t = np.array(pairs).T
+        return max(zip(self._motions(s, t)[1].tolist(), s.tolist(), t.tolist(), strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class _Day:
+    """The poses of a day, in their order.
+
+    Attributes:
+        rows: Their residuals and columns.
+        moved: Columns (m, 3k, 6) of motions of the frame [mm].
+    """
+
+    rows: FitRows
+    moved: Array
+
+    def __len__(self) -> int:
+        return len(self.moved)
+
+    @property
+    def dof(self) -> int:
+        """Coordinates that neither the fit nor a motion takes."""
+        return self.rows.dof(6)
+
+    def noise_beside(self, s: int) -> PositionNoise:
+        """The noise, fitted beside a motion from pose s on."""
+        return self.rows.noise_beside(self.moved * (np.arange(len(self)) >= s)[:, None, None])
+
+    def sums(self, noise: PositionNoise | None) -> _Sums:
+        """Running sums of all, weighted by a noise, or equally where there is none."""
+        return _Sums.of(self.rows.weighed(noise), self.rows.residual, self.moved)
+
+    def moved_between(self, s: int, t: int, motion: Array, explained: float) -> MovedFrame:
+        """A motion (6,) from pose s to pose t, with how far it carries the markers there."""
+        seen = self.rows.fit.data.means.seen[s:t].reshape(-1)
+        off = (self.moved[s:t] @ motion).reshape(-1, 3)[seen]
+        shift = float(np.sqrt((off**2).sum(axis=-1).mean())) / MM
+        pose = np.arange(len(self))
+        columns = self.moved * ((pose >= s) & (pose < t))[:, None, None]
+        ends = 1 if t == len(self) else 2
+        log_tries = ends * float(np.log(len(self)))
+        return MovedFrame(columns, USUAL_MOVE * MM, log_tries, s, t, shift, explained)
+
+
+def _before(terms: Array) -> Array:
+    """Sums (m + 1, ...) of all terms before each one, and of all."""
+    return np.concatenate([np.zeros((1, *terms.shape[1:])), np.cumsum(terms, axis=0)])
+
+
+@dataclass(frozen=True, eq=False)
+class UntoldLoad(SizedColumns):
+    """A weight that explains a good part of the residuals.
+
+    Attributes:
+        joints: Names of the joints that give way.
+        explained: Share of the squared residuals that this explains.
+        loaded: Mask (m,) of the poses that are under it.
+        log_chance: Logarithm of the probability that chance explains as much.
+    """
+
+    joints: tuple[str, ...]
+    explained: float
+    loaded: Mask
+    log_chance: float
+
+
+def untold_load(rows: FitRows) -> UntoldLoad | None:
+    """Try springs of all joints under a weight at the tool, and test those that give way.
+
+    A weight W turns joint j by ``k_j W t_j(q)``, with t_j the torque of a unit force down at the
+    tool: the columns are the motions by the joints times t_j, and ``k_j W`` is not negative. The
+    noise is fitted anew beside them (see `moved_frame`), and the fall of the squares has to be
+    improbable, and half of them with equal weights. The weight of the links bends joints much the
+    same way, so that both are meant.
+
+    The weight may hang there in all poses, from one on or up to it, in every other one, or in any
+    that the residuals tell. The probability counts as often as there are ways to choose them.
+
+    Args:
+        rows: Of positions without springs among its parameters.
+    """
+    robot = rows.scene.robot
+    frames = robot.frames(rows.scene.q, ())
+    torque = -frames.folded(frames.linear_of_each)[:, 2].T
+    turned = np.flatnonzero(np.ptp(torque, axis=0) > SAME)
+    if not len(turned) or rows.dof(len(turned)) < len(turned):
+        return None
+    bent = rows.motion * torque[:, None]
+    every = np.ones(len(bent), dtype=bool)
+    found = _judged(rows, bent, turned, every, 0.0, LOAD_EXPLAINS)
+    parts = [_judged(rows, bent, turned, *one) for one in _parts_of_day(rows, bent[..., turned])]
+    told = [one for one in (found, *parts) if one is not None]
+    return min(told, key=lambda one: one.log_chance, default=None)
+
+
+def _judged(
+    rows: FitRows, bent: Array, turned: Indices, loaded: Mask, log_tries: float, least: float
+) -> UntoldLoad | None:
+    """A weight in some poses, where it explains enough and chance does not."""
+    bent = bent * loaded[:, None, None]
+    noise = rows.noise_beside(bent[..., turned])
+    every = rows.explained(bent[..., turned], rows.weighed(noise))
+    giving = turned[every.values > SURE * every.std]
+    if not len(giving):
+        return None
+    columns = bent[..., giving]
+    explained, chance = shares_of(rows, columns, noise)
+    chance += log_tries
+    if explained < least or chance > np.log(UNLIKELY_LOAD):
+        return None
+    names = tuple(rows.scene.robot.joint_names[j] for j in giving)
+    return UntoldLoad(columns, USUAL_BEND, log_tries, names, explained, loaded, chance)
+
+
+def shares_of(rows: FitRows, columns: Array, noise: PositionNoise) -> tuple[float, float]:
+    """Share of the squares that columns explain, all coordinates alike, and how likely by chance.
+
+    Args:
+        rows: The residuals.
+        columns: The columns (m, 3k, c).
+        noise: The noise that was fitted beside them.
+
+    Returns:
+        The share, and the logarithm of the probability that chance explains as much in units of the
+        noise.
+    """
+    found = rows.explained(columns, rows.weighed(noise)).share
+    explained = rows.explained(columns, rows.weighed(None)).share
+    count = columns.shape[-1]
+    independent = max(rows.dof(count) / LOAD_COORDINATES, 1.0)
+    return explained, log_chance(found, count, independent)
+
+
+def _parts_of_day(rows: FitRows, bent: Array) -> list[tuple[Mask, float, float]]:
+    """Masks (m,) of poses that a weight may load.
+
+    Returns:
+        The masks, logarithms of how many such there are, and the share that each has to explain.
+    """
+    m = len(bent)
+    if m < 2 * FEWEST_LOADED:
+        return []
+    each = np.arange(m)
+    turns = [each % 2 == 0, each % 2 == 1]
+    breaks = range(FEWEST_LOADED, m - FEWEST_LOADED + 1)
+    halves = [mask for s in breaks for mask in (each >= s, each < s)]
+    day = _LoadedPoses.of(rows, bent)
+    half = min(halves, key=day.left)
+    turn = min(turns, key=day.left)
+    rng = np.random.default_rng(0)
+    starts = [half, turn, *(rng.random((STARTS, m)) < 0.5)]
+    free = min((day.settled(start) for start in starts), key=day.left)
+    found = [
+        (one, float(np.log(tries)), LOAD_EXPLAINS)
+        for one, tries in ((half, len(halves)), (turn, len(turns)))
+    ]
+    if FEWEST_LOADED <= free.sum() <= m - FEWEST_LOADED:
+        found.append((free, m * float(np.log(2.0)), CHOSEN_EXPLAINS))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _LoadedPoses:
+    """Residuals, and what a weight in some poses leaves of them.
+
+    Attributes:
+        z: What the fit leaves of residuals (m, r).
+        C: Columns (m, r, c) of a weight.
+        by: The design, all coordinates alike.
+    """
+
+    z: Array
+    C: Array
+    by: Beside
+
+    @classmethod
+    def of(cls, rows: FitRows, C: Array) -> "_LoadedPoses":
+        """Of residuals, and columns (m, r, c) of a weight in all poses."""
+        by = rows.weighed(None)
+        return cls(by.left(rows.residual[..., None])[..., 0], C, by)
+
+    def _apart(self, loaded: Mask) -> tuple[Array, Array]:
+        """Residuals (m, r) with a weight in some poses, and its size (c,), none below zero."""
+        from scipy.optimize import nnls
+
+        left = self.by.left(self.C * loaded[:, None, None])
+        # Of as many rows as columns: the squares fall by as much.
+        q, r = np.linalg.qr(left.reshape(-1, left.shape[-1]))
+        size = nnls(r, q.T @ self.z.reshape(-1))[0]
+        return self.z - left @ size, size
+
+    def left(self, loaded: Mask) -> float:
+        """Sum of squares."""
+        return float((self._apart(loaded)[0] ** 2).sum())
+
+    def settled(self, loaded: Mask) -> Mask:
+        """The poses (m,) that fit better under the weight, told in turn with its size."""
+        for _ in range(ROUNDS):
+            apart, size = self._apart(loaded)
+            bend = self.C @ size
+            without = apart + bend * loaded[:, None]
+            after = ((without - bend) ** 2).sum(axis=1) < (without**2).sum(axis=1)
+            if (after == loaded).all():
+                break
+            loaded = after
+        return loaded
+
+
+def other_causes(rows: FitRows) -> list[NamedCause]:
+    """Try every fault of the registry that can be seen, in all poses, and test those that explain.
+
+    What lies in the model is no fault: a zero of a joint that is fitted takes up all that it does.
+    The noise is fitted anew beside the columns of each (see `moved_frame`). The fall of the squares
+    has to be improbable, after all that were tried, and most of the misfit, which is what readings
+    leave beyond the noise: errors of a drawing that nobody asked for look a little like any fault.
+
+    Args:
+        rows: Residuals of a fit.
+    """
+    scene = rows.scene
+    families = [
+        family
+        for fault in FAULTS.values()
+        if fault.name not in OF_THE_DAY
+        for family in scene.families(fault.models)
+    ]
+    read = rows.weighed(
+        replace(rows.noise, model_white=0.0, model_joints=np.zeros(0), model_fit=None)
+    )
+    alike = rows.weighed(None)
+    found = []
+    for family in families:
+        columns = family.derivative_at_zero(scene.k)
+        size = max(float(np.linalg.norm(columns)), 1e-300)
+        left = float(np.linalg.norm(alike.left(columns))) / size
+        if left < SEEN or rows.dof(family.dims) < 2 * family.dims:
+            continue
+        # The noise is fitted anew for those alone that explain enough.
+        alone = rows.explained(columns, read)
+        misfit = alone.fall / alone.share - rows.dof(0) if alone.share > 0 else 0.0
+        if misfit <= 0 or alone.fall < MOSTLY * misfit:
+            continue
+        explained = min(1.0, alone.fall / misfit)
+        noise = rows.noise_beside(columns)
+        chance = shares_of(rows, columns, noise)[1] + float(np.log(len(families)))
+        if chance > np.log(UNLIKELY_LOAD):
+            continue
+        told = rows.explained(columns, rows.weighed(noise))
+        size = float(told.values[0] if family.dims == 1 else np.linalg.norm(told.values))
+        if family.only_positive and size < 0:
+            continue
+        along = told.values / max(abs(size), 1e-300)
+        cause = Cause(
+            family.cause,
+            size * family.per_unit,
+            family.unit,
+            float(np.sqrt(along @ told.covariance @ along)) * family.per_unit,
+            float(np.exp(min(chance, 0.0))),
+            explained,
+            family.joint,
+        )
+        log_tries = float(np.log(len(families)))
+        found.append(NamedCause(columns, family.usual, log_tries, cause, family, told.values))
+    return found

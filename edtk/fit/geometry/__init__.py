@@ -1,1 +1,0 @@
-"""Geometry and springs from absolute positions of markers."""
