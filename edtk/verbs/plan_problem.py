@@ -1,7 +1,7 @@
 """`edtk.plan` of a problem of arrays or of a region: its arguments, checked."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial, reduce
 from numbers import Real
 from operator import add
@@ -20,6 +20,7 @@ from edtk.design.exact.counts.limits import ROUNDING, Limits
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.plan_region import RegionPlan
 from edtk.design.information import PackedInformation, Rows
+from edtk.design.linear_constraints import LinearConstraints
 from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.design.relaxation.relax_region import relax_region
@@ -111,18 +112,10 @@ def plan_problem(
             "prove": prove,
         }
         _require_arranged(errors, problem, beside)
-        m = errors.size_of(size)
-        if m > MOST_PLACES:
-            message = f"plans of more than {MOST_PLACES} runs are not searched for"
-            raise ArgumentError(message, argument="size", given=m)
-        first, allowed = _first_runs(keep, most, m, problem)
+        m, first, allowed = _runs(errors, size, keep, most, problem)
         return find_arranged(problem, criterion, errors, m, seed, starts, progress, first, allowed)
     sizes = _block_sizes(blocks, block_variance, keep, problem)
-    if sizes and size is None:
-        size = sum(sizes)
-    if sizes and sum(sizes) != size:
-        message = f"blocks of {sum(sizes)} experiments in all, expected {size}, the size"
-        raise ArgumentError(message, argument="blocks")
+    size = _size_of_blocks(sizes, size)
     kept, experiments, number = _kept(keep, problem)
     left = _left(most, kept, problem.n)
     lacking = _lacking(least, kept, left, problem.n)
@@ -131,51 +124,27 @@ def plan_problem(
         # Whoever must be in some block may be in any.
         linear = linear.and_also(*_each_at_least(lacking))
         lacking = np.zeros_like(lacking)
-    budgets = Budgets.of(costs, cost_budget, problem.n)
-    if budgets is not None:
-        _require_affordable(lacking, budgets)
-        budgets = budgets.without(lacking)
-    left = None if left is None else left - lacking
-    m = _places(size, number, lacking, left, budgets)
-    if m == 0:
-        # All experiments are told: one of them is then the only choice that is left.
-        left = np.bincount([int(np.flatnonzero(lacking)[0])], minlength=problem.n)
-        lacking = lacking - left
-        budgets = None if budgets is None else budgets.without(-left)
-        m = 1
-    prices, funds = (None, np.inf) if budgets is None else budgets.joint
-    fixed = kept + lacking
-    linear = linear.shifted(fixed)
-    if budgets is not None and len(budgets.costs) > 1:
-        # Budgets are about new experiments, and know already what fixed ones cost.
-        linear = linear.and_also(budgets.costs, -np.inf, budgets.funds, *budgets.rows.names)
-        if size is not None:
-            prices, funds = None, np.inf
+    new = _New(lacking, left, Budgets.of(costs, cost_budget, problem.n)).asked(size, number)
+    lacking = new.lacking
     known, base = _as_rows(
         [experiments, problem.kept[np.repeat(np.arange(problem.n), lacking)]], problem.p
     )
-    if problem.prior is not None:
-        if size is None:
-            message = "a prior counts per experiment, so that a size is needed beside it"
-            raise ArgumentError(message, argument="size")
-        base = base + size * problem.prior
     limits = Limits(
-        m,
-        base,
-        left,
-        prices,
-        funds,
+        new.m,
+        base + _known_before(problem, size),
+        new.left,
+        *new.prices(sized=size is not None),
         size is not None,
         sizes,
         block_variance,
-        linear if len(linear) else None,
+        new.constrained(linear.shifted(kept + lacking)),
     )
     _require_consistent(limits, problem.n)
     found = find_counts(
         problem,
         criterion,
         limits,
-        fixed,
+        kept + lacking,
         number - int(kept.sum()),
         seed,
         starts,
@@ -183,8 +152,106 @@ def plan_problem(
         prove=None if prove is None else seconds_for(prove),
         known=known,
     )
-    spent = None if budgets is None else budgets.spent(found.counts - kept)
-    return replace(found, kept=kept, least=fixed if lacking.any() else None, spent=spent)
+    return replace(
+        found,
+        kept=kept,
+        least=kept + lacking if lacking.any() else None,
+        spent=None if new.budgets is None else new.budgets.spent(found.counts - kept),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _New:
+    """The new experiments of a plan: those that every plan has, and those to choose beside them.
+
+    Attributes:
+        lacking: How many of each candidate every plan has (n,).
+        left: How often each may be chosen beside these (n,); None for any number.
+        budgets: What may be spent on these; None for anything.
+        m: How many are to be chosen.
+    """
+
+    lacking: Indices
+    left: Indices | None
+    budgets: Budgets | None
+    m: int = 0
+
+    def asked(self, size: int | None, kept: int) -> "_New":
+        """The same with the number of those to choose beside `lacking`, one at least.
+
+        Args:
+            size: Number of all experiments; None where the budgets decide.
+            kept: Number of kept ones.
+
+        Raises:
+            ArgumentError: There is no such number, or it is too large for a search.
+        """
+        left, budgets, lacking = self.left, self.budgets, self.lacking
+        if budgets is not None:
+            _require_affordable(lacking, budgets)
+            budgets = budgets.without(lacking)
+        left = None if left is None else left - lacking
+        m = _places(size, kept, lacking, left, budgets)
+        if m > 0:
+            return _New(lacking, left, budgets, m)
+        # All experiments are told: one of them is then the only choice that is left.
+        one = np.bincount([int(np.flatnonzero(lacking)[0])], minlength=len(lacking))
+        return _New(lacking - one, one, None if budgets is None else budgets.without(-one), 1)
+
+    def prices(self, sized: bool) -> tuple[Array | None, float]:
+        """What each candidate costs of a joint budget (n,), and this; none where all is linear."""
+        if self.budgets is None or (sized and len(self.budgets.costs) > 1):
+            return None, np.inf
+        return self.budgets.joint
+
+    def constrained(self, linear: LinearConstraints) -> LinearConstraints | None:
+        """Constraints, with several budgets among them; None without any."""
+        budgets = self.budgets
+        if budgets is not None and len(budgets.costs) > 1:
+            # Budgets are about new experiments, and know already what fixed ones cost.
+            linear = linear.and_also(budgets.costs, -np.inf, budgets.funds, *budgets.rows.names)
+        return linear if len(linear) else None
+
+
+def _known_before(problem: Problem, size: int | None) -> Array:
+    """The information (p, p) of a problem's prior in a plan of so many experiments."""
+    if problem.prior is None:
+        return np.zeros((problem.p, problem.p))
+    if size is None:
+        message = "a prior counts per experiment, so that a size is needed beside it"
+        raise ArgumentError(message, argument="size")
+    return size * problem.prior
+
+
+def _runs(
+    errors: Errors,
+    size: int | None,
+    keep: ArrayLike | Problem | None,
+    most: ArrayLike | None,
+    problem: Problem,
+) -> tuple[int, Indices, Indices | None]:
+    """How many runs in order, those that are made, and how often each candidate may be used.
+
+    Raises:
+        ArgumentError: There are too many, or what is made leaves nothing to choose.
+    """
+    m = errors.size_of(size)
+    if m > MOST_PLACES:
+        message = f"plans of more than {MOST_PLACES} runs are not searched for"
+        raise ArgumentError(message, argument="size", given=m)
+    return m, *_first_runs(keep, most, m, problem)
+
+
+def _size_of_blocks(sizes: tuple[int, ...], size: int | None) -> int | None:
+    """The size that was given, or that of the blocks.
+
+    Raises:
+        ArgumentError: These differ.
+    """
+    if sizes and size is not None and sum(sizes) != size:
+        message = f"blocks of {sum(sizes)} experiments in all, expected {size}, the size"
+        raise ArgumentError(message, argument="blocks")
+    return sum(sizes) if sizes and size is None else size
 
 
 def _require_arranged(errors: object, problem: Problem, beside: dict[str, object]) -> None:
