@@ -91,6 +91,19 @@ class Brand(ABC):
         """
 
 
+def before_last(word: str, text: str, comment: str) -> str:
+    """A text with a comment before the last line that begins with a word, or else at its end.
+
+    Args:
+        word: A regular expression.
+        text: The program.
+        comment: A line, with its end.
+    """
+    lines = list(re.finditer(rf"(?im)^[ \t]*{word}\b", text))
+    at = lines[-1].start() if lines else len(text)
+    return text[:at] + comment + text[at:]
+
+
 def signed(value: float, negative: bool, edge: float = EDGE) -> bool:
     """Whether a number is on that side of zero, or on the edge."""
     return abs(value) < edge or (value < 0) == negative

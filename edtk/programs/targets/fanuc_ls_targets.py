@@ -16,6 +16,7 @@ from edtk.programs.targets.reading import (
     Left,
     Literal,
     Number,
+    Opened,
     Parser,
     Reading,
     Use,
@@ -119,7 +120,7 @@ class _Parser(Parser):
 
     def _motions(self, start: int, end: int) -> None:
         """Motions with their conditionals and jumps."""
-        open_: list[tuple[int, int, str]] = []
+        open_: list[Opened] = []
         labels: dict[str, int] = {}
         jumps: list[tuple[str, int, int]] = []
         before = ""
@@ -130,8 +131,7 @@ class _Parser(Parser):
             if opens is not None:
                 open_.append((at, number, "a conditional" if opens[1] else "a loop"))
             elif CLOSES.match(line) and open_:
-                first, opened, what = open_.pop()
-                self.routine.blocks.append((first, at, f"{what} (line {opened})"))
+                self.routine.close(open_.pop(), at)
             label = LABEL.match(line)
             if label is not None:
                 labels[label[1]] = at
@@ -139,9 +139,7 @@ class _Parser(Parser):
             self._motion(number, at, line, before)
             before = line if MOTION.match(line) else before
         for name, number, at in jumps:
-            target = labels.get(name, start)
-            span = (min(at, target), max(at, target))
-            self.routine.blocks.append((*span, f"the reach of the JMP of line {number}"))
+            self.routine.jump(number, at, labels.get(name, start), "JMP")
 
     def _motion(self, number: int, at: int, line: str, before: str) -> None:
         """The target of one line, and positions that it computes with."""

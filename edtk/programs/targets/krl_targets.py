@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from edtk.programs.program import Axis
-from edtk.programs.targets.brand import Brand, of_rpy, rpy_of, signed
+from edtk.programs.targets.brand import Brand, before_last, of_rpy, rpy_of, signed
 from edtk.programs.targets.reading import (
     WORD,
     Frame,
@@ -16,6 +16,7 @@ from edtk.programs.targets.reading import (
     Left,
     Literal,
     Number,
+    Opened,
     Parser,
     Reading,
     Routine,
@@ -128,9 +129,7 @@ class KrlTargets(Brand):
 
     def marked(self, text: str, words: str, end: str) -> str:
         """A comment before the last END or ENDDAT."""
-        lines = list(re.finditer(r"(?im)^[ \t]*END(?:DAT|FCT)?\b", text))
-        at = lines[-1].start() if lines else len(text)
-        return f"{text[:at]}; corrected by {words}{end}{text[at:]}"
+        return before_last(r"END(?:DAT|FCT)?", text, f"; corrected by {words}{end}")
 
 
 def _bits(values: Sequence[float]) -> int:
@@ -172,7 +171,7 @@ class _Parser(Parser):
         self.routines: list[tuple[str, Routine]] = []
         self.calls: list[tuple[Routine, int, str]] = []
         self.routine = self._routine()
-        self.open: list[tuple[int, int, str]] = []
+        self.open: list[Opened] = []
         self.labels: dict[str, int] = {}
         self.jumps: list[tuple[str, int, int]] = []
 
@@ -199,8 +198,7 @@ class _Parser(Parser):
             self._end_routine(name)
         elif word in CLOSES:
             if self.open:
-                start, opened, what = self.open.pop()
-                self.routine.blocks.append((start, at, f"{what} (line {opened})"))
+                self.routine.close(self.open.pop(), at)
         elif word in OPENS:
             self.open.append((at, number, OPENS[word]))
             self._note(number, line[found.end() :])
@@ -234,13 +232,10 @@ class _Parser(Parser):
 
     def _end_routine(self, following: str = "") -> None:
         """Close what is open, turn jumps into blocks, and begin the following routine."""
-        end = len(self.text)
-        for start, opened, what in self.open:
-            self.routine.blocks.append((start, end, f"{what} (line {opened})"))
+        for opened in self.open:
+            self.routine.close(opened, len(self.text))
         for label, number, at in self.jumps:
-            target = self.labels.get(label, 0)
-            span = (min(at, target), max(at, target))
-            self.routine.blocks.append((*span, f"the reach of the GOTO of line {number}"))
+            self.routine.jump(number, at, self.labels.get(label, 0))
         self.open, self.jumps, self.labels = [], [], {}
         self.routine = self._routine(following)
 

@@ -8,7 +8,14 @@ from typing import ClassVar
 import numpy as np
 
 from edtk.programs.program import Axis
-from edtk.programs.targets.brand import EDGE, Brand, of_quaternion, quaternion_of, signed
+from edtk.programs.targets.brand import (
+    EDGE,
+    Brand,
+    before_last,
+    of_quaternion,
+    quaternion_of,
+    signed,
+)
 from edtk.programs.targets.reading import (
     WORD,
     Frame,
@@ -112,9 +119,7 @@ class RapidTargets(Brand):
 
     def marked(self, text: str, words: str, end: str) -> str:
         """A comment before ENDMODULE."""
-        lines = list(re.finditer(r"(?im)^[ \t]*ENDMODULE\b", text))
-        at = lines[-1].start() if lines else len(text)
-        return f"{text[:at]}! corrected by {words}{end}{text[at:]}"
+        return before_last("ENDMODULE", text, f"! corrected by {words}{end}")
 
 
 @dataclass(eq=False)
@@ -151,8 +156,7 @@ class _Parser(Parser):
             if word in (";", ":"):
                 self.statements.append((begin, at, routine))
                 if word == ";" and short >= 0:
-                    line = line_at(self.text, short)
-                    routine.blocks.append((short, at, f"a conditional (line {line})"))
+                    routine.close((short, line_at(self.text, short), OPENS["IF"]), at)
                     short = -1
                 begin, head = token.end(), ""
             elif word in ROUTINES:
@@ -172,8 +176,7 @@ class _Parser(Parser):
                     open_.pop()
                 if open_:
                     opened, start = open_.pop()
-                    line = line_at(self.text, start)
-                    routine.blocks.append((start, at, f"{OPENS[opened]} (line {line})"))
+                    routine.close((start, line_at(self.text, start), OPENS[opened]), at)
                 begin = token.end()
             elif word in (head, "THEN", "DO", "ELSE"):
                 self.statements.append((begin, at, routine))
@@ -189,14 +192,11 @@ class _Parser(Parser):
         return then is not None and (end < 0 or then.start() < end)
 
     def _jumps(self, routine: Routine, jumps: list[tuple[str, int]]) -> None:
-        """What lies between a GOTO and its label may be done often, or not at all."""
+        """GOTOs with their labels."""
         for rest, at in jumps:
             name = WORD.match(rest.strip())
             label = name and re.search(rf"\b{re.escape(name[0])}\s*:(?!=)", self.clean)
-            target = label.start() if label else 0
-            line = line_at(self.text, at)
-            span = (min(at, target), max(at, target))
-            routine.blocks.append((*span, f"the reach of the GOTO of line {line}"))
+            routine.jump(line_at(self.text, at), at, label.start() if label else 0)
 
     def _declaration(self, start: int, end: int) -> bool:
         """Read a declaration of data; whether it is one."""
@@ -300,7 +300,7 @@ class _Parser(Parser):
         line = line_at(self.text, word.start())
         found = ASSIGNED.match(self.clean, start, end)
         if word[0] == "IF" and (move := INNER_MOVE.search(self.clean, start, end)):
-            self._note(line, word.end(), move.start())
+            self.note(line, word.end(), move.start())
             word = move
         if MOVE.fullmatch(word[0]):
             self._move(line, word.start(), word.end(), end, word[0], routine)
@@ -308,12 +308,7 @@ class _Parser(Parser):
         if found is not None:
             self.reading.changed.setdefault(found[1], line)
             start = found.end()
-        self._note(line, start, end)
-
-    def _note(self, line: int, start: int, end: int) -> None:
-        """Names that something is computed with."""
-        for one in WORD.finditer(self.clean, start, end):
-            self.reading.computed.setdefault(one[0].partition("[")[0], line)
+        self.note(line, start, end)
 
     def _move(self, line: int, at: int, start: int, end: int, word: str, routine: Routine) -> None:
         """The targets of a move."""
@@ -332,12 +327,12 @@ class _Parser(Parser):
                 self.reading.own[first] = use
             elif re.fullmatch(r"\w+", name):
                 self.reading.use(name, use)
-                self._note(line, first + len(part.partition("\\")[0]), last)
+                self.note(line, first + len(part.partition("\\")[0]), last)
             else:
                 self.reading.left.append(Left(line, "is computed at run time"))
-                self._note(line, first, last)
+                self.note(line, first, last)
         for first, last in parts[count:]:
-            self._note(line, first, last)
+            self.note(line, first, last)
 
     def _stated(self, parts: Sequence[tuple[int, int]]) -> tuple[Frame, Frame]:
         """Tool and work object of a move."""

@@ -158,6 +158,9 @@ class Left:
         return f"line {self.line}: " + (f"{self.name}: " if self.name else "") + self.reason
 
 
+Opened = tuple[int, int, str]  # where a block begins, its line, and what it is in words
+
+
 @dataclass(eq=False)
 class Routine:
     """What holds in the lines of one routine: blocks, and the tools and bases that it sets.
@@ -172,6 +175,16 @@ class Routine:
     first: dict[str, Frame]
     blocks: list[tuple[int, int, str]] = field(default_factory=list)
     sets: list[tuple[int, str, Frame]] = field(default_factory=list)
+
+    def close(self, opened: Opened, end: int) -> None:
+        """A conditional or a loop ends."""
+        start, line, words = opened
+        self.blocks.append((start, end, f"{words} (line {line})"))
+
+    def jump(self, line: int, at: int, target: int, word: str = "GOTO") -> None:
+        """What lies between a jump and its label may be done often, or not at all."""
+        reach = f"the reach of the {word} of line {line}"
+        self.blocks.append((min(at, target), max(at, target), reach))
 
     def block(self, at: int) -> str:
         """What conditional or loop a position is in, in words; empty for none."""
@@ -278,12 +291,19 @@ class Parser:
         axes: The robot's axes.
         frames: Frames that it may name.
         reading: What is found.
+        clean: The file without comments and strings.
     """
 
     text: str
     axes: Sequence[Axis]
     frames: Frames
     reading: Reading = field(default_factory=Reading, kw_only=True)
+    clean: str = field(default="", init=False)
+
+    def note(self, line: int, start: int, end: int) -> None:
+        """Names that something is computed with."""
+        for one in WORD.finditer(self.clean, start, end):
+            self.reading.computed.setdefault(one[0].partition("[")[0], line)
 
     def first(self) -> tuple[Frame, Frame]:
         """Tool and base that hold before the program states others."""

@@ -9,11 +9,11 @@ from edtk.programs.program import Axis
 from edtk.programs.targets.brand import Brand, of_vector, vector_of
 from edtk.programs.targets.reading import (
     DEFAULT,
-    WORD,
     Frame,
     Frames,
     Left,
     Literal,
+    Opened,
     Parser,
     Reading,
     Use,
@@ -71,7 +71,7 @@ class _Parser(Parser):
     """One file, line by line."""
 
     maybe: list[Literal] = field(default_factory=list)
-    open: list[tuple[int, int, str]] = field(default_factory=list)
+    open: list[Opened] = field(default_factory=list)
 
     def parse(self) -> Reading:
         """Read all lines."""
@@ -109,7 +109,7 @@ class _Parser(Parser):
         if self.open:
             start, line, word = self.open.pop()
             if word in WORDS:
-                self.routine.blocks.append((start, at, f"{WORDS[word]} (line {line})"))
+                self.routine.close((start, line, WORDS[word]), at)
             elif self.open:  # a function inside of another one runs where it is called
                 self.routine.blocks.append((start, at, ""))
 
@@ -122,17 +122,12 @@ class _Parser(Parser):
             return
         place = at
         while (call := CALL.search(self.clean, place, end)) is not None:
-            self._note(number, place, call.start())
+            self.note(number, place, call.start())
             last = closing(self.clean, call.end() - 1, len(self.clean))
             last = end if last < 0 else last
             self._call(number, call[1], call.start(), call.end(), last)
             place = max(last, call.end())
-        self._note(number, place, end)
-
-    def _note(self, number: int, start: int, end: int) -> None:
-        """Names that something is computed with."""
-        for one in WORD.finditer(self.clean, start, max(start, end)):
-            self.reading.computed.setdefault(one[0].partition("[")[0], number)
+        self.note(number, place, end)
 
     def _value(self, number: int, at: int, line: str, found: re.Match[str]) -> None:
         """A variable gets a list, or anything else."""
@@ -143,7 +138,7 @@ class _Parser(Parser):
             self.maybe.append(literal)
         else:
             self.reading.changed.setdefault(name, number)
-            self._note(number, first, last)
+            self.note(number, first, last)
 
     def _list(self, number: int, name: str, first: int, last: int) -> Literal | None:
         """A list of joints or a pose; None of anything else."""
@@ -170,7 +165,7 @@ class _Parser(Parser):
         count = 2 if word == "movec" else 1
         for first, last in parts[count:]:
             key = KEYWORD.match(self.clean, first, last)
-            self._note(number, key.end() if key else first, last)
+            self.note(number, key.end() if key else first, last)
         for first, last in parts[:count]:
             key = KEYWORD.match(self.clean, first, last)
             begin = key.end() if key else first
@@ -185,16 +180,15 @@ class _Parser(Parser):
                 self.reading.use(part, Use(number, at, self.routine))
             else:
                 self.reading.left.append(Left(number, "is computed at run time"))
-                self._note(number, begin, last)
+                self.note(number, begin, last)
 
     def _tool(self, part: str, literal: Literal | None) -> Frame:
         """The tool that is set."""
+        named = [one for one in self.maybe if one.name == part and one.pose]
+        if literal is None and len(named) == 1 and part not in self.reading.changed:
+            literal = named[0]
         if literal is not None and literal.pose:
             values = [one.value for one in literal.pose]
-            return of_vector(values[:3], values[3:])
-        named = [one for one in self.maybe if one.name == part and one.pose]
-        if len(named) == 1 and part not in self.reading.changed:
-            values = [one.value for one in named[0].pose]
             return of_vector(values[:3], values[3:])
         if re.fullmatch(r"[A-Za-z_]\w*", part):
             return self.frames.tool(part)
