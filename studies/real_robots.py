@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 import edtk
 from edtk.calibration.geometric_calibration import GeometricCalibration
 from edtk.calibration.geometry_plan import geometry_problem
-from edtk.calibration.tool_from_rows import tool_from_rows
+from edtk.calibration.prediction import tool_from_rows
 from edtk.fit.fit_geometry import fit_geometry, placed_tools
 from edtk.fit.fitted_geometry import FittedGeometry, GeometricFit
 from edtk.fit.marker_positions import MarkerPositions

@@ -10,10 +10,9 @@ import numpy as np
 
 from edtk.calibration.compensate import Calibrated, Commanded, Compensation, band_of
 from edtk.calibration.model_left import PiecesLeft
-from edtk.calibration.prediction import Prediction, beyond_limits
+from edtk.calibration.prediction import Prediction, beyond_limits, tool_from_rows
 from edtk.calibration.result_file import read_geometry
 from edtk.calibration.tasks_in_use import ToolInUse, reading_findings
-from edtk.calibration.tool_from_rows import tool_from_rows
 from edtk.findings.counting import Counting
 from edtk.findings.prior import unstated
 from edtk.findings.turn_reading import EXPECTED, turn_reading

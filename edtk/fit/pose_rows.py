@@ -170,12 +170,10 @@ class LeastSquaresFit:
     Attributes:
         theta: Parameters (p,) in SI units.
         cost: Half the sum of squares there.
-        converged: Whether the search settled.
     """
 
     theta: Array
     cost: float
-    converged: bool
 
 
 def least_squares_fit(
@@ -206,7 +204,7 @@ def least_squares_fit(
             as those of the poses.
     """
     if not model.p:
-        return LeastSquaresFit(theta, 0.0, True)
+        return LeastSquaresFit(theta, 0.0)
     known = PriorRows.none(model.p) if before is None else before
     squares = _Squares(model, means, torque, weights, known)
     u = theta / model.scales
@@ -223,13 +221,13 @@ def least_squares_fit(
         if better := fall >= LEAST_FALL * foreseen - rounding:
             u, at = u + step, after
         if foreseen <= max(STILL * at.cost, squares.rounding):
-            return LeastSquaresFit(u * model.scales, at.cost, True)
+            break
         if better:
             damping = damping / 10 if damping > LEAST_DAMPING else 0.0
             slope = squares.slope(u, at)
         else:
             damping = max(10 * damping, FIRST_DAMPING)
-    return LeastSquaresFit(u * model.scales, at.cost, False)
+    return LeastSquaresFit(u * model.scales, at.cost)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from edtk.system.presented import Presented
 PAGES = {
     "arranged_plan": "problem",
     "calibration": "calibration",
-    "comparison": "comparison",
+    "comparison": "problem",
     "compensation": "compensation",
     "corrected_program": "compensation",
     "day": "day",

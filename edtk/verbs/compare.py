@@ -11,7 +11,7 @@ from edtk.design.exact.comparison import Comparison, compare_designs, compare_va
 from edtk.design.exact.model_design import ModelDesign
 from edtk.design.problem import Problem
 from edtk.design.region import Region
-from edtk.report.views.comparison import comparison_page
+from edtk.report.views.problem import comparison_page
 from edtk.system.arguments import checked
 from edtk.system.errors import ArgumentError
 from edtk.system.files import write_files

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from small_arm import ROBOT
 
 import edtk
-from edtk.calibration.tool_from_rows import tool_from_rows
+from edtk.calibration.prediction import tool_from_rows
 from edtk.fit.fitted_geometry import FittedGeometry
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.measure.position_noise import PositionNoise

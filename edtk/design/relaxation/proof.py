@@ -221,18 +221,6 @@ def safe_cost(criterion: Criterion, M: Array) -> float:
     return cost if strayed <= NOTHING else cost * (1 + 2 * len(M) ** 0.5 * strayed)
 
 
-def relative_accuracy(
-    problem: Problem,
-    criterion: Relaxable,
-    weights: Array,
-    multipliers: Array,
-    rounding: Array | None = None,
-    of_squares: bool = False,
-) -> float:
-    """Bound the relative error that rounding makes in a cost and in its lower bound: `errors`."""
-    return sum(errors(problem, criterion, weights, multipliers, rounding, of_squares))
-
-
 def errors(
     problem: Problem,
     criterion: Criterion,

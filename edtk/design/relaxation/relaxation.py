@@ -26,7 +26,7 @@ class Relaxation(RelaxedDesign):
     Attributes:
         problem: The candidates; None where they are not kept.
         accuracy: Relative error that rounding may have made in cost and bound, see
-            `relative_accuracy`.
+            `proof.errors`.
         rests_on_solver: Whether the bound rests on a solver's word, as of a criterion without a
             dual form of its own; else closed forms prove it.
         inner: The multipliers with more digits, of a model whose parameters are nearly dependent.

@@ -129,7 +129,7 @@ class RelaxedRegion(RelaxedDesign):
         largest: The largest sensitivities that were found in the region, and where.
         grid: Points (n, d) of the grid.
         accuracy: Relative error that rounding may have made in cost and bounds, see
-            `relative_accuracy`.
+            `proof.errors`.
         worst: Where in ranges of theta it is worst; None of a region without any.
     """
 

@@ -5,7 +5,7 @@ import pytest
 
 import criteria
 from edtk.design.problem import Problem
-from edtk.design.relaxation.proof import relative_accuracy
+from edtk.design.relaxation.proof import errors
 
 RNG = np.random.default_rng(0)
 PROBLEM = Problem(RNG.normal(size=(20, 2, 3)))
@@ -16,7 +16,7 @@ def of(problem, name="A", **options):
     """The accuracy of equal weights and of their gradient's bound."""
     criterion = criteria.create(name)
     M = problem.information(WEIGHTS)
-    return relative_accuracy(problem, criterion, WEIGHTS, -criterion.gradient(M)[None], **options)
+    return sum(errors(problem, criterion, WEIGHTS, -criterion.gradient(M)[None], **options))
 
 
 @pytest.mark.parametrize("name", ["A", "D", "E", "O2", "O4", "O5"])
