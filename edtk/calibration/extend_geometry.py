@@ -9,6 +9,7 @@ import numpy as np
 from edtk.calibration.calibrate_geometry import calibrate_geometry
 from edtk.calibration.extend import InTasks, Piece, Search, extension_of, law_sizes, with_pieces
 from edtk.calibration.geometric_calibration import GeometricCalibration
+from edtk.calibration.model_left import ROWS
 from edtk.findings.causes.evidence import ErringRows, Evidence
 from edtk.findings.causes.faults import USUAL_ACROSS, is_one_of, lateral_axes
 from edtk.findings.causes.scene import AXES
@@ -26,8 +27,6 @@ from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry
 from edtk.system.errors import UserError
 from edtk.system.typing import Array, Indices
-
-ROWS = 3  # of a position
 
 
 def extend_geometry(study: Study, sheet: Table, how: HowFitted) -> GeometricCalibration:

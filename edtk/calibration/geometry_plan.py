@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import criteria
-from edtk.calibration.geometry_question import GeometryQuestion
+from edtk.calibration.geometry_question import POSES, GeometryQuestion
 from edtk.calibration.geometry_space import PositionRows
 from edtk.calibration.template import SheetColumns
 from edtk.design.exact.day import DayPlan, PosesByLoad
@@ -45,8 +45,6 @@ from edtk.study.study_geometry import StudyGeometry, StudyLoads, planned_noise
 from edtk.system.errors import ArgumentError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices, Mask
-
-POSES = 60  # random poses that show what any poses could tell
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from edtk.design.nonlinear_model import Model, NonlinearModel, Robust, nonlinear_model
 from edtk.design.sites import Made, Sites
-from edtk.design.theta_box import INSIDE, MOST_RANGES, EfficiencyBox, RivalBox
+from edtk.design.theta_box import INSIDE, MOST_RANGES, ROUNDING, EfficiencyBox, RivalBox
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
 
@@ -18,7 +18,6 @@ ROBUST = ("bayes", "maximin")
 # Nodes of a rule of quadrature over ranges of theta: of one range, and of all together at most.
 NODES = 9
 MOST_NODES = 64
-ROUNDING = 1e-9  # of a root that is a whole number
 
 
 def of_model(

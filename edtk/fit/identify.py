@@ -8,7 +8,7 @@ import numpy as np
 
 from edtk.fit.correlated_noise import RowNoise, whiten, whiten_columns
 from edtk.fit.distributions import chi_square_quantile, chi_square_tail, student_quantile
-from edtk.fit.fit_huber import fit_huber
+from edtk.fit.fit_huber import ROUNDING, fit_huber
 from edtk.fit.least_squares import Estimate, Whitened
 from edtk.fit.outliers import find_outliers, own_outliers
 from edtk.system.presented import Presented
@@ -30,8 +30,6 @@ HUBER_CERTAINTY = 0.7
 # residual is next to zero, whatever the noise is. Then the corner shrinks with the scale, and the
 # fit runs through them indeed.
 INTERPOLATED = 2
-# Residuals below this share of the largest measurement are rounding.
-ROUNDING = 1e-11
 # Standard deviations of residuals below this share of the noise's are rounding: the fit runs
 # through the measurement whatever it is, and the residual has no size to be compared with.
 DETERMINED = 1e-7

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from edtk.measure.few_columns import FewColumns
+from edtk.measure.instruments.distance import NEAREST
 from edtk.measure.parameters import COMPONENTS, Parameter
 from edtk.measure.springs import Answers, Bending, Springs, UnknownNumbers, sprung
 from edtk.robots.compensator import GivingWay
@@ -179,7 +180,6 @@ class ErringChain:
 
 Kind = Literal["position", "pose", "distance"]
 ROWS_OF: dict[Kind, int] = {"position": 3, "pose": 6, "distance": 1}
-NEAREST = 1e-9  # distance below which a wire has no direction [m]
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
-from edtk.measure.measured_model import NEAREST, MeasuredModel
+from edtk.measure.instruments.distance import NEAREST
+from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import COMPONENTS
 from edtk.robots.frames import BodyPoint, Frames, columns_slope, combine
 from edtk.robots.robot import Robot

@@ -4,10 +4,9 @@ from collections.abc import Iterator, Mapping
 from typing import ClassVar
 
 from edtk.programs.program import Comment, Dwell, Move, Program, Step, Wait, said
-from edtk.programs.writer import Writer, folded, register
+from edtk.programs.writer import LINE, Writer, folded, register
 
 HEADER = ("&ACCESS RVP", "&REL 1")
-LINE = 90  # characters of a comment
 WORDS = """
     and anin anout b_and b_exor b_not b_or bas bool brake case cast_from cast_to char circ circ_rel
     const continue copen cread cwrite decl def defdat deffct default delay digin do else end enddat

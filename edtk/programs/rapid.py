@@ -4,9 +4,8 @@ from collections.abc import Iterator, Mapping
 from typing import ClassVar
 
 from edtk.programs.program import Axis, Comment, Dwell, Move, Program, Step, Wait, said
-from edtk.programs.writer import Writer, folded, plain, register
+from edtk.programs.writer import LINE, Writer, folded, plain, register
 
-LINE = 90  # characters of a comment
 SHOWN = 80  # characters of a text on the pendant
 NO_AXIS = "9E+09"  # of an axis beside the robot that is not there
 OPENING = "run_"  # of the procedure: a module and a procedure must not have one name

@@ -18,10 +18,9 @@ from edtk.programs.program import (
     Wait,
     said,
 )
-from edtk.programs.writer import DECIMALS, Writer, folded, register
+from edtk.programs.writer import DECIMALS, LINE, Writer, folded, register
 from edtk.system.typing import Array
 
-LINE = 90  # characters of a comment or a message
 RADIANS = 8  # decimals: they keep each digit of three decimals of a degree
 FASTEST = 2 * pi / 3  # [rad/s]: base and shoulder of the larger arms turn 120 degrees a second
 ACCELERATION = 1.4  # [rad/s^2], the controller's own default

@@ -15,6 +15,7 @@ import numpy as np
 from edtk.programs.program import Axis, Dwell, Program, ProgramError, Wait
 from edtk.system.typing import Array
 
+LINE = 90  # characters of a comment, or of a message
 GROUP = "edtk.programs"  # of entry points, by which packages add writers
 DECIMALS = 3  # of a degree or a millimetre
 

@@ -25,7 +25,17 @@ from edtk.report.draw.residuals import ResidualPanel, drawn_rows, quantiles, res
 from edtk.report.extension import extension_files, extension_section
 from edtk.report.figures import new_figure
 from edtk.report.geometry_report import evaluated_geometry, geometry_sections, measured_positions
-from edtk.report.page import QUALITY, Page, paragraph, picture, section, sentence, table, verdict
+from edtk.report.page import (
+    QUALITY,
+    WIDTH,
+    Page,
+    paragraph,
+    picture,
+    section,
+    sentence,
+    table,
+    verdict,
+)
 from edtk.report.posterior_report import posterior_report
 from edtk.report.show.page import page_html
 from edtk.report.show.plate import PAGE, poses_section
@@ -50,7 +60,6 @@ PARTS = {
 }
 LEAST = 1e-300  # keeps a compliance that is zero from being divided by
 SHOWN = 8  # rows of the table of residuals
-WIDTH = 4.4  # of a picture [inch]: letters can be read on a phone, and on a desk two have room
 UNITLESS = ("parameter", "std [%]")  # columns that do not have the parameters' unit
 NAMES = ("k.json", "residuals.csv", "report.html", PAGE)
 MANY = 30_000  # residuals from which their file is to be small:

@@ -11,6 +11,7 @@ from edtk.report.draw.residuals import left_out_errors, marker_residuals
 from edtk.report.figures import new_figure
 from edtk.report.page import (
     QUALITY,
+    WIDTH,
     paragraph,
     picture,
     section,
@@ -25,7 +26,6 @@ from edtk.study.schema import describe_noise
 from edtk.system.typing import Array
 
 SHOWN = 8  # rows of the table of poses
-WIDTH = 4.4  # of a picture [inch]: letters can be read on a phone, and on a desk two have room
 HEIGHT = 2.9
 MOST_PICTURES = 8  # of markers
 MOST_MARKERS = 12  # whose places are listed

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 # The shadows at the edges of a box that scrolls are the cue that there is more: two covers in the
 # colour of the page move with the content and hide them where there is none.
+WIDTH = 4.4  # of a picture [inch]: letters can be read on a phone, and on a desk two have room
 PAGE_STYLE = """
 :root { color-scheme: light dark; --page: #fff; --ink: #1b1b1b; --line: #8886; --shade: #0007;
   --good: #00795c; --usable: #b35900; --bad: #b3261e; --blue: #0072b2; }

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from criteria import Criterion
 from criteria.linalg.inverse import guarded_inverse
+from edtk.design.exact.apportion import GAIN
 from edtk.design.exact.counts.any_prices import AnyPricing
 from edtk.design.exact.counts.counts_search import CountsSearch
 from edtk.design.exact.counts.limits import Limits
@@ -23,7 +24,6 @@ from edtk.system.typing import Array, Indices, Mask
 # Their matrices, of some megabytes, stay in a core's cache, and take no second of many parameters.
 EXCHANGES_AT_ONCE = 20_000
 DOUBLES_AT_ONCE = 2**20
-GAIN = 1e-12  # relative improvement that counts: less than this may be rounding
 # Soft maximum whose gradient ranks the candidates for a criterion with kinks. A subgradient of the
 # criterion itself would rank them by one of several equal eigenvalues alone.
 GUIDE_SHARPNESS = 30.0

@@ -17,7 +17,7 @@ from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.design.relaxation.relax_region import relax_region
 from edtk.design.relaxation.relaxed_region import RelaxedRegion
-from edtk.design.relaxation.search_region import RegionGrid, onto_walls
+from edtk.design.relaxation.search_region import LOSS, RegionGrid, onto_walls
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.typing import Array, Indices
 
@@ -34,7 +34,6 @@ JITTER = 3e-3  # parts of a range by which repeats of a point are set apart
 ROUNDS = 4  # of exchange and refinement in turn; the second one seldom finds anything
 SAME = 1e-9  # relative difference of costs up to which two plans are one
 CLOSE = (0.03, 0.003, 1e-4)  # parts of a range up to which points are tried as one
-LOSS = 1e-9  # relative increase of the cost at which fewer points are still welcome
 FINE = (1000.0, 4000.0)  # last soft maxima of a criterion with kinks
 
 

@@ -10,6 +10,7 @@ from criteria.criterion import differences
 from criteria.linalg.inverse import whitener
 from criteria.linalg.typing import triangle
 from edtk.design.relaxation.master_equations import (
+    SHORTEST,
     ActiveInformation,
     Solve,
     step_length,
@@ -30,7 +31,6 @@ LEAST_SHRINKING = 1e-4  # of the product of weights and slacks in one step
 # near a singular optimum the gradient changes fast.
 ASTRAY = 10.0
 SUFFICIENT = 1e-4  # part of the linear decrease that a step must reach
-SHORTEST = 1e-6  # a shorter step counts as none
 # A criterion that breaks its homogeneity has another optimum than the method finds.
 HOMOGENEOUS = 1e-6
 # Order up to which differences of gradients stand in for a curvature in closed form.

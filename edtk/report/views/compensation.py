@@ -12,13 +12,12 @@ from edtk.measure.pose_table import ROW_COLUMN, pose_columns, pose_factors
 from edtk.report.figures import BLUE, ORANGE, panels
 from edtk.report.shown import plain
 from edtk.report.tables import notebook_table, number_columns
-from edtk.report.views.calibration import SHARE, assumed_joint
+from edtk.report.views.calibration import MOST_LINES, SHARE, assumed_joint
 from edtk.robots.frames import MM
 from edtk.system.typing import Array
 
 MOST_BARS = 20  # poses up to which each has bars of its own
 SHIFT = 0.2  # of the two bars of a pose, which are twice as wide
-MOST_LINES = 60
 
 
 def compensation_text(found: Compensation) -> str:
