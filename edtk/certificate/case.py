@@ -170,11 +170,7 @@ class Case:
         content = table(
             content, KEYS, "certificate", (*DECORATION, "sharing", "day", ON_CANDIDATES)
         )
-        name = content["criterion"]
-        # The name is printed, so that it must not contain a line that looks like a verdict.
-        is_name = isinstance(name, str) and name.isprintable() and 0 < len(name) <= LONGEST_NAME
-        if not is_name:
-            raise ValueError("criterion: expected the name of a criterion")
+        name = _criterion_name(content["criterion"])
         kind = text(content["kind"], AMOUNTS, "kind")
         setting = Setting.from_dict(content["setting"])
         n = len(setting.fixed)
@@ -188,13 +184,7 @@ class Case:
         if some * len(setting.sigma) * setting.p > MOST_NUMBERS:
             raise ValueError(f"experiments: {some} have more rows than are computed here")
         require(of_rows(setting, some), f"{some} experiments")
-        day = None
-        proofs: dict[tuple[int, ...], Proof] = {}
-        if "day" in content:
-            day = Day.from_dict(content["day"])
-            if kind != "plan":
-                raise ValueError("day: expected one in the certificate of a plan alone")
-            proofs = read_proofs(content["proof"], setting)
+        day, proofs = _of_a_day(content, kind, setting)
         proof = next(iter(proofs.values()), None) or Proof.from_dict(content["proof"], setting)
         efforts = [
             LargestSensitivities.effort(setting, one, name)
@@ -204,9 +194,8 @@ class Case:
         exact = None
         if ON_CANDIDATES in content:
             if kind != "plan" or day is not None:
-                raise ValueError(
-                    f"{ON_CANDIDATES}: expected one in the certificate of a plan of m alone"
-                )
+                message = "expected one in the certificate of a plan of m alone"
+                raise ValueError(f"{ON_CANDIDATES}: {message}")
             exact = ExactOnCandidates.from_dict(content[ON_CANDIDATES], setting, proof)
         return cls(
             name=name,
@@ -422,6 +411,26 @@ class Case:
         _ = self.degree
         if not self.amounts_are_sound:
             raise ValueError("the weights or repetitions are not sound")
+
+
+def _criterion_name(given: Any) -> str:
+    """The name of a criterion, which is printed: it must hold no line that looks like a verdict."""
+    is_name = isinstance(given, str) and given.isprintable() and 0 < len(given) <= LONGEST_NAME
+    if not is_name:
+        raise ValueError("criterion: expected the name of a criterion")
+    return str(given)
+
+
+def _of_a_day(
+    content: dict[str, Any], kind: str, setting: Setting
+) -> tuple[Day | None, dict[tuple[int, ...], Proof]]:
+    """What a day may cost, and a proof for each set of loads that it pays for; none without."""
+    if "day" not in content:
+        return None, {}
+    day = Day.from_dict(content["day"])
+    if kind != "plan":
+        raise ValueError("day: expected one in the certificate of a plan alone")
+    return day, read_proofs(content["proof"], setting)
 
 
 def _sharing(content: Any, kind: str, setting: Setting) -> int:

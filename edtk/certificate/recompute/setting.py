@@ -375,15 +375,8 @@ class Setting:
         n = chain.n
         unknown = _indices(content["unknown"], n, "setting.unknown")
         kind = text(content["rows"], MEASURED, "setting.rows")
-        measured = MEASURED[kind]
-        physics = None
-        if "physics" in content:
-            physics = Physics.from_dict(content["physics"], len(chain.axes))
-            measured = physics.measured
-        elif "geometry" in content:
-            raise ValueError("setting: the key 'physics' is missing")
-        elif "noise" in content or "friction" in content:
-            physics = Physics.at_tool_point(kind)
+        physics = _physics(content, chain, kind)
+        measured = MEASURED[kind] if physics is None else physics.measured
         sigma = numbers(content["sigma"], (measured,), "setting.sigma")
         sight = None
         if "sight" in content:
@@ -547,6 +540,17 @@ class Setting:
 def _some(values: Array | None, some: slice) -> Array | None:
     """Some of the values, if there are any."""
     return None if values is None else values[some]
+
+
+def _physics(content: dict[str, Any], chain: Chain, kind: str) -> Physics | None:
+    """Instruments and what loads the arm; None where a load at the tool point moves that alone."""
+    if "physics" in content:
+        return Physics.from_dict(content["physics"], len(chain.axes))
+    if "geometry" in content:
+        raise ValueError("setting: the key 'physics' is missing")
+    if "noise" in content or "friction" in content:
+        return Physics.at_tool_point(kind)
+    return None
 
 
 def _tasks(
