@@ -75,12 +75,12 @@ if TYPE_CHECKING:
     from edtk.verbs.new import new as new
     from edtk.verbs.next import next as next
     from edtk.verbs.plan import plan as plan
-    from edtk.verbs.program import program as program
     from edtk.verbs.relax import relax as relax
     from edtk.verbs.robot import controller as controller
     from edtk.verbs.robot import robot as robot
     from edtk.verbs.run import run as run
     from edtk.verbs.show import show as show
+    from edtk.verbs.template import program as program
     from edtk.verbs.template import template as template
     from edtk.verbs.template import timetable as timetable
     from edtk.verbs.verify import verify as verify
@@ -101,7 +101,7 @@ _HOME = {
     "show": "edtk.verbs.show",
     "template": "edtk.verbs.template",
     "timetable": "edtk.verbs.template",
-    "program": "edtk.verbs.program",
+    "program": "edtk.verbs.template",
     "identify": "edtk.verbs.identify",
     "predict": "edtk.verbs.identify",
     "bayes": "edtk.verbs.bayes",

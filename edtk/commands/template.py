@@ -90,7 +90,7 @@ def command(
         if out is None:
             print_out(csv_text(table))
     else:
-        from edtk.verbs.program import program
+        from edtk.verbs.template import program
 
         found = program(question, plan, writer, markers=markers, out=out, **_as_called(given))
         if out is None and not as_json:
