@@ -457,7 +457,12 @@ def n_choose_k(
     least = whole_number(least, "least", 0)
     most = whole_number(most, "most", least)
     number = (frame[list(columns)] != 0).sum(axis=1)
-    return frame[(number >= least) & (number <= most)].reset_index(drop=True)
+    fits = (number >= least) & (number <= most)
+    if not fits.any():
+        there = f"{number.min()} to {number.max()}" if len(number) else "none"
+        message = f"no candidate has {least} to {most} of these columns that are not zero: {there}"
+        raise ArgumentError(message, argument="most")
+    return frame[fits].reset_index(drop=True)
 
 
 def _absences(q: int, present: tuple[int, int] | None) -> list[Mask]:

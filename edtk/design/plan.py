@@ -38,10 +38,11 @@ class Plan(Presented):
         q: Joint variables (k, n) [rad or m].
         wrench: Forces and torques (k, 6) [N, N m], or (k, 9) where loads act at several places, see
             `BodyPoint.of_load`.
-        repeats: Measurements per pose (k,), at least one each.
+        repeats: Measurements per pose (k,), whole numbers, at least one each.
 
     Raises:
-        ValueError: Shapes do not fit, an entry is not finite, or a repetition is below one.
+        ValueError: Shapes do not fit, an entry is not finite, or a repetition is below one or not
+            whole.
     """
 
     q: Array
@@ -58,8 +59,12 @@ class Plan(Presented):
         if self.q.ndim != 2 or not loads or self.repeats.shape != (k,) or not k:
             raise ValueError("a plan needs q (k, n), wrench (k, 6) and repeats (k,), with k > 0")
         finite = np.isfinite(self.q).all() and np.isfinite(self.wrench).all()
-        if not (finite and (real_numbers(self.repeats, "repeats") >= 1).all()):
+        repeats = real_numbers(self.repeats, "repeats")
+        if not (finite and (repeats >= 1).all()):
             raise ValueError("a plan's entries must be finite and its repetitions at least one")
+        if (repeats != np.round(repeats)).any() or repeats.max() > MOST_REPEATS:
+            raise ArgumentError("expected whole numbers from 1 to 1e9", argument="repeats")
+        object.__setattr__(self, "repeats", repeats.astype(int))
 
     def headline(self) -> str:
         """Number of experiments and of poses."""

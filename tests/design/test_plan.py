@@ -45,6 +45,20 @@ def read(tmp_path):
     return from_text
 
 
+@pytest.mark.parametrize(
+    ("given", "words"), [([1.0, 3.0], ""), ([1.5, 2], "whole"), ([1e10, 1], "1e9")]
+)
+def test_repetitions_are_whole_numbers(given, words):
+    """Whole numbers may be given as floats; others are refused in a line."""
+    if words:
+        with pytest.raises(UserError, match=words):
+            Plan(np.zeros((2, 6)), np.zeros((2, 6)), np.array(given))
+    else:
+        plan = Plan(np.zeros((2, 6)), np.zeros((2, 6)), np.array(given))
+        assert plan.repeats.tolist() == [1, 3]
+        assert plan.repeats.dtype == int
+
+
 @pytest.mark.parametrize("robot", [KR270, MIXED], ids=["KR 270", "prismatic"])
 def test_round_trip(robot, tmp_path):
     """A plan comes back from its file to the ten digits written."""

@@ -242,7 +242,7 @@ PROBLEM = edtk.Problem(RNG.normal(size=(5, 1, 2)))
         ({"size": 0}, "size 0: expected one or more"),
         ({"size": 2.5}, "size 2.5: expected one or more"),
         ({"cost_budget": 3.0}, "costs: expected beside cost_budget"),
-        ({"size": 1}, "no plan of 1 new experiment was found"),
+        ({"size": 1}, "experiment identifies the 2 parameters; they tell 1 at most"),
         ({"size": 4, "starts": 0}, "starts 0: expected a whole number, 1 or more"),
         ({"size": 2, "keep": [1, 1]}, "expected one or more beside 2 kept experiments"),
         ({"size": 4, "keep": [5]}, "keep: expected indices of candidates, from 0 to 4"),

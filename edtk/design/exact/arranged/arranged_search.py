@@ -19,7 +19,7 @@ import numpy as np
 from criteria import Criterion
 from edtk.design.exact.arranged.settings import NO_RUNS, Move, Settings
 from edtk.design.exact.counts.counts_search import FoundPlaces, Record
-from edtk.design.exact.counts.prices import GAIN
+from edtk.design.exact.counts.prices import GAIN, least_gain
 from edtk.design.exact.exchange_costs import exchange_costs
 from edtk.system.errors import UserError
 from edtk.system.time_limit import out_of_time
@@ -162,10 +162,8 @@ class ArrangedSearch:
 
     def improved(self, places: Indices) -> tuple[Array, Indices]:
         """Costs (b,) and places (b, m) of plans that no move improves."""
-        p = self.base.shape[0]
-        ridge = RIDGE * self.m * np.eye(p)
-        places = self._descended(places, self.base + ridge, swaps=False)
-        places = self._descended(places, self.base, swaps=self.m <= MOST_SWAPPED)
+        places = self._descended(places, RIDGE, swaps=False)
+        places = self._descended(places, 0.0, swaps=self.m <= MOST_SWAPPED)
         return self.costs(self.information(places)), places
 
     def _patience(self) -> int:
@@ -213,17 +211,23 @@ class ArrangedSearch:
         b, m, r, p = X.shape
         return np.asarray((self.W @ X.reshape(b, m, r * p)).reshape(b, m, r, p))
 
-    def _descended(self, places: Indices, base: Array, swaps: bool) -> Indices:
-        """Plans (b, m) after exchanges, and swaps, as long as these improve them."""
+    def _descended(self, places: Indices, ridge: float, swaps: bool) -> Indices:
+        """Plans (b, m) after exchanges, and swaps, as long as these improve them.
+
+        A ridge is the part of the candidates' mean information, for each run, that every plan has
+        besides.
+        """
         places = places.copy()
         left = np.arange(len(places))
+        beside = ridge * self.m * np.eye(self.base.shape[0])
+        least = least_gain(ridge)
         for _ in range(SWEEPS):
             own = places[left]
-            M = self.information(own) + (base - self.base)
+            M = self.information(own) + beside
             costs = self.costs(M)
             moved = np.zeros(len(left), dtype=bool)
             for block in self.blocks:
-                moved |= self._exchange(block, own, M, costs)
+                moved |= self._exchange(block, own, M, costs, least)
             if swaps and not moved.all():
                 still = np.flatnonzero(~moved)
                 part, part_M, part_costs = own[still], M[still], costs[still]
@@ -235,8 +239,10 @@ class ArrangedSearch:
                 break
         return places
 
-    def _exchange(self, block: _Block, places: Indices, M: Array, costs: Array) -> Array:
-        """Make the best exchange of a move in each plan; which plans (b,) it has improved."""
+    def _exchange(
+        self, block: _Block, places: Indices, M: Array, costs: Array, gain: float
+    ) -> Array:
+        """Make the best exchange of a move in each plan; which plans (b,) are better."""
         move = block.move
         alternatives = self.settings.alternatives(move, places)
         X = self.rows[places]
@@ -251,7 +257,7 @@ class ArrangedSearch:
         best = reached.argmin(axis=1)
         each = np.arange(b)
         least = reached[each, best]
-        better = least < costs * (1 - GAIN)
+        better = least < costs * (1 - gain)
         if better.any():
             new = alternatives[each[better], best[better]]
             places[np.ix_(each[better], move.runs)] = new

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import combinations
 from time import monotonic
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from criteria import Criterion, Relaxable
 from criteria.linalg.inverse import root
 from edtk.design.bound import BLURRED, Bound, BoundKind
-from edtk.design.errors import Errors, RunErrors
+from edtk.design.errors import Errors, RunErrors, hard_names
 from edtk.design.exact.arranged.arranged_bound import ArrangedBound
 from edtk.design.exact.arranged.arranged_plan import ArrangedPlan
 from edtk.design.exact.arranged.arranged_search import ArrangedSearch
@@ -78,6 +79,8 @@ def find_arranged(
     search, setting = _search(sized.problem, plain, settings, runs.precision)
     search = replace(search, first=first, most=most)
     _require_told(search, sized.problem, plain)
+    if plain.needs_all:
+        _require_enough(search, errors)
     found = search.run(seed, starts, lambda n, cost: progress(f"start {n}", cost))
     cost = search.criterion.cost_from_plan_criterion(found.cost)
     if not np.isfinite(cost):
@@ -129,6 +132,40 @@ def _search(
         T = np.eye(problem.p)
         transformed = criterion
     return ArrangedSearch(rows @ T, W, T.T @ base @ T, transformed, settings), setting
+
+
+def _require_enough(search: ArrangedSearch, errors: Errors) -> None:
+    """Check that there are enough runs, and enough groups of each stratum.
+
+    Let U be all that runs of one setting of some factors differ by, and what is known. Modulo U
+    all runs of a setting tell the same, so that g settings tell g directions of the others.
+
+    Raises:
+        UserError: There are too few, whatever the runs.
+    """
+    settings = search.settings
+    p = len(search.base)
+    known = root(search.base)
+    if search.m * search.rows.shape[1] + int(known.any(axis=1).sum()) < p:
+        raise UserError(f"{search.m} runs do not tell {p} parameters; more are needed")
+    strata = [s for s, hard in enumerate(settings.hard) if len(hard)]
+    for size in range(1, len(strata) + 1):
+        for some in combinations(strata, size):
+            columns = np.concatenate([settings.hard[s] for s in some])
+            groups = len(np.unique([settings.labels[s] for s in some], axis=1).T)
+            slices = settings.slices(columns)
+            deviations = [search.rows[same] - search.rows[same[:1]] for same in slices]
+            U = np.concatenate([known, *(one.reshape(-1, p) for one in deviations)])
+            alike = p - int(np.linalg.matrix_rank(U))
+            told = groups * search.rows.shape[1]
+            if told < alike:
+                names = [name for s in some for name in hard_names(errors.levels[s].hard)]
+                settings_of = f"setting{'s' if groups > 1 else ''} of {' and '.join(names)}"
+                raise UserError(
+                    f"in {errors.headline()}, runs have {groups} {settings_of} at most: enough for "
+                    f"{told} of {alike} parameters, or combinations of them, that depend on "
+                    "nothing else; more are needed"
+                )
 
 
 def _require_told(search: ArrangedSearch, problem: Problem, criterion: Criterion) -> None:

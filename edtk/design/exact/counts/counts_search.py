@@ -16,7 +16,7 @@ from edtk.design.exact.counts.joint_exchanges import (
     nearest_plans,
 )
 from edtk.design.exact.counts.limits import Limits
-from edtk.design.exact.counts.prices import GAIN, Pricing
+from edtk.design.exact.counts.prices import GAIN, Pricing, least_gain
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices, Mask
 
@@ -168,6 +168,7 @@ def _descend(pricing: Pricing, limits: Limits, places: Indices, ridge: float, si
     """A round of sweeps over plans that fit into a cache together."""
     places = places.copy()
     left = np.arange(len(places))
+    least = least_gain(ridge)
     for _ in range(SWEEPS):
         # Prices are computed anew for each sweep, so that rounding does not accumulate.
         own = places[left]
@@ -176,7 +177,7 @@ def _descend(pricing: Pricing, limits: Limits, places: Indices, ridge: float, si
         for place in range(own.shape[1]):
             allowed = limits.allowed(own, place, pricing.candidates)
             new, gain = prices.best(place, allowed)
-            better = np.flatnonzero(gain > GAIN)
+            better = np.flatnonzero(gain > least)
             if len(better):
                 prices.replace(better, place, new[better])
                 own[better, place] = new[better]

@@ -196,6 +196,7 @@ class _Asked:
             RankDeficientError: No plan of these candidates identifies all parameters.
         """
         self.sized.problem.require_identifiable(criterion)
+        self._require_enough(criterion, problem.p)
         if proves:
             if self.limits.linear is not None:
                 raise UnprovableError("plans under constraints on sums of counts have no proof")
@@ -205,6 +206,24 @@ class _Asked:
             plain = self.placed.with_prior(None)
             question = beside_blocks(plain, criterion, self.limits)
             _require_beside_blocks(question, problem)
+
+    def _require_enough(self, criterion: Criterion, p: int) -> None:
+        """Check that so few experiments can tell all parameters: a row tells one.
+
+        Raises:
+            UserError: They cannot, wherever they are.
+        """
+        if not criterion.needs_all:
+            return
+        limits = self.limits
+        # Each block of unknown effect loses its mean.
+        places = limits.m - len(limits.blocks) * bool(np.isinf(limits.block_variance))
+        known = int(self.known.root.any(axis=1).sum())
+        for model in self.sized.problem.each:
+            told = places * model.factors().shape[1] + known
+            if told < model.p:
+                message = f"they tell {told} at most; more experiments are needed"
+                raise _untold(limits, p, criterion, "identifies", message)
 
     @cached_property
     def placed(self) -> Problem:
@@ -419,17 +438,17 @@ def _relaxed(
 
 def _require_regular(cost: float, limits: Limits, problem: Problem, criterion: Criterion) -> None:
     """Check that the best plan identifies what the criterion needs."""
-    if np.isfinite(cost):
-        return
+    if not np.isfinite(cost):
+        message = "more experiments, or starts, are needed"
+        raise _untold(limits, problem.p, criterion, "was found that identifies", message)
+
+
+def _untold(limits: Limits, p: int, criterion: Criterion, how: str, message: str) -> UserError:
+    """The error that so few experiments do not tell what the criterion needs."""
     blocks = f" in {len(limits.blocks)} blocks" if limits.blocks else ""
     experiments = f"{limits.m} new experiment{'s' if limits.m > 1 else ''}"
-    needed = (
-        f"the {problem.p} parameters" if criterion.needs_all else f"what {criterion.label} needs"
-    )
-    raise UserError(
-        f"no plan of {experiments}{blocks} was found that identifies {needed}; "
-        "more experiments, or starts, are needed"
-    )
+    needed = f"the {p} parameters" if criterion.needs_all else f"what {criterion.label} needs"
+    return UserError(f"no plan of {experiments}{blocks} {how} {needed}; {message}")
 
 
 def _bound(

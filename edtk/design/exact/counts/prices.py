@@ -4,10 +4,22 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
+from criteria.linalg.inverse import EPS
 from edtk.design.exact.counts.limits import Limits
 from edtk.system.typing import Array, Indices, Mask
 
 GAIN = 1e-10  # relative improvement that counts: less than this may be rounding
+# Roundings that a cost may be wrong by, of a plan that is regular by its ridge alone.
+ROUNDINGS = 64.0
+
+
+def least_gain(ridge: float) -> float:
+    """Relative improvement that counts beside a ridge, which may be all that a plan tells.
+
+    Its condition number is then one over the ridge, and so much larger are roundings of its cost:
+    exchanges that "improve" it by these go on for ever.
+    """
+    return max(GAIN, ROUNDINGS * EPS / ridge) if ridge else GAIN
 
 
 class Prices(ABC):

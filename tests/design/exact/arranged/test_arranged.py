@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 import edtk
+from edtk.design.exact.arranged.arranged_search import SWEEPS, ArrangedSearch
 from edtk.design.problem import RankDeficientError
 from edtk.system.errors import UserError
 
@@ -243,6 +244,14 @@ def test_pyoptex_finds_no_better_one() -> None:
             "nothing tells Intercept",
         ),
         (lambda: edtk.plan(quadratic(), 5, errors=Errors.trend()), "more are needed"),
+        (
+            lambda: edtk.plan(quadratic(), 12, errors=Errors.split_plot("w", 2)),
+            "2 settings of w at most: enough for 2 of 3 parameters",
+        ),
+        (
+            lambda: edtk.plan(quadratic(), 10, errors=Errors.split_plot(["w", "s"], 5)),
+            "5 settings of w and s at most: enough for 5 of 6 parameters",
+        ),
     ],
 )
 def test_wrong_input_is_one_line(make, words: str) -> None:
@@ -251,6 +260,20 @@ def test_wrong_input_is_one_line(make, words: str) -> None:
         make()
     assert words in str(told.value)
     assert "\n" not in str(told.value)
+
+
+def test_roundings_of_singular_plans_are_no_improvements(monkeypatch) -> None:
+    """Two settings of w tell no three slopes of s: each descent ends after a few sweeps."""
+    swept = []
+    turn = ArrangedSearch._exchange
+    monkeypatch.setattr(
+        ArrangedSearch, "_exchange", lambda self, *args: swept.append(1) or turn(self, *args)
+    )
+    problem = edtk.Problem.from_frame(FRAME, "0 + s + s:w + s:I(w**2)")
+    with pytest.raises(UserError, match=r"no plan of 12 runs in 2 whole plots .* was found"):
+        edtk.plan(problem, 12, errors=Errors.split_plot("w", 2), starts=24)
+    moves = 2 + 12
+    assert len(swept) < 2 * moves * SWEEPS / 4
 
 
 def test_factorials_free_of_a_trend() -> None:
