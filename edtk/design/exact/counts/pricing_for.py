@@ -8,6 +8,7 @@ import numpy as np
 from criteria import Criterion, Relaxable
 from criteria.criterion import DeterminantCriterion
 from criteria.linalg.inverse import root
+from criteria.linalg.models import Models
 from criteria.several_criteria import SeveralCriteria
 from edtk.design.exact.counts.any_prices import AnyPricing
 from edtk.design.exact.counts.convex_loss import convex_loss
@@ -18,6 +19,7 @@ from edtk.design.exact.counts.largest_variance_prices import LargestVariancePric
 from edtk.design.exact.counts.least_eigenvalue_prices import LeastEigenvaluePricing
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.linear_prices import LinearPricing
+from edtk.design.exact.counts.mean_variance_prices import MeanVariancePricing
 from edtk.design.exact.counts.models_prices import ModelScatter, ModelsPricing
 from edtk.design.exact.counts.prices import Pricing
 from edtk.design.exact.counts.several_rows_pricing import SeveralRowsPricing
@@ -44,7 +46,7 @@ def pricing_for(criterion: Criterion, scatter: Scatter, mean: Array) -> Pricing:
     """
     limits = scatter.limits
     if isinstance(scatter, ModelScatter):
-        return ModelsPricing(criterion, scatter, mean)
+        return _of_models(criterion, scatter, mean)
     if scatter.rows.shape[1] > 1 or limits.blocks:
         return _of_several_rows(criterion, scatter, mean) or AnyPricing(criterion, scatter, mean)
     rows = scatter.rows[:, 0]
@@ -57,6 +59,16 @@ def pricing_for(criterion: Criterion, scatter: Scatter, mean: Array) -> Pricing:
     if slope is not None:
         return LinearPricing(rows, limits, slope)
     return _with_kinks(criterion, rows, limits, mean) or AnyPricing(criterion, scatter, mean)
+
+
+def _of_models(criterion: Criterion, scatter: ModelScatter, mean: Array) -> Pricing:
+    """Prices of several models, of a sum of variances without a look at short lists first."""
+    if isinstance(criterion, SeveralCriteria):
+        return ModelsPricing(criterion, scatter, mean)
+    slope = constant_slope(criterion, mean)
+    own = None if slope is None else MeanVariancePricing.of(scatter, slope, mean)
+    whole = Scatter(scatter.rows, scatter.limits)
+    return own or _of_several_rows(criterion, whole, mean) or AnyPricing(criterion, whole, mean)
 
 
 def _of_several_rows(criterion: Criterion, scatter: Scatter, mean: Array) -> Pricing | None:
@@ -123,7 +135,8 @@ def search_for(
     if not limits.sized:
         rows = [np.concatenate([each, np.zeros((1, *each.shape[1:]))]) for each in rows]
     own = replace(limits, base=T.T @ limits.base @ T)
-    scatter = scatter_for(transformed.plan_criterion, rows, own)
+    models = bare.models if len(problems) > 1 else None
+    scatter = scatter_for(transformed.plan_criterion, rows, own, models)
     pricing = pricing_for(transformed.plan_criterion, scatter, mean)
     return CountsSearch(
         criterion=transformed,
@@ -141,15 +154,19 @@ def _apart(bare: Problem, T: Array) -> tuple[list[Problem], tuple[slice, ...]]:
     return [bare], (slice(None),)
 
 
-def scatter_for(criterion: Criterion, rows: Sequence[Array], limits: Limits) -> Scatter:
+def scatter_for(
+    criterion: Criterion, rows: Sequence[Array], limits: Limits, models: Models | None = None
+) -> Scatter:
     """The information of rows, of several models that nothing mixes in blocks.
 
     Args:
-        criterion: Tells the models, if there are several.
+        criterion: Tells the models, if it is made of criteria of each.
         rows: Rows (n, r_j, p_j) about each model, or those (n, r, p) of all alone.
         limits: What every plan has and obeys.
+        models: Those that the rows are about, if they are several lists.
     """
-    models = criterion.models if isinstance(criterion, SeveralCriteria) else None
+    if isinstance(criterion, SeveralCriteria):
+        models = criterion.models
     mixes = models is None or bool(limits.blocks) or not models.are_apart(limits.base)
     if models is not None and not mixes and models.sizes == tuple(one.shape[-1] for one in rows):
         return ModelScatter(rows, limits, models)

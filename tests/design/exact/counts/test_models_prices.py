@@ -8,6 +8,7 @@ from criteria.linalg.models import Models
 from edtk.design.exact.counts.any_prices import AnyPricing
 from edtk.design.exact.counts.counts_bound import Scatter
 from edtk.design.exact.counts.limits import Limits
+from edtk.design.exact.counts.mean_variance_prices import MeanVariancePricing
 from edtk.design.exact.counts.models_prices import ModelScatter, ModelsPricing
 from edtk.design.exact.counts.pricing_for import pricing_for, scatter_for
 from edtk.design.information import side_by_side
@@ -78,6 +79,53 @@ def test_the_best_exchange_is_that_of_one_matrix(name, ridge):
         np.testing.assert_allclose(costs[np.arange(3), new], costs.min(axis=1), rtol=1e-9)
         np.testing.assert_allclose(gain, expected, atol=1e-9)
         assert (short.best(place, None)[1] <= gain + 1e-9).all()
+
+
+@pytest.mark.parametrize("ridge", [0.0, 1e-6])
+def test_exchanges_under_a_sum_of_variances_are_those_of_one_matrix(ridge):
+    """Over a sweep, the best candidate and its gain are those of a look at the whole matrix."""
+    rows = [RNG.normal(size=(N, 1, 3)) for _ in range(4)]
+    models = Models((3,) * 4)
+    base = models.diagonal([np.diag(RNG.random(3)) for _ in range(4)])
+    limits = Limits(M, base)
+    roots = [RNG.normal(size=(3, 2)) for _ in range(4)]
+    criterion = criteria.create("I", root=models.diagonal(roots))
+    scatter = scatter_for(criterion, rows, limits, models)
+    whole = Scatter(side_by_side(rows), limits)
+    mean = whole.information(np.arange(N)[None])[0] / N
+    pricing = pricing_for(criterion, scatter, mean)
+    assert type(pricing) is MeanVariancePricing
+    every = AnyPricing(criterion, whole, mean)
+    places = plans(3)
+    if ridge:
+        places[1] = places[1, 0]  # a singular plan, but for the base
+    prices = pricing.prices(places, ridge, 0)
+    for place in range(M):
+        trials = np.repeat(places[:, None], N, axis=1)
+        trials[:, :, place] = np.arange(N)
+        allowed = RNG.random((3, N)) < 0.8
+        costs = criterion.cost(every.information(trials.reshape(-1, M), ridge)).reshape(3, N)
+        costs[~allowed] = np.inf
+        present = criterion.cost(every.information(places, ridge))
+        new, gain = prices.best(place, allowed)
+        np.testing.assert_allclose(costs[np.arange(3), new], costs.min(axis=1), rtol=1e-9)
+        np.testing.assert_allclose(gain, 1 - costs.min(axis=1) / present, atol=1e-9)
+        better = np.flatnonzero(gain > 0)
+        prices.replace(better, place, new[better])
+        places[better, place] = new[better]
+    np.testing.assert_allclose(
+        pricing.scores(places, ridge), every.scores(places, ridge), rtol=1e-9
+    )
+
+
+def test_sums_of_variances_across_models_keep_one_matrix():
+    """Of a slope that mixes models, or of several rows, the prices are the general ones."""
+    mean = Scatter(ROWS, NONE).information(np.arange(N)[None])[0] / N
+    own_rows = [ROWS[:, :, part] for part in Models(SIZES).parts]
+    each = [rows[:, rows.any(axis=(0, 2))] for rows in own_rows]
+    criterion = criteria.create("A")
+    pricing = pricing_for(criterion, scatter_for(criterion, each, NONE, Models(SIZES)), mean)
+    assert type(pricing) is not MeanVariancePricing
 
 
 def test_blocks_of_time_and_priors_across_models_keep_one_matrix():
