@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from edtk.cell.sight import Sight
 from edtk.design.design_space import weighted_information
 from edtk.design.expansion import Expansion, NotPolynomialError, expand
-from edtk.design.information import Known, Rows, nearly_equal, pack_gram
+from edtk.design.information import Known, ModelRows, Rows, nearly_equal, pack_gram
 from edtk.design.problem import Problem
 from edtk.design.user_model import as_names, point_text, variable_names
 from edtk.system.errors import ArgumentError, whole_number
@@ -522,6 +522,11 @@ class Region(Presented):
     def problem(self, x: ArrayLike) -> Problem:
         """Make a problem of arrays with the points x (n, d) as its candidates."""
         points = np.asarray(x, dtype=float).reshape(-1, self.size)
+        each = () if self.robust is None else self.robust.models
+        if len(each) > 1:
+            kept: Rows = ModelRows([Rows.of(model.rows_at(points)) for model in each])
+            kept = kept if self._T is None else kept.times(self._T)
+            return Problem.of_kept(kept, self.parameters, self.known)
         found = Problem(self.rows_at(points), 1.0, self.parameters)
         return found if self.known is None else found.with_prior(self.known)
 
