@@ -57,6 +57,9 @@ def full_factorial(factors: Mapping[str, Any] | Sequence[int]) -> "pd.DataFrame"
     import pandas as pd
 
     given = factors
+    if not isinstance(given, Mapping | Sequence):
+        message = "expected levels by name, or a list of numbers of levels"
+        raise ArgumentError(message, argument="factors")
     if not isinstance(given, Mapping):
         given = dict(zip(_letters(len(given)), given, strict=True))
     if not given:
@@ -450,10 +453,7 @@ def n_choose_k(
         >>> len(edtk.candidates.n_choose_k(mixtures, ["a", "b", "c", "d"], most=2))
         22
     """
-    missing = [name for name in columns if name not in frame.columns]
-    if missing:
-        message = f"no column {missing[0]!r}; the frame has {', '.join(map(str, frame.columns))}"
-        raise ArgumentError(message, argument="columns")
+    _require_columns(frame, columns, "columns")
     least = whole_number(least, "least", 0)
     most = whole_number(most, "most", least)
     number = (frame[list(columns)] != 0).sum(axis=1)
@@ -715,11 +715,23 @@ def coded(frame: "pd.DataFrame", factors: Mapping[str, tuple[float, float]]) -> 
 
 def _columns(frame: "pd.DataFrame", names: Sequence[str]) -> Array:
     """Some columns (n, k) of a frame."""
+    _require_columns(frame, names, "factors")
+    return frame[list(names)].to_numpy(dtype=float)
+
+
+def _require_columns(frame: "pd.DataFrame", names: Iterable[str], argument: str) -> None:
+    """Check that a data frame has such columns.
+
+    Raises:
+        ArgumentError: It is none, or has not.
+    """
+    if not hasattr(frame, "columns"):
+        message = f"expected a data frame, not {type(frame).__name__}"
+        raise ArgumentError(message, argument="frame")
     missing = [name for name in names if name not in frame.columns]
     if missing:
         message = f"no column {missing[0]!r}; the frame has {', '.join(map(str, frame.columns))}"
-        raise ArgumentError(message, argument="factors")
-    return frame[list(names)].to_numpy(dtype=float)
+        raise ArgumentError(message, argument=argument)
 
 
 @dataclass(frozen=True, eq=False)

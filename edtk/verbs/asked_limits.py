@@ -72,7 +72,10 @@ class Budgets:
         if each.ndim > 1 and funds.shape != (len(prices),):
             message = f"expected {len(prices)} numbers, one for each row of costs"
             raise ArgumentError(message, argument="cost_budget", given=budget)
-        if funds.ndim > each.ndim - 1 or not (funds > 0).all():
+        if each.ndim == 1 and funds.ndim:
+            message = "expected one number; several budgets need costs (k, n) of each"
+            raise ArgumentError(message, argument="cost_budget", given=budget)
+        if not (funds > 0).all():
             raise ArgumentError("expected above 0", argument="cost_budget", given=budget)
         return cls(prices, np.atleast_1d(funds), each.ndim == 1)
 

@@ -115,7 +115,11 @@ def _seen(name: str, design: Any, model: Problem | Region | None) -> ModelDesign
         message = f"expected indices of candidates, from 0 to {model.n - 1}"
         raise ArgumentError(message, argument="designs", given=name)
     counts = np.bincount(chosen, minlength=model.n)
-    return ModelDesign.of_counts(model, known.create("D"), counts, len(chosen))
+    found = ModelDesign.of_counts(model, known.create("D"), counts, len(chosen))
+    if found.is_open:
+        message = "tells too little for a value: some parameters are open"
+        raise ArgumentError(message, argument="designs", given=name)
+    return found
 
 
 def _of_study(designs: Mapping[str, Any], study: Any, criteria: Sequence[Any] | None) -> Comparison:

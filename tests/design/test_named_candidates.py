@@ -249,6 +249,8 @@ def test_frames_are_what_problems_take() -> None:
         ),
         (lambda: extreme_vertices({"a": (0.5, 0.2), "b": (0, 1)}), "low below high"),
         (lambda: n_choose_k(pd.DataFrame({"a": [1]}), ["b"], 1), "no column 'b'; the frame has a"),
+        (lambda: n_choose_k([1, 2], ["b"], 1), "frame: expected a data frame, not list"),
+        (lambda: full_factorial(None), "factors: expected levels by name"),
         (lambda: n_choose_k(simplex_lattice(2, 2), ["A", "B"], 0), "most: no candidate .*: 1 to 2"),
         (lambda: simplex_lattice(["a", "a"], 2), "'a' is there twice"),
         (lambda: sobol("ab", 4), "expected a number of factors"),

@@ -222,3 +222,20 @@ def test_blocks_have_no_such_pictures():
     plan = edtk.plan(slopes, blocks=(3, 3), starts=1)
     with pytest.raises(UserError, match="blocks and experiments kept elsewhere"):
         plan.plot(kind="fds")
+
+
+def test_what_is_drawn_is_seen(designs):
+    """Equal variances are below the frame, small biases are no zeros, candidates are whole."""
+    corners = pd.DataFrame(itertools.product([-1.0, 1.0], repeat=3), columns=list("ABC"))
+    problem = edtk.Problem.from_frame(corners, "A + B + C")
+    alike = edtk.relax(problem)
+    line = alike.plot(kind="fds")
+    assert line.get_ylim()[1] > line.lines[0].get_ydata().max() * 1.05
+    assert all(tick == round(tick) for tick in alike.plot().get_xticks())
+    assert "area by weight" in designs["relaxed"].plot(kind="variance").get_xlabel()
+    assert "area by number" in designs["region"].plot(kind="variance").get_xlabel()
+    small = 1e-4 * corners.A.to_numpy() * corners.B.to_numpy() * corners.C.to_numpy()
+    half = edtk.plan(problem, size=4, starts=4)
+    cells = [text.get_text() for text in half.plot(kind="alias", beyond={"e": small}).texts]
+    assert sorted(cells)[-1] in ("0.0001", "1e-04") or "-0.0001" in cells
+    assert "0.00" not in cells

@@ -252,6 +252,7 @@ PROBLEM = edtk.Problem(RNG.normal(size=(5, 1, 2)))
         ({"size": 4, "costs": [1] * 5}, "cost_budget: expected beside costs"),
         ({"costs": [1, 1, 1, 1, 0], "cost_budget": 3.0}, "costs: expected a positive number"),
         ({"costs": [1] * 5, "cost_budget": 0.5}, "cost_budget 0.5: the cheapest candidate costs 1"),
+        ({"size": 4, "costs": [1] * 5, "cost_budget": [3, 4]}, "expected one number; several"),
         ({"size": 4, "costs": [1] * 5, "cost_budget": 3}, "4 new experiments cost 4 or more"),
         ({"size": 5, "blocks": (2, 2)}, "blocks of 4 experiments in all, expected 5"),
         ({"blocks": (2, 0)}, "expected sizes of blocks, whole and positive"),

@@ -178,12 +178,24 @@ class ModelDesign:
         Raises:
             UserError: The design leaves parameters open.
         """
-        lengths = np.linalg.norm(self.rows, axis=0)
-        unit = np.where(lengths > 0, lengths, 1.0)
-        R = np.linalg.qr(self.rows / unit, mode="r")
-        if len(R) < self.p or np.linalg.svd(R, compute_uv=False)[-1] <= OPEN or not lengths.all():
+        R, unit = self._triangle
+        if self.is_open:
             raise UserError("the design leaves parameters open")
         return np.asarray(R * unit)
+
+    @cached_property
+    def is_open(self) -> bool:
+        """Whether the design does not tell some parameters."""
+        R, _ = self._triangle
+        is_square = len(R) == self.p and np.diag(R).all()
+        return bool(not is_square or np.linalg.svd(R, compute_uv=False)[-1] <= OPEN)
+
+    @cached_property
+    def _triangle(self) -> tuple[Array, Array]:
+        """R at unit lengths of the columns, and the lengths (p,)."""
+        lengths = np.linalg.norm(self.rows, axis=0)
+        unit = np.where(lengths > 0, lengths, 1.0)
+        return np.linalg.qr(self.rows / unit, mode="r"), unit
 
     @cached_property
     def covariance(self) -> Array:

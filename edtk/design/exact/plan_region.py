@@ -177,8 +177,9 @@ def plan_region(
     # The points leave the grid afterwards, so that a look at all of it would be wasted on most.
     places, costs = exchange(problem, judged.criterion, places, thorough=False)
     if not np.isfinite(costs).any():
+        experiments = f"{size} experiment{'s' if size > 1 else ''}"
         raise UserError(
-            f"no plan of {size} experiments identifies what is asked for; expected more of them"
+            f"no plan of {experiments} identifies what is asked for; expected more of them"
         )
     progress("exchange", float(np.min(costs)))
     best = search.best_refined(x, places, costs)

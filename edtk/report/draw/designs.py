@@ -30,6 +30,8 @@ DISTANT = 10.0  # ratio of two effects beyond which they share a logarithmic axi
 WRITTEN = 12  # columns up to which each cell of a map has its number
 AREA = 120.0  # of the marker of the experiment that is made most often [square points]
 SAME = 1e-9  # relative difference of standard deviations that are one
+HUNDREDTH = 1e-2  # least of the largest number of a map whose numbers have two decimals
+ROUNDED = 1e-9  # part of the largest below which a number is rounding
 FULL = 0.999  # power at which the axis of effects ends
 BY_NOISE = "variance of prediction /\nvariance of noise"
 OF_ONE = "variance of prediction x experiments /\nvariance of noise"
@@ -92,7 +94,8 @@ def _fds(design: ModelDesign, ax: "Axes") -> None:
     ax.set_xlabel("fraction of the region" if is_region else "fraction of the candidates")
     ax.set_ylabel(_variance_label(design))
     ax.set_xlim(0, 1)
-    ax.set_ylim(bottom=0)
+    # Room for the words above the median, where all variances are the same.
+    ax.set_ylim(0, 1.1 * float(variances[-1]) or 1.0)
 
 
 def _variance_label(design: ModelDesign) -> str:
@@ -256,7 +259,7 @@ def _variance_curve(
         ax.plot(x, evaluate(x[:, None]), color=BLUE)
     made = _made(design, places)[:, where[0]]
     ax.scatter(made, np.zeros(len(made)), s=_areas(design), color=ORANGE, clip_on=False, zorder=3)
-    ax.set_xlabel(f"{plain(places.names[where[0]])} (dots: the experiments, area by number)")
+    ax.set_xlabel(f"{plain(places.names[where[0]])} (dots: the experiments, {_area_of(design)})")
     ax.set_ylabel(_variance_label(design))
     ax.set_ylim(bottom=0)
     ax.grid(alpha=0.3)
@@ -285,7 +288,7 @@ def _variance_map(
     discs: dict[str, Any] = {"color": "w", "edgecolor": "k", "clip_on": False, "zorder": 3}
     ax.scatter(made[:, 0], made[:, 1], s=_areas(design), **discs)
     first, second = (plain(places.names[i]) for i in where)
-    ax.set(xlabel=f"{first} (discs: the experiments, area by number)", ylabel=second)
+    ax.set(xlabel=f"{first} (discs: the experiments, {_area_of(design)})", ylabel=second)
     assert ax.figure is not None
     ax.figure.colorbar(shown, ax=ax, label=_variance_label(design))
 
@@ -293,6 +296,10 @@ def _variance_map(
 def _made(design: ModelDesign, places: Places) -> Array:
     """The variables (k, d) of the experiments that are made."""
     return design.support.values if design.chosen is None else places.values[design.chosen]
+
+
+def _area_of(design: ModelDesign) -> str:
+    return "area by weight" if design.size is None else "area by number"
 
 
 def _areas(design: ModelDesign) -> Array:
@@ -414,12 +421,20 @@ def _cells(
         for place, value in enumerate(values.ravel().tolist()):
             i, j = divmod(place, values.shape[1])
             is_dark = abs(value) > 0.6 * limits[1]
-            number = f"{value + 0.0:.2f}".replace("-0.00", "0.00")
             colour = "white" if is_dark else "#111111"
-            ax.text(j, i, number, ha="center", va="center", fontsize=8, color=colour)
+            ax.text(
+                j, i, _number(value, limits[1]), ha="center", va="center", fontsize=8, color=colour
+            )
     name_ticks(ax, columns, rows)
     assert ax.figure is not None
     ax.figure.colorbar(image, ax=ax, label=label)
+
+
+def _number(value: float, largest: float) -> str:
+    """A number among others: two decimals, or three digits where two decimals do not suit them."""
+    if HUNDREDTH <= largest < 1 / HUNDREDTH:
+        return f"{value + 0.0:.2f}".replace("-0.00", "0.00")
+    return f"{value:.3g}" if abs(value) > ROUNDED * largest else "0"
 
 
 def _efficiencies(design: ModelDesign, ax: "Axes", criteria: Sequence[Any] | None = None) -> None:

@@ -26,7 +26,7 @@ from edtk.system.typing import Array
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-
+NUMBERED = "candidate"  # the axis of candidates that have numbers alone
 MOST = 5000  # candidates beyond which the largest sensitivity of neighbours is drawn
 
 
@@ -124,6 +124,8 @@ def _sensitivities(
     support = found.support
     design_stems(at[support], found.weights[support], "weight", plain(label), ax)
     ax.set_ylim(min(0.0, float(relative.min())), 1.05)
+    if label == NUMBERED:
+        ax.xaxis.get_major_locator().set_params(integer=True)
 
 
 def _places(problem: Problem, x: ArrayLike | str | None) -> tuple[Array, str]:
@@ -140,11 +142,11 @@ def _places(problem: Problem, x: ArrayLike | str | None) -> tuple[Array, str]:
         if x is not None:
             message = "the candidates do not come from a data frame; expected numbers"
             raise ArgumentError(message, argument="x", given=repr(x))
-        return numbers, "candidate"
+        return numbers, NUMBERED
     columns = problem.frame.select_dtypes("number").columns
     if x is None:
         if len(columns) != 1:
-            return numbers, "candidate"
+            return numbers, NUMBERED
         x = str(columns[0])
     if x not in columns:
         names = ", ".join(map(str, columns))
