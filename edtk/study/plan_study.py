@@ -48,8 +48,8 @@ TOLERANCE = 1e-5  # relative gap, beyond which a bound would not change how a pl
 CANDIDATES = 0  # the stream of random numbers that candidates come from
 # Descents hold matrices whose order grows with the number of distinct poses.
 MOST_DISTINCT = 200
-# Time [s] of a search after which it is worth while to start further processes, each of which takes
-# a second to load what it needs.
+# Time [s] of the processor that a search has taken, and has left to take, from which on it is worth
+# while to start further processes, each of which takes a second to load what it needs.
 ALONE = 2.0
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from time import monotonic
+from time import monotonic, process_time
 
 import numpy as np
 
@@ -198,8 +198,9 @@ class SearchOptions:
         seconds: Time [s] after which the best plan so far is returned; one piece of work, of one
             batch or a few small ones, is begun at least.
         workers: Workers for the pieces.
-        alone: Time [s] for which batches are done in this process before others of this machine
-            are started, which takes longer than many a search.
+        alone: Time [s] of the processor, which other work does not change, for which batches are
+            done in this process before others of this machine are started, which takes longer than
+            many a search; and least time that is left then.
         progress: Called with the number of starts so far and the best cost.
     """
 
@@ -353,10 +354,9 @@ class _Search:
         """
         options = self.options
         most = -(-options.starts // BATCH_SIZE)
-        since = monotonic()
+        since = process_time()
         while record.batches < most:
-            early = not options.workers.remote and monotonic() - since < options.alone
-            workers = Workers() if early else options.workers
+            workers = self._workers(record, process_time() - since)
             wave = self._wave(record, workers.size, most)
             # The whole wave is awaited: entered as they come, batches would depend on speed.
             for _, answers in sorted(workers.run(wave), key=lambda done: done[0]):
@@ -396,12 +396,27 @@ class _Search:
         """Number of inequalities of the plans of a batch."""
         return BATCH_SIZE * self.places * max(1, len(self.space.workspace.inequalities))
 
+    def _workers(self, record: SearchRecord, spent: float) -> Workers:
+        """Who does the next batches, after so much time [s] of this processor.
+
+        Others are started once the search has taken long enough, if what is left to do, as far as
+        one knows, takes as long again.
+        """
+        options = self.options
+        ahead = spent / max(1, record.batches) * self._left(record)
+        early = not options.workers.remote and min(spent, ahead) < options.alone
+        return Workers() if early else options.workers
+
+    def _left(self, record: SearchRecord) -> int:
+        """Number of batches before which the search does not end."""
+        return self.options.patience - record.idle + (1 if record.empty else 0)
+
     def _wave(self, record: SearchRecord, pieces: int, most: int) -> list[Batches]:
         """So many pieces of work, from the next batch on, each of several batches."""
         size = min(TOGETHER // self._variables, INEQUALITIES // self._inequalities)
-        # The search ends no sooner; batches beyond these may be in vain.
+        # Batches beyond these may be in vain.
         first = record.batches
-        left = self.options.patience - record.idle + (1 if record.empty else 0)
+        left = self._left(record)
         size = max(1, min(size, -(-left // pieces)))
         if np.isfinite(time_left()):
             # What is not done when the time is over is lost: as much at most as is done already.
