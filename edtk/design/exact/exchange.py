@@ -164,8 +164,7 @@ def _settled(
     search = _in_turn(problem, criterion, times) if thorough else None
     if search is None:
         return places.copy(), np.zeros(len(places), dtype=bool)
-    costs, found = search.descended(places)
-    return found, np.isfinite(costs) & search.has_inverse(found)
+    return search.descended(places)
 
 
 def _in_turn(problem: Problem, criterion: Criterion, times: Array) -> CountsSearch | None:

@@ -393,18 +393,21 @@ class CountsSearch:
 
     def _settled(self, places: Indices) -> tuple[Array, Indices]:
         """Costs (b,) and places (b, m) of plans, improved without a ridge where that may be."""
-        costs = self._costs(places)
-        regular = np.isfinite(costs) & self.has_inverse(places)
+        places, _ = self._without_ridge(places)
+        return self._costs(places), places
+
+    def _without_ridge(self, places: Indices) -> tuple[Indices, Mask]:
+        """Places (b, m), improved without a ridge where they are of regular plans, and where."""
+        regular = np.isfinite(self._costs(places)) & self._has_inverse(places)
         if regular.any() and not out_of_time():
             places[regular] = self._improved(places[regular], 0.0)
             if self.limits.linear is not None:
                 places[regular] = self._improved_jointly(places[regular])
-            costs = self._costs(places)
-        return costs, places
+        return places, regular
 
-    def descended(self, places: Indices) -> tuple[Array, Indices]:
-        """Costs (b,) and places (b, m) after exchanges, of which none improves a regular plan."""
-        return self._settled(self._improved(places, RIDGE))
+    def descended(self, places: Indices) -> tuple[Indices, Mask]:
+        """Places (b, m) after exchanges, and which plans are regular: none improves these."""
+        return self._without_ridge(self._improved(places, RIDGE))
 
     def _starts(self, rng: np.random.Generator, first: bool, size: int) -> Indices:
         """Places (b, m) to start from: rounded weights, then by weight and at random in turn."""
@@ -440,7 +443,7 @@ class CountsSearch:
         own = exchange_jointly(self.pricing, limits, places[first], 0.0)
         return self._improved(own, 0.0)[back.ravel()]
 
-    def has_inverse(self, places: Indices) -> Mask:
+    def _has_inverse(self, places: Indices) -> Mask:
         """Which plans (b, m) have an inverse from which prices can be taken.
 
         A criterion of some combinations may be finite, and the best, where there is none.

@@ -71,17 +71,25 @@ class DeterminantPrices(Prices):
 
     def best(self, place: int, allowed: Mask | None) -> tuple[Indices, Array]:
         """The candidate of the largest determinant, and by how much it exceeds the present one."""
+        ratio = self.look(place)
+        if allowed is not None:
+            ratio[~allowed] = -np.inf
+        new = ratio.argmax(axis=1)
+        self.ratio = ratio[np.arange(len(new)), new] + self.rest
+        return new, self.ratio - 1.0
+
+    def look(self, place: int) -> Array:
+        """Ratios of determinants (b, n) with each candidate at a place, less ``1 - d(o)``.
+
+        What an exchange needs is kept: C o, ``1 - d(o)`` as `rest`, and g of all candidates.
+        """
         own = self.pricing.rows[self.places[:, place]]
         self.along = (self.cov @ own[:, :, None])[:, :, 0]
         self.rest = 1.0 - (own * self.along).sum(axis=1)
         self.joint = self.along @ self.pricing.turned
         ratio = self.joint * self.joint
         ratio += self.variance * self.rest[:, None]
-        if allowed is not None:
-            ratio[~allowed] = -np.inf
-        new = ratio.argmax(axis=1)
-        self.ratio = ratio[np.arange(len(new)), new] + self.rest
-        return new, self.ratio - 1.0
+        return ratio
 
     def replace(self, which: Indices, place: int, new: Indices) -> None:
         """Update covariance and variances by the lemma of Sherman, Morrison and Woodbury.

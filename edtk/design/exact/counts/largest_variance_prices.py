@@ -64,10 +64,10 @@ class LargestVariancePrices(DeterminantPrices):
 
     def best(self, place: int, allowed: Mask | None) -> tuple[Indices, Array]:
         """The candidate of the least largest variance, and the relative decrease."""
-        super().best(place, None)
+        ratio = self.look(place)
+        ratio += self.rest[:, None]
         pricing = self.pricing
         one = 1.0 + self.variance
-        ratio = one * self.rest[:, None] + self.joint * self.joint
         is_regular = ratio > LEAST_RATIO
         divisor = np.where(is_regular, ratio, 1.0)
         told = pricing.flat @ self.cov

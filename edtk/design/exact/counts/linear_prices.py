@@ -49,15 +49,14 @@ class LinearPrices(DeterminantPrices):
 
     def best(self, place: int, allowed: Mask | None) -> tuple[Indices, Array]:
         """The candidate of the least trace, and the relative decrease."""
-        super().best(place, None)
+        ratio = self.look(place)
+        ratio += self.rest[:, None]
         turned = self.pricing.turned
         self.bent = (self.cov @ (self.along @ self.pricing.slope)[:, :, None])[:, :, 0]
         self.own = ((self.along @ self.pricing.slope) * self.along).sum(axis=1)
         self.side = self.bent @ turned
-        one = 1.0 + self.variance
-        ratio = one * self.rest[:, None] + self.joint * self.joint
         fall = self.rest[:, None] * self.effect + 2 * self.joint * self.side
-        fall -= one * self.own[:, None]
+        fall -= (1.0 + self.variance) * self.own[:, None]
         fall = np.divide(fall, ratio, out=np.full_like(fall, -np.inf), where=ratio > LEAST_RATIO)
         if allowed is not None:
             fall[~allowed] = -np.inf
