@@ -56,7 +56,7 @@ def full_factorial(factors: Mapping[str, Any] | Sequence[int]) -> "pd.DataFrame"
     """
     import pandas as pd
 
-    given = factors
+    given: Any = factors
     if not isinstance(given, Mapping | Sequence):
         message = "expected levels by name, or a list of numbers of levels"
         raise ArgumentError(message, argument="factors")

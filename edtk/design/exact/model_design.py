@@ -195,7 +195,7 @@ class ModelDesign:
         """R at unit lengths of the columns, and the lengths (p,)."""
         lengths = np.linalg.norm(self.rows, axis=0)
         unit = np.where(lengths > 0, lengths, 1.0)
-        return np.linalg.qr(self.rows / unit, mode="r"), unit
+        return np.asarray(np.linalg.qr(self.rows / unit, mode="r")), unit
 
     @cached_property
     def covariance(self) -> Array:

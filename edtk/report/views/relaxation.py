@@ -125,7 +125,9 @@ def _sensitivities(
     design_stems(at[support], found.weights[support], "weight", plain(label), ax)
     ax.set_ylim(min(0.0, float(relative.min())), 1.05)
     if label == NUMBERED:
-        ax.xaxis.get_major_locator().set_params(integer=True)
+        from matplotlib.ticker import MaxNLocator
+
+        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
 
 
 def _places(problem: Problem, x: ArrayLike | str | None) -> tuple[Array, str]:

@@ -159,7 +159,11 @@ def _require_enough(search: ArrangedSearch, errors: Errors) -> None:
             alike = p - int(np.linalg.matrix_rank(U))
             told = groups * search.rows.shape[1]
             if told < alike:
-                names = [name for s in some for name in hard_names(errors.levels[s].hard)]
+                names: list[str] = []
+                for s in some:
+                    hard = errors.levels[s].hard
+                    assert hard is not None
+                    names += hard_names(hard)
                 settings_of = f"setting{'s' if groups > 1 else ''} of {' and '.join(names)}"
                 raise UserError(
                     f"in {errors.headline()}, runs have {groups} {settings_of} at most: enough for "

@@ -88,7 +88,7 @@ class MeanVariancePrices(Prices):
         self.pricing = pricing
         self.places = places
         self.M = M
-        self.cov = np.linalg.inv(M)
+        self.cov = np.asarray(np.linalg.inv(M), dtype=float)
 
     def best(self, place: int, allowed: Mask | None) -> tuple[Indices, Array]:
         """The candidate of the least sum of variances, and the relative decrease."""
@@ -100,7 +100,8 @@ class MeanVariancePrices(Prices):
         joint = (along[:, :, None] @ pricing.turned)[:, :, 0]
         side = ((bent[:, :, None] @ self.cov) @ pricing.turned)[:, :, 0]
         one = 1.0 + pricing.over_candidates(self.cov)
-        fall = rest * pricing.over_candidates(self.cov @ pricing.slope @ self.cov)
+        spread = np.asarray(self.cov @ pricing.slope @ self.cov)
+        fall = rest * pricing.over_candidates(spread)
         fall += 2.0 * joint * side
         fall -= one * (bent * along).sum(axis=-1)[..., None]
         joint *= joint
