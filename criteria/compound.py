@@ -11,7 +11,7 @@ from criteria.curvature import Curvature
 from criteria.errors import CriterionError
 from criteria.linalg.typing import Array
 from criteria.registry import register
-from criteria.relaxable import Formulation
+from criteria.relaxable import Formulation, Relaxable
 from criteria.several_criteria import SeveralCriteria
 
 if TYPE_CHECKING:
@@ -64,6 +64,11 @@ class Compound(SeveralCriteria):
                     f"criterion 'compound': the logarithm of {part.label!r} has no convex form; "
                     "expected D, A, O1, rho0, I, c, Ds or phi"
                 )
+
+    def _take(self, parts: Sequence[Relaxable]) -> None:
+        """Set the criteria; of several matrices together they know what all of them do."""
+        super()._take(parts)
+        self.batched_curvature = all(part.batched_curvature for part in parts)
 
     @property
     def arguments(self) -> dict[str, Any]:

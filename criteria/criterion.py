@@ -1,6 +1,7 @@
 """The abstract criterion, the laws that every criterion obeys, and its plainest kinds."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from functools import cache
 from typing import Any, Literal, Self, final
 
@@ -27,6 +28,8 @@ DESCRIBED = (
 # Of an entry of M, in parts of the root of the product of its two diagonal entries. A one-sided
 # difference errs by the step (truncation) and by eps/step (rounding), here 1e-6 and 2e-10.
 STEP = 1e-6
+# Least eigenvalue of M at unit diagonal from which on costs have nine digits.
+LOSES_DIGITS = 1e-6
 
 
 Sense = Literal["min", "max"]
@@ -300,6 +303,30 @@ class Criterion(ABC):
             cost = np.where(np.isfinite(M).all(axis=(-2, -1)), cost, np.nan)
         return cost[()]
 
+    @final
+    def cost_by_rows(self, M: Array, rows: Callable[[int], Array]) -> Array:
+        """Costs (...) of information ``M = B'B``, as sharp as whitened rows B tell them.
+
+        M has the square of the rows' condition number. A plan that all but leaves a direction
+        open, as one for a target may, loses six digits of its cost in it. Such costs are computed
+        for parameters ``k = T k'`` in which the rows are orthonormal, where T is of their QR
+        factorization. Which M are worthless is decided as in `cost`.
+
+        Args:
+            M: Information matrices (..., p, p).
+            rows: The rows (n, p) of the one of this number; only those that are needed are asked.
+        """
+        costs = np.array(self.cost(M))
+        is_blurred = np.isfinite(costs) & ~guarded_inverse(M, LOSES_DIGITS)[2]
+        for i in np.flatnonzero(is_blurred).tolist():
+            B = rows(i)
+            lengths = np.linalg.norm(B, axis=0)
+            T = np.linalg.inv(np.linalg.qr(B / lengths, mode="r")) / lengths[:, None]
+            own = self.transformed(T)
+            if own is not None:
+                costs.flat[i] = own.cost(np.eye(len(T)))
+        return costs[()]
+
     # Exchanges and differences update inverses by low-rank lemmas; another inversion, with its
     # test of singularity, would be paid for every trial.
     @final
@@ -393,41 +420,18 @@ def derivatives(criterion: Criterion, M: Array) -> tuple[Array, Array, Array]:
     Returns:
         Costs f (b,), gradients G (b, p, p) and K (b, q, q); inf, nan and nan where M is singular.
     """
-    if not (criterion.batched_curvature and criterion.needs_all):
-        return differences(criterion, M)
     safe, cov, regular = criterion.inverse(M)
-    R = _root(cov)
-    terms = criterion.curvatures(R)
-    if not terms:
-        return differences(criterion, M)
     cost = np.where(regular, criterion.cost_of_regular(safe, cov), np.inf)
-    G = criterion.gradient_of_regular(safe, cov)
+    is_known = criterion.batched_curvature and criterion.needs_all
+    R = _root(cov) if is_known else cov
+    terms = criterion.curvatures(R) if is_known else ()
+    if terms:
+        G = criterion.gradient_of_regular(safe, cov)
+        K = _by_curvature(terms, R, cost)
+    else:
+        G, K = _by_differences(criterion, safe, cov)
     nan = np.where(regular, 0.0, np.nan)[:, None, None]
-    return cost, G + nan, _by_curvature(terms, R, cost) + nan
-
-
-def differences(criterion: Criterion, M: Array) -> tuple[Array, Array, Array]:
-    """What `derivatives` tells, with second derivatives by differences of the gradient.
-
-    Near singular M, where the cost bends the most, a difference is an average over its step: a
-    Newton step that rests on it goes farther. One call evaluates all differences of all matrices;
-    the inverse changes by ``-cov (dM - dM cov dM) cov``, to second order.
-    """
-    safe, cov, regular = criterion.inverse(M)
-    i, j = triangle(M.shape[-1])
-    # Steps follow the diagonal of M, so that parameters may have any units.
-    d = unit_scale(np.diagonal(safe, axis1=1, axis2=2))
-    dM = STEP * (d[:, :, None] * d[:, None])[:, None] * _entries(M.shape[-1])
-    C = np.broadcast_to(cov[:, None], dM.shape)
-    change = dM @ C
-    G = criterion.gradient_of_regular(safe[:, None] + dM, C - C @ (change - change @ change))
-    difference = G[:, 1:, i, j] - G[:, :1, i, j]
-    # An entry off the diagonal stands for two entries of M.
-    weight = np.where(i == j, 1.0, 2.0)
-    K = difference * weight / (STEP * d[:, i] * d[:, j])[..., None]
-    cost = np.where(regular, criterion.cost_of_regular(safe, cov), np.inf)
-    nan = np.where(regular, 0.0, np.nan)[:, None, None]
-    return cost, G[:, 0] + nan, 0.5 * (K + np.swapaxes(K, 1, 2)) + nan
+    return cost, G + nan, K + nan
 
 
 def _root(cov: Array) -> Array:
@@ -447,6 +451,26 @@ def _by_curvature(terms: tuple[Curvature, ...], R: Array, cost: Array) -> Array:
     K += slope[:, :, None] * slope[:, None]
     K *= np.where(np.isfinite(cost), cost, 0.0)[:, None, None]
     return K
+
+
+def _by_differences(criterion: Criterion, safe: Array, cov: Array) -> tuple[Array, Array]:
+    """Gradients (b, p, p) and second derivatives (b, q, q) at regular matrices and their inverses.
+
+    One call evaluates all differences of all matrices; the inverse changes by
+    ``-cov (dM - dM cov dM) cov``, to second order.
+    """
+    i, j = triangle(safe.shape[-1])
+    # Steps follow the diagonal of M, so that parameters may have any units.
+    d = unit_scale(np.diagonal(safe, axis1=1, axis2=2))
+    dM = STEP * (d[:, :, None] * d[:, None])[:, None] * _entries(safe.shape[-1])
+    C = np.broadcast_to(cov[:, None], dM.shape)
+    change = dM @ C
+    G = criterion.gradient_of_regular(safe[:, None] + dM, C - C @ (change - change @ change))
+    difference = G[:, 1:, i, j] - G[:, :1, i, j]
+    # An entry off the diagonal stands for two entries of M.
+    weight = np.where(i == j, 1.0, 2.0)
+    K = difference * weight / (STEP * d[:, i] * d[:, j])[..., None]
+    return G[:, 0], 0.5 * (K + np.swapaxes(K, 1, 2))
 
 
 class CovarianceCriterion(Criterion):

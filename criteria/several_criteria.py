@@ -148,7 +148,6 @@ class SeveralCriteria(Relaxable):
         needed = [each.criterion.needs_all for each in self.alike]
         self.needs_all = any(needed) if self.models is None else all(needed)
         self.unit_free = all(part.unit_free for part in parts)
-        self.batched_curvature = all(part.batched_curvature for part in parts)
 
     @property
     def order(self) -> int | None:

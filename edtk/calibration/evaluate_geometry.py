@@ -285,6 +285,10 @@ class GeometryDesigns(CalibratedDesigns):
         """Information matrix (p, p) of a plan, and of what is known besides."""
         return self.question.information(plan)
 
+    def cost(self, plan: Plan, name: str | None = None) -> float:
+        """A criterion's cost of a plan, and of what is known besides, by the plan's rows."""
+        return self.question.cost(self.criterion(name), plan)
+
     def has_prior(self, name: str | None = None) -> bool:
         """Whether something that is known besides counts."""
         return self.question.prior is not None
@@ -345,7 +349,7 @@ class GeometryDesigns(CalibratedDesigns):
         )
         found = search.of_size(case.size, case.distinct)
         best = ExactPlan.of(relaxed, found)
-        cost = float(criterion.cost(self.information(best.plan)))
+        cost = self.question.cost(criterion, best.plan)
         if not np.isfinite(cost):
             raise NoPlanError(f"so few visits cannot tell what {criterion.label} needs")
         return replace(best, cost=cost, seconds=monotonic() - since)

@@ -149,13 +149,13 @@ class GeometryPlan(DayPlan):
     @classmethod
     def answering(cls, question: GeometryQuestion, found: ExactPlan) -> Self:
         """A plan that was found, with its cost by rows, and with its error in the test poses."""
-        M = question.information(found.whole)
+        whole = found.whole
         rho0 = None
         if question.target is not None:
-            rho0 = float(question.criterion("rho0").value(M))
+            rho0 = question.cost(question.criterion("rho0"), whole)
         given = {name: getattr(found, name) for name in found.__dataclass_fields__}
         given |= {
-            "cost": float(found.relaxed.criterion.cost(M)),
+            "cost": question.cost(found.relaxed.criterion, whole),
             "with_prior": question.prior is not None,
             "warnings": question.study.warnings,
         }

@@ -160,6 +160,10 @@ class GeometryQuestion:
         M = self.space.information(plan)
         return M if self.prior is None else M + self.prior
 
+    def cost(self, criterion: criteria.Criterion, plan: Plan) -> float:
+        """The cost of a plan, and of what is known besides, by its rows."""
+        return self.space.cost(criterion, plan, known=self.prior)
+
     @property
     def with_exact_model(self) -> "GeometryQuestion":
         """The same question where the model leaves nothing out."""

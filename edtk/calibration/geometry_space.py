@@ -376,13 +376,9 @@ class GeometrySpace(DesignSpace):
         rows = np.ascontiguousarray(np.moveaxis(told, -1, 0))
         return Problem.of_kept(rows_of_blocks(rows, 1.0), self.parameters, self.prior)
 
-    def information(self, plan: Plan) -> Array:
-        """Information matrix (p, p) of a plan under the plan's own wrenches; prices do not count.
-
-        Visits of poses near each other share what the model leaves out, see `shared_visits`.
-        """
-        A = self._rows(plan.q, plan.wrench, self.visits_of(plan))
-        return Problem(A, parameters=self.parameters, prior=self.prior).information(plan.repeats)
+    def rows_of(self, plan: Plan) -> Array:
+        """Whitened rows (k, r markers, p) of a plan's visits."""
+        return self._rows(plan.q, plan.wrench, self.visits_of(plan))
 
     def visits_of(self, plan: Plan) -> Array | None:
         """Visits (k,) that share the model's errors of each pose; None where nothing is shared."""

@@ -7,6 +7,8 @@ from typing import Protocol, Self
 
 import numpy as np
 
+from criteria import Criterion
+from criteria.linalg.inverse import root
 from edtk.cell.cell import Clear
 from edtk.cell.sight import AllSeen, Sight
 from edtk.design.information import pack_gram
@@ -311,11 +313,43 @@ def weighted_information(A: Array, repeats: Array, prior: Array | None) -> Array
         repeats: Repetitions r (b, k).
         prior: Prior information M0 (p, p), or None.
     """
-    b, k, rows, p = A.shape
     # The rows of a plan are stacked, so that one product of matrices sums over poses and rows.
-    stacked = (A * np.sqrt(repeats)[..., None, None]).reshape(b, k * rows, p)
+    stacked = _stacked(A, repeats)
     M = np.swapaxes(stacked, 1, 2) @ stacked
     return M if prior is None else M + repeats.sum(axis=1)[:, None, None] * prior
+
+
+def _stacked(A: Array, repeats: Array) -> Array:
+    """Rows (..., k rows, p) of plans (..., k), each times the root of its repetitions."""
+    weighted = A * np.sqrt(repeats)[..., None, None]
+    return weighted.reshape(*repeats.shape[:-1], -1, A.shape[-1])
+
+
+def plan_costs(criterion: Criterion, experiments: Points, repeats: Array) -> Array:
+    """Costs (b,) of plans (b, k), see `Criterion.cost_by_rows`.
+
+    A descent goes by the cost of M, in which a nearly singular plan seems better than it is by
+    rounding; what a search compares shall not.
+
+    Args:
+        criterion: What is minimised.
+        experiments: Those of the plans.
+        repeats: Their repetitions (b, k).
+    """
+    A = experiments.visited(repeats).regressor
+    prior = experiments.space.prior
+
+    def rows(i: int) -> Array:
+        return _with_prior(_stacked(A[i], repeats[i]), repeats[i], prior)
+
+    return criterion.cost_by_rows(weighted_information(A, repeats, prior), rows)
+
+
+def _with_prior(rows: Array, repeats: Array, prior: Array | None) -> Array:
+    """Rows (n, p) of a plan, and those of the prior of each of its experiments."""
+    if prior is None:
+        return rows
+    return np.concatenate([rows, np.sqrt(repeats.sum()) * root(prior)])
 
 
 def _batch_first(A: Array, last: tuple[int, ...]) -> Array:
@@ -497,17 +531,51 @@ class DesignSpace:
         return Plan(q, np.array(self.load.wrench(x[:, n:])), repeats)
 
     def information(self, plan: Plan) -> Array:
-        """Information matrix (p, p) of a plan under the plan's own wrenches."""
+        """Information matrix (p, p) of a plan under the plan's own wrenches; prices do not count.
+
+        Visits of poses near each other share what the model leaves out, see `shared_visits`.
+        """
+        A = self.rows_of(plan)
+        return Problem(A, parameters=self.parameters, prior=self.prior).information(plan.repeats)
+
+    def rows_of(self, plan: Plan) -> Array:
+        """Whitened rows (k, rows, p) of a plan's visits, see `information`."""
         # A plan from a file may have other loads than this space, and thus no design variables.
         A = self.model.regressor(plan.q, plan.wrench)
         if self.sight is not None:
             A = A * self.sight.rows(plan.q)[..., None]
         if self.noise is None:
-            problem = Problem(A, self.sigma, self.model.parameters, self.prior)
-        else:
-            A = self._whitened(A, plan, self.noise)
-            problem = Problem(A, 1.0, self.model.parameters, self.prior)
-        return problem.information(plan.repeats)
+            return np.asarray(A / self.sigma[:, None])
+        return self._whitened(A, plan, self.noise)
+
+    def cost(
+        self, criterion: Criterion, plan: Plan, kept: Plan | None = None, known: Array | None = None
+    ) -> float:
+        """The cost of a plan, with all digits that its rows have.
+
+        Args:
+            criterion: A criterion.
+            plan: The plan.
+            kept: Further experiments, see `information_beside`.
+            known: Information (p, p) that counts besides; None for none.
+        """
+        repeats = plan.repeats.astype(float)
+        M = self.information_beside(kept, plan)
+        if known is not None:
+            M = M + known
+        if kept is not None and self.shares_errors:
+            return float(criterion.cost(M))
+
+        def rows(_: int) -> Array:
+            own = _with_prior(_stacked(self.rows_of(plan), repeats), repeats, self.prior)
+            return own if known is None else np.concatenate([own, root(known)])
+
+        return float(criterion.cost_by_rows(M, rows))
+
+    @property
+    def shares_errors(self) -> bool:
+        """Whether visits of poses near each other share what the model leaves out."""
+        return self.noise is not None and self.noise.shares
 
     def information_beside(self, kept: Plan | None, plan: Plan) -> Array:
         """Information matrix (p, p) of a plan and the kept experiments, which may share errors.
@@ -517,7 +585,7 @@ class DesignSpace:
             plan: The others.
         """
         M = self.information(plan)
-        if kept is None or self.noise is None or not self.noise.shares:
+        if kept is None or not self.shares_errors:
             return M
         own = replace(self, prior=None)
         together = own.information(kept + plan)
@@ -539,9 +607,8 @@ class DesignSpace:
 
         One visit of a pose has the same information in both.
         """
-        if self.noise is None or not self.noise.shares:
-            return self
-        return replace(self, noise=self.noise.alone)
+        noise = self.noise
+        return replace(self, noise=noise.alone) if noise is not None and noise.shares else self
 
     def with_kept(self, kept: Array, experiments: int) -> "DesignSpace":
         """The design space of further experiments beside kept ones.

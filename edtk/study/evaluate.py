@@ -10,6 +10,7 @@ import numpy as np
 
 import criteria
 from criteria.linalg.estimable import estimable_inverse, open_columns
+from edtk.design.bound import printed_form
 from edtk.design.plan import Plan
 from edtk.findings.finding import Finding
 from edtk.fit.distributions import task_accuracy
@@ -33,13 +34,13 @@ CriterionOf = Callable[[str], criteria.Criterion]
 
 
 def criterion_values(
-    study: Study, M: Callable[[str], Array], criterion: CriterionOf, has_target: bool
+    study: Study, cost: Callable[[str], float], criterion: CriterionOf, has_target: bool
 ) -> tuple[dict[str, float], dict[str, str]]:
     """Values of all criteria that apply, and why those of other plug-ins have none.
 
     Args:
         study: The study, which names criteria and gives their parameters.
-        M: Information (p, p) of a plan, for a criterion of a name.
+        cost: Cost of a plan by the criterion of a name.
         criterion: The study's criterion of a name; raises `UserError` where it has none.
         has_target: Whether there is a task, without which criteria of tasks do not apply.
 
@@ -55,7 +56,7 @@ def criterion_values(
         if known.needs_target and not has_target:
             continue
         try:
-            values[name] = float(criterion(name).value(M(name)))
+            values[name] = printed_form(cost(name), criterion(name).sense)
         except (criteria.CriterionError, UserError) as error:
             message = error.message if isinstance(error, UserError) else str(error)
             if name in study.names:

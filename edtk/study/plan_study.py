@@ -220,6 +220,10 @@ class Sought:
         """Information matrix (p, p) of a plan, and of a prior that counts."""
         return self.designed(name).information(plan)
 
+    def cost(self, plan: Plan, name: str | None = None) -> float:
+        """A criterion's cost of a plan, and of a prior that counts, by the plan's rows."""
+        return self.designed(name).cost(self.criterion(name), plan)
+
     def has_prior(self, name: str | None = None) -> bool:
         """Whether a prior counts beside the experiments."""
         return self.designed(name).prior_information is not None

@@ -50,9 +50,9 @@ def prove_on_candidates(
     if best.proof is None or best.exact_bound is None:
         raise UserError(f"no weights of the {number:,} candidates were found: {best.basis}")
     plan = space.plan(poses.x[best.support], best.counts[best.support])
-    M = space.information_beside(found.kept, plan)
-    shared = space.noise is not None and space.noise.shares
-    cost = float(relaxed.criterion.cost(M)) if shared else best.cost
+    cost = best.cost
+    if space.shares_errors:
+        cost = space.cost(relaxed.criterion, plan, found.kept)
     on_them = OnCandidates(
         candidates=number,
         bound=best.exact_bound,

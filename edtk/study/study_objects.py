@@ -323,6 +323,10 @@ class StudyObjects(Asked):
         M = self.space.information(plan)
         return M if self.prior_information is None else M + self.prior_information
 
+    def cost(self, criterion: criteria.Criterion, plan: Plan) -> float:
+        """The cost of a plan, and of the prior if that counts in designs, by the plan's rows."""
+        return self.space.cost(criterion, plan, known=self.prior_information)
+
     def require_compliances_alone(self) -> None:
         """Check that nothing but compliances is unknown, for what knows no geometry.
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import criteria
-from edtk.design.bound import Bound
+from edtk.design.bound import Bound, printed_form
 from edtk.design.exact.exact_plan import ExactPlan, NoPlanError
 from edtk.design.exact.find_plan import SearchOptions, find_plan
 from edtk.design.plan import Plan
@@ -285,7 +285,7 @@ class Designs(Sought):
         skipped = dict.fromkeys(names, "the plan leaves parameters open")
         if is_whole:
             values, skipped = criterion_values(
-                study, partial(self.information, plan), self.criterion, bool(study.tasks)
+                study, partial(self.cost, plan), self.criterion, bool(study.tasks)
             )
         expected = self.expected(plan)
         return {
@@ -343,19 +343,16 @@ def _row(designs: Designs, case: Case, relaxations: Mapping[str, RelaxedPlan]) -
         "reason": case.reason,
     }
     relaxed = dict.fromkeys(one.criterion.name for one in relaxations.values())
-    told = {
-        name: designs.information(case.plan, name)
+    costs = {
+        name: np.inf if case.plan is None else designs.cost(case.plan, name)
         for name in dict.fromkeys([*study.specification.criteria, *relaxed])
-        if case.plan is not None
     }
     for name in study.specification.criteria:
-        M = told.get(name)
-        row[name] = np.nan if M is None else float(designs.criterion(name).value(M))
+        value = printed_form(costs[name], designs.criterion(name).sense)
+        row[name] = np.nan if case.plan is None else value
     for name in relaxed:
-        M = told.get(name)
-        cost = np.inf if M is None else float(designs.criterion(name).cost(M))
         bound = bound_for(relaxations, name, case.size)
-        row[f"efficiency_{name}"] = np.nan if bound is None else bound.efficiency(cost)
+        row[f"efficiency_{name}"] = np.nan if bound is None else bound.efficiency(costs[name])
     if study.tasks:
         row |= _errors(designs, case)
     return row | {

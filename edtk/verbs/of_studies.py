@@ -249,10 +249,9 @@ class OfStudy(Question):
             asked, criterion = asked_at(study)
             designs = self.designs(asked)
             if isinstance(design, Plan):
-                M = designs.information(design, criterion)
-            else:
-                space = designs.space(call.size or asked.specification.sizes[0], criterion)
-                M = space.problem(design.x).information(design.weights)
+                return designs.cost(design, criterion)
+            space = designs.space(call.size or asked.specification.sizes[0], criterion)
+            M = space.problem(design.x).information(design.weights)
             return float(designs.criterion(criterion).cost(M))
 
         return PlaceSearch(self.study, planned, relaxed, cost, call.progress)
@@ -329,9 +328,8 @@ class OfStudy(Question):
                 near=found.relaxed.x,
                 options=options,
             )
-            M = self.designs(other).information(found.plan, criterion)
             bound = relaxed.best_bound.scaled(found.plan.experiments)
-            cost = float(relaxed.criterion.cost(M))
+            cost = self.designs(other).cost(found.plan, criterion)
             each.append(OffGuess(factor, bound.efficiency(cost), of))
         return tuple(each)
 
@@ -647,7 +645,7 @@ class OfStudy(Question):
         """
         designs = self.designs(self.study)
         criterion = designs.criterion()
-        costs = [float(criterion.cost(designs.information(one))) for one in (of, plan)]
+        costs = [designs.cost(one) for one in (of, plan)]
         known = bool(np.isfinite(costs).all()) and min(costs) > 0
         return criterion.name, costs[0] / costs[1] if known else None
 

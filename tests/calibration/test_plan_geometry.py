@@ -14,6 +14,7 @@ from edtk.calibration.geometry_plan import GeometryPlan
 from edtk.calibration.geometry_question import GeometryQuestion
 from edtk.cli import main
 from edtk.design.bound import BoundKind
+from edtk.design.plan import Plan
 from edtk.design.relaxation import search_continuum
 from edtk.study.plan_study import RunOptions
 from edtk.study.study import Study
@@ -35,12 +36,12 @@ def priced(**costs: object) -> Study:
     return STUDY.replace(costs=FREE | costs)
 
 
-def covariance(found: GeometryPlan) -> np.ndarray:
-    """Covariance of the parameters (p, p) by plain stacking of weighted rows."""
+def deviations(found: GeometryPlan) -> np.ndarray:
+    """L (p, p) with covariance ``L L'`` by plain stacking of weighted rows, without squares."""
     plan = found.whole
     A = found.question.rows(plan.q, plan.wrench).reshape(-1, found.question.model.p) / 0.1
     weights = np.repeat(plan.repeats, 3).astype(float)
-    return np.linalg.inv(A.T @ (weights[:, None] * A))
+    return np.linalg.inv(np.linalg.qr(np.sqrt(weights)[:, None] * A, mode="r"))
 
 
 @pytest.fixture(scope="module")
@@ -78,10 +79,27 @@ def test_value_and_bound(eight: GeometryPlan) -> None:
     assert eight.efficiency == pytest.approx(1, abs=0.02)
     assert eight.efficiency <= 1 + 1e-6
     rows = eight.question.rows(np.deg2rad([[10, -60]]), np.array([[0, 0, -50, 0, 0, 0]]))[0]
-    expected = np.sqrt(np.trace(rows @ covariance(eight) @ rows.T))
+    expected = np.linalg.norm(rows @ deviations(eight))
     assert 1e3 * eight.value == pytest.approx(expected, rel=1e-9)
     assert eight.to_dict()["rho0_mm"] == pytest.approx(expected, rel=1e-9)
     assert eight.violation == 0.0
+
+
+def test_poses_near_each_other_have_their_own_value(eight: GeometryPlan) -> None:
+    """The value of a plan is that of its poses, also where they all but leave a direction open."""
+    question = eight.question
+    q = np.tile(eight.plan.q, (2, 1))
+    q[:, 1] = np.deg2rad(-60) + 2e-5 * np.arange(len(q))
+    near = Plan(q, np.tile(eight.plan.wrench, (2, 1)), np.tile(eight.plan.repeats, 2))
+    B = question.space.rows_of(near) * np.sqrt(near.repeats)[:, None, None]
+    _, s, V = np.linalg.svd(B.reshape(-1, question.model.p), full_matrices=False)
+    criterion = question.criterion("rho0")
+    expected = np.linalg.norm(criterion.target @ (V.T / s))
+    by_squares = float(criterion.cost(question.information(near)))
+    assert abs(by_squares / expected - 1) > 1e-9  # squares have lost digits
+    assert question.cost(criterion, near) == pytest.approx(expected, rel=1e-9)
+    evaluated = edtk.evaluate(question.study, near).criteria["rho0"]
+    assert evaluated == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_plan_is_better_than_chance(eight: GeometryPlan) -> None:

@@ -7,6 +7,7 @@ from matrices import positive
 import criteria
 from criteria.linalg.inverse import whitener
 from criteria.transformed import TransformedByFactor
+from edtk.certificate.recompute.values import cost, value
 
 NAMES = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0", "rho_max")
 PARAMETERS = {"phi": {"q": 0.4}, "c": {"c": [1.0, -2.0, 0.5, 3.0]}}
@@ -143,3 +144,18 @@ def test_without_a_relaxation_nothing_is_transformed():
 
     assert Plain().transformed(np.eye(2)) is None
     assert isinstance(criteria.create("phi", q=0.0).transformed(np.eye(2)), TransformedByFactor)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("least", [1e-2, 1e-4, 1e-6])
+def test_cost_by_rows_is_that_of_singular_values(name, least):
+    """A nearly singular plan costs what its rows say, not what their squares have kept of them."""
+    rng = np.random.default_rng(3)
+    c = make(name)
+    U = np.linalg.qr(rng.normal(size=(4, 10, 4)))[0]
+    V = np.linalg.qr(rng.normal(size=(4, 4, 4)))[0]
+    B = U * np.geomspace(1.0, least, 4) @ V
+    target = np.random.default_rng(7).normal(size=(3, 4))
+    printed = [value(name, rows, [target]) for rows in B]
+    costs = c.cost_by_rows(np.swapaxes(B, 1, 2) @ B, lambda i: B[i])
+    np.testing.assert_allclose(costs, [cost(name, each) for each in printed], rtol=2e-9)

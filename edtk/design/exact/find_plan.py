@@ -286,7 +286,7 @@ def search_plan(
         x, repeats = _tidied(relaxed, searched, record, kept)
     # The cost is that of the plan as it is written, whatever the search believed.
     plan = space.plan(x, repeats.astype(int))
-    cost = float(relaxed.criterion.cost(space.information_beside(kept, plan)))
+    cost = space.cost(relaxed.criterion, plan, kept)
     found, optima = record.census()
     starts = record.batches * BATCH_SIZE
     return FoundPlan(x, repeats.astype(int), cost, starts, found, optima, ended)
@@ -313,7 +313,7 @@ def _tidied(
     """Design variables and repetitions of the best plan of a record, on as few poses as needed."""
     x, repeats = tidy(searched, relaxed.criterion, record.best, record.cost)
     space = relaxed.space
-    if space.noise is not None and space.noise.shares:
+    if space.shares_errors:
         if searched is not space:
             x, repeats = divided(x, repeats)
         x = spread(space, relaxed.criterion, x, repeats, kept)

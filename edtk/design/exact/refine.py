@@ -7,7 +7,7 @@ import numpy as np
 from criteria import Criterion
 from criteria.linalg.estimable import range_whitener
 from edtk.design.candidate_source import Candidates
-from edtk.design.design_space import DesignSpace, Points, Space
+from edtk.design.design_space import DesignSpace, Points, Space, plan_costs
 from edtk.design.exact.apportion import apportion, best_repeats
 from edtk.design.exact.exchange import exchange
 from edtk.design.exact.round_poses import round_plan
@@ -81,7 +81,7 @@ def refine(
 def _costs(experiments: Points, criterion: Criterion, repeats: Array) -> Array:
     """Costs (b,) of plans (b, k), infinite where an experiment is not feasible."""
     feasible = experiments.feasible.all(axis=1)
-    return np.where(feasible, criterion.cost(experiments.information(repeats)), np.inf)
+    return np.where(feasible, plan_costs(criterion, experiments, repeats), np.inf)
 
 
 def exchange_in_turn(
@@ -193,13 +193,11 @@ def tidy(space: DesignSpace, criterion: Criterion, best: Plans, cost: float) -> 
     x = best.x[0, used]
     repeats = best.repeats[0, used].astype(float)
     # Poses whose repeats share an error are worth more apart, even where they are alike.
-    shares = space.noise is not None and space.noise.shares
+    shares = space.shares_errors
     for alike in () if shares else ALIKE:
-        problem = space.problem(x)
-        kept = distinct(problem.blocks(), range_whitener(problem.mean), alike)
+        kept, fewer = _merged(space, x, repeats, alike)
         if len(kept) == len(x):
             continue
-        fewer = _merged_repeats(problem, repeats, kept)
         moved, costs = refine(space, criterion, x[kept][None], fewer[None])
         if costs[0] <= cost * (1 + LOSS):
             x = moved[0]
@@ -211,12 +209,26 @@ def tidy(space: DesignSpace, criterion: Criterion, best: Plans, cost: float) -> 
     return x[order], repeats[order]
 
 
-def _merged_repeats(problem: Problem, repeats: Array, kept: Indices) -> Array:
-    """Repetitions of the poses that are kept: each pose gives its own to the most similar one."""
-    T = range_whitener(problem.information(repeats))
-    whitened = (T.T @ problem.blocks() @ T).reshape(problem.n, -1)
-    owner = np.linalg.norm(whitened[:, None] - whitened[kept], axis=-1).argmin(axis=1)
-    return np.bincount(owner, weights=repeats).astype(float)
+def _merged(space: DesignSpace, x: Array, repeats: Array, alike: float) -> tuple[Indices, Array]:
+    """Indices of poses (k, v) that differ, and their repetitions with those of poses like them.
+
+    Loads of a list have prices of their own: visits under one take no place of another's.
+    """
+    problem = space.problem(x)
+    blocks = problem.blocks()
+    T = range_whitener(problem.mean)
+    whitened = (T.T @ blocks @ T).reshape(problem.n, -1)
+    loads = np.zeros(len(x)) if space.load.moves else space.load_of(x)
+    kept: list[int] = []
+    fewer = repeats.copy()
+    for load in np.unique(loads):
+        own = np.flatnonzero(loads == load)
+        differ = own[distinct(blocks[own], T, alike)]
+        owner = np.linalg.norm(whitened[own, None] - whitened[differ], axis=-1).argmin(axis=1)
+        fewer[differ] = np.bincount(owner, weights=repeats[own])
+        kept += differ.tolist()
+    kept.sort()
+    return np.array(kept), fewer[kept]
 
 
 def exchange_and_refine(

@@ -5,7 +5,7 @@ from itertools import product, takewhile
 import numpy as np
 
 from criteria import Criterion
-from edtk.design.design_space import DesignSpace
+from edtk.design.design_space import DesignSpace, plan_costs
 from edtk.measure.pose_table import controller_step, rounded
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices, Mask
@@ -220,4 +220,4 @@ def _improved(space: DesignSpace, criterion: Criterion, x: Array, repeats: Array
 
 def _cost(space: DesignSpace, criterion: Criterion, x: Array, repeats: Array) -> float:
     """The cost of a plan."""
-    return float(criterion.cost(space.at(x[None]).information(repeats[None]))[0])
+    return float(plan_costs(criterion, space.at(x[None]), repeats[None])[0])

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from criteria import Criterion
-from edtk.design.design_space import DesignSpace
+from edtk.design.design_space import DesignSpace, plan_costs
 from edtk.design.exact.apportion import apportion
 from edtk.design.exact.round_poses import to_steps
 from edtk.design.plan import Plan
@@ -116,7 +116,7 @@ class _Spread:
 
     def cost(self, x: Array) -> float:
         """The cost of the plan, whose poses count as far apart."""
-        return float(self.criterion.cost(self._information(x)))
+        return float(plan_costs(self.criterion, self.space.at(x[None]), self.repeats[None])[0])
 
     def is_crowded(self, x: Array, i: int) -> bool:
         """Whether pose i is too near one before it."""

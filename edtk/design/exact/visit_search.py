@@ -10,15 +10,15 @@ import numpy as np
 
 from criteria import Criterion
 from edtk.design.candidate_source import Candidates
-from edtk.design.design_space import DesignSpace
+from edtk.design.design_space import DesignSpace, plan_costs
 from edtk.design.exact.apportion import apportion
 from edtk.design.exact.counts.find_counts import find_counts
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.exact_plan import FoundPlan
 from edtk.design.exact.exchange import exchange
-from edtk.design.exact.refine import exchange_in_turn, refine
-from edtk.design.exact.round_poses import round_plan
+from edtk.design.exact.refine import exchange_in_turn, refine, tidy
+from edtk.design.exact.search_record import Plans
 from edtk.design.exact.spread import divided, spread
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem, RankDeficientError
@@ -35,9 +35,7 @@ ELITE = 3  # plans that are refined: the best of the starts is best at the end i
 SENSITIVE = 300  # candidates of largest sensitivity among which places are exchanged
 ROUNDS = 3  # of refinement, with an exchange between them; the third one seldom finds anything
 STEPS = 30  # of a descent: what is left after them is below 1e-3
-FINEST = 100
 SHARPNESS = (250.0,)  # of the soft maximum that stands for a criterion with kinks
-SHARPEST = (1000.0, 4000.0)
 GAIN = 1e-4  # relative improvement for which another round is made
 SAME = 1e-6  # relative difference of costs up to which two plans are one
 WEIGHTY = 0.5  # part of the starts that are drawn by the weights of the relaxation
@@ -204,7 +202,7 @@ class VisitSearch:
     @property
     def _shares(self) -> bool:
         """Whether visits near each other share an error."""
-        return self.space.noise is not None and self.space.noise.shares
+        return self.space.shares_errors
 
     def _until_spread(self) -> AbstractContextManager[object]:
         """Leave time to move visits apart, where they share an error."""
@@ -233,7 +231,7 @@ class VisitSearch:
     def _finished(self, x: Array, repeats: Array, pool: Candidates | None, starts: int) -> _Best:
         """The best of some plans (b, k) after refinement, in poses that a controller takes."""
         ended = "starts"
-        costs = np.asarray(self.criterion.cost(self.space.at(x).information(repeats))).reshape(-1)
+        costs = plan_costs(self.criterion, self.space.at(x), repeats)
         try:
             for turn in range(ROUNDS):
                 if out_of_time():
@@ -255,7 +253,9 @@ class VisitSearch:
         alike = np.unique(np.floor(np.log(costs[np.isfinite(costs)]) / SAME))
         same = int((costs <= costs[best] * (1 + SAME)).sum())
         with time_limit(0.0 if ended == "interrupted" else np.inf):
-            return self._rounded(x[best], repeats[best], (starts, same, len(alike), ended))
+            plan = Plans(x[best : best + 1], repeats[best : best + 1])
+            tidied = tidy(self.space, self.criterion, plan, float(costs[best]))
+        return *tidied, (starts, same, len(alike), ended)
 
     def _problem(self, x: Array) -> Problem:
         """The visits of plans (b, k, v)."""
@@ -293,15 +293,6 @@ class VisitSearch:
         places, costs = exchange(pool.problem, self.criterion, places, repeats, thorough=False)
         return places, repeats, costs
 
-    def _rounded(self, x: Array, repeats: Array, search: _Ending) -> _Best:
-        """One plan (k, v), refined to the end and rounded to the steps of the controller."""
-        used = repeats > 0
-        x, repeats = x[used], repeats[used]
-        if search[-1] == "starts":
-            x = refine(self.space, self.criterion, x[None], repeats[None], FINEST, SHARPEST)[0][0]
-        x, repeats = round_plan(self.space, self.criterion, x, repeats, merge=not self._shares)
-        return x, repeats, search
-
     def _spread(self, best: _Best) -> FoundPlan:
         """The plan, whose visits are moved apart where they share an error."""
         x, repeats, (starts, found, optima, ended) = best
@@ -311,10 +302,7 @@ class VisitSearch:
                 x = spread(self.space, self.criterion, x, repeats, self.kept)
         order = np.lexsort((*np.round(x.T[::-1], 9), self.space.load_of(x)))
         x, repeats = x[order], repeats[order]
-        M = self.space.problem(x).information(repeats)
-        if self._shares:
-            M = self.space.information(self.space.plan(x, repeats.astype(int)))
-        cost = float(self.criterion.cost(M))
+        cost = self.space.cost(self.criterion, self.space.plan(x, repeats.astype(int)))
         return FoundPlan(x, repeats.astype(int), cost, starts, found, optima, ended)
 
 

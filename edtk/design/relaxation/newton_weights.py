@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from criteria import Relaxable
-from criteria.criterion import differences
+from criteria.criterion import derivatives
 from criteria.linalg.inverse import whitener
 from criteria.linalg.typing import triangle
 from edtk.design.relaxation.master_equations import (
@@ -231,7 +231,7 @@ class _Point:
         # Steps of order one in each entry, whatever the units.
         d = np.sqrt(np.diag(self.M))
         dd = d[rows] * d[columns]
-        _, _, K = differences(self.criterion, self.M[None])
+        _, _, K = derivatives(self.criterion, self.M[None])
         values, V = np.linalg.eigh(K[0] * np.outer(dd, dd) / self.cost)
         root = np.sqrt(np.maximum(values, 0.0))[:, None] * V.T
         return np.asarray(root @ self.active.triangles(np.diag(1.0 / d), np.ones(len(rows))))

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from criteria import Criterion
-from criteria.criterion import differences
+from criteria.criterion import derivatives
 from criteria.linalg.estimable import range_whitener
 from criteria.linalg.typing import triangle
 from edtk.cell.sight import Sight
@@ -63,7 +63,7 @@ class LogCost(Objective):
         repeats = self.repeats[start, :, None, None]
         b = len(start)
         M = weighted_information(A[0], self.repeats[start], near.space.prior)
-        cost, G, K = differences(self.criterion, M)
+        cost, G, K = derivatives(self.criterion, M)
         # The logarithm divides its derivatives by the cost; singular plans have none.
         finite = np.isfinite(cost)[:, None, None]
         divisor = np.where(finite, cost[:, None, None], 1.0)
