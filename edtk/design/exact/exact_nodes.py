@@ -377,8 +377,11 @@ class Merits:
 
     def merits(self, nodes: Nodes) -> Array:
         """Merits (b,) of the weights of nodes; zero where these leave something open."""
-        cost = self.criterion.cost(self.information(nodes, nodes.weights))
-        return np.asarray(cost ** (-1.0 / self.criterion.degree))
+        return self.of(self.information(nodes, nodes.weights))
+
+    def of(self, X: Array) -> Array:
+        """Merits (b,) of information (b, p, p); zero where it leaves something open."""
+        return np.asarray(self.criterion.cost(X) ** (-1.0 / self.criterion.degree))
 
     def sensitivities(self, nodes: Nodes, Z: Array) -> Array:
         """``<Z, M_i>`` (s,) of the candidates of nodes with multipliers (b, q + k)."""

@@ -14,6 +14,7 @@ from criteria.linalg.typing import triangle
 from edtk.design.exact.counts.counts_bound import RelaxedCounts, relaxed_counts
 from edtk.design.exact.counts.limits import ROUNDING as SPENT
 from edtk.design.exact.counts.limits import Limits
+from edtk.design.exact.exact_exchange import exchanged
 from edtk.design.exact.exact_kinks import spectral_multipliers
 from edtk.design.exact.exact_nodes import Merits, Nodes, Told, is_near
 from edtk.design.exact.exact_split import Division, halved_order, parts
@@ -40,6 +41,8 @@ STARTS = 16
 AMONG = 5000  # candidates that starts are exchanged among
 # The second is for kinks, where the most sensitive candidates are not the best to exchange for.
 SHORTLISTS = (8, 512)
+# Experiments of the best starts that are exchanged for the best of all candidates: a second or two.
+PLACES = 32
 LIGHT = 1e-3  # experiments that are not rounded up
 ROUNDED = 1e-6  # distance to a whole number that counts as none
 TINY = float(np.finfo(float).tiny)
@@ -342,7 +345,8 @@ class _Search:
             given = Given(problem, np.eye(problem.p), known)
         self.limits = limits
         self.criterion = criterion
-        self.beside = problem.with_prior(limits.base / limits.m)
+        self.problem = problem
+        self.joining: Merits | None = None  # once it is known what the root leaves
         self.working = _Working.of(problem, criterion, limits, relaxed.counts, given)
         self.inside = np.linalg.solve(given.T, self.working.T)
         self.merits = self.working.merits
@@ -353,7 +357,7 @@ class _Search:
         self.counts = np.zeros(problem.n, dtype=int)
         if incumbent is not None:
             self.counts = incumbent
-            self.best = float(criterion.cost(problem.information(incumbent) + limits.base))
+            self.best = self._cost(incumbent)
         empty = max(limits.m - float(relaxed.counts.sum()), 0.0)
         weights = np.append(relaxed.counts, empty)
         self._plant(weights[self.working.members], relaxed.multipliers)
@@ -384,7 +388,7 @@ class _Search:
         root, best = self._settled(whole, self._first(whole, known))
         told, Z, _ = best
         self._round(root)
-        self._start(root, told)
+        starts = self._starts(root, told)
         keep, alive = told.fixed(root, self.least)
         left = np.flatnonzero(keep & alive[0])
         points = self._points(root, Z[0], float(told.merit[0]), left)
@@ -392,10 +396,12 @@ class _Search:
         self.order = np.concatenate([left[inside], np.flatnonzero(~(keep & alive[0]))])
         self.merits = self.merits[self.order]
         self.points = points[inside]
+        self.joining = self.merits[np.arange(len(left))] if len(left) else None
         nothing = -np.ones(1, dtype=int)
         index = self.record.add_multipliers(Z, self.merits.shares(Z, best.near))
         self.record.add(nothing, nothing, alone, np.array([n]), np.array([self.m]), index)
         if len(left):
+            self._exchange_starts(starts)
             kept = replace(
                 whole, candidates=np.arange(len(left)), weights=root.weights[left[inside]]
             )
@@ -592,36 +598,64 @@ class _Search:
             n = len(self.counts)
             # What is behind the candidates stays empty.
             self.counts = np.bincount(members, counts[chosen], n + 1)[:n].astype(int)
-            self._exchange()
+            self._exchange(np.repeat(np.arange(n), self.counts))
 
-    def _start(self, root: Nodes, told: Told) -> None:
-        """Find a good plan from some starts among the most sensitive candidates."""
-        if self.limits.restricts:
-            return
+    def _starts(self, root: Nodes, told: Told) -> Indices:
+        """Plans (b, m) of some starts among the most sensitive candidates, the best first."""
+        if not self._may_exchange:
+            return np.zeros((0, self.m), dtype=int)
         some = np.argsort(-told.sensitivities, kind="stable")[:AMONG]
         chance = root.weights[some] / root.weights[some].sum() + 1.0 / len(some)
         rng = np.random.default_rng(0)
         places = rng.choice(len(some), size=(STARTS, self.m), p=chance / chance.sum())
         members = self.working.members[some]
-        beside = self.beside[members]
+        beside = self.problem.with_prior(self.limits.base / self.m)[members]
         found, costs = exchange(
             beside, self.criterion, places, shortlists=SHORTLISTS, thorough=False
         )
-        least = int(costs.argmin())
-        if costs[least] < self.best:
-            self.best = float(costs[least])
-            self.counts = np.bincount(members[found[least]], minlength=len(self.counts))
-            self._exchange()
+        _, first = np.unique(np.sort(members[found], axis=1), axis=0, return_index=True)
+        first = first[np.argsort(costs[first], kind="stable")]
+        self._take(members[found[first[0]]])
+        return members[found[first]]
 
-    def _exchange(self) -> None:
-        """Improve the best plan by exchanges, where no limits forbid some."""
-        if self.limits.restricts:
-            return
-        places = np.repeat(np.arange(len(self.counts)), self.counts)
-        found, cost = exchange(self.beside, self.criterion, places, thorough=False)
+    def _take(self, places: Indices) -> None:
+        """Take over a plan (k,) of the candidates as given, where it is better than the best."""
+        counts = np.bincount(places, minlength=self.problem.n)
+        cost = self._cost(counts)
         if cost < self.best:
-            self.best = float(cost)
-            self.counts = np.bincount(found, minlength=len(self.counts))
+            self.best = cost
+            self.counts = counts
+
+    def _cost(self, counts: Indices) -> float:
+        """The cost of a plan (n,)."""
+        M = self.problem.information(counts) + self.limits.base
+        return float(self.criterion.cost(M))
+
+    def _exchange_starts(self, starts: Indices) -> None:
+        """Improve the best of some plans (b, m), and the best plan, by exchanges."""
+        for places in starts[: max(1, PLACES // self.m)]:
+            self._exchange(places)
+        self._exchange(np.repeat(np.arange(len(self.counts)), self.counts))
+
+    def _exchange(self, places: Indices) -> None:
+        """Improve a plan (k,) by exchanges, where no limits forbid some.
+
+        A plan that is better than the best has no other candidates than those that are left.
+        """
+        merits = self.joining
+        if merits is None or not self._may_exchange or not len(places):
+            return
+        blocks = np.swapaxes(self.inside, 0, 1) @ self.problem.blocks(places) @ self.inside
+        features = merits.packed(blocks) * merits.twice
+        own = merits.of(merits.unpacked(((merits.K + features.sum(axis=0)) / merits.twice)[None]))
+        found = exchanged(merits, features, float(own[0])).places
+        members = self.working.members[self.order[np.maximum(found, 0)]]
+        self._take(np.where(found < 0, places, members))
+
+    @property
+    def _may_exchange(self) -> bool:
+        """Whether any candidate may take a place of any plan."""
+        return self.limits.sized and not self.limits.restricts
 
     def proof(self, seconds: float, ended: str) -> ExactProof:
         """What is proved so far."""

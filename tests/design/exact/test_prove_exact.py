@@ -93,8 +93,9 @@ def test_a_plan_that_fixing_leaves_alone_is_tried(
         if (nodes.sizes == np.bincount(nodes.node_of_group)).all():
             rounded(self, nodes)
 
-    monkeypatch.setattr(_Search, "_start", lambda self, root, told: None)
-    monkeypatch.setattr(_Search, "_exchange", lambda self: None)
+    none = np.zeros((0, m), dtype=int)
+    monkeypatch.setattr(_Search, "_starts", lambda self, root, told: none)
+    monkeypatch.setattr(_Search, "_exchange", lambda self, places: None)
     monkeypatch.setattr(_Search, "_round", round_alone)
     found = prove_exact(problem, criterion, limits, seconds=60)
     assert found.proved
