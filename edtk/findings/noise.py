@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from edtk.findings.causes.family import Cause
 from edtk.findings.causes.faults import FAULTS, cause_wording
 from edtk.findings.causes.find_causes import MOSTLY, UNEXPLAINED
 from edtk.findings.causes.try_faults import NO_NOISE
@@ -42,7 +43,7 @@ def cause_findings(fitted: FittedData) -> Iterator[Finding]:
     """
     causes = fitted.structural_causes
     if causes:
-        data = {"cause": causes[0], "others": causes[1:]}
+        data = {"cause": causes[0], "others": causes[1:], "aside": fitted.found_causes.outliers}
         yield Finding.of(Severity.WARNING, WORDING, "cause", rows=causes[0].rows, **data)
     yield from _moving_joints(fitted)
     test = fitted.lack_of_fit
@@ -187,6 +188,7 @@ def outlier_findings(fitted: FittedData) -> Iterator[Finding]:
         p_rest=p_rest,
         beyond_model=beyond,
         off=None if rest is None else _off(fitted, rest),
+        typed=tuple(one for one in fitted.found_causes.typed if set(one.rows) <= set(rows)),
     )
 
 
@@ -365,11 +367,17 @@ def _outliers(data: Data) -> str:
     rest = data["p_rest"]
     if rest is not None and rest > FITS:
         them = "them" if plural else "it"
-        return f"{text}; the other rows fit without {them} (p {shown_probability(rest)})"
+        text = f"{text}; the other rows fit without {them} (p {shown_probability(rest)})"
+        return "; ".join([text, *map(_perhaps_typed, data.get("typed", ()))])
     if data.get("beyond_model"):
         return f"{text}: beyond what the model leaves out of the other rows"
     hidden = "; several can hide each other, a robust fit shows them all"
     return f"{text}{'' if data['robust'] else hidden}"
+
+
+def _perhaps_typed(cause: Cause) -> str:
+    """A joint value with which an outlier would fit."""
+    return f"{row_names(cause.rows)} would fit if joint {cause.joint} was {cause.size:+.3g} deg off"
 
 
 def _too_few_for_robust(data: Data) -> str:
@@ -425,7 +433,10 @@ def causes_words(data: Data) -> str:
     """A fault that explains the residuals, or two of which it is one."""
     cause = data["cause"]
     others = data["others"]
-    share = f"{100 * cause.explained:.3g} % of the misfit (p {shown_probability(cause.p, 1)})"
+    misfit = "the misfit"
+    if data.get("aside"):
+        misfit = f"what is left without {row_names(data['aside'])}"
+    share = f"{100 * cause.explained:.3g} % of {misfit} (p {shown_probability(cause.p, 1)})"
     if cause.effect is not None:
         share += f" and puts the test pose off by {1e3 * cause.effect:.2g} mm"
     if not others:

@@ -60,12 +60,14 @@ class FoundCauses:
             make; it is not named.
         possible: That fault, where it explains most of the misfit: a part of what is wrong, as
             like as not.
+        typed: Joints that may have been mistyped in some of the outliers.
     """
 
     named: tuple[Cause, ...] = ()
     outliers: tuple[int, ...] = ()
     unexplained: bool = False
     possible: Cause | None = None
+    typed: tuple[Cause, ...] = ()
 
     def in_rows(self, rows: Indices) -> "FoundCauses":
         """The same of measurements of which these were some: their row i is `rows[i]` there."""
@@ -78,6 +80,7 @@ class FoundCauses:
             named=tuple(map(there, self.named)),
             outliers=_numbers(self.outliers, rows),
             possible=self.possible and there(self.possible),
+            typed=tuple(map(there, self.typed)),
         )
 
 
@@ -139,7 +142,8 @@ class Look:
         plain: These measurements without any fault.
         rows: Their rows, counted from 0.
         ranked: Faults with their scores, the likeliest first.
-        aside: The outliers that were set aside, each with the chi-square that it took.
+        aside: The outliers that were set aside, with rows of all measurements, each with the
+            chi-square that it took.
         cost: What these add to the score.
     """
 
@@ -151,8 +155,12 @@ class Look:
 
     @property
     def best(self) -> Tried | None:
-        """The likeliest fault; None where none is likely. Outliers are for the next look."""
-        return next((one for _, one in self.ranked if one.cause.cause != OUTLIER), None)
+        """The likeliest fault; None where none is likely, or rather one reading is off by itself.
+
+        Outliers are for the next look.
+        """
+        near = [one for score, one in self.ranked if score <= self.ranked[0][0] + NEAR]
+        return next((one for one in near if one.cause.cause != OUTLIER), None)
 
     @property
     def score(self) -> float:
@@ -278,7 +286,8 @@ def _looks(
         off = look.off
         if off is None:
             return
-        aside = (*aside, (off, look.drop(off)))
+        there = replace(off.cause, rows=_numbers(off.cause.rows, rows))
+        aside = (*aside, (replace(off, cause=there), look.drop(off)))
         # Outliers may be found in any order.
         cost += plain.score(off) - off.deviance - 2 * math.log(len(aside))
         rows = np.delete(rows, off.cause.rows)
@@ -304,10 +313,9 @@ def _found(look: Look, m: int, tasks: Tasks | None) -> FoundCauses:
     silent = best is None or best.cause.cause == COMMON
     if best is not None and best.cause.cause == PRIOR:
         silent = _fits(best.deviance, look.plain.alone_dof)
-    if silent:
-        return FoundCauses(outliers=outliers)
-    named = FoundCauses(_named(look.ranked, look.plain, tasks)).in_rows(look.rows)
-    return replace(named, outliers=outliers)
+    named = () if silent else _named(look.ranked, look.plain, tasks)
+    typed = tuple(one.cause for one, _ in look.aside if one.cause.joint)
+    return replace(FoundCauses(named).in_rows(look.rows), outliers=outliers, typed=typed)
 
 
 def _leaves_usual_error(look: Look) -> bool:
@@ -377,10 +385,23 @@ def _with_joints(plain: PlainFit, likely: list[Tried], typed: tuple[int, ...]) -
     near = [one for one in poses if plain.score(one) < plain.score(likely[0]) + WITHIN_REACH]
     for one in near[:MOST]:
         measured = plain.measured_rows(plain.measured)
-        found[found.index(one)] = wrong_pose(
-            plain.model, plain.data, measured, one, typed, plain.by_prior
-        )
+        pose = wrong_pose(plain.model, plain.data, measured, one, typed, plain.by_prior)
+        found[found.index(one)] = pose if len(one.cause.rows) > 1 else _single(pose, one, plain)
     return found
+
+
+def _single(pose: Tried, off: Tried, plain: PlainFit) -> Tried:
+    """A pose that was read once: with the joint that was mistyped, or a reading off by itself.
+
+    Three coordinates lie near what one of six joints makes at some angle once in a few times. A
+    reading that is off by itself has a likelihood ratio against it of ``exp(c/2)`` at most once in
+    as many times (Markov's inequality); of c = `NEAR` in twenty. Below it the joint is possible.
+    """
+    gain = plain.score(off) - plain.score(pose)
+    if pose.cause.joint and gain > NEAR:
+        return pose
+    possible = pose.cause if pose.cause.joint and gain > 0 else off.cause
+    return replace(off, cause=replace(possible, cause=OUTLIER))
 
 
 def _fits(deviance: float, dof: int) -> bool:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edtk.findings.causes.family import OUTLIER, Cause, Tried
+from edtk.findings.causes.family import Cause, Tried
 from edtk.findings.causes.rarity import rarity, reading_rarity
 from edtk.fit.correlated_noise import whiten
 from edtk.fit.distributions import chi_square_tail
@@ -163,8 +163,7 @@ def wrong_pose(
         by_prior: What a prior adds to the sum of squares.
 
     Returns:
-        The pose, with the joint if a single one explains it. A pose that was measured once and
-        that no joint explains is an outlier.
+        The pose, with the joint if a single one explains it.
     """
     rows = np.array(tried.cause.rows)
     others = np.setdiff1d(np.arange(len(data)), rows)
@@ -177,9 +176,7 @@ def wrong_pose(
     estimate = Estimate(k, rest.covariance)
     found = mistyped_joint(model, data, measured, estimate, rows, typed)
     if found is None:
-        kind = tried.cause.cause if len(rows) > 1 else OUTLIER
-        rare = tried.tries * UNEXPLAINED
-        return replace(tried, cause=replace(tried.cause, cause=kind), tries=rare)
+        return replace(tried, tries=tried.tries * UNEXPLAINED)
     z = whiten(measured[others] - A @ k, data.noise[others])
     deviance = float((z**2).sum()) + found.misfit + by_prior
     cause = tried.cause

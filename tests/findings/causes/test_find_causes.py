@@ -170,6 +170,38 @@ def test_two_outliers_are_rows_and_no_noise():
         assert found.outliers == (seed, 9 - seed)
 
 
+def test_rows_that_are_off_are_no_mistyped_joints():
+    """Of 40 pairs of rows, off by 15 sigma in any direction, few are taken for anything else.
+
+    One of six joints would explain a row by chance in every fifth of these sheets.
+    """
+    once = np.arange(0, len(Q), 3)
+    others = 0
+    for seed in range(40):
+        data = measured(seed)[once]
+        rng = np.random.default_rng((seed, 1))
+        rows = rng.choice(len(once), 2, replace=False)
+        off = rng.standard_normal((2, 3))
+        data.deflection[rows] += 15 * STUDY.sigma * off / np.linalg.norm(off, axis=1)[:, None]
+        found = find_causes(MODEL, data, data.deflection, TYPED)
+        others += bool(found.named)
+    assert others <= 80 / 20
+
+
+@pytest.mark.parametrize(("degrees", "kind"), [(12, "pose"), (6, "outlier")])
+def test_a_joint_of_a_row_is_told_or_possible(degrees, kind):
+    """A joint that was mistyped by much in one row is the cause; by less, an outlier may be it."""
+    right = 0
+    for seed in range(5):
+        q = Q.copy()
+        q[3 * seed, 4] += np.deg2rad(degrees)
+        data = measured(seed, q=q)[np.arange(0, len(Q), 3)]
+        found = find_causes(MODEL, data, data.deflection, TYPED)
+        seen = [(one.cause, one.joint, one.rows) for one in (*found.named, *found.typed)]
+        right += seen == [(kind, "q5", (seed,))] and bool(found.outliers) == (kind == "outlier")
+    assert right >= 3
+
+
 def test_a_model_that_does_not_fit_is_no_fault():
     """Where links bend, no fault is named that would leave most of it: the model does not fit."""
     frames = MODEL.frames(Q)
