@@ -1,6 +1,6 @@
 """Geometry that a calibration has found: the commands, and the positions it predicts."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -10,7 +10,13 @@ import numpy as np
 
 from edtk.calibration.compensate import Calibrated, Commanded, Compensation, band_of
 from edtk.calibration.model_left import PiecesLeft
-from edtk.calibration.prediction import Prediction, beyond_limits, tool_from_rows
+from edtk.calibration.prediction import (
+    Columns,
+    Prediction,
+    beyond_limits,
+    in_columns,
+    tool_from_rows,
+)
 from edtk.calibration.result_file import read_geometry
 from edtk.calibration.tasks_in_use import ToolInUse, reading_findings
 from edtk.findings.counting import Counting
@@ -531,7 +537,7 @@ def _prediction(
         np.hstack([predicted.half[chosen], turned_half]),
         np.hstack([data.measured[chosen] - predicted.points[chosen], turned]),
     )
-    columns, of_columns = _columns(rows[marker], data.is_difference[visit])
+    columns, of_columns = in_columns(_columns(rows[marker], data.is_difference[visit]))
     values, half, apart = (of_columns(one) for one in every)
     return Prediction(
         data=data,
@@ -549,15 +555,15 @@ def _prediction(
     )
 
 
-def _columns(rows: Indices, differs: Mask) -> tuple[tuple[str, ...], Callable[[Array], Array]]:
-    """Names of the coordinates of all readings, and what puts their rows (t, 6) into these.
+def _columns(rows: Indices, differs: Mask) -> tuple[Columns, ...]:
+    """The columns of all readings, of their rows (t, 6).
 
     Args:
         rows: How many rows each reading (t,) has: one of a distance, three, or six of a pose.
         differs: Which readings (t,) are differences of two.
     """
     lengths, turns, alone = slice(0, 3), slice(3, 6), slice(0, 1)
-    groups: tuple[tuple[tuple[str, ...], Mask, slice], ...] = (
+    return (
         (LOADED_COLUMNS, (rows > 1) & ~differs, lengths),
         (DEFLECTION_COLUMNS, (rows > 1) & differs, lengths),
         ((DISTANCE_COLUMN,), (rows == 1) & ~differs, alone),
@@ -565,11 +571,3 @@ def _columns(rows: Indices, differs: Mask) -> tuple[tuple[str, ...], Callable[[A
         (VECTOR, (rows == 6) & ~differs, turns),
         (ROTATION_COLUMNS, (rows == 6) & differs, turns),
     )
-    used = [group for group in groups if group[1].any()]
-
-    def of_columns(values: Array) -> Array:
-        """Values of all columns; NaN where a reading has no such coordinate."""
-        parts = [np.where(own[:, None], values[:, part], np.nan) for _, own, part in used]
-        return np.hstack(parts) if parts else np.zeros((len(values), 0))
-
-    return tuple(name for names, _, _ in used for name in names), of_columns

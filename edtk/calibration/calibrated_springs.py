@@ -1,6 +1,6 @@
 """Compliances that a calibration has found: the commands, and the displacements they predict."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -11,7 +11,7 @@ import numpy as np
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.compensate import Calibrated, Commanded, Compensation, band_of
 from edtk.calibration.model_left import ModelLeft
-from edtk.calibration.prediction import Prediction, beyond_limits
+from edtk.calibration.prediction import Columns, Prediction, beyond_limits, in_columns
 from edtk.calibration.propagation import FittedSprings, root_of
 from edtk.calibration.result_file import OTHER_ROBOT, springs_of_dict
 from edtk.calibration.tasks_in_use import ToolInUse, reading_findings
@@ -383,7 +383,7 @@ def predict_displacements(
     predicted = linear.constant + linear.A @ springs.k
     half = _half_bands(study, springs, data, linear.A)
     moved = np.where(data.lengths[..., None], linear.A @ springs.open, 0.0)
-    columns, of_columns = _columns(data)
+    columns, of_columns = in_columns(_columns(data))
     names = [sensor.name for sensor in study.model.sensors]
     return Prediction(
         data=data,
@@ -413,13 +413,9 @@ def _half_bands(study: Study, springs: FittedSprings, data: Measurements, A: Arr
     return found.quantiles([0.95])[:, 0].reshape(beside.shape)
 
 
-def _columns(data: Measurements) -> tuple[tuple[str, ...], Callable[[Array], Array]]:
-    """Names of the coordinates of all readings, and what puts values (t, rows) into them.
-
-    A single rotation is a coordinate of its own, beside that of single lengths.
-    """
+def _columns(data: Measurements) -> tuple[Columns, ...]:
+    """The columns of all readings: a single rotation has one of its own beside single lengths."""
     columns = coordinate_columns(data.deflection.shape[1])
     if data.turn is None:
-        return columns, lambda values: values
-    is_turn = np.stack([~data.turn, data.turn], axis=1)
-    return (*columns, TURN_COLUMN), lambda values: np.where(is_turn, values, np.nan)
+        return ((columns, np.ones(len(data), dtype=bool), slice(None)),)
+    return (columns, ~data.turn, slice(None)), ((TURN_COLUMN,), data.turn, slice(None))

@@ -2,6 +2,7 @@
 of markers that some of these poses place on the tool anew.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +29,10 @@ FAR = 5.0  # half bands: an error beyond them is no matter of chance
 MOST = 0.5  # of the readings: if as many are far off, what they have in common is wrong
 OPEN = 1e-4  # [m]: what a calibration left open may move a marker by, before it is said
 ROUNDING = 1e-4  # [rad or m]: a limit may be exceeded by what a controller's display leaves out
+
+
+# Names of some coordinates, which readings (t,) have them, and where these are among their rows.
+Columns = tuple[tuple[str, ...], Mask, slice]
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,6 +211,24 @@ class Prediction(Presented):
         import pandas as pd
 
         return pd.DataFrame(self.readings())
+
+
+def in_columns(
+    groups: Sequence[Columns],
+) -> tuple[tuple[str, ...], Callable[[Array], Array]]:
+    """Names of all coordinates that some reading has, and what puts rows (t, r) into these (t, c).
+
+    Args:
+        groups: The coordinates.
+    """
+    used = [group for group in groups if group[1].any()]
+
+    def of_columns(values: Array) -> Array:
+        """Values of all columns; NaN where a reading has no such coordinate."""
+        parts = [np.where(own[:, None], values[:, part], np.nan) for _, own, part in used]
+        return np.hstack(parts) if parts else np.zeros((len(values), 0))
+
+    return tuple(name for names, _, _ in used for name in names), of_columns
 
 
 def beyond_limits(robot: Robot, q: Array, row: Indices) -> tuple[int, ...]:
