@@ -7,8 +7,9 @@ poses; a sheet of a simulated robot (`simulated_arm.py`, which shares no code wi
 `edtk.identify`; `edtk.compensate` in the test pose; and where the simulated robot then really is.
 The robots have springs about axes that are none of their joints', links that bend, a stiffness that
 varies, and friction. What else the promise counts is drawn: size and direction of the load, the
-tool point, and the noise (`--exact`: the noise alone). Springs differ from day to day. With
-`--visits` springs are parameters of a study with [parameters], read loaded minus unloaded.
+tool point, and the noise. With `--exact` the noise alone is drawn, and the study says that the rest
+is as stated. Springs differ from day to day. With `--visits` springs are parameters of a study with
+[parameters], read loaded minus unloaded.
 
 FOLDER keeps plans and days, so that a run goes on where it was stopped. One table a run is printed,
 and written to FOLDER/table.md; `--page` writes kept_promises.md beside this file, of the days in
@@ -121,6 +122,11 @@ class Scene:
             measurement={"sigma_mm": reading, "reference": "unloaded"},
         )
         return replace(self, asked=asked)
+
+    @property
+    def sure(self) -> "Scene":
+        """The same, asked as a study that says that loads and tool are exactly as stated."""
+        return replace(self, asked=self.asked.replace(uncertainty=SURE))
 
 
 def arm_of(robot: edtk.Robot, compliance: Array) -> SimulatedArm:
@@ -241,6 +247,7 @@ TRUTHS: dict[str, Truth] = {
 # Ways to choose poses: for the noise alone, at random, and counting what the model leaves out.
 PLANS = ("optimal", "random", "counted")
 COUNTED = {"model_error_percent": 10}
+SURE = {"load_percent": 0, "load_direction_deg": 0, "tool_mm": 0}
 
 
 @dataclass(frozen=True)
@@ -441,20 +448,25 @@ class Way:
     """How days are simulated, and what is asked.
 
     Attributes:
-        exact: Whether the noise alone is drawn.
+        exact: Whether the noise alone is drawn, as the study then says.
         visits: Whether springs are parameters of a study with [parameters].
     """
 
     exact: bool = False
     visits: bool = False
 
+    def asks(self, scene: Scene) -> Scene:
+        """A scene whose study knows this."""
+        scene = scene.by_visits if self.visits else scene
+        return scene.sure if self.exact else scene
+
     @property
     def words(self) -> str:
         """For people."""
         if self.visits:
-            return "Studies with `[parameters]`, whose circumstances are as stated"
+            return "Studies with `[parameters]`, whose circumstances are exact, as they say"
         if self.exact:
-            return "Load, direction and tool as stated: the noise alone is drawn"
+            return "Load, direction and tool are exact, as the study says: the noise alone is drawn"
         return (
             "Size and direction of the load and the tool point are drawn as the study doubts them"
         )
@@ -472,7 +484,7 @@ def table(folder: Path, cases: Sequence[Case], way: Way) -> str:
     folder.mkdir(parents=True, exist_ok=True)
     store = folder / "days.jsonl"
     found = read_days(store)
-    every = {name: scene.by_visits if way.visits else scene for name, scene in scenes().items()}
+    every = {name: way.asks(scene) for name, scene in scenes().items()}
     with store.open("a") as file, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         for case in cases:
@@ -548,7 +560,7 @@ of twenty "good" days of an honest promise one may be off by more than twice."""
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--days", default=DAYS, help="Days of each case.")
 @click.option("--only", multiple=True, help="Part of the names of cases to look at; repeat it.")
-@click.option("--exact", is_flag=True, help="Draw the noise alone.")
+@click.option("--exact", is_flag=True, help="Draw the noise alone, and say so.")
 @click.option("--visits", is_flag=True, help="Ask studies with [parameters].")
 @click.option("--page", "whole", is_flag=True, help="Write kept_promises.md, of days at hand.")
 def main(

@@ -18,6 +18,7 @@ from edtk.fit.missing import MissingColumns, SizeLikelihood
 from edtk.fit.pose_rows import PoseRows
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.expected_error import ErrorBudget
+from edtk.measure.friction import GIVES
 from edtk.measure.instruments.marker import Marker
 from edtk.measure.missing_pieces import MissingPieces, PossibleSprings
 from edtk.measure.task import Task, Tasks
@@ -87,10 +88,8 @@ class ModelLeft:
         """
         identified = replace(model, unknown=self.joints)
         wrench = np.broadcast_to(wrench, (len(q), np.shape(wrench)[-1]))
-        A = np.concatenate(
-            [self.pieces.shared(model, q, wrench), identified.regressor(q, wrench)], axis=-1
-        )
-        mean, V = self.possible.errors(A, self.pieces.turns(model, q, wrench))
+        columns = self.pieces.columns(model, q, wrench)
+        mean, V = self.possible.errors(columns, identified.regressor(q, wrench))
         V[..., range(ROWS), range(ROWS)] += self.constant**2
         return NormalMixture(self.possible.weights, mean, V, self.dof)
 
@@ -103,10 +102,8 @@ class ModelLeft:
             A: Regressors (m, rows, p + a), those of the identified joints first.
         """
         given = (model, data.q, data.wrench, lambda frames: data.motion_of(model, frames))
-        every = np.concatenate([self.pieces.shared(*given), A[..., : len(self.joints)]], axis=-1)
-        rows = every.reshape(-1, 1, every.shape[-1])
-        turns = self.pieces.turns(*given)
-        mean, V = self.possible.errors(rows, turns.reshape(-1, 1, turns.shape[-1]))
+        own = A[..., : len(self.joints)].reshape(-1, 1, len(self.joints))
+        mean, V = self.possible.errors(self.pieces.columns(*given).by_row(), own)
         return NormalMixture(self.possible.weights, mean, V, self.dof)
 
     def in_task(self, task: Task) -> NormalMixture:
@@ -226,15 +223,13 @@ class PiecesLeft:
         torque = model.torque_of(model.frames(means.q[differs]), means.wrench[differs])
         pieces = MissingPieces.of(model.robot, k, torque.T)
         seen = (means.rows_seen & differs[:, None, None]).reshape(len(V), -1, 1)
-        shared, turns = (
-            MM * _in_frame(fitted, one(model, means.q, means.wrench)) * seen
-            for one in (pieces.shared, pieces.turns)
+        shown = pieces.columns(model, means.q, means.wrench).mapped(
+            lambda columns: MM * _in_frame(fitted, columns) * seen
         )
-        own = np.arange(len(V))
         tilt = np.deg2rad(setting.study.specification.uncertainty.load_direction_deg)
-        shown = _tilted(model, means.q, means.wrench) @ k
-        tilted = MM * tilt * _in_frame(fitted, np.moveaxis(shown, 0, -1)) * seen
-        columns = MissingColumns(shared, pieces.kinds, turns, own, tilted, pieces.mean)
+        turned = _tilted(model, means.q, means.wrench) @ k
+        tilted = MM * tilt * _in_frame(fitted, np.moveaxis(turned, 0, -1)) * seen
+        columns = MissingColumns(shown, np.arange(len(V)), tilted)
         likelihood = SizeLikelihood.of(
             rows.design, rows.residual, CorrelatedNoise.by_row(V), columns, usual
         )
@@ -258,7 +253,7 @@ class PiecesLeft:
             J: Columns (t, r, p) of its parameters [mm a unit].
         """
         kept = [self.names.index(one.name) for one in fitted.model.parameters]
-        c = len(self.pieces.kinds)
+        c = self.pieces.count
         some = [*range(c), *(c + i for i in kept)]
         own = replace(
             self.possible,
@@ -266,12 +261,12 @@ class PiecesLeft:
             covariance=self.possible.covariance[:, some][:, :, some],
         )
         at = replace(model, sensors=_markers(fitted))
-        shared = _in_frame(fitted, self.pieces.shared(at, q, wrench))
-        turns = _in_frame(fitted, self.pieces.turns(at, q, wrench))
         # A root mean square over the markers.
         root = np.sqrt(len(fitted.model.markers))
-        every = np.concatenate([shared, J / MM], axis=-1) / root
-        mean, V = own.errors(every, turns / root)
+        columns = self.pieces.columns(at, q, wrench).mapped(
+            lambda one: _in_frame(fitted, one) / root
+        )
+        mean, V = own.errors(columns, J / MM / root)
         return NormalMixture(own.weights, mean, V)
 
     def in_tasks(self, setting: StudyGeometry, fitted: FittedGeometry) -> "LeftInTasks | None":
@@ -384,6 +379,7 @@ def possible_to_dict(pieces: MissingPieces, possible: PossibleSprings) -> dict[s
         "compliance": pieces.k.tolist(),
         "load": pieces.load.tolist(),
         "weights": possible.weights.tolist(),
+        "held": possible.held.tolist(),
         "turn": possible.turn.tolist(),
         "mean": [_short(row) for row in possible.mean],
         "covariance": [_short(one[lower]) for one in possible.covariance],
@@ -403,7 +399,7 @@ def possible_from_dict(
     )
     rows = given.get("weights")
     s = len(rows) if isinstance(rows, list) else 0
-    order = len(pieces.kinds) + p
+    order = pieces.count + p
     weights = not_negative_of(given, "weights", (s,))
     if not weights.sum() > 0:
         raise ValueError("weights: expected a number that is not zero")
@@ -411,9 +407,11 @@ def possible_from_dict(
     covariance = np.zeros((s, order, order))
     covariance[:, lower[0], lower[1]] = numbers_of(given, "covariance", (s, len(lower[0])))
     whole = covariance + np.swapaxes(np.tril(covariance, -1), 1, 2)
+    # Files of before had what friction holds of one size.
+    held = not_negative_of({"held": [GIVES] * s, **given}, "held", (s,))
     turn = not_negative_of(given, "turn", (s,))
     mean = numbers_of(given, "mean", (s, order))
-    return pieces, PossibleSprings(weights / weights.sum(), turn, mean, whole)
+    return pieces, PossibleSprings(weights / weights.sum(), held, turn, mean, whole)
 
 
 def _short(numbers: Array) -> list[float]:

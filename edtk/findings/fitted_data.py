@@ -8,6 +8,7 @@ import numpy as np
 
 from edtk.design.plan import Plan
 from edtk.findings.causes.family import NOISE, Cause
+from edtk.findings.causes.faults import FAULTS
 from edtk.findings.causes.find_causes import (
     MOST_ROWS,
     FoundCauses,
@@ -420,12 +421,17 @@ class FittedData:
         if self.untold or self.how.linear:
             return self  # what bends is no error of a linear model that was asked for
         seen = LinearisedData(alone.A, alone.measured)
+        every = np.arange(len(self.data))
         rows, most = self._sound_rows, 0
         nothing = self.found_causes.unexplained and self.found_causes.possible is None
+        first = next(iter(self.structural_causes), None)
         if nothing and len(self.data) <= MOST_ROWS:
             # Rows that are outliers beside the noise alone may as well be the model's. A cause that
             # explains much, and not all, is no error of poses: rows may stand out for want of it.
-            rows, most = np.arange(len(self.data)), most_outliers(len(self.data))
+            rows, most = every, most_outliers(len(self.data))
+        elif first is not None and FAULTS[first.cause].in_tasks:
+            # So they are where the robot itself is the cause, but for those that are off beside it.
+            rows = np.delete(every, list(self.found_causes.outliers))
         given = (readings_alone(self), rows, constant_error(self), most)
         found = find_model_error(self.study, self.data, seen, (alone.fit, self.fit), *given)
         if found is None:

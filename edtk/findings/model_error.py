@@ -12,7 +12,7 @@ from edtk.fit.equilibrium import LinearisedData
 from edtk.fit.identify import Identification
 from edtk.fit.measurements import Measurements
 from edtk.fit.missing import MissingColumns, SizePosterior
-from edtk.measure.friction import together
+from edtk.measure.friction import SPREAD, together
 from edtk.measure.missing_pieces import MissingPieces, PossibleSprings
 from edtk.measure.model_error import ASSUMED
 from edtk.measure.task import all_compliances
@@ -55,12 +55,13 @@ class ModelErrorFound:
         Sizes are root mean squares of those that are possible.
         """
         across, held, turn = np.sqrt(self.posterior.weights @ np.square(self.posterior.sizes))
-        kinds = self.shown.kinds
-        shared = self.shown.shared * np.array([across, held])[kinds]
+        pieces = self.shown.pieces
+        shared = pieces.shared(held) * np.array([across, held])[pieces.kinds]
         # Of what friction holds the mean is not zero: the columns are of its squares.
-        own = np.moveaxis(shared[..., kinds == 1], -1, 0)
-        shared[..., kinds == 1] = np.moveaxis(together(np.sqrt(2.0) * own), 0, -1)
-        return shared, self.shown.turns * turn
+        of_mean = np.sqrt(1 + SPREAD**2) / SPREAD
+        own = np.moveaxis(shared[..., pieces.kinds == 1], -1, 0)
+        shared[..., pieces.kinds == 1] = np.moveaxis(together(of_mean * own, SPREAD), 0, -1)
+        return shared, pieces.turns * turn
 
     def to_dict(self) -> dict[str, float]:
         """The likeliest shares of the pieces [%]."""
@@ -127,14 +128,8 @@ def _columns(
 ) -> MissingColumns:
     """What readings show of the pieces, and of what else is uncertain."""
     given = (study.model, data.q, data.wrench, lambda frames: data.motion_of(study.model, frames))
-    return MissingColumns(
-        shared=pieces.shared(*given),
-        kinds=pieces.kinds,
-        turns=pieces.turns(*given),
-        pose=data.pose,
-        known=_circumstances(study, data, A, np.maximum(fit.k, 0.0)),
-        mean=pieces.mean,
-    )
+    known = _circumstances(study, data, A, np.maximum(fit.k, 0.0))
+    return MissingColumns(pieces.columns(*given), data.pose, known)
 
 
 def _circumstances(study: Study, data: Measurements, A: Array, k: Array) -> Array:

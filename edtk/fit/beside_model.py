@@ -96,16 +96,17 @@ class BesideModel:
             ``B`` times other columns (m, rows, c), or the deflections (m, rows).
         """
         m, rows, p = self.A.shape
-        across = self.columns.shared * sizes[self.columns.kinds]
+        pieces = self.columns.pieces
+        shared = pieces.shared(sizes[1]) * sizes[pieces.kinds]
         scale = np.sqrt(np.square(self.A).sum(axis=(0, 1)))
-        X = np.concatenate([across, self.columns.known, self.A / scale], axis=-1)
+        X = np.concatenate([shared, self.columns.known, self.A / scale], axis=-1)
         every = np.concatenate([X, self.measured[..., None] if others is None else others], axis=-1)
         noise = CorrelatedNoise.of_any(self.noise, (m, rows))
         own = np.empty((m, rows, rows))
         weighed = np.empty(every.shape)
         for members in groups_by_size(self.columns.pose):
             g, s = members.shape
-            T = sizes[2] * self.columns.turns[members].reshape(g, s * rows, -1)
+            T = sizes[2] * pieces.turns[members].reshape(g, s * rows, -1)
             V = noise.among(members).reshape(g, s * rows, -1) + T @ np.swapaxes(T, 1, 2)
             B = np.linalg.inv(V)
             here = B @ every[members].reshape(g, s * rows, -1)

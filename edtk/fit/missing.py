@@ -6,25 +6,36 @@ from functools import cached_property
 import numpy as np
 
 from edtk.fit.correlated_noise import RowNoise, groups_by_size, whiten_columns
-from edtk.measure.missing_pieces import PossibleSprings
+from edtk.measure.missing_pieces import PieceColumns, PossibleSprings
 from edtk.measure.model_error import ASSUMED
 from edtk.system.typing import Array, Indices
 
 # Shares that a piece may have: nothing, or a size on a scale of factors of two.
 SIZES = np.array([0.0, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32])
-# What is known before a sheet: one arm in two lacks a piece, and where it is there its share is a
-# tenth, exponentially distributed. Bearings and links add a tenth to a third to what gears give,
-# friction holds some per cent to a sixth of a load, and stiffnesses vary by a tenth with position.
-ABSENT = 0.5
+# What is known before a sheet: one arm in two has no springs across its joints, and no stiffness
+# that varies; no gear is without friction, but one in four has so little that it does not count.
+# Where a piece is there its share is a tenth, exponentially distributed. Bearings and links add a
+# tenth to a third to what gears give, friction holds some per cent to a sixth of a load, and
+# stiffnesses vary by a tenth with position. With one half for friction, too, a sheet that tells it
+# at 2.3 standard deviations was taken for one of ideal springs (kept_promises.py).
+ABSENT = np.array([0.5, 0.25, 0.5])
 # Sizes that stand for all that are left possible, each of the same probability, at most.
 KEPT = 24
 
 
 def prior_of_sizes(usual: float = ASSUMED) -> Array:
-    """Probabilities of `SIZES`: each stands for what is nearer to it, by logarithms."""
+    """Probabilities (3, sizes) of `SIZES`, each of which stands for what is nearer by logarithms.
+
+    Args:
+        usual: Share that a piece has on average, where it is there.
+
+    Returns:
+        Those of springs across, of what friction holds, and of turns.
+    """
     between = np.sqrt(SIZES[1:-1] * SIZES[2:])
     edges = np.concatenate([[0.0], between, [np.inf]])
-    return np.append(ABSENT, (1 - ABSENT) * np.diff(-np.exp(-edges / usual)))
+    there = np.outer(1 - ABSENT, np.diff(-np.exp(-edges / usual)))
+    return np.column_stack([ABSENT, there])
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,26 +43,19 @@ class MissingColumns:
     """What readings show of all that a model may leave out, for shares of one.
 
     Attributes:
-        shared: Columns (m, rows, c) of pieces whose shares are the same in all poses.
-        kinds: Which of two sizes each of them has (c,).
-        turns: Columns (m, rows, n) of the piece whose shares are others in each pose.
+        pieces: Columns of the pieces in all measurements (m,).
         pose: Number (m,) of each measurement's pose and load, from 0.
         known: Columns (m, rows, e) of what else is uncertain, by one standard deviation each.
-        mean: Mean (c,) of the shared columns' shares of variance one.
     """
 
-    shared: Array
-    kinds: Indices
-    turns: Array
+    pieces: PieceColumns
     pose: Indices
     known: Array
-    mean: Array
 
     def __getitem__(self, rows: Indices) -> "MissingColumns":
         """Those of some measurements."""
         pose = np.unique(self.pose[rows], return_inverse=True)[1]
-        some = (self.shared[rows], self.kinds, self.turns[rows], pose, self.known[rows])
-        return MissingColumns(*some, self.mean)
+        return MissingColumns(self.pieces[rows], pose, self.known[rows])
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +63,8 @@ class _Sums:
     """Products of whitened columns and readings, with the turns of one size taken as noise.
 
     Attributes:
-        G: Of shared columns, regressors, readings and what else is uncertain (w, w), in that
-            order.
+        G: Of regressors, readings, springs across, what friction of each size holds, and what else
+            is uncertain (w, w), in that order.
         log_V: Logarithm of the determinant of the noise.
     """
 
@@ -85,15 +89,13 @@ class SizeLikelihood:
 
     Attributes:
         sums: One for each size of the turns.
-        kinds: Which of two sizes each shared column (c,) has.
-        before: Mean (c,) of the shares.
+        pieces: Columns of the pieces.
         scale: Sizes (p,) of the regressors, by which they are divided.
         usual: Share that a piece has on average.
     """
 
     sums: tuple[_Sums, ...]
-    kinds: Indices
-    before: Array
+    pieces: PieceColumns
     scale: Array
     usual: float = ASSUMED
 
@@ -116,9 +118,11 @@ class SizeLikelihood:
             usual: Share that a piece has on average.
         """
         scale = np.sqrt(np.square(A).sum(axis=(0, 1)))
-        every = [columns.shared, A / scale, measured[..., None], columns.known]
+        pieces = columns.pieces
+        held = [pieces.held(size) for size in SIZES[1:]]
+        every = [A / scale, measured[..., None], pieces.across, *held, columns.known]
         X = whiten_columns(np.concatenate(every, axis=-1), noise)
-        T = whiten_columns(columns.turns, noise)
+        T = whiten_columns(pieces.turns, noise)
         whole = np.einsum("mrc,mrd->cd", X, X, optimize=True)
         of_pose = [_of_poses(X[rows], T[rows]) for rows in groups_by_size(columns.pose)]
         values = np.concatenate([one[0] for one in of_pose])
@@ -129,7 +133,7 @@ class SizeLikelihood:
             share = size**2 / (1 + gain)
             less = np.einsum("bn,bnc,bnd->cd", share, shown, shown, optimize=True)
             sums.append(_Sums(whole - less, float(np.log1p(gain).sum())))
-        return cls(tuple(sums), columns.kinds, columns.mean, scale, usual)
+        return cls(tuple(sums), pieces, scale, usual)
 
     @cached_property
     def posterior(self) -> "SizePosterior | None":
@@ -149,25 +153,41 @@ class SizeLikelihood:
         Raises:
             numpy.linalg.LinAlgError: They do not.
         """
-        c, p = len(self.kinds), len(self.scale)
+        kinds, before = self.pieces.kinds, self.pieces.mean
+        c, p = len(kinds), len(self.scale)
         sizes = np.stack(np.meshgrid(SIZES, SIZES, indexing="ij"), axis=-1).reshape(-1, 2)
-        S = np.concatenate([sizes[:, self.kinds], np.ones((len(sizes), p))], axis=1)
-        prior = np.log(prior_of_sizes(self.usual))
+        S = np.concatenate([sizes[:, kinds], np.ones((len(sizes), p))], axis=1)
+        order = self._orders()
+        last = 1 + int(order.max())
+        of_across, of_held, of_turn = np.log(prior_of_sizes(self.usual))
         parts = []
         for turn, sums in enumerate(self.sums):
-            fixed, log_V = _without(sums, c + p + 1)
-            M, b = _equations(fixed[: c + p, : c + p], fixed[: c + p, c + p], S, self.before)
+            fixed, log_V = _without(sums, last)
+            G = np.array([fixed[np.ix_(own, own)] for own in order])
+            y = np.array([fixed[own, p] for own in order])
+            some = (np.tile(one, (len(SIZES), *[1] * (one.ndim - 1))) for one in (G, y))
+            M, b = _equations(*some, S, before)
             mean = np.linalg.solve(M, b[..., None])[..., 0]
-            square = fixed[c + p, c + p] + self.before @ self.before - (b * mean).sum(axis=1)
+            square = fixed[p, p] + before @ before - (b * mean).sum(axis=1)
             likelihood = -0.5 * (log_V + np.linalg.slogdet(M)[1] + square)
-            before = prior[turn] + prior[:, None] + prior
-            parts.append((likelihood + before.ravel(), mean, M, np.full(len(S), SIZES[turn])))
+            known = of_turn[turn] + of_across[:, None] + of_held
+            parts.append((likelihood + known.ravel(), mean, M, np.full(len(S), SIZES[turn])))
         log, mean, M, turns = (np.concatenate(one) for one in zip(*parts, strict=True))
         weights = np.exp(log - log.max())
         every = np.tile(sizes, (len(self.sums), 1))
-        units = np.concatenate([every[:, self.kinds], np.tile(1 / self.scale, (len(M), 1))], axis=1)
+        units = np.concatenate([every[:, kinds], np.tile(1 / self.scale, (len(M), 1))], axis=1)
         shares = np.column_stack([every, turns])
         return SizePosterior(shares, weights / weights.sum(), mean * units, M, units, c)
+
+    def _orders(self) -> Indices:
+        """Places (sizes, c + p) in sums of shares and regressors, for each size of friction."""
+        p, kinds = len(self.scale), self.pieces.kinds
+        a, n = int((kinds == 0).sum()), int((kinds == 1).sum())
+        across = np.arange(p + 1, p + 1 + a)
+        # Friction of no size has the columns of the smallest, times zero.
+        starts = p + 1 + a + n * np.maximum(np.arange(len(SIZES)) - 1, 0)
+        each = [np.concatenate([across, start + np.arange(n), np.arange(p)]) for start in starts]
+        return np.array(each)
 
 
 def _of_poses(X: Array, T: Array) -> tuple[Array, Array]:
@@ -194,7 +214,7 @@ def _without(sums: _Sums, first: int) -> tuple[Array, float]:
 
 
 def _equations(G: Array, y: Array, S: Array, before: Array) -> tuple[Array, Array]:
-    """M (s, c + p, c + p) and b (s, c + p) for sizes S (s, c + p)."""
+    """M (s, c + p, c + p) and b (s, c + p) for sizes S (s, c + p), of sums G and y of each."""
     c = len(before)
     M = S[:, :, None] * G * S[:, None]
     M[:, range(c), range(c)] += 1.0
@@ -259,5 +279,5 @@ class SizePosterior:
         chosen, weights = self.kept
         mean = self.mean[chosen].copy()
         mean[:, self.c :] -= k
-        covariance = self.covariance(chosen)
-        return PossibleSprings(weights, self.sizes[chosen, 2], mean, covariance)
+        _, held, turn = self.sizes[chosen].T
+        return PossibleSprings(weights, held, turn, mean, self.covariance(chosen))

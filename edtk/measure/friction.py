@@ -9,6 +9,13 @@ from edtk.system.typing import Array
 
 # Of a joint's usual load: friction holds most of a load that is smaller than that.
 GIVES = 0.1
+# Standard deviation of a joint's share, over the mean of all, as a sheet takes it. Gears of a robot
+# are of one make, and lose shares alike; none pushes, and of normal shares with a larger spread
+# some would.
+SPREAD = 0.5
+PLANNED = (
+    1.0  # the same of a plan, which is to tell joints apart: it trusts less that they are alike
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +34,7 @@ class Friction:
     best poses have loads of this size.
 
     Where a load is put on, friction holds back in every joint, so that shares go together: any two
-    of them are correlated by a half.
+    of them are correlated by a half, see `correlated`.
 
     Attributes:
         k: Compliances (p,) of the joints [rad/(N m)].
@@ -59,7 +66,7 @@ class Friction:
     @property
     def information(self) -> Array:
         """What is known of the shares before they are measured (p, p)."""
-        return np.asarray(np.linalg.inv(correlated(len(self.k))) / self.share**2)
+        return np.asarray(np.linalg.inv(correlated(len(self.k), PLANNED)) / self.share**2)
 
     def names(self, joints: Sequence[str]) -> tuple[str, ...]:
         """Names of the shares."""
@@ -76,23 +83,47 @@ def held(torque: Array, load: Array) -> Array:
     return np.asarray(load / np.hypot(torque, _small(load)))
 
 
+def held_by(share: float, torque: Array, load: Array) -> Array:
+    """The same (..., n) of friction that holds just this share of usual loads.
+
+    It holds ``min(|tau|, share m)``, the whole of a small load; for a share of one that is
+    ``h(tau) = min(|tau| / share, m) sign(tau)``. Nothing is held by no share.
+
+    Args:
+        share: The share.
+        torque: Loads tau (..., n) [N m or N].
+        load: Usual loads m (n,).
+    """
+    if not share:
+        return np.zeros_like(torque)
+    size = np.abs(torque)
+    whole = size <= share * load
+    return np.where(whole, 1 / share, load / np.where(whole, 1.0, size))
+
+
 def _small(load: Array) -> Array:
     """The loads below which friction holds in proportion; not zero where usual loads are."""
     return GIVES * np.where(load > 0, load, 1.0)
 
 
-def correlated(n: int) -> Array:
-    """Covariance (n, n) of numbers of variance one that are correlated by a half."""
-    return (np.eye(n) + 1.0) / 2
+def correlated(n: int, spread: float) -> Array:
+    """Mean products (n, n) of shares ``v_j`` of mean square one that hold back in every joint.
+
+    With ``v_j = (1 + r z_j) / sqrt(1 + r^2)`` of independent z and the spread r they are
+    ``(11' + r^2 I) / (1 + r^2)``.
+    """
+    return np.asarray((np.ones((n, n)) + spread**2 * np.eye(n)) / (1 + spread**2))
 
 
-def together(columns: Array) -> Array:
-    """Columns (n, ...) of uncorrelated shares, of those whose shares are correlated by a half.
+def together(columns: Array, spread: float) -> Array:
+    """Columns (n, ...) of uncorrelated shares, of those whose shares go together.
 
-    With the symmetric root R of ``(I + 11')/2``, shares ``R u`` have this covariance for u of
-    covariance I. Its eigenvalues are ``(n + 1)/2`` along the vector of ones and 1/2 across it.
+    With the symmetric root R of `correlated`, shares ``R u`` have these mean products for u of
+    covariance I. Its squares have the eigenvalues ``(n + r^2) / (1 + r^2)`` along the vector of
+    ones and ``r^2 / (1 + r^2)`` across it.
     """
     n = len(columns)
-    own = np.sqrt(1 / 2)
-    common = (np.sqrt((n + 1) / 2) - own) / n
+    size = np.sqrt(1 + spread**2)
+    own = spread / size
+    common = (np.sqrt(n + spread**2) / size - own) / n
     return np.asarray(own * columns + common * columns.sum(axis=0))

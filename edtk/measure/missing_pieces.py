@@ -8,13 +8,12 @@ columns by which an identified spring would.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.friction import held
+from edtk.measure.friction import SPREAD, held_by
 from edtk.robots.frames import Frames
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array, Indices
@@ -32,10 +31,10 @@ class MissingPieces:
        own, ``J_e k_j (J_e' w)`` with the motion J_e of what is measured by a turn about that axis.
        Bearings tilt, and links bend, like that.
     2. *Held*: friction of joint j holds the part u_j of its mean load m_j in calibration:
-       ``-u_j y_j k_j m_j sign(tau_j)`` with ``y_j = dy/dq_j``; where ``|tau_j|`` is less than a
-       tenth of m_j it is in proportion to that, see `Friction`. It always holds back, so that
-       ``u_j = v_j s/sqrt(2)`` with v_j of mean and variance one, as of an exponential
-       distribution: ``E[u_j^2] = s^2``, and any two are correlated by a half, see `correlated`.
+       ``-u_j y_j k_j m_j sign(tau_j)`` with ``y_j = dy/dq_j``, and of a load that is smaller than
+       the usual share of m_j the whole, see `held_by`. It always holds back, and gears of a robot
+       lose alike: ``u_j = s v_j`` with ``E[v_j^2] = 1``, whose standard deviation is half of their
+       mean, see `correlated`.
     3. *Turn*: joint j turns by ``k_j tau_j`` once more, ``y_j k_j tau_j``, by another share in
        each pose, as where its stiffness varies with its position.
 
@@ -69,10 +68,10 @@ class MissingPieces:
         nearest = np.abs(np.arange(len(self.k))[:, None] - soft).argmin(axis=1)
         return np.where(turns, self.k[soft[nearest]], 0.0)
 
-    def shared(
+    def columns(
         self, model: ElastostaticModel, q: Array, wrench: ArrayLike, motion_of: Motion | None = None
-    ) -> Array:
-        """Columns (..., rows, 3n) of the pieces that all poses share: across, and held.
+    ) -> "PieceColumns":
+        """What the pieces do in poses.
 
         Args:
             model: What is measured, and what loads the joints.
@@ -82,36 +81,78 @@ class MissingPieces:
         """
         motion_of = model.motion_of if motion_of is None else motion_of
         frames = model.robot.frames(q, range(len(model.robot.chain)))
-        soft = self.size(model.robot).reshape(-1, *[1] * (frames.q.ndim - 1))
+        lift = (-1, *[1] * (frames.q.ndim - 1))
+        soft = self.size(model.robot).reshape(lift)
         parts = []
         for side in range(SIDES):
             tilted = _across(model.robot, frames, side)
             turned = soft * model.torque_of(tilted, wrench)
             parts.append(motion_of(tilted) * turned[:, None])
-        load = self.load.reshape(soft.shape)
         torque = model.torque_of(frames, wrench)
-        turned = self.k.reshape(soft.shape) * torque * held(torque, load)
-        parts.append(-np.sqrt(0.5) * motion_of(frames) * turned[:, None])
-        return np.moveaxis(np.concatenate(parts), (0, 1), (-1, -2))
+        turned = self.k.reshape(lift) * torque
+        across, turns = (
+            np.moveaxis(one, (0, 1), (-1, -2))
+            for one in (np.concatenate(parts), motion_of(frames) * turned[:, None])
+        )
+        return PieceColumns(across, turns, np.moveaxis(torque, 0, -1), self.load)
 
-    @cached_property
+    @property
+    def count(self) -> int:
+        """Number of shares that all poses have: across, and held."""
+        return (SIDES + 1) * len(self.k)
+
+
+@dataclass(frozen=True, eq=False)
+class PieceColumns:
+    """What pieces do in some poses, for shares of one.
+
+    Attributes:
+        across: Columns (..., rows, a) of springs across the joints.
+        turns: Columns (..., rows, n) of springs that turn once more, by another share in each pose.
+        torque: Loads (..., n) of the joints [N m or N].
+        load: Their mean sizes (n,) in calibration [N m or N].
+    """
+
+    across: Array
+    turns: Array
+    torque: Array
+    load: Array
+
+    def __getitem__(self, rows: Indices) -> "PieceColumns":
+        """Those of some poses."""
+        return PieceColumns(self.across[rows], self.turns[rows], self.torque[rows], self.load)
+
+    def held(self, size: float) -> Array:
+        """Columns (..., rows, n) of what friction holds, of shares of some size.
+
+        They are for ``z_j + 1/r``, of variance one, where ``v_j = (1 + r z_j) / sqrt(1 + r^2)``.
+        """
+        part = SPREAD / np.sqrt(1 + SPREAD**2) * held_by(size, self.torque, self.load)
+        return np.asarray(-self.turns * part[..., None, :])
+
+    def shared(self, size: float) -> Array:
+        """Columns (..., rows, a + n) of the pieces that all poses share: across, and held."""
+        return np.concatenate([self.across, self.held(size)], axis=-1)
+
+    @property
     def kinds(self) -> Indices:
-        """Which piece each shared column (3n,) is of: 0 across, 1 held."""
-        return np.repeat([0, 1], [SIDES * len(self.k), len(self.k)])
+        """Which piece each shared column (a + n,) is of: 0 across, 1 held."""
+        return np.repeat([0, 1], [self.across.shape[-1], self.turns.shape[-1]])
 
     @property
     def mean(self) -> Array:
-        """The mean (3n,) of the shared columns' shares, whose variance is one."""
-        return np.asarray(self.kinds == 1, dtype=float)
+        """The mean (a + n,) of the shared columns' shares, whose variance is one."""
+        return np.asarray((self.kinds == 1) / SPREAD)
 
-    def turns(
-        self, model: ElastostaticModel, q: Array, wrench: ArrayLike, motion_of: Motion | None = None
-    ) -> Array:
-        """Columns (..., rows, n) of the piece that is another one in each pose."""
-        motion_of = model.motion_of if motion_of is None else motion_of
-        frames = model.robot.frames(q, range(len(model.robot.chain)))
-        torque = self.k.reshape(-1, *[1] * (frames.q.ndim - 1)) * model.torque_of(frames, wrench)
-        return np.moveaxis(motion_of(frames) * torque[:, None], (0, 1), (-1, -2))
+    def mapped(self, change: Callable[[Array], Array]) -> "PieceColumns":
+        """The same in other rows."""
+        return replace(self, across=change(self.across), turns=change(self.turns))
+
+    def by_row(self) -> "PieceColumns":
+        """Those of poses (m,), each row by itself (m rows, 1)."""
+        rows = self.turns.shape[-2]
+        alone = self.mapped(lambda one: one.reshape(-1, 1, one.shape[-1]))
+        return replace(alone, torque=np.repeat(self.torque, rows, axis=0))
 
 
 def _across(robot: Robot, frames: Frames, side: int) -> Frames:
@@ -144,6 +185,7 @@ class PossibleSprings:
 
     Attributes:
         weights: Probabilities (s,).
+        held: Sizes (s,) of the shares that friction holds.
         turn: Sizes (s,) of the piece that is another one in each pose.
         mean: Shares (c,) of the other pieces and errors (p,) of the springs, true less taken, for
             each (s, c + p).
@@ -151,6 +193,7 @@ class PossibleSprings:
     """
 
     weights: Array
+    held: Array
     turn: Array
     mean: Array
     covariance: Array
@@ -160,15 +203,20 @@ class PossibleSprings:
         mean, V = self.mean[:, -p:], self.covariance[:, -p:, -p:]
         return np.einsum("s,sij->ij", self.weights, V + mean[:, :, None] * mean[:, None])
 
-    def errors(self, A: Array, turns: Array) -> tuple[Array, Array]:
+    def errors(self, columns: PieceColumns, A: Array) -> tuple[Array, Array]:
         """Means (s, ..., r) and covariances (s, ..., r, r) of what is left of a displacement.
 
         Args:
-            A: Columns (..., r, c + p) of the shares and the springs.
-            turns: Columns (..., r, n) of the piece that is another one in each pose.
+            columns: What pieces do there.
+            A: Columns (..., r, p) of the springs.
         """
-        mean = np.einsum("...ri,si->s...r", A, self.mean)
-        own = np.einsum("...rn,...qn->...rq", turns, turns)
-        V = np.einsum("...ri,sij,...qj->s...rq", A, self.covariance, A, optimize=True)
-        size = self.turn.reshape(-1, *[1] * own.ndim)
-        return mean, V + size**2 * own
+        own = np.einsum("...rn,...qn->...rq", columns.turns, columns.turns)
+        mean = np.empty((len(self.weights), *A.shape[:-1]))
+        V = np.square(self.turn).reshape(-1, *[1] * own.ndim) * own
+        for size in np.unique(self.held):
+            some = self.held == size
+            X = np.concatenate([columns.shared(size), A], axis=-1)
+            mean[some] = np.einsum("...ri,si->s...r", X, self.mean[some])
+            moved = np.einsum("...ri,sij->s...rj", X, self.covariance[some])
+            V[some] += np.einsum("s...rj,...qj->s...rq", moved, X)
+        return mean, V

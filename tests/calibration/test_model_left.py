@@ -15,7 +15,8 @@ from edtk.fit.distributions import NormalMixture, error_quantiles, weighted_medi
 from edtk.fit.identify import identify
 from edtk.fit.measurements import Measurements
 from edtk.fit.missing import SIZES, MissingColumns, SizeLikelihood, prior_of_sizes
-from edtk.measure.missing_pieces import MissingPieces
+from edtk.measure.friction import SPREAD
+from edtk.measure.missing_pieces import MissingPieces, PieceColumns
 
 SURE = {"load_percent": 0, "load_direction_deg": 0, "tool_mm": 0, "rigid_rad_per_Nm": {"q1": 1e-15}}
 STUDY = edtk.Study(**REQUIRED, test_pose=TEST_POSE, uncertainty=SURE)
@@ -34,17 +35,18 @@ def day(number, sizes, poses=12, repeats=1):
     model = STUDY.model
     every = np.append(0.0, K)
     pieces = MissingPieces.of(STUDY.robot, every, model.torque_of(model.frames(q), wrench).T)
-    # What friction holds is never negative: exponential, of mean and variance one.
-    normal = rng.standard_normal(len(pieces.kinds))
-    held = RNG((number, 6)).exponential(size=len(normal))
-    shares = np.where(pieces.kinds == 1, held, normal)
-    u = shares * np.asarray(sizes)[pieces.kinds]
+    kinds = pieces.columns(model, q, wrench).kinds
+    # What friction holds is never negative: exponential, of mean square one.
+    normal = rng.standard_normal(len(kinds))
+    held = RNG((number, 6)).exponential(size=len(normal)) / np.sqrt(2)
+    shares = np.where(kinds == 1, held * np.sqrt(1 + SPREAD**2) / SPREAD, normal)
+    u = shares * np.asarray(sizes)[kinds]
     task = replace(STUDY.task.model, unknown=model.unknown)
 
     def moves(of, q, wrench):
-        turned = sizes[2] * rng.standard_normal((len(q), 6, 1))
-        turns = (pieces.turns(of, q, wrench) @ turned)[..., 0]
-        return of.regressor(q, wrench) @ K + pieces.shared(of, q, wrench) @ u + turns
+        columns = pieces.columns(of, q, wrench)
+        turns = (columns.turns @ (sizes[2] * rng.standard_normal((len(q), 6, 1))))[..., 0]
+        return of.regressor(q, wrench) @ K + columns.shared(sizes[1]) @ u + turns
 
     there = moves(task, STUDY.task.q[None], STUDY.task.wrench[None])[0]
     shown = np.repeat(moves(model, q, wrench), repeats, axis=0)
@@ -152,11 +154,10 @@ def test_bands_hold_errors_of_the_model():
         fit = identify(A, data.deflection, data.sigma, STUDY.model.parameters)
         torque = STUDY.model.torque_of(STUDY.model.frames(data.q), data.wrench)
         pieces = MissingPieces.of(STUDY.robot, np.append(0.0, fit.k), torque.T)
-        given = (STUDY.model, data.q, data.wrench)
         none = np.zeros((*data.deflection.shape, 0))
-        shown = (pieces.shared(*given), pieces.kinds, pieces.turns(*given), data.pose, none)
-        shown = (*shown, pieces.mean)
-        seen = SizeLikelihood.of(A, data.deflection, data.sigma, MissingColumns(*shown))
+        columns = pieces.columns(STUDY.model, data.q, data.wrench)
+        shown = MissingColumns(columns, data.pose, none)
+        seen = SizeLikelihood.of(A, data.deflection, data.sigma, shown)
         possible = seen.posterior.possible(fit.unbounded)
         error = np.linalg.norm(there - STUDY.task.regressor @ fit.unbounded)
         left = ModelLeft((1, 2, 3, 4, 5), pieces, possible, fit.covariance, np.zeros((5, 5)))
@@ -222,41 +223,44 @@ def test_untold_pieces_are_said_and_not_good():
 def test_restricted_likelihood_of_sizes():
     """Probabilities of sizes are those of dense matrices, and so are the springs for each."""
     rng = RNG(9)
-    m, p, c, n = 5, 2, 3, 4
-    A, U, T = (rng.normal(size=(m, 3, w)) for w in (p, c, n))
+    m, p, n = 5, 2, 4
+    A, U, T = (rng.normal(size=(m, 3, w)) for w in (p, 3, n))
     E, y = rng.normal(size=(m, 3, 2)), rng.normal(size=(m, 3))
     pose = np.array([0, 0, 1, 2, 3])
-    kinds = np.array([0, 1, 1])
-    mean = np.array([0.0, 1.0, 1.0])
+    pieces = PieceColumns(U, T, 0.1 * rng.normal(size=(m, n)), np.full(n, 1.0))
+    kinds, mean = pieces.kinds, pieces.mean
+    assert kinds.tolist() == [0] * 3 + [1] * n
     sigma = np.full((m, 3), 0.3)
-    found = SizeLikelihood.of(A, y, sigma, MissingColumns(U, kinds, T, pose, E, mean)).posterior
+    found = SizeLikelihood.of(A, y, sigma, MissingColumns(pieces, pose, E)).posterior
     logs, means = [], []
-    flat = [x.reshape(3 * m, -1) for x in (A, U, T, E)]
+    flat = [x.reshape(3 * m, -1) for x in (A, T, E)]
     same = np.kron(pose[:, None] == pose, np.ones((3, 3)))
-    prior = dict(zip(SIZES, np.log(prior_of_sizes()), strict=True))
-    for across, held, turn in found.sizes:
+    prior = [dict(zip(SIZES, one, strict=True)) for one in np.log(prior_of_sizes())]
+    for sizes in found.sizes:
+        across, held, turn = sizes
         S = np.array([across, held])[kinds]
-        R = 0.09 * np.eye(3 * m) + turn**2 * same * (flat[2] @ flat[2].T) + flat[3] @ flat[3].T
-        V = R + (flat[1] * S**2) @ flat[1].T
+        R = 0.09 * np.eye(3 * m) + turn**2 * same * (flat[1] @ flat[1].T) + flat[2] @ flat[2].T
+        shared = pieces.shared(held).reshape(3 * m, -1)
+        V = R + (shared * S**2) @ shared.T
         P = np.linalg.inv(V)
         M = flat[0].T @ P @ flat[0]
-        rest = y.ravel() - flat[1] @ (S * mean)
+        rest = y.ravel() - shared @ (S * mean)
         k = np.linalg.solve(M, flat[0].T @ P @ rest)
         r = rest - flat[0] @ k
         log = -0.5 * (np.linalg.slogdet(V)[1] + np.linalg.slogdet(M)[1] + r @ P @ r)
-        logs.append(log + prior[across] + prior[held] + prior[turn])
-        means.append(np.append(S * mean + S**2 * (flat[1].T @ P @ r), k))
+        logs.append(log + sum(one[size] for one, size in zip(prior, sizes, strict=True)))
+        means.append(np.append(S * mean + S**2 * (shared.T @ P @ r), k))
     weights = np.exp(np.array(logs) - max(logs))
     np.testing.assert_allclose(found.weights, weights / weights.sum(), rtol=1e-8, atol=1e-14)
     np.testing.assert_allclose(found.mean, means, rtol=1e-8, atol=1e-10)
 
 
 def test_prior_of_sizes():
-    """Half of the probability is that of nothing, and the mean size beside it as asked."""
-    prior = prior_of_sizes(0.1)
-    assert prior.sum() == pytest.approx(1)
-    assert prior[0] == 0.5
-    assert 2 * prior @ SIZES == pytest.approx(0.1, rel=0.15)
+    """A half of the probability is that of nothing, of friction a quarter; means are as asked."""
+    for prior, absent in zip(prior_of_sizes(0.1), (0.5, 0.25, 0.5), strict=True):
+        assert prior.sum() == pytest.approx(1)
+        assert prior[0] == absent
+        assert prior @ SIZES / (1 - absent) == pytest.approx(0.1, rel=0.15)
 
 
 def test_mixtures_of_normal_errors():
@@ -312,8 +316,7 @@ def test_a_robot_that_bends_is_usable_and_a_wrong_sheet_is_not():
     model = STUDY.model
     torque = model.torque_of(model.frames(data.q), data.wrench).T
     pieces = MissingPieces.of(STUDY.robot, np.append(0.0, K), torque)
-    softer = 0.2 * (pieces.kinds == 0)
-    more = pieces.shared(model, data.q, data.wrench) @ softer
+    more = 0.2 * pieces.columns(model, data.q, data.wrench).across.sum(axis=-1)
     table = sheet(replace(data, deflection=data.deflection + more))
     bends = edtk.identify(STUDY, table)
     assert bends.causes == ()
@@ -338,7 +341,7 @@ def test_visits_of_a_robot_that_is_said_to_be_exact_tell_no_pieces():
 )
 def test_poses_left_out_are_inside_bands_that_count_the_model(piece, poses, repeats):
     """Bands of the noise alone miss poses that are predicted without themselves; these do not."""
-    found = found_of(day(6, 0.15 * piece, poses, repeats)[0])
+    found = found_of(day(7, 0.15 * piece, poses, repeats)[0])
     out = found.fitted.left_out
     assert out.share_inside < 0.8
     assert out.share_with_model > 0.9

@@ -7,6 +7,7 @@ from scipy.stats import chi2
 from edtk.fit.beside_model import BesideModel, rows_beyond_model
 from edtk.fit.correlated_noise import CorrelatedNoise
 from edtk.fit.missing import SIZES, MissingColumns
+from edtk.measure.missing_pieces import PieceColumns
 
 SIGMA = 0.5
 TURN = 0.32  # a size of the scale
@@ -29,7 +30,8 @@ def given(seed, poses=12, repeats=2, off=(), size=0.0, correlated=False):
     if correlated:
         whole = SIGMA**2 * (0.7 * np.eye(3) + 0.3)
         noise = CorrelatedNoise.by_row(np.tile(whole, (m, 1, 1)))
-    columns = MissingColumns(shared, np.array([0, 0, 1]), turns, pose, known, np.zeros(3))
+    pieces = PieceColumns(shared, turns, rng.standard_normal((poses, 4))[pose], np.ones(4))
+    columns = MissingColumns(pieces, pose, known)
     return BesideModel(A, y, noise, columns, 0.1)
 
 
@@ -40,10 +42,11 @@ def test_chances_are_those_of_predictions_by_the_rest(aside, correlated):
     one = given(1, correlated=correlated)
     m, n = len(one.A), one.measured.size
     sizes = np.array([SIZES[3], SIZES[5], SIZES[6]])
-    turns = sizes[2] * one.columns.turns
+    pieces = one.columns.pieces
+    turns = sizes[2] * pieces.turns
     same = one.columns.pose[:, None] == one.columns.pose
     V = np.einsum("irn,jsn,ij->irjs", turns, turns, same).reshape(n, n)
-    columns = [one.columns.shared * sizes[one.columns.kinds], one.columns.known]
+    columns = [pieces.shared(sizes[1]) * sizes[pieces.kinds], one.columns.known]
     L = np.concatenate(columns, axis=-1).reshape(n, -1)
     single = CorrelatedNoise.of_any(one.noise, (m, 3)).blocks[0].covariance
     V = V + L @ L.T + np.einsum("irs,ij->irjs", single, np.eye(m)).reshape(n, n)

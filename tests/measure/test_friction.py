@@ -13,7 +13,7 @@ from edtk.certificate.certificate import certificate, setting_to_dict
 from edtk.certificate.recompute.setting import Setting
 from edtk.certificate.verify_certificate import verify_certificate
 from edtk.design.plan import Plan
-from edtk.measure.friction import GIVES, Friction, correlated, together
+from edtk.measure.friction import GIVES, PLANNED, SPREAD, Friction, correlated, together
 from edtk.study.plan_study import plan_study
 from edtk.study.study_objects import friction_of
 from edtk.verbs.evaluate import evaluate
@@ -89,12 +89,21 @@ def test_slopes_are_derivatives_of_the_rows(size):
         np.testing.assert_allclose(slopes[:, j], difference, rtol=1e-5, atol=1e-12)
 
 
-def test_shares_that_go_together():
-    """The root by which columns go together has the covariance of correlated shares."""
-    root = together(np.eye(5))
-    np.testing.assert_allclose(root @ root.T, correlated(5), atol=1e-14)
+@pytest.mark.parametrize("spread", [SPREAD, PLANNED])
+def test_shares_that_go_together(spread):
+    """The root by which columns go together has the mean products of correlated shares."""
+    root = together(np.eye(5), spread)
+    np.testing.assert_allclose(root @ root.T, correlated(5, spread), atol=1e-14)
+    drawn = 1 + spread * np.random.default_rng(0).standard_normal((400_000, 5))
+    drawn = drawn / np.sqrt(1 + spread**2)
+    np.testing.assert_allclose(drawn.T @ drawn / len(drawn), correlated(5, spread), atol=0.01)
+
+
+def test_plans_know_shares_that_are_correlated_by_a_half():
+    """What is known of them beforehand is the inverse of their mean products."""
     known = Friction(np.ones(5), np.ones(5), 0.2).information
-    np.testing.assert_allclose(np.linalg.inv(known), 0.04 * correlated(5), rtol=1e-12)
+    half = 0.04 * (np.eye(5) + 1) / 2
+    np.testing.assert_allclose(np.linalg.inv(known), half, rtol=1e-12)
 
 
 @pytest.mark.cell("`[noise] model_error_percent`, friction of the joints in plans", "parameters")

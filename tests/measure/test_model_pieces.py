@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.friction import correlated
-from edtk.measure.missing_pieces import MissingPieces, PossibleSprings
+from edtk.measure.friction import SPREAD, correlated
+from edtk.measure.missing_pieces import MissingPieces, PieceColumns, PossibleSprings
 from edtk.robots.load_robot import load_robot
 
 ROBOT = load_robot("kuka_kr270")
@@ -15,11 +16,12 @@ Q = RNG.uniform(-1, 1, (4, 6))
 W = np.hstack([RNG.normal(size=(4, 3)) * 1e3, RNG.normal(size=(4, 3)) * 100])
 MODEL = ElastostaticModel(ROBOT)
 PIECES = MissingPieces.of(ROBOT, K, MODEL.torque_of(MODEL.frames(Q), W).T)
+COLUMNS = PIECES.columns(MODEL, Q, W)
 
 
 def test_springs_across():
     """Both springs across a joint move the tool as a ball joint does, less what its own does."""
-    found = PIECES.shared(MODEL, Q, W)
+    found = COLUMNS.across
     frames = ROBOT.frames(Q)
     for j in range(6):
         lever = (frames.position - frames.origins[j]).T
@@ -33,28 +35,30 @@ def test_springs_across():
 
 def test_turns_are_what_springs_do():
     """The piece that is another one in each pose has the columns of the springs, times these."""
-    np.testing.assert_allclose(PIECES.turns(MODEL, Q, W), MODEL.regressor(Q, W) * K, rtol=1e-12)
+    np.testing.assert_allclose(COLUMNS.turns, MODEL.regressor(Q, W) * K, rtol=1e-12)
 
 
 def test_friction_holds_a_load():
-    """Large loads of either sign lose the same; a small one loses in proportion.
+    """Springs see ``max(|tau| - s m, 0)`` where friction holds the share s of all usual loads."""
+    torque = COLUMNS.torque
+    motion = COLUMNS.turns / (K * torque)[:, None]
+    for size in (0.02, 0.3, 2.0):
+        # Shares whose mean square is one hold s if all are alike.
+        alike = np.full(6, np.sqrt(1 + SPREAD**2) / SPREAD)
+        left = COLUMNS.turns.sum(axis=-1) + size * COLUMNS.held(size) @ alike
+        load = np.sign(torque) * np.maximum(np.abs(torque) - size * PIECES.load, 0)
+        np.testing.assert_allclose(left, np.einsum("mrj,mj->mr", motion, K * load), atol=1e-15)
+    assert not COLUMNS.held(0.0).any()
 
-    Shares ``v / sqrt(2)`` with v of mean and variance one have the squares of shares of variance
-    one that are correlated by a half: so plans, which know no sign, count the same.
-    """
-    torque = MODEL.torque_of(MODEL.frames(Q), W).T
-    held = PIECES.shared(MODEL, Q, W)[..., 12:]
-    motion = MODEL.regressor(Q, W) / torque[:, None]
-    sign = torque / np.hypot(torque, 0.1 * PIECES.load)
-    alone = motion * (K * PIECES.load * sign)[:, None]
-    np.testing.assert_allclose(held, -alone / np.sqrt(2), rtol=1e-9, atol=1e-15)
-    mean = PIECES.mean[12:]
-    assert not PIECES.mean[:12].any()
-    squares = held @ (np.eye(6) + np.outer(mean, mean)) @ held.mT
-    np.testing.assert_allclose(squares, alone @ correlated(6) @ alone.mT, rtol=1e-9, atol=1e-15)
-    less = PIECES.shared(MODEL, Q, 1e-7 * W)[..., 12:]
-    twice = PIECES.shared(MODEL, Q, 2e-7 * W)[..., 12:]
-    np.testing.assert_allclose(twice, 2 * less, rtol=1e-9)
+
+def test_friction_holds_back_in_all_joints_alike():
+    """Shares have the mean products of joints that are about alike, and hardly any pushes."""
+    mean = COLUMNS.mean[12:]
+    assert not COLUMNS.mean[:12].any()
+    part = SPREAD / np.sqrt(1 + SPREAD**2)
+    products = part**2 * (np.eye(6) + np.outer(mean, mean))
+    np.testing.assert_allclose(products, correlated(6, SPREAD), rtol=1e-12)
+    assert norm.cdf(-mean).max() < 0.03
 
 
 def test_a_rigid_joint_tilts_as_its_neighbour():
@@ -65,18 +69,23 @@ def test_a_rigid_joint_tilts_as_its_neighbour():
 
 def test_errors_of_possible_springs():
     """Errors in a task have the shares, the springs and the turns of its own pose in them."""
-    V = RNG.normal(size=(2, 5, 5))
-    possible = PossibleSprings(
-        np.array([0.3, 0.7]), np.array([0.0, 0.1]), RNG.normal(size=(2, 5)), V @ V.mT
-    )
-    A, T = RNG.normal(size=(4, 3, 5)), RNG.normal(size=(4, 3, 6))
-    mean, covariance = possible.errors(A, T)
-    np.testing.assert_allclose(mean[1, 2], A[2] @ possible.mean[1])
-    own = A[2] @ possible.covariance[1] @ A[2].T + 0.1**2 * T[2] @ T[2].T
-    np.testing.assert_allclose(covariance[1, 2], own)
+    V = RNG.normal(size=(3, 10, 10))
+    weights = np.array([0.3, 0.5, 0.2])
+    held, turn = np.array([0.0, 0.3, 0.0]), np.array([0.0, 0.1, 0.1])
+    possible = PossibleSprings(weights, held, turn, RNG.normal(size=(3, 10)), V @ V.mT)
+    U, T, A = (RNG.normal(size=(4, 3, w)) for w in (2, 6, 2))
+    columns = PieceColumns(U, T, RNG.normal(size=(4, 6)), np.ones(6))
+    mean, covariance = possible.errors(columns, A)
+    for i in range(3):
+        X = np.concatenate([columns.shared(held[i]), A], axis=-1)[2]
+        np.testing.assert_allclose(mean[i, 2], X @ possible.mean[i])
+        own = X @ possible.covariance[i] @ X.T + turn[i] ** 2 * T[2] @ T[2].T
+        np.testing.assert_allclose(covariance[i, 2], own)
+    each = possible.errors(columns.by_row(), A.reshape(12, 1, 2))[0]
+    np.testing.assert_allclose(each.reshape(mean.shape), mean)
     assert possible.spread(2) == pytest.approx(
         sum(
-            w * (C[3:, 3:] + np.outer(m[3:], m[3:]))
+            w * (C[8:, 8:] + np.outer(m[8:], m[8:]))
             for w, C, m in zip(possible.weights, possible.covariance, possible.mean, strict=True)
         )
     )
