@@ -123,16 +123,16 @@ class SizeLikelihood:
         every = [A / scale, measured[..., None], pieces.across, *held, columns.known]
         X = whiten_columns(np.concatenate(every, axis=-1), noise)
         T = whiten_columns(pieces.turns, noise)
-        whole = np.einsum("mrc,mrd->cd", X, X, optimize=True)
+        flat = X.reshape(-1, X.shape[-1])
+        whole = flat.T @ flat
         of_pose = [_of_poses(X[rows], T[rows]) for rows in groups_by_size(columns.pose)]
-        values = np.concatenate([one[0] for one in of_pose])
-        shown = np.concatenate([one[1] for one in of_pose])
+        values = np.concatenate([one[0] for one in of_pose]).ravel()
+        shown = np.concatenate([one[1] for one in of_pose]).reshape(len(values), -1)
         sums = []
         for size in SIZES:
             gain = size**2 * values
-            share = size**2 / (1 + gain)
-            less = np.einsum("bn,bnc,bnd->cd", share, shown, shown, optimize=True)
-            sums.append(_Sums(whole - less, float(np.log1p(gain).sum())))
+            part = shown * (size / np.sqrt(1 + gain))[:, None]
+            sums.append(_Sums(whole - part.T @ part, float(np.log1p(gain).sum())))
         return cls(tuple(sums), pieces, scale, usual)
 
     @cached_property
