@@ -15,17 +15,21 @@ from edtk.fit.distributions import NormalMixture, weighted_median
 from edtk.fit.fitted_geometry import FittedGeometry, GeometricFit, loading_of
 from edtk.fit.measurements import Measurements
 from edtk.fit.missing import MissingColumns, SizeLikelihood
-from edtk.fit.pose_rows import PoseRows
+from edtk.fit.pose_rows import PoseRows, known_before
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.expected_error import ErrorBudget
 from edtk.measure.friction import GIVES
+from edtk.measure.instruments.distance import Distance
 from edtk.measure.instruments.marker import Marker
+from edtk.measure.instruments.pose_marker import PoseMarker
+from edtk.measure.instruments.sensor import Sensor
+from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.missing_pieces import MissingPieces, PossibleSprings
 from edtk.measure.task import Task, Tasks
 from edtk.robots.frames import MM, BodyPoint, load_turns
 from edtk.study.study_geometry import StudyGeometry
 from edtk.system.parsing import not_negative_of, numbers_of
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Mask
 
 ROWS = 3  # of a position, ahead of a rotation
 MOST = 0.975  # of chances: an error that is larger is told
@@ -195,7 +199,7 @@ class PiecesLeft:
 
     @classmethod
     def of(cls, setting: StudyGeometry, fit: GeometricFit) -> "PiecesLeft | None":
-        """Tell them from the residuals of differences of readings, of positions alone.
+        """Tell them from the residuals of differences of readings, and what else is known.
 
         Absolute readings have a random error of the model in each pose instead, as what bends the
         arm without a load is in them, too.
@@ -206,29 +210,34 @@ class PiecesLeft:
         """
         fitted, means, loads = fit.fitted, fit.data.means, setting.loads
         differs = means.is_difference
-        plain = fitted.model.row_count == ROWS and not fitted.model.is_distance.any()
-        told = fit.told_before is None and not fitted.noise.unknown and not fitted.open_parameters
+        told = not fitted.noise.unknown and not fitted.open_parameters
         k = fitted.compliances
         usual = usual_share(setting.study)
         if loads is None or setting.elastic or not usual:
             return None
-        if not (differs.any() and plain and told and k.any()):
+        if not (differs.any() and told and k.any()):
             return None
-        rows = PoseRows.of(
-            fitted.model, fitted.theta, means, loading_of(fitted.bending, means, loads)
-        )
+        before = None
+        if fit.told_before is not None:
+            before = known_before(fit.told_before.prior, fitted.model, fitted.theta)
+        torque = loading_of(fitted.bending, means, loads)
+        rows = PoseRows.of(fitted.model, fitted.theta, means, torque, before)
         noise = replace(fitted.noise, model_change=(0.0, 0.0))
-        V = noise.of_pose(rows.motion, rows.places, rows.worth(fit.data), differs).dense
-        model = replace(loads.by_wrench, sensors=_markers(fitted))
-        torque = model.torque_of(model.frames(means.q[differs]), means.wrench[differs])
-        pieces = MissingPieces.of(model.robot, k, torque.T)
-        seen = (means.rows_seen & differs[:, None, None]).reshape(len(V), -1, 1)
-        shown = pieces.columns(model, means.q, means.wrench).mapped(
-            lambda columns: MM * _in_frame(fitted, columns) * seen
-        )
+        worth = rows.worth(fit.data)
+        V = noise.of_pose(rows.motion, rows.places, worth, rows.differs(means)).dense
+        # What is known besides has rows of no pose behind those that are read, see `PoseRows`.
+        q, wrench = (_with_none(one, rows.beside) for one in (means.q, means.wrench))
+        seen = _with_none(means.rows_seen & differs[:, None, None], rows.beside)
+        model = replace(loads.by_wrench, sensors=_instruments(fitted.model))
+        loaded = model.torque_of(model.frames(means.q[differs]), means.wrench[differs])
+        pieces = MissingPieces.of(model.robot, k, loaded.T)
+
+        def as_read(columns: Array) -> Array:
+            return MM * _as_read(fitted.model, columns) * seen.reshape(len(V), -1, 1)
+
+        shown = pieces.columns(model, q, wrench).mapped(as_read)
         tilt = np.deg2rad(setting.study.specification.uncertainty.load_direction_deg)
-        turned = _tilted(model, means.q, means.wrench) @ k
-        tilted = MM * tilt * _in_frame(fitted, np.moveaxis(turned, 0, -1)) * seen
+        tilted = tilt * as_read(np.moveaxis(_tilted(model, q, wrench) @ k, 0, -1))
         columns = MissingColumns(shown, np.arange(len(V)), tilted)
         likelihood = SizeLikelihood.of(
             rows.design, rows.residual, CorrelatedNoise.by_row(V), columns, usual
@@ -260,11 +269,11 @@ class PiecesLeft:
             mean=self.possible.mean[:, some],
             covariance=self.possible.covariance[:, some][:, :, some],
         )
-        at = replace(model, sensors=_markers(fitted))
+        at = replace(model, sensors=_markers(fitted.model))
         # A root mean square over the markers.
         root = np.sqrt(len(fitted.model.markers))
         columns = self.pieces.columns(at, q, wrench).mapped(
-            lambda one: _in_frame(fitted, one) / root
+            lambda one: _in_frame(fitted.model, one) / root
         )
         mean, V = own.errors(columns, J / MM / root)
         return NormalMixture(own.weights, mean, V)
@@ -425,15 +434,44 @@ def _tilted(model: ElastostaticModel, q: Array, wrench: Array) -> Array:
     return np.stack([every.regressor(q, one) for one in load_turns(wrench)])
 
 
-def _markers(fitted: FittedGeometry) -> tuple[Marker, ...]:
-    """The markers of a fit, on the bodies of the drawing."""
-    pairs = zip(fitted.model.offsets, fitted.model.bodies, strict=True)
+def _markers(model: MeasuredModel) -> tuple[Marker, ...]:
+    """Markers at the places of all instruments, on the bodies of the drawing."""
+    pairs = zip(model.offsets, model.bodies, strict=True)
     return tuple(Marker(BodyPoint(np.asarray(offset), body)) for offset, body in pairs)
 
 
-def _in_frame(fitted: FittedGeometry, columns: Array) -> Array:
+def _instruments(model: MeasuredModel) -> tuple[Sensor, ...]:
+    """What reads them there."""
+    assert model.anchors is not None
+    found: list[Sensor] = []
+    for kind, marker, anchor in zip(model.kinds, _markers(model), model.anchors, strict=True):
+        others = {
+            "pose": PoseMarker(marker.point),
+            "distance": Distance(marker.point, anchor=anchor),
+        }
+        found.append(others.get(kind, marker))
+    return tuple(found)
+
+
+def _as_read(model: MeasuredModel, columns: Array) -> Array:
+    """Columns (m, k rows, c) as the model has them, of those (m, r, c) of its instruments.
+
+    Positions and orientations are in the axes of the instrument, distances in none.
+    """
+    every = np.zeros((len(columns), model.present.size, columns.shape[-1]))
+    every[:, model.present.reshape(-1)] = columns
+    of_distance = np.repeat(model.is_distance, model.row_count)[:, None]
+    return np.where(of_distance, every, _in_frame(model, every))
+
+
+def _with_none(visits: Array | Mask, more: int) -> Array:
+    """Visits (m, ...) and so many more, of zeros."""
+    return np.concatenate([visits, np.zeros_like(visits, shape=(more, *visits.shape[1:]))])
+
+
+def _in_frame(model: MeasuredModel, columns: Array) -> Array:
     """Columns (m, 3k, c) in the axes of the instrument, of those in the world's."""
-    R = fitted.model.start[:ROWS, :ROWS]
+    R = model.start[:ROWS, :ROWS]
     m, rows, c = columns.shape
     return (R @ columns.reshape(m, rows // ROWS, ROWS, c)).reshape(m, rows, c)
 
