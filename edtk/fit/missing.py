@@ -165,8 +165,8 @@ class SizeLikelihood:
             fixed, log_V = _without(sums, last)
             G = np.array([fixed[np.ix_(own, own)] for own in order])
             y = np.array([fixed[own, p] for own in order])
-            some = (np.tile(one, (len(SIZES), *[1] * (one.ndim - 1))) for one in (G, y))
-            M, b = _equations(*some, S, before)
+            times = len(SIZES)
+            M, b = _equations(np.tile(G, (times, 1, 1)), np.tile(y, (times, 1)), S, before)
             mean = np.linalg.solve(M, b[..., None])[..., 0]
             square = fixed[p, p] + before @ before - (b * mean).sum(axis=1)
             likelihood = -0.5 * (log_V + np.linalg.slogdet(M)[1] + square)
