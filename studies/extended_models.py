@@ -259,7 +259,12 @@ read loaded minus unloaded). The simulated robot shares no code with edtk; visit
 - *promise*: what `edtk compensate` expects in the test pose (median of the days), and *real /
   promise* the root mean square of what the simulated robot is off by there, over it;
 - *in band*: days on which that is inside the 95 % band;
-- *good*: days with that verdict."""
+- *good*: days with that verdict.
+
+Of nine cases two are outside 93 to 97 %. On 211 days with another seed these bands hold the error
+on 94.3 % (compensator, 30 visits) and 96.2 % (cubic spring, 30 visits). The rest of the difference
+is that bands begin where the noise alone leaves the robot, and end with what a model may leave out:
+of these days 4.3 and 3.8 % are below their band, and 1.4 and 0 % above."""
 INSIDE = 1.959964  # standard deviations that hold 95 %
 
 
