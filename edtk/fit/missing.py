@@ -245,8 +245,13 @@ class SizePosterior:
 
     @property
     def likeliest(self) -> Array:
-        """The likeliest shares (3,); all zero where the sheet does not speak for any."""
-        return np.asarray(self.sizes[int(self.weights.argmax())])
+        """The likeliest shares (3,); all zero where the sheet does not speak for any.
+
+        They are those where each piece was as likely absent as there before: what a sheet says, and
+        not what is known of arms.
+        """
+        known = np.where(self.sizes == 0, ABSENT, 1 - ABSENT).prod(axis=1)
+        return np.asarray(self.sizes[int((self.weights / known).argmax())])
 
     @property
     def shares(self) -> dict[str, float]:
