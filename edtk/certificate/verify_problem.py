@@ -72,8 +72,8 @@ class ProblemVerification(Verification):
 
     @property
     def whose(self) -> str:
-        """Nothing: the problem stands beside the certificate."""
-        return ""
+        """Where the check begins: what is before it has no second implementation."""
+        return "the check begins with the rows as this problem keeps them, in units of their sigma"
 
     @property
     def label(self) -> str:

@@ -209,6 +209,7 @@ def test_verify_shares_no_code_with_the_search_and_says_so():
         found = edtk.verify(content | {"value": stated}, edtk.Problem(A))
         assert found.valid == (stated == content["value"])
         assert "recomputed in a second implementation" in found.summary()
+        assert "begins with the rows as this problem keeps them" in found.summary()
         assert found.to_dict()["second_implementation"] is True
 
 
