@@ -35,6 +35,7 @@ from edtk.fit.correlated_noise import (
     std_of,
     whiten,
     whiten_columns,
+    whole_groups,
 )
 from edtk.fit.distributions import student_quantile
 from edtk.fit.equilibrium import LinearisedData, NoFitError, fit_equilibrium, linearise
@@ -243,17 +244,23 @@ def _by_model(fitted: "FittedData", raw: Array, a: Array, Q: Array, out: LeftOut
     squares = np.einsum("mrp,mrp->mr", raw, raw)
     along = np.einsum("mrp,mrp->mr", fitted.A, raw)
     part = np.divide(along, squares, out=np.ones_like(squares), where=squares > 0)[..., None]
-    transposed = np.swapaxes(Q, 1, 2)
-    shared, turns = found.columns
-    in_fit, turns_in_fit = (
-        _sums(transposed @ whiten_columns(part * one, fitted.noise), pose)
-        for one in (shared, turns)
-    )
-    together = shared - a @ out.by_others(in_fit)[pose]
+    blocks = list(whole_groups(pose))
+    each = []
+    for rows in blocks:
+        own = pose[rows] - pose[rows].min()
+        shown = (part[rows] * one for one in found.columns(rows))
+        noise, transposed = fitted.noise[rows], np.swapaxes(Q[rows], 1, 2)
+        each.append([_sums(transposed @ whiten_columns(one, noise), own) for one in shown])
+    in_fit, turns_in_fit = (np.concatenate(one) for one in zip(*each, strict=True))
+    by_others = out.by_others(in_fit)
     S = turns_in_fit @ np.swapaxes(turns_in_fit, 1, 2)
     C = out.inverse @ (S.sum(axis=0) - S) @ out.inverse
-    each = np.square(turns).sum(axis=-1) + np.einsum("mrp,mpq,mrq->mr", a, C[pose], a)
-    return np.asarray(np.square(together).sum(axis=-1) + each)
+    variances = np.einsum("mrp,mpq,mrq->mr", a, C[pose], a)
+    for rows in blocks:
+        shared, turns = found.columns(rows)
+        together = shared - a[rows] @ by_others[pose[rows]]
+        variances[rows] += np.square(together).sum(axis=-1) + np.square(turns).sum(axis=-1)
+    return variances
 
 
 def _sums(values: Array, pose: Indices) -> Array:

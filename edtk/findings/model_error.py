@@ -7,7 +7,7 @@ import numpy as np
 from edtk.findings.causes.faults import FAULTS
 from edtk.findings.causes.scene import AXES, Displacements
 from edtk.fit.beside_model import BesideModel, rows_beyond_model
-from edtk.fit.correlated_noise import RowNoise
+from edtk.fit.correlated_noise import RowNoise, whole_groups
 from edtk.fit.equilibrium import LinearisedData
 from edtk.fit.identify import Identification
 from edtk.fit.measurements import Measurements
@@ -48,14 +48,13 @@ class ModelErrorFound:
         """Whether the sheet speaks for something that is missing, so that estimates count it."""
         return self.posterior.is_seen
 
-    @property
-    def columns(self) -> tuple[Array, Array]:
-        """What readings show of shares of variance one: of all poses (m, rows, c), of each (.., n).
+    def columns(self, rows: Indices) -> tuple[Array, Array]:
+        """What some readings show of shares of variance one: of all poses (.., c), of each (.., n).
 
         Sizes are root mean squares of those that are possible.
         """
         across, held, turn = np.sqrt(self.posterior.weights @ np.square(self.posterior.sizes))
-        pieces = self.shown.pieces
+        pieces = self.shown.pieces[rows]
         shared = pieces.shared(held) * np.array([across, held])[pieces.kinds]
         # Of what friction holds the mean is not zero: the columns are of its squares.
         of_mean = np.sqrt(1 + SPREAD**2) / SPREAD
@@ -101,9 +100,13 @@ def find_model_error(
         return None
     pieces = MissingPieces.of(study.robot, k, model.torque_of(model.frames(data.q), data.wrench).T)
     columns = _columns(study, data, seen.A, alone, pieces)
-    given = BesideModel(seen.A, seen.measured, noise, columns, usual)[rows]
+    given = BesideModel(seen.A, seen.measured, noise, columns, usual)
+    if len(rows) < len(data):
+        given = given[rows]
     beyond = rows_beyond_model(given, most)
-    posterior = given[np.delete(np.arange(len(rows)), beyond)].posterior
+    if len(beyond):
+        given = given[np.delete(np.arange(len(rows)), beyond)]
+    posterior = given.posterior
     if posterior is None:
         return None
     possible = posterior.possible(fit.unbounded)
@@ -127,6 +130,23 @@ def _columns(
     study: Study, data: Measurements, A: Array, fit: Identification, pieces: MissingPieces
 ) -> MissingColumns:
     """What readings show of the pieces, and of what else is uncertain."""
+    blocks = list(whole_groups(data.pose))
+    if len(blocks) == 1:
+        return _some_columns(study, data, A, fit, pieces)
+    every: dict[str, Array] = {}
+    for rows in blocks:
+        some = _some_columns(study, data[rows], A[rows], fit, pieces)
+        parts = {name: getattr(some.pieces, name) for name in ("across", "turns", "torque")}
+        for name, part in {**parts, "known": some.known}.items():
+            every.setdefault(name, np.empty((len(data), *part.shape[1:])))[rows] = part
+    known = every.pop("known")
+    return MissingColumns(replace(some.pieces, **every), data.pose, known)
+
+
+def _some_columns(
+    study: Study, data: Measurements, A: Array, fit: Identification, pieces: MissingPieces
+) -> MissingColumns:
+    """The same of some readings."""
     given = (study.model, data.q, data.wrench, lambda frames: data.motion_of(study.model, frames))
     known = _circumstances(study, data, A, np.maximum(fit.k, 0.0))
     return MissingColumns(pieces.columns(*given), data.pose, known)

@@ -299,6 +299,23 @@ class CorrelatedNoise:
         return found
 
 
+ROWS_AT_ONCE = 20_000  # measurements whose columns are kept at once
+
+
+def whole_groups(group: Indices) -> Iterator[Indices]:
+    """Measurements, about `ROWS_AT_ONCE` at a time, of which none of a group (m,) is apart.
+
+    Where sums over all of them are sought, so many columns need not be kept. Groups are numbered
+    from 0.
+    """
+    if len(group) <= ROWS_AT_ONCE:
+        yield np.arange(len(group))
+        return
+    block = np.cumsum(np.bincount(group))[group] // ROWS_AT_ONCE
+    for number in np.unique(block):
+        yield np.flatnonzero(block == number)
+
+
 # Standard deviations (m, rows), or covariances of groups of measurements.
 RowNoise = Array | CorrelatedNoise
 # The same where one number, or one for each row, will do.

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from edtk.fit.correlated_noise import RowNoise, groups_by_size, whiten_columns
+from edtk.fit.correlated_noise import RowNoise, groups_by_size, whiten_columns, whole_groups
 from edtk.measure.missing_pieces import PieceColumns, PossibleSprings
 from edtk.measure.model_error import ASSUMED
 from edtk.system.typing import Array, Indices
@@ -118,22 +118,18 @@ class SizeLikelihood:
             usual: Share that a piece has on average.
         """
         scale = np.sqrt(np.square(A).sum(axis=(0, 1)))
-        pieces = columns.pieces
-        held = [pieces.held(size) for size in SIZES[1:]]
-        every = [A / scale, measured[..., None], pieces.across, *held, columns.known]
-        X = whiten_columns(np.concatenate(every, axis=-1), noise)
-        T = whiten_columns(pieces.turns, noise)
-        flat = X.reshape(-1, X.shape[-1])
-        whole = flat.T @ flat
-        of_pose = [_of_poses(X[rows], T[rows]) for rows in groups_by_size(columns.pose)]
-        values = np.concatenate([one[0] for one in of_pose]).ravel()
-        shown = np.concatenate([one[1] for one in of_pose]).reshape(len(values), -1)
+        parts = [
+            _products(A[rows] / scale, measured[rows], noise[rows], columns[rows])
+            for rows in whole_groups(columns.pose)
+        ]
+        whole = np.sum([one[0] for one in parts], axis=0)
+        values, shown = (np.concatenate([one[i] for one in parts]) for i in (1, 2))
         sums = []
         for size in SIZES:
             gain = size**2 * values
             part = shown * (size / np.sqrt(1 + gain))[:, None]
             sums.append(_Sums(whole - part.T @ part, float(np.log1p(gain).sum())))
-        return cls(tuple(sums), pieces, scale, usual)
+        return cls(tuple(sums), columns.pieces, scale, usual)
 
     @cached_property
     def posterior(self) -> "SizePosterior | None":
@@ -188,6 +184,22 @@ class SizeLikelihood:
         starts = p + 1 + a + n * np.maximum(np.arange(len(SIZES)) - 1, 0)
         each = [np.concatenate([across, start + np.arange(n), np.arange(p)]) for start in starts]
         return np.array(each)
+
+
+def _products(
+    A: Array, measured: Array, noise: RowNoise, columns: MissingColumns
+) -> tuple[Array, Array, Array]:
+    """Products (w, w) of whitened columns, and what `_of_poses` tells of each axis (g n, ...)."""
+    pieces = columns.pieces
+    held = [pieces.held(size) for size in SIZES[1:]]
+    every = [A, measured[..., None], pieces.across, *held, columns.known]
+    X = whiten_columns(np.concatenate(every, axis=-1), noise)
+    T = whiten_columns(pieces.turns, noise)
+    of_pose = [_of_poses(X[rows], T[rows]) for rows in groups_by_size(columns.pose)]
+    values = np.concatenate([one[0] for one in of_pose]).ravel()
+    shown = np.concatenate([one[1] for one in of_pose]).reshape(len(values), -1)
+    flat = X.reshape(-1, X.shape[-1])
+    return flat.T @ flat, values, shown
 
 
 def _of_poses(X: Array, T: Array) -> tuple[Array, Array]:

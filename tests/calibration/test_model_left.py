@@ -11,6 +11,7 @@ from kr270 import REQUIRED, TEST_POSE
 import edtk
 from edtk.calibration.model_left import ModelLeft
 from edtk.design.candidate_source import sample_feasible
+from edtk.fit import correlated_noise
 from edtk.fit.distributions import NormalMixture, error_quantiles, weighted_median
 from edtk.fit.identify import identify
 from edtk.fit.measurements import Measurements
@@ -351,8 +352,8 @@ def test_poses_left_out_are_inside_bands_that_count_the_model(piece, poses, repe
 def test_the_part_of_the_model_in_poses_left_out():
     """It is that of fits which were made anew without each pose, column by column."""
     fitted = found_of(day(7, 0.15 * ACROSS)[0]).fitted
-    shared, turns = fitted.model_error.columns
     A, rows = fitted.A, np.arange(len(fitted.data))
+    shared, turns = fitted.model_error.columns(rows)
     expected = np.zeros(A.shape[:2])
     for b in rows:
         others = rows[rows != b]
@@ -363,6 +364,18 @@ def test_the_part_of_the_model_in_poses_left_out():
             k = np.linalg.lstsq(X, U[others].reshape(len(X), -1), rcond=None)[0]
             expected[b] += np.square(U[b] - A[b] @ k).sum(axis=-1)
     np.testing.assert_allclose(fitted.left_out.model, expected, rtol=1e-6)
+
+
+def test_rows_at_once_do_not_matter(monkeypatch):
+    """A sheet whose columns are kept for some poses at a time says the same."""
+    sheet = day(6, 0.15 * HELD, 14, 2)[0]
+    whole = found_of(sheet)
+    monkeypatch.setattr(correlated_noise, "ROWS_AT_ONCE", 5)
+    some = found_of(sheet)
+    assert some.to_dict()["model_error"] == pytest.approx(whole.to_dict()["model_error"], rel=1e-9)
+    np.testing.assert_allclose(some.fitted.left_out.model, whole.fitted.left_out.model, rtol=1e-9)
+    one, other = (fitted.model_error.posterior for fitted in (some.fitted, whole.fitted))
+    np.testing.assert_allclose(one.weights, other.weights, rtol=1e-6, atol=1e-12)
 
 
 def varying_day(number, off):
