@@ -1,13 +1,15 @@
 """The worth of a plan of visits, and what a run asks about designs of geometry."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from time import monotonic
 from typing import Any, ClassVar, Self
 
 import numpy as np
+from scipy.linalg import block_diag
 
 import criteria
+from criteria.linalg.inverse import root
 from edtk.calibration.geometry_plan import (
     GeometryPlan,
     ToldByPlan,
@@ -37,6 +39,7 @@ from edtk.measure.expected_error import (
     ExpectedError,
     TaskAccuracy,
 )
+from edtk.measure.friction import Friction
 from edtk.measure.noise import VisitNoise
 from edtk.measure.parameters import Identifiable, all_parameters
 from edtk.measure.task import Columns, Task, Tasks
@@ -47,6 +50,8 @@ from edtk.study.plan_study import RunOptions, no_progress, study_errors
 from edtk.study.plausibility import poor_around
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyLoads
+from edtk.study.study_model import springs_of
+from edtk.study.study_objects import friction_of
 from edtk.study.study_run import Case
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
@@ -218,9 +223,8 @@ def visit_propagation(question: GeometryQuestion, plan: Plan) -> Propagation | N
     prior = PriorRows(known, np.zeros(len(known))) if len(known) else None
     units = np.outer(model.scales, model.scales)
     by_noise = ToldByPlan(question.with_exact_model, plan).covariance
-    joints = study.specification.joints
-    soft = dict(zip(joints.unknown, A.soft.tolist(), strict=True))
-    soft |= {name: one.value for name, one in joints.known.items()}
+    by_both = ToldByPlan(question.promised, plan).covariance
+    soft = {study.robot.joint_names[j]: k for j, k in zip(A.sprung, A.soft.tolist(), strict=True)}
     k = [soft.get(one.of, 0.0) if one.place == "compliance" else 0.0 for one in model.parameters]
     table = study.specification.noise
     return propagated(
@@ -232,7 +236,7 @@ def visit_propagation(question: GeometryQuestion, plan: Plan) -> Propagation | N
             taken=np.array(k),
         ),
         uncertainty_of(study, None, untold_joints(setting, model.parameters)),
-        {"noise": by_noise * units, "model": (by_plan.covariance - by_noise) * units},
+        {"noise": by_noise * units, "model": (by_both - by_noise) * units},
         OfVisits(setting, model, 0.0 if table is None else table.discrepancy_mm / 1e3),
     )
 
@@ -365,7 +369,7 @@ class GeometryDesigns(CalibratedDesigns):
 
     def left_out(self, tasks: Tasks, plan: Plan) -> float:
         """What springs leave out of some tasks themselves [m]."""
-        error = self.question.space.noise.error
+        error = self.question.promised.space.noise.error
         if error is None:
             return 0.0
         setting = self.question.setting
@@ -378,7 +382,48 @@ class GeometryDesigns(CalibratedDesigns):
             return lambda q, turned: own(q, turned) / model.scales
 
         exact = replace(error, k=error.k / MM)
-        return exact.remaining(tasks.with_columns(columns).target)
+        remaining = exact.remaining(tasks.with_columns(columns).target)
+        return float(np.hypot(remaining, self._held(tasks, plan, exact.share)))
+
+    def _held(self, tasks: Tasks, plan: Plan, share: float) -> float:
+        """What friction adds in tasks that it may hold a share of all loads, see `held_in_tasks`.
+
+        A study that asks for dead zones of springs, which hold loads as friction does, has it
+        there.
+        """
+        model, loads = self.question.model, self.question.setting.loads
+        friction = friction_of(self.study, share, loads)
+        if friction is None or any(one.law == "gap" for one in model.parameters):
+            return 0.0
+        question, p = self.question.promised, model.p
+        visits = np.repeat(np.arange(len(plan.q)), plan.repeats)
+        q, wrench = plan.q[visits], plan.wrench[visits]
+        scene = visited(question, q, wrench, np.zeros(len(q)))
+        own = slice(len(friction))  # known springs come after the unknown ones
+        factors = friction.factors(scene.torque.T[own])
+        held = scene.springs[..., own] * factors.T[:, None]
+        rows = np.concatenate([scene.A, held], axis=-1).reshape(-1, p + len(friction))
+        known = question.known / model.scales
+        rows = np.concatenate([rows, block_diag(known, root(friction.information))])
+        target = tasks.with_columns(partial(self._held_in, friction)).target
+        both, alone = (_error(rows[:, :n], target[:, :n]) for n in (rows.shape[1], p))
+        return float(np.sqrt(max(both**2 - alone**2, 0.0)))
+
+    def _held_in(self, friction: Friction, task: Task) -> Columns:
+        """How a task moves with the parameters, and with shares of loads that friction holds."""
+        setting, model = self.question.setting, self.question.model
+        springs = model.with_parameters(springs_of(self.study))
+        loads = setting.every_load_of(task)
+        own, elastic = (setting.columns(task, one, loads) for one in (model, springs))
+
+        def columns(q: Array, turned: bool) -> Array:
+            torque = loads(np.atleast_2d(q), np.tile(task.wrench, (len(np.atleast_2d(q)), 1)))
+            factors = friction.factors(torque[:, list(self.study.unknown)].T).T
+            held = elastic(q, turned) * factors.reshape(*q.shape[:-1], 1, -1)
+            both = [own(q, turned) / model.scales, held / springs.scales]
+            return np.concatenate(both, axis=-1)
+
+        return columns
 
     def propagation(self, plan: Plan) -> Propagation | None:
         """What is uncertain; None if any is open, or springs are without a [simulation]."""
@@ -453,6 +498,13 @@ class GeometryDesigns(CalibratedDesigns):
         """Covariance (p, p) of the parameters; None where the plan leaves any open."""
         by_plan = ToldByPlan(self.question, plan)
         return None if len(by_plan.told.left) else by_plan.covariance
+
+
+def _error(rows: Array, target: Array) -> float:
+    """Root mean square error in tasks, of estimates by rows (N, p) with errors of size one."""
+    size = np.linalg.norm(rows, axis=0)
+    R = np.asarray(np.linalg.qr(rows / size, mode="r"))
+    return float(np.linalg.norm(np.linalg.solve(R.T, (target / size).T)))
 
 
 def _rho0(question: GeometryQuestion, told: Identifiable, cov: Array) -> float | None:

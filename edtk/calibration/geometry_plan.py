@@ -119,6 +119,7 @@ def visited(
     simulation = study.specification.simulation
     given = {} if simulation is None else simulation.compliance_rad_per_Nm
     soft = [given.get(name, 0.0) for name in study.specification.joints.unknown]
+    joints = (*study.unknown, *study.known)  # known ones bend under another load, too
     return Positions(
         model.robot,
         tuple(name for name, own in zip(model.markers, model.on_tool, strict=True) if own),
@@ -128,8 +129,8 @@ def visited(
         q,
         wrench,
         time,
-        tuple(study.unknown) if setting.loads is not None else (),
-        np.array(soft),
+        joints if setting.loads is not None else (),
+        np.array([*soft, *study.known.values()]),
         bending,
     )
 

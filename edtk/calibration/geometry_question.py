@@ -23,6 +23,7 @@ from edtk.design.plan import Plan
 from edtk.fit.fit_geometry import told_apart
 from edtk.fit.prior import PriorRows
 from edtk.measure.measured_model import MeasuredModel
+from edtk.measure.noise import VisitNoise
 from edtk.measure.parameters import (
     COMPONENTS,
     NUMBERS,
@@ -167,8 +168,18 @@ class GeometryQuestion:
     @property
     def with_exact_model(self) -> "GeometryQuestion":
         """The same question where the model leaves nothing out."""
-        space = replace(self.space, noise=self.space.noise.exact)
-        return replace(self, space=space)
+        return self._with_noise(self.space.noise.exact)
+
+    @property
+    def promised(self) -> "GeometryQuestion":
+        """The same question with what springs likely leave out, where the study does not say it.
+
+        The error that is expected of a plan rests on it, and its poses do not.
+        """
+        return self._with_noise(planned_noise(self.setting, promised=True))
+
+    def _with_noise(self, noise: VisitNoise) -> "GeometryQuestion":
+        return replace(self, space=replace(self.space, noise=noise))
 
     def space_for(self, size: int) -> GeometrySpace:
         """The space of plans of so many visits, which share what is known besides."""

@@ -280,7 +280,7 @@ class CalibratedDesigns(Designs, ABC):
 
         The nonlinear model will be fitted where it matters, so that the linear one adds nothing to
         the part of the model: that is what the study says that springs leave out, or what they
-        likely do, in the estimates and in the task itself.
+        likely do, which the budget says, in the estimates and in the task itself.
 
         Args:
             plan: All experiments.
@@ -291,7 +291,13 @@ class CalibratedDesigns(Designs, ABC):
         """
         tasks = self.study.tasks
         found = self.propagation(plan) if tasks else None
-        return None if found is None else found.budget(tasks, self.left_out(tasks, plan))
+        if found is None:
+            return None
+        budget = found.budget(tasks, self.left_out(tasks, plan))
+        table = self.study.specification.noise
+        if not budget.model or (table is not None and table.says_of_model):
+            return budget
+        return replace(budget, assumed_share=ASSUMED)
 
     def rests_on_known(self, plan: Plan) -> tuple[Finding, ...]:
         """Known compliances on which the budget rests, and whose deviation nobody stated."""
@@ -336,14 +342,6 @@ class SpringDesigns(CalibratedDesigns):
     ) -> tuple[Finding, ...]:
         """What is hard to believe, and what the promise rests on."""
         return (*super().warnings(plan, expected, criterion), *self.rests_on_known(plan))
-
-    def error_budget(self, plan: Plan) -> ErrorBudget | None:
-        """The same, which says where the size of what springs leave out is only likely."""
-        budget = super().error_budget(plan)
-        table = self.study.specification.noise
-        if budget is None or (table is not None and table.says_of_model):
-            return budget
-        return replace(budget, assumed_share=ASSUMED)
 
     def left_out(self, tasks: Tasks, plan: Plan) -> float:
         """What springs leave out, and friction that holds a share of all loads."""

@@ -76,8 +76,11 @@ class Propagation:
         assumed: The joints (a,) that are not.
         k: Compliances (p + a,) of both, as the commands take them [rad/(N m)].
         roots: The errors by cause [rad/(N m)]; causes are the parts of an `ErrorBudget`.
-        told: With which standard deviations (a,) the measurements would tell the joints that are
-            not identified, by their noise, if these were unknown, one at a time [rad/(N m)].
+        told: With which standard deviations (a + c,) the measurements would tell the joints that
+            are not identified, and those of `counted`, by their noise, if these were unknown, one
+            at a time [rad/(N m)].
+        counted: Known joints (c,) that are among the estimates, with the deviations that are left;
+            the last columns of `known_joints` are theirs.
         absolute: Whether displacements are counted from the rigid robot.
         visits: What else there is of visits of geometry; None for displacements.
         beside: Root (p + a, c) of the errors by what a sheet cannot tell: the size of the load,
@@ -91,6 +94,7 @@ class Propagation:
     k: Array
     roots: dict[str, Array]
     told: tuple[float, ...] = ()
+    counted: tuple[AssumedJoint, ...] = ()
     absolute: bool = False
     visits: "OfVisits | None" = None
     beside: Array | None = None
@@ -216,19 +220,21 @@ class Propagation:
         parts["model"] = float(np.hypot(parts.get("model", 0.0), model_error))
         of_joints = np.linalg.norm(A0 @ self.of_joints, axis=0)
         own = slice(self.p, self.p + len(self.assumed))
+        every = map(JointPart, (*self.assumed, *self.counted), of_joints.tolist(), self.told)
         before = with_rigid(np.linalg.norm(A0 @ self.k), A0[:, own], self.assumed)
         return ErrorBudget(
             **parts,
             uncompensated=float(before),
             absolute=self.absolute,
-            joints=tuple(map(JointPart, self.assumed, of_joints.tolist(), self.told)),
+            joints=tuple(sorted(every, key=lambda part: part.joint.index)),
         )
 
     @property
     def of_joints(self) -> Array:
-        """Errors (p + a, a) by each joint that is not identified."""
-        found = np.zeros((len(self.k), len(self.assumed)))
-        rigid = np.array([one.rigid for one in self.assumed], dtype=bool)
+        """Errors (p + a, a + c) by each joint that is not identified, and by the counted ones."""
+        joints = (*self.assumed, *self.counted)
+        found = np.zeros((len(self.k), len(joints)))
+        rigid = np.array([one.rigid for one in joints], dtype=bool)
         found[:, rigid] = self.roots["rigid_joints"]
         found[:, ~rigid] = self.roots["known_joints"]
         return found
@@ -338,6 +344,33 @@ def root_of(covariance: Array) -> Array:
     scale = np.where(std > 0, std, 1.0)
     values, vectors = np.linalg.eigh(covariance / scale / scale[:, None])
     return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def apart_from_known(
+    covariance: Array, known: Indices, std: Array
+) -> tuple[Array, Array, tuple[float, ...]]:
+    """Split the covariance V (p, p) of estimates by noise and by what was known before.
+
+    With the known parameters b exact, the others have the covariance ``V - V_b V_bb^-1 V_b'``; the
+    rest is by what is not told of b, of which V_bb is the covariance. With the roots
+    ``R R' = V_bb`` of `Others` it is that of ``E = V_b R'^-1``. Measurements alone have the
+    information ``V_bb^-1 - S^-2`` of them.
+
+    Args:
+        covariance: Of the estimates.
+        known: Which of them (c,) were known before.
+        std: Their standard deviations (c,) then.
+
+    Returns:
+        Roots (p, p) by noise, and E (p, c); the deviations (c,) with which measurements tell each
+        of them.
+    """
+    values, vectors = np.linalg.eigh(covariance[np.ix_(known, known)] / np.outer(std, std))
+    R = std[:, None] * ((vectors * np.sqrt(values)) @ vectors.T)
+    E = np.linalg.solve(R, covariance[known]).T
+    more = np.maximum(np.square(vectors) @ (1 / values) - 1, 0.0)
+    told = np.divide(std, np.sqrt(more), out=np.full(len(std), np.inf), where=more > 0)
+    return root_of_difference(covariance, E @ E.T), E, tuple(told.tolist())
 
 
 def root_of_difference(whole: Array, part: Array) -> Array:

@@ -14,6 +14,7 @@ from edtk.calibration.propagation import (
     Others,
     Propagation,
     Uncertainty,
+    apart_from_known,
     root_of,
     shifts_by,
     uncertainty_of,
@@ -92,8 +93,9 @@ def propagated(
         where: What errors do in tasks, as yet of the parameters alone.
     """
     model, scene = visits.model, visits.scene
-    estimated = {one.of for one in model.parameters if one.place == "compliance"}
+    estimated = {one.of: i for i, one in enumerate(model.parameters) if one.place == "compliance"}
     others = tuple(one for one in given.joints if one.name not in estimated)
+    counted = tuple(one for one in given.joints if one.name in estimated)
     told = Others.of(visits.inverse, visits.bent(others), others)
     places = _places(model)
     asked = visits.setting.model.parameters
@@ -103,21 +105,29 @@ def propagated(
     if given.drift:
         loaded = np.any(scene.wrench, axis=1).astype(float)[:, None, None]
         drift = given.drift * told.shifts(scene.shift * loaded)
+    V = covariances["noise"]
+    own = np.array([estimated[one.name] for one in counted], dtype=int)
+    noise, known, told_alone = apart_from_known(V, own, np.array([one.std for one in counted]))
+    left = [
+        replace(one, std=std)
+        for one, std in zip(counted, np.sqrt(np.diag(V)[own]).tolist(), strict=True)
+    ]
     roots = {
         **{name: told.below(root_of(V)) for name, V in covariances.items()},
+        "noise": told.below(noise),
         "load": visits.by_load(told, given),
         # Where all markers are unknown, their places take up that they are elsewhere.
         "tool": given.tool * shifts_by(told, scene, TOOL) if markers else none,
         "drift": drift,
         "repeatability": none,
         "rigid_joints": told.rigid,
-        "known_joints": told.known,
+        "known_joints": np.hstack([told.known, told.below(known)]),
     }
     roots = {name: np.pad(E, ((0, len(markers)), (0, 0))) for name, E in roots.items()}
     if markers:
         rows = [*model.parameters, *others, *markers]
-        own = [(rows.index(one), AXES.index(one.component)) for one in places if one in rows]
-        roots["tool"] = _beside_places(roots["tool"], own, given.tool)
+        at = [(rows.index(one), AXES.index(one.component)) for one in places if one in rows]
+        roots["tool"] = _beside_places(roots["tool"], at, given.tool)
     joints = [one.name for one in others]
     springs = all_parameters(model.robot, (), (), joints, base=False, tool=False)
     return Propagation(
@@ -125,7 +135,8 @@ def propagated(
         assumed=told.joints,
         k=np.array([*visits.taken, *(one.compliance for one in others), *(0.0 for _ in markers)]),
         roots=roots,
-        told=tuple(map(visits.inverse.told, told.columns)),
+        told=(*map(visits.inverse.told, told.columns), *told_alone),
+        counted=tuple(left),
         visits=replace(where, beside=(*springs, *markers)),
     )
 

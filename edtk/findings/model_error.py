@@ -13,7 +13,7 @@ from edtk.fit.identify import Identification
 from edtk.fit.measurements import Measurements
 from edtk.fit.missing import MissingColumns, SizePosterior
 from edtk.measure.friction import SPREAD, together
-from edtk.measure.missing_pieces import MissingPieces, PossibleSprings
+from edtk.measure.missing_pieces import MissingPieces, PieceColumns, PossibleSprings
 from edtk.measure.model_error import ASSUMED
 from edtk.measure.task import all_compliances
 from edtk.robots.frames import load_turns
@@ -139,8 +139,11 @@ def _columns(
         parts = {name: getattr(some.pieces, name) for name in ("across", "turns", "torque")}
         for name, part in {**parts, "known": some.known}.items():
             every.setdefault(name, np.empty((len(data), *part.shape[1:])))[rows] = part
-    known = every.pop("known")
-    return MissingColumns(replace(some.pieces, **every), data.pose, known)
+    return MissingColumns(
+        PieceColumns(every["across"], every["turns"], every["torque"], pieces.load),
+        data.pose,
+        every["known"],
+    )
 
 
 def _some_columns(

@@ -34,6 +34,7 @@ from edtk.study.study_model import (
     on_robot,
     other_springs,
     own_weights,
+    promised_table,
     with_likely_sizes,
 )
 from edtk.study.study_sight import sight_by_name
@@ -343,15 +344,20 @@ class StudyGeometry:
         return tool, replace(data.of_markers(slice(k, None)), markers=self.references)
 
 
-def planned_noise(setting: StudyGeometry) -> VisitNoise:
+def planned_noise(setting: StudyGeometry, promised: bool = False) -> VisitNoise:
     """The errors of a visit that plans count: those of a reading, and what the model leaves out.
 
     A sheet tells the second itself. In a difference of two readings it is as large as in one.
+
+    Args:
+        setting: The study.
+        promised: Whether it is for the error that is expected, and not for poses: then what springs
+            likely leave out counts where the study says nothing of that.
     """
     model, study = setting.model, setting.study
     width = model.row_count * len(model.markers)
     noise = replace(setting.noise.of_visits(width, len(model.markers)), change=None)
-    table = study.specification.noise
+    table = promised_table(study) if promised else study.specification.noise
     if table is None:
         return noise
     lengths = np.arange(width) % model.row_count < COORDINATES

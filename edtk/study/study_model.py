@@ -437,11 +437,16 @@ def promised_noise(study: Asked, model: ElastostaticModel) -> VisitNoise | None:
 
     The error that is expected of a plan rests on it, and its poses do not.
     """
+    table = promised_table(study)
+    return None if table.is_white else _visit_noise(study, model, table)
+
+
+def promised_table(study: Asked) -> NoiseTable:
+    """What a study says of the noise, with the share that springs likely leave out, if nothing."""
     table = study.specification.noise or NoiseTable()
     if table.says_of_model:
-        return study_noise(study, model)
-    assumed = table.model_copy(update={"model_error_percent": 100 * ASSUMED})
-    return _visit_noise(study, model, assumed)
+        return table
+    return table.model_copy(update={"model_error_percent": 100 * ASSUMED})
 
 
 def _visit_noise(study: Asked, model: ElastostaticModel, table: NoiseTable) -> VisitNoise:

@@ -38,6 +38,8 @@ from edtk.study.tables_of_task import CriterionTable, InterestTable
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
 
+JointLoads = Callable[[Array, Array], Array]
+
 POSES = 200  # whose loads are usual
 COORDINATES = 3  # of the first marker; or a distance, in any number of rows
 
@@ -394,7 +396,9 @@ class StudyObjects(Asked):
         return np.array([given[name] for name in self.specification.joints.unknown])
 
 
-def friction_of(study: StudyObjects, share: float) -> Friction | None:
+def friction_of(
+    study: StudyObjects, share: float, loads: JointLoads | None = None
+) -> Friction | None:
     """What friction of the unknown joints may hold of their loads.
 
     Usual loads are means over feasible poses.
@@ -402,22 +406,30 @@ def friction_of(study: StudyObjects, share: float) -> Friction | None:
     Args:
         study: The study.
         share: Standard deviation of what each joint holds of its usual load.
+        loads: What loads the joints (m, n) in poses under wrenches; by default the study's model.
 
     Returns:
-        The friction; None for no share, or where a study is about geometry.
+        The friction; None for no share, without unknown joints, or of a study about geometry whose
+        loads are not given.
 
     Raises:
         UserError: No pose is feasible, or the study guesses no compliance of a joint.
     """
-    if not share or study.specification.parameters:
+    if not share or not study.unknown:
+        return None
+    if loads is None and study.specification.parameters:
         return None
     k = guessed_compliances(study)[list(study.unknown)]
     try:
-        x = CandidateSource(study.space, 0, workers=1).take(POSES).x
+        space = study.space_under(study.specification.build_load())
+        x = CandidateSource(space, 0, workers=1).take(POSES).x
     except EmptyFeasibleSetError as error:
         raise study.error(error.key, str(error)) from error
-    plan = study.space.plan(x, np.ones(len(x), dtype=int))
-    torque = study.model.torque_of(study.model.frames(plan.q), plan.wrench)
-    load = np.abs(torque[study.model.joints]).mean(axis=1)
+    plan = space.plan(x, np.ones(len(x), dtype=int))
+    if loads is None:
+        torque = study.model.torque_of(study.model.frames(plan.q), plan.wrench)
+    else:
+        torque = loads(plan.q, plan.wrench).T
+    load = np.abs(torque[list(study.unknown)]).mean(axis=1)
     # Of a joint that nothing loads friction holds nothing, and it has no load for a unit.
     return Friction(k, np.where(load > 0, load, 1.0), share)

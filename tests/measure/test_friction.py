@@ -8,6 +8,7 @@ import pytest
 from arm import arm
 from short_search import short_search
 
+from edtk.calibration.evaluate_geometry import GeometryDesigns
 from edtk.calibration.geometry_question import GeometryQuestion
 from edtk.certificate.certificate import certificate, setting_to_dict
 from edtk.certificate.recompute.setting import Setting
@@ -108,17 +109,26 @@ def test_plans_know_shares_that_are_correlated_by_a_half():
 
 @pytest.mark.cell("`[noise] model_error_percent`, friction of the joints in plans", "parameters")
 def test_parameters_have_no_friction_but_a_gap():
-    """A study with [parameters] has the springs that it names, and no friction beside them."""
+    """A study with [parameters] has the springs that it names, and no friction beside them.
+
+    What friction holds counts in the promise of one without a gap, as springs alone count it.
+    """
+    springs = {"springs": ["q1", "q2", "q2.gap"], "geometry": [], "base": False, "tool": False}
     named = arm(
-        parameters={"springs": ["q1", "q2", "q2.gap"], "geometry": [], "base": False},
+        parameters=springs,
         marker=[{"name": "A"}],
         measurement={"sigma_mm": 0.01, "reference": "unloaded"},
         simulation={"compliance_rad_per_Nm": K},
         noise={"model_error_percent": 10},
         joints={"unknown": []},
+        test_pose={"q_deg": [10, 40], "load": {"F_N": [0, 0, -50]}},
     )
     assert named.designed.friction is None
     assert friction_of(named, 0.1) is None
+    plan = Plan(poses(8)[0], np.tile([0, 0, -50.0, 0, 0, 0], (8, 1)), np.full(8, 2))
+    plain = named.replace(parameters=springs | {"springs": ["q1", "q2"]})
+    with_gap, without = (GeometryDesigns.of(one) for one in (named, plain))
+    assert without.left_out(without.tasks, plan) > with_gap.left_out(with_gap.tasks, plan) > 0
     assert [one.name for one in GeometryQuestion.of(named).model.parameters][-1] == "k_q2.gap"
 
 
