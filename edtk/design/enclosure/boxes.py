@@ -10,7 +10,7 @@ from edtk.design.enclosure import basis
 from edtk.design.enclosure.polynomial import ROUNDOFF, Axis, Enclosed, Polynomial
 from edtk.system.typing import Array, Indices, Mask
 
-CHUNK = 64  # boxes at a time: their tensors stay in the cache
+CHUNK = 128  # boxes at a time: their tensors stay in the cache
 LARGE = 32_000  # numbers of a tensor of which as many do
 DEEPEST = 52  # halvings along an axis, which leave a box of the size of rounding
 WIDER = 2.0**-40  # part by which first boxes overlap, far above the rounding of their middles
