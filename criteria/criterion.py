@@ -310,7 +310,8 @@ class Criterion(ABC):
         M has the square of the rows' condition number. A plan that all but leaves a direction
         open, as one for a target may, loses six digits of its cost in it. Such costs are computed
         for parameters ``k = T k'`` in which the rows are orthonormal, where T is of their QR
-        factorization. Which M are worthless is decided as in `cost`.
+        factorization. Which M are worthless is decided as in `cost`, and M that leaves something
+        open, which no such T exists for, keeps its cost.
 
         Args:
             M: Information matrices (..., p, p).
@@ -318,7 +319,9 @@ class Criterion(ABC):
         """
         costs = np.array(self.cost(M))
         is_blurred = np.isfinite(costs) & ~guarded_inverse(M, LOSES_DIGITS)[2]
-        for i in np.flatnonzero(is_blurred).tolist():
+        each = M.reshape(-1, *M.shape[-2:])
+        blurred = np.flatnonzero(is_blurred)
+        for i in blurred[guarded_inverse(each[blurred])[2]].tolist():
             B = rows(i)
             lengths = np.linalg.norm(B, axis=0)
             T = np.linalg.inv(np.linalg.qr(B / lengths, mode="r")) / lengths[:, None]

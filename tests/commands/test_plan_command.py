@@ -367,7 +367,8 @@ def test_text_says_what_json_says(found, monkeypatch):
     assert lines[3].split() == ["efficiency", f"{100 * answer['efficiency']:.2f}", "%"]
     head = next(i for i, line in enumerate(lines) if line.startswith("repeats"))
     assert lines[head].split() == ["repeats", *POSES]
-    rows = np.array([line.split() for line in lines[head + 1 :]], dtype=float)
+    table = lines[head + 1 : head + 1 + len(answer["plan"])]
+    rows = np.array([line.split() for line in table], dtype=float)
     np.testing.assert_allclose(rows[:, 1:], [row["q_deg"] for row in answer["plan"]], atol=5.1e-4)
     assert rows[:, 0].tolist() == [row["repeats"] for row in answer["plan"]]
 

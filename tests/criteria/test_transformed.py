@@ -159,3 +159,13 @@ def test_cost_by_rows_is_that_of_singular_values(name, least):
     printed = [value(name, rows, [target]) for rows in B]
     costs = c.cost_by_rows(np.swapaxes(B, 1, 2) @ B, lambda i: B[i])
     np.testing.assert_allclose(costs, [cost(name, each) for each in printed], rtol=2e-9)
+
+
+@pytest.mark.parametrize("rows", [[[2.0, 0.0]], [[2.0, 2.0, 2.0], [1.0, 2.0, 2.0]]])
+def test_cost_by_rows_is_that_of_information_that_leaves_something_open(rows):
+    """What is of interest is told; no transform makes the rows orthonormal."""
+    B = np.array(rows)
+    c = criteria.create("c", c=np.eye(B.shape[1])[0])
+    M = B.T @ B
+    assert np.isfinite(c.cost(M))
+    assert c.cost_by_rows(M[None], lambda i: B)[0] == c.cost(M)
