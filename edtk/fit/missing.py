@@ -119,16 +119,13 @@ class SizeLikelihood:
         """
         scale = np.sqrt(np.square(A).sum(axis=(0, 1)))
         parts = [
-            _products(A[rows] / scale, measured[rows], noise[rows], columns[rows])
+            _sums_of(A[rows] / scale, measured[rows], noise[rows], columns[rows])
             for rows in whole_groups(columns.pose)
         ]
-        whole = np.sum([one[0] for one in parts], axis=0)
-        values, shown = (np.concatenate([one[i] for one in parts]) for i in (1, 2))
-        sums = []
-        for size in SIZES:
-            gain = size**2 * values
-            part = shown * (size / np.sqrt(1 + gain))[:, None]
-            sums.append(_Sums(whole - part.T @ part, float(np.log1p(gain).sum())))
+        sums = [
+            _Sums(np.sum([one.G for one in of_size], axis=0), sum(one.log_V for one in of_size))
+            for of_size in zip(*parts, strict=True)
+        ]
         return cls(tuple(sums), columns.pieces, scale, usual)
 
     @cached_property
@@ -186,20 +183,26 @@ class SizeLikelihood:
         return np.array(each)
 
 
-def _products(
+def _sums_of(
     A: Array, measured: Array, noise: RowNoise, columns: MissingColumns
-) -> tuple[Array, Array, Array]:
-    """Products (w, w) of whitened columns, and what `_of_poses` tells of each axis (g n, ...)."""
+) -> tuple[_Sums, ...]:
+    """The sums over whole poses, one for each size of the turns."""
     pieces = columns.pieces
     held = [pieces.held(size) for size in SIZES[1:]]
     every = [A, measured[..., None], pieces.across, *held, columns.known]
     X = whiten_columns(np.concatenate(every, axis=-1), noise)
     T = whiten_columns(pieces.turns, noise)
+    flat = X.reshape(-1, X.shape[-1])
+    whole = flat.T @ flat
     of_pose = [_of_poses(X[rows], T[rows]) for rows in groups_by_size(columns.pose)]
     values = np.concatenate([one[0] for one in of_pose]).ravel()
     shown = np.concatenate([one[1] for one in of_pose]).reshape(len(values), -1)
-    flat = X.reshape(-1, X.shape[-1])
-    return flat.T @ flat, values, shown
+    found = []
+    for size in SIZES:
+        gain = size**2 * values
+        part = shown * (size / np.sqrt(1 + gain))[:, None]
+        found.append(_Sums(whole - part.T @ part, float(np.log1p(gain).sum())))
+    return tuple(found)
 
 
 def _of_poses(X: Array, T: Array) -> tuple[Array, Array]:
