@@ -170,7 +170,7 @@ class GeometryQuestion:
         """The same question where the model leaves nothing out."""
         return self._with_noise(self.space.noise.exact)
 
-    @property
+    @cached_property
     def promised(self) -> "GeometryQuestion":
         """The same question with what springs likely leave out, where the study does not say it.
 

@@ -13,9 +13,8 @@ GIVES = 0.1
 # are of one make, and lose shares alike; none pushes, and of normal shares with a larger spread
 # some would.
 SPREAD = 0.5
-PLANNED = (
-    1.0  # the same of a plan, which is to tell joints apart: it trusts less that they are alike
-)
+# The same of a plan, which is to tell joints apart: it trusts less that they are alike.
+PLANNED = 1.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -598,7 +598,7 @@ class _Search:
             n = len(self.counts)
             # What is behind the candidates stays empty.
             self.counts = np.bincount(members, counts[chosen], n + 1)[:n].astype(int)
-            self._exchange(np.repeat(np.arange(n), self.counts))
+            self._exchange(self._places)
 
     def _starts(self, root: Nodes, told: Told) -> Indices:
         """Plans (b, m) of some starts among the most sensitive candidates, the best first."""
@@ -626,6 +626,11 @@ class _Search:
             self.best = cost
             self.counts = counts
 
+    @property
+    def _places(self) -> Indices:
+        """The candidates (m,) of the best plan's experiments."""
+        return np.repeat(np.arange(len(self.counts)), self.counts)
+
     def _cost(self, counts: Indices) -> float:
         """The cost of a plan (n,)."""
         M = self.problem.information(counts) + self.limits.base
@@ -635,7 +640,7 @@ class _Search:
         """Improve the best of some plans (b, m), and the best plan, by exchanges."""
         for places in starts[: max(1, PLACES // self.m)]:
             self._exchange(places)
-        self._exchange(np.repeat(np.arange(len(self.counts)), self.counts))
+        self._exchange(self._places)
 
     def _exchange(self, places: Indices) -> None:
         """Improve a plan (k,) by exchanges, where no limits forbid some.

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import combinations
+from itertools import chain, combinations
 from time import monotonic
 
 import numpy as np
@@ -149,27 +149,25 @@ def _require_enough(search: ArrangedSearch, errors: Errors) -> None:
     if search.m * search.rows.shape[1] + int(known.any(axis=1).sum()) < p:
         raise UserError(f"{search.m} runs do not tell {p} parameters; more are needed")
     strata = [s for s, hard in enumerate(settings.hard) if len(hard)]
-    for size in range(1, len(strata) + 1):
-        for some in combinations(strata, size):
-            columns = np.concatenate([settings.hard[s] for s in some])
-            groups = len(np.unique([settings.labels[s] for s in some], axis=1).T)
-            slices = settings.slices(columns)
-            deviations = [search.rows[same] - search.rows[same[:1]] for same in slices]
-            U = np.concatenate([known, *(one.reshape(-1, p) for one in deviations)])
-            alike = p - int(np.linalg.matrix_rank(U))
-            told = groups * search.rows.shape[1]
-            if told < alike:
-                names: list[str] = []
-                for s in some:
-                    hard = errors.levels[s].hard
-                    assert hard is not None
-                    names += hard_names(hard)
-                settings_of = f"setting{'s' if groups > 1 else ''} of {' and '.join(names)}"
-                raise UserError(
-                    f"in {errors.headline()}, runs have {groups} {settings_of} at most: enough for "
-                    f"{told} of {alike} parameters, or combinations of them, that depend on "
-                    "nothing else; more are needed"
-                )
+    together = [combinations(strata, size) for size in range(1, len(strata) + 1)]
+    for some in chain.from_iterable(together):
+        columns = np.concatenate([settings.hard[s] for s in some])
+        groups = len(np.unique([settings.labels[s] for s in some], axis=1).T)
+        slices = settings.slices(columns)
+        deviations = [search.rows[same] - search.rows[same[:1]] for same in slices]
+        U = np.concatenate([known, *(one.reshape(-1, p) for one in deviations)])
+        alike = p - int(np.linalg.matrix_rank(U))
+        told = groups * search.rows.shape[1]
+        if told >= alike:
+            continue
+        hard = [errors.levels[s].hard for s in some]
+        names = [name for one in hard if one is not None for name in hard_names(one)]
+        settings_of = f"setting{'s' if groups > 1 else ''} of {' and '.join(names)}"
+        raise UserError(
+            f"in {errors.headline()}, runs have {groups} {settings_of} at most: enough for "
+            f"{told} of {alike} parameters, or combinations of them, that depend on "
+            "nothing else; more are needed"
+        )
 
 
 def _require_told(search: ArrangedSearch, problem: Problem, criterion: Criterion) -> None:
