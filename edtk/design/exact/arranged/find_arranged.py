@@ -69,12 +69,7 @@ def find_arranged(
         message = f"runs {odd[0] + 1} and {odd[1] + 1} are of one group with different settings"
         raise ArgumentError(message, argument="keep")
     plain = criterion.without_prior
-    base = np.zeros((problem.p, problem.p))
-    if criterion.precision is not None:
-        base = base + criterion.precision
-    if problem.prior is not None:
-        base = base + size * problem.prior
-    sized = OrderOne.of(problem.with_prior(base / size if base.any() else None))
+    sized = _of_order_one(problem, criterion, size)
     sized.problem.require_identifiable(plain)
     search, setting = _search(sized.problem, plain, settings, runs.precision)
     search = replace(search, first=first, most=most)
@@ -92,10 +87,6 @@ def find_arranged(
     counts = np.bincount(found.places, minlength=problem.n)
     of_cost = _accuracy(setting, search, found.places, counts / size)
     relaxed, reason = _bound(search, runs, found.places, cost, found.ended)
-    kept = np.bincount(first, minlength=problem.n)
-    aside = [*(["kept runs"] if kept.any() else []), *([] if most is None else ["largest counts"])]
-    if relaxed is not None and aside:
-        relaxed = replace(relaxed, basis=f"{relaxed.basis}; {' and '.join(aside)} set aside")
     return ArrangedPlan(
         problem=problem,
         criterion=criterion,
@@ -108,11 +99,21 @@ def find_arranged(
         ended=found.ended,
         seconds=monotonic() - since,
         accuracy=of_cost,
-        kept=kept,
+        kept=np.bincount(first, minlength=problem.n),
         most=most,
         places=found.places,
         structure=runs,
     )
+
+
+def _of_order_one(problem: Problem, criterion: Criterion, size: int) -> OrderOne:
+    """The candidates in a good unit, beside what every plan of so many runs has in equal parts."""
+    base = np.zeros((problem.p, problem.p))
+    if criterion.precision is not None:
+        base = base + criterion.precision
+    if problem.prior is not None:
+        base = base + size * problem.prior
+    return OrderOne.of(problem.with_prior(base / size if base.any() else None))
 
 
 def _search(
@@ -227,6 +228,10 @@ def _bound(
         return None, "interrupted before one was found"
     if found is None:
         return None, f"none is known of {criterion.label} under such errors"
+    kept = ["kept runs"] if len(search.first) else []
+    aside = kept if search.most is None else [*kept, "largest counts"]
+    if aside:
+        found = replace(found, basis=f"{found.basis}; {' and '.join(aside)} set aside")
     return found, ""
 
 

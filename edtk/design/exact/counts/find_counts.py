@@ -18,7 +18,7 @@ from edtk.design.exact.counts.counts_bound import (
     relaxed_counts,
     within_limits,
 )
-from edtk.design.exact.counts.counts_search import CountsSearch
+from edtk.design.exact.counts.counts_search import CountsSearch, FoundPlaces
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.pricing_for import search_for
 from edtk.design.exact.counts.problem_plan import ProblemPlan
@@ -90,53 +90,21 @@ def find_counts(
         RankDeficientError: No plan of these candidates identifies all parameters.
     """
     since = monotonic()
-    plain = criterion.without_prior
-    if prove is not None and starts is None:
-        starts = PROVED_STARTS
+    proves = prove is not None
     asked = _Asked.of(problem, criterion, limits, known)
-    asked.require(problem, plain, prove is not None)
+    plain = criterion.without_prior
+    asked.require(problem, plain, proves)
     inside = asked.inside(plain)
-    plain = inside.criterion
-    limits = inside.limits
-    question = beside_blocks(inside.problem, plain, limits)
-    relaxed, reason, interrupted = _relaxed(question, plain)
-    thorough = thorough and prove is None
-    search = search_for(inside.problem, plain, limits, relaxed, thorough)
-    try:
-        relaxed, needs_plan = _of_blocks(relaxed, search, seed)
-    except KeyboardInterrupt:
-        interrupted, needs_plan = True, False
-    search = replace(search, bound=0.0 if relaxed is None else relaxed.cost)
-    with time_limit(0.0 if interrupted else np.inf):
-        found = search.run(
-            seed,
-            1 if interrupted else starts,
-            lambda number, cost: progress(f"start {number}", cost),
-        )
+    search = _BoundedSearch.of(inside, thorough and not proves, seed)
+    found = search.run(seed, PROVED_STARTS if proves and starts is None else starts, progress)
     counts = limits.counts(found.places[None], problem.n)[0]
-    ended = "interrupted" if interrupted else found.ended
-    proof = None
-    if prove is not None and relaxed is not None and not interrupted:
-        proof = prove_exact(
-            inside.problem,
-            plain,
-            limits,
-            counts,
-            seconds=prove,
-            relaxed=relaxed,
-            given=inside.whence,
-            progress=lambda nodes, best, bound: progress(f"node {nodes}", best),
-        )
-        counts = proof.counts
+    proof = search.proof(counts, prove, progress)
+    counts = counts if proof is None else proof.counts
     cost, of_cost = inside.cost(counts, found.places)
     if proof is not None:
         proof = _outward(_within(proof, cost, of_cost), asked.sized, criterion)
-        ended = proof.ended
     _require_regular(cost, limits, problem, criterion)
-    if relaxed is not None and question is not None and not interrupted:
-        relaxed = within_limits(relaxed, *question, counts.astype(float))
-        if needs_plan or relaxed.is_near(cost):
-            relaxed = blocks_bound(relaxed, search.scatter, search.criterion, found.places)
+    relaxed = search.beside(counts, found.places, cost)
     _, of_bound = inside.errors(counts, inside.left(found.places), relaxed)
     return ProblemPlan(
         problem=problem,
@@ -145,10 +113,10 @@ def find_counts(
         cost=asked.sized.cost(cost, criterion),
         accuracy=of_cost + of_bound,
         lower_bound=_bound(criterion, relaxed, asked.sized, cost, of_cost, of_bound),
-        basis=f"no bound: {reason}" if relaxed is None else relaxed.basis,
+        basis=f"no bound: {search.reason}" if relaxed is None else relaxed.basis,
         starts=found.starts,
         found=found.found,
-        ended=ended,
+        ended=found.ended if proof is None else proof.ended,
         seconds=monotonic() - since,
         kept=kept,
         elsewhere=elsewhere,
@@ -326,6 +294,84 @@ class _Inside:
         of = None if self.setting is None else self.setting.whitened
         T = np.eye(problem.p) if of is None else of.T
         return Given(problem, T, self.asked.known.shared(self.limits.m))
+
+
+@dataclass(frozen=True, eq=False)
+class _BoundedSearch:
+    """The search in good parameters, beside a bound that is known before it.
+
+    Attributes:
+        inside: The question in these parameters.
+        question: What the bound is about; None where there is none.
+        relaxed: The bound; None where there is none.
+        reason: Why there is none.
+        search: The search, which knows the bound.
+        needs_plan: Whether only a plan better than the first gives the bound of blocks.
+        interrupted: Whether Ctrl-C came before the search, which then is one start.
+    """
+
+    inside: _Inside
+    question: Question | None
+    relaxed: RelaxedCounts | None
+    reason: str
+    search: CountsSearch
+    needs_plan: bool
+    interrupted: bool
+
+    @classmethod
+    def of(cls, inside: _Inside, thorough: bool, seed: int) -> "_BoundedSearch":
+        """The bound, and the search that it helps."""
+        problem, criterion, limits = inside.problem, inside.criterion, inside.limits
+        question = beside_blocks(problem, criterion, limits)
+        relaxed, reason, interrupted = _relaxed(question, criterion)
+        search = search_for(problem, criterion, limits, relaxed, thorough)
+        try:
+            relaxed, needs_plan = _of_blocks(relaxed, search, seed)
+        except KeyboardInterrupt:
+            interrupted, needs_plan = True, False
+        search = replace(search, bound=0.0 if relaxed is None else relaxed.cost)
+        return cls(inside, question, relaxed, reason, search, needs_plan, interrupted)
+
+    def run(self, seed: int, starts: int | None, progress: Progress) -> FoundPlaces:
+        """Search from so many starts; after Ctrl-C take the first plan that can be given."""
+        with time_limit(0.0 if self.interrupted else np.inf):
+            found = self.search.run(
+                seed,
+                1 if self.interrupted else starts,
+                lambda number, cost: progress(f"start {number}", cost),
+            )
+        return replace(found, ended="interrupted") if self.interrupted else found
+
+    def proof(
+        self, counts: Indices, seconds: float | None, progress: Progress
+    ) -> ExactProof | None:
+        """The proof that goes on from a plan (n,).
+
+        Returns:
+            The proof; None without time for it or a bound, and after Ctrl-C.
+        """
+        if seconds is None or self.relaxed is None or self.interrupted:
+            return None
+        return prove_exact(
+            self.inside.problem,
+            self.inside.criterion,
+            self.inside.limits,
+            counts,
+            seconds=seconds,
+            relaxed=self.relaxed,
+            given=self.inside.whence,
+            progress=lambda nodes, best, bound: progress(f"node {nodes}", best),
+        )
+
+    def beside(self, counts: Indices, places: Indices, cost: float) -> RelaxedCounts | None:
+        """The bound that is sharpest beside a plan of such counts (n,), places (m,) and cost."""
+        relaxed = self.relaxed
+        if relaxed is None or self.question is None or self.interrupted:
+            return relaxed
+        relaxed = within_limits(relaxed, *self.question, counts.astype(float))
+        if self.needs_plan or relaxed.is_near(cost):
+            return blocks_bound(relaxed, self.search.scatter, self.search.criterion, places)
+        return relaxed
 
 
 def _centred(problem: Problem) -> Problem:
