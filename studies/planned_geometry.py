@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 import edtk
-from edtk.fit.fitted_geometry import resting_torque
+from edtk.measure.rest import resting_load
 from edtk.measure.measured_model import MeasuredModel
 from edtk.report.tables import markdown_table
 from edtk.study.study_geometry import StudyGeometry
@@ -70,7 +70,7 @@ def truth(rng: np.random.Generator) -> tuple[MeasuredModel, Array]:
 def positions(model: MeasuredModel, theta: Array, q: Array, wrench: Array) -> Array:
     """Where the markers are (m, k, 3) [mm], loads at rest."""
     loads = StudyGeometry.of(STUDY).loads
-    torque = resting_torque(model.bending(theta), q, wrench, loads)
+    torque = resting_load(model.bending(theta), q, wrench, loads)
     return 1e3 * model.see(theta, q, torque, derivatives=False).points
 
 

@@ -23,9 +23,8 @@ from edtk.findings.counting import Counting
 from edtk.findings.prior import unstated
 from edtk.findings.turn_reading import EXPECTED, turn_reading
 from edtk.findings.units import like_radians
-from edtk.fit.circumstances import RIGID, Loads
 from edtk.fit.distributions import NormalMixture
-from edtk.fit.fitted_geometry import FittedGeometry, Predicted
+from edtk.fit.fitted_geometry import RIGID, FittedGeometry, Predicted
 from edtk.fit.marker_positions import MarkerPositions, read_positions
 from edtk.fit.sheet import VECTOR
 from edtk.measure.equilibrium import NoEquilibriumError, why_no_rest
@@ -41,6 +40,7 @@ from edtk.measure.pose_table import (
     Table,
     path_of,
 )
+from edtk.measure.rest import Loads
 from edtk.measure.task import Task
 from edtk.robots.frames import MM
 from edtk.robots.robot import Robot

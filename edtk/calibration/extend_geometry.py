@@ -15,12 +15,13 @@ from edtk.findings.causes.faults import USUAL_ACROSS, is_one_of, lateral_axes
 from edtk.findings.causes.scene import AXES
 from edtk.findings.fitted_data import HowFitted
 from edtk.fit.correlated_noise import CorrelatedNoise, whiten, whiten_columns
-from edtk.fit.fitted_geometry import loading_of, resting_load
+from edtk.fit.fitted_geometry import loading_of
 from edtk.fit.measurements import Measurements
 from edtk.fit.pose_rows import PoseRows
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import springs_asked
 from edtk.measure.pose_table import Table
+from edtk.measure.rest import resting_load
 from edtk.measure.task import Task
 from edtk.robots.frames import MM
 from edtk.study.study import Study

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
-from edtk.fit.circumstances import Loads
 from edtk.fit.fitted_geometry import ErrorParts, FittedGeometry, Predicted
 from edtk.fit.least_squares import share_inside
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.measurements import Measurements
 from edtk.measure.parameters import COMPONENTS
+from edtk.measure.rest import Loads
 from edtk.robots.frames import MM
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import rotation

@@ -16,8 +16,7 @@ from edtk.calibration.propagation import FittedSprings, root_of
 from edtk.design.plan import Plan
 from edtk.findings.counting import Counting
 from edtk.findings.moving_joints import ReadingNoise
-from edtk.fit.circumstances import RIGID, UNTOLD, Circumstances
-from edtk.fit.fitted_geometry import FittedGeometry
+from edtk.fit.fitted_geometry import RIGID, UNTOLD, Circumstances, FittedGeometry
 from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.noise import Tracker

@@ -22,8 +22,14 @@ from edtk.calibration.propagation import (
 from edtk.calibration.told_part import Inverse
 from edtk.findings.causes.scene import Positions
 from edtk.findings.fit_rows import scene_of
-from edtk.fit.circumstances import RIGID, UNTOLD, Circumstances
-from edtk.fit.fitted_geometry import FittedGeometry, GeometricFit, loading_of
+from edtk.fit.fitted_geometry import (
+    RIGID,
+    UNTOLD,
+    Circumstances,
+    FittedGeometry,
+    GeometricFit,
+    loading_of,
+)
 from edtk.fit.pose_rows import PoseRows, known_before
 from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.few_columns import Beside

@@ -10,7 +10,6 @@ import numpy as np
 from edtk.findings.causes.family import Cause, Family
 from edtk.findings.causes.faults import FAULTS, USUAL_DRIFT, USUAL_GROWTH
 from edtk.findings.causes.scene import JointLoads, Positions, link_length, same_in, since_first
-from edtk.fit.circumstances import Loads
 from edtk.fit.fitted_geometry import FittedGeometry, GeometricFit
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.pose_rows import columns_of
@@ -19,6 +18,7 @@ from edtk.measure.few_columns import Beside, FewColumns, summed
 from edtk.measure.measured_model import Seen
 from edtk.measure.parameters import Parameter, all_parameters
 from edtk.measure.position_noise import PositionNoise
+from edtk.measure.rest import Loads
 from edtk.measure.task import Task
 from edtk.measure.whitening import Scatter, of_rows
 from edtk.robots.frames import MM

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edtk.fit.circumstances import Loads
 from edtk.fit.fitted_geometry import (
     LEAST_DOF,
     GeometricFit,
@@ -28,6 +27,7 @@ from edtk.fit.restricted_likelihood import fit_model_error, noise_of_repeats
 from edtk.measure.measured_model import MeasuredModel, Torque
 from edtk.measure.parameters import TURNS, Identifiable, Parameter, identifiable
 from edtk.measure.position_noise import PositionNoise
+from edtk.measure.rest import Loads
 from edtk.measure.whitening import Precision, Scatter
 from edtk.system.typing import Array, Indices, Mask
 

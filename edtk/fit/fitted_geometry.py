@@ -1,33 +1,74 @@
 """Geometry and springs that were identified, what they predict, and their residuals."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from edtk.fit.circumstances import RIGID, Circumstances, Loads
 from edtk.fit.least_squares import share_inside
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.prior import Prior
 from edtk.fit.restricted_likelihood import fitted_kinds
-from edtk.measure.measured_model import Load, Loading, MeasuredModel, Seen, Torque
+from edtk.measure.expected_error import AssumedJoint
+from edtk.measure.measured_model import Load, MeasuredModel, Seen, Torque
 from edtk.measure.parameters import Parameter
 from edtk.measure.position_noise import PositionNoise
+from edtk.measure.rest import Loads, loading_in, no_rest, resting_load
 from edtk.measure.springs import Bending
-from edtk.robots.elastic_robot import widened
 from edtk.robots.frames import MM
 from edtk.system.typing import Array, Indices, Mask
 
-STEP = 1e-4  # [rad or m] of differences
-SETTLED = 1e-13  # [rad or m] a turn of the joints by less ends the search for rest
-FAR = 0.1  # [rad or m] a joint that turns by more may have gone over to another equilibrium
-STEPS = 16  # in which springs become soft there
-RESTS = 1e-9  # [rad or m] turns that springs and loads say differently by more are no equilibrium
-SUBSTITUTIONS = 12  # three are the rule
-NEWTON = 30
-LONGEST = 0.5  # [rad or m] of a step; beyond, the derivative says nothing about the arm
+RIGID = "rigid_joints"
+UNTOLD = ("load", "tool", "drift", RIGID)
 LEAST_DOF = 3.0  # of a band: below it a quantile of Student's t says nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Circumstances:
+    """Errors of parameters, and of what is taken as it is, by what causes them.
+
+    A circumstance u that is off by a standard deviation s changes readings by ``D s``, and the
+    parameters by ``A+ D s`` with the weighted least-squares inverse A+. One that is in the tasks,
+    too, as the spring of a joint that counts as rigid, is off there by s itself: of each cause
+    there is a root ``E = (A+ D s; -s)``, taken less true, and an error in a pose is ``(J J_o) E``.
+
+    Attributes:
+        joints: The joints (a,) that are not identified.
+        others: Parameters (o,) that are taken as they are: the springs of these joints, and places
+            of markers that count as known.
+        roots: Errors (p + o, c) by cause, in the parameters' units; causes are the parts of an
+            `ErrorBudget`. That of joints that count as rigid has a column for each of these.
+        loads: What loads the joints, whether or not the study asks for springs.
+        untold: What of it bends joints that count as rigid, and no reading tells.
+    """
+
+    joints: tuple[AssumedJoint, ...]
+    others: tuple[Parameter, ...]
+    roots: Mapping[str, Array]
+    loads: Loads
+    untold: Loads
+
+    @property
+    def rigid(self) -> tuple[AssumedJoint, ...]:
+        """The joints that count as rigid, in the order of their columns."""
+        return tuple(one for one in self.joints if one.rigid)
+
+    def among(self, own: Indices, of: tuple[str, ...] = ()) -> "Circumstances":
+        """The same of some of the parameters, and of the places of some markers.
+
+        Args:
+            own: Which parameters (p,).
+            of: The markers; none by default.
+        """
+        p = next(iter(self.roots.values())).shape[0] - len(self.others)
+        kept = [i for i, one in enumerate(self.others) if one.place != "tool" or one.of in of]
+        rows = np.array([*own, *(p + i for i in kept)], dtype=int)
+        return replace(
+            self,
+            others=tuple(self.others[i] for i in kept),
+            roots={name: E[rows] for name, E in self.roots.items()},
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -488,152 +529,11 @@ class FittedGeometry:
         return np.maximum(dof / np.maximum(share, 1e-6) ** 2, LEAST_DOF)
 
 
-@dataclass(frozen=True, eq=False)
-class _Changed:
-    """Loads with compensators whose numbers differ from what is stated."""
-
-    loads: Loads
-    bending: Bending
-
-    def __call__(self, q: Array, wrench: Array) -> Array:
-        return self.loads(q, wrench) + self.bending.added(q)
-
-
-def resting_torque(bending: Bending, q: Array, wrench: Array, loads: Loads | None) -> Array | None:
-    """Loads (m, s) of the joints at rest: ``tau(q + theta)`` with ``theta = sum_i k_i b_i(tau)``.
-
-    Substitutions settle where springs are much stiffer than what gravity and loads do to them:
-    their errors fall by the factor ``K dtau/dq`` each. Elsewhere Newton's method does.
-    """
-    if loads is None:
-        return None
-    loads = _Changed(loads, bending)
-    start = widened(q, bending.width)
-    torque = loads(start, wrench)
-    if bending.is_rigid:
-        return torque
-    turn = bending.turn(torque)
-    last = float(np.abs(turn).max(initial=0.0))
-    for _ in range(SUBSTITUTIONS):
-        torque = loads(start + turn, wrench)
-        moved = bending.turn(torque)
-        change = float(np.abs(moved - turn).max(initial=0.0))
-        turn = moved
-        # The next change is smaller by as much as this one is than the last.
-        if change**2 <= SETTLED * last:
-            return torque
-        if change > last / 2:
-            break
-        last = change
-    turn = _rest_from(bending, start, wrench, loads, turn)
-    return loads(start + turn, wrench)
-
-
-def _rest_from(bending: Bending, start: Array, wrench: Array, loads: Loads, turn: Array) -> Array:
-    """Turns (m, s) at rest, by Newton's method from some; it may end elsewhere than at rest."""
-    for _ in range(NEWTON):
-        torque = loads(start + turn, wrench)
-        apart = bending.turn(torque) - turn
-        slope = np.eye(bending.width) - bending.tangent(torque) @ _by_turns(
-            start + turn, wrench, loads
-        )
-        step = np.linalg.solve(slope, apart[..., None])[..., 0]
-        turn = turn + np.clip(step, -LONGEST, LONGEST)
-        if np.abs(step).max(initial=0.0) <= SETTLED:
-            break
-    return turn
-
-
-def no_rest(bending: Bending, q: Array, wrench: Array, loads: Loads | None) -> Mask:
-    """Poses (m,) without a stable equilibrium: the arm would snap, or the load buckles it.
-
-    It is stable where all eigenvalues of ``I - K H`` have positive real parts: with more load or
-    softer springs, the first of them reaches zero where loads take as much stiffness as there is.
-    Where joints turn far, springs become soft in steps that all have to be stable, so that the
-    branch which begins at the unloaded pose is followed, and ends where it snaps.
-    """
-    lost = np.zeros(len(q), dtype=bool)
-    if loads is None or bending.is_rigid or not len(q):
-        return lost
-    start = widened(q, bending.width)
-    turn = bending.turn(loads(start, wrench))
-    far = (np.abs(turn) > FAR).any(axis=-1)
-    for steps, own in ((1, np.flatnonzero(~far)), (STEPS, np.flatnonzero(far))):
-        reached = np.zeros((len(own), bending.width))
-        for part in np.linspace(0, 1, steps + 1)[1:]:
-            if len(own):
-                softer = bending.scaled(float(part))
-                reached = _rest_from(softer, start[own], wrench[own], loads, reached)
-                lost[own] |= ~_is_stable(softer, start[own], wrench[own], loads, reached)
-    return lost
-
-
-def _is_stable(bending: Bending, start: Array, wrench: Array, loads: Loads, turn: Array) -> Mask:
-    """Whether the arm rests at some turns (m, s), and comes back to them when it is pushed."""
-    torque = loads(start + turn, wrench)
-    apart = np.abs(bending.turn(torque) - turn).max(axis=-1, initial=0.0)
-    rests = apart <= RESTS + bending.play
-    H = _by_turns(start + turn, wrench, loads)
-    slope = np.eye(bending.width) - bending.tangent(torque) @ H
-    least = np.linalg.eigvals(slope).real.min(axis=-1, initial=np.inf)
-    return np.asarray(rests & (least > 0))
-
-
-def _by_turns(near: Array, wrench: Array, loads: Loads) -> Array:
-    """``H = dtau/dq`` (m, s, s) in poses (m, s), by central differences."""
-    m, s = near.shape
-    steps = STEP * np.concatenate([np.eye(s), -np.eye(s)])
-    places = (near[None] + steps[:, None]).reshape(-1, s)
-    moved = loads(places, np.tile(wrench, (2 * s, 1))).reshape(2, s, m, s)
-    return np.asarray(np.moveaxis(moved[0] - moved[1], 0, -1) / (2 * STEP))
-
-
-def resting_load(
-    bending: Bending, q: Array, wrench: Array, loads: Loads | None, derivatives: bool = True
-) -> Load | None:
-    """The same, with what the joints give way more, or less, as their loads change with them."""
-    torque = resting_torque(bending, q, wrench, loads)
-    if torque is None or loads is None or not derivatives or bending.is_rigid:
-        return None if torque is None else Load(torque)
-    near = widened(q, bending.width) + bending.turn(torque)
-    K = bending.tangent(torque)
-    H = _by_turns(near, wrench, _Changed(loads, bending))
-    gives = np.linalg.inv(np.eye(bending.width) - K @ H)
-    return Load(torque, np.asarray(gives, dtype=float), K, near, bending.changes)
-
-
 def loading_of(
     bending: Bending, data: MarkerPositions, loads: Loads | None, derivatives: bool = True
 ) -> Torque:
     """What loads the joints at rest in each visit, and what did before, see `loading_in`."""
     return loading_in(bending, data.q, data.wrench, loads, data.is_difference, derivatives)
-
-
-def loading_in(
-    bending: Bending,
-    q: Array,
-    wrench: Array,
-    loads: Loads | None,
-    differs: Mask,
-    derivatives: bool = True,
-) -> Torque:
-    """What loads the joints at rest in each visit, see `resting_load`, and what did before.
-
-    Args:
-        bending: What loads turn the joints by.
-        q: Joint variables (m, n) [rad or m].
-        wrench: Forces and torques (m, 6).
-        loads: What they load the joints with.
-        differs: Which readings (m,) are differences of a loaded and an unloaded one.
-        derivatives: Whether derivatives by the springs are wanted.
-    """
-    after = resting_load(bending, q, wrench, loads, derivatives)
-    if after is None or not differs.any():
-        return after
-    unloaded = np.zeros((int(differs.sum()), 6))
-    before = resting_load(bending, q[differs], unloaded, loads, derivatives)
-    assert before is not None
-    return Loading(after, differs, before)
 
 
 def student_quantile(dof: Array) -> Array:

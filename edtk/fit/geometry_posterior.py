@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from edtk.fit.circumstances import Loads
 from edtk.fit.fit_geometry import NU, fit_beside
 from edtk.fit.fitted_geometry import GeometricFit, loading_of
 from edtk.fit.marker_positions import MarkerPositions
@@ -19,6 +18,7 @@ from edtk.fit.posterior import (
 )
 from edtk.fit.prior import Prior
 from edtk.measure.measured_model import Load, Loading, MeasuredModel, Seen, Torque
+from edtk.measure.rest import Loads
 from edtk.robots.elastic_robot import widened
 from edtk.robots.frames import MM
 from edtk.robots.rotations import rotation

@@ -6,7 +6,6 @@ from functools import cached_property
 
 import numpy as np
 
-from edtk.fit.circumstances import Loads
 from edtk.fit.fitted_geometry import (
     FittedGeometry,
     GeometricFit,
@@ -23,6 +22,7 @@ from edtk.measure.few_columns import Beside, sandwich
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import Parameter
 from edtk.measure.position_noise import PositionNoise
+from edtk.measure.rest import Loads
 from edtk.measure.whitening import Precision, Scatter
 from edtk.robots.frames import MM
 from edtk.system.typing import Array

@@ -7,22 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.robots.frames import WRENCH, cross, shared_load
+from edtk.measure.rest import stable_rest
+from edtk.robots.frames import WRENCH
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import rotation_vector
-from edtk.robots.weights import Loading
-from edtk.system.typing import Array, Mask
-
-# Joint deflection [rad or m] beyond which the load is raised in steps: Newton's method could then
-# have jumped to another branch of equilibria.
-FAR = 0.1
-STEPS = 32  # load steps where one is not enough
-ITERATIONS = 30  # Newton steps per load step; a handful is the rule
-LONGEST = 0.5  # Newton step [rad or m]; beyond, the derivative says nothing about the arm
-CONVERGED = 1e-12  # Newton step, relative to the deflection, that is rounding
-# Of a joint's angle: with a compensator as stiff as its joint, a step is no smaller.
-ROUNDING = 4 * np.finfo(float).eps
-TINY = 1e-300  # a denominator that divides nothing by zero
+from edtk.robots.weights import Loading, torque_derivative
+from edtk.system.typing import Array, Indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,12 +143,8 @@ def equilibrium(
 
     The motors hold q, each joint is a spring, and W keeps its direction in the world while its
     point moves with the tool (a dead load). Newton's method with the analytic derivative
-    ``I - diag(k) H``, ``H_jl = dtau_j/dq_l``, starts from the unloaded pose. A rest of the arm
-    counts only if it is stable: all eigenvalues of that derivative have a positive real part. For a
-    pure force H is the Hessian of ``F . p``, and the potential energy then has a minimum. Where the
-    deflection is large, or one step fails, the load is raised in equal steps and every step must be
-    stable, so that the branch that begins at the unloaded pose is followed, and ends where it
-    buckles.
+    ``I - diag(k) H``, ``H_jl = dtau_j/dq_l``, starts from the unloaded pose, see `stable_rest`. For
+    a pure force H is the Hessian of ``F . p``, and the potential energy of a stable rest is least.
 
     Replacing ``tau(q + theta)`` by ``tau(q)`` and the motion of the tool by its first order gives
     Eq. (2).
@@ -178,53 +164,72 @@ def equilibrium(
         ValueError: Shapes do not fit, or a compliance is negative or not finite.
     """
     batch, flat = _checked(robot, q, wrench, k, signed)
-    theta, found = _follow(robot, loading, 1, *flat)
-    hard = np.flatnonzero(~found | (np.abs(theta) > FAR).any(axis=-1))
-    if len(hard):
-        theta[hard], found[hard] = _follow(robot, loading, STEPS, *(x[hard] for x in flat))
+    q, W, k = flat
+    theta, found = stable_rest(_JointSprings(k), _DeadLoads(robot, loading), q, W)
     if not found.all():
         raise NoEquilibriumError(np.flatnonzero(~found).tolist())
-    displacement = _displacement(robot, flat[0], theta)
+    displacement = _displacement(robot, q, theta)
     return Equilibrium(theta.reshape(*batch, robot.n), displacement.reshape(*batch, 6))
 
 
+@dataclass(frozen=True, eq=False)
+class _JointSprings:
+    """Springs about the joints' own axes, with compliances (N, n) of their own in each pose."""
+
+    k: Array
+    play = 0.0
+
+    def turn(self, torque: Array) -> Array:
+        return self.k * torque
+
+    def turned_by(self, torque: Array, change: Array) -> Array:
+        return self.k[:, :, None] * change
+
+    def scaled(self, factor: float) -> "_JointSprings":
+        return _JointSprings(factor * self.k)
+
+    def __getitem__(self, chosen: Indices) -> "_JointSprings":
+        return _JointSprings(self.k[chosen])
+
+
+@dataclass(frozen=True, eq=False)
+class _DeadLoads:
+    """Loads of the joints by a wrench and weights, which keep their directions."""
+
+    robot: Robot
+    loading: Loading
+
+    def __call__(self, q: Array, wrench: Array) -> Array:
+        return self.with_derivative(q, wrench)[0]
+
+    def with_derivative(self, q: Array, wrench: Array) -> tuple[Array, Array]:
+        return torque_and_derivative(self.robot, q, wrench, self.loading)
+
+
 def torque_and_derivative(
-    robot: Robot, q: Array, wrench: Array, loading: Loading = AT_TOOL_POINT, part: float = 1.0
+    robot: Robot, q: Array, wrench: Array, loading: Loading = AT_TOOL_POINT
 ) -> tuple[Array, Array]:
     """Joint loads and their derivatives under a constant wrench.
-
-    As in `ElastostaticModel.regressor_slope`: ``dJ_j/dq_l = (w_l x v_j, w_l x w_j)`` for l <= j and
-    ``(w_j x v_l, 0)`` for l > j, with the linear and angular columns v and w of the Jacobian.
 
     Args:
         robot: The chain; its tool frame is where the wrench acts, unless `loading` says otherwise.
         q: Joint variables (N, n) [rad or m].
         wrench: Forces and torques (N, 6) [N, N m].
         loading: Where the wrench acts, and weights that load the joints besides it.
-        part: Share of the weights that acts.
 
     Returns:
         ``tau = J'W`` (N, n) [N m, or N if prismatic], and ``H_jl = dtau_j/dq_l`` (N, n, n).
     """
     frames = robot.frames(q, loading.bodies)
     point = loading.point.of_load(wrench)
-    v = point.linear(frames)
-    w = point.angular(frames)
     F = wrench[:, :3].T
     T = wrench[:, 3:WRENCH].T
-    tau = np.einsum("jcN,cN->Nj", v, F) + np.einsum("jcN,cN->Nj", w, T)
-    # (w_l x v_j).F = w_l.(v_j x F): n cross products, and a dot product for each pair.
-    forced = np.einsum("lcN,jcN->Njl", w, cross(v, F[None]), optimize=True)
-    twisted = np.einsum("lcN,jcN->Njl", w, cross(w, T[None]), optimize=True)
-    H = np.tril(forced + twisted)
-    H += np.swapaxes(np.tril(forced, -1), -1, -2)
-    if loading.weights is not None:
-        tau = tau + part * loading.weights.torque(frames).T
-        H = H + part * np.moveaxis(loading.weights.torque_derivative(frames), -1, 0)
-    if frames.ties is None:
-        return tau, H
-    P = frames.ties.matrix
-    return tau @ P, P.T @ H @ P
+    tau = np.einsum("jcN,cN->jN", point.linear(frames), F)
+    tau += np.einsum("jcN,cN->jN", point.angular(frames), T)
+    for weights, share in loading.counted:
+        tau = tau + weights.torque(frames) * share
+    H = torque_derivative(frames, loading.point, wrench, *loading.counted)
+    return frames.folded(tau).T, H
 
 
 def _checked(
@@ -250,70 +255,6 @@ def _displacement(robot: Robot, q: Array, theta: Array) -> Array:
     turn = after[:, :3, :3] @ np.swapaxes(before[:, :3, :3], -1, -2)
     rotation = rotation_vector(np.moveaxis(turn, 0, -1)).T
     return np.concatenate([after[:, :3, 3] - before[:, :3, 3], rotation], axis=-1)
-
-
-def _follow(
-    robot: Robot, loading: Loading, steps: int, q: Array, W: Array, k: Array
-) -> tuple[Array, Mask]:
-    """Raise the load in equal steps.
-
-    Returns:
-        Deflections (N, n) under the whole load, and whether each pose got there stably (N,).
-    """
-    theta = np.zeros_like(q)
-    good = np.ones(len(q), dtype=bool)
-    for part in np.linspace(0, 1, steps + 1)[1:]:
-        at = np.flatnonzero(good)
-        theta[at], good[at] = _newton(robot, loading, part, q[at], W[at], k[at], theta[at])
-    return theta, good
-
-
-def _newton(
-    robot: Robot, loading: Loading, part: float, q: Array, W: Array, k: Array, theta: Array
-) -> tuple[Array, Mask]:
-    """Solve for a part of the load from a start theta (N, n), each pose until it has converged.
-
-    Returns:
-        Deflections (N, n), and whether each is a converged, stable equilibrium (N,).
-    """
-    theta = theta.copy()
-    eye = np.eye(robot.n)
-    good = np.zeros(len(q), dtype=bool)
-    moving = np.arange(len(q))
-    for _ in range(ITERATIONS):
-        if not len(moving):
-            break
-        loaded = q[moving] + theta[moving]
-        acting = shared_load(W[moving], part)
-        tau, H = torque_and_derivative(robot, loaded, acting, loading, part)
-        slope = eye - k[moving, :, None] * H
-        # At a buckling point the derivative is singular: such a pose is given up.
-        regular = np.abs(np.linalg.det(slope)) > np.finfo(float).eps
-        moving = moving[regular]
-        tau = tau[regular]
-        slope = slope[regular]
-        residual = k[moving] * tau - theta[moving]
-        step = np.linalg.solve(slope, residual[..., None])[..., 0]
-        longest = np.abs(step).max(axis=-1, initial=0.0)
-        step *= np.minimum(1.0, LONGEST / np.maximum(longest, TINY))[:, None]
-        theta[moving] += step
-        size = np.abs(theta[moving]).max(axis=-1, initial=0.0, keepdims=True)
-        digits = ROUNDING * np.abs(loaded[regular]).max(axis=-1, initial=0.0, keepdims=True)
-        done = (np.abs(step) <= CONVERGED * size + digits).all(axis=-1)
-        good[moving[done]] = _stable(slope[done])
-        moving = moving[~done]
-    return theta, good
-
-
-def _stable(slope: Array) -> Mask:
-    """Whether all eigenvalues of each matrix (N, n, n) have a positive real part (N,)."""
-    off = np.abs(slope - np.eye(slope.shape[-1])).sum(axis=-1).max(axis=-1, initial=0.0)
-    # By Gershgorin's theorem a matrix within a row sum of one of the identity has; eigenvalues of
-    # many matrices take longer than all the rest.
-    good = off < 1
-    hard = np.flatnonzero(~good)
-    good[hard] = np.linalg.eigvals(slope[hard]).real.min(axis=-1, initial=np.inf) > 0
-    return good
 
 
 def compensated_joints(

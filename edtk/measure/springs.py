@@ -89,6 +89,16 @@ class UnknownNumbers:
                 added[:, at] += (new.loads(x) - old.loads(x)).T
         return added
 
+    def torque_derivative(self, sizes: Array, q: Array) -> Array:
+        """Derivatives (m, s, s) of these loads by q."""
+        added = np.zeros((*q.shape, q.shape[1]))
+        if sizes.any():
+            for at, new, old in zip(self.loaded, self.changed(sizes), self.pulls, strict=True):
+                x = q[:, at].T
+                own = new.load_derivative(x) - old.load_derivative(x)
+                added[:, np.array(at)[:, None], at] += np.moveaxis(own, -1, 0)
+        return added
+
     def by_numbers(self, sizes: Array, q: Array) -> Array:
         """Derivatives (m, s, c) of these loads by the sizes."""
         found = np.zeros((*q.shape, len(self.places)))
@@ -208,6 +218,10 @@ class Bending:
         """With springs that are softer by a factor."""
         return replace(self, sizes=factor * self.sizes, known=factor * self.known)
 
+    def __getitem__(self, chosen: Indices) -> "Bending":
+        """The same springs, which are those of all poses."""
+        return self
+
     @cached_property
     def is_rigid(self) -> bool:
         """Whether nothing gives way."""
@@ -216,6 +230,10 @@ class Bending:
     def added(self, q: Array) -> Array:
         """What compensators that differ from what is stated add to loads (m, s), at q (m, s)."""
         return self.numbers.torque(self.changes, q)
+
+    def added_derivative(self, q: Array) -> Array:
+        """Derivatives (m, s, s) of what they add by q."""
+        return self.numbers.torque_derivative(self.changes, q)
 
     def turn(self, torque: Array) -> Array:
         """Turns (m, s) of all joints under torques (m, s) [rad or m]."""
@@ -227,6 +245,10 @@ class Bending:
         stiffening = self.springs.stiffening(torque.T).T * self.sizes
         K = self.springs.out.T @ (stiffening[..., None] * self.springs.by)
         return np.asarray(K + np.diag(self.known))
+
+    def turned_by(self, torque: Array, change: Array) -> Array:
+        """``K C`` (m, s, c): how the turns follow changes C (m, s, c) of the torques."""
+        return np.asarray(self.tangent(torque) @ change)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from edtk.robots.compensator import Pull
-from edtk.robots.frames import BodyPoint, Frames, cross, dot
+from edtk.robots.frames import WRENCH, BodyPoint, Frames, cross, dot
 from edtk.system.typing import Array
 
 GRAVITY = 9.80665  # standard acceleration [m/s^2], along -z of the world
@@ -111,6 +111,10 @@ class DeadWeights:
         return slope
 
 
+# Weights with the share (m,) of them that acts in each pose.
+Counted = tuple[DeadWeights, Array | float]
+
+
 @dataclass(frozen=True, eq=False)
 class Loading:
     """Where a wrench acts, and what else loads the joints.
@@ -127,3 +131,35 @@ class Loading:
     def bodies(self) -> tuple[int, ...]:
         """Joints whose bodies' frames are needed, see `Robot.frames`."""
         return (*self.point.bodies, *(self.weights.bodies if self.weights else ()))
+
+    @property
+    def counted(self) -> tuple[Counted, ...]:
+        """The weights, all of which act in each pose."""
+        return () if self.weights is None else ((self.weights, 1.0),)
+
+
+def torque_derivative(frames: Frames, point: BodyPoint, wrench: Array, *weights: Counted) -> Array:
+    """Derivatives ``H_jl = dtau_j/dq_l`` (m, n, n) of the free joints' loads.
+
+    ``dJ_j/dq_l = (w_l x v_j, w_l x w_j)`` for l <= j and ``(w_j x v_l, 0)`` for l > j, with the
+    linear and angular columns v and w of the Jacobian.
+
+    Args:
+        frames: The chain in m poses, with all bodies that are loaded.
+        point: Where the wrench acts.
+        wrench: Forces and torques (m, 6 or 9) [N, N m].
+        weights: What else loads the joints, with how much of it (m,) does in each pose.
+    """
+    acting = point.of_load(wrench)
+    v = acting.linear(frames)
+    w = acting.angular(frames)
+    F = wrench[:, :3].T
+    T = wrench[:, 3:WRENCH].T
+    # (w_l x v_j).F = w_l.(v_j x F): n cross products, and a dot product for each pair.
+    forced = np.einsum("lcN,jcN->Njl", w, cross(v, F[None]), optimize=True)
+    twisted = np.einsum("lcN,jcN->Njl", w, cross(w, T[None]), optimize=True)
+    H = np.tril(forced + twisted)
+    H += np.swapaxes(np.tril(forced, -1), -1, -2)
+    for one, share in weights:
+        H += np.moveaxis(one.torque_derivative(frames) * share, -1, 0)
+    return H if frames.ties is None else frames.ties.matrix.T @ H @ frames.ties.matrix

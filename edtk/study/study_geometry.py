@@ -20,7 +20,7 @@ from edtk.measure.task import ErringColumns, Task
 from edtk.robots.elastic_robot import ElasticJoint, point_of, turning_about, weights_of
 from edtk.robots.frames import Frames
 from edtk.robots.loads.fixed_load import FixedLoad
-from edtk.robots.weights import GRAVITY, DeadWeights
+from edtk.robots.weights import GRAVITY, Counted, DeadWeights, torque_derivative
 from edtk.study.study import Study
 from edtk.study.study_model import (
     compensator_numbers,
@@ -412,14 +412,27 @@ class StudyLoads:
 
     def __call__(self, q: Array, wrench: Array) -> Array:
         """Loads (m, s) of the free joints [N m or N] in poses q (m, n) under wrenches (m, 6)."""
+        return self._torque(self._frames(q), wrench)
+
+    def with_derivative(self, q: Array, wrench: Array) -> tuple[Array, Array]:
+        """The same, and derivatives ``dtau_j/dq_l`` (m, s, s)."""
         frames = self._frames(q)
+        point = self.by_wrench.load_point
+        H = torque_derivative(frames, point, wrench, *self._counted(wrench))
+        return self._torque(frames, wrench), H
+
+    def _torque(self, frames: Frames, wrench: Array) -> Array:
+        """Loads (m, s) in poses whose frames are known."""
         torque = self.by_wrench.torque_of(frames, wrench)
-        loaded = wrench.any(axis=1)
-        if self.links is not None:
-            torque = torque + frames.folded(self.links.torque(frames))
-        if self.payload is not None:
-            torque = torque + frames.folded(self.payload.torque(frames)) * loaded
+        for weights, share in self._counted(wrench):
+            torque = torque + frames.folded(weights.torque(frames)) * share
         return np.ascontiguousarray(torque.T)
+
+    def _counted(self, wrench: Array) -> tuple[Counted, ...]:
+        """What loads the joints besides wrenches (m, 6), with the share (m,) that acts."""
+        links = () if self.links is None else ((self.links, 1.0),)
+        loaded = wrench.any(axis=1).astype(float)
+        return links if self.payload is None else (*links, (self.payload, loaded))
 
     @property
     def pulls(self) -> bool:
@@ -442,9 +455,8 @@ class StudyLoads:
         """Loads (m,) about an axis of the frame before a free joint [N m]."""
         frames = turning_about(self.by_wrench.robot, self._frames(q), joint, axis)
         torque = self.by_wrench.torque_of(frames, wrench)[joint]
-        for body, counts in ((self.links, 1.0), (self.payload, wrench.any(axis=1))):
-            if body is not None:
-                torque = torque + frames.folded(body.torque(frames))[joint] * counts
+        for weights, share in self._counted(wrench):
+            torque = torque + frames.folded(weights.torque(frames))[joint] * share
         return np.asarray(torque)
 
     def of_wrench(self, q: Array, wrench: Array) -> Array:
@@ -456,10 +468,8 @@ class StudyLoads:
         frames = self._frames(q)
         weights = np.ascontiguousarray(s.T)
         slope = self.by_wrench.torque_slope_of(frames, wrench, weights)
-        loaded = wrench.any(axis=1)
-        for body, counts in ((self.links, 1.0), (self.payload, loaded)):
-            if body is not None:
-                slope += frames.folded(body.torque_slope(frames, frames.spread(weights) * counts))
+        for body, share in self._counted(wrench):
+            slope += frames.folded(body.torque_slope(frames, frames.spread(weights) * share))
         return np.ascontiguousarray(slope.T)
 
     def _frames(self, q: Array) -> Frames:

@@ -7,7 +7,7 @@ import pytest
 from loaded_arm import LOAD, STUDY
 
 import edtk
-from edtk.fit.fitted_geometry import resting_torque
+from edtk.measure.rest import resting_load
 from edtk.study.study_geometry import StudyGeometry
 from edtk.system.errors import ArgumentError
 from edtk.verbs.template import template
@@ -54,7 +54,7 @@ def test_identify_reads_the_sheet(tmp_path: Path) -> None:
     setting = StudyGeometry.of(study)
     model = setting.model
     theta = np.array([0.3, -0.2, 0.1, 2.0, 40.0, 30.0, 1.0][: model.p]) * model.scales
-    torque = resting_torque(model.bending(theta), q, wrench, setting.loads)
+    torque = resting_load(model.bending(theta), q, wrench, setting.loads)
     x = 1e3 * model.see(theta, q, torque).points[:, 0]
     sheet[["x_mm", "y_mm", "z_mm"]] = x + RNG.normal(0, 1e-3, x.shape)
     sheet.to_csv(path, index=False)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 import edtk
 from edtk.calibration.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_space import PositionRows
-from edtk.fit.fitted_geometry import loading_in, no_rest, resting_torque
 from edtk.fit.geometry_posterior import many_seen
+from edtk.measure.rest import loading_in, no_rest, resting_load
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry, planned_noise
 from edtk.system.errors import UserError
@@ -222,7 +222,7 @@ def test_joint_within_its_dead_zone_is_no_arm_that_snaps() -> None:
     bending = setting.model.bending(theta)
     q = np.stack([np.zeros(2001), np.linspace(1.0, 2.0, 2001)], axis=1)
     wrench = np.tile([0.0, 0, -100, 0, 0, 0], (len(q), 1))
-    torque = resting_torque(bending, q, wrench, setting.loads)[:, 1]
+    torque = resting_load(bending, q, wrench, setting.loads).torque[:, 1]
     assert (np.sign(torque[1:]) != np.sign(torque[:-1])).any()
     assert not no_rest(bending, q, wrench, setting.loads).any()
 

@@ -16,8 +16,8 @@ from edtk.calibration.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_space import PositionRows
 from edtk.calibration.planned import SpringDesigns, held_in_tasks
 from edtk.design.plan import Plan
-from edtk.fit.fitted_geometry import resting_torque
 from edtk.measure.parameters import Parameter
+from edtk.measure.rest import resting_load
 from edtk.measure.task import Task
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry
@@ -205,7 +205,7 @@ def visited(study: Study, seed: int) -> tuple[pd.DataFrame, Array]:
     theta = theta * model.scales
     q = np.deg2rad(np.round(rng.uniform(-95, 95, (24, 6)), 3))
     wrench = np.tile([[0.0, 0, 0, 0, 0, 0], [0, 0, -150, 0, 0, 0]], (12, 1))
-    torque = resting_torque(model.bending(theta), q, wrench, setting.loads)
+    torque = resting_load(model.bending(theta), q, wrench, setting.loads)
     x = 1e3 * model.see(theta, q, torque, derivatives=False).points
     x += rng.normal(0, 0.02, x.shape)
     table = Plan(q, wrench, np.ones(24, dtype=int)).to_frame(study.robot).drop(columns="repeats")
@@ -236,7 +236,7 @@ def test_commands_bring_a_tool_where_the_drawing_has_it() -> None:
         errors = []
         for q in (task.q[None], told.command[i][None]):
             k = model.bending(theta)
-            torque = resting_torque(k, q, task.wrench[None], setting.loads_of(task))
+            torque = resting_load(k, q, task.wrench[None], setting.loads_of(task))
             arm = model.at_tool(task.tool)
             at = arm.see(theta[moves], q, torque, derivatives=False).points
             errors.append(float(np.linalg.norm(at - goal)))

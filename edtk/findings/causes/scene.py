@@ -17,6 +17,7 @@ from edtk.fit.measurements import Measurements, joint_motion, measured_points, t
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.parameters import Parameter, all_parameters
+from edtk.measure.rest import Loads
 from edtk.measure.task import Task
 from edtk.robots.elastic_robot import turning_about
 from edtk.robots.frames import WRENCH, Frames
@@ -550,11 +551,8 @@ class ColumnsOf(Protocol):
         """Columns (m, rows, p) for a metre, a radian or a rad/(N m), under some loads (m, 6)."""
 
 
-class JointLoads(Protocol):
-    """What loads the joints."""
-
-    def __call__(self, q: Array, wrench: Array) -> Array:
-        """Loads (m, n) of the free joints [N m or N] in poses q (m, n) under wrenches (m, 6)."""
+class JointLoads(Loads, Protocol):
+    """What loads the joints, about other axes too."""
 
     def across(self, q: Array, wrench: Array, joint: int, axis: int) -> Array:
         """Loads (m,) about an axis of the frame before a free joint [N m]."""

@@ -12,17 +12,16 @@ import pytest
 from chains import coupled_chain, mixed_chain, tied_chain
 from numpy.typing import NDArray
 
-from edtk.fit.circumstances import Loads
-from edtk.fit.fitted_geometry import loading_in
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.nominal_columns import NominalColumns
 from edtk.measure.parameters import all_parameters, springs_asked
+from edtk.measure.rest import Loads, loading_in
 from edtk.measure.springs import elastic_joints, sprung
 from edtk.robots.frames import BodyPoint, force_and_torque
 from edtk.robots.joint import Joint
 from edtk.robots.load_robot import load_robot
 from edtk.robots.robot import Robot
-from edtk.robots.weights import DeadWeights
+from edtk.robots.weights import DeadWeights, torque_derivative
 
 Array = NDArray[np.float64]
 MOTIONS = {"x": "tx", "y": "ty", "z": "tz", "rx": "rx", "ry": "ry", "rz": "rz"}
@@ -47,6 +46,12 @@ class Weighted:
         own = np.einsum("nc...,nc...->n...", point.linear(frames), F)
         own += np.einsum("nc...,nc...->n...", point.angular(frames), T)
         return frames.folded(own + self.weights.torque(frames)).T
+
+    def with_derivative(self, q: Array, wrench: Array) -> tuple[Array, Array]:
+        """The same, and derivatives by these joints."""
+        frames = self.robot.frames(q, self.weights.bodies)
+        H = torque_derivative(frames, BodyPoint(LOAD_AT), wrench, (self.weights, 1.0))
+        return self(q, wrench), H
 
 
 def model_of(robot: Robot, springs: list[str]) -> tuple[MeasuredModel, Loads]:
