@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.rest import stable_rest
-from edtk.robots.frames import WRENCH
+from edtk.robots.frames import WRENCH, Frames
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import rotation_vector
 from edtk.robots.weights import Loading, torque_derivative
@@ -200,10 +200,23 @@ class _DeadLoads:
     loading: Loading
 
     def __call__(self, q: Array, wrench: Array) -> Array:
-        return self.with_derivative(q, wrench)[0]
+        return self._torque(self.robot.frames(q, self.loading.bodies), wrench)
 
     def with_derivative(self, q: Array, wrench: Array) -> tuple[Array, Array]:
-        return torque_and_derivative(self.robot, q, wrench, self.loading)
+        frames = self.robot.frames(q, self.loading.bodies)
+        own = self.loading
+        return self._torque(frames, wrench), torque_derivative(
+            frames, own.point, wrench, *own.counted
+        )
+
+    def _torque(self, frames: Frames, wrench: Array) -> Array:
+        """Loads (N, n) of the free joints."""
+        point = self.loading.point.of_load(wrench)
+        tau = np.einsum("jcN,cN->jN", point.linear(frames), wrench[:, :3].T)
+        tau += np.einsum("jcN,cN->jN", point.angular(frames), wrench[:, 3:WRENCH].T)
+        for weights, share in self.loading.counted:
+            tau = tau + weights.torque(frames) * share
+        return frames.folded(tau).T
 
 
 def torque_and_derivative(
@@ -220,16 +233,7 @@ def torque_and_derivative(
     Returns:
         ``tau = J'W`` (N, n) [N m, or N if prismatic], and ``H_jl = dtau_j/dq_l`` (N, n, n).
     """
-    frames = robot.frames(q, loading.bodies)
-    point = loading.point.of_load(wrench)
-    F = wrench[:, :3].T
-    T = wrench[:, 3:WRENCH].T
-    tau = np.einsum("jcN,cN->jN", point.linear(frames), F)
-    tau += np.einsum("jcN,cN->jN", point.angular(frames), T)
-    for weights, share in loading.counted:
-        tau = tau + weights.torque(frames) * share
-    H = torque_derivative(frames, loading.point, wrench, *loading.counted)
-    return frames.folded(tau).T, H
+    return _DeadLoads(robot, loading).with_derivative(q, wrench)
 
 
 def _checked(

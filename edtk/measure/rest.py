@@ -22,6 +22,7 @@ FAR = 0.1
 STEPS = 32  # where it turns farther
 ITERATIONS = 30  # Newton steps; a handful is the rule
 LONGEST = 0.5  # Newton step [rad or m]; beyond, the derivative says nothing about the arm
+NEAR = 1e-5  # Newton step [rad or m] after which the derivative is good for the others
 CONVERGED = 1e-12  # Newton step, relative to the deflection, that is rounding
 # Of a joint's angle: with a compensator as stiff as its joint, a step is no smaller.
 ROUNDING = 4 * np.finfo(float).eps
@@ -91,33 +92,47 @@ def settle(springs: Compliant, loads: Loads, q: Array, wrench: Array, turn: Arra
     slope = np.zeros((m, s, s))
     rests = np.zeros(m, dtype=bool)
     moving = np.arange(m)
+    longest = np.inf
     for _ in range(ITERATIONS):
         if not len(moving):
             break
-        near = q[moving] + turn[moving]
-        own = springs if len(moving) == m else springs[moving]
-        tau, H = loads.with_derivative(near, wrench[moving])
-        KH = own.turned_by(tau, H)
-        I_KH = np.eye(s) - KH
-        torque[moving] = tau
-        slope[moving] = I_KH
-        apart = own.turn(tau) - turn[moving]
-        # From one end of a dead zone to the other, the springs behind it turn by K H of that.
-        widest = springs.play * (1 + np.abs(KH).sum(axis=-1, keepdims=True).max(axis=1))
-        within = (np.abs(apart) <= widest).all(axis=-1)
+        every = len(moving) == m
+        at: Indices | slice = slice(None) if every else moving
+        own = springs if every else springs[moving]
+        near = q[at] + turn[at]
+        if longest > NEAR:
+            tau, H = loads.with_derivative(near, wrench[at])
+            slope[at] = np.eye(s) - own.turned_by(tau, H)
+        else:
+            tau = loads(near, wrench[at])
+        torque[at] = tau
+        apart = own.turn(tau) - turn[at]
         # At a buckling point the derivative is singular: such a pose is given up.
-        regular = np.abs(np.linalg.det(I_KH)) > np.finfo(float).eps
+        regular = np.abs(np.linalg.det(slope[at])) > np.finfo(float).eps
         step = np.zeros_like(apart)
-        step[regular] = np.linalg.solve(I_KH[regular], apart[regular, :, None])[..., 0]
-        longest = np.abs(step).max(axis=-1, initial=0.0)
-        step *= np.minimum(1.0, LONGEST / np.maximum(longest, TINY))[:, None]
-        turn[moving] += step
-        size = np.abs(turn[moving]).max(axis=-1, initial=0.0, keepdims=True)
+        step[regular] = np.linalg.solve(slope[at][regular], apart[regular, :, None])[..., 0]
+        lengths = np.abs(step).max(axis=-1, initial=0.0, keepdims=True)
+        step *= np.minimum(1.0, LONGEST / np.maximum(lengths, TINY))
+        turn[at] += step
+        size = np.abs(turn[at]).max(axis=-1, initial=0.0, keepdims=True)
         digits = ROUNDING * np.abs(near).max(axis=-1, initial=0.0, keepdims=True)
         done = (np.abs(step) <= CONVERGED * size + digits).all(axis=-1)
-        rests[moving] = regular & (done | within)
+        rests[at] = regular & (done | _in_play(springs.play, apart, slope[at]))
         moving = moving[regular & ~done]
+        longest = float(lengths.max(initial=0.0))
     return Settled(turn, torque, slope, rests)
+
+
+def _in_play(play: float, apart: Array, slope: Array) -> Mask:
+    """Whether springs and loads (m,) differ by no more than from one end of a dead zone to another.
+
+    On the way, the springs behind it turn by ``K H`` of that.
+    """
+    if not play:
+        return np.zeros(len(apart), dtype=bool)
+    KH = np.eye(slope.shape[-1]) - slope
+    widest = play * (1 + np.abs(KH).sum(axis=-1).max(axis=-1, keepdims=True))
+    return np.asarray((np.abs(apart) <= widest).all(axis=-1))
 
 
 def stable_rest(springs: Compliant, loads: Loads, q: Array, wrench: Array) -> tuple[Array, Mask]:
@@ -194,9 +209,10 @@ def resting_load(
         return None
     changed = _Changed(loads, bending)
     start = widened(q, bending.width)
+    torque = changed(start, wrench)
     if bending.is_rigid:
-        return Load(changed(start, wrench))
-    found = settle(bending, changed, start, wrench, np.zeros_like(start))
+        return Load(torque)
+    found = settle(bending, changed, start, wrench, bending.turn(torque))
     if not derivatives:
         return Load(found.torque)
     return Load(

@@ -156,10 +156,11 @@ def torque_derivative(frames: Frames, point: BodyPoint, wrench: Array, *weights:
     F = wrench[:, :3].T
     T = wrench[:, 3:WRENCH].T
     # (w_l x v_j).F = w_l.(v_j x F): n cross products, and a dot product for each pair.
-    forced = np.einsum("lcN,jcN->Njl", w, cross(v, F[None]), optimize=True)
-    twisted = np.einsum("lcN,jcN->Njl", w, cross(w, T[None]), optimize=True)
-    H = np.tril(forced + twisted)
+    forced = np.einsum("lcN,jcN->Njl", w, cross(v, F[None]))
+    H = np.tril(forced)
     H += np.swapaxes(np.tril(forced, -1), -1, -2)
+    if T.any():
+        H += np.tril(np.einsum("lcN,jcN->Njl", w, cross(w, T[None])))
     for one, share in weights:
         H += np.moveaxis(one.torque_derivative(frames) * share, -1, 0)
     return H if frames.ties is None else frames.ties.matrix.T @ H @ frames.ties.matrix
