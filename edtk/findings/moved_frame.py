@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edtk.findings.causes.family import Cause
+from edtk.findings.causes.family import Cause, Family
 from edtk.findings.causes.faults import FAULTS, USUAL_MOVE
 from edtk.findings.fit_rows import (
     FitRows,
@@ -426,37 +426,52 @@ def other_causes(rows: FitRows) -> list[NamedCause]:
         replace(rows.noise, model_white=0.0, model_joints=np.zeros(0), model_fit=None)
     )
     alike = rows.weighed(None)
-    found = []
-    for family in families:
-        columns = family.derivative_at_zero(scene.k)
-        size = max(float(np.linalg.norm(columns)), 1e-300)
-        left = float(np.linalg.norm(alike.left(columns))) / size
-        if left < SEEN or rows.dof(family.dims) < 2 * family.dims:
-            continue
-        # The noise is fitted anew for those alone that explain enough.
-        alone = rows.explained(columns, read)
-        misfit = alone.fall / alone.share - rows.dof(0) if alone.share > 0 else 0.0
-        if misfit <= 0 or alone.fall < MOSTLY * misfit:
-            continue
-        explained = min(1.0, alone.fall / misfit)
-        noise = rows.noise_beside(columns)
-        chance = shares_of(rows, columns, noise)[1] + float(np.log(len(families)))
-        if chance > np.log(UNLIKELY_LOAD):
-            continue
-        told = rows.explained(columns, rows.weighed(noise))
-        size = float(told.values[0] if family.dims == 1 else np.linalg.norm(told.values))
-        if family.only_positive and size < 0:
-            continue
-        along = told.values / max(abs(size), 1e-300)
-        cause = Cause(
-            family.cause,
-            size * family.per_unit,
-            family.unit,
-            float(np.sqrt(along @ told.covariance @ along)) * family.per_unit,
-            float(np.exp(min(chance, 0.0))),
-            explained,
-            family.joint,
-        )
-        log_tries = float(np.log(len(families)))
-        found.append(NamedCause(columns, family.usual, log_tries, cause, family, told.values))
-    return found
+    log_tries = float(np.log(len(families)))
+    each = (_explaining(rows, family, read, alike, log_tries) for family in families)
+    return [named for named in each if named is not None]
+
+
+def _explaining(
+    rows: FitRows, family: Family, read: Beside, alike: Beside, log_tries: float
+) -> NamedCause | None:
+    """A fault with its size and its chance.
+
+    Args:
+        rows: Residuals of a fit.
+        family: The fault.
+        read: The residuals by what readings err by.
+        alike: The same where all count alike.
+        log_tries: Logarithm of the number of faults that are tried.
+
+    Returns:
+        The fault; None where it cannot be seen, or does not explain the misfit.
+    """
+    columns = family.derivative_at_zero(rows.scene.k)
+    size = max(float(np.linalg.norm(columns)), 1e-300)
+    left = float(np.linalg.norm(alike.left(columns))) / size
+    if left < SEEN or rows.dof(family.dims) < 2 * family.dims:
+        return None
+    # The noise is fitted anew for those alone that explain enough.
+    alone = rows.explained(columns, read)
+    misfit = alone.fall / alone.share - rows.dof(0) if alone.share > 0 else 0.0
+    if misfit <= 0 or alone.fall < MOSTLY * misfit:
+        return None
+    noise = rows.noise_beside(columns)
+    chance = shares_of(rows, columns, noise)[1] + log_tries
+    if chance > np.log(UNLIKELY_LOAD):
+        return None
+    told = rows.explained(columns, rows.weighed(noise))
+    size = float(told.values[0] if family.dims == 1 else np.linalg.norm(told.values))
+    if family.only_positive and size < 0:
+        return None
+    along = told.values / max(abs(size), 1e-300)
+    cause = Cause(
+        family.cause,
+        size * family.per_unit,
+        family.unit,
+        float(np.sqrt(along @ told.covariance @ along)) * family.per_unit,
+        float(np.exp(min(chance, 0.0))),
+        min(1.0, alone.fall / misfit),
+        family.joint,
+    )
+    return NamedCause(columns, family.usual, log_tries, cause, family, told.values)

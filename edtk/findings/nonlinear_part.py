@@ -1,4 +1,4 @@
-"""What the loaded equilibrium, known joints and whole rows add to the linear model."""
+"""What the loaded equilibrium and known joints add to the linear model."""
 
 from dataclasses import replace
 
@@ -9,12 +9,10 @@ from edtk.fit.equilibrium import linearise, marker_motion
 from edtk.fit.identify import Identification
 from edtk.fit.least_squares import SingularPlanError, Whitened, estimate
 from edtk.fit.measurements import Measurements
-from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.equilibrium import NoEquilibriumError, Rest, equilibrium
-from edtk.measure.instruments.one_row import OneRow
 from edtk.measure.task import all_compliances
 from edtk.study.study import Study
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array
 
 BIAS = 0.1  # of the linear model, in standard deviations, from which the equilibrium is fitted
 
@@ -33,38 +31,6 @@ def known_part(study: Study, data: Measurements) -> Array | float:
         return 0.0
     model = replace(study.model, unknown=tuple(study.known))
     return data.regressor(model) @ np.array(list(study.known.values()))
-
-
-def whole_rows(
-    model: ElastostaticModel, data: Measurements, A: Array
-) -> tuple[Array, Indices | None]:
-    """Regressors of the vectors that rows are coordinates of.
-
-    Args:
-        model: Says what is measured.
-        data: The measurements.
-        A: Their regressors (m, rows, p).
-
-    Returns:
-        Regressors (m, v, 3, p) of v vectors of each row: its displacement, and its rotation where
-        both are measured. And the coordinate (m,) that a row of a single one is of its vector, -1
-        for a distance; None where rows are whole.
-    """
-    m, rows, p = A.shape
-    if rows > 1:
-        return A.reshape(m, rows // 3, 3, p), None
-    whole = np.zeros((m, 1, 3, p))
-    own = np.full(m, -1)
-    frames = model.frames(data.q)
-    torque = model.torque_of(frames, data.wrench)[model.joints]
-    for members, sensor in data.instruments(model):
-        if isinstance(sensor, OneRow):
-            first = sensor.row // 3 * 3
-            part = frames[members]
-            motion = part.folded(sensor.whole.motion(part))[model.joints, first : first + 3]
-            whole[members, 0] = np.moveaxis(motion * torque[:, None, members], (0, 1), (-1, -2))
-            own[members] = sensor.row % 3
-    return whole, own
 
 
 def nonlinear_part(study: Study, data: Measurements, k: Array, A: Array | None = None) -> Array:

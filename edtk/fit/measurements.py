@@ -36,7 +36,7 @@ from edtk.fit.sheet import (
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.equilibrium import Rest
 from edtk.measure.instruments.marker import Marker
-from edtk.measure.instruments.one_row import whole_of
+from edtk.measure.instruments.one_row import OneRow, whole_of
 from edtk.measure.instruments.pose_marker import COORDINATES, PoseMarker
 from edtk.measure.instruments.sensor import Sensor
 from edtk.measure.model_error import ModelError, groups_of
@@ -237,6 +237,34 @@ class Measurements(Presented):
             size = model.reach_of(sensor.point)
             motion[..., rows] = without_rounding(own.folded(sensor.motion(own)), size)
         return motion
+
+    def whole_rows(self, model: ElastostaticModel, A: Array) -> tuple[Array, Indices | None]:
+        """Regressors of the vectors that rows are coordinates of.
+
+        Args:
+            model: Says what is measured.
+            A: The regressors (m, rows, p) of the rows.
+
+        Returns:
+            Regressors (m, v, 3, p) of v vectors of each row: its displacement, and its rotation
+            where both are measured. And the coordinate (m,) that a row of a single one is of its
+            vector, -1 for a distance; None where rows are whole.
+        """
+        m, rows, p = A.shape
+        if rows > 1:
+            return A.reshape(m, rows // 3, 3, p), None
+        whole = np.zeros((m, 1, 3, p))
+        own = np.full(m, -1)
+        frames = model.frames(self.q)
+        torque = model.torque_of(frames, self.wrench)[model.joints]
+        for members, sensor in self.instruments(model):
+            if isinstance(sensor, OneRow):
+                first = sensor.row // 3 * 3
+                part = frames[members]
+                motion = part.folded(sensor.whole.motion(part))[model.joints, first : first + 3]
+                whole[members, 0] = np.moveaxis(motion * torque[:, None, members], (0, 1), (-1, -2))
+                own[members] = sensor.row % 3
+        return whole, own
 
     def rigid(self, model: ElastostaticModel) -> Array:
         """What the rigid robot would show: positions (m, 3), or lengths (m, 1), else zero [m]."""

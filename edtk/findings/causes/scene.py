@@ -12,7 +12,6 @@ from typing import Protocol
 import numpy as np
 
 from edtk.findings.causes.family import Added, Family, Predict
-from edtk.findings.nonlinear_part import whole_rows
 from edtk.fit.measurements import Measurements, joint_motion, measured_points, translations
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.expected_error import AssumedJoint
@@ -323,7 +322,7 @@ class Displacements:
         not see it.
         """
         data, A = self.data, self.A
-        whole, own = whole_rows(self.model, data, A)
+        whole, own = data.whole_rows(self.model, A)
         m, rows = A.shape[:2]
         places = np.zeros((m, 1, 3, 1))
         if data.absolute:

@@ -29,7 +29,6 @@ from edtk.findings.causes.faults import families
 from edtk.findings.causes.rarity import likely_size, noise_rarity, rarity, reading_rarity
 from edtk.findings.causes.scene import Displacements
 from edtk.findings.causes.wrong_pose import SEEN, shifted
-from edtk.findings.nonlinear_part import whole_rows
 from edtk.fit.correlated_noise import RowNoise, whiten, whiten_columns
 from edtk.fit.distributions import chi_square_tail, fisher_tail
 from edtk.fit.estimate_noise import ErrorStrata, Stratum, visit_residuals, yardstick
@@ -330,7 +329,7 @@ def _moved(plain: PlainFit) -> Array | None:
         return None
     moved = translations(plain.model, data)
     if data.turn is not None:
-        _, axis = whole_rows(plain.model, data, plain.A)
+        _, axis = data.whole_rows(plain.model, plain.A)
         assert axis is not None
         turned = (axis[:, None] == np.arange(3)) & data.turn[:, None]
         moved = np.concatenate([moved, turned[:, None].astype(float)], axis=-1)
