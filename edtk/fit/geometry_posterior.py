@@ -17,7 +17,7 @@ from edtk.fit.posterior import (
     weighted_draws,
 )
 from edtk.fit.prior import Prior
-from edtk.measure.measured_model import Load, Loading, MeasuredModel, Seen, Torque
+from edtk.measure.measured_model import Load, LoadsOfReadings, MeasuredModel, Seen, Torque
 from edtk.measure.rest import Loads
 from edtk.robots.elastic_robot import widened
 from edtk.robots.frames import MM
@@ -42,7 +42,7 @@ def many_seen(model: MeasuredModel, theta: Array, q: Array, torque: Torque = Non
         Positions (w, m, k, 3) in the frame of the instrument [m], and orientations
         (w, m, k, 3, 3), none (0,) where positions alone are measured. No derivatives.
     """
-    if not isinstance(torque, Loading):
+    if not isinstance(torque, LoadsOfReadings):
         load = Load(torque) if isinstance(torque, np.ndarray) else torque
         return _many_seen(model, theta, q, load)
     own = torque.differs

@@ -237,7 +237,7 @@ class Load:
 
 
 @dataclass(frozen=True, eq=False)
-class Loading:
+class LoadsOfReadings:
     """What loads the joints in some readings, of which some are differences of two.
 
     Attributes:
@@ -251,7 +251,7 @@ class Loading:
     before: Load
 
 
-Torque = Array | Load | Loading | None
+Torque = Array | Load | LoadsOfReadings | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -538,7 +538,7 @@ class MeasuredModel:
                 where readings are differences; None for none.
             derivatives: Whether those are computed too.
         """
-        if isinstance(torque, Loading):
+        if isinstance(torque, LoadsOfReadings):
             after = self._see(theta, q, torque.after, derivatives)
             before = self._see(theta, q[torque.differs], torque.before, derivatives)
             return after.less(before, torque.differs)

@@ -11,7 +11,7 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from edtk.measure.measured_model import Load, Loading, Torque
+from edtk.measure.measured_model import Load, LoadsOfReadings, Torque
 from edtk.measure.springs import Bending
 from edtk.robots.elastic_robot import widened
 from edtk.system.typing import Array, Indices, Mask
@@ -248,7 +248,7 @@ def loading_in(
     unloaded = np.zeros((int(differs.sum()), 6))
     before = resting_load(bending, q[differs], unloaded, loads, derivatives)
     assert before is not None
-    return Loading(after, differs, before)
+    return LoadsOfReadings(after, differs, before)
 
 
 def no_rest(bending: Bending, q: Array, wrench: Array, loads: Loads | None) -> Mask:

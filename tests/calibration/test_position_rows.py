@@ -5,7 +5,7 @@ import pytest
 from loaded_arm import LOAD, STUDY
 
 from edtk.calibration.geometry_space import PositionRows
-from edtk.measure.measured_model import Load, Loading
+from edtk.measure.measured_model import Load, LoadsOfReadings
 from edtk.measure.noise import Tracker
 from edtk.measure.position_noise import PositionNoise
 from edtk.study.study_geometry import StudyGeometry, planned_noise
@@ -68,7 +68,7 @@ def test_rows_are_those_of_the_model(name: str) -> None:
     torque = setting.loads(Q, WRENCH)
     differs = WRENCH.any(axis=1) & setting.reads_changes
     before = Load(setting.loads(Q[differs], 0 * WRENCH[differs]))
-    seen = model.see(np.zeros(model.p), Q, Loading(Load(torque), differs, before))
+    seen = model.see(np.zeros(model.p), Q, LoadsOfReadings(Load(torque), differs, before))
     assert seen.jacobian is not None
     expected = 1e3 * (seen.jacobian * model.scales).reshape(5, -1, model.p)
     found = PositionRows(model, setting.loads)(Q, WRENCH)

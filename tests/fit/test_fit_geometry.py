@@ -11,6 +11,7 @@ from edtk.fit.fit_geometry import TooFewPosesError, fit_geometry
 from edtk.fit.fitted_geometry import GeometricFit
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.place_robot import linear_start
+from edtk.measure.equilibrium import torque_and_derivative
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import all_parameters
 from edtk.measure.position_noise import PositionNoise
@@ -40,6 +41,30 @@ SEVEN = arm(
     [(0, 0, 0.34), (0, 0, 0), (0, 0, 0.4), (0, 0, 0), (0, 0, 0.4), (0, 0, 0), (0, 0, 0.126)],
     "zyzyzyz",
 )
+
+
+class AtTool:
+    """Loads of the joints by a wrench at the tool."""
+
+    def __call__(self, q: Array, wrench: Array) -> Array:
+        """``J' W``."""
+        return np.einsum("mij,mi->mj", SIX.jacobian(q), wrench)
+
+    def with_derivative(self, q: Array, wrench: Array) -> tuple[Array, Array]:
+        """The same, and derivatives by the joints."""
+        return torque_and_derivative(SIX, q, wrench)
+
+
+class OnLastJoint:
+    """A tenth of the force, in newton metres, on the last joint, wherever the joints are."""
+
+    def __call__(self, q: Array, wrench: Array) -> Array:
+        """The loads."""
+        return np.outer(0.1 * wrench[:, 2], np.eye(6)[5])
+
+    def with_derivative(self, q: Array, wrench: Array) -> tuple[Array, Array]:
+        """The same, and derivatives by the joints, which are zero."""
+        return self(q, wrench), np.zeros((len(q), 6, 6))
 
 
 def model_of(robot: Robot, markers: int = 3, **chosen: object) -> MeasuredModel:
@@ -232,10 +257,7 @@ def test_springs_are_identified_with_the_geometry() -> None:
     theta[-2:] = k[1:3]
     wrench = np.zeros((40, 6))
     wrench[::2, 2] = -300.0
-
-    def loads(q: Array, W: Array) -> Array:
-        return np.einsum("mij,mi->mj", SIX.jacobian(q), W)
-
+    loads = AtTool()
     theta_full = theta
     torque = loads(data.q, wrench)
     for _ in range(20):
@@ -370,11 +392,7 @@ def test_a_soft_spring_under_a_small_load_is_told() -> None:
     wrench = np.zeros((30, 6))
     wrench[:15, 2] = -20.0
     theta[-1] = 1e-4
-
-    def loads(q: Array, wrench: Array) -> Array:
-        """A tenth of the force, in newton metres, on the last joint."""
-        return np.outer(0.1 * wrench[:, 2], np.eye(6)[5])
-
+    loads = OnLastJoint()
     shift = true.see(theta, data.q, loads(data.q, wrench), derivatives=False).points
     shift = shift - true.see(theta, data.q, derivatives=False).points
     bent = replace(data, wrench=wrench, measured=data.measured + shift)

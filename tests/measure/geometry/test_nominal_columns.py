@@ -8,7 +8,7 @@ import pytest
 from chains import coupled_chain, mixed_chain, tied_chain
 from numpy.typing import NDArray
 
-from edtk.measure.measured_model import Load, Loading, MeasuredModel
+from edtk.measure.measured_model import Load, LoadsOfReadings, MeasuredModel
 from edtk.measure.nominal_columns import NominalColumns
 from edtk.measure.parameters import all_parameters
 from edtk.robots.robot import Robot
@@ -110,7 +110,7 @@ def test_differences_see_the_difference_of_the_loads_alone(rows: Rows) -> None:
     q = RNG.uniform(-1, 1, (4, model.robot.n))
     torque, before = RNG.normal(size=(2, *q.shape))
     differs = np.array([True, False, True, True])
-    loading = Loading(Load(torque), differs, Load(before[differs]))
+    loading = LoadsOfReadings(Load(torque), differs, Load(before[differs]))
     seen = model.see(np.zeros(model.p), q, loading)
     change = torque - differs[:, None] * before
     found = NominalColumns(model).at(q).jacobian(change.T, differs)
@@ -126,7 +126,7 @@ def test_columns_of_differences_are_those_of_what_is_seen(
     model = model_of(CHAINS["mixed"], rows)
     q = RNG.uniform(-1, 1, (2, model.robot.n))
     differs = np.array([True, False])
-    loading = Loading(
+    loading = LoadsOfReadings(
         Load(RNG.normal(size=q.shape)), differs, Load(RNG.normal(size=(1, q.shape[1])))
     )
     theta = RNG.normal(0, 0.05, model.p)
