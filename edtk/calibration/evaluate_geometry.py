@@ -222,8 +222,8 @@ def visit_propagation(question: GeometryQuestion, plan: Plan) -> Propagation | N
     known = question.known / model.scales
     prior = PriorRows(known, np.zeros(len(known))) if len(known) else None
     units = np.outer(model.scales, model.scales)
-    by_noise = ToldByPlan(question.with_exact_model, plan).covariance
-    by_both = ToldByPlan(question.promised, plan).covariance
+    noise = question.promised.space.noise
+    by_noise, by_both = map(by_plan.covariance_with, (noise.exact, noise))
     soft = {study.robot.joint_names[j]: k for j, k in zip(A.sprung, A.soft.tolist(), strict=True)}
     k = [soft.get(one.of, 0.0) if one.place == "compliance" else 0.0 for one in model.parameters]
     table = study.specification.noise
@@ -367,8 +367,8 @@ class GeometryDesigns(CalibratedDesigns):
         """The noise of visits."""
         return self.question.space.noise
 
-    def left_out(self, tasks: Tasks, plan: Plan) -> float:
-        """What springs leave out of some tasks themselves [m]."""
+    def by_springs(self, tasks: Tasks) -> float:
+        """By the springs of all joints."""
         error = self.question.promised.space.noise.error
         if error is None:
             return 0.0
@@ -381,33 +381,29 @@ class GeometryDesigns(CalibratedDesigns):
             own = setting.columns(task, model, setting.every_load_of(task))
             return lambda q, turned: own(q, turned) / model.scales
 
-        exact = replace(error, k=error.k / MM)
-        remaining = exact.remaining(tasks.with_columns(columns).target)
-        return float(np.hypot(remaining, self._held(tasks, plan, exact.share)))
+        return replace(error, k=error.k / MM).remaining(tasks.with_columns(columns).target)
 
-    def _held(self, tasks: Tasks, plan: Plan, share: float) -> float:
-        """What friction adds in tasks that it may hold a share of all loads, see `held_in_tasks`.
+    def with_friction(self, tasks: Tasks, plan: Plan) -> tuple[Array, Array] | None:
+        """All parameters with shares.
 
-        A study that asks for dead zones of springs, which hold loads as friction does, has it
+        A study that asks for dead zones of springs, which hold loads as friction does, has them
         there.
         """
-        model, loads = self.question.model, self.question.setting.loads
-        friction = friction_of(self.study, share, loads)
+        question, model = self.question.promised, self.question.model
+        error, loads = question.space.noise.error, question.setting.loads
+        friction = None if error is None else friction_of(self.study, error.share, loads)
         if friction is None or any(one.law == "gap" for one in model.parameters):
-            return 0.0
-        question, p = self.question.promised, model.p
+            return None
         visits = np.repeat(np.arange(len(plan.q)), plan.repeats)
         q, wrench = plan.q[visits], plan.wrench[visits]
         scene = visited(question, q, wrench, np.zeros(len(q)))
         own = slice(len(friction))  # known springs come after the unknown ones
         factors = friction.factors(scene.torque.T[own])
         held = scene.springs[..., own] * factors.T[:, None]
-        rows = np.concatenate([scene.A, held], axis=-1).reshape(-1, p + len(friction))
-        known = question.known / model.scales
-        rows = np.concatenate([rows, block_diag(known, root(friction.information))])
+        rows = np.concatenate([scene.A, held], axis=-1).reshape(-1, model.p + len(friction))
+        known = block_diag(question.known / model.scales, root(friction.information))
         target = tasks.with_columns(partial(self._held_in, friction)).target
-        both, alone = (_error(rows[:, :n], target[:, :n]) for n in (rows.shape[1], p))
-        return float(np.sqrt(max(both**2 - alone**2, 0.0)))
+        return np.concatenate([rows, known]), target
 
     def _held_in(self, friction: Friction, task: Task) -> Columns:
         """How a task moves with the parameters, and with shares of loads that friction holds."""
@@ -498,13 +494,6 @@ class GeometryDesigns(CalibratedDesigns):
         """Covariance (p, p) of the parameters; None where the plan leaves any open."""
         by_plan = ToldByPlan(self.question, plan)
         return None if len(by_plan.told.left) else by_plan.covariance
-
-
-def _error(rows: Array, target: Array) -> float:
-    """Root mean square error in tasks, of estimates by rows (N, p) with errors of size one."""
-    size = np.linalg.norm(rows, axis=0)
-    R = np.asarray(np.linalg.qr(rows / size, mode="r"))
-    return float(np.linalg.norm(np.linalg.solve(R.T, (target / size).T)))
 
 
 def _rho0(question: GeometryQuestion, told: Identifiable, cov: Array) -> float | None:

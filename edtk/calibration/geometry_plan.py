@@ -29,6 +29,7 @@ from edtk.fit.fit_geometry import stages, told_apart
 from edtk.fit.prior import PriorRows
 from edtk.fit.sheet import VECTOR
 from edtk.measure.measured_model import MeasuredModel
+from edtk.measure.noise import VisitNoise
 from edtk.measure.parameters import Identifiable, Parameter, identifiable
 from edtk.measure.pose_table import (
     CHANGE_COLUMN,
@@ -70,11 +71,15 @@ class ToldByPlan:
     @cached_property
     def covariance(self) -> Array:
         """Covariance (r, r) of these parameters, in their units."""
+        return self.covariance_with(self.question.space.noise)
+
+    def covariance_with(self, noise: VisitNoise) -> Array:
+        """The same with other errors of the visits."""
         question = self.question
         kept = self.told.kept
-        space = question.space
-        rows = PositionRows(question.model, question.setting.loads, space.noise, space.sight)
-        A = rows(self.plan.q, self.plan.wrench, question.space.visits_of(self.plan))
+        space = replace(question.space, noise=noise)
+        rows = PositionRows(question.model, question.setting.loads, noise, space.sight)
+        A = rows(self.plan.q, self.plan.wrench, space.visits_of(self.plan))
         weighted = np.sqrt(self.plan.repeats)[:, None, None] * A[..., kept]
         # From the rows: their squares would lose half of the digits.
         every = np.concatenate([weighted.reshape(-1, len(kept)), question.known[:, kept]])

@@ -23,7 +23,6 @@ from edtk.design.plan import Plan
 from edtk.fit.fit_geometry import told_apart
 from edtk.fit.prior import PriorRows
 from edtk.measure.measured_model import MeasuredModel
-from edtk.measure.noise import VisitNoise
 from edtk.measure.parameters import (
     COMPONENTS,
     NUMBERS,
@@ -165,20 +164,13 @@ class GeometryQuestion:
         """The cost of a plan, and of what is known besides, by its rows."""
         return self.space.cost(criterion, plan, known=self.prior)
 
-    @property
-    def with_exact_model(self) -> "GeometryQuestion":
-        """The same question where the model leaves nothing out."""
-        return self._with_noise(self.space.noise.exact)
-
     @cached_property
     def promised(self) -> "GeometryQuestion":
         """The same question with what springs likely leave out, where the study does not say it.
 
         The error that is expected of a plan rests on it, and its poses do not.
         """
-        return self._with_noise(planned_noise(self.setting, promised=True))
-
-    def _with_noise(self, noise: VisitNoise) -> "GeometryQuestion":
+        noise = planned_noise(self.setting, promised=True)
         return replace(self, space=replace(self.space, noise=noise))
 
     def space_for(self, size: int) -> GeometrySpace:

@@ -10,7 +10,7 @@ import numpy as np
 import criteria
 from criteria.linalg.inverse import root
 from edtk.calibration.posterior_check import PosteriorCheck, check_posterior, first_estimate
-from edtk.calibration.propagation import Propagation, root_of, uncertainty_of
+from edtk.calibration.propagation import Propagation, root_of_difference, uncertainty_of
 from edtk.calibration.template import measured_names
 from edtk.design.plan import Plan
 from edtk.findings.finding import Finding
@@ -189,29 +189,26 @@ def plan_propagation(study: Study, plan: Plan) -> Propagation | None:
     """
     if study.specification.simulation is None:
         return None
+    noise = promised_noise(study, study.model)
     try:
-        cov = np.asarray(covariance(study.information(plan), study.model.parameters))
+        by_noise = _covariance_with(study, plan, None if noise is None else noise.exact)
     except SingularPlanError:
         return None
-    k = study.compliances
     found = Propagation.of(
         study.model,
         planned_measurements(study, plan),
-        k,
-        cov,
+        study.compliances,
+        by_noise,
         uncertainty_of(study),
         np.repeat(plan.repeats, len(study.model.instruments)),
         _known_before(study),
         payload_beside_load(study),
     )
-    noise = promised_noise(study, study.model)
     if noise is None or not noise.shares:
         return found
-    by_both, by_noise = (_covariance_with(study, plan, one) for one in (noise, noise.exact))
-    below = ((0, len(found.assumed)), (0, 0))
-    own = {"noise": by_noise, "model": by_both - by_noise}
-    roots = {name: np.pad(root_of(part), below) for name, part in own.items()}
-    return replace(found, roots=found.roots | roots)
+    by_model = root_of_difference(_covariance_with(study, plan, noise), by_noise)
+    below = np.pad(by_model, ((0, len(found.assumed)), (0, 0)))
+    return replace(found, roots=found.roots | {"model": below})
 
 
 def _known_before(study: Study) -> PriorRows | None:
@@ -222,45 +219,12 @@ def _known_before(study: Study) -> PriorRows | None:
     return PriorRows(root(known), np.zeros(len(known)))
 
 
-def _covariance_with(study: Study, plan: Plan, noise: VisitNoise) -> Array:
+def _covariance_with(study: Study, plan: Plan, noise: VisitNoise | None) -> Array:
     """Covariance (p, p) of the estimates of a plan with some noise of its visits."""
     M = replace(study.space, noise=noise).information(plan)
     if study.prior_information is not None:
         M = M + study.prior_information
     return np.asarray(covariance(M, study.model.parameters))
-
-
-def _left_out(study: Study, tasks: Tasks) -> float:
-    """Root mean square of what the model leaves out of the tasks themselves [m]."""
-    noise = promised_noise(study, study.model)
-    if noise is None or not noise.shares:
-        return 0.0
-    constant = np.sqrt(COORDINATES) * float(noise.discrepancy.max())
-    if noise.error is None:
-        return float(constant)
-    columns = tasks.with_unknown(tuple(range(study.robot.n))).target
-    return float(np.hypot(constant, noise.error.remaining(columns)))
-
-
-def held_in_tasks(study: Study, tasks: Tasks, plan: Plan) -> float:
-    """Root mean square of what friction adds in tasks that it may hold a share of all loads [m].
-
-    It is in the tasks, and in estimates that a plan cannot tell from it.
-    """
-    noise = promised_noise(study, study.model)
-    if noise is None or noise.error is None:
-        return 0.0
-    friction = friction_of(study, noise.error.share)
-    if friction is None:
-        return 0.0
-    with_friction = study.with_friction(friction)
-    known = with_friction.prior_information
-    assert known is not None
-    M = replace(with_friction.space, noise=noise).information(plan) + known
-    every = np.asarray(covariance(M, with_friction.model.parameters))
-    beside = compensation_accuracy(tasks.with_friction(friction).target, every)
-    alone = compensation_accuracy(tasks.target, _covariance_with(study, plan, noise))
-    return float(np.sqrt(np.maximum(beside**2 - alone**2, 0.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,8 +236,38 @@ class CalibratedDesigns(Designs, ABC):
         """What is uncertain in a calibration by a plan; None where nothing tells it."""
 
     @abstractmethod
+    def by_springs(self, tasks: Tasks) -> float:
+        """Root mean square of what springs leave out of some tasks themselves [m]."""
+
+    @abstractmethod
+    def with_friction(self, tasks: Tasks, plan: Plan) -> tuple[Array, Array] | None:
+        """The parameters, and shares of the joints' loads that friction may hold behind them.
+
+        Returns:
+            Rows (N, p + f) of a plan in units of their noise, with those of what is known besides;
+            and how they move the tool in tasks (r, p + f) [m]. None where no friction counts.
+        """
+
+    def held(self, tasks: Tasks, plan: Plan) -> float:
+        """Root mean square of what friction adds in tasks that it may hold a share of loads [m].
+
+        It is in the tasks, and in estimates that a plan cannot tell from it. Rows factor as
+        ``[A H] = Q R``, so that errors are ``R^-1 z`` of independent z of size one. As R is
+        triangular, those of z that belong to A are the errors without friction; the others are what
+        it adds, ``|T R^-1|`` over the columns of H, with the motions T in the tasks.
+        """
+        given = self.with_friction(tasks, plan)
+        if given is None:
+            return 0.0
+        rows, target = given
+        size = np.linalg.norm(rows, axis=0)
+        R = np.linalg.qr(rows / size, mode="r")
+        moved = np.linalg.solve(R.T, (target / size).T)
+        return float(np.linalg.norm(moved[-len(self.study.unknown) :]))
+
     def left_out(self, tasks: Tasks, plan: Plan) -> float:
         """Root mean square of what the model leaves out of some tasks of the study [m]."""
+        return float(np.hypot(self.by_springs(tasks), self.held(tasks, plan)))
 
     def error_budget(self, plan: Plan) -> ErrorBudget | None:
         """Propagate what is uncertain in a calibration by a plan to the study's task.
@@ -343,10 +337,31 @@ class SpringDesigns(CalibratedDesigns):
         """What is hard to believe, and what the promise rests on."""
         return (*super().warnings(plan, expected, criterion), *self.rests_on_known(plan))
 
-    def left_out(self, tasks: Tasks, plan: Plan) -> float:
-        """What springs leave out, and friction that holds a share of all loads."""
-        held = held_in_tasks(self.study, tasks, plan)
-        return float(np.hypot(_left_out(self.study, tasks), held))
+    def by_springs(self, tasks: Tasks) -> float:
+        """With the constant error of a pose, where the study states one."""
+        noise = promised_noise(self.study, self.study.model)
+        if noise is None or not noise.shares:
+            return 0.0
+        constant = np.sqrt(COORDINATES) * float(noise.discrepancy.max())
+        if noise.error is None:
+            return float(constant)
+        columns = tasks.with_unknown(tuple(range(self.study.robot.n))).target
+        return float(np.hypot(constant, noise.error.remaining(columns)))
+
+    def with_friction(self, tasks: Tasks, plan: Plan) -> tuple[Array, Array] | None:
+        """Compliances with shares, those of a design that counts them."""
+        noise = promised_noise(self.study, self.study.model)
+        share = 0.0 if noise is None or noise.error is None else noise.error.share
+        friction = friction_of(self.study, share)
+        if friction is None:
+            return None
+        counted = self.study.with_friction(friction)
+        assert counted.prior_information is not None
+        A = replace(counted.space, noise=noise).rows_of(plan)
+        weighted = np.sqrt(plan.repeats)[:, None, None] * A
+        known = root(counted.prior_information)
+        rows = np.concatenate([weighted.reshape(-1, A.shape[-1]), known])
+        return rows, tasks.with_friction(friction).target
 
 
 @dataclass(frozen=True, eq=False)

@@ -340,10 +340,19 @@ class OfVisits:
 
 def root_of(covariance: Array) -> Array:
     """A root E (p, p) with ``E E'`` the covariance, scaled first: units differ by powers of ten."""
-    std = np.sqrt(np.diag(covariance))
-    scale = np.where(std > 0, std, 1.0)
-    values, vectors = np.linalg.eigh(covariance / scale / scale[:, None])
-    return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+    return root_of_difference(covariance, np.zeros_like(covariance))
+
+
+def root_of_known(std: Array, precision: Array) -> Array:
+    """A root R (c, c) with ``R R' = S W^-1 S``: what is left open of values that were known.
+
+    Args:
+        std: Their standard deviations S (c,) before.
+        precision: W (c, c), the inverse of the covariance that is left, in units of these: one
+            before any measurement, to which ``S N N' S`` is added by their columns N.
+    """
+    values, vectors = np.linalg.eigh(precision)
+    return np.asarray(std[:, None] * ((vectors / np.sqrt(values)) @ vectors.T))
 
 
 def apart_from_known(
@@ -365,10 +374,9 @@ def apart_from_known(
         Roots (p, p) by noise, and E (p, c); the deviations (c,) with which measurements tell each
         of them.
     """
-    values, vectors = np.linalg.eigh(covariance[np.ix_(known, known)] / np.outer(std, std))
-    R = std[:, None] * ((vectors * np.sqrt(values)) @ vectors.T)
-    E = np.linalg.solve(R, covariance[known]).T
-    more = np.maximum(np.square(vectors) @ (1 / values) - 1, 0.0)
+    W = np.linalg.inv(covariance[np.ix_(known, known)] / np.outer(std, std))
+    E = np.linalg.solve(root_of_known(std, W), covariance[known]).T
+    more = np.maximum(np.diag(W) - 1, 0.0)
     told = np.divide(std, np.sqrt(more), out=np.full(len(std), np.inf), where=more > 0)
     return root_of_difference(covariance, E @ E.T), E, tuple(told.tolist())
 
@@ -419,8 +427,7 @@ class Others:
             bend[:p, i] = inverse.solve(column)
         N = np.array([inverse.left_of(column).ravel() for column in columns])
         S = np.array([0.0 if one.rigid else one.std for one in joints])
-        values, vectors = np.linalg.eigh(np.eye(len(joints)) + S * (N @ N.T) * S[:, None])
-        R = S[:, None] * ((vectors / np.sqrt(values)) @ vectors.T)
+        R = root_of_known(S, np.eye(len(joints)) + S * (N @ N.T) * S[:, None])
         left = [
             one if one.rigid else replace(one, std=float(np.linalg.norm(row)))
             for one, row in zip(joints, R, strict=True)

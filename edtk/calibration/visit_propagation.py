@@ -79,6 +79,32 @@ class Visits:
         direction = given.load_direction * shifts_by(told, scene, DIRECTION)
         return np.hstack([given.load_size * np.hstack(sizes), direction])
 
+    def by_drift(self, told: Others, given: Uncertainty) -> Array:
+        """Errors (p + a, 3) by a shift of the loaded readings."""
+        if not given.drift:
+            return np.zeros((len(told.bend), 3))
+        loaded = np.any(self.scene.wrench, axis=1).astype(float)[:, None, None]
+        return given.drift * told.shifts(self.scene.shift * loaded)
+
+    def by_tool(self, told: Others, given: Uncertainty, known: tuple[Parameter, ...]) -> Array:
+        """Errors (p + a + c, 3) by markers that are elsewhere, of which c places count as known.
+
+        Where all places are unknown, these take up that the markers are elsewhere.
+        """
+        if not known:
+            return np.zeros((len(told.bend), 3))
+        moved = np.pad(given.tool * shifts_by(told, self.scene, TOOL), ((0, len(known)), (0, 0)))
+        rows = [*self.model.parameters, *told.joints, *known]
+        at = [(rows.index(one), AXES.index(one.component)) for one in self.places if one in rows]
+        return _beside_places(moved, at, given.tool)
+
+    @property
+    def places(self) -> list[Parameter]:
+        """Where the markers are, along the axes of what carries them."""
+        pairs = zip(self.model.markers, self.model.is_distance, strict=True)
+        names = [name for name, far in pairs if not far]
+        return [Parameter("tool", name, axis) for name in names for axis in AXES]
+
     def bent(self, joints: Sequence[AssumedJoint]) -> list[Array]:
         """Columns (m, rows) of the springs of joints that are not identified."""
         scene = self.under(self.setting.untold(self.setting.every_load))
@@ -98,59 +124,38 @@ def propagated(
         covariances: Of the parameters (p, p) by noise and model, in SI units.
         where: What errors do in tasks, as yet of the parameters alone.
     """
-    model, scene = visits.model, visits.scene
+    model = visits.model
     estimated = {one.of: i for i, one in enumerate(model.parameters) if one.place == "compliance"}
     others = tuple(one for one in given.joints if one.name not in estimated)
     counted = tuple(one for one in given.joints if one.name in estimated)
     told = Others.of(visits.inverse, visits.bent(others), others)
-    places = _places(model)
-    asked = visits.setting.model.parameters
-    markers = tuple(one for one in places if one not in asked)
-    none = told.below(np.zeros((model.p, 3)))
-    drift = none
-    if given.drift:
-        loaded = np.any(scene.wrench, axis=1).astype(float)[:, None, None]
-        drift = given.drift * told.shifts(scene.shift * loaded)
     V = covariances["noise"]
     own = np.array([estimated[one.name] for one in counted], dtype=int)
     noise, known, told_alone = apart_from_known(V, own, np.array([one.std for one in counted]))
-    left = [
-        replace(one, std=std)
-        for one, std in zip(counted, np.sqrt(np.diag(V)[own]).tolist(), strict=True)
-    ]
+    left = np.sqrt(np.diag(V)[own]).tolist()
     roots = {
         **{name: told.below(root_of(V)) for name, V in covariances.items()},
         "noise": told.below(noise),
         "load": visits.by_load(told, given),
-        # Where all markers are unknown, their places take up that they are elsewhere.
-        "tool": given.tool * shifts_by(told, scene, TOOL) if markers else none,
-        "drift": drift,
-        "repeatability": none,
+        "drift": visits.by_drift(told, given),
+        "repeatability": told.below(np.zeros((model.p, 3))),
         "rigid_joints": told.rigid,
         "known_joints": np.hstack([told.known, told.below(known)]),
     }
+    asked = visits.setting.model.parameters
+    markers = tuple(one for one in visits.places if one not in asked)
     roots = {name: np.pad(E, ((0, len(markers)), (0, 0))) for name, E in roots.items()}
-    if markers:
-        rows = [*model.parameters, *others, *markers]
-        at = [(rows.index(one), AXES.index(one.component)) for one in places if one in rows]
-        roots["tool"] = _beside_places(roots["tool"], at, given.tool)
     joints = [one.name for one in others]
     springs = all_parameters(model.robot, (), (), joints, base=False, tool=False)
     return Propagation(
         unknown=(),
         assumed=told.joints,
         k=np.array([*visits.taken, *(one.compliance for one in others), *(0.0 for _ in markers)]),
-        roots=roots,
+        roots={**roots, "tool": visits.by_tool(told, given, markers)},
         told=(*map(visits.inverse.told, told.columns), *told_alone),
-        counted=tuple(left),
+        counted=tuple(replace(one, std=std) for one, std in zip(counted, left, strict=True)),
         visits=replace(where, beside=(*springs, *markers)),
     )
-
-
-def _places(model: MeasuredModel) -> tuple[Parameter, ...]:
-    """Where the markers are, along the axes of what carries them."""
-    names = [name for name, far in zip(model.markers, model.is_distance, strict=True) if not far]
-    return tuple(Parameter("tool", name, axis) for name in names for axis in AXES)
 
 
 def _beside_places(root: Array, own: list[tuple[int, int]], size: float) -> Array:

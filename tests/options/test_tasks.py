@@ -14,7 +14,7 @@ import edtk
 from edtk.calibration.evaluate_geometry import GeometryDesigns
 from edtk.calibration.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_space import PositionRows
-from edtk.calibration.planned import SpringDesigns, held_in_tasks
+from edtk.calibration.planned import SpringDesigns
 from edtk.design.plan import Plan
 from edtk.measure.parameters import Parameter
 from edtk.measure.rest import resting_load
@@ -291,11 +291,13 @@ def test_springs_alone_have_one_budget(share: float | None, known: dict[str, Any
         TWIN.replace(joints=given, simulation=SOFT, robot=robot, noise=noise)
     )
     plan = visits(2)
-    expected = SpringDesigns(springs).error_budget(plan)
-    found = GeometryDesigns(question.study, question).error_budget(plan)
+    designs = SpringDesigns(springs), GeometryDesigns(question.study, question)
+    expected, found = (one.error_budget(plan) for one in designs)
     assert expected is not None
     assert found is not None
-    assert bool(held_in_tasks(springs, springs.tasks, plan)) == (share != 0)
+    held = [one.held(one.study.tasks, plan) for one in designs]
+    assert bool(held[0]) == (share != 0)
+    assert held[1] == pytest.approx(held[0], rel=1e-9)
     assert found.assumed_share == expected.assumed_share == (0.1 if share is None else None)
     for name in ("noise", "model", "load", "rigid_joints", "known_joints", "uncompensated"):
         assert getattr(found, name) == pytest.approx(getattr(expected, name), rel=1e-8, abs=1e-15)
