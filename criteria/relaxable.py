@@ -8,6 +8,7 @@ import numpy as np
 
 from criteria.criterion import Criterion
 from criteria.curvature import Curvature
+from criteria.linalg.models import Models
 from criteria.linalg.typing import Array
 
 if TYPE_CHECKING:
@@ -54,7 +55,13 @@ class SpectralBand:
 
 
 class Losses(Protocol):
-    """Smooth losses ``f_j(M)`` of degree one, of which a cost is the largest."""
+    """Smooth losses ``f_j(M)`` of degree one, of which a cost is the largest.
+
+    Attributes:
+        models: Of several models side by side, one a loss; None where all losses are about all.
+    """
+
+    models: Models | None
 
     def logs_and_slopes(self, M: Array) -> tuple[Array, Array]:
         """``log f_j`` (k,) at M (p, p), and minus their gradients (k, p, p)."""

@@ -87,17 +87,18 @@ class Formula:
         return cls(text, tuple(variables), tuple(parameters))
 
     def __call__(self, x: Array, theta: Array) -> Array:
-        """Values (n,) at points x (n, d) for parameters theta (p,)."""
-        return np.broadcast_to(self._followed(x, theta, ()).value, x.shape[:1])
+        """Values (..., n) at points x (n, d) for theta (p,), or for k of them at once (p, k, 1)."""
+        value = self._followed(x, theta, ()).value
+        return np.broadcast_to(value, (*np.shape(theta)[1:-1], len(x)))
 
     def gradient(self, x: Array, theta: Array) -> list[Any]:
-        """Derivatives by each parameter, (n,) each, at points x (n, d).
+        """Derivatives by each parameter, (..., n) each, at points x (n, d), see `__call__`.
 
         They are exact: those of sums, products, powers and functions are put together as the
         formula is. Points may be whatever has arithmetic, such as polynomials or intervals.
         """
         slopes = self._followed(x, theta, self.parameters).slopes
-        zero = 0.0 * x[:, 0]
+        zero = 0.0 * x[:, 0] + 0.0 * theta[0]
         return [zero + slopes[name] if name in slopes else zero for name in self.parameters]
 
     def _followed(self, x: Array, theta: Array, by: Sequence[str]) -> "_Dual":
@@ -125,7 +126,7 @@ class _Dual:
         return {name: factor * slope for name, slope in self.slopes.items()}
 
 
-def _sum(first: dict[str, Any], second: dict[str, Any]) -> dict[str, Any]:
+def _sum(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str, Any]:
     """The sum of two sets of derivatives."""
     both = {name: first[name] + second[name] for name in first if name in second}
     return {**first, **second, **both}
@@ -215,9 +216,9 @@ def _combined(u: _Dual, sign: ast.AST, v: _Dual) -> _Dual:
     """The sum, difference, product or quotient of two."""
     match sign:
         case ast.Add():
-            return _Dual(u.value + v.value, _sum(u.scaled(1.0), v.scaled(1.0)))
+            return _Dual(u.value + v.value, _sum(u.slopes, v.slopes))
         case ast.Sub():
-            return _Dual(u.value - v.value, _sum(u.scaled(1.0), v.scaled(-1.0)))
+            return _Dual(u.value - v.value, _sum(u.slopes, v.scaled(-1.0)))
         case ast.Mult():
             return _Dual(u.value * v.value, _sum(u.scaled(v.value), v.scaled(u.value)))
     quotient = u.value / v.value

@@ -1,8 +1,9 @@
 """A nonlinear model of experiments, linearised at parameters: its rows, by exact derivatives."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,8 +29,7 @@ class NonlinearModel:
     information, too (for example Atkinson and Cook, JASA 90, 1995).
 
     Attributes:
-        predicted: Points (n, d) and theta (p,) to predictors (n, k).
-        slope: The same to derivatives (n, k, p).
+        predictor: Points and theta to predictors (n, k), with derivatives by theta.
         theta: The parameters (p,).
         response: Family and link.
         whitener: Inverse (k, k) of a root of the covariance of the responses.
@@ -38,8 +38,7 @@ class NonlinearModel:
         variables: Names (d,).
     """
 
-    predicted: Callable[[Array, Array], Any]
-    slope: Callable[[Array, Array], Any]
+    predictor: Slopes
     theta: Array
     response: Response
     whitener: Array
@@ -49,17 +48,21 @@ class NonlinearModel:
 
     def rows(self, x: Any) -> Any:
         """Whitened rows (n, rows, p) at points x (n, d)."""
-        J = self.slope(x, self.theta)
+        J = self.predictor.slope(x, self.theta)
         if not self.response.is_plain:
-            eta = self.predicted(x, self.theta)
+            eta = self.predicted(x)
             with np.errstate(invalid="ignore"):  # means that a family cannot have are told below
                 J = J * self.response.root_weights(eta)[..., None]
         if self.deviation is None:
-            return J if self._is_unit else np.einsum("jk,nkp->njp", self.whitener, J)
+            return J if self._is_unit else np.einsum("jk,...kp->...jp", self.whitener, J)
         own = np.exp(self.deviation.value(x, self.theta))
         of_mean = J / own[..., None]
         of_noise = np.sqrt(2.0) * self.deviation.slope(x, self.theta)
         return np.concatenate([of_mean, of_noise], axis=1) if of_noise.any() else of_mean
+
+    def predicted(self, x: Any) -> Any:
+        """Predictors (n, k) at points x (n, d)."""
+        return self.predictor.value(x, self.theta)
 
     def lacking(self, x: Array, mean: Array) -> Array:
         """Roots (n, k) of the deviance of this model, of sigma one, where others are the means.
@@ -70,11 +73,11 @@ class NonlinearModel:
             x: Points (n, d).
             mean: Predictors (n, k) of another model, which is the true one.
         """
-        own = self.predicted(x, self.theta)
+        own = self.predicted(x)
         plain = self.response.is_plain
         return (mean - own if plain else self.response.deviance_roots(mean, own)) @ self.whitener.T
 
-    @property
+    @cached_property
     def _is_unit(self) -> bool:
         return bool(np.array_equal(self.whitener, np.eye(len(self.whitener))))
 
@@ -97,12 +100,26 @@ class NonlinearModel:
     def _why_lost(self, x: Array, parameter: str) -> str:
         """Why a row is not finite at a point (1, d): by its value, its derivative or its mean."""
         point = point_text(self.variables, x[0])
-        if not np.isfinite(self.predicted(x, self.theta)).all():
+        if not np.isfinite(self.predicted(x)).all():
             return f"the value is not finite at {point}"
-        if not np.isfinite(self.slope(x, self.theta)).all():
+        if not np.isfinite(self.predictor.slope(x, self.theta)).all():
             return f"the derivative by {parameter!r} is not finite at {point}"
         family = self.response.family
         return f"{family.name} means are {family.range}, and not at {point}"
+
+
+def of_each(
+    models: Sequence[NonlinearModel], x: Any, told: Callable[[NonlinearModel, Any], Any]
+) -> Sequence[Any]:
+    """What is told of points x (n, d) by each of t models that differ in theta: t of (n, ...).
+
+    A formula is followed once for all of them.
+    """
+    first = models[0]
+    if first.predictor.takes_several and first.deviation is None and x.dtype != object:
+        thetas = np.stack([model.theta for model in models], axis=1)
+        return cast(Array, told(replace(first, theta=thetas[..., None]), x))
+    return [told(model, x) for model in models]
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,9 +185,7 @@ def nonlinear_model(
             raise ArgumentError(message, argument="sigma")
         deviation = _log_deviation(sigma, at, spread, names, variables)
     whitener = np.eye(k) if deviation is not None else _whitener(sigma, covariance, k)
-    model = NonlinearModel(
-        told.value, told.slope, at, response, whitener, deviation, names, variables
-    )
+    model = NonlinearModel(told, at, response, whitener, deviation, names, variables)
     model.require_told(trial)
     return model
 
@@ -221,8 +236,9 @@ def _of_formula(
         message = f"points have {d} columns; expected {len(found)}: {', '.join(found)}"
         raise ArgumentError(message, argument="candidates")
     told = Slopes(
-        lambda x, t: formula(x, t)[:, None],
-        lambda x, t: np.stack(formula.gradient(x, t), axis=-1)[:, None, :],
+        lambda x, t: formula(x, t)[..., None],
+        lambda x, t: np.stack(formula.gradient(x, t), axis=-1)[..., None, :],
+        takes_several=True,
     )
     return told, found or variables
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from edtk.design.nonlinear_model import Model, NonlinearModel, Robust, nonlinear_model
+from edtk.design.nonlinear_model import Model, NonlinearModel, Robust, nonlinear_model, of_each
 from edtk.design.sites import Made, Sites
 from edtk.design.theta_box import INSIDE, MOST_RANGES, ROUNDING, EfficiencyBox, RivalBox
 from edtk.system.errors import ArgumentError
@@ -40,7 +40,7 @@ def of_model(
     each = [sites.alone(model.rows, model.parameters, prior) for model in models]
     if robust is None:
         return each[0]
-    found = sites.together(each)
+    found = sites.together(each, lambda x: of_each(models, x, NonlinearModel.rows))
     found.robust = Robust(robust, tuple(each), _shares(weights, len(each)))
     return found
 
@@ -69,13 +69,15 @@ def of_rivals(
         )
     except ArgumentError as error:
         raise _about_rival(error) from error
-    responses = true.predicted(points[:1], true.theta).shape[1]
-    if other.predicted(points[:1], other.theta).shape[1] != responses:
+    responses = true.predicted(points[:1]).shape[1]
+    if other.predicted(points[:1]).shape[1] != responses:
         message = f"expected {responses} responses, as many as f has"
         raise ArgumentError(message, argument="rival")
 
-    def rows(at: Array, x: Any) -> Array:
-        return replace(other, theta=at).lacking(x, true.predicted(x, true.theta))[..., None]
+    def rows(thetas: Array, x: Any) -> Sequence[Any]:
+        means = true.predicted(x)
+        rivals = [replace(other, theta=theta) for theta in thetas]
+        return of_each(rivals, x, lambda one, x: one.lacking(x, means)[..., None])
 
     sites = replace(sites, variables=true.variables)
     box = RivalBox(rows, sites, limits, tuple(free), ("difference",))
@@ -94,8 +96,9 @@ def _of_ranges(
     model = nonlinear_model(f, inside, sites.trial, variables=sites.variables, **own)
     limits = limits[:, [free.index(name) for name in names]]
 
-    def rows(at: Array, x: Any) -> Any:
-        return replace(model, theta=at).rows(x)
+    def rows(thetas: Array, x: Any) -> Sequence[Any]:
+        models = [replace(model, theta=theta) for theta in thetas]
+        return of_each(models, x, NonlinearModel.rows)
 
     sites = replace(sites, variables=model.variables)
     return EfficiencyBox(rows, sites, limits, names, names).first()

@@ -25,6 +25,7 @@ TRIED = 128  # points of a box at which a model is tried
 Made = TypeVar("Made", Problem, Region)
 # Points (n, d) to whitened rows (n, r, p).
 RowsAt = Callable[[Any], Any]
+RowsOfEach = Callable[[Any], Sequence[Any]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +51,13 @@ class Sites(ABC, Generic[Made]):
         """
 
     @abstractmethod
-    def together(self, models: Sequence[Made]) -> Made:
-        """Several models side by side, each with parameters of its own."""
+    def together(self, models: Sequence[Made], rows_of_each: RowsOfEach) -> Made:
+        """Several models side by side, each with parameters of its own.
+
+        Args:
+            models: The problem or the region of each.
+            rows_of_each: Points (n, d) to the whitened rows (n, r, p) of each.
+        """
 
     @abstractmethod
     def allowed(self, x: Array) -> Mask:
@@ -99,7 +105,7 @@ class CandidateSites(Sites[Problem]):
         found.rows_of = lambda other: np.asarray(rows(other.to_numpy(dtype=float)))
         return found
 
-    def together(self, models: Sequence[Problem]) -> DescribedProblem:
+    def together(self, models: Sequence[Problem], rows_of_each: RowsOfEach) -> DescribedProblem:
         """The candidates under several models."""
         return DescribedProblem.of(several_models(models), self.frame)
 
@@ -162,14 +168,10 @@ class BoxSites(Sites[Region]):
             variables=self.variables,
         )
 
-    def together(self, models: Sequence[Region]) -> Region:
+    def together(self, models: Sequence[Region], rows_of_each: RowsOfEach) -> Region:
         """The box under several models."""
         beside = several_models([model.problem(self.trial[:1]) for model in models])
-
-        def rows(x: Any) -> Array:
-            return side_by_side([np.asarray(model.functions[0].function(x)) for model in models])
-
-        return self.alone(rows, beside.parameters, beside.prior)
+        return self.alone(lambda x: side_by_side(rows_of_each(x)), beside.parameters, beside.prior)
 
     def allowed(self, x: Array) -> Mask:
         """Those that obey the constraints."""

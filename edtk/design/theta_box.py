@@ -9,7 +9,7 @@ ranges; that no theta is worse than the worst one that was found rests on a sear
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, Generic, cast
 
 import numpy as np
@@ -95,14 +95,14 @@ class ThetaBox(ABC, Generic[Made]):
     """Ranges of theta, and the model at each of them.
 
     Attributes:
-        rows: Theta (p,) and points (n, d) to whitened rows (n, r, s).
+        rows: Theta (t, p) and points (n, d) to whitened rows (n, r, s) of each.
         sites: Where experiments may lie.
         limits: Bounds (2, p) of theta; a parameter without a range has equal ones.
         names: Names (p,) of theta.
         parameters: Names (s,) of what the rows are about.
     """
 
-    rows: Callable[[Array, Any], Any]
+    rows: Callable[[Array, Any], Sequence[Any]]
     sites: Sites[Made]
     limits: Array
     names: tuple[str, ...]
@@ -118,10 +118,10 @@ class ThetaBox(ABC, Generic[Made]):
         return np.asarray(np.flatnonzero(self.limits[0] < self.limits[1]))
 
     def at(self, u: Array) -> Array:
-        """Theta (p,) from the free parameters in parts of their ranges."""
+        """Theta (..., p) from the free parameters in parts (..., q) of their ranges."""
         low, high = self.limits
-        theta = low.copy()
-        theta[self.free] += np.clip(u, 0, 1) * (high - low)[self.free]
+        theta = np.tile(low, (*np.shape(u)[:-1], 1))
+        theta[..., self.free] += np.clip(u, 0, 1) * (high - low)[self.free]
         return np.clip(theta, low, high)
 
     def among(self, x: Array) -> "ThetaBox[Problem]":
@@ -133,34 +133,37 @@ class ThetaBox(ABC, Generic[Made]):
         """The problem or the region of one theta alone, once."""
         key = theta.tobytes()
         if key not in self._models:
-            rows = partial(self.finite_rows, theta)
-            self._models[key] = self.sites.alone(rows, self.parameters)
+            self._models[key] = self.sites.alone(
+                lambda x: self.finite_rows(theta[None], x)[0], self.parameters
+            )
         return self._models[key]
 
-    def finite_rows(self, theta: Array, x: Any) -> Any:
-        """Rows at points x (n, d), or whatever the rows are of what has arithmetic.
+    def finite_rows(self, thetas: Array, x: Any) -> Sequence[Any]:
+        """Rows of each theta (t, p) at points x (n, d), or at whatever has arithmetic.
 
         Raises:
             ArgumentError: They are not finite where an experiment may be; theta and point are
                 named.
         """
-        rows = self.rows(theta, x)
-        if rows.dtype == object:
-            return rows
-        lost = ~np.isfinite(rows).all(axis=(1, 2))
+        each = self.rows(thetas, x)
+        if x.dtype == object:
+            return each
+        lost = ~np.isfinite(each).all(axis=(2, 3))
         if lost.any():
             lost &= self.sites.allowed(x)
         if lost.any():
             assert self.sites.variables is not None
-            where = point_text(self.sites.variables, x[np.argmax(lost)])
-            message = f"at {point_text(self.names, theta)} the model is not finite at {where}"
+            i, point = np.argwhere(lost)[0]
+            where = point_text(self.sites.variables, x[point])
+            message = f"at {point_text(self.names, thetas[i])} the model is not finite at {where}"
             raise ArgumentError(message, argument="theta")
-        return rows
+        return each
 
     def listed(self, thetas: Sequence[Array]) -> Made:
         """The problem or the region of a list of theta."""
         each = tuple(self.model(theta) for theta in thetas)
-        found = self.sites.together(each)
+        listed = np.array(thetas)
+        found = self.sites.together(each, lambda x: self.finite_rows(listed, x))
         found.robust = Robust(self.kind, each, np.full(len(each), 1 / len(each)))
         return found
 
@@ -207,26 +210,34 @@ class ThetaBox(ABC, Generic[Made]):
             known: Theta where the search begins, too.
         """
 
-        def values(parts: Array) -> Array:
-            return np.array([self.value(self.at(u), design, own, optimum) for u in parts])
+        def values(thetas: Array) -> Array:
+            return self.values(thetas, design, own, optimum)
 
-        begun = self._parts(known)
-        lowest: Array = self.tried[self.lowest(values(self.tried))]
-        starts: list[Array] = [begun[np.argmin(values(begun))], *lowest]
+        lowest: Array = self.tried[self.lowest(values(self.at(self.tried)))]
+        begun = self._parts(known)[np.argmin(values(np.array(known)))]
+        starts: list[Array] = [begun, *lowest]
         ends: list[Array] = [self.descend(u, design, own, optimum) for u in starts]
-        thetas = [self.at(u) for u in [*ends, *starts]]
-        found = [self.value(theta, design, own, optimum) for theta in thetas]
+        thetas = self.at(np.array([*ends, *starts]))
+        found = values(thetas)
         i = int(np.argmin(found))
-        return thetas[i], found[i]
+        return thetas[i], float(found[i])
 
     def _parts(self, thetas: Sequence[Array]) -> Array:
         """Theta (k, q) in parts of the ranges."""
         low, high = self.limits[:, self.free]
         return np.asarray((np.array(thetas)[:, self.free] - low) / (high - low))
 
+    def slope(self, function: Callable[[Array], Array], u: Array) -> Array:
+        """Central differences (q, r) of a function of theta (t, p), by the parts u (q,)."""
+        steps = np.eye(len(u)) * STEP
+        ends = np.clip(np.stack([u + steps, u - steps]), 0, 1)
+        up, down = function(self.at(ends.reshape(-1, len(u)))).reshape(2, len(u), -1)
+        widths = np.diagonal(ends[0] - ends[1])
+        return np.asarray((up - down) / widths[:, None])
+
     @abstractmethod
-    def value(self, theta: Array, design: Shares, own: Criterion, optimum: Optimum) -> float:
-        """How good a design is at a theta; the worst theta has the least."""
+    def values(self, thetas: Array, design: Shares, own: Criterion, optimum: Optimum) -> Array:
+        """How good a design is at each theta (t, p); the worst theta has the least."""
 
     @abstractmethod
     def descend(self, u: Array, design: Shares, own: Criterion, optimum: Optimum) -> Array:
@@ -241,10 +252,10 @@ class ThetaBox(ABC, Generic[Made]):
 class EfficiencyBox(ThetaBox[Made]):
     """Ranges over which the least efficiency ``(best(theta) / cost(w, theta))^(1/d)`` counts."""
 
-    def value(self, theta: Array, design: Shares, own: Criterion, optimum: Optimum) -> float:
-        """The efficiency of a design at a theta."""
-        best, _ = optimum(self.model(theta), own)
-        return float((best / self._cost(theta, own, design)) ** (1 / own.degree))
+    def values(self, thetas: Array, design: Shares, own: Criterion, optimum: Optimum) -> Array:
+        """The efficiencies (t,) of a design at theta (t, p)."""
+        best = np.array([optimum(self.model(theta), own)[0] for theta in thetas])
+        return np.asarray((best / self._costs(thetas, own, design)) ** (1 / own.degree))
 
     def descend(self, u: Array, design: Shares, own: Criterion, optimum: Optimum) -> Array:
         """A local minimum of the efficiency, by quasi-Newton steps.
@@ -253,27 +264,26 @@ class EfficiencyBox(ThetaBox[Made]):
         """
 
         def logarithm(v: Array) -> float:
-            return float(np.log(max(self.value(self.at(v), design, own, optimum), NOTHING)))
+            (value,) = self.values(self.at(v)[None], design, own, optimum)
+            return float(np.log(max(value, NOTHING)))
 
         def slope(v: Array) -> Array:
             _, ideal = optimum(self.model(self.at(v)), own)
-            found = []
-            for step in np.eye(len(v)) * STEP:
-                ends = np.clip(v + step, 0, 1), np.clip(v - step, 0, 1)
-                costs = [
-                    [self._cost(self.at(end), own, one) for one in (ideal, design)] for end in ends
-                ]
-                (up_best, up), (down_best, down) = np.log(costs)
-                found.append((up_best - up - down_best + down) / (ends[0] - ends[1]).sum())
-            return np.array(found) / own.degree
+            return self.slope(
+                lambda thetas: (
+                    np.log(self._costs(thetas, own, ideal) / self._costs(thetas, own, design))
+                    / own.degree
+                ),
+                v,
+            )[:, 0]
 
         bounds = [(0.0, 1.0)] * len(u)
         return np.asarray(minimize(logarithm, u, jac=slope, bounds=bounds, method="L-BFGS-B").x)
 
-    def _cost(self, theta: Array, own: Criterion, design: Shares) -> float:
-        """Cost of a design at a theta, of which nothing is kept."""
-        rows = self.finite_rows(theta, design.x)
-        return float(own.cost(np.einsum("n,nrp,nrq->pq", design.weights, rows, rows)))
+    def _costs(self, thetas: Array, own: Criterion, design: Shares) -> Array:
+        """Costs (t,) of a design at theta (t, p), of which nothing is kept."""
+        rows = np.asarray(self.finite_rows(thetas, design.x))
+        return own.cost(np.einsum("n,tnrp,tnrq->tpq", design.weights, rows, rows))
 
 
 class RivalBox(ThetaBox[Made]):
@@ -286,9 +296,9 @@ class RivalBox(ThetaBox[Made]):
     kind = "rivals"
     what = "least deviance"
 
-    def value(self, theta: Array, design: Shares, own: Criterion, optimum: Optimum) -> float:
-        """The deviance of one experiment."""
-        return self._deviance(theta, design)
+    def values(self, thetas: Array, design: Shares, own: Criterion, optimum: Optimum) -> Array:
+        """The deviances (t,) of one experiment."""
+        return self._deviances(thetas, design)
 
     def descend(self, u: Array, design: Shares, own: Criterion, optimum: Optimum) -> Array:
         """A local minimum of the deviance, by least squares."""
@@ -301,18 +311,19 @@ class RivalBox(ThetaBox[Made]):
             ArgumentError: The rival can be what it is told from; its parameters are named.
         """
         even = Shares.of(self.sites.trial, np.ones(len(self.sites.trial)))
-        sizes = np.array([self._deviance(self.at(u), even) for u in self.tried])
-        for u in self.tried[self.lowest(sizes)]:
-            theta = self.at(self._fitted(u, even))
-            if self._deviance(theta, even) <= SAME * max(sizes):
+        sizes = self._deviances(self.at(self.tried), even)
+        ends = [self._fitted(u, even) for u in self.tried[self.lowest(sizes)]]
+        for theta in self.at(np.array(ends)):
+            if self._deviances(theta[None], even)[0] <= SAME * max(sizes):
                 where = point_text(self.names, theta)
                 message = f"it is f at all points for {where}; expected ranges without that"
                 raise ArgumentError(message, argument="rival_theta")
 
     def _fitted(self, u: Array, design: Shares) -> Array:
         found = least_squares(
-            lambda v: self._residuals(self.at(v), design),
+            lambda v: self._residuals(self.at(v)[None], design)[0],
             np.clip(u, STEP, 1 - STEP),
+            jac=lambda v: self.slope(lambda thetas: self._residuals(thetas, design), v).T,
             bounds=(0.0, 1.0),
             xtol=1e-15,
             ftol=1e-15,
@@ -320,10 +331,10 @@ class RivalBox(ThetaBox[Made]):
         )
         return np.asarray(found.x)
 
-    def _deviance(self, theta: Array, design: Shares) -> float:
-        return float(np.square(self._residuals(theta, design)).sum())
+    def _deviances(self, thetas: Array, design: Shares) -> Array:
+        return np.asarray(np.square(self._residuals(thetas, design)).sum(axis=1))
 
-    def _residuals(self, theta: Array, design: Shares) -> Array:
-        """Roots of the parts of the deviance."""
-        rows = self.finite_rows(theta, design.x)
-        return np.asarray((np.sqrt(design.weights)[:, None] * rows[..., 0]).ravel())
+    def _residuals(self, thetas: Array, design: Shares) -> Array:
+        """Roots (t, n r) of the parts of the deviance at each theta (t, p)."""
+        rows = np.asarray(self.finite_rows(thetas, design.x))[..., 0]
+        return np.asarray((np.sqrt(design.weights)[:, None] * rows).reshape(len(rows), -1))

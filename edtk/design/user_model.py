@@ -43,10 +43,12 @@ class Slopes:
     Attributes:
         value: Points (n, d) and theta (p,) to values (n, k).
         slope: The same to derivatives (n, k, p).
+        takes_several: Whether theta may be (p, t, 1), of t models at once: then values (t, n, k).
     """
 
     value: Callable[[Array, Array], Array]
     slope: Callable[[Array, Array], Array]
+    takes_several: bool = False
 
 
 def slopes_of(

@@ -143,7 +143,7 @@ def over_ranges(
         design = solve(listed, criterion)
         shares = _shares(design, box)
         theta, value = box.worst(shares, own, optimum, thetas)
-        of_list = min(box.value(one, shares, own, optimum) for one in thetas)
+        of_list = box.values(np.array(thetas), shares, own, optimum).min()
         named = dict(zip(box.names, theta.tolist(), strict=True))
         design = replace(design, worst=WorstTheta(named, value, np.array(thetas), box.what))
         if value >= of_list * (1 - ENOUGH) or not box.is_new(theta, thetas):

@@ -10,6 +10,7 @@ import edtk
 from edtk.design import user_model
 from edtk.design.families import CLOSED, FAMILIES, LINKS, Response
 from edtk.design.formula import DERIVATIVES, Formula
+from edtk.design.information import side_by_side
 from edtk.system.errors import ArgumentError, Note, UserError
 
 DOSE = np.linspace(0.0, 4.0, 401)
@@ -26,6 +27,18 @@ def test_each_function_of_a_formula_has_its_derivative(name):
     of_numpy = theta + getattr(np, name)(theta * x[:, 0] / 3) ** 2 * x[:, 0]
     slope = formula.gradient(x, np.array([1.3]))[0]
     np.testing.assert_allclose(slope, np.imag(of_numpy) / 1e-30, rtol=1e-13)
+
+
+def test_a_formula_at_several_theta_is_that_at_each():
+    """Rows of four models at once are those of each, of families and powers by theta, too."""
+    formula = "a * x ^ b / (c + x) + pi - exp(-c)"
+    thetas = np.random.default_rng(0).uniform(0.5, 2.0, (4, 3))
+    x = np.linspace(0.1, 3.0, 7)
+    options = {"parameters": ("a", "b", "c"), "family": "Poisson"}
+    together = edtk.Region.of_model(formula, thetas, (0.1, 3.0), robust="bayes", **options)
+    each = [edtk.Region.of_model(formula, theta, (0.1, 3.0), **options) for theta in thetas]
+    expected = side_by_side([one.rows_at(x[:, None]) for one in each])
+    np.testing.assert_allclose(together.rows_at(x[:, None]), expected, rtol=1e-14)
 
 
 def test_powers_quotients_and_signs_of_a_formula():

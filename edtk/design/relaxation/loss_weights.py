@@ -25,6 +25,7 @@ INSIDE = 0.5  # the largest sensitivity at the first point, where one is allowed
 HALVINGS = 40  # of an interval for t; what remains of it is nothing beside the interval
 # Slacks further than so many gaps from the slopes are brought back to them before the next step.
 ASTRAY = 1.0
+FINE = 1e-10  # tolerances of a linear program, the least that its solver takes
 
 
 def loss_weights(
@@ -54,8 +55,38 @@ def loss_weights(
     Raises:
         LinAlgError: The first weights leave a direction open.
     """
+    if losses.models is not None and losses.models.p == len(losses.models):
+        return _of_single_parameters(losses, active, losses.models.p)
     best = nearest_point(_Point.first(losses, active, start), accuracy)
     return best.w / best.w.sum(), np.tensordot(best.u, best.slopes, axes=1)
+
+
+def _of_single_parameters(losses: Losses, active: ActiveInformation, p: int) -> tuple[Array, Array]:
+    """Weights and multiplier where each loss is about a model of one parameter: a linear program.
+
+    A loss of degree one of a number is ``c_j/M_jj``. So the least of all ``M_jj/c_j`` is to be the
+    largest, and the multiplier has the duals u of that, ``Z_jj = u_j/(c_j t)``.
+    """
+    from scipy.optimize import linprog
+
+    logs, _ = losses.logs_and_slopes(np.eye(p))
+    told = np.array([active.sensitivities(E) for E in np.eye(p)[:, :, None] * np.eye(p)])
+    told = told / np.exp(logs)[:, None]
+    unit = told.mean(axis=1).min()
+    k = told.shape[1]
+    found = linprog(
+        np.append(np.zeros(k), -1.0),
+        A_ub=np.column_stack([-told / unit, np.ones(p)]),
+        b_ub=np.zeros(p),
+        A_eq=np.append(np.ones(k), 0.0)[None],
+        b_eq=1.0,
+        method="highs-ds",
+        options={"primal_feasibility_tolerance": FINE, "dual_feasibility_tolerance": FINE},
+    )
+    if not (found.success and found.x[-1] > 0):
+        raise ArithmeticError(found.message)
+    duals = -found.ineqlin.marginals / np.exp(logs)
+    return found.x[:-1], np.diag(duals / (unit * found.x[-1]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -50,6 +50,22 @@ def test_proof(case):
     assert (1 - 10 * ACCURACY) * cost <= bound <= (1 + 1e-12) * cost
 
 
+def test_models_of_one_parameter_are_a_linear_program():
+    """The multiplier proves the weights of a game: two hundred columns against nine rows.
+
+    Told are from 1e-4 to 1e4 at once, where a method that follows logarithms finds no way.
+    """
+    rng = np.random.default_rng(0)
+    rows = rng.normal(size=(9, 200, 1, 1)) * 10.0 ** rng.uniform(-2, 2, size=(9, 1, 1, 1))
+    problem = several_models([Problem(each) for each in rows])
+    best = rng.uniform(0.5, 2.0, 9)
+    mixed = ["D", "A", {"name": "phi", "q": 2}] * 3
+    criterion = criteria.create("minimax", criteria=mixed, best=best, sizes=[1] * 9)
+    design = relax(problem, criterion)
+    assert design.solver == "NEWTON"
+    assert design.gap < 1e-9
+
+
 def test_far_extrapolation():
     """Chebyshev's polynomial has the value 99 at 3; the variance there is its square."""
     problem = powers(np.linspace(-1, 1, 41), 4)
