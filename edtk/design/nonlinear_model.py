@@ -118,7 +118,7 @@ def of_each(
     first = models[0]
     if first.predictor.takes_several and first.deviation is None and x.dtype != object:
         thetas = np.stack([model.theta for model in models], axis=1)
-        return cast(Array, told(replace(first, theta=thetas[..., None]), x))
+        return cast(Sequence[Any], told(replace(first, theta=thetas[..., None]), x))
     return [told(model, x) for model in models]
 
 

@@ -13,7 +13,7 @@ from criteria.linalg.typing import triangle
 from criteria.relaxable import SpectralBand
 from edtk.design.problem import Problem
 from edtk.design.relaxation.proof import experiment_blocks, experiment_entries
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
 
 TOWARDS_BOUNDARY = 0.95  # part of the way to the boundary that a step may take
 SHORTEST = 1e-6  # a shorter step counts as none
@@ -217,7 +217,7 @@ class ActiveInformation(ABC):
         """The information of some candidates (k,) of a problem."""
         models = problem.models
         if len(models) > 1 and (problem.prior is None or models.are_apart(problem.prior)):
-            return _Blocks.of_entries(experiment_entries(problem, active), models)
+            return _Blocks(experiment_entries(problem, active), models)
         if problem.p <= SMALL:
             return ActiveInformation.of_blocks(experiment_blocks(problem, active))
         return _Rows(problem[active].factors(), problem.prior)
@@ -225,7 +225,7 @@ class ActiveInformation(ABC):
     @staticmethod
     def of_blocks(blocks: Array) -> "ActiveInformation":
         """Information that is given as matrices (k, p, p)."""
-        return _Blocks.of_entries(blocks.reshape(len(blocks), -1), Models((blocks.shape[-1],)))
+        return _Blocks(blocks.reshape(len(blocks), -1), Models((blocks.shape[-1],)))
 
     @abstractmethod
     def information(self, weights: Array) -> Array:
@@ -235,7 +235,6 @@ class ActiveInformation(ABC):
     def sensitivities(self, Z: Array) -> Array:
         """``<Z, M_i>`` (k,) of a symmetric Z (p, p)."""
 
-    @abstractmethod
     def triangles(self, T: Array, scale: Array) -> Array:
         """Scaled upper triangles (q, k) of ``T' M_i T``.
 
@@ -243,6 +242,21 @@ class ActiveInformation(ABC):
             T: Matrix (p, s), where q = s (s + 1)/2.
             scale: Factor (q,) of each entry.
         """
+        return self._triangles(T, *triangle(T.shape[1]), scale)
+
+    def told_triangles(self, T: Array, scale: Array) -> Array:
+        """Those rows of `triangles` that are not zero for all candidates, whatever these are."""
+        rows, columns = triangle(T.shape[1])
+        told = self._is_told(T)[rows, columns]
+        return self._triangles(T, rows[told], columns[told], scale[told])
+
+    @abstractmethod
+    def _triangles(self, T: Array, rows: Indices, columns: Indices, scale: Array) -> Array:
+        """The entries of ``T' M_i T`` in some rows and columns (q,)."""
+
+    def _is_told(self, T: Array) -> Mask:
+        """Which entries (s, s) of ``T' M_i T`` may be other than zero."""
+        return np.ones((T.shape[1], T.shape[1]), dtype=bool)
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,35 +264,33 @@ class _Blocks(ActiveInformation):
     """The entries (k, e) of block diagonal matrices, of one block or of several.
 
     Attributes:
-        flat: The entries.
-        p: Order of the matrices.
-        rows: Row (e,) of each entry.
-        columns: Column (e,) of each.
+        flat: The entries, in the order of `Models.entries`.
+        models: Where the blocks stand.
     """
 
     flat: Array
-    p: int
-    rows: Indices
-    columns: Indices
-
-    @classmethod
-    def of_entries(cls, flat: Array, models: Models) -> "_Blocks":
-        """Take entries in the order of `Models.entries`."""
-        return cls(flat, models.p, *models.entries)
+    models: Models
 
     def information(self, weights: Array) -> Array:
-        found = np.zeros((self.p, self.p))
-        found[self.rows, self.columns] = weights @ self.flat
+        found = np.zeros((self.models.p, self.models.p))
+        found[self.models.entries] = weights @ self.flat
         return found
 
     def sensitivities(self, Z: Array) -> Array:
-        return np.asarray(self.flat @ Z[self.rows, self.columns])
+        return np.asarray(self.flat @ Z[self.models.entries])
 
-    def triangles(self, T: Array, scale: Array) -> Array:
-        rows, columns = triangle(T.shape[1])
+    def _triangles(self, T: Array, rows: Indices, columns: Indices, scale: Array) -> Array:
         # vec(T' M T) is linear in vec(M): one product for all candidates.
-        change = T[self.rows][:, rows] * T[self.columns][:, columns] * scale
+        of_rows, of_columns = self.models.entries
+        change = T[of_rows][:, rows] * T[of_columns][:, columns] * scale
         return np.asarray(change.T @ self.flat.T)
+
+    def _is_told(self, T: Array) -> Mask:
+        """Those of columns that have a model in common, but for rounding."""
+        squares = np.square(T)
+        parts = np.array([squares[own].sum(axis=0) for own in self.models.parts])
+        has = (parts > np.square(np.finfo(float).eps) * parts.sum(axis=0)).astype(float)
+        return np.asarray(has.T @ has > 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,8 +310,7 @@ class _Rows(ActiveInformation):
         found = np.einsum("kri,kri->k", self.factors @ Z, self.factors)
         return found if self.prior is None else found + np.vdot(Z, self.prior)
 
-    def triangles(self, T: Array, scale: Array) -> Array:
-        rows, columns = triangle(T.shape[1])
+    def _triangles(self, T: Array, rows: Indices, columns: Indices, scale: Array) -> Array:
         U = self.factors @ T
         P = np.empty((len(rows), len(U)))
         step = max(1, CHUNK // T.size)

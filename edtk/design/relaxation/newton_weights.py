@@ -223,7 +223,7 @@ class _Point:
         (found,) = terms
         scale = np.sqrt(found.W[rows, columns] * twice)
         lost = np.sqrt(found.c) * self.sensitivities if found.c else None
-        return weight_equations(self.active.triangles(T @ found.V, scale), D, lost)
+        return weight_equations(self.active.told_triangles(T @ found.V, scale), D, lost)
 
     def _by_differences(self) -> Array:
         """P (q, k) with ``P'P`` the second derivative of the cost, in parts of the cost."""

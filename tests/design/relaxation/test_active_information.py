@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from criteria.linalg.typing import triangle
 from edtk.design.problem import Problem
+from edtk.design.problems import several_models
 from edtk.design.relaxation import master_equations as active_information
 from edtk.design.relaxation.master_equations import ActiveInformation
 from edtk.design.relaxation.proof import experiment_blocks
@@ -37,3 +39,18 @@ def test_formulas(monkeypatch, small, rows, with_prior):
     np.testing.assert_allclose(
         found.triangles(T, scale), scale[:, None] * turned, rtol=1e-11, atol=1e-11
     )
+
+
+def test_columns_of_different_models_tell_nothing_together():
+    """Triangles that are told are the others' too, in their order; columns may be of one model."""
+    rng = np.random.default_rng(0)
+    models = [Problem(rng.normal(size=(9, 1, p))) for p in (2, 3)]
+    found = ActiveInformation.of(several_models(models), np.arange(9))
+    T = block_diag(rng.normal(size=(2, 2)), rng.normal(size=(3, 3)))[:, rng.permutation(5)]
+    scale = rng.uniform(size=15)
+    whole = found.triangles(T, scale)
+    told = found.told_triangles(T, scale)
+    assert len(told) == 3 + 6
+    np.testing.assert_array_equal(told, whole[whole.any(axis=1)])
+    dense = rng.normal(size=(5, 5))
+    np.testing.assert_array_equal(found.told_triangles(dense, scale), found.triangles(dense, scale))
