@@ -30,12 +30,13 @@ from edtk.findings.finding import (
     worst_first,
 )
 from edtk.findings.fitted_data import AS_USUAL, HowFitted
-from edtk.findings.geometric_fit import geometric_findings
+from edtk.findings.geometric_fit import IS_IT, geometric_findings
 from edtk.findings.gross_errors import SCALES, GrossErrors, gross_errors, gross_findings
 from edtk.findings.match_plan import match_plan, not_measured, other_pose
 from edtk.findings.sound_rows import (
     reference_points,
     refuse_copied_visits,
+    rigid_tool,
     with_standing,
     without_beyond_reach,
     without_copied_markers,
@@ -101,6 +102,9 @@ def calibrate_geometry(
         fit, gross = _fitted(setting, sound, how)
     except (TooFewPosesError, NoiseNotToldError) as error:
         raise UserError(str(error), where=where) from error
+    except np.linalg.LinAlgError as error:
+        # It went where the parameters, which the drawing tells apart, are no longer told apart.
+        raise UserError(f"no geometry near the drawing fits: {IS_IT}", where=where) from error
     propagation = fit_propagation(setting, fit)
     circumstances = circumstances_of(propagation, setting)
     fit = replace(fit, fitted=replace(fit.fitted, circumstances=circumstances))
@@ -254,11 +258,15 @@ def _sound(setting: StudyGeometry, every: MarkerPositions, path: Path, as_is: bo
     rigid = data.absolute.of_markers(on_tool)
     if asked is not None and asked.base and asked.tool and rigid.seen.any():
         robot = setting.study.robot
-        counting = _counted(robot, rigid, path, as_is, findings)
-        data = counting.of(data)
-        gross = gross_errors(robot, counting.of(rigid))
+        # Distances between markers need no robot: a false one is not to look like another counting.
+        tool = rigid_tool(rigid)
+        sound = tool.without_swapped(tool.without_apart(rigid))
+        counting = _counted(
+            robot, sound[np.flatnonzero(sound.seen.any(axis=1))], path, as_is, findings
+        )
+        gross = gross_errors(robot, counting.of(rigid), tool)
         # Absolute visits and markers on the tool come first, so that numbers are the same.
-        data = gross.without_apart(data)
+        data = tool.without_apart(counting.of(data))
     return Sound(data, gross, counting, tuple(findings))
 
 

@@ -60,11 +60,17 @@ TINY = 1e-12  # [m^2] of a joint that moves no marker
 CLEARLY = 3.0  # times as much another joint leaves
 MOST_TYPED = 2  # poses whose wrong joint is named in full
 MOSTLY = 0.7  # of the squares that are left
+HALF = 0.5  # of them: a cause that explains less leaves most of the misfit to the model
 NOISY = 5.0  # times the stated noise
 # Times as likely with a cause as without any: of sound days at most one in so many shows as much
 # (Markov's inequality), if they err as is assumed.
 LIKELIER = 300.0
 EXPLAINED = ("outliers", "frame_moved", "rough")  # these leave many outside by themselves
+LEAVES = (*EXPLAINED, "rounded")  # and these explain what a fit leaves
+IS_IT = (
+    "is it this robot, are angles in degrees, and does the controller count joints as the study "
+    "says? See edtk controller"
+)
 
 
 def _say(severity: Severity, kind: str, **data: Any) -> Finding:
@@ -151,8 +157,9 @@ def geometric_findings(fit: GeometricFit, setting: StudyGeometry) -> list[Findin
         *_negative(fit),
         *_snapping(fit, setting),
         *_prior(fit, setting),
-        *_noise(fit, setting, bool(causes)),
     ]
+    caused = bool(causes) or any(one.kind in LEAVES for one in found)
+    found += _noise(fit, setting, caused)
     named = any(one.kind in EXPLAINED for one in found)
     trusted_less = bool((fit.weights < 1).any())
     said = left_out_findings(fit.share_inside, lambda: fit.independent, named, trusted_less)
@@ -513,8 +520,9 @@ def _few_poses(data: Data) -> str:
 
 
 def _explains(data: Data) -> str:
-    """The share that a cause explains."""
-    return f"that explains {100 * data['explained']:.0f} % of the residuals"
+    """The share that a cause explains, and where that is little, whose the rest is."""
+    share = f"that explains {100 * data['explained']:.0f} % of the residuals"
+    return share if data["explained"] >= HALF else f"{share}; the rest is noise, or the model's"
 
 
 def _frame_moved(data: Data) -> str:
@@ -614,10 +622,7 @@ WORDING: Wording = {
         f"{data['left']:.2g} mrad in each pose, as rounding to {data['step_deg']:g} deg would "
         f"leave ({data['rounding']:.2g}): were they rounded? Export them with three decimals"
     ),
-    "rough": lambda data: (
-        f"the fit leaves {MM * data['rms']:.3g} mm: is it this robot, are angles in degrees, and "
-        "does the controller count joints as the study says? See edtk controller"
-    ),
+    "rough": lambda data: f"the fit leaves {MM * data['rms']:.3g} mm: {IS_IT}",
     "rough_turns": lambda data: (
         f"the fit leaves {data['rms_deg']:.3g} deg of the orientations: are they rotation vectors "
         "(axis times angle) in degrees, or quaternions, in the frame of the positions?"

@@ -1,13 +1,13 @@
 """Visits whose positions cannot be those of the markers: swapped, of another pose, elsewhere."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import permutations, product
 
 import numpy as np
 
 from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
-from edtk.findings.sound_rows import EXPLAINED, MOST_MARKERS, RigidTool, rigid_tool
+from edtk.findings.sound_rows import EXPLAINED, MOST_MARKERS, RigidTool
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.place_robot import LinearStart, linear_start, rigid_motion
 from edtk.robots.robot import Robot
@@ -270,15 +270,8 @@ class GrossErrors:
         """All that do not count."""
         return sorted({visit for visit, _ in self.swapped} | {one.visit for one in self.wrong})
 
-    def without_apart(self, data: MarkerPositions) -> MarkerPositions:
-        """The positions without those of markers that were elsewhere on the tool."""
-        measured = data.measured.copy()
-        for visit, markers, _ in self.apart:
-            measured[visit, [data.markers.index(name) for name in markers]] = np.nan
-        return replace(data, measured=measured)
 
-
-def gross_errors(robot: Robot, data: MarkerPositions) -> GrossErrors:
+def gross_errors(robot: Robot, data: MarkerPositions, rigid: RigidTool) -> GrossErrors:
     """Find visits far from where the others say that they are, and what is wrong with them.
 
     Distances between markers of one tool are the same in all poses whatever the robot does: they
@@ -289,12 +282,9 @@ def gross_errors(robot: Robot, data: MarkerPositions) -> GrossErrors:
     Args:
         robot: The drawing, whose own errors make the typical distance.
         data: All visits.
+        rigid: What distances between markers show of these.
     """
-    rigid = rigid_tool(data)
-    sound = GrossErrors(rigid.swapped, (), rigid.apart).without_apart(data)
-    blank = sound.measured.copy()
-    blank[[visit for visit, _ in rigid.swapped]] = np.nan
-    sound = replace(sound, measured=blank)
+    sound = rigid.without_swapped(rigid.without_apart(data))
     agreed = Consensus.of(robot, sound)
     if agreed is None:
         return GrossErrors(rigid.swapped, (), rigid.apart)

@@ -52,6 +52,19 @@ class RigidTool:
     swapped: tuple[tuple[int, tuple[str, ...]], ...] = ()
     apart: tuple[tuple[int, tuple[str, ...], float], ...] = ()
 
+    def without_apart(self, data: MarkerPositions) -> MarkerPositions:
+        """The positions without those of markers that were elsewhere on the tool."""
+        measured = data.measured.copy()
+        for visit, markers, _ in self.apart:
+            measured[visit, [data.markers.index(name) for name in markers]] = np.nan
+        return replace(data, measured=measured)
+
+    def without_swapped(self, data: MarkerPositions) -> MarkerPositions:
+        """The positions without visits in which markers are swapped."""
+        measured = data.measured.copy()
+        measured[[visit for visit, _ in self.swapped]] = np.nan
+        return replace(data, measured=measured)
+
 
 def rigid_tool(data: MarkerPositions) -> RigidTool:
     """Find swapped markers and markers that slipped, whatever the robot does.

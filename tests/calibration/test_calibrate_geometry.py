@@ -564,3 +564,16 @@ def test_poses_in_radians_are_doubted_where_nothing_is_measured(tmp_path: Path) 
         poses = pd.DataFrame(shown, columns=[f"q{i}_deg" for i in range(1, 7)])
         kinds = [one.kind for one in edtk.predict(STUDY, found, poses).findings]
         assert kinds.count("angle_unit") == count
+
+
+def test_a_fit_that_runs_away_is_refused_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where a fit ends among parameters that do not differ, it says what may be wrong."""
+
+    def runs_away(*_: object, **__: object) -> None:
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr("edtk.calibration.calibrate_geometry.fit_geometry", runs_away)
+    with pytest.raises(edtk.UserError, match="no geometry near the drawing fits: is it this robot"):
+        edtk.identify(STUDY, by_pose(tmp_path / "sheet.csv", *truth(12)))

@@ -109,3 +109,5 @@ def test_rounded_angles_are_named_by_their_step(
         said = [one for one in found.findings if one.kind == "rounded"]
         assert [one.severity for one in said] == [severity] * named
         assert all(f"multiples of {step:g} deg" in one.words for one in said)
+        # What rounding leaves is not the model's besides.
+        assert not any("No cause in the list" in one.words for one in found.findings)

@@ -78,7 +78,7 @@ def coordinate_lost(q: Array, x: Array) -> None:
 def test_what_explains_a_visit_is_named(spoil: Edit, rows: list[int], kind: str, said: str) -> None:
     """Each fault is one doubt, with all its rows and no others."""
     data = positions(spoil)
-    doubts = gross_findings(data, gross_errors(STUDY.robot, data))
+    doubts = gross_findings(data, gross_errors(STUDY.robot, data, rigid_tool(data)))
     assert [doubt.kind for doubt in doubts] == [kind]
     assert doubts[0].rows == tuple(rows)
     assert re.search(said, doubts[0].words)
@@ -87,7 +87,7 @@ def test_what_explains_a_visit_is_named(spoil: Edit, rows: list[int], kind: str,
 def test_sound_visits_are_left_alone() -> None:
     """An erring robot with noise alone has no doubtful visits."""
     data = positions(lambda q, x: None)
-    assert gross_errors(STUDY.robot, data).visits == []
+    assert gross_errors(STUDY.robot, data, rigid_tool(data)).visits == []
 
 
 def test_a_marker_that_stands_still_is_on_the_base(tmp_path: Path) -> None:
@@ -128,7 +128,8 @@ def test_a_turned_joint_is_found_beside_wrong_rows(tmp_path: Path) -> None:
 
 def test_few_visits_tell_a_wrong_one() -> None:
     """Ten visits are enough: nine of them agree, and show which joint was typed wrongly."""
-    found = gross_errors(STUDY.robot, positions(typed, poses=10))
+    data = positions(typed, poses=10)
+    found = gross_errors(STUDY.robot, data, rigid_tool(data))
     assert [one.visit for one in found.wrong] == [9]
     assert "typed wrongly" in found.wrong[0].words
 
@@ -157,3 +158,18 @@ def test_a_frame_that_moved_far_is_named_and_not_the_robot(tmp_path: Path) -> No
     named = [doubt for doubt in found.findings if doubt.kind == "frame_moved"]
     assert named
     assert named[0].rows == (10,)
+
+
+@pytest.mark.parametrize(("row", "turned"), [(5, [2, 4]), (9, [1])])
+def test_turned_joints_are_found_beside_a_false_coordinate(
+    tmp_path: Path, row: int, turned: list[int]
+) -> None:
+    """Distances between markers show a false coordinate before anything of the robot is known."""
+    q, x = truth(12)
+    q[:, turned] *= -1
+    x[row, 1, 2] *= -1
+    found = edtk.identify(STUDY, by_pose(tmp_path / "sheet.csv", q, x))
+    names = ", ".join(f"q{j + 1}" for j in turned)
+    assert found.counting.words.startswith(f"{names} count")
+    assert found.loo_rms_mm < 0.1
+    assert (row,) in [one.rows for one in found.findings if one.kind == "apart"]
