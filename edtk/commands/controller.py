@@ -34,6 +34,8 @@ def command(
 
     found = controller(robot, positions, base=base, tip=tip, out=out)
     show(found, as_json, out)
+    for sentence in found.left_out:
+        warn(f"{positions}: {sentence}")
     if found.far_off:
         warn(
             f"{positions}: the best way to count leaves {1e3 * found.best.rms:.3g} mm; is it this "

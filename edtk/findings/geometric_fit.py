@@ -66,7 +66,7 @@ NOISY = 5.0  # times the stated noise
 # (Markov's inequality), if they err as is assumed.
 LIKELIER = 300.0
 EXPLAINED = ("outliers", "frame_moved", "rough")  # these leave many outside by themselves
-LEAVES = (*EXPLAINED, "rounded")  # and these explain what a fit leaves
+LEAVES = ("frame_moved", "rough", "rounded")  # and these explain what a fit leaves
 IS_IT = (
     "is it this robot, are angles in degrees, and does the controller count joints as the study "
     "says? See edtk controller"
@@ -158,7 +158,9 @@ def geometric_findings(fit: GeometricFit, setting: StudyGeometry) -> list[Findin
         *_snapping(fit, setting),
         *_prior(fit, setting),
     ]
-    caused = bool(causes) or any(one.kind in LEAVES for one in found)
+    caused = bool(causes) or any(
+        one.kind in LEAVES or (one.kind == "outliers" and one.data["share"] > HALF) for one in found
+    )
     found += _noise(fit, setting, caused)
     named = any(one.kind in EXPLAINED for one in found)
     trusted_less = bool((fit.weights < 1).any())
@@ -240,7 +242,10 @@ def _outliers(fit: GeometricFit) -> list[Finding]:
         if found is not None
         for joint, size, unit in [found]
     )
-    return [_say(Severity.WARNING, "outliers", rows=tuple(rows), off=off, causes=causes)]
+    squares = np.nansum(fit.residual**2, axis=(1, 2))
+    share = float(squares[wrong].sum() / squares.sum())
+    data = {"rows": tuple(rows), "off": off, "causes": causes, "share": share}
+    return [_say(Severity.WARNING, "outliers", **data)]
 
 
 def _typed(fit: GeometricFit, pose: int) -> tuple[str, float, str] | None:
@@ -501,7 +506,7 @@ def _outliers_words(data: Data) -> str:
     off = f"{rows_in_words(data['rows'])}: {far} from where the other poses predict the markers"
     if data["causes"]:
         return "; ".join([off, *map(cause_wording, data["causes"][:MOST_TYPED])])
-    return f"{off}; a swapped marker, a pose typed wrongly, or see --robust"
+    return f"{off}; a swapped marker, or a pose typed wrongly?"
 
 
 def _few_poses(data: Data) -> str:

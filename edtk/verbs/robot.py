@@ -3,6 +3,8 @@
 from dataclasses import replace
 from pathlib import Path
 
+from edtk.findings.gross_errors import GrossErrors, gross_findings
+from edtk.findings.sound_rows import rigid_tool
 from edtk.fit.controller.find_controller import FoundController, find_controller
 from edtk.fit.controller.fits import Positions
 from edtk.fit.marker_positions import MarkerPositions, read_positions
@@ -120,11 +122,14 @@ def controller(
     if not sheet.count:
         message = "no position of a marker is filled in, or all are zero"
         raise UserError(message, where=name_of(positions, "positions"))
+    tool = rigid_tool(sheet)
+    said = gross_findings(sheet, GrossErrors(tool.swapped, (), tool.apart))
+    sound = tool.without_swapped(tool.without_apart(sheet))
     try:
-        found = find_controller(arm, Positions.of_sheet(sheet))
+        found = find_controller(arm, Positions.of_sheet(sound))
     except UserError as error:
         raise UserError(error.message, where=name_of(positions, "positions")) from error
     if out is not None:
         with errors_in(out):
             write_text(out, toml_text({"controller": found.best.table()}))
-    return found
+    return replace(found, left_out=tuple(one.words for one in said))

@@ -70,6 +70,24 @@ def test_a_table_to_paste(files: tuple[Path, Path]) -> None:
 
 
 @pytest.mark.slow
+def test_a_false_coordinate_is_named_and_left_out(files: tuple[Path, Path]) -> None:
+    """One coordinate of one of three markers has the other sign: its row is named, and all fits."""
+    robot, positions = files
+    rows = pd.read_csv(positions)
+    between = rows[rows.marker == "A"].assign(marker="C")
+    places = ["x_mm", "y_mm", "z_mm"]
+    between[places] = (between[places] + rows[rows.marker == "B"][places].values) / 2
+    rows = pd.concat([rows, between], ignore_index=True)
+    rows.loc[8, "x_mm"] *= -1
+    rows.to_csv(positions, index=False)
+    code, shown, error = run(robot, positions)
+    assert code == 0
+    assert "the answer is clear" in shown
+    assert error.startswith(f"edtk: {positions}: row 9: marker B is up to")
+    assert error.count("\n") == 1
+
+
+@pytest.mark.slow
 def test_the_sheet_of_a_calibration_is_taken(files: tuple[Path, Path]) -> None:
     """A row a pose, with columns for each marker and those of loads, gives the same table as a row
     a marker. Empty cells and zeros are positions that nobody measured.

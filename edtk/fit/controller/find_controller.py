@@ -113,6 +113,7 @@ class FoundController(Presented):
         marker: Their places (k, 3) in the flange's frame [m].
         base: Pose (4, 4) of the robot's base in the instrument's frame [m].
         far_off: Whether even the best way leaves more than such an arm can be wrong by.
+        left_out: Sentences on positions that cannot be those of the markers, and do not count.
     """
 
     robot: str
@@ -130,6 +131,7 @@ class FoundController(Presented):
     marker: Array
     base: Array
     far_off: bool
+    left_out: tuple[str, ...] = ()
 
     def headline(self) -> str:
         """What the fit leaves, and whether the answer is clear."""
@@ -153,6 +155,7 @@ class FoundController(Presented):
             "markers": dict(zip(self.markers, self.marker.tolist(), strict=True)),
             "base": self.base.tolist(),
             "far_off": self.far_off,
+            "left_out": list(self.left_out),
         }
 
 
