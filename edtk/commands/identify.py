@@ -160,7 +160,7 @@ def _prior_hint(bayes: bool) -> Iterator[None]:
 def _hint(finding: "Finding", robust: bool) -> str:
     """The options that help against a finding, where there are any."""
     if finding.kind == "outliers":
-        return "" if robust else "; --robust trusts such rows less"
+        return "" if robust else " (--robust trusts such rows less)"
     if finding.kind != "noise_above_sigma":
         return ""
     if finding.data["caused"]:
