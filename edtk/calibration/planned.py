@@ -261,7 +261,7 @@ class CalibratedDesigns(Designs, ABC):
             return 0.0
         rows, target = given
         size = np.linalg.norm(rows, axis=0)
-        R = np.linalg.qr(rows / size, mode="r")
+        R = np.asarray(np.linalg.qr(rows / size, mode="r"))
         moved = np.linalg.solve(R.T, (target / size).T)
         return float(np.linalg.norm(moved[-len(self.study.unknown) :]))
 

@@ -374,8 +374,9 @@ def apart_from_known(
         Roots (p, p) by noise, and E (p, c); the deviations (c,) with which measurements tell each
         of them.
     """
-    W = np.linalg.inv(covariance[np.ix_(known, known)] / np.outer(std, std))
-    E = np.linalg.solve(root_of_known(std, W), covariance[known]).T
+    left = covariance[np.ix_(known, known)] / np.outer(std, std)
+    W = np.asarray(np.linalg.inv(left), dtype=float)
+    E = np.asarray(np.linalg.solve(root_of_known(std, W), covariance[known]).T, dtype=float)
     more = np.maximum(np.diag(W) - 1, 0.0)
     told = np.divide(std, np.sqrt(more), out=np.full(len(std), np.inf), where=more > 0)
     return root_of_difference(covariance, E @ E.T), E, tuple(told.tolist())
