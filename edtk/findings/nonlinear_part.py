@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from edtk.findings.match_plan import some_poses
-from edtk.fit.equilibrium import linearise, marker_motion
+from edtk.fit.equilibrium import linearise
 from edtk.fit.identify import Identification
 from edtk.fit.least_squares import SingularPlanError, Whitened, estimate
 from edtk.fit.measurements import Measurements
-from edtk.measure.equilibrium import NoEquilibriumError, Rest, equilibrium
+from edtk.measure.equilibrium import NoEquilibriumError, Rest
 from edtk.measure.task import all_compliances
 from edtk.study.study import Study
 from edtk.system.typing import Array
@@ -55,13 +55,8 @@ def nonlinear_part(study: Study, data: Measurements, k: Array, A: Array | None =
     one = data[np.unique(data.pose, return_index=True)[1]]
     # Rows of one pose, such as those of several markers, share its equilibrium.
     every_k = all_compliances(study.model, k, study.known)
-    model = study.model
-    if data.sensor is not None or not model.is_plain or model.own_weights is not None:
-        moved = data.changes(model, Rest.of(model, one.q, one.wrench, every_k))
-        return moved - A @ k - known_part(study, data)
-    at_rest = equilibrium(study.robot, one.q, one.wrench, every_k)
-    moved = marker_motion(model, data.q, at_rest.displacement[data.pose], data.marker)
-    return moved - A @ k - known_part(study, data)
+    rest = Rest.of(study.model, one.q, one.wrench, every_k)
+    return data.changes(study.model, rest) - A @ k - known_part(study, data)
 
 
 def bends_much(study: Study, data: Measurements, A: Array, fit: Identification) -> bool:

@@ -12,8 +12,7 @@ from edtk.fit.least_squares import Whitened, estimate
 from edtk.fit.measurements import Measurements
 from edtk.fit.outliers import LackOfFit
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.equilibrium import AT_TOOL_POINT, Rest, equilibrium, torque_and_derivative
-from edtk.robots.rotations import inverse_left_jacobian
+from edtk.measure.equilibrium import Rest, torque_and_derivative
 from edtk.robots.weights import Loading
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
@@ -33,17 +32,14 @@ def equilibrium_deflection(
     q: ArrayLike,
     wrench: ArrayLike,
     k: ArrayLike,
-    marker: ArrayLike = (0.0, 0.0, 0.0),
 ) -> Array:
-    """Motion of the tool, or of a marker on it, from the unloaded pose to the loaded equilibrium.
+    """What instruments show of the motion from the unloaded pose to the loaded equilibrium.
 
     Args:
         model: The robot with its calibration tool, and the measured rows.
         q: Joint variables (..., n) [rad or m].
         wrench: Forces and torques (..., 6) or (6,) at the tool point [N, N m].
         k: Compliances (..., n) or (n,) of all joints [rad/(N m)].
-        marker: Offsets (..., 3) or (3,) from the tool point, in the tool frame [m]; of a model
-            without instruments of its own.
 
     Returns:
         Deflections (..., rows) [m, rad], one instrument after another.
@@ -51,41 +47,11 @@ def equilibrium_deflection(
     Raises:
         NoEquilibriumError: A pose buckles under the load.
     """
-    if not model.is_plain or model.own_weights is not None:
-        rest = Rest.of(model, q, wrench, k)
-        before = model.frames(rest.start)
-        after = model.frames(rest.end)
-        rows = [sensor.change(before, after) for sensor in model.whole_instruments]
-        return np.moveaxis(np.concatenate(rows), 0, -1)
-    return marker_motion(model, q, equilibrium(model.robot, q, wrench, k).displacement, marker)
-
-
-def marker_motion(model: ElastostaticModel, q: ArrayLike, moved: Array, marker: ArrayLike) -> Array:
-    """Motion of markers on a tool that moves by a displacement d and a rotation R.
-
-    A marker at an offset o from the tool point, in world axes, moves by ``d + (R - I) o``.
-
-    Args:
-        model: The robot with its calibration tool, and the measured rows.
-        q: Joint variables (..., n) without load [rad or m].
-        moved: Displacements and rotation vectors of the tool (..., 6), in world axes [m, rad].
-        marker: Offsets (..., 3) or (3,) from the tool point, in the tool frame [m].
-
-    Returns:
-        Motions (..., rows) [m, rad].
-    """
-    marker = np.asarray(marker, dtype=float)
-    if marker.any():
-        from scipy.spatial.transform import Rotation
-
-        orientation = model.robot.forward(q)[..., :3, :3]
-        orientation = np.broadcast_to(orientation, (*moved.shape[:-1], 3, 3))
-        offset = (orientation @ marker[..., None])[..., 0].reshape(-1, 3)
-        # Not offset x rotation: the equilibrium is exact, and so is the turn of the tool.
-        swing = Rotation.from_rotvec(moved[..., 3:].reshape(-1, 3)).apply(offset) - offset
-        added = np.concatenate([swing, np.zeros_like(swing)], axis=-1)
-        moved = moved + added.reshape(moved.shape)
-    return moved[..., :3] if model.rows == "position" else moved
+    rest = Rest.of(model, q, wrench, k)
+    before = model.frames(rest.start)
+    after = model.frames(rest.end)
+    rows = [sensor.change(before, after) for sensor in model.whole_instruments]
+    return np.moveaxis(np.concatenate(rows), 0, -1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,23 +96,8 @@ def linearise(model: ElastostaticModel, data: Measurements, k: Array) -> Lineari
         A = np.concatenate([part.A for part in parts])
         return Linearisation(A, np.concatenate([part.constant for part in parts]))
     first = np.unique(data.pose, return_index=True)[1]
-    q = data.q[first]
     wrench = data.wrench[first]
-    if data.sensor is not None or not model.is_plain or model.own_weights is not None:
-        return _of_sensors(model, data, k, Rest.of(model, q, wrench, k, signed=True), wrench)
-    rest = equilibrium(model.robot, q, wrench, k, signed=True)
-    deflection = marker_motion(model, data.q, rest.displacement[data.pose], data.marker)
-    turned = _joint_derivative(model, q + rest.theta, wrench, k, AT_TOOL_POINT)
-    A = _marker_derivative(model, data, q + rest.theta, turned)
-    if model.rows == "pose":
-        A[:, 3:] = inverse_left_jacobian(rest.displacement[data.pose, 3:]) @ A[:, 3:]
-    return Linearisation(A, deflection - A @ k[model.joints])
-
-
-def _of_sensors(
-    model: ElastostaticModel, data: Measurements, k: Array, rest: Rest, wrench: Array
-) -> Linearisation:
-    """The same for any instruments and weights, of a robot that is at rest in each pose."""
+    rest = Rest.of(model, data.q[first], wrench, k, signed=True)
     end = np.moveaxis(_joint_derivative(model, rest.end, wrench, k, model.loading), 0, -1)
     start = np.zeros_like(end)
     if model.own_weights is not None:
@@ -173,31 +124,6 @@ def _joint_derivative(
     loads = np.zeros((*tau.shape, model.p))
     loads[:, model.joints, np.arange(model.p)] = tau[:, model.joints]
     return np.asarray(np.linalg.solve(stiff, loads))
-
-
-def _marker_derivative(
-    model: ElastostaticModel, data: Measurements, q: Array, turned: Array
-) -> Array:
-    """Derivatives (m, rows, p) of the markers' motions, rotations as angular velocities.
-
-    Args:
-        model: The robot and the measured rows.
-        data: The markers, and the pose of each row.
-        q: Loaded joint variables (N, n) of each distinct pose.
-        turned: ``dtheta/dk`` (N, n, p) in these poses.
-    """
-    frames = model.robot.frames(q)
-    linear = np.moveaxis(frames.linear, -1, 0)  # (N, n, 3)
-    angular = np.moveaxis(frames.angular, -1, 0)
-    moved = np.swapaxes(linear, 1, 2) @ turned  # (N, 3, p)
-    rotated = np.swapaxes(angular, 1, 2) @ turned
-    moved = moved[data.pose]
-    rotated = rotated[data.pose]
-    if data.marker.any():
-        orientation = np.moveaxis(frames.rotation, -1, 0)[data.pose]  # rows are the tool's axes
-        offset = (np.swapaxes(orientation, 1, 2) @ data.marker[..., None])[..., 0]
-        moved = moved + np.cross(rotated, offset[..., None], axis=1)
-    return np.concatenate([moved, rotated], axis=1) if model.rows == "pose" else moved
 
 
 class NoFitError(ValueError):

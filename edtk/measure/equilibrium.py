@@ -10,7 +10,6 @@ from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.rest import stable_rest
 from edtk.robots.frames import WRENCH, Frames
 from edtk.robots.robot import Robot
-from edtk.robots.rotations import rotation_vector
 from edtk.robots.weights import Loading, torque_derivative
 from edtk.system.typing import Array, Indices
 
@@ -50,7 +49,7 @@ class Rest:
             NoEquilibriumError: A pose buckles.
         """
         q = np.asarray(q, dtype=float)
-        end = q + equilibrium(model.robot, q, wrench, k, signed, model.loading).theta
+        end = q + equilibrium(model.robot, q, wrench, k, signed, model.loading)
         return cls(np.broadcast_to(unloaded(model, q, k, signed), end.shape), end)
 
 
@@ -63,7 +62,7 @@ def unloaded(model: ElastostaticModel, q: Array, k: ArrayLike, signed: bool = Fa
     if model.own_weights is None:
         return q
     own = Loading(weights=model.own_weights)
-    return np.asarray(q + equilibrium(model.robot, q, np.zeros(6), k, signed, own).theta)
+    return np.asarray(q + equilibrium(model.robot, q, np.zeros(6), k, signed, own))
 
 
 AT_TOOL_POINT = Loading()
@@ -117,20 +116,6 @@ def why_no_rest(robot: Robot, q: Array, k: Array) -> str:
     return "the load buckles the arm; expected a load that it can carry"
 
 
-@dataclass(frozen=True, eq=False)
-class Equilibrium:
-    """Where compliant joints come to rest.
-
-    Attributes:
-        theta: Deflections (..., n) of the joints [rad or m].
-        displacement: Motion (..., 6) of the tool from the unloaded to the loaded pose, in world
-            axes: of the tool point [m], and the rotation vector of the tool [rad].
-    """
-
-    theta: Array
-    displacement: Array
-
-
 def equilibrium(
     robot: Robot,
     q: ArrayLike,
@@ -138,7 +123,7 @@ def equilibrium(
     k: ArrayLike,
     signed: bool = False,
     loading: Loading = AT_TOOL_POINT,
-) -> Equilibrium:
+) -> Array:
     """Solve ``theta = k * tau(q + theta)`` with ``tau = J(q + theta)' W``.
 
     The motors hold q, each joint is a spring, and W keeps its direction in the world while its
@@ -159,6 +144,9 @@ def equilibrium(
             may, and the equation has a solution there too.
         loading: Where the wrench acts, and weights that load the joints besides it.
 
+    Returns:
+        Deflections theta (..., n) of the joints [rad or m].
+
     Raises:
         NoEquilibriumError: Names the first pose that has none.
         ValueError: Shapes do not fit, or a compliance is negative or not finite.
@@ -168,8 +156,7 @@ def equilibrium(
     theta, found = stable_rest(_JointSprings(k), _DeadLoads(robot, loading), q, W)
     if not found.all():
         raise NoEquilibriumError(np.flatnonzero(~found).tolist())
-    displacement = _displacement(robot, q, theta)
-    return Equilibrium(theta.reshape(*batch, robot.n), displacement.reshape(*batch, 6))
+    return theta.reshape(*batch, robot.n)
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,15 +237,6 @@ def _checked(
     batch = np.broadcast_shapes(q.shape[:-1], W.shape[:-1], k.shape[:-1])
     flat = [np.broadcast_to(x, (*batch, x.shape[-1])).reshape(-1, x.shape[-1]) for x in (q, W, k)]
     return batch, flat
-
-
-def _displacement(robot: Robot, q: Array, theta: Array) -> Array:
-    """Motion (N, 6) of the tool between the joints q and q + theta (N, n) [m, rad]."""
-    before = robot.forward(q)
-    after = robot.forward(q + theta)
-    turn = after[:, :3, :3] @ np.swapaxes(before[:, :3, :3], -1, -2)
-    rotation = rotation_vector(np.moveaxis(turn, 0, -1)).T
-    return np.concatenate([after[:, :3, 3] - before[:, :3, 3], rotation], axis=-1)
 
 
 def compensated_joints(

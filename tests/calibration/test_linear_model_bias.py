@@ -1,5 +1,7 @@
 """The bias of compliances that were identified with the linear model."""
 
+from dataclasses import replace
+
 import numpy as np
 from readings import STUDY
 
@@ -7,6 +9,8 @@ from edtk.findings.nonlinear_part import linear_model_bias
 from edtk.fit.equilibrium import equilibrium_deflection
 from edtk.fit.least_squares import estimate
 from edtk.fit.measurements import Measurements
+from edtk.measure.instruments.marker import Marker
+from edtk.robots.frames import BodyPoint
 
 
 def test_several_markers():
@@ -22,7 +26,9 @@ def test_several_markers():
     rows = zip(q, W, marker, strict=True)
     moved = np.array(
         [
-            equilibrium_deflection(STUDY.model, pose, wrench, k, offset)
+            equilibrium_deflection(
+                replace(STUDY.model, sensors=(Marker(BodyPoint(offset)),)), pose, wrench, k
+            )
             for pose, wrench, offset in rows
         ]
     )

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from chains import mixed_chain
 
-from edtk.fit.equilibrium import linearise, marker_motion
+from edtk.fit.equilibrium import linearise
 from edtk.fit.measurements import Measurements
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.equilibrium import equilibrium
+from edtk.measure.equilibrium import Rest
 
 RNG = np.random.default_rng(0)
 ROBOT = mixed_chain()
@@ -17,25 +17,26 @@ WRENCH = np.hstack([300 * RNG.standard_normal((6, 3)), 50 * RNG.standard_normal(
 K = np.array([2.0, 3.0, 4.0, 28.0, 1.0, -0.5, 21.0]) * 1e-6
 
 
-def sheet(marker):
+def sheet(marker, rows="pose"):
     """Measurements of the poses, the first of them twice; measured values are zero."""
-    rows = [0, 0, 1, 2, 3, 4, 5]
+    order = [0, 0, 1, 2, 3, 4, 5]
+    width = 6 if rows == "pose" else 3
     offset = marker * RNG.standard_normal((7, 3))
-    return Measurements(Q[rows], WRENCH[rows], np.zeros((7, 6)), np.ones((7, 6)), offset)
+    empty = np.zeros((7, width))
+    return Measurements(Q[order], WRENCH[order], empty, empty + 1, offset)
 
 
 @pytest.mark.parametrize("marker", [0.0, 0.2])
 @pytest.mark.parametrize("rows", ["position", "pose"])
 def test_derivative_is_that_of_the_equilibrium(rows, marker, derivative):
     """A is the derivative of the markers' motion, and the constant closes the gap, to 1e-9."""
-    data = sheet(marker)
+    data = sheet(marker, rows)
     model = ElastostaticModel(ROBOT, (0, 1, 3, 5, 6), rows)
 
     def motion(unknown):
         k = K.copy()
         k[model.joints] = unknown
-        rest = equilibrium(ROBOT, data.q, data.wrench, k, signed=True)
-        return marker_motion(model, data.q, rest.displacement, data.marker)
+        return data.changes(model, Rest.of(model, Q, WRENCH, k, signed=True))
 
     found = linearise(model, data, K)
     expected = derivative(motion, K[model.joints], h=1e-8)
@@ -47,7 +48,7 @@ def test_derivative_is_that_of_the_equilibrium(rows, marker, derivative):
 @pytest.mark.parametrize("rows", ["position", "pose"])
 def test_about_a_rigid_robot_it_is_the_linear_model(rows):
     """At k = 0 the derivative is Eq. (4), and nothing is added."""
-    data = sheet(0.2)
+    data = sheet(0.2, rows)
     model = ElastostaticModel(ROBOT, None, rows)
     found = linearise(model, data, np.zeros(ROBOT.n))
     expected = data.regressor(model)

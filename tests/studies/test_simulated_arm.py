@@ -79,7 +79,7 @@ def test_arm_rests_at_the_minimum_of_its_energy(full, robot):
 def test_plain_arm_rests_where_edtk_has_it(plain, robot):
     """Six springs under forces and torques, by two codes."""
     q, wrench = loaded_poses(robot, 20, torque=300.0)
-    expected = equilibrium(robot, q, wrench, KR270).theta
+    expected = equilibrium(robot, q, wrench, KR270)
     np.testing.assert_allclose(plain.rest(q, wrench), expected, rtol=1e-12, atol=1e-16)
 
 
@@ -131,7 +131,7 @@ def test_palletiser_rests_where_edtk_has_it(module, arm_of):
     centers = tuple(BodyPoint(link.center, j) for j, link in enumerate(robot.links))
     hung = DeadWeights(tuple(link.mass for link in robot.links), centers, len(robot.chain))
     there = arm.points(q, [arm.at], arm.rest(q, wrench))[:, 0]
-    rest = q + equilibrium(robot, q, wrench, k, loading=Loading(weights=hung)).theta
+    rest = q + equilibrium(robot, q, wrench, k, loading=Loading(weights=hung))
     np.testing.assert_allclose(there, robot.forward(rest)[:, :3, 3], rtol=0, atol=POSITION)
     light = arm.replace(masses=())
     rows = ElastostaticModel(robot).regressor(q, wrench)

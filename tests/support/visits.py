@@ -1,5 +1,7 @@
 """Measurements of three markers in several visits of some poses, and their noise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 
@@ -7,6 +9,7 @@ from edtk.fit.equilibrium import equilibrium_deflection
 from edtk.fit.measurements import Measurements, joint_motion
 from edtk.fit.noise import visit_covariance
 from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.instruments.marker import Marker
 from edtk.measure.pose_table import (
     DEFLECTION_COLUMNS,
     MARKER_COLUMNS,
@@ -16,6 +19,7 @@ from edtk.measure.pose_table import (
     pose_columns,
 )
 from edtk.measure.task import all_compliances
+from edtk.robots.frames import BodyPoint
 from tests.support.readings import PLAN, STUDY
 
 MODEL = STUDY.model
@@ -47,7 +51,8 @@ def sheet(path, data, joints=0.0, discrepancy=0.0, seed=0):
         np.full(data.sigma.shape, discrepancy),
     )
     k = all_compliances(MODEL, STUDY.compliances)
-    clean = equilibrium_deflection(MODEL, data.q, data.wrench, k, data.marker)
+    there = replace(MODEL, sensors=(Marker(BodyPoint(data.marker.T)),))
+    clean = equilibrium_deflection(there, data.q, data.wrench, k)
     z = np.random.default_rng(seed).standard_normal(clean.shape)
     moved = clean + noise.colour(z)
     table = pd.DataFrame(np.rad2deg(data.q), columns=list(pose_columns(STUDY.robot)))
