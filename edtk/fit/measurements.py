@@ -50,7 +50,7 @@ from edtk.measure.pose_table import (
     Table,
     finished_rows,
 )
-from edtk.robots.frames import BodyPoint, Frames, cross
+from edtk.robots.frames import BodyPoint, Frames
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import without_rounding
 from edtk.system.presented import Presented
@@ -194,31 +194,9 @@ class Measurements(Presented):
             frames: The chain in the pose of each row.
             wrench: Forces and torques (m, 6) at the load point [N, N m].
         """
-        if self.sensor is not None or not model.is_plain:
-            return self._regressor_of_sensors(model, frames, wrench)
-        if not self.marker.any():
+        if self.sensor is None and model.is_plain and not self.marker.any():
             plain = model if model.gives is None else replace(model, gives=None)
-            A = plain.regressor_of(frames, wrench)
-            return np.moveaxis(A, (0, 1), (-1, -2))
-        whole = ElastostaticModel(model.robot, model.unknown, "pose")
-        A = whole.regressor_of(frames, wrench)  # (p, 6, m)
-        linear = A[:, :3]
-        angular = A[:, 3:]
-        offset = (frames.rotation * self.marker.T[:, None]).sum(axis=0)
-        moved = linear + cross(angular, offset[None])
-        # A marker on the joint's axis does not move: what remains is rounding, and would pass as
-        # information.
-        size = model.robot.reach + np.linalg.norm(self.marker, axis=1)
-        lost = 64 * np.finfo(float).eps * size * np.abs(angular).sum(axis=1, keepdims=True)
-        moved = np.where(np.abs(moved) <= lost, 0.0, moved)
-        if model.rows == "pose":
-            moved = np.concatenate([moved, angular], axis=1)
-        return np.moveaxis(moved, (0, 1), (-1, -2))
-
-    def _regressor_of_sensors(
-        self, model: ElastostaticModel, frames: Frames, wrench: Array
-    ) -> Array:
-        """Regressors (m, rows, p): each row's own motion, times the joint loads."""
+            return np.moveaxis(plain.regressor_of(frames, wrench), (0, 1), (-1, -2))
         torque = model.torque_of(frames, wrench)[model.joints]
         motion = self.motion_of(model, frames)[model.joints]
         # Poses stay contiguous, as the model makes them: another layout sums in another order.
