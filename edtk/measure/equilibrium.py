@@ -277,12 +277,8 @@ def compensated_joints(
     complete = np.zeros((*k.shape[:-1], model.robot.n))
     complete[..., model.joints] = k
     rest = unloaded(model, q0, complete, signed=True)
-    if model.is_plain:
-        J = model.robot.jacobian(rest)[..., model.joints]
-        turn = k * (np.swapaxes(J, -1, -2) @ W[..., None])[..., 0]
-    else:
-        torque = model.torque_of(model.frames(rest), W)[model.joints]
-        turn = k * np.moveaxis(torque, 0, -1)
+    torque = model.torque_of(model.frames(rest), W)[model.joints]
+    turn = k * np.moveaxis(torque, 0, -1)
     q = np.array(np.broadcast_to(q0, (*turn.shape[:-1], model.robot.n)))
     q[..., model.joints] -= turn
     return q

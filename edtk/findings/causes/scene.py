@@ -19,7 +19,7 @@ from edtk.measure.parameters import Parameter, all_parameters
 from edtk.measure.rest import Loads
 from edtk.measure.task import Task
 from edtk.robots.elastic_robot import turning_about
-from edtk.robots.frames import WRENCH, Frames
+from edtk.robots.frames import Frames
 from edtk.robots.joint import Joint
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array
@@ -277,11 +277,7 @@ class Displacements:
     @cached_property
     def torque(self) -> Array:
         """Loads (m, p) of the joints of the model [N m, or N if prismatic]."""
-        model, data = self.model, self.data
-        if not model.is_plain or data.wrench.shape[-1] > WRENCH:
-            return model.torque_of(self.frames, data.wrench)[model.joints].T
-        J = np.swapaxes(model.robot.jacobian(data.q)[..., model.joints], 1, 2)
-        return np.asarray((J @ data.wrench[..., None])[..., 0])
+        return self.model.torque_of(self.frames, self.data.wrench)[self.model.joints].T
 
     @cached_property
     def _before(self) -> Array:
