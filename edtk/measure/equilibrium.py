@@ -153,10 +153,10 @@ def equilibrium(
     """
     batch, flat = _checked(robot, q, wrench, k, signed)
     q, W, k = flat
-    theta, found = stable_rest(_JointSprings(k), _DeadLoads(robot, loading), q, W)
+    rest, found = stable_rest(_JointSprings(k), _DeadLoads(robot, loading), q, W)
     if not found.all():
         raise NoEquilibriumError(np.flatnonzero(~found).tolist())
-    return theta.reshape(*batch, robot.n)
+    return rest.turn.reshape(*batch, robot.n)
 
 
 @dataclass(frozen=True, eq=False)

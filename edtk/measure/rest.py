@@ -6,7 +6,7 @@ eigenvalues of ``I - K H`` have positive real parts. Coordinates are the joints 
 then the elastic ones.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Protocol, Self
 
 import numpy as np
@@ -19,7 +19,7 @@ from edtk.system.typing import Array, Indices, Mask
 # Joint deflection [rad or m] beyond which springs become soft in steps: Newton's method could then
 # have jumped to another branch of equilibria.
 FAR = 0.1
-STEPS = 32  # where it turns farther
+STEPS = (32, 512)  # the second for those that the first have lost
 ITERATIONS = 30  # Newton steps; a handful is the rule
 LONGEST = 0.5  # Newton step [rad or m]; beyond, the derivative says nothing about the arm
 NEAR = 1e-5  # Newton step [rad or m] after which the derivative is good for the others
@@ -74,6 +74,23 @@ class Settled:
     torque: Array
     slope: Array
     rests: Mask
+
+    @property
+    def far(self) -> Indices:
+        """Poses that may have gone over to another equilibrium, or to none."""
+        return np.flatnonzero(~self.rests | (np.abs(self.turn) > FAR).any(axis=-1))
+
+    @property
+    def stable(self) -> Mask:
+        """Which poses (m,) come back when they are pushed."""
+        return self.rests & _stable(self.slope)
+
+    def with_others(self, poses: Indices, others: "Settled") -> "Settled":
+        """The same with some poses that have ended elsewhere."""
+        mine = {one.name: getattr(self, one.name).copy() for one in fields(self)}
+        for name, array in mine.items():
+            array[poses] = getattr(others, name)
+        return Settled(**mine)
 
 
 def settle(springs: Compliant, loads: Loads, q: Array, wrench: Array, turn: Array) -> Settled:
@@ -135,35 +152,40 @@ def _in_play(play: float, apart: Array, slope: Array) -> Mask:
     return np.asarray((np.abs(apart) <= widest).all(axis=-1))
 
 
-def stable_rest(springs: Compliant, loads: Loads, q: Array, wrench: Array) -> tuple[Array, Mask]:
+def stable_rest(springs: Compliant, loads: Loads, q: Array, wrench: Array) -> tuple[Settled, Mask]:
     """Follow the rest of the arm from the unloaded pose on, while it is stable.
 
     Where joints turn far, springs become soft in equal steps that all have to be stable: so the
     branch that begins at the unloaded pose is followed, and ends where the arm snaps or buckles.
 
     Returns:
-        Turns (m, s) of the joints, and whether each pose got there (m,).
+        Where the joints rest, and whether each pose got there (m,).
     """
     found = settle(springs, loads, q, wrench, np.zeros_like(q))
-    turn = found.turn
-    good = found.rests & _stable(found.slope)
-    far = np.flatnonzero(~found.rests | (np.abs(turn) > FAR).any(axis=-1))
-    if len(far):
-        turn[far], good[far] = _softened(springs[far], loads, q[far], wrench[far])
-    return turn, good
+    good = found.stable
+    far = found.far
+    for steps in STEPS:
+        if not len(far):
+            break
+        again, good[far] = _softened(steps, springs[far], loads, q[far], wrench[far])
+        found = found.with_others(far, again)
+        far = far[~good[far]]
+    return found, good
 
 
-def _softened(springs: Compliant, loads: Loads, q: Array, wrench: Array) -> tuple[Array, Mask]:
-    """The same in steps."""
-    turn = np.zeros_like(q)
+def _softened(
+    steps: int, springs: Compliant, loads: Loads, q: Array, wrench: Array
+) -> tuple[Settled, Mask]:
+    """The same in so many steps."""
+    found = settle(springs.scaled(0.0), loads, q, wrench, np.zeros_like(q))
     good = np.ones(len(q), dtype=bool)
-    for part in np.linspace(0, 1, STEPS + 1)[1:]:
+    for part in np.linspace(0, 1, steps + 1)[1:]:
         at = np.flatnonzero(good)
         softer = springs.scaled(float(part))[at]
-        found = settle(softer, loads, q[at], wrench[at], turn[at])
-        turn[at] = found.turn
-        good[at] = found.rests & _stable(found.slope)
-    return turn, good
+        further = settle(softer, loads, q[at], wrench[at], found.turn[at])
+        found = found.with_others(at, further)
+        good[at] = further.stable
+    return found, good
 
 
 def _stable(slope: Array) -> Mask:
@@ -213,6 +235,10 @@ def resting_load(
     if bending.is_rigid:
         return Load(torque)
     found = settle(bending, changed, start, wrench, bending.turn(torque))
+    far = found.far
+    if len(far):
+        followed, _ = stable_rest(bending, changed, start[far], wrench[far])
+        found = found.with_others(far, followed)
     if not derivatives:
         return Load(found.torque)
     return Load(

@@ -61,3 +61,25 @@ def test_springs_of_both_kinds_of_studies_rest_in_the_same_place() -> None:
     assert np.abs(rest.end - Q).max() > 0.05
     np.testing.assert_allclose(load.near, rest.end, atol=1e-12)
     assert not no_rest(bending, Q, WRENCH, setting.loads).any()
+
+
+def test_a_soft_arm_is_followed_to_where_it_hangs() -> None:
+    """Springs that become soft step by step end where all at once they do, on the same branch."""
+    setting = setting_of(["joints"])
+    assert setting.loads is not None
+    soft = setting.model.bending(np.full(2, 20 * SOFT))
+    load = resting_load(soft, Q, WRENCH, setting.loads)
+    assert load is not None
+    assert load.near is not None
+    turn = np.zeros_like(Q)
+    for part in np.linspace(0, 1, 2001)[1:]:
+        softer = soft.scaled(float(part))
+        for _ in range(3):
+            torque, H = setting.loads.with_derivative(Q + turn, WRENCH)
+            slope = np.eye(2) - softer.turned_by(torque, H)
+            apart = softer.turn(torque) - turn
+            turn = turn + np.linalg.solve(slope, apart[..., None])[..., 0]
+    assert np.abs(turn).max() > 0.5
+    rests = ~no_rest(soft, Q, WRENCH, setting.loads)
+    assert rests.sum() > 15
+    np.testing.assert_allclose(load.near[rests], (Q + turn)[rests], atol=1e-9)
