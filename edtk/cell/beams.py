@@ -124,8 +124,9 @@ class Beams:
         solids = self.cell.solids
         owner = np.concatenate([self.owners[Box], self.owners[Cylinder]])
         s, beam = np.nonzero(solids.standing.below(start, end) < best.distance)
-        found = solids.standing.nearest(s, start[:, beam], end[:, beam], best.distance[beam])
-        _keep(best, beam, found, 0.0, owner[s])
+        if len(s):
+            found = solids.standing.nearest(s, start[:, beam], end[:, beam], best.distance[beam])
+            _keep(best, beam, found, 0.0, owner[s])
         every = np.arange(start.shape[1])
         for plane, owner in enumerate(self.owners[Plane]):
             normal, offset = solids.planes[0][plane][:, None], solids.planes[1][plane]

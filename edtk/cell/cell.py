@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from edtk.cell.distance import (
     TINY,
     Nearest,
+    segment_to_box,
     segment_to_convex,
     segment_to_plane,
     segment_to_segment,
@@ -260,20 +261,10 @@ class _Standing:
         round_ones = (*(one[self.boxes :] for one in places), self.half[[0, 2], self.boxes :])
         return (*boxes, *round_ones)
 
-    def signed(self, x: Array, which: Indices) -> tuple[Array, Array]:
-        """Signed distances of points (3, k) in the own frames of shapes (k,), and directions."""
-        half = self.half[:, which]
-        distance, direction = signed_box(x, half)
-        of = np.flatnonzero(which >= self.boxes)
-        if len(of):
-            found = signed_cylinder(x[:, of], half[0, of], half[2, of])
-            distance[of], direction[:, of] = found
-        return distance, direction
-
     def of_points(self, x: Array) -> Array:
-        """Signed distances (S, K, N) of points (3, K, N) [m].
+        """Signed distances (S, K, N) of points (3, K, N) [m], in place.
 
-        It is `signed` without directions, in place: of all pairs it takes most of the time.
+        Of all pairs this takes most of the time.
         """
         count = len(self.rotation)
         own = (self.rotation.reshape(-1, 3) @ x.reshape(3, -1)).reshape(count, 3, *x.shape[1:])
@@ -316,9 +307,19 @@ class _Standing:
     def nearest(self, which: Indices, start: Array, end: Array, beyond: Array) -> Nearest:
         """How near segments (3, k) are to shapes (k,), up to some distances (k,)."""
         axes = self.rotation[which].transpose(1, 2, 0)
-        middle = self.middle[which].T
+        middle, half = self.middle[which].T, self.half[:, which]
         a, b = (np.einsum("ijk,jk->ik", axes, x) - middle for x in (start, end))
-        found = segment_to_convex(a, b, lambda x, left: self.signed(x, which[left]), beyond)
+        found = segment_to_box(a, b, half, beyond)
+        of = np.flatnonzero(which >= self.boxes)
+        if len(of):
+            radius, _, height = half[:, of]
+            round_ones = segment_to_convex(
+                a[:, of],
+                b[:, of],
+                lambda x, left: signed_cylinder(x, radius[left], height[left]),
+                beyond[of],
+            )
+            found.put(of, round_ones)
         normal = np.einsum("ijk,ik->jk", axes, found.normal)
         return Nearest(found.distance, normal, np.einsum("ijk,ik->jk", axes, found.point + middle))
 

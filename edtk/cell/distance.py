@@ -43,6 +43,12 @@ class Nearest:
     normal: Array
     point: Array
 
+    def put(self, chosen: Indices, others: "Nearest") -> None:
+        """Put others in the place of those that are chosen."""
+        self.distance[chosen] = others.distance
+        self.normal[:, chosen] = others.normal
+        self.point[:, chosen] = others.point
+
 
 def segment_to_segment(a: Array, b: Array, c: Array, d: Array) -> Nearest:
     """Distances of the segments from a to b and those from c to d, in closed form.
@@ -142,6 +148,51 @@ def segment_to_convex(
         found.distance[left] = np.minimum(found.distance[left], value)
         bracket = bracket.narrowed(_End(t, value, normal, dot(normal, own)))
     return found
+
+
+def segment_to_box(a: Array, b: Array, half: Array, beyond: Array | float = np.inf) -> Nearest:
+    """Distances of the segments from a to b to boxes about the origin, along the axes.
+
+    Half the squared distance of ``x = a + t u`` from a box has the slope
+    ``sum_i u_i sign(x_i) max(|x_i| - half_i, 0)`` by t. It never falls, and is linear between the
+    places where the segment passes the planes of the faces: it is zero between the last of these at
+    which it is negative and the next one. Of segments that enter a box, inside of which no square
+    tells the depth, the deepest points are searched.
+
+    Args:
+        a: One end (3, k) of the segments [m], in the frame of the box.
+        b: The other end (3, k).
+        half: Half of each edge (3, k) [m].
+        beyond: See `segment_to_convex`.
+    """
+    way = b - a
+    steep = np.where(np.abs(way) < TINY, TINY, way)
+    t = np.concatenate([(half - a) / steep, (-half - a) / steep, np.zeros((2, a.shape[1]))])
+    t[-1] = 1.0
+    t = np.sort(np.clip(t, 0.0, 1.0, out=t), axis=0)
+    x = a[:, None] + t * way[:, None]
+    slope = np.einsum("ck,cmk->mk", way, _outside(x, half[:, None]))
+    falling = (slope < 0).sum(axis=0)
+    each = np.arange(a.shape[1])
+    low, high = np.maximum(falling - 1, 0), np.minimum(falling, len(t) - 1)
+    from_low, rise = -slope[low, each], slope[high, each] - slope[low, each]
+    share = np.clip(from_low / np.maximum(rise, TINY), 0.0, 1.0)
+    at = t[low, each] + share * (t[high, each] - t[low, each])
+    point = a + at * way
+    apart = _outside(point, half)
+    found = Nearest(np.sqrt(dot(apart, apart)), unit(apart), point)
+    entering = np.flatnonzero(found.distance < ACCURACY)
+    if len(entering):
+        ends, sizes = (a[:, entering], b[:, entering]), half[:, entering]
+        beyond = np.broadcast_to(beyond, each.shape)[entering]
+        deep = segment_to_convex(*ends, lambda x, i: signed_box(x, sizes[:, i]), beyond)
+        found.put(entering, deep)
+    return found
+
+
+def _outside(x: Array, half: Array) -> Array:
+    """Ways (3, ...) to points (3, ...) from the nearest points of boxes."""
+    return np.copysign(np.maximum(np.abs(x) - half, 0.0), x)
 
 
 class _End(NamedTuple):

@@ -185,11 +185,12 @@ def _frames_of(body: Body, frames: Frames) -> Array:
 
 
 def poses_within(robot: Robot, fixed: Mapping[int, float], count: int = POSES) -> Array:
-    """Poses (k, n) that fill the limits of the joints evenly [rad or m], some joints fixed."""
-    from scipy.stats import qmc
+    """Poses (k, n) anywhere within the limits of the joints [rad or m], some joints fixed.
 
+    They are the same ones in each call.
+    """
     lower, upper = robot.limits
-    q = lower + (upper - lower) * qmc.Sobol(robot.n, seed=0).random(count)
+    q = lower + (upper - lower) * np.random.default_rng(0).random((count, robot.n))
     for joint, value in fixed.items():
         q[:, joint] = value
     possible = robot.bounds.coupled.hold(q)

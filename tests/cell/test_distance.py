@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from edtk.cell.distance import (
+    segment_to_box,
     segment_to_convex,
     segment_to_plane,
     segment_to_segment,
@@ -117,6 +118,23 @@ def test_directions_are_the_derivatives_of_distances_even_deep_inside(rng, kind)
     for axis, unit in enumerate(np.eye(3)[:, :, None] * h):
         ends = [segment_to_convex(a + s * unit, b + s * unit, signed).distance for s in (1, -1)]
         assert found.normal[axis] == pytest.approx((ends[0] - ends[1]) / (2 * h), abs=1e-4)
+
+
+def test_the_closed_form_of_a_box_is_what_a_search_finds(rng):
+    """Distance, direction and point, of segments beside, along, on and in boxes, and of points."""
+    half = rng.uniform(0.1, 1.0, (3, COUNT))
+    a, b = rng.normal(size=(2, 3, COUNT))
+    b[:, :20] = a[:, :20]  # points
+    b[0, 20:60], b[1, 40:80] = a[0, 20:60], a[1, 40:80]  # along faces and edges
+    a[2, 80:100] = half[2, 80:100]  # that begin on a face's plane
+    found = segment_to_box(a, b, half)
+    searched = segment_to_convex(a, b, lambda x, i: signed_box(x, half[:, i]))
+    apart = found.distance > 1e-6
+    assert 50 < apart.sum() < COUNT - 50
+    assert found.distance == pytest.approx(searched.distance, abs=1e-8)
+    assert found.normal[:, apart] == pytest.approx(searched.normal[:, apart], abs=1e-4)
+    assert signed_box(found.point, half)[0] == pytest.approx(found.distance, abs=1e-8)
+    assert np.linalg.norm(found.normal[:, apart], axis=0) == pytest.approx(1.0)
 
 
 def test_a_search_that_may_end_early_tells_what_is_nearer_exactly(rng):
