@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 Round = Capsule | Box
 Fit = Callable[[Array, Array], Round]
 
-TIGHT = 0.015  # [m] by which shapes may stand out of the surface before they are cut in two
+# [m] by which shapes may stand out of the surface before they are cut in two: what two of them
+# refuse is then 40 mm apart at most, where there are enough of them.
+TIGHT = 0.02
 MOST = 4  # capsules of one part of an arm; each costs time in each pose
 LEAST_RADIUS = 1e-4  # [m]; of flat or thin parts
 ROUNDING = 1e-9  # by which shapes are larger, relative, so that rounding leaves no corner outside

@@ -14,6 +14,7 @@ from edtk.calibration.robot_program import (
     DWELL_S,
     SPEED,
     Driven,
+    Vias,
     Visits,
     WrittenProgram,
     as_taken,
@@ -26,8 +27,9 @@ from edtk.calibration.robot_program import (
 )
 from edtk.measure.pose_table import pose_factors
 from edtk.programs import writer as writers
-from edtk.programs.program import Program
+from edtk.programs.program import Axis, Program
 from edtk.programs.writer import Writer
+from edtk.study.study import Study
 from edtk.system.arguments import checked
 from edtk.system.errors import ArgumentError
 from edtk.system.files import is_standard_output, write_files, write_text
@@ -168,12 +170,7 @@ def program(
         day = question.timetable(measured)
         if day is not None and day.in_a_cell:
             require_free(day)
-        vias = None if day is None else vias_of(day, robot, brand, named, day.order.tolist())
-        if home is not None and vias is not None:  # ways lead to the study's own home
-            vias = {places: via for places, via in vias.items() if None not in places}
-        elif question.study.home is not None:
-            home = (robot.shown(question.study.home) / pose_factors(robot)).tolist()
-        at_home = None if home is None else tuple(home_taken(robot, brand, named, home).tolist())
+        vias, at_home = _ways_and_home(question.study, day, brand, named, home)
         signals = None if handshake is None else _pair(handshake)
         driven = Driven(speed, dwell, signals, at_home, axes)
         name = Path(files[brand.suffixes[0]]).stem
@@ -201,6 +198,28 @@ def program(
     if out is not None:
         _write(found, files, out)
     return found
+
+
+def _ways_and_home(
+    study: Study,
+    day: "Day | None",
+    brand: Writer,
+    axes: Sequence[Axis],
+    home: Sequence[float] | None,
+) -> tuple[Vias | None, tuple[float, ...] | None]:
+    """Via poses of ways, and where a program begins and ends, as the controller takes both.
+
+    That is the study's home, to which ways are proved, or another one, to which none leads.
+    """
+    robot = study.robot
+    vias = None if day is None else vias_of(day, robot, brand, axes, day.order.tolist())
+    if home is None:
+        if study.home is None:
+            return vias, None
+        home = (robot.shown(study.home) / pose_factors(robot)).tolist()
+    elif vias is not None:
+        vias = {places: via for places, via in vias.items() if None not in places}
+    return vias, tuple(home_taken(robot, brand, axes, home).tolist())
 
 
 def _paths(brand: Writer, out: Path | str | None, plan: Path) -> dict[str, Path]:

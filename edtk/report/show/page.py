@@ -14,8 +14,9 @@ import numpy as np
 
 from edtk.cell.shapes import Box, Capsule, Cylinder, Mesh, Plane, Shape
 from edtk.report.page import table
-from edtk.report.show.stage import TIP, WORLD, Part, Shade, Stage, carrier_of, place
+from edtk.report.show.stage import TIP, WORLD, Mark, Part, Shade, Stage, carrier_of, place
 from edtk.robots.joint import Ties
+from edtk.robots.robot import Robot
 from edtk.system.presented import Presented
 from edtk.system.typing import Array
 from edtk.version import __version__
@@ -160,14 +161,30 @@ def _motion(T: Array) -> list[float]:
 
 def page_data(stage: Stage) -> dict[str, Any]:
     """All that the script draws, in SI units."""
-    robot = stage.robot
-    ties = robot.ties or Ties(np.eye(robot.n), np.zeros(robot.n), list(range(robot.n)))
-    middle, size = picture_ball(stage)
-    middle_of_all, size_of_all = picture_ball(stage, far=True)
-    force = stage.wrench[:, :3]
-    levers = stage.wrench[:, 6:] if stage.wrench.shape[1] > 6 else np.zeros((len(force), 3))
     return {
         "title": stage.title,
+        **_arm(stage.robot),
+        "q": _numbers(stage.q),
+        "shown": _shown(stage),
+        "names": list(stage.names),
+        "repeats": stage.repeats.tolist(),
+        "parts": [_part(part) for part in stage.parts],
+        "marks": [_mark(mark) for mark in stage.marks],
+        "eyes": [{"name": name, "at": _numbers(at)} for name, at in stage.eyes],
+        "hidden": [list(pose) for pose in stage.hidden],
+        "ways": [_numbers(way) for way in stage.ways],
+        **_loads(stage),
+        "turns": None if stage.turns is None else _numbers(stage.turns),
+        "springs": stage.springs,
+        "shades": [_shade(one) for one in stage.shades],
+        **_views(stage),
+    }
+
+
+def _arm(robot: Robot) -> dict[str, Any]:
+    """The chain of joints, from which the script finds where all is in a pose."""
+    ties = robot.ties or Ties(np.eye(robot.n), np.zeros(robot.n), list(range(robot.n)))
+    return {
         "chain": [
             {
                 "name": joint.name,
@@ -182,35 +199,39 @@ def page_data(stage: Stage) -> dict[str, Any]:
         "ties": _numbers(ties.matrix),
         "offset": _numbers(ties.offset),
         "joints": list(robot.joint_names),
-        "q": _numbers(stage.q),
-        "shown": _shown(stage),
-        "names": list(stage.names),
-        "repeats": stage.repeats.tolist(),
-        "parts": [_part(part) for part in stage.parts],
-        "marks": [
-            {
-                "name": mark.name,
-                "on": carrier_of(mark.point),
-                "at": _numbers(np.ravel(mark.point.offset)[:3]),
-                "anchor": None if mark.anchor is None else _numbers(mark.anchor),
-                "normal": None if mark.normal is None else _numbers(mark.normal),
-            }
-            for mark in stage.marks
-        ],
-        "eyes": [{"name": name, "at": _numbers(at)} for name, at in stage.eyes],
-        "hidden": [list(pose) for pose in stage.hidden],
-        "ways": [_numbers(way) for way in stage.ways],
-        "load": {
-            "on": carrier_of(stage.load_point),
-            "at": _numbers(np.ravel(stage.load_point.offset)[:3]),
-        },
+    }
+
+
+def _mark(mark: Mark) -> dict[str, Any]:
+    """What an instrument looks at."""
+    return {
+        "name": mark.name,
+        "on": carrier_of(mark.point),
+        "at": _numbers(np.ravel(mark.point.offset)[:3]),
+        "anchor": None if mark.anchor is None else _numbers(mark.anchor),
+        "normal": None if mark.normal is None else _numbers(mark.normal),
+    }
+
+
+def _loads(stage: Stage) -> dict[str, Any]:
+    """Where loads act, and how large they are."""
+    force, levers = stage.wrench[:, :3], stage.wrench[:, 6:]
+    levers = levers if levers.size else np.zeros((len(force), 3))
+    point = stage.load_point
+    return {
+        "load": {"on": carrier_of(point), "at": _numbers(np.ravel(point.offset)[:3])},
         "forces": _numbers(force),
         "levers": _numbers(np.nan_to_num(levers)),
         "largest": _numbers(max(np.linalg.norm(force, axis=1).max(initial=0.0), 1e-9)),
         "loads": [_load_in_words(one) for one in stage.wrench],
-        "turns": None if stage.turns is None else _numbers(stage.turns),
-        "springs": stage.springs,
-        "shades": [_shade(one) for one in stage.shades],
+    }
+
+
+def _views(stage: Stage) -> dict[str, Any]:
+    """What the picture has to hold, without and with what stands around, and its grid."""
+    middle, size = picture_ball(stage)
+    middle_of_all, size_of_all = picture_ball(stage, far=True)
+    return {
         "middle": _numbers(middle),
         "size": _numbers(size),
         "middle_of_all": _numbers(middle_of_all),
