@@ -7,6 +7,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from reprlib import repr as shortened
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from numpy.typing import ArrayLike
@@ -213,7 +214,8 @@ def as_criterion(
             return from_dict(named_parameters(given, names)).named(tuple(names))
         except ValueError as error:
             raise CriterionError(f"criterion {given['name']!r}: {error}") from error
-    raise CriterionError(f"expected a criterion, its name or a table with a name, not {given!r}")
+    shown = " ".join(shortened(given).split())
+    raise CriterionError(f"expected a criterion, its name or a table with a name, not {shown}")
 
 
 def parameters_of(name: str) -> tuple[str, ...]:

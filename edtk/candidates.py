@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.design.linear_constraints import Linear, LinearConstraints, linear_constraints
+from edtk.system.arguments import checked
 from edtk.system.errors import ArgumentError, whole_number
 from edtk.system.typing import Array, Mask
 
@@ -95,6 +96,7 @@ def _levels(name: str, given: object) -> Sequence[Any]:
     return levels
 
 
+@checked
 def fractional_factorial(factors: Factors, generators: str | Sequence[str]) -> "pd.DataFrame":
     """A two-level factorial of some factors, of which generators make the others.
 
@@ -248,6 +250,7 @@ def _is_prime(q: int) -> bool:
 # ---------------------------------------------------------------- response surfaces
 
 
+@checked
 def central_composite(
     factors: Factors,
     alpha: float | str = "rotatable",
@@ -331,6 +334,7 @@ def box_behnken(factors: Factors, center: int = 1) -> "pd.DataFrame":
 # ---------------------------------------------------------------- mixtures
 
 
+@checked
 def simplex_lattice(
     components: int | Sequence[str], degree: int, total: float = 1.0
 ) -> "pd.DataFrame":
@@ -359,6 +363,7 @@ def simplex_lattice(
     return _frame(counts[::-1] * (_total(total) / m), names)
 
 
+@checked
 def simplex_centroid(components: int | Sequence[str], total: float = 1.0) -> "pd.DataFrame":
     """Equal parts of each set of components: Scheffe's centroid design (1963) of 2^q - 1 mixtures.
 
@@ -376,6 +381,7 @@ def simplex_centroid(components: int | Sequence[str], total: float = 1.0) -> "pd
     return _frame(parts, names)
 
 
+@checked
 def extreme_vertices(
     components: Mapping[str, tuple[float, float]],
     constraints: Sequence[Linear] = (),
@@ -436,6 +442,7 @@ def extreme_vertices(
     return _frame(points[np.sort(first)], box.names)
 
 
+@checked
 def n_choose_k(
     frame: "pd.DataFrame", columns: Sequence[str], most: int, least: int = 0
 ) -> "pd.DataFrame":
@@ -823,10 +830,9 @@ def _of(name: object) -> str:
 
 def _total(given: float) -> float:
     """What the components of a mixture sum to."""
-    total = float(given)
-    if not (np.isfinite(total) and total > 0):
+    if not (np.isfinite(given) and given > 0):
         raise ArgumentError("expected above 0", argument="total", given=given)
-    return total
+    return float(given)
 
 
 def _frame(points: Array, names: Sequence[str]) -> "pd.DataFrame":

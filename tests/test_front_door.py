@@ -3,9 +3,11 @@ commands do.
 """
 
 import ast
+import inspect
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -194,6 +196,67 @@ def test_results_show_themselves_in_one_line() -> None:
         assert "\n" not in text
         assert len(text) <= 100
         assert result._repr_html_().startswith("<")
+
+
+X = np.linspace(-1.0, 1.0, 11)
+PARABOLA = edtk.Problem(np.vander(X, 3)[:, None, :])
+FRAME = edtk.candidates.full_factorial({"a": 3, "b": 3})
+FACTORS = {"a": (0, 1), "b": (0, 1), "c": (0, 1)}
+ENZYME = {"f": "V*x/(K+x)", "theta": {"V": 1, "K": 1}}
+RIVALS = {"rival": "c*x", "rival_theta": {"c": (-2, 2)}}
+# Calls about arrays, each with arguments that it answers.
+CALLS = {
+    edtk.apportion: {"weights": [0.5, 0.5], "m": 4},
+    edtk.exchange: {"problem": PARABOLA, "criterion": criteria.create("D"), "start": [0, 5, 10]},
+    edtk.Problem: {"blocks": np.ones((4, 1, 1))},
+    edtk.Problem.of_information: {"packed": np.ones((1, 4))},
+    edtk.Problem.from_frame: {"frame": FRAME, "formula": "a + b"},
+    edtk.Problem.of_model: {**ENZYME, "candidates": X + 2},
+    edtk.Problem.of_rivals: {**ENZYME, **RIVALS, "candidates": X + 2},
+    edtk.Region: {"rows": lambda x: np.vander(x[:, 0], 2), "low": -1, "high": 1},
+    edtk.Region.of_model: {**ENZYME, "box": (0, 4)},
+    edtk.several_models: {"problems": [PARABOLA, PARABOLA]},
+    edtk.relax: {"question": PARABOLA},
+    edtk.plan: {"study": PARABOLA, "size": 4, "starts": 1},
+    edtk.next: {"problem": PARABOLA, "keep": [0, 5, 10]},
+    edtk.compare: {"designs": [[0, 5, 10]], "model": PARABOLA},
+    edtk.Errors.split_plot: {"hard": ["a"], "whole_plots": 4},
+    edtk.Errors.autoregressive: {"correlation": 0.5},
+    edtk.Errors.trend: {},
+    edtk.Errors.spatial: {"positions": np.eye(3), "length": 1.0},
+    edtk.candidates.full_factorial: {"factors": {"a": 3}},
+    edtk.candidates.fractional_factorial: {"factors": 3, "generators": "C=AB"},
+    edtk.candidates.central_composite: {"factors": 3},
+    edtk.candidates.box_behnken: {"factors": 3},
+    edtk.candidates.plackett_burman: {"factors": 3},
+    edtk.candidates.simplex_lattice: {"components": 3, "degree": 2},
+    edtk.candidates.extreme_vertices: {"components": FACTORS},
+    edtk.candidates.n_choose_k: {"frame": FRAME, "columns": ["a", "b"], "most": 1},
+    edtk.candidates.latin_hypercube: {"factors": FACTORS, "n": 4},
+    edtk.candidates.sobol: {"factors": FACTORS, "n": 4},
+}
+WRONG = (-1, 0, np.nan, 2.5, "many", [1, 2], [[1.0]], np.full(3, np.nan), True, {"a": -1}, [])
+WRONG = (*WRONG, np.zeros(11), np.ones((2, 2, 2)), 10**400, object(), 1j)
+OF_FILES = ("out", "certificate", "workers", "dask")
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__qualname__)
+def test_a_wrong_argument_is_one_line_or_no_mistake(call: Callable[..., object]) -> None:
+    """Whatever is given for one argument of a call about arrays, it answers, or says on one line
+    what is wrong.
+    """
+    good = CALLS[call]
+    call(**good)
+    said = []
+    for argument in inspect.signature(call).parameters.keys() - set(OF_FILES):
+        for wrong in WRONG:
+            try:
+                call(**{**good, argument: wrong})
+            except (edtk.UserError, criteria.CriterionError) as error:
+                said.append(str(error))
+    assert said
+    assert not [line for line in said if "\n" in line or len(line) > 300]
 
 
 @pytest.mark.parametrize(

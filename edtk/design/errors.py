@@ -160,8 +160,9 @@ class Errors(Presented):
         sizes = np.asarray(whole_plots)
         if sizes.ndim == 0:
             return found
-        group_labels(whole_plots, int(sizes.sum()), "whole_plots")
-        return replace(found, size=int(sizes.sum()))
+        m = int(finite_numbers(whole_plots, "whole_plots").sum())
+        group_labels(whole_plots, m, "whole_plots")
+        return replace(found, size=m)
 
     @classmethod
     def strip_plot(

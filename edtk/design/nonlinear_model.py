@@ -10,7 +10,14 @@ from numpy.typing import ArrayLike
 
 from edtk.design.families import Response
 from edtk.design.formula import Formula
-from edtk.design.user_model import Slopes, as_called, point_text, slopes_of, variable_names
+from edtk.design.user_model import (
+    Slopes,
+    as_called,
+    as_names,
+    point_text,
+    slopes_of,
+    variable_names,
+)
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
 
@@ -149,8 +156,8 @@ def nonlinear_model(
     sigma: ArrayLike | Callable[..., ArrayLike] = 1.0,
     covariance: ArrayLike | None = None,
     gradient: Callable[..., ArrayLike] | None = None,
-    parameters: Sequence[str] | None = None,
-    variables: Sequence[str] | None = None,
+    parameters: str | Sequence[str] | None = None,
+    variables: str | Sequence[str] | None = None,
 ) -> NonlinearModel:
     """Make a model of a function or a formula, and try it.
 
@@ -191,15 +198,16 @@ def nonlinear_model(
 
 
 def _named_theta(
-    theta: ArrayLike | Mapping[str, float], parameters: Sequence[str] | None
+    theta: ArrayLike | Mapping[str, float], parameters: str | Sequence[str] | None
 ) -> tuple[tuple[str, ...], Array]:
     """Names (p,) and values (p,) of the parameters.
 
     Raises:
         ArgumentError: They are not numbers, or not as many as names.
     """
+    parameters = as_names(parameters)
     if isinstance(theta, Mapping):
-        parameters = tuple(parameters or theta)
+        parameters = parameters or tuple(theta)
         if len(parameters) != len(theta) or set(parameters) != set(theta):
             given = ", ".join(map(str, theta))
             message = (
@@ -213,7 +221,7 @@ def _named_theta(
         raise ArgumentError("expected a number for each parameter", argument="theta") from error
     if at.ndim != 1 or not at.size or not np.isfinite(at).all():
         raise ArgumentError("expected a finite number for each parameter", argument="theta")
-    names = tuple(parameters) if parameters else tuple(f"k{i + 1}" for i in range(len(at)))
+    names = parameters or tuple(f"k{i + 1}" for i in range(len(at)))
     if len(names) != len(at) or len(set(names)) != len(names):
         message = f"{', '.join(names)}; expected {len(at)} different names, as many as in theta"
         raise ArgumentError(message, argument="parameters")

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from edtk.design.nonlinear_model import Model, NonlinearModel, Robust, nonlinear_model, of_each
 from edtk.design.sites import Made, Sites
 from edtk.design.theta_box import INSIDE, MOST_RANGES, ROUNDING, EfficiencyBox, RivalBox
+from edtk.design.user_model import as_names
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
 
@@ -51,7 +52,7 @@ def of_rivals(
     theta: Any,
     rival: Model,
     rival_theta: Any,
-    parameters: Sequence[str] | None,
+    parameters: str | Sequence[str] | None,
     **options: Any,
 ) -> Made:
     """Make what `Problem.of_rivals` or `Region.of_rivals` describes, at its sites."""
@@ -90,7 +91,7 @@ def _of_ranges(
 ) -> Made:
     """The problem or the region of a model with ranges of theta."""
     free, limits = _ranges(theta, "theta")
-    names = tuple(options.get("parameters") or free)
+    names = as_names(options.get("parameters")) or tuple(free)
     own = dict(options) | {"parameters": names}
     inside = _inside(free, limits)
     model = nonlinear_model(f, inside, sites.trial, variables=sites.variables, **own)

@@ -219,6 +219,7 @@ class Problem(WeightedCandidates):
         require_information(self.prior)
 
     @classmethod
+    @checked
     def from_frame(
         cls,
         frame: "pd.DataFrame",
@@ -273,8 +274,8 @@ class Problem(WeightedCandidates):
         sigma: ArrayLike | Callable[..., ArrayLike] = 1.0,
         covariance: ArrayLike | None = None,
         gradient: Callable[..., ArrayLike] | None = None,
-        parameters: Sequence[str] | None = None,
-        variables: Sequence[str] | None = None,
+        parameters: str | Sequence[str] | None = None,
+        variables: str | Sequence[str] | None = None,
         prior: ArrayLike | None = None,
         robust: str | None = None,
         weights: ArrayLike | None = None,
@@ -343,20 +344,21 @@ class Problem(WeightedCandidates):
         )
 
     @classmethod
+    @checked
     def of_rivals(
         cls,
         f: "Model",
         theta: Any,
         rival: "Model",
-        rival_theta: Mapping[str, Any],
+        rival_theta: "Mapping[str, Any]",  # read below, in words of its own
         candidates: "ArrayLike | pd.DataFrame",
         family: str = "normal",
         *,
         link: str | None = None,
         sigma: ArrayLike = 1.0,
         covariance: ArrayLike | None = None,
-        parameters: Sequence[str] | None = None,
-        variables: Sequence[str] | None = None,
+        parameters: str | Sequence[str] | None = None,
+        variables: str | Sequence[str] | None = None,
     ) -> "Problem":
         """Make a problem of telling a model from a rival, whatever parameters the rival has.
 

@@ -15,6 +15,7 @@ from edtk.design.expansion import Expansion, NotPolynomialError, expand
 from edtk.design.information import Known, ModelRows, Rows, nearly_equal, pack_gram
 from edtk.design.problem import Problem
 from edtk.design.user_model import as_names, point_text, variable_names
+from edtk.system.arguments import checked
 from edtk.system.errors import ArgumentError, whole_number
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Mask
@@ -319,17 +320,18 @@ class Region(Presented):
     known: Known | None
     robust: "Robust | None" = None  # several models side by side, and what a design is for
 
+    @checked
     def __init__(
         self,
         rows: Model,
         low: ArrayLike,
         high: ArrayLike,
         gradient: Model | None = None,
-        constraints: Model | Sequence[Model] = (),
-        parameters: Sequence[str] | None = None,
+        constraints: "Model | Sequence[Model]" = (),  # read below, in words of its own
+        parameters: str | Sequence[str] | None = None,
         sigma: ArrayLike = 1.0,
         prior: ArrayLike | None = None,
-        variables: Sequence[str] | None = None,
+        variables: str | Sequence[str] | None = None,
         degree: int | Sequence[int] | None = None,
         enclosure: Callable[[Array, Array], tuple[ArrayLike, ArrayLike]] | None = None,
     ) -> None:
@@ -363,6 +365,7 @@ class Region(Presented):
         self._variable_first = gradient is not None and self._is_variable_first()
 
     @classmethod
+    @checked
     def of_model(
         cls,
         f: "str | Callable[..., ArrayLike]",
@@ -374,12 +377,12 @@ class Region(Presented):
         sigma: ArrayLike | Callable[..., ArrayLike] = 1.0,
         covariance: ArrayLike | None = None,
         gradient: Callable[..., ArrayLike] | None = None,
-        parameters: Sequence[str] | None = None,
-        variables: Sequence[str] | None = None,
+        parameters: str | Sequence[str] | None = None,
+        variables: str | Sequence[str] | None = None,
         prior: ArrayLike | None = None,
         robust: str | None = None,
         weights: ArrayLike | None = None,
-        constraints: Model | Sequence[Model] = (),
+        constraints: "Model | Sequence[Model]" = (),  # read below, in words of its own
     ) -> "Region":
         """Make a region of a nonlinear model, linearised at theta.
 
@@ -428,21 +431,22 @@ class Region(Presented):
         )
 
     @classmethod
+    @checked
     def of_rivals(
         cls,
         f: "str | Callable[..., ArrayLike]",
         theta: Any,
         rival: "str | Callable[..., ArrayLike]",
-        rival_theta: Mapping[str, Any],
+        rival_theta: "Mapping[str, Any]",  # read below, likewise
         box: Any,
         family: str = "normal",
         *,
         link: str | None = None,
         sigma: ArrayLike = 1.0,
         covariance: ArrayLike | None = None,
-        parameters: Sequence[str] | None = None,
-        variables: Sequence[str] | None = None,
-        constraints: Model | Sequence[Model] = (),
+        parameters: str | Sequence[str] | None = None,
+        variables: str | Sequence[str] | None = None,
+        constraints: "Model | Sequence[Model]" = (),  # read below, in words of its own
     ) -> "Region":
         """Make a region of telling a model from a rival, whatever parameters the rival has.
 

@@ -13,6 +13,7 @@ from edtk.design.information import side_by_side
 from edtk.design.problem import Problem
 from edtk.design.problems import DescribedProblem, several_models
 from edtk.design.region import Region, UserFunction, user_functions
+from edtk.design.user_model import as_names
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Mask
 
@@ -70,7 +71,7 @@ class CandidateSites(Sites[Problem]):
 
     @classmethod
     def of(
-        cls, candidates: "ArrayLike | pd.DataFrame", variables: Sequence[str] | None
+        cls, candidates: "ArrayLike | pd.DataFrame", variables: str | Sequence[str] | None
     ) -> "CandidateSites":
         """Points (n, d) or (n,), or a data frame whose columns are the variables.
 
@@ -129,7 +130,7 @@ class BoxSites(Sites[Region]):
     constraints: tuple[UserFunction, ...]
 
     @classmethod
-    def of(cls, box: Any, variables: Sequence[str] | None, constraints: Any) -> "BoxSites":
+    def of(cls, box: Any, variables: str | Sequence[str] | None, constraints: Any) -> "BoxSites":
         """(low, high) of one variable or of each, or a mapping with names.
 
         Raises:
@@ -179,6 +180,8 @@ class BoxSites(Sites[Region]):
         return np.concatenate([np.zeros((len(x), 1)), *slacks], axis=1).min(axis=1) >= 0
 
 
-def _told(names: tuple[str, ...] | None, variables: Sequence[str] | None) -> tuple[str, ...] | None:
+def _told(
+    names: tuple[str, ...] | None, variables: str | Sequence[str] | None
+) -> tuple[str, ...] | None:
     """Names of variables: those that are stated, before those of a table."""
-    return names if variables is None else tuple(variables)
+    return names if variables is None else as_names(variables)

@@ -415,7 +415,7 @@ def _each_response(
     return np.asarray(found)[:, None, :] if is_single else found
 
 
-def variable_names(given: Sequence[str] | None, n: int) -> tuple[str, ...]:
+def variable_names(given: str | Sequence[str] | None, n: int) -> tuple[str, ...]:
     """Names (n,) of variables: x for one, x1 .. xn for several, unless others are given.
 
     Raises:
@@ -430,7 +430,7 @@ def variable_names(given: Sequence[str] | None, n: int) -> tuple[str, ...]:
     return names
 
 
-def as_names(given: Sequence[str] | None) -> tuple[str, ...] | None:
+def as_names(given: str | Sequence[str] | None) -> tuple[str, ...] | None:
     """Names as a tuple; one may stand alone, and None stays None."""
     if given is None:
         return None

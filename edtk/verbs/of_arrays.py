@@ -57,7 +57,7 @@ class OfProblem(Question):
         given = {name: value for name, value in options.items() if value is not None}
 
         def solve(problem: Problem, criterion: criteria.Criterion) -> ProblemPlan:
-            seed = call.seed or 0
+            seed = 0 if call.seed is None else call.seed
             return plan_problem(
                 problem,
                 call.size,
@@ -121,7 +121,7 @@ class OfRegion(Question):
                 region,
                 given_size(call.size),
                 criterion,
-                call.seed or 0,
+                0 if call.seed is None else call.seed,
                 call.starts,
                 keep,
                 call.progress,

@@ -444,7 +444,7 @@ def _places(
     if size is None and budgets is None:
         message = "expected the number of experiments, or costs and a cost_budget"
         raise ArgumentError(message, argument="size")
-    if size is not None and not np.isfinite(size):
+    if size is not None and not abs(size) < np.inf:
         raise ArgumentError("expected a whole number", argument="size", given=size)
     fixed = int(lacking.sum())
     new = fixed + _most_affordable(left, budgets) if size is None else int(size) - kept

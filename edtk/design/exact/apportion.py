@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria import Criterion
-from edtk.system.errors import real_numbers, whole_number
+from edtk.system.errors import ArgumentError, finite_numbers, whole_number
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices
 
@@ -31,26 +31,20 @@ def apportion(weights: ArrayLike, m: int) -> Indices:
         Numbers of experiments (n,), of sum m; points without weight have none.
 
     Raises:
-        ValueError: The weights or m are not of that kind; mostly the `ArgumentError` that names
-            them.
+        ArgumentError: The weights or m are not of that kind.
 
     Example:
         >>> import edtk
         >>> edtk.apportion([0.52, 0.31, 0.17], 10)
         array([5, 3, 2])
     """
-    w = real_numbers(weights, "weights")
-    m = whole_number(m, "m", 0)
-    if (
-        not 1 <= m <= MOST
-        or w.ndim != 1
-        or not np.isfinite(w).all()
-        or (w < 0).any()
-        or not w.any()
-    ):
-        raise ValueError(
-            f"apportion needs m from 1 to {MOST:.0e} and non-negative weights that are not all zero"
-        )
+    w = finite_numbers(weights, "weights")
+    if w.ndim != 1 or not (w >= 0).all() or not w.any():
+        message = "expected numbers (n,) from zero, not all of them zero"
+        raise ArgumentError(message, argument="weights")
+    m = whole_number(m, "m", 1)
+    if m > MOST:
+        raise ArgumentError(f"expected {MOST:.0e} at most", argument="m", given=m)
     support = np.flatnonzero(w)
     if len(support) > m:
         # A stable sort lets the first of equal weights win, so that the result is repeatable.

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from edtk.design.exact.apportion import apportion
+from edtk.system.errors import ArgumentError
 
 cases = pytest.mark.parametrize("seed", range(20))
 
@@ -79,7 +80,7 @@ def test_fewer_experiments_than_support():
 )
 def test_bad_input(weights, m):
     """Weights or numbers of the wrong kind are rejected."""
-    with pytest.raises(ValueError, match="apportion needs"):
+    with pytest.raises(ArgumentError, match=r"^(weights|m)( 0)?: expected [^\n]*$"):
         apportion(weights, m)
 
 
