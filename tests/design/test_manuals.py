@@ -409,7 +409,7 @@ def test_designs_that_tell_rivals_are_at_least_as_good_as_those_of_optedr(name):
     ranges = region.robust.box
     design = Shares(np.array(points, dtype=float), np.array(weights) / np.sum(weights))
     least = minimize(
-        lambda u: ranges.value(ranges.at(u), design, None, None),
+        lambda u: ranges.values(ranges.at(u)[None], design, None, None)[0],
         np.full(len(ranges.free), 0.5),
         bounds=[(0, 1)] * len(ranges.free),
         method="Powell",

@@ -12,6 +12,7 @@ from edtk.design.exact.apportion import GAIN
 from edtk.design.exact.counts.any_prices import AnyPricing
 from edtk.design.exact.counts.counts_search import CountsSearch
 from edtk.design.exact.counts.limits import Limits
+from edtk.design.exact.counts.prices import first_of_largest
 from edtk.design.exact.counts.pricing_for import search_for
 from edtk.design.exact.exchange_costs import ACCURATE, CandidatePrices, exchange_costs
 from edtk.design.problem import Problem
@@ -307,7 +308,8 @@ class _Search:
         if self.prices is not None:
             costs = np.full((*changed.shape, problem.n), np.inf)
             costs[of, place] = self.prices.costs(rest, r)
-            where, which = np.divmod(costs.reshape(len(changed), -1).argmin(axis=1), problem.n)
+            flat = costs.reshape(len(changed), -1)
+            where, which = np.divmod(first_of_largest(-flat, flat.min(axis=1)), problem.n)
             changed[np.arange(len(changed)), where] = which
             return changed
         width = candidates.shape[1]

@@ -13,7 +13,7 @@ from criteria.linalg.typing import triangle
 from criteria.relaxable import SpectralBand
 from edtk.design.problem import Problem
 from edtk.design.relaxation.proof import experiment_blocks, experiment_entries
-from edtk.system.typing import Array, Indices, Mask
+from edtk.system.typing import Array, Indices
 
 TOWARDS_BOUNDARY = 0.95  # part of the way to the boundary that a step may take
 SHORTEST = 1e-6  # a shorter step counts as none
@@ -246,17 +246,11 @@ class ActiveInformation(ABC):
 
     def told_triangles(self, T: Array, scale: Array) -> Array:
         """Those rows of `triangles` that are not zero for all candidates, whatever these are."""
-        rows, columns = triangle(T.shape[1])
-        told = self._is_told(T)[rows, columns]
-        return self._triangles(T, rows[told], columns[told], scale[told])
+        return self.triangles(T, scale)
 
     @abstractmethod
     def _triangles(self, T: Array, rows: Indices, columns: Indices, scale: Array) -> Array:
         """The entries of ``T' M_i T`` in some rows and columns (q,)."""
-
-    def _is_told(self, T: Array) -> Mask:
-        """Which entries (s, s) of ``T' M_i T`` may be other than zero."""
-        return np.ones((T.shape[1], T.shape[1]), dtype=bool)
 
 
 @dataclass(frozen=True, eq=False)
@@ -285,12 +279,16 @@ class _Blocks(ActiveInformation):
         change = T[of_rows][:, rows] * T[of_columns][:, columns] * scale
         return np.asarray(change.T @ self.flat.T)
 
-    def _is_told(self, T: Array) -> Mask:
-        """Those of columns that have a model in common, but for rounding."""
+    def told_triangles(self, T: Array, scale: Array) -> Array:
+        if len(self.models) == 1:
+            return self.triangles(T, scale)
+        # Columns tell something together that have a model in common, but for rounding.
         squares = np.square(T)
         parts = np.array([squares[own].sum(axis=0) for own in self.models.parts])
         has = (parts > np.square(np.finfo(float).eps) * parts.sum(axis=0)).astype(float)
-        return np.asarray(has.T @ has > 0)
+        rows, columns = triangle(T.shape[1])
+        told = (has.T @ has)[rows, columns] > 0
+        return self._triangles(T, rows[told], columns[told], scale[told])
 
 
 @dataclass(frozen=True, eq=False)

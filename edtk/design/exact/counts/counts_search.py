@@ -16,7 +16,7 @@ from edtk.design.exact.counts.joint_exchanges import (
     nearest_plans,
 )
 from edtk.design.exact.counts.limits import Limits
-from edtk.design.exact.counts.prices import GAIN, Pricing, least_gain
+from edtk.design.exact.counts.prices import GAIN, Pricing, first_of_largest, least_gain
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices, Mask
 
@@ -383,9 +383,9 @@ class CountsSearch:
             trials = kicked(rng, self.limits, np.repeat(places, together, axis=0), n, few)
             trials = self._improved(trials, RIDGE, guide)
             reached = self.pricing.scores(trials, RIDGE).reshape(size, together)
-            best = reached.argmin(axis=1)
+            best = first_of_largest(-reached, np.abs(reached).min(axis=1))
             each = np.arange(size)
-            better = reached[each, best] <= scores
+            better = reached[each, best] <= scores + GAIN * np.abs(scores)
             trials = trials.reshape(size, together, -1)[each, best]
             places[better] = trials[better]
             scores[better] = reached[each, best][better]
@@ -482,11 +482,11 @@ class Record:
         costs, places = found
         if drawn:
             self.drawn = np.append(self.drawn, costs)
-        best = int(costs.argmin())
+        best = int(first_of_largest(-costs[None], costs.min(keepdims=True))[0])
         if not self.waves or costs[best] < self.cost * (1 - SAME):
             self.improved = self.starts + len(costs)
             self.found = 0
-        if not self.waves or costs[best] < self.cost:
+        if not self.waves or costs[best] < self.cost * (1 - GAIN):
             self.cost = float(costs[best])
             self.places = places[best]
         self.waves += 1

@@ -3,7 +3,7 @@
 import numpy as np
 
 from edtk.design.exact.counts.limits import Limits
-from edtk.design.exact.counts.prices import Prices, Pricing
+from edtk.design.exact.counts.prices import Prices, Pricing, first_of_largest
 from edtk.system.typing import Array, Indices, Mask
 
 AT_ONCE = 60_000  # prices: a few such arrays stay in a core's cache
@@ -74,7 +74,7 @@ class DeterminantPrices(Prices):
         ratio = self.look(place)
         if allowed is not None:
             ratio[~allowed] = -np.inf
-        new = ratio.argmax(axis=1)
+        new = first_of_largest(ratio, np.ones(len(ratio)))
         self.ratio = ratio[np.arange(len(new)), new] + self.rest
         return new, self.ratio - 1.0
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from edtk.design.exact.counts.determinant_prices import DeterminantPrices, DeterminantPricing
 from edtk.design.exact.counts.limits import Limits
+from edtk.design.exact.counts.prices import first_of_largest
 from edtk.system.typing import Array, Indices, Mask
 
 LEAST_RATIO = 1e-10  # of determinants: below it a plan is singular, and its trace is noise
@@ -60,7 +61,7 @@ class LinearPrices(DeterminantPrices):
         fall = np.divide(fall, ratio, out=np.full_like(fall, -np.inf), where=ratio > LEAST_RATIO)
         if allowed is not None:
             fall[~allowed] = -np.inf
-        new = fall.argmax(axis=1)
+        new = first_of_largest(fall, self.trace)
         each = np.arange(len(new))
         self.ratio = ratio[each, new]
         self.fall = fall[each, new]

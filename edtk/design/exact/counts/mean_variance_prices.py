@@ -7,7 +7,7 @@ from criteria.linalg.typing import triangle
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.linear_prices import LEAST_RATIO
 from edtk.design.exact.counts.models_prices import ModelScatter
-from edtk.design.exact.counts.prices import Prices, Pricing
+from edtk.design.exact.counts.prices import Prices, Pricing, first_of_largest
 from edtk.system.typing import Array, Indices, Mask
 
 AT_ONCE = 150_000  # prices of all models: some ten such arrays stay in a core's larger cache
@@ -111,8 +111,8 @@ class MeanVariancePrices(Prices):
         whole = fall.sum(axis=1)
         if allowed is not None:
             whole[~allowed] = -np.inf
-        new = whole.argmax(axis=1)
         trace = np.einsum("kij,bkij->b", pricing.slope, self.cov)
+        new = first_of_largest(whole, trace)
         return new, whole[np.arange(len(new)), new] / trace
 
     def replace(self, which: Indices, place: int, new: Indices) -> None:

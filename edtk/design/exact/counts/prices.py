@@ -22,6 +22,21 @@ def least_gain(ridge: float) -> float:
     return max(GAIN, ROUNDINGS * EPS / ridge) if ridge else GAIN
 
 
+def first_of_largest(values: Array, scale: Array) -> Indices:
+    """The first (b,) of values (b, n) that is the largest but for what may be rounding.
+
+    Symmetric candidates are worth the same. Which of them is taken shall not depend on last digits,
+    which differ from one machine to another.
+
+    Args:
+        values: The values.
+        scale: Sizes (b,) of the numbers whose rounding they have.
+    """
+    largest = values.argmax(axis=1)
+    least = values[np.arange(len(values)), largest] - GAIN * scale
+    return np.asarray((values >= least[:, None]).argmax(axis=1))
+
+
 class Prices(ABC):
     """The best candidate for one place after another, of several plans at once.
 
