@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from edtk.certificate.recompute.covering import BOUNDED, COMBINED
-from edtk.certificate.recompute.pose_polynomials import COUPLED
+from edtk.certificate.recompute.pose_polynomials import COUPLED, OF_LINKS
 from edtk.design.enclosure.boxes import Covering, Grid, Leaves, Reason, coefficients
 from edtk.design.enclosure.polynomial import Polynomial
 from edtk.design.enclosure.space_polynomials import SpacePolynomials
@@ -35,6 +35,7 @@ def coverings_to_list(robot: SpacePolynomials, covering: Covering) -> list[dict[
     halving = robot.halving
     of_all = {
         "joints": _places(robot),
+        "links": [[link.first, link.second, link.sign] for link in robot.links],
         "low": [float(axis.low) for axis in halving.whole],
         "high": [float(axis.high) for axis in halving.whole],
         "motions": _motions(halving),
@@ -101,7 +102,7 @@ def _letters(robot: SpacePolynomials) -> str:
         if isinstance(constraint, Tilt) and constraint.maximum >= np.pi / 2:
             raise ValueError("a tilt of 90 deg or more is no constraint; leave it out")
         found += letters
-    return found
+    return found + OF_LINKS[: len(robot.limits)]
 
 
 def _letters_of_coupled(constraint: CoupledLimits) -> str:

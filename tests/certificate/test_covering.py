@@ -22,6 +22,7 @@ from edtk.certificate.recompute.physics import Friction
 from edtk.certificate.recompute.pose_polynomials import (
     DEGREE,
     Form,
+    Link,
     Polynomials,
     require_checkable,
 )
@@ -153,6 +154,7 @@ def largest(form: Form, polynomials: Polynomials, low: Array, high: Array) -> fl
     covering = Covering(
         limit=0.0,
         joints=list(range(v)),
+        links=[],
         motions=[],
         low=low,
         high=high,
@@ -165,6 +167,32 @@ def largest(form: Form, polynomials: Polynomials, low: Array, high: Array) -> fl
     )
     found = covering._largest(polynomials.domain, [form], np.zeros(1, dtype=int), np.ones((1, 1)))
     return float(found[0])
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_sum_of_angles_is_another_variable(sign: int) -> None:
+    """A polynomial of two angles and a length has the same values in one of both and their sum."""
+    rng = np.random.default_rng(3)
+    form = Form(rng.normal(size=(5, 3, 7)), 0.0)
+    t = rng.uniform(-3, 3, size=(50, 3))
+    s = t.copy()
+    s[:, 0] += sign * t[:, 2]
+
+    def at(form: Form, t: Array) -> Array:
+        found = np.broadcast_to(form.values, (len(t), *form.values.shape))
+        for j, slides in enumerate((False, True, False)):
+            degree = found.shape[1] // 2
+            turns = t[:, j, None] * np.arange(1, degree + 1)
+            both = np.stack([np.cos(turns), np.sin(turns)], axis=-1).reshape(len(t), -1)
+            angle = np.concatenate([np.ones((len(t), 1)), both], axis=1)
+            own = np.vander(t[:, j], found.shape[1], True) if slides else angle
+            found = np.einsum("kn,kn...->k...", own, found)
+        return np.asarray(found)
+
+    moved = Link(2, 0, sign).of(form)
+    assert moved.values.shape == (5, 3, 11)
+    assert np.abs(at(moved, s) - at(form, t)).max() < 1e-13 * form.size
+    assert 0 < moved.error < 1e-13 * form.size
 
 
 @pytest.mark.parametrize("arm", ["kr270", "scara", "palletiser"])
@@ -328,7 +356,7 @@ def test_what_the_prover_covers_is_confirmed(honest: Content) -> None:
     study = load_study(ROOT / "studies" / "kr270_milling.toml").designed
     Z = np.array(honest["proof"]["multipliers"])
     robot = RobotPolynomials(study.space)
-    covering = cover(robot.enclosed(Z[0]), 0.3)
+    covering = cover(robot.enclosed(Z[0]), 0.1)
     content = copy.deepcopy(honest)
     content["proof"]["continuum"]["coverings"] = coverings_to_list(robot, covering)
     claims = {claim.claim: claim for claim in verify_certificate(content).claims}
@@ -338,6 +366,12 @@ def test_what_the_prover_covers_is_confirmed(honest: Content) -> None:
     given = content["proof"]["continuum"]["coverings"][0]
     assert len(given["motions"]) == 2
     assert {".", "+"} <= set(given["tree"])
+    # Limits, slacks and boxes are those of sums: other sums, or none, cover or close less.
+    (link,) = given["links"]
+    for links in ([], [[*link[:2], -link[2]]], [[1, 2, 1]], [link, link]):
+        assert failure(changed(content, links=links)), links
+    for links in ([[0, 0, 1]], [[0, 1, 0]], [[0, 9, 1]], [[0, 1]]):
+        assert "links[0]" in failure(changed(content, links=links)), links
     # Closed by its factors alone: without them the box stays open.
     given["factors"] = np.zeros_like(given["factors"]).tolist()
     assert "boxes are open" in failure(content)

@@ -18,10 +18,12 @@ from edtk.certificate.recompute.lower_bound import Multipliers
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table, whole
 from edtk.certificate.recompute.pose_polynomials import (
     COUPLED,
+    OF_LINKS,
     SAME,
     TURN,
     Domain,
     Form,
+    Link,
     Motion,
     Polynomials,
     U,
@@ -35,6 +37,7 @@ MOST_PARTS = 64  # of the interval of a joint
 WIDEST = 3.0  # first boxes, below half a turn [rad]
 DEEPEST = 52  # halvings along one joint, as the prover
 MOST_MOTIONS = 12
+MOST_LINKS = len(OF_LINKS)
 OF_ENTRY = 200.0  # roundings of an entry of a matrix of `basis_on`, from above
 AT_ONCE = 1 << 20  # coefficients
 PER_LEAF = 120.0  # time to check a box of five joints [us]
@@ -45,7 +48,8 @@ LIFTED = 1e-9
 
 BOUNDED = "."
 COMBINED = "+"
-SLACKS = "hrud" + COUPLED  # height, radius, tilt up and down, and those of coupled joints
+# Height, radius, tilt up and down, coupled joints, and joints whose angles are no variables.
+SLACKS = "hrud" + COUPLED + OF_LINKS
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +61,7 @@ class Covering:
     Attributes:
         limit: The stated bound on the sensitivity.
         joints: The joints that count (v,), by their place in the domain.
+        links: Sums that are variables in place of angles of these, one after another.
         motions: Motions that take the first boxes to the whole domain.
         low: Lower ends (v,) of the first boxes together.
         high: Upper ends (v,).
@@ -70,6 +75,7 @@ class Covering:
 
     limit: float
     joints: list[int]
+    links: list[Link]
     motions: list[Motion]
     low: Array
     high: Array
@@ -91,7 +97,7 @@ class Covering:
             ValueError: The tree is no tree, or does not cover the domain.
         """
         keys = ("limit", "joints", "low", "high", "motions", "parts", "slacks", "tree", "factors")
-        table(content, keys, where)
+        table(content, keys, where, ("links",))
         all_of = len(domain.joints)
         given = rows(content["joints"], all_of, f"{where}.joints")
         joints = sorted({whole(j, 0, all_of - 1, f"{where}.joints") for j in given})
@@ -100,8 +106,13 @@ class Covering:
         v = len(joints)
         ends = np.stack([numbers(content[key], (v,), f"{where}.{key}") for key in ("low", "high")])
         slides = domain.slides[joints]
+        reach = domain.limits[:, joints]
+        links = []
+        for i, one in enumerate(rows(content.get("links", []), MOST_LINKS, f"{where}.links")):
+            links.append(Link.from_dict(one, slides, f"{where}.links[{i}]"))
+            reach = links[-1].range(reach)
         turns = ~slides & (ends[1] - ends[0] >= TURN - SAME)
-        least, most = domain.limits[:, joints]
+        least, most = reach
         if not (turns | ((ends[0] <= least) & (ends[1] >= most))).all():
             raise ValueError(f"{where}: the boxes do not cover the limits of the joints")
         box = list(zip(*ends.tolist(), strict=True))
@@ -135,7 +146,9 @@ class Covering:
         factors = np.zeros((len(depth), len(slacks)))
         factors[combined] = some
         limit = number(content["limit"], f"{where}.limit")
-        return cls(limit, joints, motions, low, high, parts, depth, place, reasons, factors, slacks)
+        return cls(
+            limit, joints, links, motions, low, high, parts, depth, place, reasons, factors, slacks
+        )
 
     @cached_property
     def _intervals(self) -> tuple[list[Array], list[Indices]]:
@@ -358,7 +371,7 @@ def largest_sensitivities(
         j, load = divmod(k, len(loads))
         Z = Multipliers(multipliers.Z[j : j + 1], multipliers.indefinite)
         about = Polynomials.of(setting, Z, prior, loads[load], per_trace)
-        seen = about.seen(covering.joints, covering.motions)
+        seen = about.seen(covering.joints, covering.links, covering.motions)
         limit = covering.limit * size[j]
         limit += LIFTED * abs(limit) + seen.blur(limit)
         # Per trace no sensitivity is above the largest eigenvalue, whatever boxes say.

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from edtk.certificate.recompute.chain import Chain
 from edtk.certificate.recompute.compensator import Pull
@@ -28,6 +29,7 @@ SAME = 1e-12  # of ends of intervals [rad]; boxes overlap by more
 OF_JOINT = 96.0
 OF_ANGLE = 13.0
 COUPLED = "ABCEFG"  # letters of the limits of coupled joints
+OF_LINKS = "KLMNP"  # and of the limits of joints whose angles are no variables, see `Link`
 NEGLIGIBLE = 1e-13  # sum of coefficients beside all of them, that is dropped and counted as error
 
 
@@ -105,6 +107,82 @@ def _covers(interval: tuple[float, float], parts: list[tuple[float, float]]) -> 
         if a <= reached + SAME:
             reached = max(reached, b)
     return bool(reached >= high - SAME)
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """The sum ``s = t_j + sign t_i`` as a variable in place of the angle t_j.
+
+    Any two angles may be summed: a polynomial of old variables is one of the new ones.
+
+    Attributes:
+        first: The angle i.
+        second: The angle j.
+        sign: One, or minus one.
+    """
+
+    first: int
+    second: int
+    sign: int
+
+    @classmethod
+    def from_dict(cls, content: Any, slides: Mask, where: str) -> "Link":
+        """Read a sum.
+
+        Raises:
+            ValueError: It is none of two angles.
+        """
+        v = len(slides)
+        if len(rows(content, 3, where)) < 3:
+            raise ValueError(f"{where}: expected two joints and a sign")
+        i, j = (whole(one, 0, v - 1, where) for one in content[:2])
+        sign = whole(content[2], -1, 1, where)
+        if i == j or slides[i] or slides[j] or not sign:
+            raise ValueError(f"{where}: expected two different joints that turn, and a sign")
+        return cls(i, j, sign)
+
+    def range(self, ends: Array) -> Array:
+        """Intervals (2, v) that hold all new variables, for those of the old ones."""
+        found = ends.copy()
+        found[:, self.second] += np.sort(self.sign * ends[:, self.first])
+        return found
+
+    def of(self, form: "Form") -> "Form":
+        """A polynomial of the old variables in the new ones.
+
+        A product of waves ``exp(i a t_i) exp(i b t_j)`` is ``exp(i (a - sign b) t_i) exp(i b s)``.
+        Every entry of `_waves` and of its inverse is exact, so that only sums of two numbers round,
+        of which four follow one another, and what they sum is no more than 8 times the size.
+        """
+        values = np.moveaxis(form.values, (self.first, self.second), (0, 1)).astype(complex)
+        n, m = values.shape[:2]
+        waves = np.moveaxis(np.tensordot(_waves(n), values, 1), 1, 0)
+        waves = np.tensordot(_waves(m), waves, 1)
+        moved = np.zeros((m, n + m - 1, *values.shape[2:]), dtype=complex)
+        for b, one in enumerate(waves, start=-(m // 2)):
+            moved[b + m // 2, m // 2 - self.sign * b :][:n] = one
+        found = np.moveaxis(np.tensordot(_unwaved(m), moved, 1), 1, 0)
+        found = np.tensordot(_unwaved(n + m - 1), found, 1).real
+        found = np.moveaxis(found, (0, 1), (self.first, self.second))
+        return Form(found, form.error + 64 * U * form.size).trimmed()
+
+
+def _waves(size: int) -> NDArray[np.complex128]:
+    """From ``1, cos t, sin t, ...`` to ``exp(ikt)``, k ascending: its coefficients (size, size)."""
+    found = np.zeros((size, size), dtype=complex)
+    n = size // 2
+    found[n, 0] = 1.0
+    for k in range(1, n + 1):
+        found[[n + k, n - k], 2 * k - 1] = 0.5
+        found[[n + k, n - k], 2 * k] = -0.5j, 0.5j
+    return found
+
+
+def _unwaved(size: int) -> NDArray[np.complex128]:
+    """The inverse of `_waves`."""
+    found = 2.0 * _waves(size).conj().T
+    found[0] = 0.5 * found[0]
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,6 +291,16 @@ class Domain:
             raise ValueError(f"a grid of more than {MOST_POSES} poses is not checked")
         return cls(list(setting.free), np.stack([low, high]), slides, degrees)
 
+    def within(self, j: int) -> Form | None:
+        """Zero or more within the limits of a joint, a cosine less one; None of a whole turn."""
+        low, high = self.limits[:, j]
+        if high - low >= TURN:
+            return None
+        middle, half = (low + high) / 2, (high - low) / 2
+        values = np.array([-np.cos(half), np.cos(middle), np.sin(middle)])
+        shape = [3 if i == j else 1 for i in range(len(self.joints))]
+        return Form(values.reshape(shape), (8 + 4 * (abs(low) + abs(high))) * U)
+
     def grid(self, order: int) -> list[Array]:
         """Places along each joint that determine products of so many vectors of the chain."""
         found = []
@@ -312,11 +400,14 @@ class Polynomials:
             trace = domain.form(squares, DEGREE, error + float(own))
         return cls(domain, d, trace, _slacks(setting, domain))
 
-    def seen(self, joints: list[int], motions: list[Motion]) -> "Polynomials":
-        """The same in some of the joints, where motions take a part to the whole."""
+    def seen(self, joints: list[int], links: list[Link], motions: list[Motion]) -> "Polynomials":
+        """The same in some of the joints, with sums for some, where motions tell of the whole."""
 
         def one(form: Form) -> Form:
-            return form.over(joints).moved(motions)
+            form = form.over(joints)
+            for link in links:
+                form = link.of(form)
+            return form.moved(motions)
 
         kept = Domain(
             [self.domain.joints[j] for j in joints],
@@ -325,7 +416,9 @@ class Polynomials:
             self.domain.degrees[joints],
         )
         trace = None if self.trace is None else one(self.trace)
-        slacks = {letter: one(form) for letter, form in self.slacks.items()}
+        limits = [self.domain.within(joints[link.second]) for link in links]
+        own = zip(OF_LINKS, (form for form in limits if form is not None), strict=False)
+        slacks = {letter: one(form) for letter, form in (self.slacks | dict(own)).items()}
         return Polynomials(kept, one(self.sensitivity), trace, slacks)
 
     def blur(self, limit: float) -> float:

@@ -16,6 +16,7 @@ run that is stopped keeps the bound of all that was closed.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import product
 from time import perf_counter
 
 import numpy as np
@@ -48,14 +49,18 @@ NEXT_LEVEL = 0.1
 # looked at anew: there are fewer levels.
 OF_QUOTIENT = (0.03, 0.01)
 PENALTIES = 6  # factors of a slack that are tried
+LEVELLED = 20  # rounds of factors of several slacks together
+TINY = float(np.finfo(float).tiny)
 SINGLE = np.float32
 UNIT = float(np.finfo(SINGLE).eps) / 2
 EIGHT = 8 * UNIT  # roundings
-PART_OF_GAP = 0.25  # rounding of a tensor, in parts of the gap, from which on it is made anew
+# Rounding of halvings, in parts of what errors of the polynomials leave of the gap, from which on a
+# tensor is made anew.
+PART_OF_GAP = 0.25
 # Error of the polynomials, in parts of the gap, up to which boxes are halved until what is left of
 # the gap closes them: a quarter of it, which takes four times as many boxes for each two joints.
 FINE = 0.75
-FRESH = 4  # an error of so many times the least one is not made smaller by making a tensor anew
+FRESH = 4  # roundings, or least errors, up to which making a tensor anew gains little
 SMALL = 1e-3  # part of the largest denominator
 STEP = 2  # places of a tensor that are left out where an axis is chosen
 # A search for a large value that begins nowhere: places that are drawn, and rounds around the best.
@@ -236,6 +241,7 @@ class _Stage:
             penalised = _Penalised(self, chunk[some], top[some], shift)
             for i in range(len(chunk.slacks)):
                 penalised.add(i, cut[some, i])
+            penalised.join(cut[some])
             top[some] = penalised.top
             penalties[some] = penalised.penalties
             values[some] = penalised.values
@@ -273,12 +279,14 @@ class _Stage:
         return parts
 
     def is_coarse(self, chunk: _Chunk, gap: float) -> bool:
-        """Whether rounding in single precision takes too much of a gap, and much that is new."""
-        if not (chunk.error > PART_OF_GAP * gap).any():
+        """Whether halvings have rounded by much of what is left of a gap, and by much anew."""
+        rounded = chunk.error - self.least_error
+        left = max(gap - self.least_error, (1 - FINE) * gap)
+        if not (rounded > PART_OF_GAP * left).any():
             return False
         largest = np.abs(chunk.values).reshape(len(chunk), -1).max(axis=1)
         anew = rounding_of_halves(self.tested, UNIT) * largest
-        return bool((chunk.error > FRESH * (self.least_error + anew)).any())
+        return bool((rounded > FRESH * anew).any())
 
 
 def _largest_second_difference(values: Array) -> tuple[Indices, Array]:
@@ -335,6 +343,36 @@ class _Penalised:
         self.top[own] = top[gained]
         self.penalties[own, i] = mu
 
+    def join(self, cut: Mask) -> None:
+        """Try factors of several slacks (b, c) together, where these cut a box that is still open.
+
+        At a maximum on several constraints ``f + sum_i mu_i c_i`` is level for the multipliers of
+        Karush, Kuhn and Tucker, and one factor after the other does not find them. So the factors
+        make it as level as they can, by least squares of its slopes at the corners of the box.
+        """
+        which = np.flatnonzero((cut.sum(axis=1) > 1) & (self.top > self.shift))
+        if not len(which):
+            return
+        f = _corners(self.chunk.values[which])
+        c = np.stack([_corners(slack[which]) for slack in self.chunk.slacks], axis=1)
+        mu = _levelling(_slopes(f), _slopes(c) * cut[which, :, None])
+        level = (f + (mu[:, None] @ c)[:, 0]).max(axis=1)
+        hopeful = ((mu > 0).sum(axis=1) > 1) & (level <= self.shift)
+        which, mu = which[hopeful], mu[hopeful]
+        if not len(which):
+            return
+        total = self.chunk.values[which].reshape(len(which), -1)
+        error = self.chunk.error[which]
+        for i in np.flatnonzero(mu.any(axis=0)):
+            own = mu[:, i].astype(total.dtype)
+            total = total + own[:, None] * self._raised(i, which)
+            error = error + EIGHT * (np.abs(total).max(axis=1) + own * self._rounded_size(i, which))
+        top = total.max(axis=1) + error
+        better = top < self.top[which]
+        at = which[better]
+        self.values[at] = total[better].reshape(len(at), *self.values.shape[1:])
+        self.error[at], self.top[at], self.penalties[at] = error[better], top[better], mu[better]
+
     def _raised(self, i: int, which: Indices) -> Array:
         """Coefficients (b, n) of a slack in the degrees of the objective and in its precision."""
         own = self.chunk.slacks[i][which].astype(self.values.dtype)
@@ -354,6 +392,29 @@ class _Penalised:
         rounds = 12 + sum(slack.coefficients.shape[j] + 3 for j in raised)
         own = self.chunk.slacks[i][which].reshape(len(which), -1)
         return np.asarray(np.abs(own).max(axis=1) * rounds / 8)
+
+
+def _slopes(corners: Array) -> Array:
+    """How much values (..., 2^d) at the corners of boxes rise along each axis (..., d), halved."""
+    d = corners.shape[-1].bit_length() - 1
+    upper = np.array(list(product((-1.0, 1.0), repeat=d))) / 2**d
+    return np.asarray(corners @ upper)
+
+
+def _levelling(g: Array, A: Array) -> Array:
+    """Factors mu (b, c), none negative, with the least ``|g + mu A|`` for g (b, d) and A (b, c, d).
+
+    By rounds of best single factors: such a sum of squares has no other resting points.
+    """
+    square = A @ np.swapaxes(A, 1, 2)
+    right = (A @ g[..., None])[..., 0]
+    mu = np.zeros_like(right)
+    size = np.maximum(np.einsum("bii->bi", square), TINY)
+    for _ in range(LEVELLED):
+        for i in range(mu.shape[1]):
+            rest = right[:, i] + (square[:, i] * mu).sum(axis=1)
+            mu[:, i] = np.maximum(mu[:, i] - rest / size[:, i], 0.0)
+    return mu
 
 
 def _best_factors(

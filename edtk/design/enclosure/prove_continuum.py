@@ -386,7 +386,7 @@ class _Attempt:
             place = covering.place[None]
             question = covering.enclosed
             best = int(np.argmax([f(place)[0] for f in question.objectives]))
-            x = question.experiments(place, best)
+            x = self.polynomials.folded(question.experiments(place, best))
             here = self.plan.space.at(x)
             if not here.feasible.all():
                 continue

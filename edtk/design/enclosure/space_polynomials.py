@@ -4,10 +4,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
 from edtk.design.design_space import DesignSpace
+from edtk.design.enclosure.links import Link, direction_of, within
 from edtk.design.enclosure.polynomial import (
     ROUNDOFF,
     Axis,
@@ -273,9 +275,69 @@ class SpacePolynomials(ABC):
         return [int(j) for j in np.flatnonzero(needed)]
 
     @cached_property
-    def own_axes(self) -> list[Axis]:
-        """The variables that are kept."""
-        return [self.chart.axes[j] for j in self.kept]
+    def links(self) -> list[Link]:
+        """Sums that take the place of angles that are kept; none of drives that turn several."""
+        robot = self.space.model.robot
+        free = self.space.free
+        found: list[Link] = []
+        if robot.ties is not None:
+            return found
+        for k, (i, j) in enumerate(pairwise(self.kept)):
+            kinds = [robot.joints[free[one]].kind for one in (i, j) if one < len(free)]
+            if len(kinds) == 2 and "prismatic" not in kinds:
+                sign = direction_of(*self.frames.axes[[free[i], free[j]]])
+                found += [Link(k, k + 1, sign)] if sign else []
+        return found
+
+    @cached_property
+    def kept_axes(self) -> tuple[Axis, ...]:
+        """The variables of the chart that are kept."""
+        return tuple(self.chart.axes[j] for j in self.kept)
+
+    @cached_property
+    def own_axes(self) -> tuple[Axis, ...]:
+        """The same with sums in the places of some."""
+        axes = self.kept_axes
+        for link in self.links:
+            axes = link.axes(axes)
+        return axes
+
+    def own(self, f: Polynomial) -> Polynomial:
+        """A polynomial of the chart's variables in these.
+
+        Raises:
+            ValueError: It depends on a variable that is dropped.
+        """
+        return self._linked(f.over(self.kept_axes, self.kept))
+
+    def _linked(self, f: Polynomial) -> Polynomial:
+        """A polynomial of variables that are kept with sums in the places of some."""
+        for link in self.links:
+            f = link.of(f)
+        return f
+
+    @cached_property
+    def limits(self) -> list[Polynomial]:
+        """Slacks of the joints whose angles are variables no more, where limits are no turn."""
+        each = [within(self.kept_axes, link.second) for link in self.links]
+        return [self._linked(f) for f in each if f is not None]
+
+    @cached_property
+    def matrix(self) -> Array:
+        """What design variables x move by (v, d) for these variables."""
+        matrix = self.chart.matrix[:, self.kept]
+        for link in self.links:
+            matrix = matrix @ link.matrix(len(self.kept))
+        return matrix
+
+    def folded(self, x: Array) -> Array:
+        """Experiments (m, v) of sums, by whole turns of joints to where their limits are."""
+        x = x.copy()
+        for link in self.links:
+            axis = self.kept_axes[link.second]
+            j = self.space.free[self.kept[link.second]]
+            x[:, j] -= TURN * np.round((x[:, j] - axis.middle) / TURN)
+        return x
 
     @cached_property
     def _own_slacks(self) -> tuple[list[Polynomial], list[str]]:
@@ -285,17 +347,17 @@ class SpacePolynomials(ABC):
         for one, slacks in self._slacks:
             depend = {j for f in slacks for j, n in enumerate(f.degrees) if n}
             if slacks and depend <= set(self.kept):
-                found += [f.over(self.own_axes, self.kept) for f in slacks]
+                found += [self.own(f) for f in slacks]
             elif not slacks:
                 left_out += one.labels(self.space.workspace.robot)
-        return found, left_out
+        return found + self.limits, left_out
 
     @cached_property
     def halving(self) -> Halving:
         """The part of the box that stands for all of it, whatever the multiplier."""
         every = self.in_kept(self._generic)
         if self.denominator is not None:
-            every.append(self.denominator.over(self.own_axes, self.kept))
+            every.append(self.own(self.denominator))
         return halved(self.own_axes, [*every, *self._own_slacks[0]])
 
     @property
@@ -308,7 +370,7 @@ class SpacePolynomials(ABC):
     def in_kept(self, Z: Array) -> list[Polynomial]:
         """The sensitivities of all objectives in the variables that are kept."""
         every = range(len(self.chart.bases))
-        return [self.sensitivity(Z, k).over(self.own_axes, self.kept) for k in every]
+        return [self.own(self.sensitivity(Z, k)) for k in every]
 
     def enclosed(self, Z: Array) -> Enclosed:
         """The sensitivity of a multiplier Z (p, p) over all poses and loads.
@@ -327,13 +389,13 @@ class SpacePolynomials(ABC):
         bases += self.chart.matrix[:, dropped] @ middles
         part = self.halving
         D = self.denominator
-        below = None if D is None else part.of(D.over(self.own_axes, self.kept))
+        below = None if D is None else part.of(self.own(D))
         return Enclosed(
             axes=part.axes,
             objectives=tuple(Objective(part.of(f), below) for f in self.in_kept(Z)),
             slacks=tuple(part.of(f) for f in slacks),
             base=bases,
-            matrix=self.chart.matrix[:, self.kept],
+            matrix=self.matrix,
             left_out=tuple(left_out),
         )
 

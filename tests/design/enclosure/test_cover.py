@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from edtk.design.enclosure import boxes as module
+from edtk.design.enclosure import cover as cover_module
 from edtk.design.enclosure.boxes import (
     CHUNK,
     Boxes,
@@ -107,6 +108,19 @@ def test_the_leaves_hold_for_the_reasons_that_they_name(rng: np.random.Generator
 
 
 @pytest.mark.slow
+def test_a_maximum_on_two_constraints_takes_few_boxes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Factors of both together level a box around it, which one after the other do not."""
+    axes = (*(Axis("length", 0.0, 1.2),) * 2, Axis("length", -1.0, 1.0))
+    x, y, z = (Polynomial.variable(axes, j) for j in range(3))
+    slacks = (1.3 - x - 0.5 * y - 0.2 * x * x - 0.2 * z * z, 1.3 - 0.5 * x - y - 0.3 * y * y)
+    question = enclosed(x + y + 0.7 * x * y + 0.5 * z * x - z * z, slacks=slacks)
+    together = cover(question, 1e-6)
+    assert ((together.leaves[0].penalties > 0).sum(axis=1) == 2).any()
+    assert largest(question, places(np.random.default_rng(1), axes=axes)) <= together.upper
+    monkeypatch.setattr(cover_module._Penalised, "join", lambda self, cut: None)
+    assert together.boxes < cover(question, 1e-6).boxes / 2
+
+
 def test_a_planted_narrow_peak_is_found(rng: np.random.Generator) -> None:
     """A peak a hundredth of the box wide, on top of waves, which random places miss."""
     axis = Axis("angle", -3.0, 3.0)
