@@ -57,14 +57,53 @@ def part(i: int, z: acb) -> arb:
     return z.imag if i and i % 2 == 0 else z.real
 
 
-def fourier(values: list, v: int, motions: list) -> dict:
-    """Coefficients {(i_1, ..., i_v): c}; what is tiny, or motions change, widens the first."""
+def fourier(values: list, v: int) -> dict:
+    """Coefficients {(i_1, ..., i_v): c} by products of 1, cos t, sin t, cos 2t, ..."""
     waves = [[acb(0, 2 * arb.pi() * (k * i) / N).exp() / N for i in range(N)] for k in range(5)]
     rows = [[part(i, z) * (2 if i else 1) for z in waves[(i + 1) // 2]] for i in range(N)]
     for _ in range(v):  # each product makes the first axis the last one
         values = (arb_mat(rows) * arb_mat(N, len(values) // N, values)).transpose().entries()
-    f = dict(zip(product(range(N), repeat=v), values))
-    least, first, *rest = sum(abs(x) for x in values) * arb(2) ** -60, *f.items()
+    return dict(zip(product(range(N), repeat=v), values))
+
+
+def within(limits: list, j: int, v: int) -> dict:
+    """Cosine of a joint less its least one: not negative within limits, nor beside by a turn."""
+    low, high = map(arb, limits)
+    middle, half = (low + high) / 2, (high - low) / 2
+    c = (arb(TINY) - half.cos(), middle.cos(), middle.sin())
+    return {tuple(i * (k == j) for k in range(v)): x for i, x in enumerate(c)}
+
+
+def linked(f: dict, links: list) -> dict:
+    """Coefficients with sums s = t_j + e t_i as variables in the places of angles t_j."""
+    for i, j, e in links:
+        found: dict = {}
+        for key, x in f.items():
+            for (a, z), (b, w) in product(waves(key[i]), waves(key[j])):
+                for (m, u), (n, y) in product(parts(a - e * b), parts(b)):
+                    # Imaginary parts are those of a real number: together they are none.
+                    if c := (z * w * u * y).real:
+                        own = tuple({i: m, j: n}.get(k, old) for k, old in enumerate(key))
+                        found[own] = found.get(own, arb(0)) + x * c
+        f = found
+    return f
+
+
+def waves(i: int) -> list:
+    """The i-th of 1, cos t, sin t, cos 2t, ... as [(k, z)], the sum of z exp(ikt)."""
+    k, (z, w) = (i + 1) // 2, (0.5, 0.5) if i % 2 else (-0.5j, 0.5j)
+    return [(k, z), (-k, w)] if i else [(0, 1.0)]
+
+
+def parts(k: int) -> list:
+    """exp(ikt) as the sum of [(i, z)], z times the i-th of 1, cos t, sin t, cos 2t, ..."""
+    n = abs(k)
+    return [(2 * n - 1, 1.0), (2 * n, 1j if k > 0 else -1j)] if k else [(0, 1.0)]
+
+
+def moved(f: dict, motions: list) -> dict:
+    """Coefficients; what is tiny, or motions change, widens the first."""
+    least, first, *rest = sum(abs(x) for x in f.values()) * arb(2) ** -56, *f.items()
     error = sum((abs(x) for _, x in rest if abs(x) < least), arb(0))
     for m in motions:  # a mirror changes the signs of sines, half a turn those of odd orders
         for i, x in rest:
@@ -125,6 +164,11 @@ def still_open(c: dict, box: list, forms: list, some: list, shape: list, j: int 
 def left(s: dict, c: dict) -> list:
     """The intervals that motions leave of the boxes' ones, if these reach all that is allowed."""
     limits = [s["robot"]["joints"][j]["limits"] for j in s["free"]]
+    for i, j, e in c.get("links", []):
+        assert i != j, "no sum of two angles"
+        assert e in (1, -1), "no sign"
+        ends = sorted(e * end for end in limits[i])
+        limits[j] = [a + b for a, b in zip(limits[j], ends)]
     box = list(zip(c["low"], c["high"]))
     whole = [b - a > TURN - TINY for a, b in box]
     assert c["joints"] == list(range(len(limits))), "a joint is left out"
@@ -145,8 +189,12 @@ def left(s: dict, c: dict) -> list:
 
 def check(s: dict, c: dict, Z: arb_mat) -> int:
     """The number of leaves that may hold a larger sensitivity than the limit."""
-    box, v = left(s, c), len(s["free"])
-    f = {name: fourier(values, v, c["motions"]) for name, values in sampled(s, Z).items()}
+    box, v, links = left(s, c), len(s["free"]), c.get("links", [])
+    f = {name: fourier(values, v) for name, values in sampled(s, Z).items()}
+    limits = [s["robot"]["joints"][j]["limits"] for j in s["free"]]
+    summed = [j for _, j, _ in links if limits[j][1] - limits[j][0] < TURN]
+    f |= {name: within(limits[j], j, v) for name, j in zip("KLMNP", summed)}
+    f = {name: moved(linked(own, links), c["motions"]) for name, own in f.items()}
     f["*"][(0,) * v] -= arb(c["limit"]) * (1 + arb(10) ** -9)
     count = 0
     for names, some in leaves(c).items():

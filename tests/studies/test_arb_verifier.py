@@ -36,10 +36,13 @@ def content(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 
 def test_boxes_hold_in_ball_arithmetic(arb: ModuleType, content: dict[str, Any]) -> None:
-    """All boxes are closed; at a lower limit some are open, and a missing leaf is an error."""
+    """All boxes are closed, in joint and link angles; at a lower limit, or with another sum, some
+    are open, and a missing leaf is an error.
+    """
     proof = content["proof"]["continuum"]
     Z = arb.arb_mat(proof["multipliers"][0])
     covering = proof["coverings"][0]
+    assert len(covering["links"]) == 1
     assert arb.check(content["setting"], covering, Z) == 0
     assert arb.check(content["setting"], covering | {"limit": 0.9 * covering["limit"]}, Z) > 0
     with pytest.raises(AssertionError, match="a leaf is missing"):
@@ -47,3 +50,6 @@ def test_boxes_hold_in_ball_arithmetic(arb: ModuleType, content: dict[str, Any])
     narrow = [covering["low"][0] + 0.01, *covering["low"][1:]]
     with pytest.raises(AssertionError):
         arb.check(content["setting"], covering | {"low": narrow}, Z)
+    other = [[*covering["links"][0][:2], -covering["links"][0][2]]]
+    with pytest.raises(AssertionError):
+        assert arb.check(content["setting"], covering | {"links": other}, Z) == 0
