@@ -363,7 +363,7 @@ class _Penalised:
             return
         total = self.chunk.values[which].reshape(len(which), -1)
         error = self.chunk.error[which]
-        for i in np.flatnonzero(mu.any(axis=0)):
+        for i in np.flatnonzero(mu.any(axis=0)).tolist():
             own = mu[:, i].astype(total.dtype)
             total = total + own[:, None] * self._raised(i, which)
             error = error + EIGHT * (np.abs(total).max(axis=1) + own * self._rounded_size(i, which))
