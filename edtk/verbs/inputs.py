@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
 
 LINK_FLAGS = {"base_link": "--base", "tip_link": "--tip"}
+# Ends of the names of files: who asks for one of them means no folder.
+OF_FILES = (".json", ".csv", ".html", ".toml", ".md", ".txt", ".png", ".svg")
 MOST_RESULT_MB = 100.0  # of the file of a result
 
 
@@ -271,13 +273,18 @@ def require_file(path: Path | str | None) -> None:
 
 
 def require_folder(path: Path | str | None) -> None:
-    """Check that an output of several files is no standard output.
+    """Check that an output of several files is no standard output, and is not named like a file.
 
     Raises:
-        UserError: It is standard output.
+        UserError: It is.
     """
-    if path is not None and Path(path) == STANDARD_OUTPUT:
+    if path is None:
+        return
+    folder = Path(path)
+    if folder == STANDARD_OUTPUT:
         raise UserError("is standard output; expected a folder for several files", where=path)
+    if folder.suffix in OF_FILES and not folder.is_dir():
+        raise UserError("is named like a file; expected a folder for several files", where=path)
 
 
 def _same(first: Path | str, second: Path | str) -> bool:

@@ -58,3 +58,13 @@ def test_not_everything_can_be_printed():
         require_file("-")
     with pytest.raises(UserError, match="-: is standard output; expected a folder"):
         require_folder("-")
+
+
+def test_a_folder_is_not_named_like_a_file(tmp_path):
+    """`--out k.json` asks for a file where a folder is written; one that is there is taken."""
+    with pytest.raises(UserError, match=r"k\.json: is named like a file; expected a folder"):
+        require_folder("k.json")
+    there = tmp_path / "day.csv"
+    there.mkdir()
+    require_folder(there)
+    require_folder("results/2.0")
