@@ -1,6 +1,7 @@
 """From a sheet of positions to geometry and springs, with what looks wrong on the way."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -113,7 +114,7 @@ def calibrate_geometry(
         *sound.findings,
         *planned,
         *gross_findings(sound.data, gross),
-        *geometric_findings(fit, setting),
+        *geometric_findings(fit, setting, partial(_fit, setting, how)),
     ]
     pieces = PiecesLeft.of(setting, fit)
     left = None if pieces is None else pieces.in_tasks(setting, fit.fitted)
@@ -214,11 +215,9 @@ def _fitted(
     better, since they are those of a plan that tell what no other visit does.
     """
     gross = sound.gross
-    stated = replace(setting.noise, unknown=how.sigma_unknown)
     kept = np.ones(len(sound.data), dtype=bool)
     kept[gross.visits] = False
-    rest = (stated, setting.loads, how.robust, told_before(setting))
-    fit = fit_geometry(setting.model, sound.data[kept], *rest)
+    fit = _fit(setting, how, sound.data[kept])
     wrong = np.array([one.visit for one in gross.wrong], dtype=int)
     if not len(wrong):
         return fit, gross
@@ -233,8 +232,17 @@ def _fitted(
         return fit, gross
     kept[wrong[near]] = True
     still = tuple(one for one, is_near in zip(gross.wrong, near, strict=True) if not is_near)
-    fit = fit_geometry(setting.model, sound.data[kept], *rest)
+    fit = _fit(setting, how, sound.data[kept])
     return fit, replace(gross, wrong=still)
+
+
+def _fit(
+    setting: StudyGeometry, how: HowFitted, data: MarkerPositions, wary: bool = False
+) -> GeometricFit:
+    """The fit of some visits; where it is wary, poses that fit badly count less in any case."""
+    stated = replace(setting.noise, unknown=how.sigma_unknown)
+    given = (stated, setting.loads, how.robust or wary, told_before(setting))
+    return fit_geometry(setting.model, data, *given)
 
 
 def _sound(setting: StudyGeometry, every: MarkerPositions, path: Path, as_is: bool) -> Sound:

@@ -39,6 +39,7 @@ from edtk.findings.sound_rows import marker_findings
 from edtk.findings.springs import still_joints, untold_finding
 from edtk.fit.fit_geometry import fit_geometry
 from edtk.fit.fitted_geometry import GeometricFit, root_mean_square
+from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.prior import PriorRows
 from edtk.measure.equilibrium import why_no_rest
 from edtk.measure.expected_error import AssumedJoint
@@ -47,11 +48,14 @@ from edtk.measure.parameters import Parameter
 from edtk.robots.frames import MM
 from edtk.study.study_geometry import StudyGeometry
 from edtk.study.study_model import KNOWN
+from edtk.system.typing import Array, Indices
 
 ALONE = 1e-9  # leverage below one that rounding makes of a direction that one pose tells
 WORSE = 10.0  # times as far off as by the drawing: nothing shows that so few poses tell anything
 FEW = 2.5  # coordinates a parameter, below which poses are few
 UNLIKELY = 1e-6  # probability, over all poses, below which a pose is named
+HARDLY = 1e-2  # the same, below which it is looked at beside a fit that trusts it less
+ASIDE = 0.1  # of the poses, or two: so many wrong ones are set aside before a cause is looked for
 LARGE = 60.0  # mm or mrad: no robot is built as wrongly
 ROUGH = 0.02  # of the spread of positions that the fit leaves: the drawing is of another robot
 ROUGH_DEG = 1.0  # orientations that the fit leaves
@@ -126,16 +130,30 @@ def _tells_alone(basis: FewColumns) -> bool:
     return False
 
 
-def geometric_findings(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
+Refit = Callable[[MarkerPositions, bool], GeometricFit]
+
+
+def geometric_findings(
+    fit: GeometricFit, setting: StudyGeometry, refit: Refit | None = None
+) -> list[Finding]:
     """Everything that looks wrong, in any order.
 
     What is said of positions, or of the course of a day, is said of absolute readings.
+
+    Args:
+        fit: The fit.
+        setting: The study and its markers.
+        refit: How other positions are fitted, and whether poses that fit badly count less. So a few
+            wrong poses neither hide each other nor look like a cause; None for no other fit.
     """
     absolute = fit.of_positions
+    judged, wrong = fit, _unlikely(fit)
     causes = []
     placed = []
     if absolute.data.seen.any():
         causes = _causes(absolute, setting)
+        if refit is not None:
+            judged, wrong, causes = _apart(fit, causes, setting, refit)
         placed = [
             *_rough(absolute),
             *_turned(absolute),
@@ -148,7 +166,7 @@ def geometric_findings(fit: GeometricFit, setting: StudyGeometry) -> list[Findin
         *_open(fit),
         *_few(fit),
         *_worse(fit),
-        *_outliers(fit),
+        *_outliers(judged, wrong),
         *causes,
         *_loaded(fit, setting),
         *_springs(fit, setting),
@@ -224,13 +242,51 @@ def _open(fit: GeometricFit) -> list[Finding]:
     return [untold_finding((fit.rank, fit.structural), fit.open, still)]
 
 
-def _outliers(fit: GeometricFit) -> list[Finding]:
-    """Poses that the others do not predict."""
+def _apart(
+    fit: GeometricFit, causes: list[Finding], setting: StudyGeometry, refit: Refit
+) -> tuple[GeometricFit, Indices, list[Finding]]:
+    """Wrong poses (k,), the fit that shows them, and the cause of what all others leave.
+
+    What a few wrong poses are off by is fitted as noise, beside which none of them stands out, and
+    looks like something that happened between them. A fit that trusts such poses less has the noise
+    of the others (Lange et al. 1989). A cause that these show alike is of all poses.
+
+    Args:
+        fit: Of all poses.
+        causes: The cause of what it leaves; none for none.
+        setting: The study and its markers.
+        refit: How other positions are fitted.
+    """
+    plain = fit, _unlikely(fit), causes
+    if not (_chances(fit) < HARDLY).any():
+        return plain
+    wary = refit(fit.data, True)
+    wrong = _unlikely(wary)
+    others = fit.data[~np.isin(fit.data.pose, wrong)]
+    few = 0 < len(wrong) <= max(2, ASIDE * len(fit.surprise))
+    if not few or others.means.rows_seen.sum() < FEW * fit.structural:
+        return plain
+    of_others = _causes(refit(others, False).of_positions, setting)
+    alike = causes and [one.kind for one in causes] == [one.kind for one in of_others]
+    return plain if alike else (wary, wrong, of_others)
+
+
+def _chances(fit: GeometricFit) -> Array:
+    """How likely (m,) chance makes one of the poses as far off as each is."""
     from scipy.stats import chi2
 
     coordinates = fit.data.means.rows_seen.sum(axis=(1, 2))
-    probability = chi2.sf(fit.surprise, np.maximum(coordinates, 1))
-    wrong = np.flatnonzero(probability * len(probability) < UNLIKELY)
+    chances = chi2.sf(fit.surprise, np.maximum(coordinates, 1))
+    return np.asarray(chances * len(chances))
+
+
+def _unlikely(fit: GeometricFit) -> Indices:
+    """Poses (k,) that the others do not predict."""
+    return np.flatnonzero(_chances(fit) < UNLIKELY)
+
+
+def _outliers(fit: GeometricFit, wrong: Indices) -> list[Finding]:
+    """Poses that the others do not predict, with the joints that explain it."""
     if not len(wrong):
         return []
     rows = sorted(row for pose in wrong for row in fit.data.rows_of_pose(int(pose)))

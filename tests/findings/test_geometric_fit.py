@@ -111,3 +111,19 @@ def test_rounded_angles_are_named_by_their_step(
         assert all(f"multiples of {step:g} deg" in one.words for one in said)
         # What rounding leaves is not the model's besides.
         assert not any("No cause in the list" in one.words for one in found.findings)
+
+
+@pytest.mark.parametrize("rows", [(4, 17), (10, 11)])
+def test_two_wrong_poses_neither_hide_each_other_nor_look_like_a_moved_frame(
+    tmp_path: Path, rows: tuple[int, int]
+) -> None:
+    """Two poses that are off by ten times what a robot errs by are named, and nothing else is."""
+    q, x = day(0, 0.0)
+    rng = np.random.default_rng(1)
+    x = x + rng.normal(0, 7e-5, (len(x), 1, 3))
+    for row in rows:
+        off = rng.normal(0, 1, 3)
+        x[row] += 1e-3 * off / np.linalg.norm(off)
+    found = edtk.identify(STUDY, by_pose(tmp_path / "day.csv", np.rad2deg(q), 1e3 * x))
+    harmful = [one for one in found.findings if one.severity > Severity.NOTE]
+    assert [(one.kind, one.rows) for one in harmful] == [("outliers", rows)]
