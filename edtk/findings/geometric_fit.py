@@ -152,10 +152,11 @@ def geometric_findings(
     placed = []
     if absolute.data.seen.any():
         causes = _causes(absolute, setting)
-        if refit is not None:
+        rough = _rough(absolute)
+        if refit is not None and not rough:
             judged, wrong, causes = _apart(fit, causes, setting, refit)
         placed = [
-            *_rough(absolute),
+            *rough,
             *_turned(absolute),
             *_alone(absolute, setting),
             *_rounded(absolute),
