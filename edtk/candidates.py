@@ -444,13 +444,13 @@ def extreme_vertices(
 
 @checked
 def n_choose_k(
-    frame: "pd.DataFrame", columns: Sequence[str], most: int, least: int = 0
+    frame: "pd.DataFrame", columns: str | Sequence[str], most: int, least: int = 0
 ) -> "pd.DataFrame":
     """The candidates of which at least and at most so many columns are not zero (NChooseK).
 
     Args:
         frame: The candidates.
-        columns: Names of the columns that count.
+        columns: Names of the columns that count; those of one letter may be one text.
         most: The largest number of them.
         least: The least number of them.
 
