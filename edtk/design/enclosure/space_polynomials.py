@@ -9,7 +9,6 @@ from itertools import pairwise
 import numpy as np
 
 from edtk.design.design_space import DesignSpace
-from edtk.design.enclosure.links import Link, direction_of, within
 from edtk.design.enclosure.polynomial import (
     ROUNDOFF,
     Axis,
@@ -19,7 +18,7 @@ from edtk.design.enclosure.polynomial import (
     Polynomial,
     sum_of_squares,
 )
-from edtk.design.enclosure.symmetry import TURN, Halving, halved
+from edtk.design.enclosure.symmetry import TURN, Halving, Link, direction_of, halved, within
 from edtk.robots.constraints.constraint import Constraint
 from edtk.robots.constraints.excluded import Excluded
 from edtk.robots.constraints.height import Height

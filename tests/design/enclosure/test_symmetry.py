@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from edtk.design.enclosure.links import Link, direction_of, within
 from edtk.design.enclosure.polynomial import Axis, Polynomial
+from edtk.design.enclosure.symmetry import Link, direction_of, within
 
 AXES = (Axis("angle", -1.0, 2.0), Axis("length", 0.0, 3.0), Axis("angle", -0.5, 1.5))
 
