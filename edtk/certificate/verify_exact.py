@@ -97,21 +97,67 @@ def _budget(given: dict[str, Any], n: int) -> Budget | None:
     return Budget(np.append(costs, np.zeros(int("places" in given))), funds)
 
 
-def _no_plan(
-    plan: Indices, told: int, limits: Indices | None, budget: Budget | None, sized: bool
-) -> str:
-    """Why counts (n,) are no plan of so many experiments within limits; empty if they are."""
-    if budget is not None and plan @ budget.costs[: len(plan)] > budget.most:
-        return "the plan costs more than it may"
-    if not sized:
-        assert budget is not None
-        affordable = budget.number(limits)
-        return f"expected {affordable} places" if told < affordable else ""
-    if limits is not None and (plan > limits).any():
-        return "a candidate is measured more often than it may be"
-    if told <= 0 or plan.sum() != told:
-        return f"expected {told} experiments beside the kept ones"
-    return ""
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """A plan, and what all plans that it is compared with obey.
+
+    Attributes:
+        size: Number of experiments, with the kept ones.
+        kept: How often each candidate is kept (n,).
+        plan: How often each is chosen anew (n,).
+        told: Number of new experiments; where it is free, of places for them.
+        sized: Whether all plans have as many experiments.
+        limits: How often each candidate may be chosen anew (n,); None for no limit.
+        budget: What the new experiments may cost together; None for no limit.
+    """
+
+    size: int
+    kept: Indices
+    plan: Indices
+    told: int
+    sized: bool
+    limits: Indices | None
+    budget: Budget | None
+
+    @classmethod
+    def of(cls, content: dict[str, Any], n: int) -> "_Asked":
+        """Read them.
+
+        Raises:
+            ValueError: They are no such numbers; one line says where.
+        """
+        size = whole(content["size"], 1, MOST_SIZE, "size")
+        kept = counts_of(content["kept"], n, "kept")
+        table(content["plan"], ("candidate", "count"), "plan")
+        plan = plan_of(content["plan"], n)
+        budget = _budget(content, n)
+        sized = "places" not in content
+        made = size - int(kept.sum())
+        told = made if sized else whole(content["places"], made, MOST_SIZE, "places")
+        return cls(size, kept, plan, told, sized, _limits(content.get("most"), kept), budget)
+
+    @property
+    def wrong(self) -> str:
+        """Why it is no plan of so many experiments within limits; empty if it is."""
+        plan, limits, budget = self.plan, self.limits, self.budget
+        made = self.size - int(self.kept.sum())
+        if plan.sum() != made or (self.sized and made <= 0):
+            return f"expected {made} experiments beside the kept ones"
+        if budget is not None and plan @ budget.costs[: len(plan)] > budget.most:
+            return "the plan costs more than it may"
+        if not self.sized:
+            assert budget is not None
+            affordable = budget.number(limits)
+            return f"expected {affordable} places" if self.told < affordable else ""
+        if limits is not None and (plan > limits).any():
+            return "a candidate is measured more often than it may be"
+        return ""
+
+    @property
+    def claim(self) -> Claim:
+        """That it is a plan."""
+        found = float(self.plan.sum() + self.kept.sum())
+        return Claim("plan", not self.wrong, float(self.size), found, self.wrong)
 
 
 def _cost(replay: Replay, plan: Indices) -> tuple[float, float]:
@@ -140,57 +186,49 @@ def verify_exact(content: Any, problem: Problem) -> ExactVerification:
     with np.errstate(all="ignore"):
         table(content, KEYS, "certificate", ("most", "costs", "cost_budget", "places"))
         require_table(content["criterion"])
-        name = content["criterion"]["name"]
         label = label_of(content["criterion"])
-        size = whole(content["size"], 1, MOST_SIZE, "size")
-        kept = counts_of(content["kept"], problem.n, "kept")
-        table(content["plan"], ("candidate", "count"), "plan")
-        plan = plan_of(content["plan"], problem.n)
+        asked = _Asked.of(content, problem.n)
         if not isinstance(content["proved_exact"], bool):
             raise ValueError("proved_exact: expected true or false")
-        stated = {name: number(content[name], name) for name in ("value", "bound_exact")}
-        budget = _budget(content, problem.n)
-        sized = "places" not in content
-        positions = problem.n if sized else problem.n + 1
-        tree = Tree.of(content["tree"], positions, problem.p, int(budget is not None))
         candidates = candidates_of(problem)
-        claims = [same_candidates(content["candidates"], problem, candidates.sha256)]
-        made = size - int(kept.sum())
-        told = made if sized else whole(content["places"], made, MOST_SIZE, "places")
-        limits = _limits(content.get("most"), kept)
-        wrong = _no_plan(plan, told, limits, budget, sized)
-        if not sized and plan.sum() != made:
-            wrong = f"expected {made} experiments beside the kept ones"
-        claims.append(Claim("plan", not wrong, float(size), float(plan.sum() + kept.sum()), wrong))
-        if not has_whole_plans(name):
-            reason = f"the criterion {name} has no second implementation for whole plans"
-            claims += unproved_exact(reason)
-        elif wrong:
-            claims += unproved_exact("there is no plan")
-        else:
-            # Powers of two change no digit, and products of numbers near one stay numbers.
-            power = candidates.power
-            part, known = _question(content["criterion"], candidates, kept, size, power)
-            stated["proved_exact"] = content["proved_exact"]
-            units = known.units
-            part, known = part.scaled(units), known.scaled(units)
-            tree = replace(tree, T=np.ldexp(tree.T, -power - units[:, None]))
-            replay = Replay(tree, part, known, told, limits, budget, power)
-            claims += exact_claims(name, stated, replay, *_cost(replay, plan))
+        claims = [same_candidates(content["candidates"], problem, candidates.sha256), asked.claim]
+        claims += _proof(content, asked, candidates)
     return ExactVerification(
-        criterion=name,
+        criterion=content["criterion"]["name"],
         kind="plan",
         robot="",
-        poses=int((plan > 0).sum()),
-        kept=int(kept.sum()),
+        poses=int((asked.plan > 0).sum()),
+        kept=int(asked.kept.sum()),
         candidates=problem.n,
         claims=tuple(claims),
-        experiments=size,
+        experiments=asked.size,
         about=label,
-        told=_told(content, int(kept.sum())),
+        told=_told(content, int(asked.kept.sum())),
         best=content["proved_exact"],
-        sized=sized,
+        sized=asked.sized,
     )
+
+
+def _proof(content: dict[str, Any], asked: _Asked, candidates: Candidates) -> list[Claim]:
+    """What the tree proves of the plan, by a replay of it."""
+    name = content["criterion"]["name"]
+    stated = {key: number(content[key], key) for key in ("value", "bound_exact")}
+    positions = len(asked.plan) + (0 if asked.sized else 1)
+    tree = Tree.of(content["tree"], positions, candidates.p, int(asked.budget is not None))
+    if not has_whole_plans(name):
+        reason = f"the criterion {name} has no second implementation for whole plans"
+        return unproved_exact(reason)
+    if asked.wrong:
+        return unproved_exact("there is no plan")
+    # Powers of two change no digit, and products of numbers near one stay numbers.
+    power = candidates.power
+    part, known = _question(content["criterion"], candidates, asked.kept, asked.size, power)
+    stated["proved_exact"] = content["proved_exact"]
+    units = known.units
+    part, known = part.scaled(units), known.scaled(units)
+    tree = replace(tree, T=np.ldexp(tree.T, -power - units[:, None]))
+    replay = Replay(tree, part, known, asked.told, asked.limits, asked.budget, power)
+    return exact_claims(name, stated, replay, *_cost(replay, asked.plan))
 
 
 def _told(content: dict[str, Any], kept: int) -> tuple[str, ...]:
