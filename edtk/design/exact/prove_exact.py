@@ -192,12 +192,14 @@ class _Working:
         merits: Merits of plans of them.
         T: The parameters, of those as given.
         members: One candidate (n,) for each of them.
+        place: Which of them each candidate, and the empty one, is.
         unit: What the costs (k,) of each budget are counted in.
     """
 
     merits: Merits
     T: Array
     members: Indices
+    place: Indices
     unit: Array
 
     @classmethod
@@ -224,10 +226,11 @@ class _Working:
         empty = 0 if limits.sized else 1
         packed = np.concatenate([packed, np.zeros((len(packed), empty))], axis=1)
         most = limits.most
-        members = np.arange(problem.n + empty)
+        members = place = np.arange(problem.n + empty)
         if most is None:
             same = np.concatenate([given.problem.packed, prices[:, : problem.n]])
-            _, members = np.unique(same, axis=1, return_index=True)
+            _, members, place = np.unique(same, axis=1, return_index=True, return_inverse=True)
+            place = np.append(place.ravel(), np.full(empty, len(members)))
             members = np.append(members, np.arange(problem.n, problem.n + empty))
         elif empty:
             most = np.append(most, limits.m)
@@ -242,7 +245,7 @@ class _Working:
             most=most,
             budgets=len(funds),
         )
-        return cls(merits, T, members, unit)
+        return cls(merits, T, members, place, unit)
 
 
 def _prices(limits: Limits, n: int) -> tuple[Array, Array, Array]:
@@ -359,8 +362,8 @@ class _Search:
             self.counts = incumbent
             self.best = self._cost(incumbent)
         empty = max(limits.m - float(relaxed.counts.sum()), 0.0)
-        weights = np.append(relaxed.counts, empty)
-        self._plant(weights[self.working.members], relaxed.multipliers)
+        weights = np.append(relaxed.counts, empty)[: len(self.working.place)]
+        self._plant(np.bincount(self.working.place, weights), relaxed.multipliers)
 
     @property
     def target(self) -> float:

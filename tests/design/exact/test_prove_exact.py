@@ -225,6 +225,21 @@ def test_equal_candidates_stand_for_one_another() -> None:
     assert both.best == pytest.approx(prove_exact(Problem(rows), criteria.create("D"), limits).best)
 
 
+@pytest.mark.parametrize("name", ["E", "G"])
+def test_weights_of_equal_candidates_are_one(name: str) -> None:
+    """Where the relaxation weighs a copy that has no position, its weight begins the proof."""
+    rows = np.array([[0, -1], [-1, -1], [1, 1], [1, -1], [0, 1], [0, 0], [1, 1], [-1, 1]], float)
+    problem = Problem(rows[:, None])
+    criterion, limits = criteria.create(name), Limits(2, np.zeros((2, 2)))
+    best = least_cost(problem, criterion, limits)
+    relaxed = relaxed_counts(problem, criterion, limits)
+    copies = replace(relaxed, counts=np.array([0, 0, 0, 0, 0, 0, 1, 1.0]))
+    plan = np.array([0, 1, 0, 1, 0, 0, 0, 0])
+    found = prove_exact(problem, criterion, limits, plan, relaxed=copies, seconds=60)
+    assert found.proved
+    assert found.best == pytest.approx(best, rel=1e-9)
+
+
 @pytest.mark.parametrize("name", ["O4", "O2"])
 def test_a_criterion_without_a_proof_says_why(name: str) -> None:
     """Criteria that are not convex, or of degree zero, are refused in one line."""
