@@ -103,12 +103,14 @@ def _mesh(corners: Array, unit: str, where: str, largest: float) -> Mesh:
 def _stl(content: bytes, unit: Unit) -> Array:
     """Corners (f, 3, 3) of an STL file in its own unit.
 
-    A binary one may begin with "solid" as one of text does, so its length decides.
+    A binary one may begin with "solid" as one of text does, so its length decides. What has no zero
+    byte is text, whatever number of triangles its letters would say.
     """
     start = HEADER + COUNT
     count = int.from_bytes(content[HEADER:start], "little") if len(content) >= start else -1
     is_text = content.lstrip()[:5].lower() == b"solid" and CORNER.search(content) is not None
-    if len(content) == start + RECORD * count or (count > 0 and not is_text):
+    may_be_cut = count > 0 and not is_text and b"\0" in content
+    if len(content) == start + RECORD * count or may_be_cut:
         return _binary_stl(content, count, unit)
     if not is_text:
         raise ValueError("is no STL file: neither text with vertices nor binary with triangles")
@@ -127,8 +129,10 @@ def _binary_stl(content: bytes, count: int, unit: Unit) -> Array:
     """Corners (f, 3, 3) of a binary STL file."""
     start = HEADER + COUNT
     _require_number(count)
-    if len(content) < start + RECORD * count:
-        message = f"is cut off: {count:,} triangles take {start + RECORD * count:,} bytes"
+    missing = start + RECORD * count - len(content)
+    if missing > 0 or missing <= -RECORD:  # a few bytes more are some exporter's
+        what = "cut off" if missing > 0 else "more than it says"
+        message = f"is {what}: {count:,} triangles take {start + RECORD * count:,} bytes"
         raise ValueError(f"{message}, and it has {len(content):,}")
     said = STATES.search(content[:HEADER])
     if said is not None and STATED[said[1].upper()] != unit:

@@ -164,7 +164,8 @@ class _Scene:
             raise UserError(str(error), where=self.where, key=key) from error
         edges = open_edges(mesh)
         if edges:
-            message = f"{table.file} is open at {edges} edges: its surface counts, not its inside"
+            where = f"{edges} edge{'s' if edges > 1 else ''}"
+            message = f"{table.file} is open at {where}: its surface counts, not its inside"
             note(f"{key}: {message}", self.where)
         return mesh.moved(table.pose)
 

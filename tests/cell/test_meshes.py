@@ -67,6 +67,7 @@ def test_a_surface_with_a_hole_has_open_edges(tmp_path) -> None:
     ("content", "said"),
     [
         (binary(CORNERS[FACES])[:-7], "is cut off: 4 triangles take 284 bytes, and it has 277"),
+        (binary(CORNERS[FACES], count=3), "is more than it says: 3 triangles take 234 bytes"),
         (binary(CORNERS[FACES][:0]), "has 0 triangles"),
         (binary(CORNERS[FACES], count=3_000_000), "has 3,000,000 triangles"),
         (binary(CORNERS[FACES], b"UNITS=inch"), 'expected unit = "inch"'),
@@ -75,6 +76,8 @@ def test_a_surface_with_a_hole_has_open_edges(tmp_path) -> None:
         (binary(1e5 * CORNERS[FACES]), "is 1e+04 m across with mm as its unit"),
         (binary(1e-3 * CORNERS[FACES]), "is it in another unit"),
         (b"no mesh at all", "is no STL file"),
+        (text(CORNERS[FACES]).replace(b"vertex", b"vertx"), "is no STL file"),
+        (b"<html>" + 100 * b" not found ", "is no STL file"),
         (text(CORNERS[FACES]).replace(b"vertex 0 50 0", b"vertex 0 fifty 0"), "not three numbers"),
         (text(CORNERS[FACES]).replace(b"vertex 0 50 0", b"", 1), "has 11 vertices"),
         (b"", "is no STL file"),
