@@ -199,7 +199,12 @@ class ThetaBox(ABC, Generic[Made]):
         return np.asarray(order[is_low[order]][:SEARCHES])
 
     def worst(
-        self, design: Shares, own: Criterion, optimum: Optimum, known: Sequence[Array]
+        self,
+        design: Shares,
+        own: Criterion,
+        optimum: Optimum,
+        known: Sequence[Array],
+        among: "ThetaBox[Any] | None" = None,
     ) -> tuple[Array, float]:
         """The worst theta for a design that a search finds, and its value.
 
@@ -208,12 +213,14 @@ class ThetaBox(ABC, Generic[Made]):
             own: The criterion of one model.
             optimum: Finds the best weights for one model alone.
             known: Theta where the search begins, too.
+            among: The same ranges for candidates, whose best weights tell where else to begin.
         """
 
         def values(thetas: Array) -> Array:
             return self.values(thetas, design, own, optimum)
 
-        lowest: Array = self.tried[self.lowest(values(self.at(self.tried)))]
+        scanned = (among or self).values(self.at(self.tried), design, own, optimum)
+        lowest: Array = self.tried[self.lowest(scanned)]
         begun = self._parts(known)[np.argmin(values(np.array(known)))]
         starts: list[Array] = [begun, *lowest]
         ends: list[Array] = [self.descend(u, design, own, optimum) for u in starts]

@@ -121,8 +121,10 @@ def over_ranges(
     assert question.robust is not None
     box: ThetaBox[Any] = question.robust.box
     own = criteria.as_criterion(asked, box.parameters)
+    grid: ThetaBox[Any] | None = None
     if not first and isinstance(question, Region):
-        first = _of_grid(question, asked)
+        grid = box.among(RegionGrid.of(question, GRID).x)
+        first = _of_grid(grid, asked)
     known: dict[Any, RelaxedDesign] = {}
 
     def best(model: Problem | Region, criterion: criteria.Criterion) -> RelaxedDesign:
@@ -132,7 +134,8 @@ def over_ranges(
 
     def optimum(model: Any, criterion: criteria.Criterion) -> tuple[float, Shares]:
         found = best(model, criterion)
-        return found.cost, _shares(found, box)
+        sites = box if grid is None or isinstance(model, Region) else grid
+        return found.cost, _shares(found, sites)
 
     thetas = list(first) or [box.inside()]
     found: Design | None = None
@@ -142,7 +145,7 @@ def over_ranges(
         criterion = criterion_of(asked, listed, lambda model, one: best(model, one).value)
         design = solve(listed, criterion)
         shares = _shares(design, box)
-        theta, value = box.worst(shares, own, optimum, thetas)
+        theta, value = box.worst(shares, own, optimum, thetas, grid)
         of_list = box.values(np.array(thetas), shares, own, optimum).min()
         named = dict(zip(box.names, theta.tolist(), strict=True))
         design = replace(design, worst=WorstTheta(named, value, np.array(thetas), box.what))
@@ -153,7 +156,7 @@ def over_ranges(
             found, highest = design, value
         else:
             near = shares.mixed(_shares(found, box), NEAR)
-            trials.append(box.worst(near, own, optimum, thetas)[0])
+            trials.append(box.worst(near, own, optimum, thetas, grid)[0])
         for one in trials:
             if box.is_new(one, thetas):
                 thetas.append(one)
@@ -161,17 +164,15 @@ def over_ranges(
     return found
 
 
-def _of_grid(region: Region, asked: CriterionLike) -> list[Array]:
+def _of_grid(grid: ThetaBox[Problem], asked: CriterionLike) -> list[Array]:
     """Theta that count at the best weights on a grid: those with a part in what proves them.
 
     Weights on candidates are found many times faster than points of a region.
     """
-    assert region.robust is not None
-    grid = region.robust.box.among(RegionGrid.of(region, GRID).x)
     found = over_ranges(grid.first(), asked, relax)
     assert found.worst is not None
     thetas = found.worst.thetas
-    M = grid.listed(thetas).information(found.weights)
+    M = grid.listed(list(thetas)).information(found.weights)
     traces = (found.multipliers.sum(axis=0) * M).sum(axis=0)
     parts = traces.reshape(len(thetas), -1).sum(axis=1)
     return [*thetas[parts > PART * parts.max()]]

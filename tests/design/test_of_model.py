@@ -244,6 +244,16 @@ def test_a_region_takes_several_theta_too():
     assert edtk.relax(region, "D").cost == pytest.approx(edtk.relax(listed, "D").cost, rel=1e-4)
 
 
+@pytest.mark.slow
+def test_a_maximin_design_of_a_region_has_few_points():
+    """Twelve theta of Hill's model: points that are close to each other become one."""
+    thetas = [{"e": 1.0, "k": k, "h": h} for k in (0.5, 1, 2, 4) for h in (1, 2, 3)]
+    hill = edtk.Region.of_model("e*x^h/(k^h+x^h)", thetas, (0.01, 10), robust="maximin")
+    design = edtk.relax(hill, "D")
+    assert len(design.points) == 6
+    assert design.gap < 1e-7
+
+
 def test_the_bound_of_a_formula_is_proved():
     """Formulas run on intervals: the optimum of Michaelis and Menten over all doses."""
     region = edtk.Region.of_model(ENZYME, AT, {"x": (0.0, 4.0)})

@@ -2,17 +2,19 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import product
+from typing import Any
 
 import numpy as np
 
-from criteria import Criterion
+from criteria import Criterion, Relaxable
 from criteria.linalg.estimable import range_whitener
+from criteria.relaxable import Losses
 from edtk.design.candidate_source import Candidates
 from edtk.design.interior_point.descend import inward
 from edtk.design.problem import Problem
-from edtk.design.region import FEASIBLE, Region
+from edtk.design.region import FEASIBLE, Region, RegionPoints
 from edtk.design.relaxation.proof import is_normalised, normalised, rounding_of_inverse, safe_cost
 from edtk.design.relaxation.search_continuum import LargestSensitivities, ascend
 from edtk.system.errors import ArgumentError, UserError
@@ -288,14 +290,15 @@ def _own(region: Region, criterion: Criterion, x: Array, Z: Array) -> Array:
 
 
 def polish(
-    region: Region, criterion: Criterion, x: Array, weights: Array
+    region: Region, criterion: Relaxable, x: Array, weights: Array
 ) -> tuple[Array, Array, float]:
     """Merge points of a design that are close, and move points and weights to an optimum nearby.
 
     The logarithm of the cost is minimised over points and weights by sequential quadratic programs
-    (SLSQP), with derivatives ``<G, M_i>`` by a weight and ``2 w_i <A_i G, dA_i>`` by a point. A
-    result counts only if its cost, computed anew, is not larger; so a kink of the criterion, where
-    the programs fail, does no harm.
+    (SLSQP), with derivatives ``<G, M_i>`` by a weight and ``2 w_i <A_i G, dA_i>`` by a point. Where
+    the cost is the largest of smooth losses, it is a level that none of their logarithms exceeds. A
+    result counts only if its cost, computed anew, is not larger; so another kink of the criterion,
+    where the programs fail, does no harm.
 
     Args:
         region: The region.
@@ -396,8 +399,13 @@ class _Descent:
     """The optimisation of k points and their weights; variables are parts of their ranges."""
 
     region: Region
-    criterion: Criterion
+    criterion: Relaxable
     k: int
+
+    @cached_property
+    def _losses(self) -> Losses | None:
+        """Smooth losses whose largest is the cost; None where the cost itself is smooth."""
+        return self.criterion.largest_of(len(self.region.parameters))
 
     def end(self, x: Array, weights: Array) -> tuple[Array, Array]:
         """Points (k, d) on their walls, and weights (k,), after the descent."""
@@ -409,21 +417,70 @@ class _Descent:
         rules = [{"type": "eq", "fun": lambda v: v @ total - 1, "jac": lambda v: total}]
         if self.region.slack_at(x).shape[-1]:
             rules.append({"type": "ineq", "fun": self._slack, "jac": self._slack_slope})
-        found = minimize(
-            self._value,
-            start,
-            jac=True,
-            method="SLSQP",
-            bounds=[(0.0, 1.0)] * len(start),
-            constraints=rules,
-            options={"ftol": FINEST, "maxiter": ITERATIONS},
-        ).x
+        options = {"ftol": FINEST, "maxiter": ITERATIONS}
+        bounds = [(0.0, 1.0)] * len(start)
+        if self._losses is None:
+            found = minimize(
+                self._value,
+                start,
+                jac=True,
+                method="SLSQP",
+                bounds=bounds,
+                constraints=rules,
+                options=options,
+            ).x
+        else:
+            found = self._below_one_level(start, rules, options)
         if not np.isfinite(found).all():
             return x, weights
         points = onto_walls(self.region, self._points(found))
         shares = np.maximum(found[x.size :], 0.0)
         shares = np.where(shares > NOTHING, shares, 0.0)
         return points[shares > 0], shares[shares > 0] / shares.sum()
+
+    def _below_one_level(self, start: Array, rules: list[Any], options: Any) -> Array:
+        """The end for a cost with kinks: the least level that no loss exceeds, which is smooth."""
+        from scipy.optimize import minimize
+
+        @lru_cache(maxsize=2)
+        def told(data: bytes) -> tuple[Array, Array]:
+            return self._logs(np.frombuffer(data))
+
+        def with_level(rule: Any) -> Any:
+            def slope(v: Array) -> Array:
+                own = np.atleast_2d(rule["jac"](v[:-1]))
+                return np.column_stack([own, np.zeros(len(own))])
+
+            return {"type": rule["type"], "fun": lambda v: rule["fun"](v[:-1]), "jac": slope}
+
+        logs, _ = told(start.tobytes())
+        if not np.isfinite(logs).all():
+            return start
+        below = {
+            "type": "ineq",
+            "fun": lambda v: v[-1] - told(v[:-1].tobytes())[0],
+            "jac": lambda v: np.column_stack([-told(v[:-1].tobytes())[1], np.ones(len(logs))]),
+        }
+        level = np.append(np.zeros(len(start)), 1.0)
+        return np.asarray(
+            minimize(
+                lambda v: v[-1],
+                np.append(start, logs.max()),
+                jac=lambda v: level,
+                method="SLSQP",
+                bounds=[(0.0, 1.0)] * len(start) + [(None, None)],
+                constraints=[*map(with_level, rules), below],
+                options=options,
+            ).x[:-1]
+        )
+
+    def _logs(self, v: Array) -> tuple[Array, Array]:
+        """Logarithms (j,) of the losses, and their slopes (j, k d + k)."""
+        assert self._losses is not None
+        here = self.region.at(self._points(v)[None])
+        w = np.maximum(v[-self.k :], 0.0)
+        logs, G = self._losses.logs_and_slopes(here.information(w[None])[0])
+        return logs, np.array([self._slope(here, w, -one) for one in G])
 
     def _points(self, v: Array) -> Array:
         """Points (k, d) of the variables."""
@@ -438,14 +495,17 @@ class _Descent:
         cost, G = self.criterion.cost_and_gradient(here.information(w[None])[0])
         if not np.isfinite(cost) or not cost > 0:
             return WORTHLESS, np.zeros_like(v)
-        G = G / cost
+        return float(np.log(cost)), self._slope(here, w, G / cost)
+
+    def _slope(self, here: RegionPoints, w: Array, G: Array) -> Array:
+        """Derivatives (k d + k) by points and weights of what has the gradient G (p, p) by M."""
         low, high = self.region.limits
         weighted = here.regressor @ G
         by_weight = (weighted * here.regressor).sum(axis=(-1, -2))[0]
         if self.region.prior is not None:
             by_weight = by_weight + np.tensordot(G, self.region.prior, 2)
         by_point = 2 * w[:, None] * here.slope(weighted)[0] * (high - low)
-        return float(np.log(cost)), np.concatenate([by_point.ravel(), by_weight])
+        return np.concatenate([by_point.ravel(), by_weight])
 
     def _slack(self, v: Array) -> Array:
         """Slacks (k c,) of all points."""
