@@ -363,7 +363,8 @@ class _Search:
             self.best = self._cost(incumbent)
         empty = max(limits.m - float(relaxed.counts.sum()), 0.0)
         weights = np.append(relaxed.counts, empty)[: len(self.working.place)]
-        self._plant(np.bincount(self.working.place, weights), relaxed.multipliers)
+        together = np.bincount(self.working.place, weights).astype(float)
+        self._plant(together, relaxed.multipliers)
 
     @property
     def target(self) -> float:
