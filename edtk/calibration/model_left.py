@@ -387,6 +387,7 @@ def possible_to_dict(pieces: MissingPieces, possible: PossibleSprings) -> dict[s
     return {
         "compliance": pieces.k.tolist(),
         "load": pieces.load.tolist(),
+        "links": list(pieces.links),
         "weights": possible.weights.tolist(),
         "held": possible.held.tolist(),
         "turn": possible.turn.tolist(),
@@ -403,9 +404,12 @@ def possible_from_dict(
     Raises:
         ValueError: A number is missing, or none.
     """
-    pieces = MissingPieces(
-        not_negative_of(given, "compliance", (n,)), not_negative_of(given, "load", (n,))
-    )
+    # Files of before had no springs in the middles of links.
+    links = given.get("links", [])
+    if not isinstance(links, list) or any(one not in range(1, n) for one in links):
+        raise ValueError(f"links: expected a list of joints from 1 to {n - 1}, counted from 0")
+    k, load = (not_negative_of(given, name, (n,)) for name in ("compliance", "load"))
+    pieces = MissingPieces(k, load, tuple(links))
     rows = given.get("weights")
     s = len(rows) if isinstance(rows, list) else 0
     order = pieces.count + p

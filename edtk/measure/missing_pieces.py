@@ -19,6 +19,8 @@ from edtk.robots.robot import Robot
 from edtk.system.typing import Array, Indices
 
 SIDES = 2  # axes across that of a joint
+AXES = 3  # about which a link gives way in its middle
+SHORT = 0.01  # of the robot's reach: links that are shorter have their springs at their ends alone
 
 Motion = Callable[[Frames], Array]
 
@@ -29,7 +31,11 @@ class MissingPieces:
 
     1. *Across*: about both axes across that of joint j there is a spring as soft as the joint's
        own, ``J_e k_j (J_e' w)`` with the motion J_e of what is measured by a turn about that axis.
-       Bearings tilt, and links bend, like that.
+       Bearings tilt like that. A link that bends and twists does the same with springs about all
+       axes at both of its ends and in its middle: its energy is the integral of squared moments,
+       which are linear along it, and so Simpson's rule is exact. So there are springs about three
+       axes in the middle of each link, too, as soft as the joint before it; those at its ends are
+       across the joints, and their own.
     2. *Held*: friction of joint j holds the part u_j of its mean load m_j in calibration:
        ``-u_j y_j k_j m_j sign(tau_j)`` with ``y_j = dy/dq_j``, and of a load that is smaller than
        the usual share of m_j the whole, see `held_by`. It always holds back, and gears of a robot
@@ -43,10 +49,12 @@ class MissingPieces:
     Attributes:
         k: Compliances (n,) of all joints, zero for rigid ones [rad/(N m)].
         load: Mean sizes (n,) of the joints' loads in calibration [N m or N].
+        links: Indices (l,) of the joints before which a link gives way.
     """
 
     k: Array
     load: Array
+    links: tuple[int, ...] = ()
 
     @classmethod
     def of(cls, robot: Robot, k: Array, torque: Array) -> "MissingPieces":
@@ -57,7 +65,10 @@ class MissingPieces:
             k: Compliances (n,) of all joints; one that is not positive counts as rigid.
             torque: Their loads (m, n) in its measurements [N m or N].
         """
-        return cls(np.maximum(k, 0.0), np.abs(torque).mean(axis=0))
+        free = range(len(robot.chain)) if robot.ties is None else robot.ties.free
+        lengths = [np.linalg.norm(robot.chain[i].origin[:3, 3]) for i in free]
+        long = [j for j, length in enumerate(lengths) if j and length > SHORT * robot.reach]
+        return cls(np.maximum(k, 0.0), np.abs(torque).mean(axis=0), tuple(long))
 
     def size(self, robot: Robot) -> Array:
         """Compliances (n,) of springs across the joints; beside a rigid one, as the next joint."""
@@ -82,12 +93,15 @@ class MissingPieces:
         motion_of = model.motion_of if motion_of is None else motion_of
         frames = model.robot.frames(q, range(len(model.robot.chain)))
         lift = (-1, *[1] * (frames.q.ndim - 1))
-        soft = self.size(model.robot).reshape(lift)
+        soft, links = self.size(model.robot), np.array(self.links, dtype=int)
+        ends = (frames, np.arange(len(soft)), soft, SIDES)
+        middles = (_in_middles(frames), links, soft[links - 1], AXES)
         parts = []
-        for side in range(SIDES):
-            tilted = _across(model.robot, frames, side)
-            turned = soft * model.torque_of(tilted, wrench)
-            parts.append(motion_of(tilted) * turned[:, None])
+        for at, joints, size, axes in (ends, middles):
+            for axis in range(axes):
+                tilted = _about(model.robot, at, axis)
+                turned = size.reshape(lift) * model.torque_of(tilted, wrench)[joints]
+                parts.append(motion_of(tilted)[joints] * turned[:, None])
         torque = model.torque_of(frames, wrench)
         turned = self.k.reshape(lift) * torque
         across, turns = (
@@ -99,7 +113,7 @@ class MissingPieces:
     @property
     def count(self) -> int:
         """Number of shares that all poses have: across, and held."""
-        return (SIDES + 1) * len(self.k)
+        return (SIDES + 1) * len(self.k) + AXES * len(self.links)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +121,7 @@ class PieceColumns:
     """What pieces do in some poses, for shares of one.
 
     Attributes:
-        across: Columns (..., rows, a) of springs across the joints.
+        across: Columns (..., rows, a) of springs across the joints, and in the middles of links.
         turns: Columns (..., rows, n) of springs that turn once more, by another share in each pose.
         torque: Loads (..., n) of the joints [N m or N].
         load: Their mean sizes (n,) in calibration [N m or N].
@@ -155,8 +169,8 @@ class PieceColumns:
         return replace(alone, torque=np.repeat(self.torque, rows, axis=0))
 
 
-def _across(robot: Robot, frames: Frames, side: int) -> Frames:
-    """The chain whose revolute joints turn about an axis across their own, one of two.
+def _about(robot: Robot, frames: Frames, axis: int) -> Frames:
+    """The chain whose revolute joints turn about one of two axes across their own, or that itself.
 
     The axis is fixed to the body before the joint. Joints that follow others have none.
     """
@@ -165,9 +179,16 @@ def _across(robot: Robot, frames: Frames, side: int) -> Frames:
     for j in free:
         joint = robot.chain[j]
         if joint.kind == "revolute":
-            local = joint.origin[:3, :3] @ joint.aligned[:, side]
+            local = joint.origin[:3, :3] @ joint.aligned[:, axis]
             axes[j] = _in_world(robot, frames, j, local)
     return replace(frames, axes=axes, prismatic=np.zeros_like(frames.prismatic))
+
+
+def _in_middles(frames: Frames) -> Frames:
+    """The chain whose joints, but for the first, are in the middles of the links before them."""
+    origins = frames.origins.copy()
+    origins[1:] = (frames.origins[:-1] + frames.origins[1:]) / 2
+    return replace(frames, origins=origins)
 
 
 def _in_world(robot: Robot, frames: Frames, joint: int, local: Array) -> Array:

@@ -9,7 +9,7 @@ import pytest
 from kr270 import REQUIRED, TEST_POSE
 
 import edtk
-from edtk.calibration.model_left import ModelLeft
+from edtk.calibration.model_left import ModelLeft, possible_from_dict, possible_to_dict
 from edtk.design.candidate_source import sample_feasible
 from edtk.fit import correlated_noise
 from edtk.fit.distributions import NormalMixture, error_quantiles, weighted_median
@@ -17,7 +17,7 @@ from edtk.fit.identify import identify
 from edtk.fit.measurements import Measurements
 from edtk.fit.missing import SIZES, MissingColumns, SizeLikelihood, prior_of_sizes
 from edtk.measure.friction import SPREAD
-from edtk.measure.missing_pieces import MissingPieces, PieceColumns
+from edtk.measure.missing_pieces import MissingPieces, PieceColumns, PossibleSprings
 
 SURE = {"load_percent": 0, "load_direction_deg": 0, "tool_mm": 0, "rigid_rad_per_Nm": {"q1": 1e-15}}
 STUDY = edtk.Study(**REQUIRED, test_pose=TEST_POSE, uncertainty=SURE)
@@ -193,6 +193,7 @@ def test_compensate_and_predict_count_it_from_the_file(tmp_path, bent):
     [
         ({"weights": [0.0]}, "weights: expected a number that is not zero"),
         ({"turn": [-1.0]}, "turn: expected"),
+        ({"links": [[0]]}, "links: expected a list of joints from 1 to 5"),
         ({"noise": "x"}, "noise: expected"),
     ],
 )
@@ -206,6 +207,20 @@ def test_bad_files_are_one_line(change, message, tmp_path, bent):
     path.write_text(json.dumps(result), encoding="utf-8")
     with pytest.raises(edtk.UserError, match=rf"k\.json: possible_springs: {message}"):
         edtk.compensate(STUDY, path)
+
+
+def test_files_of_before_have_springs_at_the_joints_alone():
+    """One that names no links says the same of its shares, fewer than today's."""
+    k = np.append(0.0, K)
+    (_, held, turn), order = np.eye(3), 3 * len(k) + 2
+    possible = PossibleSprings(
+        np.full(3, 1 / 3), held, turn, np.ones((3, order)), np.tile(np.eye(order), (3, 1, 1))
+    )
+    given = possible_to_dict(MissingPieces(k, k), possible)
+    assert given.pop("links") == []
+    pieces, read = possible_from_dict(given, 2, len(k))
+    assert pieces.links == ()
+    np.testing.assert_array_equal(read.covariance, possible.covariance)
 
 
 def test_untold_pieces_are_said_and_not_good():

@@ -33,7 +33,7 @@ def data_of(one, sigma=0.02, across=0.0):
     """What is read of it; springs across all joints are of a share of these."""
     data = readings(one, truth_of(one, 0.0), VISITS, EVERY, EVERY, sigma_mm=sigma, seed=3)
     setting = StudyGeometry.of(one)
-    columns = pieces_of(setting, data)[1].across @ np.full(12, across)
+    columns = pieces_of(setting, data)[1].across[..., :12] @ np.full(12, across)
     moved = _as_read(setting.model, columns[..., None]).reshape(*data.seen.shape, -1)
     return replace(data, measured=data.measured + moved[..., :3])
 
