@@ -63,6 +63,7 @@ SIZE = 12
 DAYS = 20
 SPREAD = 0.2  # of the springs from day to day, relative
 POSES = 20  # of tasks beside the test pose, all under its load
+SEARCHES = 4  # for optimal plans: equally good ones differ in what they tell of friction
 
 LATERAL = (0.1, 0.3)  # of the joint's own compliance, about each axis across it
 OF_LINK = 0.2  # by which a link's end turns for a torque, of the turn of the joint at its root
@@ -385,10 +386,12 @@ def stands_out(scene: Scene, plan: edtk.Plan) -> float:
 
 
 def told_apart(robot: str, scene: Scene, folder: Path) -> str:
-    """How far friction stands out in a sheet of the optimal plan, in words."""
-    plan = plan_of(scene, Case(robot, "friction takes a part", "optimal"), folder / "drawn")
-    told, sure = (stands_out(one, plan) for one in (scene, scene.sure))
-    return APART.format(robot=robot, told=told, sure=sure, share=100 * norm.cdf(-told / 2))
+    """How far friction stands out in sheets of the optimal plans, in words."""
+    cases = [Case(robot, "friction takes a part", "optimal", day) for day in range(SEARCHES)]
+    plans = [plan_of(scene, case, folder / "drawn") for case in cases]
+    told, sure = (sorted(stands_out(one, plan) for plan in plans) for one in (scene, scene.sure))
+    shares = sorted(100 * norm.cdf(-np.array(told) / 2))
+    return APART.format(robot=robot, told=told, sure=sure, shares=shares)
 
 
 def within(errors: Array, band: Array | None) -> Array:
@@ -399,7 +402,7 @@ def within(errors: Array, band: Array | None) -> Array:
 
 
 def plan_of(scene: Scene, case: Case, folder: Path) -> edtk.Plan:
-    """The plan of a day: the optimal one, which is kept, or random poses of its own."""
+    """The plan of a day: one of some that a search finds, which are kept, or random poses."""
     study = scene.study
     if case.poses == "random":
         u = sample_feasible(study.space, SIZE, (SEED, 2, case.day))
@@ -407,9 +410,11 @@ def plan_of(scene: Scene, case: Case, folder: Path) -> edtk.Plan:
         wrench = np.asarray(study.space.load.wrench(u[:, n:]))
         return edtk.Plan(u[:, :n], wrench, np.ones(SIZE, dtype=int))
     counts = case.poses == "counted"
-    path = folder / f"{case.robot}{' counted' if counts else ''}.csv"
+    asked = study.replace(noise=COUNTED) if counts else scene.asked
+    search = 0 if counts else case.day % SEARCHES
+    path = folder / f"{case.robot} {case.poses} {search}.csv"
     if not path.exists():
-        edtk.plan(study.replace(noise=COUNTED) if counts else scene.asked, size=SIZE, out=path)
+        edtk.plan(asked, size=SIZE, seed=SEED + search, out=path)
     return edtk.Plan.from_frame(pd.read_csv(path), study.robot)
 
 
@@ -533,7 +538,7 @@ def table(folder: Path, cases: Sequence[Case], way: Way) -> str:
 def page(folder: Path) -> str:
     """Tables of the days that are there as a page, as Markdown."""
     apart = "\n".join(told_apart(name, scene, folder) for name, scene in scenes().items())
-    parts = [INTRODUCTION.format(size=SIZE, poses=POSES, apart=apart)]
+    parts = [INTRODUCTION.format(size=SIZE, poses=POSES, searches=SEARCHES, apart=apart)]
     for name, way in WAYS.items():
         found = read_days(folder / name / "days.jsonl")
         if found:
@@ -555,9 +560,9 @@ A robot is calibrated with a model of six springs, and is not six springs: joint
 about the axes across their own too, by a share of their own compliance; links bend and twist;
 stiffnesses vary with the angle; friction holds a part of the load. Each row has simulated days,
 from a plan of {size} experiments, or as many random poses, to the robot that is compensated in
-the test pose. *Optimal* plans are for the noise alone; *counted* ones count what springs leave out,
-`model_error_percent = 10` in `[noise]`; studies with `[parameters]` are asked for the same counted
-poses. The simulated robot shares no code with edtk.
+the test pose. *Optimal* plans are for the noise alone, of {searches} searches in turn; *counted*
+ones count what springs leave out, `model_error_percent = 10` in `[noise]`; studies with
+`[parameters]` are asked for the same counted poses. The simulated robot shares no code with edtk.
 
 - *promise*: the error that `edtk compensate` expects in the test pose, a root mean square (median
   of the days);
@@ -575,7 +580,7 @@ promise cannot be right for both.
 Of few days a share is rough; one day in six is 17 %.
 
 An optimal plan loads every joint as much as it can, under which friction looks like a stiffer
-joint.
+joint. Plans that are as good as each other differ in what they tell of it:
 
 {apart}
 
@@ -583,18 +588,19 @@ The promise is the median over what the sheet leaves possible: about what fricti
 whose sheets tell it, and what ideal springs leave on others. So most days of such plans are
 "usable", and say that friction is not told. Of friction it is known before that it holds back, in
 all joints about alike, and that it never holds more than the load: a joint whose load in the task
-is a tenth of that in calibration may lose most of it. Links that bend leave some sheets that look
-like friction, too: of the KR 270 their promise is two to three times too large. Springs across the
-joints are left to the task as they are: where they are all that is missing, poses near the optimum,
-whose springs take them up for the task, may leave less.
+is a tenth of that in calibration may lose most of it. Links that bend are springs at their ends
+and in their middle, as beams are; without those of the middle, their sheets look like friction.
+Springs across the joints are left to the task as they are: where they are all that is missing,
+poses near the optimum, whose springs take them up for the task, may leave less.
 
 A normal error along one direction is more than twice its root mean square on 5 % of days, so that
 of twenty "good" days of an honest promise one may be off by more than twice."""
 
 APART = (
-    "- {robot}: it stands out by {told:.1f} standard deviations ({sure:.1f} where load and tool "
-    "are\n  known), springs and doubts fitted. Who knew the friction would still take a robot with "
-    "it for\n  one without on {share:.2g} % of days."
+    "- {robot}: it stands out by {told[0]:.1f} to {told[3]:.1f} standard deviations ({sure[0]:.1f} "
+    "to {sure[3]:.1f} where load\n  and tool are known), springs and doubts fitted. Who knew the "
+    "friction would still take a robot\n  with it for one without on {shares[0]:.2g} to "
+    "{shares[3]:.2g} % of days."
 )
 
 

@@ -44,7 +44,7 @@ def test_rows_that_stand_out_by_what_the_robot_is_count(module, heavy, tmp_path)
     Without the two rows of joint 1, which stiffnesses that vary put beside the noise, nothing told
     what the model leaves out, and the noise alone was promised: 0.027 mm, and 0.257 mm off.
     """
-    (tmp_path / "KR 270.csv").write_text(FEW)
+    (tmp_path / "KR 270 optimal 0.csv").write_text(FEW)
     case = module.Case("KR 270", "stiffness +-15 % by position", "optimal", 0)
     day = module.one_day(heavy, module.plan_of(heavy, case, tmp_path), case, exact=False)
     assert day["causes"][0].startswith("varying")
