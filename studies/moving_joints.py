@@ -26,8 +26,10 @@ from edtk.fit.equilibrium import equilibrium_deflection
 from edtk.fit.identify import Identification, identify
 from edtk.fit.measurements import Measurements, joint_motion
 from edtk.fit.noise import visit_covariance
+from edtk.measure.instruments.marker import Marker
 from edtk.measure.task import all_compliances
 from edtk.report.tables import markdown_table
+from edtk.robots.frames import BodyPoint
 from edtk.system.typing import Array
 
 POSES = 12
@@ -171,7 +173,8 @@ def _measured(study: Study, visits: int, joints: float, number: int) -> Measurem
     motion = joint_motion(study.model, data) * (joint_unit(study) * np.rad2deg(joints))
     noise = visit_covariance(data, data.sigma, motion, np.zeros(data.sigma.shape))
     k = all_compliances(study.model, study.compliances)
-    clean = equilibrium_deflection(study.model, data.q, data.wrench, k, data.marker)
+    beside = replace(study.model, sensors=(Marker(BodyPoint(data.marker.T)),))
+    clean = equilibrium_deflection(beside, data.q, data.wrench, k)
     z = np.random.default_rng([SEED, number]).standard_normal(clean.shape)
     return replace(
         data,

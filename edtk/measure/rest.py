@@ -19,7 +19,7 @@ from edtk.system.typing import Array, Indices, Mask
 # Joint deflection [rad or m] beyond which springs become soft in steps: Newton's method could then
 # have jumped to another branch of equilibria.
 FAR = 0.1
-STEPS = (32, 512)  # the second for those that the first have lost
+STEPS = 32
 ITERATIONS = 30  # Newton steps; a handful is the rule
 LONGEST = 0.5  # Newton step [rad or m]; beyond, the derivative says nothing about the arm
 NEAR = 1e-5  # Newton step [rad or m] after which the derivative is good for the others
@@ -164,22 +164,17 @@ def stable_rest(springs: Compliant, loads: Loads, q: Array, wrench: Array) -> tu
     found = settle(springs, loads, q, wrench, np.zeros_like(q))
     good = found.stable
     far = found.far
-    for steps in STEPS:
-        if not len(far):
-            break
-        again, good[far] = _softened(steps, springs[far], loads, q[far], wrench[far])
-        found = found.with_others(far, again)
-        far = far[~good[far]]
+    if len(far):
+        followed, good[far] = _softened(springs[far], loads, q[far], wrench[far])
+        found = found.with_others(far, followed)
     return found, good
 
 
-def _softened(
-    steps: int, springs: Compliant, loads: Loads, q: Array, wrench: Array
-) -> tuple[Settled, Mask]:
-    """The same in so many steps."""
+def _softened(springs: Compliant, loads: Loads, q: Array, wrench: Array) -> tuple[Settled, Mask]:
+    """The same in steps."""
     found = settle(springs.scaled(0.0), loads, q, wrench, np.zeros_like(q))
     good = np.ones(len(q), dtype=bool)
-    for part in np.linspace(0, 1, steps + 1)[1:]:
+    for part in np.linspace(0, 1, STEPS + 1)[1:]:
         at = np.flatnonzero(good)
         softer = springs.scaled(float(part))[at]
         further = settle(softer, loads, q[at], wrench[at], found.turn[at])

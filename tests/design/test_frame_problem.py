@@ -98,7 +98,7 @@ def test_regressors_at_other_places():
             "1 + x",
             f"frame: column '{FRAME.columns[0]}' is there twice; expected each once",
         ),
-        (FRAME, 3, "right-hand side of a formula alone"),
+        (FRAME, 3, "formula: expected text, not int"),
         (FRAME, "1 + x + x^2", r"x\^2 is crossing .* a power is I\(x\*\*2\)"),
         (FRAME, "I(x**3) + x ** 2", r"x\*\*2 is crossing"),
         (FRAME, "0", "formula: the formula has no terms"),
