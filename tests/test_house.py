@@ -6,11 +6,11 @@ from house import house
 # What may be at most. When a count has become better, its limit follows.
 LIMITS = {
     "files": 490,
-    "statements": 59_406,
+    "statements": 59_776,
     "one_function": 0.5,
     "circles": 2,
     "questions": 2,
-    "constants": 11.6,
+    "constants": 11.5,
 }
 
 
