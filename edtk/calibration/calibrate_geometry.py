@@ -31,7 +31,7 @@ from edtk.findings.finding import (
     worst_first,
 )
 from edtk.findings.fitted_data import AS_USUAL, HowFitted
-from edtk.findings.geometric_fit import IS_IT, geometric_findings
+from edtk.findings.geometric_fit import IS_IT_THIS_ROBOT, geometric_findings
 from edtk.findings.gross_errors import SCALES, GrossErrors, gross_errors, gross_findings
 from edtk.findings.match_plan import match_plan, not_measured, other_pose
 from edtk.findings.sound_rows import (
@@ -105,7 +105,9 @@ def calibrate_geometry(
         raise UserError(str(error), where=where) from error
     except np.linalg.LinAlgError as error:
         # It went where the parameters, which the drawing tells apart, are no longer told apart.
-        raise UserError(f"no geometry near the drawing fits: {IS_IT}", where=where) from error
+        raise UserError(
+            f"no geometry near the drawing fits: {IS_IT_THIS_ROBOT}", where=where
+        ) from error
     propagation = fit_propagation(setting, fit)
     circumstances = circumstances_of(propagation, setting)
     fit = replace(fit, fitted=replace(fit.fitted, circumstances=circumstances))

@@ -71,7 +71,7 @@ NOISY = 5.0  # times the stated noise
 LIKELIER = 300.0
 EXPLAINED = ("outliers", "frame_moved", "rough")  # these leave many outside by themselves
 LEAVES = ("frame_moved", "rough", "rounded")  # and these explain what a fit leaves
-IS_IT = (
+IS_IT_THIS_ROBOT = (
     "is it this robot, are angles in degrees, and does the controller count joints as the study "
     "says? See edtk controller"
 )
@@ -684,7 +684,7 @@ WORDING: Wording = {
         f"{data['left']:.2g} mrad in each pose, as rounding to {data['step_deg']:g} deg would "
         f"leave ({data['rounding']:.2g}): were they rounded? Export them with three decimals"
     ),
-    "rough": lambda data: f"the fit leaves {MM * data['rms']:.3g} mm: {IS_IT}",
+    "rough": lambda data: f"the fit leaves {MM * data['rms']:.3g} mm: {IS_IT_THIS_ROBOT}",
     "rough_turns": lambda data: (
         f"the fit leaves {data['rms_deg']:.3g} deg of the orientations: are they rotation vectors "
         "(axis times angle) in degrees, or quaternions, in the frame of the positions?"

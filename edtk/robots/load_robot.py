@@ -88,9 +88,14 @@ def _content(name: str, folder: Path) -> dict[str, Any]:
     try:
         text = read_text(folder / name, MOST_MB)
         where = f"robot {name}"
-        return parse_toml(text)
+        content = parse_toml(text)
     except UserError as error:
         raise RobotFileError(error.message, where=where, key=error.key) from error
+    if "robot" in content:
+        own = f"; its robot is {content['robot']}" if isinstance(content["robot"], str) else ""
+        message = f"this is a study{own}; expected a robot's file, or the name of a robot"
+        raise RobotFileError(message, where=where)
+    return content
 
 
 def _builtin_folder() -> Traversable:

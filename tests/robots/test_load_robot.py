@@ -124,6 +124,16 @@ def test_file_that_is_no_text_is_one_line(tmp_path):
     assert "binary.toml" in refusal("binary.toml", tmp_path)
 
 
+def test_a_study_is_told_from_a_robot(tmp_path):
+    """Its keys are not listed as wrong ones; the robot that it names is said."""
+    (tmp_path / "study.toml").write_text('robot = "arm.urdf"\n[tool]\nposition_mm = [0, 0, 1]')
+    with pytest.raises(RobotFileError, match=r"this is a study; its robot is arm\.urdf; expected"):
+        load_robot(str(tmp_path / "study.toml"))
+    (tmp_path / "study.toml").write_text('[robot]\nname = "arm"')
+    with pytest.raises(RobotFileError, match="this is a study; expected a robot's file"):
+        load_robot(str(tmp_path / "study.toml"))
+
+
 def test_builtin_robot_has_the_published_frames():
     """The KR 270 has six revolute joints, the published limits, and a source of its numbers."""
     robot = load_robot("kuka_kr270")
