@@ -8,6 +8,9 @@ from time import monotonic
 
 import numpy as np
 
+LONGEST_S = 300.0  # of one program: nobody waits longer for the last digits of a bound
+SHORTEST_S = 5.0  # which a first program has in any case: without it there is no design at all
+
 
 @dataclass
 class Limit:
@@ -51,6 +54,11 @@ def time_left() -> float:
     """Time until the limit [s], zero after it; infinite without a limit."""
     limit = _limit.get()
     return np.inf if limit is None else max(0.0, limit.end - monotonic())
+
+
+def time_of_program() -> float:
+    """How long a solver may take for one program [s]."""
+    return min(LONGEST_S, max(SHORTEST_S, time_left()))
 
 
 def out_of_time() -> bool:

@@ -18,6 +18,8 @@ from edtk.design.relaxation.master_equations import (
     step_length,
     weight_equations,
 )
+from edtk.system.interruptible import interruptible
+from edtk.system.time_limit import time_of_program
 from edtk.system.typing import Array
 
 ABOVE = 0.5  # how far the first t is above the largest loss
@@ -74,14 +76,21 @@ def _of_single_parameters(losses: Losses, active: ActiveInformation, p: int) -> 
     told = told / np.exp(logs)[:, None]
     unit = told.mean(axis=1).min()
     k = told.shape[1]
-    found = linprog(
-        np.append(np.zeros(k), -1.0),
-        A_ub=np.column_stack([-told / unit, np.ones(p)]),
-        b_ub=np.zeros(p),
-        A_eq=np.append(np.ones(k), 0.0)[None],
-        b_eq=1.0,
-        method="highs-ds",
-        options={"primal_feasibility_tolerance": FINE, "dual_feasibility_tolerance": FINE},
+    options = {
+        "primal_feasibility_tolerance": FINE,
+        "dual_feasibility_tolerance": FINE,
+        "time_limit": time_of_program(),
+    }
+    found = interruptible(
+        lambda: linprog(
+            np.append(np.zeros(k), -1.0),
+            A_ub=np.column_stack([-told / unit, np.ones(p)]),
+            b_ub=np.zeros(p),
+            A_eq=np.append(np.ones(k), 0.0)[None],
+            b_eq=1.0,
+            method="highs-ds",
+            options=options,
+        )
     )
     if not (found.success and found.x[-1] > 0):
         raise ArithmeticError(found.message)

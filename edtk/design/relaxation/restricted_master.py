@@ -15,12 +15,10 @@ from criteria.linalg.typing import triangle
 from edtk.design.relaxation.master_equations import ActiveInformation, leverages
 from edtk.design.relaxation.proof import Step, rounding_of_inverse
 from edtk.system.interruptible import interruptible
-from edtk.system.time_limit import time_left
+from edtk.system.time_limit import time_of_program
 from edtk.system.typing import Array
 
 TIME_LIMIT = {"CLARABEL": "time_limit", "SCS": "time_limit_secs"}  # what solvers call it
-LONGEST_S = 300.0  # of one program: nobody waits longer for the last digits of a bound
-SHORTEST_S = 5.0  # which a first program has in any case: without it there is no design at all
 SCS_INTERRUPTED = -5  # SCS takes Ctrl-C for itself
 POLISH = "SLSQP"
 WHITE = 1e3  # factor by which a design's eigenvalues may differ from one and count as white
@@ -179,7 +177,7 @@ class RestrictedMaster:
         whitened = self.T.T @ blocks @ self.T
         self.packed.value[:, :n] = whitened[:, self.rows, self.columns].T
         options = SOLVERS[solver] | (LOOSE.get(solver, {}) if loose else {})
-        options |= {TIME_LIMIT[solver]: _seconds()}
+        options |= {TIME_LIMIT[solver]: time_of_program()}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of inaccuracy, which the certificate measures
             self._run(solver, options)
@@ -228,7 +226,7 @@ class RestrictedMaster:
         criterion = self.criterion
         whitened = self.T.T @ blocks @ self.T
         S = np.linalg.inv(self.T)
-        end = monotonic() + _seconds()
+        end = monotonic() + time_of_program()
 
         def log_cost(w: Array) -> tuple[float, Array]:
             if monotonic() > end:
@@ -252,11 +250,6 @@ class RestrictedMaster:
         weights = np.maximum(result.x, 0.0)
         M = np.tensordot(weights / weights.sum(), blocks, axes=1)
         return weights, -criterion.gradient(M)
-
-
-def _seconds() -> float:
-    """How long a solver may take for one program [s]."""
-    return min(LONGEST_S, max(SHORTEST_S, time_left()))
 
 
 def regular_weights(
