@@ -21,7 +21,7 @@ from edtk.certificate.recompute.weight_limits import WeightLimits
 from edtk.certificate.verify_certificate import ABSOLUTE, AGREE, Claim, Verification
 from edtk.design.information import Rows
 from edtk.design.problem import Problem
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 
 KIND = "relaxation of a problem"
 KEYS = ("kind", "criterion", "candidates", "weights", "value", "bound", "gap", "multipliers")
@@ -114,6 +114,79 @@ def verify_problem(content: Any, problem: Problem) -> ProblemVerification:
         ValueError: The content is no such certificate, or would take too long; one line says where.
     """
     with np.errstate(all="ignore"):
+        read = _Stated.of(content, problem)
+        plug_in = unknown(read.criterion)
+        candidates = candidates_of(problem)
+        require_little_work(read.criterion, candidates, len(read.multipliers))
+        label = label_of(read.criterion)
+        sound = _sound(read.places, read.shares)
+        claims = [same_candidates(content["candidates"], problem, candidates.sha256), sound]
+        if read.limits is not None:
+            counts = read.experiments * read.weights
+            broken = read.limits.broken(counts)
+            total = float(counts.sum())
+            claims.append(Claim("limits", not broken, read.experiments, total, broken))
+        found = Found(math.nan, math.inf, math.nan, math.nan)
+        if sound.holds and not plug_in:
+            unit = 1.0 if read.limits is None else read.limits.unit
+            weights = read.weights * (read.experiments / unit)
+            parts = read.multipliers, read.inner, read.duals, read.limits
+            found = recompute(read.criterion, candidates, weights, *parts)
+            if "region" in content:
+                claims.append(_over_region(content, candidates, weights))
+        claims += _numbers(read.criterion["name"], read.numbers, found, problem.n, plug_in)
+    return ProblemVerification(
+        criterion=read.criterion["name"],
+        kind="relaxation",
+        robot="",
+        poses=len(read.places),
+        kept=0,
+        candidates=problem.n,
+        claims=tuple(claims),
+        about=label,
+        told=(
+            *(["a region"] if "region" in content else []),
+            *([LIMITS] if read.limits is not None else []),
+            *numbers_of(read.criterion),
+        ),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Stated:
+    """What a certificate says, as far as it can be read.
+
+    Attributes:
+        criterion: The criterion as a table with a name.
+        places: Candidates (k,) of the design.
+        shares: Their weights (k,).
+        weights: Those of all candidates (n,).
+        multipliers: Multipliers (r, p, p).
+        inner: The same with more digits, if there are any.
+        duals: The shares that go with each multiplier.
+        numbers: Value, bound and gap; NaN where none is stated.
+        limits: Limits of the weights; None without any.
+        experiments: Number of experiments that these are about.
+    """
+
+    criterion: dict[str, Any]
+    places: Indices
+    shares: Array
+    weights: Array
+    multipliers: Array
+    inner: tuple[Array, Array] | None
+    duals: list[Array | None]
+    numbers: dict[str, float]
+    limits: WeightLimits | None
+    experiments: float
+
+    @classmethod
+    def of(cls, content: Any, problem: Problem) -> "_Stated":
+        """Read a certificate.
+
+        Raises:
+            ValueError: A part is missing, or is not what it should be.
+        """
         table(content, KEYS, "certificate", OPTIONAL)
         text(content["kind"], (KIND,), "kind")
         places, shares = _weights(content["weights"], problem.n)
@@ -123,43 +196,20 @@ def verify_problem(content: Any, problem: Problem) -> ProblemVerification:
         stated = {name: number(content[name], name) for name in ("value", "gap")}
         says_nothing = content["bound"] is None
         stated["bound"] = math.nan if says_nothing else number(content["bound"], "bound")
-        given = content["criterion"]
-        require_table(given)
-        plug_in = unknown(given)
-        candidates = candidates_of(problem)
-        require_little_work(given, candidates, len(multipliers))
-        name = given["name"]
-        label = label_of(given)
-        claims = [same_candidates(content["candidates"], problem, candidates.sha256)]
-        claims.append(_sound(places, shares))
+        require_table(content["criterion"])
         limits, experiments = _limits(content, problem, len(multipliers))
-        if limits is not None:
-            counts = experiments * np.bincount(places, shares, problem.n).astype(float)
-            broken = limits.broken(counts)
-            claims.append(Claim("limits", not broken, experiments, float(counts.sum()), broken))
-        found = Found(math.nan, math.inf, math.nan, math.nan)
-        if claims[1].holds and not plug_in:
-            weights = np.bincount(places, shares, problem.n).astype(float)
-            if limits is not None:
-                weights = weights * (experiments / limits.unit)
-            found = recompute(given, candidates, weights, multipliers, inner, duals, limits)
-        if "region" in content and claims[1].holds and not plug_in:
-            claims.append(_over_region(content, candidates, weights))
-    return ProblemVerification(
-        criterion=name,
-        kind="relaxation",
-        robot="",
-        poses=len(places),
-        kept=0,
-        candidates=problem.n,
-        claims=(*claims, *_numbers(name, stated, found, problem.n, plug_in)),
-        about=label,
-        told=(
-            *(["a region"] if "region" in content else []),
-            *([LIMITS] if limits is not None else []),
-            *numbers_of(given),
-        ),
-    )
+        return cls(
+            criterion=content["criterion"],
+            places=places,
+            shares=shares,
+            weights=np.bincount(places, shares, problem.n).astype(float),
+            multipliers=multipliers,
+            inner=inner,
+            duals=duals,
+            numbers=stated,
+            limits=limits,
+            experiments=experiments,
+        )
 
 
 def _limits(

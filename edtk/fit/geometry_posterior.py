@@ -58,35 +58,7 @@ def many_seen(model: MeasuredModel, theta: Array, q: Array, torque: Torque = Non
 def _many_seen(model: MeasuredModel, theta: Array, q: Array, load: Load | None) -> Seen:
     """The same, all readings by themselves."""
     base, errors, tools = model.motions_of_many(theta)
-    robot = model.chain.robot
-    w = len(theta)
-    bent = np.broadcast_to(widened(q, robot.n), (w, len(q), robot.n))
-    if load is not None:
-        torque = load.torque
-        # Turns are linear in the sizes of the springs, and nearly in numbers of compensators.
-        turns = model.springs.out[:, None] * model.springs.amplitudes(torque.T)[..., None]
-        bent = bent + model.bending(np.zeros(model.p)).turn(torque)
-        bent = bent + np.tensordot(theta[:, model.springs.of], turns, 1)
-        bent = bent + load.turned(model.numbers, theta[:, model.numbers.of])
-    variables = model.chain.variables(bent.reshape(-1, robot.n)).reshape(w, len(q), -1)
-    R = np.broadcast_to(robot.base[:3, :3], (w, len(q), 3, 3))
-    p = np.broadcast_to(robot.base[:3, 3], (w, len(q), 3))
-    bodies: dict[int | None, tuple[Array, Array]] = {}
-    # All joints at once: their number of calls is what takes time.
-    bends = rotation(errors[:, :, 3:])
-    axes_of_joints = np.array([joint.axis for joint in robot.chain])
-    joint_turns = rotation(variables[..., None] * axes_of_joints)
-    for j, joint in enumerate(robot.chain):
-        p = p + R @ joint.origin[:3, 3]
-        R = R @ joint.origin[:3, :3]
-        p = p + (R @ errors[:, None, j, :3, None])[..., 0]
-        R = R @ bends[:, None, j]
-        if model.chain.slides[j]:
-            p = p + variables[..., j, None] * (R @ joint.axis)
-        else:
-            R = R @ joint_turns[:, :, j]
-        bodies[j] = R, p
-    bodies[None] = R @ robot.tool[:3, :3], p + R @ robot.tool[:3, 3]
+    bodies = _bodies_of_many(model, errors, _bent_by_many(model, theta, q, load))
     axes, origins = (
         np.stack([bodies[joint][part] for joint in model.carriers], axis=2) for part in (0, 1)
     )
@@ -103,6 +75,53 @@ def _many_seen(model: MeasuredModel, theta: Array, q: Array, load: Load | None) 
         seen[:, :, own] = 0.0
         seen[:, :, own, 0] = np.linalg.norm(points[:, :, own] - model.anchors[own], axis=-1)
     return Seen(seen, turns)
+
+
+def _bent_by_many(model: MeasuredModel, theta: Array, q: Array, load: Load | None) -> Array:
+    """Angles (w, m, N) of all joints in poses q (m, n) that a load bends, by many parameters."""
+    n = model.chain.robot.n
+    bent = np.broadcast_to(widened(q, n), (len(theta), len(q), n))
+    if load is not None:
+        torque = load.torque
+        # Turns are linear in the sizes of the springs, and nearly in numbers of compensators.
+        turns = model.springs.out[:, None] * model.springs.amplitudes(torque.T)[..., None]
+        bent = bent + model.bending(np.zeros(model.p)).turn(torque)
+        bent = bent + np.tensordot(theta[:, model.springs.of], turns, 1)
+        bent = bent + load.turned(model.numbers, theta[:, model.numbers.of])
+    return model.chain.variables(bent.reshape(-1, n)).reshape(len(theta), len(q), -1)
+
+
+def _bodies_of_many(
+    model: MeasuredModel, errors: Array, variables: Array
+) -> dict[int | None, tuple[Array, Array]]:
+    """Rotation (w, m, 3, 3) and origin (w, m, 3) [m] behind each joint, and of the tool at None.
+
+    Args:
+        model: The chain.
+        errors: Errors (w, N, 6) of the links before the joints [m, rad].
+        variables: Angles (w, m, N) of all joints [rad or m].
+    """
+    robot = model.chain.robot
+    batch = variables.shape[:2]
+    R = np.broadcast_to(robot.base[:3, :3], (*batch, 3, 3))
+    p = np.broadcast_to(robot.base[:3, 3], (*batch, 3))
+    bodies: dict[int | None, tuple[Array, Array]] = {}
+    # All joints at once: their number of calls is what takes time.
+    bends = rotation(errors[:, :, 3:])
+    axes_of_joints = np.array([joint.axis for joint in robot.chain])
+    joint_turns = rotation(variables[..., None] * axes_of_joints)
+    for j, joint in enumerate(robot.chain):
+        p = p + R @ joint.origin[:3, 3]
+        R = R @ joint.origin[:3, :3]
+        p = p + (R @ errors[:, None, j, :3, None])[..., 0]
+        R = R @ bends[:, None, j]
+        if model.chain.slides[j]:
+            p = p + variables[..., j, None] * (R @ joint.axis)
+        else:
+            R = R @ joint_turns[:, :, j]
+        bodies[j] = R, p
+    bodies[None] = R @ robot.tool[:3, :3], p + R @ robot.tool[:3, 3]
+    return bodies
 
 
 @dataclass(frozen=True, eq=False)

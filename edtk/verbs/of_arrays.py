@@ -24,7 +24,7 @@ from edtk.system.errors import ArgumentError, UserError, whole_number
 from edtk.system.parsing import json_text
 from edtk.verbs.asked_limits import asked_weight_limits
 from edtk.verbs.inputs import CriterionLike, TableAndCertificate, at_hand, given_size, proved_gap
-from edtk.verbs.plan_problem import plan_problem, plan_region
+from edtk.verbs.plan_problem import plan_arranged, plan_problem, plan_region
 from edtk.verbs.question import OF_PROBLEMS, OF_WEIGHTS, PlanCall, Question, RelaxCall
 from edtk.verbs.robust import Design, best_weights, criterion_of, has_ranges, over_ranges
 from edtk.verbs.verify import MOST_MB
@@ -58,7 +58,8 @@ class OfProblem(Question):
 
         def solve(problem: Problem, criterion: criteria.Criterion) -> ProblemPlan:
             seed = 0 if call.seed is None else call.seed
-            return plan_problem(
+            search = plan_problem if call.errors is None else plan_arranged
+            return search(
                 problem,
                 call.size,
                 criterion,

@@ -1,6 +1,6 @@
 """`edtk.plan` of a problem of arrays or of a region: its arguments, checked."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial, reduce
 from numbers import Real
@@ -84,7 +84,6 @@ def plan_problem(
     constraints: Sequence[Constraint] | None = None,
     blocks: Sequence[int] | None = None,
     block_variance: float = np.inf,
-    errors: Errors | None = None,
     prove: float | None = None,
     progress: Callable[[str, float], object] = lambda label, cost: None,
 ) -> ProblemPlan:
@@ -97,38 +96,19 @@ def plan_problem(
         UserError: So few experiments cannot identify the parameters.
     """
     criterion = criteria.as_criterion(criterion, problem.parameters)
-    if size is not None and not _is_number(size):
-        raise ArgumentError("expected a whole number", argument="size", given=size)
-    seed = whole_number(seed, "seed", 0)
-    starts = None if starts is None else whole_number(starts, "starts", 1)
-    if errors is not None:
-        beside: dict[str, object] = {
-            "least": least,
-            "costs": costs,
-            "cost_budget": cost_budget,
-            "constraints": constraints,
-            "blocks": blocks,
-            "block_variance": None if block_variance == np.inf else block_variance,
-            "prove": prove,
-        }
-        _require_arranged(errors, problem, beside)
-        m, first, allowed = _runs(errors, size, keep, most, problem)
-        return find_arranged(problem, criterion, errors, m, seed, starts, progress, first, allowed)
+    seed, starts = _searched(size, seed, starts)
     sizes = _block_sizes(blocks, block_variance, keep, problem)
     size = _size_of_blocks(sizes, size)
-    kept, experiments, number = _kept(keep, problem)
-    left = _left(most, kept, problem.n)
-    lacking = _lacking(least, kept, left, problem.n)
+    kept = _Kept.of(keep, problem)
+    left = _left(most, kept.counts, problem.n)
+    lacking = _lacking(least, kept.counts, left, problem.n)
     linear = asked_constraints(constraints, problem)
     if sizes:
         # Whoever must be in some block may be in any.
         linear = linear.and_also(*_each_at_least(lacking))
         lacking = np.zeros_like(lacking)
-    new = _New(lacking, left, Budgets.of(costs, cost_budget, problem.n)).asked(size, number)
-    lacking = new.lacking
-    known, base = _as_rows(
-        [experiments, problem.kept[np.repeat(np.arange(problem.n), lacking)]], problem.p
-    )
+    new = _New(lacking, left, Budgets.of(costs, cost_budget, problem.n)).asked(size, kept.number)
+    known, base = kept.beside(new.lacking, problem)
     limits = Limits(
         new.m,
         base + _known_before(problem, size),
@@ -137,15 +117,16 @@ def plan_problem(
         size is not None,
         sizes,
         block_variance,
-        new.constrained(linear.shifted(kept + lacking)),
+        new.constrained(linear.shifted(kept.counts + new.lacking)),
     )
     _require_consistent(limits, problem.n)
+    given = kept.counts + new.lacking
     found = find_counts(
         problem,
         criterion,
         limits,
-        kept + lacking,
-        number - int(kept.sum()),
+        given,
+        kept.number - int(kept.counts.sum()),
         seed,
         starts,
         progress,
@@ -154,10 +135,105 @@ def plan_problem(
     )
     return replace(
         found,
-        kept=kept,
-        least=kept + lacking if lacking.any() else None,
-        spent=None if new.budgets is None else new.budgets.spent(found.counts - kept),
+        kept=kept.counts,
+        least=given if new.lacking.any() else None,
+        spent=None if new.budgets is None else new.budgets.spent(found.counts - kept.counts),
     )
+
+
+def plan_arranged(
+    problem: Problem,
+    size: int | None = None,
+    criterion: CriterionLike = "D",
+    seed: int = 0,
+    *,
+    errors: Errors,
+    starts: int | None = None,
+    keep: ArrayLike | Problem | None = None,
+    most: ArrayLike | None = None,
+    progress: Callable[[str, float], object] = lambda label, cost: None,
+    **others: object,
+) -> ProblemPlan:
+    """Search for the best plan of runs in order, whose errors have a structure.
+
+    The arguments are those of `edtk.plan`; no others go with a structure of errors.
+
+    Raises:
+        ArgumentError: An argument is impossible, or does not fit another one.
+        UserError: So few experiments cannot identify the parameters.
+    """
+    criterion = criteria.as_criterion(criterion, problem.parameters)
+    seed, starts = _searched(size, seed, starts)
+    _require_arranged(errors, problem, others)
+    m, first, allowed = _runs(errors, size, keep, most, problem)
+    return find_arranged(problem, criterion, errors, m, seed, starts, progress, first, allowed)
+
+
+def _searched(size: object, seed: int, starts: int | None) -> tuple[int, int | None]:
+    """Seed and number of starts of a search.
+
+    Raises:
+        ArgumentError: One is no such number, or the size is none.
+    """
+    if size is not None and not _is_number(size):
+        raise ArgumentError("expected a whole number", argument="size", given=size)
+    seed = whole_number(seed, "seed", 0)
+    return seed, None if starts is None else whole_number(starts, "starts", 1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    """Experiments that every plan has because they are made.
+
+    Attributes:
+        counts: How many of each candidate these are (n,).
+        experiments: All of them, each once; None for none.
+        number: How many.
+    """
+
+    counts: Indices
+    experiments: Rows | PackedInformation | None
+    number: int
+
+    @classmethod
+    def of(cls, keep: ArrayLike | Problem | None, problem: Problem) -> "_Kept":
+        """Read them: candidates of the problem, or experiments of another one.
+
+        Raises:
+            ArgumentError: They are neither, or of other parameters.
+        """
+        nothing = np.zeros(problem.n, dtype=int)
+        if keep is None:
+            return cls(nothing, None, 0)
+        if isinstance(keep, Problem):
+            if keep.p != problem.p:
+                message = f"kept experiments have {keep.p} parameters, expected {problem.p}"
+                raise ArgumentError(message, argument="keep")
+            return cls(nothing, keep.kept, keep.n)
+        chosen = np.asarray(keep)
+        if chosen.shape == (0,):
+            chosen = chosen.astype(int)
+        whole = chosen.ndim == 1 and np.issubdtype(chosen.dtype, np.integer)
+        if not whole or not ((chosen >= 0) & (chosen < problem.n)).all():
+            message = f"expected indices of candidates, from 0 to {problem.n - 1}, or a Problem"
+            raise ArgumentError(message, argument="keep")
+        counts = np.bincount(chosen, minlength=problem.n)
+        return cls(counts, problem.kept[chosen], len(chosen))
+
+    def beside(self, lacking: Indices, problem: Problem) -> tuple[Rows | None, Array]:
+        """Rows of these and of new ones (n,) that every plan has, and the information without rows.
+
+        Returns:
+            Each row of experiments that have some; and the information (p, p) of the others.
+        """
+        new = problem.kept[np.repeat(np.arange(problem.n), lacking)]
+        parts = [part for part in (self.experiments, new) if part is not None and part.n]
+        rows = [part.each for part in parts if isinstance(part, Rows)]
+        base = np.zeros((problem.p, problem.p))
+        for part in parts:
+            if isinstance(part, PackedInformation):
+                base = base + part.weighted(np.ones(part.n))
+        return reduce(add, rows) if rows else None, base
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,14 +330,13 @@ def _size_of_blocks(sizes: tuple[int, ...], size: int | None) -> int | None:
     return sum(sizes) if sizes and size is None else size
 
 
-def _require_arranged(errors: object, problem: Problem, beside: dict[str, object]) -> None:
+def _require_arranged(errors: object, problem: Problem, others: Iterable[str]) -> None:
     """Check that a plan of runs in order is asked for, and nothing that it does not know."""
     if not isinstance(errors, Errors):
         message = "expected a structure of errors, such as edtk.Errors.split_plot('oven', 6)"
         raise ArgumentError(message, argument="errors")
-    for argument, given in beside.items():
-        if given is not None:
-            raise ArgumentError("not for plans with a structure of errors", argument=argument)
+    for argument in others:
+        raise ArgumentError("not for plans with a structure of errors", argument=argument)
     if not isinstance(problem.kept, Rows) or _are_not_as_measured(problem.kept.A):
         message = "errors need the rows of all candidates as measured, as many of each, at most p"
         raise ArgumentError(message, argument="errors")
@@ -278,7 +353,8 @@ def _first_runs(
     if isinstance(keep, Problem):
         message = "expected the candidates of the first runs in order, as indices"
         raise ArgumentError(message, argument="keep")
-    counts, _, number = _kept(keep, problem)
+    made = _Kept.of(keep, problem)
+    counts, number = made.counts, made.number
     if number >= m:
         raise ArgumentError(f"{number} runs are made, expected fewer than {m}", argument="keep")
     left = _left(most, counts, problem.n)
@@ -320,38 +396,6 @@ def _are_not_as_measured(A: Array) -> bool:
     _, r, p = A.shape
     triangular = r == p > 1 and not np.tril(A, -1).any()
     return triangular or (r > 1 and not A.any(axis=2).all())
-
-
-def _kept(
-    keep: ArrayLike | Problem | None, problem: Problem
-) -> tuple[Indices, Rows | PackedInformation | None, int]:
-    """Counts (n,) of kept candidates, all kept experiments, each once, and their number."""
-    nothing = np.zeros(problem.n, dtype=int)
-    if keep is None:
-        return nothing, None, 0
-    if isinstance(keep, Problem):
-        if keep.p != problem.p:
-            message = f"kept experiments have {keep.p} parameters, expected {problem.p}"
-            raise ArgumentError(message, argument="keep")
-        return nothing, keep.kept, keep.n
-    chosen = np.asarray(keep)
-    if chosen.shape == (0,):
-        chosen = chosen.astype(int)
-    whole = chosen.ndim == 1 and np.issubdtype(chosen.dtype, np.integer)
-    if not whole or not ((chosen >= 0) & (chosen < problem.n)).all():
-        message = f"expected indices of candidates, from 0 to {problem.n - 1}, or a Problem"
-        raise ArgumentError(message, argument="keep")
-    return np.bincount(chosen, minlength=problem.n), problem.kept[chosen], len(chosen)
-
-
-def _as_rows(parts: Sequence[Rows | PackedInformation | None], p: int) -> tuple[Rows | None, Array]:
-    """Each row of experiments that have some, and the information (p, p) of those without."""
-    rows = [part.each for part in parts if isinstance(part, Rows) and part.n]
-    base = np.zeros((p, p))
-    for part in parts:
-        if isinstance(part, PackedInformation) and part.n:
-            base = base + part.weighted(np.ones(part.n))
-    return reduce(add, rows) if rows else None, base
 
 
 def _left(most: ArrayLike | None, kept: Indices, n: int) -> Indices | None:

@@ -29,7 +29,7 @@ from edtk.certificate.recompute.pose_polynomials import (
     U,
 )
 from edtk.certificate.recompute.setting import Setting
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
 
 Letters = np.ndarray[tuple[int, ...], np.dtype[np.str_]]
 MOST_NODES = 4_000_000  # boxes of a covering
@@ -98,53 +98,20 @@ class Covering:
         """
         keys = ("limit", "joints", "low", "high", "motions", "parts", "slacks", "tree", "factors")
         table(content, keys, where, ("links",))
-        all_of = len(domain.joints)
-        given = rows(content["joints"], all_of, f"{where}.joints")
-        joints = sorted({whole(j, 0, all_of - 1, f"{where}.joints") for j in given})
-        if not joints or joints != given:
-            raise ValueError(f"{where}.joints: expected some joints, in order")
+        joints = _joints(content["joints"], len(domain.joints), f"{where}.joints")
         v = len(joints)
-        ends = np.stack([numbers(content[key], (v,), f"{where}.{key}") for key in ("low", "high")])
         slides = domain.slides[joints]
-        reach = domain.limits[:, joints]
-        links = []
-        for i, one in enumerate(rows(content.get("links", []), MOST_LINKS, f"{where}.links")):
-            links.append(Link.from_dict(one, slides, f"{where}.links[{i}]"))
-            reach = links[-1].range(reach)
-        turns = ~slides & (ends[1] - ends[0] >= TURN - SAME)
-        least, most = reach
-        if not (turns | ((ends[0] <= least) & (ends[1] >= most))).all():
-            raise ValueError(f"{where}: the boxes do not cover the limits of the joints")
-        box = list(zip(*ends.tolist(), strict=True))
-        motions = []
-        for i, one in enumerate(rows(content["motions"], MOST_MOTIONS, f"{where}.motions")):
-            at = f"{where}.motions[{i}]"
-            motions.append(Motion.from_dict(one, slides, at))
-            box = motions[-1].left(box, at)
-        low, high = np.array(box).T
-        if not (low < high).all():
-            raise ValueError(f"{where}: expected intervals")
-        parts = np.array(
-            [
-                whole(n, 1, MOST_PARTS, f"{where}.parts")
-                for n in rows(content["parts"], v, f"{where}.parts")
-            ]
-        )
-        if len(parts) < v or (~slides & ((high - low) / parts > WIDEST)).any():
-            raise ValueError(
-                f"{where}.parts: expected parts of each joint, of {WIDEST:g} rad at most"
-            )
+        ends = np.stack([numbers(content[key], (v,), f"{where}.{key}") for key in ("low", "high")])
+        listed = rows(content.get("links", []), MOST_LINKS, f"{where}.links")
+        links = [Link.from_dict(one, slides, f"{where}.links[{i}]") for i, one in enumerate(listed)]
+        _require_limits(ends, links, domain.limits[:, joints], slides, where)
+        motions, low, high = _moved(content["motions"], ends, slides, where)
+        parts = _parts(content["parts"], high - low, slides, f"{where}.parts")
         slacks = content["slacks"]
         if not isinstance(slacks, str) or set(slacks) - set(SLACKS):
             raise ValueError(f"{where}.slacks: expected letters of {SLACKS}")
         depth, place, reasons = leaves_of(content["tree"], parts, where)
-        listed = rows(content["factors"], MOST_NODES, f"{where}.factors")
-        some = numbers(listed, (None, len(slacks)), f"{where}.factors")
-        combined = reasons == COMBINED
-        if len(some) != combined.sum() or not (some >= 0).all():
-            raise ValueError(f"{where}.factors: expected factors from zero for each combined leaf")
-        factors = np.zeros((len(depth), len(slacks)))
-        factors[combined] = some
+        factors = _factors(content["factors"], reasons, len(slacks), f"{where}.factors")
         limit = number(content["limit"], f"{where}.limit")
         return cls(
             limit, joints, links, motions, low, high, parts, depth, place, reasons, factors, slacks
@@ -244,6 +211,76 @@ class Covering:
         """Middle and half width of the interval on which lengths count."""
         low, high = domain.limits[:, j]
         return (low + high) / 2, (high - low) / 2
+
+
+def _joints(given: Any, count: int, where: str) -> list[int]:
+    """The joints that count, of so many.
+
+    Raises:
+        ValueError: They are none, or not in order.
+    """
+    given = rows(given, count, where)
+    joints = sorted({whole(j, 0, count - 1, where) for j in given})
+    if not joints or joints != given:
+        raise ValueError(f"{where}: expected some joints, in order")
+    return joints
+
+
+def _require_limits(
+    ends: Array, links: list[Link], limits: Array, slides: Mask, where: str
+) -> None:
+    """Check that intervals (2, v) hold the limits (2, v) of their joints, or a whole turn."""
+    for link in links:
+        limits = link.range(limits)
+    least, most = limits
+    turns = ~slides & (ends[1] - ends[0] >= TURN - SAME)
+    if not (turns | ((ends[0] <= least) & (ends[1] >= most))).all():
+        raise ValueError(f"{where}: the boxes do not cover the limits of the joints")
+
+
+def _moved(given: Any, ends: Array, slides: Mask, where: str) -> tuple[list[Motion], Array, Array]:
+    """The motions, and the ends (v,) of what they leave of the intervals (2, v) to cover.
+
+    Raises:
+        ValueError: One is no motion, or leaves nothing.
+    """
+    box = list(zip(*ends.tolist(), strict=True))
+    motions = []
+    for i, one in enumerate(rows(given, MOST_MOTIONS, f"{where}.motions")):
+        at = f"{where}.motions[{i}]"
+        motions.append(Motion.from_dict(one, slides, at))
+        box = motions[-1].left(box, at)
+    low, high = np.array(box).T
+    if not (low < high).all():
+        raise ValueError(f"{where}: expected intervals")
+    return motions, low, high
+
+
+def _parts(given: Any, widths: Array, slides: Mask, where: str) -> Indices:
+    """Numbers (v,) of first boxes along intervals of some widths (v,).
+
+    Raises:
+        ValueError: One is missing, or its boxes are too wide.
+    """
+    parts = np.array([whole(n, 1, MOST_PARTS, where) for n in rows(given, len(widths), where)])
+    if len(parts) < len(widths) or (~slides & (widths / parts > WIDEST)).any():
+        raise ValueError(f"{where}: expected parts of each joint, of {WIDEST:g} rad at most")
+    return parts
+
+
+def _factors(given: Any, reasons: Letters, slacks: int, where: str) -> Array:
+    """Factors (L, c) of the slacks, zero but for combined leaves, whose factors are listed.
+
+    Raises:
+        ValueError: They are not those of the combined leaves.
+    """
+    listed = numbers(rows(given, MOST_NODES, where), (None, slacks), where)
+    combined = reasons == COMBINED
+    if len(listed) != combined.sum() or not (listed >= 0).all():
+        raise ValueError(f"{where}: expected factors from zero for each combined leaf")
+    factors = np.zeros((len(reasons), slacks))
+    factors[combined] = listed
+    return factors
 
 
 def leaves_of(text: Any, parts: Indices, where: str) -> tuple[Indices, Indices, Letters]:

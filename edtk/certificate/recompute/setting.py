@@ -26,6 +26,8 @@ from edtk.system.typing import Array, Mask
 
 LOAD_KEYS = ("F_N", "T_Nm", "F_max_N", "direction", "list_F_N", "list_at_mm", "wrenches")
 CHOICES = ("F_N", "F_max_N", "list_F_N", "wrenches")
+# What is stated beside a load, and the only kind that it is for.
+GOES_WITH = {"T_Nm": "F_N", "list_at_mm": "list_F_N", "direction": "F_max_N"}
 MOST_LISTED = 1000  # loads to choose from
 TINY = 1e-9  # of a load, beside the largest one, that is rounding
 BOUNDS = ("height_min_mm", "radius_min_mm", "tilt_max_deg")
@@ -73,42 +75,23 @@ class Load:
         given = [key for key in CHOICES if key in load]
         if len(given) != 1:
             raise ValueError(f"{where}: expected one of F_N, F_max_N, list_F_N and wrenches")
+        kind = given[0]
         torque = numbers(load.get("T_Nm", [0, 0, 0]), (3,), f"{where}.T_Nm")
-        if given != ["F_N"] and torque.any():
-            raise ValueError(f"{where}: T_Nm goes with F_N only")
-        if given != ["list_F_N"] and "list_at_mm" in load:
-            raise ValueError(f"{where}: list_at_mm goes with list_F_N only")
-        if given != ["F_max_N"] and "direction" in load:
-            raise ValueError(f"{where}: direction goes with F_max_N only")
-        if given == ["F_N"]:
+        stated = {key for key in GOES_WITH if key in load and (key != "T_Nm" or torque.any())}
+        for key in sorted(stated):
+            if kind != GOES_WITH[key]:
+                raise ValueError(f"{where}: {key} goes with {GOES_WITH[key]} only")
+        if kind == "F_N":
             force = numbers(load["F_N"], (3,), f"{where}.F_N")
-            listed = np.concatenate([force, torque, np.zeros(3)])[None]
-            return cls(listed, True, 0.0, None)
-        if given == ["list_F_N"]:
-            rows(load["list_F_N"], MOST_LISTED, f"{where}.list_F_N")
-            forces = numbers(load["list_F_N"], (None, 3), f"{where}.list_F_N")
-            if not len(forces):
-                raise ValueError(f"{where}.list_F_N: expected at least one force")
-            none = np.zeros_like(forces)
-            places = numbers(
-                load.get("list_at_mm", none.tolist()), forces.shape, f"{where}.list_at_mm"
-            )
-            return cls(np.hstack([forces, none, places / 1e3]), False, 0.0, None)
-        if given == ["wrenches"]:
-            rows(load["wrenches"], MOST_LISTED, f"{where}.wrenches")
-            wrenches = wrenches_of(load["wrenches"], f"{where}.wrenches")
-            if not len(wrenches):
-                raise ValueError(f"{where}.wrenches: expected at least one")
-            return cls(wrenches, False, 0.0, None)
-        largest = number(load["F_max_N"], f"{where}.F_max_N")
-        if largest <= 0:
-            raise ValueError(f"{where}.F_max_N: expected a positive force")
-        if "direction" not in load:
-            return cls(None, False, largest, None)
-        direction = numbers(load["direction"], (3,), f"{where}.direction")
-        if not direction.any():
-            raise ValueError(f"{where}.direction: expected a vector that is not zero")
-        return cls(None, False, largest, direction / np.linalg.norm(direction))
+            return cls(np.concatenate([force, torque, np.zeros(3)])[None], True, 0.0, None)
+        if kind == "F_max_N":
+            return cls(None, False, *_largest_force(load, where))
+        rows(load[kind], MOST_LISTED, f"{where}.{kind}")
+        is_wrench = kind == "wrenches"
+        listed = wrenches_of(load[kind], f"{where}.{kind}") if is_wrench else _forces(load, where)
+        if not len(listed):
+            raise ValueError(f"{where}.{kind}: expected at least one")
+        return cls(listed, False, 0.0, None)
 
     @property
     def size(self) -> int:
@@ -180,6 +163,32 @@ class Load:
         return np.asarray(np.maximum(away, 0.0) / self.largest)
 
 
+def _forces(load: dict[str, Any], where: str) -> Array:
+    """Listed forces as wrenches (k, 9), each at its place if these are stated."""
+    forces = numbers(load["list_F_N"], (None, 3), f"{where}.list_F_N")
+    none = np.zeros_like(forces)
+    at = load.get("list_at_mm", none.tolist())
+    places = numbers(at, forces.shape, f"{where}.list_at_mm")
+    return np.hstack([forces, none, places / 1e3])
+
+
+def _largest_force(load: dict[str, Any], where: str) -> tuple[float, Array | None]:
+    """The size of a force up to which it may be [N], and its direction (3,) if that is stated.
+
+    Raises:
+        ValueError: The size is not positive, or the direction is zero.
+    """
+    largest = number(load["F_max_N"], f"{where}.F_max_N")
+    if largest <= 0:
+        raise ValueError(f"{where}.F_max_N: expected a positive force")
+    if "direction" not in load:
+        return largest, None
+    direction = numbers(load["direction"], (3,), f"{where}.direction")
+    if not direction.any():
+        raise ValueError(f"{where}.direction: expected a vector that is not zero")
+    return largest, direction / np.linalg.norm(direction)
+
+
 @dataclass(frozen=True, eq=False)
 class Workspace:
     """Joint limits, bounds on the tool, and poses to stay away from.
@@ -207,16 +216,19 @@ class Workspace:
     sight: Sight | None = None
 
     @classmethod
-    def from_dict(
-        cls, chain: Chain, keys: Any, excluded: Any, margin: Any, sight: Sight | None = None
-    ) -> "Workspace":
+    def of(cls, content: dict[str, Any], chain: Chain, sight: Sight | None) -> "Workspace":
         """Read the keys of a study's [workspace], and the poses that it excludes.
+
+        Args:
+            content: The setting.
+            chain: The robot.
+            sight: What the instruments see; None where that bounds nothing.
 
         Raises:
             ValueError: A key is unknown, or the excluded poses are not those that it speaks of.
         """
         where = "setting.workspace"
-        keys = table(keys, (), where, (*BOUNDS, *OTHERS))
+        keys = table(content["workspace"], (), where, (*BOUNDS, *OTHERS))
         height, radius, tilt = (
             None if name not in keys else number(keys[name], f"{where}.{name}") for name in BOUNDS
         )
@@ -225,7 +237,7 @@ class Workspace:
         if resolution < 0 or within <= 0:
             raise ValueError(f"{where}: expected a resolution and a distance that are not negative")
         names = rows(keys.get("excluded", []), MOST_EXCLUDED, f"{where}.excluded")
-        poses = _excluded(excluded, chain.n, float(np.deg2rad(within)), len(names))
+        poses = _excluded(content["excluded"], chain.n, float(np.deg2rad(within)), len(names))
         return cls(
             chain=chain,
             height=None if height is None else height / 1e3,
@@ -234,7 +246,7 @@ class Workspace:
             resolution=np.where(chain.prismatic, 0.0, np.deg2rad(resolution)),
             excluded=poses,
             distance=float(np.deg2rad(within)),
-            margin=_coupled_margin(margin, chain),
+            margin=_coupled_margin(content.get("coupled_margin"), chain),
             sight=sight if sight is not None and sight.needs_all else None,
         )
 
@@ -378,20 +390,16 @@ class Setting:
         physics = _physics(content, chain, kind)
         measured = MEASURED[kind] if physics is None else physics.measured
         sigma = numbers(content["sigma"], (measured,), "setting.sigma")
+        widths = [measured] if physics is None else physics.widths
         sight = None
         if "sight" in content:
-            widths = [measured] if physics is None else physics.widths
             sight = Sight.from_dict(content["sight"], len(chain.axes), widths)
         noise = Noise.from_dict(content["noise"], n, measured) if "noise" in content else None
         gives = Gives.from_dict(content["gives"], chain) if "gives" in content else None
         geometry = None
         if "geometry" in content and physics is not None:
             geometry = Geometry.from_dict(content["geometry"], chain, physics, gives)
-        friction = None
-        if "friction" in content:
-            if geometry is not None:
-                raise ValueError("setting.friction: goes with compliances alone")
-            friction = Friction.from_dict(content["friction"], len(unknown))
+        friction = _friction(content, unknown, geometry)
         p = geometry.p if geometry is not None else len(unknown) * (1 if friction is None else 2)
         white = (sigma > 0).all() or (noise is not None and (sigma >= 0).all())
         if not p or not white:
@@ -401,13 +409,7 @@ class Setting:
             chain=chain,
             unknown=unknown,
             sigma=sigma,
-            workspace=Workspace.from_dict(
-                chain,
-                content["workspace"],
-                content["excluded"],
-                content.get("coupled_margin"),
-                sight,
-            ),
+            workspace=Workspace.of(content, chain, sight),
             load=Load.from_dict(content["load"]),
             free=_indices(content["free"], n, "setting.free"),
             fixed=numbers(content["fixed"], (n,), "setting.fixed"),
@@ -535,6 +537,21 @@ class Setting:
         """Whether each experiment x (k, n + d) is allowed, but for rounding."""
         n = len(self.fixed)
         return (self.violation(x[:, :n]) <= TINY) & self.load.allows(x[:, n:])
+
+
+def _friction(
+    content: dict[str, Any], unknown: list[int], geometry: Geometry | None
+) -> Friction | None:
+    """The friction of the joints; None without any.
+
+    Raises:
+        ValueError: It is not valid, or beside geometry.
+    """
+    if "friction" not in content:
+        return None
+    if geometry is not None:
+        raise ValueError("setting.friction: goes with compliances alone")
+    return Friction.from_dict(content["friction"], len(unknown))
 
 
 def _some(values: Array | None, some: slice) -> Array | None:

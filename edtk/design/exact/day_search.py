@@ -75,6 +75,31 @@ class LoadTrial:
             relaxed = relaxed.holding_for(found.x)
         return cls(loads, relaxed, total, found)
 
+    def searched(self, planned: Callable[[], FoundPlan | None]) -> "LoadTrial":
+        """The trial with the plan that is found, in a moment where it is interrupted already.
+
+        Args:
+            planned: Searches the plan, within the time that is left.
+
+        Raises:
+            KeyboardInterrupt: It is interrupted once more.
+        """
+        interrupted = self.interrupted
+        try:
+            with time_limit(0.0 if interrupted else np.inf):
+                found = planned()
+        except KeyboardInterrupt:
+            if interrupted:
+                raise
+            interrupted = True  # before a first plan, which takes a moment where time is over
+            with time_limit(0.0):
+                found = planned()
+        if found is not None:
+            interrupted = interrupted or found.ended == "interrupted"
+            found = replace(found, ended="interrupted") if interrupted else found
+        trial = LoadTrial.of(self.loads, self.relaxed, self.total, found)
+        return replace(trial, interrupted=interrupted)
+
     def on_candidates(self) -> "LoadTrial":
         """The trial with the bound that is proved on candidates and the plan's own poses alone."""
         if self.relaxed.searched_bound is None:
@@ -264,8 +289,9 @@ class DaySearch:
         if m is None:
             space = replace(space, prices=prices)
         relaxed, interrupted = self._relaxed(self.beside_known(space, total), total, least)
-        if relaxed.best_bound.scaled(total).cost >= least:
-            return LoadTrial(loads, relaxed, total, None, interrupted)
+        trial = LoadTrial(loads, relaxed, total, None, interrupted)
+        if trial.bound.cost >= least:
+            return trial
         search = VisitSearch(
             self.beside_known(replace(space, prices=None), 1.0 if m is None else total),
             relaxed,
@@ -283,20 +309,7 @@ class DaySearch:
             most = most_visits(funds, prices.min()) if m is None else m
             return search.within(prices, funds, most, m is not None, self.distinct)
 
-        try:
-            with time_limit(0.0 if interrupted else np.inf):
-                found = planned()
-        except KeyboardInterrupt:
-            if interrupted:
-                raise
-            interrupted = True  # before a first plan, which takes a moment where time is over
-            with time_limit(0.0):
-                found = planned()
-        if found is not None:
-            interrupted = interrupted or found.ended == "interrupted"
-            found = replace(found, ended="interrupted") if interrupted else found
-        trial = LoadTrial.of(loads, relaxed, total, found)
-        return replace(trial, interrupted=interrupted)
+        return trial.searched(planned)
 
     def beside_known(self, space: DesignSpace, total: float) -> DesignSpace:
         """The space with its share of what is known besides."""

@@ -513,13 +513,7 @@ class _Run:
             Z = active.relaxation.multipliers
             accuracy = min(ASCENT_ACCURACY * away, LEAST_ACCURACY)
             searched, found = search_continuum(
-                self.source.space,
-                self.criterion,
-                Z,
-                active.poses,
-                accuracy,
-                fresh,
-                is_new,
+                self.source.space, self.criterion, Z, active.poses, accuracy, fresh, is_new
             )
             if out_of_time():
                 return  # ascents that were cut off have not seen the largest sensitivity
@@ -539,17 +533,29 @@ class _Run:
                 is_new = True
             else:
                 is_new = False
-            if earlier is not None and earlier.searched_sensitivities is not None:
-                # The last multipliers may prove less than others did, with the poses found since.
-                known = self._largest(active.poses + found, earlier.multipliers)
-                known = known.or_larger(earlier.searched_sensitivities)
-                plan = self.best.improve(active, earlier, known)
-            earlier = plan
+            earlier = plan = self._or_earlier(plan, earlier, active, found)
             if self.options.stop(plan):
                 return
             gap = max(0.5 * self.options.gap, ACTIVE_GAP * away)
             active = self._settled(active.over(active.poses + found, gap), found, gap)
             last = found
+
+    def _or_earlier(
+        self,
+        plan: RelaxedPlan,
+        earlier: RelaxedPlan | None,
+        active: ActiveSet,
+        found: Candidates,
+    ) -> RelaxedPlan:
+        """The plan with what earlier multipliers prove, where the last ones prove less.
+
+        Sensitivities to these are the largest of those that were seen then, and of the poses that
+        were found since.
+        """
+        if earlier is None or earlier.searched_sensitivities is None:
+            return plan
+        known = self._largest(active.poses + found, earlier.multipliers)
+        return self.best.improve(active, earlier, known.or_larger(earlier.searched_sensitivities))
 
     def _settled(self, active: ActiveSet, found: Candidates, gap: float) -> ActiveSet:
         """The relaxation over the design after a descent, and the poses that were found last."""
