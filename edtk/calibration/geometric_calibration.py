@@ -15,6 +15,8 @@ from edtk.design.plan import Plan
 from edtk.findings.causes.family import Cause
 from edtk.findings.counting import Counting
 from edtk.findings.finding import Finding, Severity
+from edtk.findings.fit_rows import common_scale
+from edtk.findings.geometric_fit import scale_in_words
 from edtk.findings.prior import unstated, unstated_findings
 from edtk.fit.distributions import task_accuracy
 from edtk.fit.fitted_geometry import FittedGeometry, GeometricFit, root_mean_square
@@ -177,14 +179,10 @@ class GeometricCalibration(Judged):
         is_path = self.study.specification.task is not None
         return task_accuracy(self.in_tasks, self.covariance, is_path=is_path)
 
-    @property
+    @cached_property
     def assumed(self) -> tuple[str, ...]:
         """What no reading of the sheet can tell, each with what it costs where it is wrong."""
-        reach = self.study.robot.reach
-        lines = [
-            "the scale of the instrument is right: all lengths would be wrong together, by "
-            f"{1e-4 * MM * reach:.2g} mm at {reach:.2g} m for each 100 um/m; a known length tells"
-        ]
+        lines = [self._assumed_scale()]
         if not self.fit.fitted.bending.is_rigid:
             lines.append("the loads are as stated: 1 % of a load is 1 % of every compliance")
         given = self.study.kind.parameters(self.study)
@@ -194,6 +192,30 @@ class GeometricCalibration(Judged):
                 "it are unknown tell neither the zero of that joint nor its length"
             )
         return tuple(lines)
+
+    def _assumed_scale(self) -> str:
+        """What a scale of the instrument would cost, and how much of one the lengths may show.
+
+        Where it is s, each length is taken as s times too long, and with these the way from the
+        base to the tool: that comes s times too short.
+        """
+        far = self.study.robot.reach
+        where = f"at {far:.2g} m"
+        tasks = self.in_tasks
+        if tasks:
+            ends = [task.placed.forward(task.q)[..., :3, 3] for task in tasks]
+            squares = [float(np.square(end).sum(axis=-1).mean()) for end in ends]
+            far = float(np.sqrt(tasks.shares @ np.array(squares)))
+            where = tasks.place
+        told = None if self.setting.taken_as_drawn else common_scale(self.fit.of_positions)
+        come_out = ""
+        if told is not None:
+            come_out = f"; they come out {scale_in_words(told.size, told.std, told.known)}"
+        return (
+            "the scale of the instrument is right: all lengths would be wrong together, by "
+            f"{1e-4 * MM * far:.2g} mm {where} for each 100 um/m{come_out}; a known length tells, "
+            "as markers of which [prior.parameters] knows the places"
+        )
 
     @cached_property
     def parameters(self) -> dict[str, dict[str, Any]]:

@@ -13,6 +13,7 @@ from edtk.findings.causes.scene import JointLoads, Positions, link_length, same_
 from edtk.fit.fitted_geometry import FittedGeometry, GeometricFit
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.pose_rows import columns_of
+from edtk.fit.prior import PriorRows
 from edtk.fit.restricted_likelihood import Blocks, fit_model_error, fit_variances
 from edtk.measure.few_columns import Beside, FewColumns, summed
 from edtk.measure.measured_model import Seen
@@ -26,8 +27,9 @@ from edtk.system.typing import Array, Indices, Mask
 
 RATES = (0.0, 3.0, 8.0)  # of settling in a day: a steady drift, and warming up
 FEWEST_OF_TREND = 8  # poses
-UNLIKELY_SCALE = 1e-4
+UNLIKELY_SCALE = 1e-3  # as of knowledge that measurements contradict
 LEAST = 1e-4  # [m/m] below it a scale is that of the air's temperature
+SHARE_OF_SCALE = 1e-9  # of what is known, which rounding makes where the poses tell no lengths
 FEWEST_OF_SCALE = 6  # parameters of the geometry that show how far from the drawing this robot is
 
 
@@ -418,33 +420,44 @@ def _best(
 
 @dataclass(frozen=True)
 class CommonScale:
-    """A scale by which lengths that were measured are longer than drawn.
+    """A scale by which lengths that were measured are longer than they were known to be.
 
     Attributes:
         size: The scale less one [m/m].
         std: Its standard deviation.
+        dof: Degrees of freedom of that.
+        known: Whether knowledge of lengths tells it, and not the drawing alone.
     """
 
     size: float
     std: float
+    dof: float
+    known: bool
+
+    @property
+    def is_told(self) -> bool:
+        """Whether it is large, and no matter of chance."""
+        from scipy.stats import t
+
+        if abs(self.size) < LEAST:
+            return False
+        return bool(2 * t.sf(abs(self.size) / self.std, self.dof) < UNLIKELY_SCALE)
 
 
 def common_scale(fit: GeometricFit) -> CommonScale | None:
-    """Estimate a scale of all lengths, beside errors of the drawing of unknown size, and test it.
+    """Estimate a scale of all lengths, from what was known of them or beside errors of the drawing.
 
-    Where all geometry is fitted, lengths take up a scale s of the instrument: they come out as
-    ``theta = T d + s t + e``, with the errors d of the drawing, how all of them (T) and a scale (t)
-    move the minimal set, and the errors e of the fit, of covariance C. Robots are built with errors
-    of either sign: d has two variances, of lengths and of angles, fitted by restricted likelihood,
-    and s is that of generalised least squares with ``C + T D T'``. Base and markers are free.
+    Where all geometry is fitted, lengths take up a scale s of the instrument, whose columns are
+    those of the parameters, times t. Rows ``R theta = v`` of what was known before do not move with
+    the instrument, and tell s: fitted together with the parameters, ``s = t'R' (R theta - v) / I``
+    has the variance 1/I, ``I = t' (R'R - R'R C R'R) t``, with the covariance C of the fit.
+    Beside errors of the drawing of unknown size it is estimated, too, see `_beside_drawing`: the
+    one that tells more counts.
 
     Args:
         fit: Of a study that asks for all geometry.
     """
     model = fit.fitted.model
-    own = np.array([one.place == "joint" for one in model.parameters])
-    if own.sum() < FEWEST_OF_SCALE:
-        return None
     means = fit.data.means
     errors = all_parameters(model.robot, model.markers, base=False, tool=False)
     every = model.with_parameters(errors)
@@ -456,19 +469,59 @@ def common_scale(fit: GeometricFit) -> CommonScale | None:
     moved = MM * jacobian * every.scales
     columns = of_all(np.concatenate([moved, scaled], axis=-1), means)
     # Some of the minimal set is told by orientations alone.
-    taken = _coefficients(columns_of(model, means, seen), columns)[own]
+    taken = _coefficients(columns_of(model, means, seen), columns)
+    found = []
+    told = np.eye(len(taken))
+    before = fit.told_before
+    if before is not None:
+        t = taken[:, -1]
+        rows = PriorRows.near(before.prior, fit.fitted.theta).scaled(model.scales)
+        square = rows.rows.T @ rows.rows
+        share = fit.fitted.covariance @ square
+        information = float(t @ (square - square @ share) @ t)
+        told = told - share
+        if information > SHARE_OF_SCALE * float(t @ square @ t):
+            score = float(t @ rows.rows.T @ (rows.rows @ fit.fitted.values - rows.values))
+            sizes = (1e-3 * score / information, 1e-3 / np.sqrt(information))
+            found.append(CommonScale(*sizes, before.dof, True))
     turns = np.array([one.turns for one in errors])
-    kinds = [K @ K.T for K in (taken[:, :-1][:, ~turns], taken[:, :-1][:, turns])]
+    found += _beside_drawing(fit, told, taken, turns)
+    return min(found, key=lambda one: one.std, default=None)
+
+
+def _beside_drawing(fit: GeometricFit, told: Array, taken: Array, turns: Mask) -> list[CommonScale]:
+    """A scale of all lengths, beside errors of the drawing of unknown size.
+
+    Lengths come out as ``theta = T d + s t + e``, with the errors d of the drawing, how all of them
+    (T) and a scale (t) move the estimate, and the errors e of the fit, of covariance C. Robots are
+    built with errors of either sign: d has two variances, of lengths and of angles, fitted by
+    restricted likelihood, and s is that of generalised least squares with ``C + T D T'``. Base and
+    markers are free.
+
+    Args:
+        fit: The fit.
+        told: Share (p, p) of the positions in the estimate, and not of what was known before.
+        taken: What errors of the drawing and a scale are in the parameters (p, d + 1) [a mm/m].
+        turns: Which errors (d,) of the drawing are angles.
+    """
+    own = np.array([one.place == "joint" for one in fit.fitted.model.parameters])
+    if own.sum() < FEWEST_OF_SCALE:
+        return []
+    moved = (told @ taken)[own]
+    T, t = moved[:, :-1], moved[:, -1]
+    kinds = [K @ K.T for K in (T[:, ~turns], T[:, turns])]
     C = fit.fitted.covariance[np.ix_(own, own)]
     y = fit.fitted.values[own]
-    t = taken[:, -1]
     blocks = Blocks.dense(C[None], [K[None] for K in kinds], y[None], t[None, :, None])
     found = fit_variances([blocks])
     V = C + sum(v * K for v, K in zip(found.variances, kinds, strict=True))
     weighted = np.linalg.solve(V, t)
-    variance = 1 / float(t @ weighted)
-    scale = CommonScale(1e-3 * variance * float(weighted @ y), 1e-3 * float(np.sqrt(variance)))
-    return scale if _is_told(scale, len(y) - 1 - len(kinds)) else None
+    information = float(t @ weighted)
+    dof = float(np.diagonal(told)[own].sum()) - 1 - len(kinds)
+    if not (information > 0 and dof > 0):
+        return []
+    sizes = (1e-3 * float(weighted @ y) / information, 1e-3 / float(np.sqrt(information)))
+    return [CommonScale(*sizes, dof, False)]
 
 
 def _coefficients(design: FewColumns, columns: Array) -> Array:
@@ -480,12 +533,3 @@ def _coefficients(design: FewColumns, columns: Array) -> Array:
     inverse = np.linalg.pinv(square / np.outer(length, length), hermitian=True)
     onto = design.onto(columns) / length[:, None]
     return np.asarray(inverse @ onto / length[:, None])
-
-
-def _is_told(scale: CommonScale, dof: int) -> bool:
-    """Whether a scale is large, and no matter of chance."""
-    from scipy.stats import t
-
-    if abs(scale.size) < LEAST:
-        return False
-    return bool(2 * t.sf(abs(scale.size) / scale.std, dof) < UNLIKELY_SCALE)

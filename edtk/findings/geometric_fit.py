@@ -455,13 +455,12 @@ def _large(fit: GeometricFit) -> list[Finding]:
 
 
 def _scaled(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
-    """All lengths are longer than drawn together, as by a scale of the instrument."""
-    # What is known of lengths before says how long they are, and not a scale of the instrument.
-    drawn = setting.taken_as_drawn or setting.study.specification.prior.parameters
-    scale = None if drawn or setting.study.specification.prior.earlier_file else common_scale(fit)
-    if scale is None:
+    """All lengths are longer together than they were known to be, as by the instrument's scale."""
+    scale = None if setting.taken_as_drawn else common_scale(fit)
+    if scale is None or not scale.is_told:
         return []
-    return [_say(Severity.WARNING, "scale", size=scale.size, std=scale.std)]
+    data = {"size": scale.size, "std": scale.std, "known": scale.known}
+    return [_say(Severity.WARNING, "scale", **data)]
 
 
 def _shown(parameter: Parameter, value: float) -> str:
@@ -636,12 +635,18 @@ def _large_errors(data: Data) -> str:
 
 def _common_scale(data: Data) -> str:
     """Lengths that all come out longer, or shorter."""
-    longer = "longer" if data["size"] > 0 else "shorter"
-    return (
-        f"all lengths come out {longer} than drawn together, by {1e6 * abs(data['size']):.3g} +- "
-        f"{1e6 * data['std']:.2g} um/m: is the scale of the instrument off, or the robot of "
-        "another size? A known length, measured beside the robot, would tell"
-    )
+    or_else = "the robot of another size? A known length, measured beside the robot, would tell"
+    if data["known"]:
+        or_else = "what was known of lengths wrong?"
+    size = scale_in_words(data["size"], data["std"], data["known"])
+    return f"all lengths come out {size}: is the scale of the instrument off, or {or_else}"
+
+
+def scale_in_words(size: float, std: float, known: bool) -> str:
+    """By how much lengths come out longer than what they are compared with [m/m]."""
+    longer = "longer" if size > 0 else "shorter"
+    than = "known before," if known else "drawn"
+    return f"{longer} than {than} together, by {1e6 * abs(size):.3g} +- {1e6 * std:.2g} um/m"
 
 
 def _discrepancy(data: Data) -> str:

@@ -10,15 +10,28 @@ from geometry_sheets import OFFSETS, PLACE, STUDY, by_pose
 import edtk
 from edtk.study.study_geometry import StudyGeometry
 
+# Where the markers are on the tool was measured to five micrometres: lengths of 0.2 m.
+KNOWN = STUDY.replace(
+    marker=[
+        {"name": name, "position_mm": (1e3 * place).tolist()}
+        for name, place in zip("ABC", OFFSETS, strict=True)
+    ],
+    prior={"parameters": {"tool": {"std_mm": 0.005}}},
+)
 
-def identified(path: Path, seed: int, scale: float) -> edtk.GeometricCalibration:
+
+def identified(
+    path: Path, seed: int, scale: float, study: edtk.Study = STUDY
+) -> edtk.GeometricCalibration:
     """A day of an arm that is built to tenths of a millimetre, by an instrument of some scale."""
     rng = np.random.default_rng(seed)
     model = replace(StudyGeometry.of(STUDY).model, offsets=OFFSETS, start=PLACE)
     theta = rng.normal(0, 0.05, model.p) * model.scales
+    if study is KNOWN:
+        theta *= np.where([one.place == "tool" for one in model.parameters], 0.1, 3.0)
     q = rng.uniform(-1.7, 1.7, (40, 6))
     x = model.see(theta, q, derivatives=False).points + rng.normal(0, 2e-5, (40, 3, 3))
-    return edtk.identify(STUDY, by_pose(path / "day.csv", np.rad2deg(q), 1e3 * scale * x))
+    return edtk.identify(study, by_pose(path / "day.csv", np.rad2deg(q), 1e3 * scale * x))
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -42,3 +55,20 @@ def test_none_is_named_where_lengths_err_alone(seed: int, tmp_path: Path) -> Non
     assert "for each 100 um/m" in said
     assert f"assumed: {said}" in found.summary()
     assert found.to_dict()["assumed"] == [said]
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("size", [0.0, 3e-4])
+def test_known_lengths_tell_a_scale_that_errors_of_the_drawing_hide(
+    size: float, seed: int, tmp_path: Path
+) -> None:
+    """They do not grow with it, whatever the arm's own lengths are."""
+    found = identified(tmp_path, seed, 1 + size, KNOWN)
+    said = [one for one in found.findings if one.kind == "scale"]
+    assert bool(said) == bool(size)
+    (line,) = found.assumed
+    told, std = line.split("together, by ")[2].split(" um/m")[0].split(" +- ")
+    sign = 1 if "longer than known" in line else -1
+    assert abs(sign * float(told) - 1e6 * size) < 3 * float(std)
+    assert float(std) < 40
+    assert found.verdict == ("usable" if size else "good")
