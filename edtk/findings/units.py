@@ -8,7 +8,7 @@ import numpy as np
 from edtk.findings.causes.scene import counted_from
 from edtk.findings.finding import Data, Finding, Severity, Wording, row_names
 from edtk.findings.fitted_data import FittedData
-from edtk.findings.match_plan import OTHER_LOAD, like_rounding, steps_of
+from edtk.findings.match_plan import COARSE_DEG, OTHER_LOAD, STEPS_DEG, like_rounding, steps_of
 from edtk.fit.equilibrium import NoFitError, fit_equilibrium
 from edtk.fit.place_robot import rigid_motion
 from edtk.measure.equilibrium import NoEquilibriumError
@@ -212,11 +212,12 @@ def _turning(study: Study) -> list[int]:
 
 
 def _rounded(fitted: FittedData) -> Iterator[Finding]:
-    """Joint angles that were rounded, where that makes more errors than the noise.
+    """Joint angles that were rounded, or look so, with what that would cost.
 
     Rounding to steps h leaves errors that are uniform, of standard deviation ``h / sqrt(12)``, in
     each joint and pose. Commands may be whole degrees: they are doubted only where the residuals
-    are as large as rounding would leave them, or where the plan has other digits.
+    are as large as rounding would leave them, or where the plan has other digits. Where rounding
+    errs by less than the noise, residuals do not tell, and it is noted what it would make.
     """
     study = fitted.study
     joints = _turning(study)
@@ -225,30 +226,37 @@ def _rounded(fitted: FittedData) -> Iterator[Finding]:
     steps = steps_of(np.rad2deg(study.robot.shown(fitted.data.q)[:, joints]))
     if not steps:
         return
-    kept: list[float] = []
+    kept = [step for step in STEPS_DEG if step <= study.specification.workspace.plan_resolution_deg]
+    planned = fitted.plan is not None
     if fitted.plan is not None:
-        kept = steps_of(np.rad2deg(study.robot.shown(fitted.plan.q)[:, joints]))
+        kept += steps_of(np.rad2deg(study.robot.shown(fitted.plan.q)[:, joints]))
     excess = float(np.sqrt(max(fitted.fit.scale**2 - 1, 0.0)))
     of_one_degree = _rounding(fitted, joints)
     for step in steps:
-        rounding = step * of_one_degree
-        if rounding < 1 or step in kept:
+        if step in kept:
             continue
-        explains = excess > 1 and like_rounding(excess, rounding)
+        rounding = step * of_one_degree
+        hidden = rounding < 1
+        if hidden and step < COARSE_DEG:
+            continue
+        explains = not hidden and excess > 1 and like_rounding(excess, rounding)
         # Of steps that all angles are multiples of, the coarsest is the one they were rounded to.
-        planned = fitted.plan is not None
-        if explains or (planned and step == steps[0]):
-            data = {
-                "step": step,
-                "planned": planned,
-                "rounding": rounding,
-                "scale": fitted.fit.scale,
-                "explains": explains,
-            }
-            alone = explains and not fitted.structural_causes
-            severity = Severity.ALARM if alone else Severity.WARNING
+        if not (explains or hidden or (planned and step == steps[0])):
+            continue
+        data = {
+            "step": step,
+            "planned": planned,
+            "rounding": rounding,
+            "scale": fitted.fit.scale,
+            "explains": explains,
+        }
+        alone = explains and not fitted.structural_causes
+        severity = Severity.ALARM if alone else Severity.WARNING
+        if hidden and not planned:
+            yield Finding.of(Severity.NOTE, WORDING, "coarse_angles", **data)
+        else:
             yield Finding.of(severity, WORDING, "rounded_angles", **data)
-            return
+        return
 
 
 def _rounding(fitted: FittedData, joints: list[int]) -> float:
@@ -282,11 +290,35 @@ def place_findings(fitted: FittedData) -> Iterator[Finding]:
     if size > MISPLACED:
         spread = [float(np.linalg.norm(x - x.mean(axis=0))) for x in (data.unloaded, drawn)]
         scale = spread[0] / max(spread[1], 1e-12)
-        yield Finding.of(Severity.WARNING, WORDING, "other_robot", off=size, scale=scale)
+        step = _rounded_place(fitted, size)
+        told = {"off": size, "scale": scale, "step": step}
+        yield Finding.of(Severity.WARNING, WORDING, "other_robot", **told)
+
+
+def _rounded_place(fitted: FittedData, size: float) -> float:
+    """The step [deg] to which angles were rounded, if that moves the marker by a size [m]; or 0."""
+    data, robot = fitted.data, fitted.study.robot
+    joints = _turning(fitted.study)
+    steps = steps_of(np.rad2deg(robot.shown(data.q)[:, joints])) if joints else []
+    std = np.deg2rad(1.0) / np.sqrt(12)
+    squares = 0.0
+    for j in joints:
+        ends = [robot.forward(data.q + side * std * np.eye(robot.n)[j]) for side in (0.5, -0.5)]
+        there, back = (T[:, :3, 3] + (T[:, :3, :3] @ data.marker[..., None])[..., 0] for T in ends)
+        squares += float(((there - back) ** 2).sum()) / len(data)
+    of_one_degree = float(np.sqrt(squares))
+    return next((step for step in steps if like_rounding(size, step * of_one_degree)), 0.0)
 
 
 def _other_robot(data: Data) -> str:
     """Positions that are not those of the drawing."""
+    if data["step"]:
+        return (
+            f"without load the marker is {1e3 * data['off']:.3g} mm (root mean square) from where "
+            "the study's robot has it, wherever the base is placed, as far as rounding to "
+            f"{data['step']:g} deg moves it, and all joint angles are multiples of that: were they "
+            "rounded? Export them with three decimals"
+        )
     scale = f"{abs(data['scale'] - 1):.1%} {'longer' if data['scale'] > 1 else 'shorter'}"
     lengths = f", and lengths come out {scale}" if abs(data["scale"] - 1) > SCALED else ""
     return (
@@ -347,6 +379,15 @@ def _rounded_angles(data: Data) -> str:
     )
 
 
+def _coarse_angles(data: Data) -> str:
+    """Joint angles that may have been rounded, where no residual shows it."""
+    return (
+        f"all joint angles are multiples of {data['step']:g} deg. If they were rounded, each "
+        f"reading is off by {data['rounding']:.2g} times the noise, which residuals do not show: "
+        "export them with three decimals"
+    )
+
+
 WORDING: Wording = {
     "force_unit": _force_unit,
     "other_load": _other_load,
@@ -354,5 +395,6 @@ WORDING: Wording = {
     "rotation_unit": _rotation_unit,
     "angle_unit": _angle_unit,
     "rounded_angles": _rounded_angles,
+    "coarse_angles": _coarse_angles,
     "other_robot": _other_robot,
 }

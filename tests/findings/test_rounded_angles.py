@@ -68,3 +68,29 @@ def test_positions_under_rounded_angles_are_named_too():
         (one,) = said(other, plan, study)[0]
         assert one.data["rounding"] > 100
         assert ("those of the plan are not" in one.words) == (plan is not None)
+
+
+def test_whole_degrees_that_err_by_less_than_the_noise_are_noted_or_told_by_the_plan():
+    """No residual shows them: alone they are a note, and beside a plan of other digits doubted."""
+    coarse = rounded(readings_of(PLAN.q, PLAN.wrench), 1.0)
+    others, kinds = said(coarse)
+    assert not others
+    assert "coarse_angles" in kinds
+    ((one,), kinds) = said(coarse, PLAN)
+    assert one.severity is Severity.WARNING
+    assert one.data["rounding"] < 1
+    assert "coarse_angles" not in kinds
+    own = replace(PLAN, q=coarse.q[: len(PLAN.q)])
+    study = STUDY.replace(workspace={"plan_resolution_deg": 1.0})
+    for known in (said(coarse, own), said(coarse, None, study)):
+        assert "coarse_angles" not in known[1]
+
+
+def test_a_marker_that_is_off_as_rounding_moves_it_is_no_other_robot():
+    """Positions without load are centimetres off by half a degree in each joint."""
+    data = rounded(readings_of(PLAN.q, PLAN.wrench), 1.0)
+    flange = STUDY.robot.forward(readings_of(PLAN.q, PLAN.wrench).q)
+    before = flange[:, :3, 3] + (flange[:, :3, :3] @ data.marker[..., None])[..., 0]
+    found = spring_findings(FittedData.of(STUDY, replace(data, unloaded=before), HowFitted()))
+    (words,) = [one.words for one in found if one.kind == "other_robot"]
+    assert "as far as rounding to 1 deg moves it" in words
