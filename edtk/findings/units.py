@@ -15,6 +15,7 @@ from edtk.measure.equilibrium import NoEquilibriumError
 from edtk.measure.pose_table import WRENCH_COLUMNS
 from edtk.measure.task import all_compliances
 from edtk.robots.loads.fixed_load import FixedLoad
+from edtk.study.plausibility import is_like_radians
 from edtk.study.study import Study
 from edtk.system.typing import Array, Mask
 
@@ -190,12 +191,13 @@ def _rotations(fitted: FittedData) -> Iterator[Finding]:
 
 
 def like_radians(study: Study, q: Array) -> bool:
-    """Whether poses (m, n) differ, all of them within 2 pi degrees of zero."""
+    """Whether poses (m, n) are all within 2 pi degrees of zero, and differ or are no typed ones."""
     turning = _turning(study)
-    degrees = np.rad2deg(study.robot.shown(q)[:, turning])
     if not turning:
         return False
-    return bool(np.abs(degrees).max() <= 2 * np.pi and np.ptp(degrees, axis=0).any())
+    degrees = np.rad2deg(study.robot.shown(q)[:, turning])
+    near = np.abs(degrees).max() <= 2 * np.pi
+    return bool(near and (np.ptp(degrees, axis=0).any() or is_like_radians(degrees[0])))
 
 
 def _angles(fitted: FittedData) -> Iterator[Finding]:

@@ -106,16 +106,21 @@ def _pose_unit(study: StudyObjects) -> Iterator[Finding]:
 
 def _unit_of_pose(study: StudyObjects, q_deg: Array, key: str) -> Iterator[Finding]:
     """A pose (n,) whose angles look like radians."""
-    turns = [joint.kind == "revolute" for joint in study.robot.joints]
-    angles = q_deg[turns]
+    angles = q_deg[[joint.kind == "revolute" for joint in study.robot.joints]]
+    if is_like_radians(angles):
+        yield Finding.of(
+            Severity.WARNING, WORDING, "angle_unit", key=key, largest=float(np.abs(angles).max())
+        )
+
+
+def is_like_radians(angles: Array) -> bool:
+    """Whether the angles (n,) of one pose are small, and of more digits than people type [deg]."""
     moved = angles[angles != 0]
     odd = np.abs(moved / TYPED - np.round(moved / TYPED)) > 1e-6
     small = bool((np.abs(angles) <= ONE_TURN).all())
     # Three joints at least: with fewer, small odd angles may well be degrees.
-    if small and odd.sum() >= max(3, len(moved) / 2) and np.abs(moved).max() >= LEAST_ANGLE:
-        yield Finding.of(
-            Severity.WARNING, WORDING, "angle_unit", key=key, largest=float(np.abs(angles).max())
-        )
+    many = odd.sum() >= max(3, len(moved) / 2)
+    return small and bool(many) and float(np.abs(moved).max()) >= LEAST_ANGLE
 
 
 def _upwards(study: StudyObjects) -> Iterator[Finding]:

@@ -560,7 +560,7 @@ def test_poses_in_radians_are_doubted_where_nothing_is_measured(tmp_path: Path) 
     """Bands say nothing of a unit: radians for degrees are a warning, degrees are none."""
     q, x = truth(25)
     found = edtk.identify(STUDY, by_pose(tmp_path / "day.csv", q, x))
-    for shown, count in ((np.deg2rad(q), 1), (q, 0)):
+    for shown, count in ((np.deg2rad(q), 1), (np.deg2rad(q[:1]), 1), (q, 0), (q[:1], 0)):
         poses = pd.DataFrame(shown, columns=[f"q{i}_deg" for i in range(1, 7)])
         kinds = [one.kind for one in edtk.predict(STUDY, found, poses).findings]
         assert kinds.count("angle_unit") == count

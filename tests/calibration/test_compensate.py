@@ -251,9 +251,18 @@ def test_another_unit_is_doubted(factor, poses, load, words):
     q = poses * np.deg2rad([[0, -56.9, 89.3, 45.1, 76, 57.2], [20, -80, 60, 10, -40, 100]])
     wrench = load * np.tile(STUDY.tasks[0].wrench, (2, 1))
     found = {name: factor * k for name, k in K.items()}
-    doubts = task_findings(STUDY, found, Plan(q, wrench, np.ones(2, dtype=int)))
-    assert len(doubts) == (words is not None)
-    assert all(doubt.words.startswith(words) for doubt in doubts)
+    for chosen in (slice(0, 2), slice(0, 1)):
+        plan = Plan(q[chosen], wrench[chosen], np.ones(len(q[chosen]), dtype=int))
+        doubts = task_findings(STUDY, found, plan)
+        assert len(doubts) == (words is not None)
+        assert all(doubt.words.startswith(words) for doubt in doubts)
+
+
+def test_a_small_pose_as_people_type_it_is_in_degrees():
+    """One pose near zero is doubted where its digits are not those of typed degrees."""
+    for pose, doubted in (([0, -1, 2, 0.5, 1, 3], False), ([0.12, -0.97, 1.559, 0.82, 1.31, 1], True)):
+        task = Plan(np.deg2rad([pose]), STUDY.tasks[0].wrench[None], np.ones(1, dtype=int))
+        assert bool(task_findings(STUDY, K, task)) == doubted
 
 
 def test_other_mistakes(given, tmp_path):
