@@ -49,7 +49,6 @@ from edtk.fit.fitted_geometry import GeometricFit, root_mean_squares
 from edtk.fit.marker_positions import MarkerPositions, read_positions
 from edtk.measure.pose_table import LOADED_COLUMNS, Table, path_of
 from edtk.robots.frames import MM
-from edtk.robots.robot import Robot
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry, alone_load
 from edtk.system.errors import UserError
@@ -271,9 +270,8 @@ def _sound(setting: StudyGeometry, every: MarkerPositions, path: Path, as_is: bo
         # Distances between markers need no robot: a false one is not to look like another counting.
         tool = rigid_tool(rigid)
         sound = tool.without_swapped(tool.without_apart(rigid))
-        counting = _counted(
-            robot, sound[np.flatnonzero(sound.seen.any(axis=1))], path, as_is, findings
-        )
+        seen_there = sound[np.flatnonzero(sound.seen.any(axis=1))]
+        counting = _counted(setting, seen_there, path, as_is, findings)
         gross = gross_errors(robot, counting.of(rigid), tool)
         # Absolute visits and markers on the tool come first, so that numbers are the same.
         data = tool.without_apart(counting.of(data))
@@ -372,7 +370,7 @@ def _taken_back(data: MarkerPositions, frames: Array) -> MarkerPositions:
 
 
 def _counted(
-    robot: Robot,
+    setting: StudyGeometry,
     data: MarkerPositions,
     path: Path,
     as_is: bool,
@@ -383,6 +381,7 @@ def _counted(
     Raises:
         UserError: Positions or angles are in other units, and the sheet is not taken as it is.
     """
+    robot = setting.study.robot
     same = as_said(robot)
     start = placed_by_most(robot, data)
     unit = _unit(start.scale) if start.whole else ""
@@ -405,7 +404,8 @@ def _counted(
             "millimetres",
             where=path,
         )
-    found = find_counting(robot, data)
+    places = setting.model.offsets[[setting.markers.index(name) for name in data.markers]]
+    found = find_counting(robot, data, places)
     if found is None:
         joint = None if as_is else one_in_radians(robot, data)
         if joint is not None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from edtk.findings.gross_errors import DEGREE, FAR, distances, points_at
 from edtk.fit.marker_positions import MarkerPositions
-from edtk.fit.place_robot import LinearStart, linear_start
+from edtk.fit.place_robot import LinearStart, linear_start, rigid_motion
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array
 
@@ -89,16 +89,20 @@ def far_off(start: LinearStart, data: MarkerPositions) -> bool:
     return size > FAR * spread or (start.whole and (start.mirrored or start.distorted))
 
 
-def find_counting(robot: Robot, data: MarkerPositions) -> Counting | None:
+def find_counting(
+    robot: Robot, data: MarkerPositions, places: Array | None = None
+) -> Counting | None:
     """Find signs of the joints, and a joint that follows the one before it, by which all fits.
 
     A controller may count joints the other way, and that of an arm with a parallelogram may count
     the elbow from the horizontal. Of ways that fit equally well that with the fewest changes
-    counts.
+    counts. Where a link is of another length, another way may fit better with markers wherever they
+    are best: it is not believed if it does not with the markers where the study has them.
 
     Args:
         robot: The drawing.
         data: Positions with the joint variables of the sheet.
+        places: Where the markers are on the tool (k, 3) [m]; zero, or None, where nobody said.
 
     Returns:
         The way to count; None where none fits much better than that of the study.
@@ -127,7 +131,22 @@ def find_counting(robot: Robot, data: MarkerPositions) -> Counting | None:
             changes = len(turned) + 2 * bool(follower)
             best.append((start.rms, changes, Counting(matrix, words)))
     best += [(placed(robot, few, one.matrix).rms, 3, one) for one in _exchanges(names, moving)]
-    return _least(robot, few, still, best)
+    found = _least(robot, few, still, best)
+    if found is None or places is None or not places.any():
+        return found
+    here, there = (_off_places(robot, few, places, C) for C in (np.eye(n), found.matrix))
+    return found if there < here else None
+
+
+def _off_places(robot: Robot, few: MarkerPositions, places: Array, matrix: Array) -> float:
+    """How far markers are from their places in the middle, with the base where it fits best [m]."""
+    pose, marker = np.nonzero(few.seen & places.any(axis=1))
+    flange = robot.forward(few.q[pose] @ matrix.T)
+    drawn = flange[:, :3, 3] + (flange[:, :3, :3] @ places[marker][..., None])[..., 0]
+    measured = few.measured[pose, marker]
+    base = rigid_motion(drawn, measured)
+    left = measured - drawn @ base[:3, :3].T - base[:3, 3]
+    return float(np.median(np.linalg.norm(left, axis=1)))
 
 
 def _exchanges(names: tuple[str, ...], moving: Array) -> list[Counting]:

@@ -260,7 +260,8 @@ def test_another_unit_is_doubted(factor, poses, load, words):
 
 def test_a_small_pose_as_people_type_it_is_in_degrees():
     """One pose near zero is doubted where its digits are not those of typed degrees."""
-    for pose, doubted in (([0, -1, 2, 0.5, 1, 3], False), ([0.12, -0.97, 1.559, 0.82, 1.31, 1], True)):
+    typed, others = [0, -1, 2, 0.5, 1, 3], [0.12, -0.97, 1.559, 0.82, 1.31, 1]
+    for pose, doubted in ((typed, False), (others, True)):
         task = Plan(np.deg2rad([pose]), STUDY.tasks[0].wrench[None], np.ones(1, dtype=int))
         assert bool(task_findings(STUDY, K, task)) == doubted
 

@@ -8,6 +8,7 @@ from geometry_sheets import OFFSETS, PLACE, STUDY
 
 from edtk.findings.counting import find_counting
 from edtk.fit.marker_positions import MarkerPositions
+from edtk.robots.load_robot import load_robot
 from edtk.study.study_geometry import StudyGeometry
 
 
@@ -27,3 +28,27 @@ def test_three_visits_in_which_a_joint_moves_count(seed: int) -> None:
     found = find_counting(model.robot, data)
     assert found is not None
     assert found.words == "q1, q2 count the other way"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_link_of_another_length_is_no_other_counting_where_markers_are_known(seed: int) -> None:
+    """45 mm for -55 mm at the elbow fits better if four joints turn, with markers elsewhere."""
+    rng = np.random.default_rng(seed)
+    robot = load_robot("kuka_kr270")
+    joints = list(robot.joints)
+    origin = joints[3].origin.copy()
+    origin[2, 3] += 0.1
+    joints[3] = replace(joints[3], origin=origin)
+    longer = replace(robot, joints=tuple(joints))
+    q = rng.uniform(*np.clip(robot.limits, -2.6, 2.6), (30, 6))
+    row = np.arange(90).reshape(30, 3)
+    signs = np.array([1, -1, -1, 1, 1, 1])
+    for true, shown, words in ((longer, q, None), (robot, q * signs, "q2, q3 count the other way")):
+        there = PLACE @ true.forward(q)
+        x = np.einsum("mij,kj->mki", there[:, :3, :3], OFFSETS) + there[:, None, :3, 3]
+        data = MarkerPositions(shown, np.zeros((30, 6)), x, row, tuple("ABC"))
+        found = find_counting(robot, data, OFFSETS)
+        assert (found.words if found else None) == words
+    x = np.einsum("mij,kj->mki", longer.forward(q)[:, :3, :3], OFFSETS)
+    data = replace(data, q=q, measured=x + longer.forward(q)[:, None, :3, 3])
+    assert find_counting(robot, data) is not None
