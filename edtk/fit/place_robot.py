@@ -14,19 +14,19 @@ from edtk.fit.pose_rows import (
     measured_less_seen,
 )
 from edtk.measure.measured_model import MeasuredModel
-from edtk.measure.parameters import COMPONENTS, Parameter
+from edtk.measure.parameters import COMPONENTS, TOLD, Parameter
 from edtk.robots.frames import MM
 from edtk.robots.rotations import rotation, rotation_vectors
 from edtk.system.typing import Array, Indices, Mask
 
 # Singular values of the linear problem below this share of the largest leave a direction open.
-OPEN = 1e-6
+OPEN = TOLD
 ROUND = 0.7  # of the largest scale of the matrix the smallest is at least, where it is a rotation
-NOTHING = 1e-6  # of an open direction of unit length that is of the matrix: rounding
+NOTHING = TOLD  # of an open direction of unit length that is of the matrix
 MOST = 200  # evaluations from the linear solution, which as a rule is near the end
 SOME = 6  # from each other place; the best of them go on to the end
 PROMISING = 4
-STILL = 1e-9  # singular value beside the largest of a direction that moves no marker
+STILL = TOLD  # singular value beside the largest of a direction that moves no marker
 SAME = 1e-6  # relative difference of costs that rounding makes
 GOOD = 0.02  # of the spread of positions: a place that fits as well is not searched further
 
@@ -229,7 +229,7 @@ def place_robot(model: MeasuredModel, means: MarkerPositions) -> tuple[MeasuredM
     placing = tuple(one for one in of_read.parameters if one.place in ("base", "tool"))
     only = of_read.with_parameters(placing)
     found: list[tuple[float, MeasuredModel, Array]] = []
-    good = 0.5 * GOOD**2 * _spread(means)
+    good = _good(means)
     tool_turns = any(one.place == "tool" and one.turns for one in placing)
     for start, tools in _starts(only, means, "base" in places, "tool" in places):
         there = replace(only, start=start)
@@ -272,7 +272,8 @@ def _fitted(
     """A fit that stays where it began along directions in which no marker moves.
 
     A step of Levenberg-Marquardt has some part along them: the base of a SCARA would sink by
-    metres, and its markers rise on the tool.
+    metres, and its markers rise on the tool; by a hundred where its axes are parallel to five
+    digits, as that fits the tilts of a real one.
     """
     fit = least_squares_fit(model, theta, means, most=most)
     if not model.p:
@@ -287,7 +288,8 @@ def _fitted(
     apart = measured_less_seen(means, model.see(back, means.q, derivatives=False))
     cost = 0.5 * float(((MM * apart)[means.seen] ** 2).sum())
     # Where these directions bend, what moved stays.
-    return replace(fit, theta=back, cost=cost) if cost <= fit.cost * (1 + SAME) else fit
+    near = max(fit.cost * (1 + SAME), _good(means))
+    return replace(fit, theta=back, cost=cost) if cost <= near else fit
 
 
 def _descended(
@@ -314,10 +316,10 @@ def _moved(model: MeasuredModel, at: Mapping[Parameter, float]) -> Array:
     return start
 
 
-def _spread(means: MarkerPositions) -> float:
-    """Sum of squared distances of all positions from their mean [mm^2]."""
+def _good(means: MarkerPositions) -> float:
+    """The cost of a place that is near, by squared distances of all positions from their mean."""
     x = MM * means.measured[means.seen]
-    return float(((x - x.mean(axis=0)) ** 2).sum())
+    return 0.5 * GOOD**2 * float(((x - x.mean(axis=0)) ** 2).sum())
 
 
 def _starts(

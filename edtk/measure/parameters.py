@@ -24,6 +24,9 @@ KINDS = ("zeros", "lengths", "tilts")
 # Rounding leaves 1e-14, and the weakest ways of real sheets 1e-5 and more.
 ALIKE = 1e-6  # relative difference of lengths of columns, that is rounding
 NEGLIGIBLE = 1e-8
+# Of a column of unit length what others leave of it, at least. Robots' files say angles to five
+# digits, as 1.5708 and 3.1416: axes that are parallel are so to that, which tells nothing.
+TOLD = 2e-5
 # Shares of other parameters below this are left out of the words, not of the arithmetic.
 SMALL_SHARE = 0.02
 MOST_NAMED = 3  # other parameters that a sentence names
@@ -573,7 +576,7 @@ def identifiable(
     unit = np.divide(scaled, length, out=np.zeros_like(scaled), where=length > NEGLIGIBLE * largest)
     # The rows are compressed first: what follows is of p rows, however long the sheet is.
     remaining: Array = np.array(np.linalg.qr(unit, mode="r"))
-    floor = np.maximum(NEGLIGIBLE, least / np.where(length > 0, length, 1.0))
+    floor = np.maximum(TOLD, least / np.where(length > 0, length, 1.0))
     kept: list[int] = []
     for stage in order:
         waiting = list(stage)

@@ -17,7 +17,7 @@ from edtk.measure.parameters import all_parameters
 from edtk.measure.position_noise import PositionNoise
 from edtk.robots.joint import Joint
 from edtk.robots.robot import Robot
-from edtk.robots.rotations import transform
+from edtk.robots.rotations import rotation, transform
 
 Array = NDArray[np.float64]
 AXES = dict(zip("xyz", np.eye(3), strict=True))
@@ -134,6 +134,22 @@ def test_exact_positions_are_fitted_exactly(robot: Robot, rank: int, poses: int)
     q = np.random.default_rng(9).uniform(*robot.limits, (20, robot.n))
     expected = true.see(theta, q, derivatives=False).points
     np.testing.assert_allclose(fit.fitted.predict(q).points, expected, atol=1e-8)
+
+
+@pytest.mark.parametrize("half_turn", [3.14159265, 3.14159, 3.1416])
+def test_axes_that_a_file_has_parallel_to_five_digits_tell_no_height(half_turn: float) -> None:
+    """Base and markers of a SCARA would stand a hundred metres up, which fits tilts of its axes."""
+    joints = list(SCARA.joints)
+    for j in (2, 3):
+        origin = joints[j].origin.copy()
+        origin[:3, :3] = rotation(np.array([half_turn if j == 2 else np.pi, 0.0, 0.0]))
+        joints[j] = replace(joints[j], origin=origin)
+    model = model_of(replace(SCARA, joints=tuple(joints)))
+    for seed in range(2):
+        fit, _ = fitted(model, 30, size=0.3, seed=seed)
+        assert fit.rank == fit.structural == 23
+        assert np.abs(fit.fitted.placed - OFFSETS).max() < 0.2
+        assert 1e3 * fit.rms < 0.1
 
 
 @pytest.mark.slow
