@@ -10,6 +10,7 @@ import numpy as np
 from edtk.findings.causes.family import Cause, Family
 from edtk.findings.causes.faults import FAULTS, USUAL_DRIFT, USUAL_GROWTH
 from edtk.findings.causes.scene import JointLoads, Positions, link_length, same_in, since_first
+from edtk.fit.distributions import student_below
 from edtk.fit.fitted_geometry import FittedGeometry, GeometricFit
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.pose_rows import columns_of
@@ -29,8 +30,8 @@ RATES = (0.0, 3.0, 8.0)  # of settling in a day: a steady drift, and warming up
 FEWEST_OF_TREND = 8  # poses
 UNLIKELY_SCALE = 1e-3  # as of knowledge that measurements contradict
 LEAST = 1e-4  # [m/m] below it a scale is that of the air's temperature
+BUILT_TO = np.geomspace(0.02, 2.0, 15)  # [mm] errors of lengths of a robot's drawing
 SHARE_OF_SCALE = 1e-9  # of what is known, which rounding makes where the poses tell no lengths
-FEWEST_OF_SCALE = 6  # parameters of the geometry that show how far from the drawing this robot is
 
 
 @dataclass(frozen=True, eq=False)
@@ -425,23 +426,19 @@ class CommonScale:
     Attributes:
         size: The scale less one [m/m].
         std: Its standard deviation.
-        dof: Degrees of freedom of that.
+        p: Probability of as large a one, of either sign, by errors of what was known.
         known: Whether knowledge of lengths tells it, and not the drawing alone.
     """
 
     size: float
     std: float
-    dof: float
+    p: float
     known: bool
 
     @property
     def is_told(self) -> bool:
         """Whether it is large, and no matter of chance."""
-        from scipy.stats import t
-
-        if abs(self.size) < LEAST:
-            return False
-        return bool(2 * t.sf(abs(self.size) / self.std, self.dof) < UNLIKELY_SCALE)
+        return abs(self.size) > LEAST and self.p < UNLIKELY_SCALE
 
 
 def common_scale(fit: GeometricFit) -> CommonScale | None:
@@ -482,8 +479,9 @@ def common_scale(fit: GeometricFit) -> CommonScale | None:
         told = told - share
         if information > SHARE_OF_SCALE * float(t @ square @ t):
             score = float(t @ rows.rows.T @ (rows.rows @ fit.fitted.values - rows.values))
-            sizes = (1e-3 * score / information, 1e-3 / np.sqrt(information))
-            found.append(CommonScale(*sizes, before.dof, True))
+            root = float(np.sqrt(information))
+            p = 2 * float(student_below(np.array(-abs(score) / root), before.dof))
+            found.append(CommonScale(1e-3 * score / information, 1e-3 / root, p, True))
     turns = np.array([one.turns for one in errors])
     found += _beside_drawing(fit, told, taken, turns)
     return min(found, key=lambda one: one.std, default=None)
@@ -494,9 +492,10 @@ def _beside_drawing(fit: GeometricFit, told: Array, taken: Array, turns: Mask) -
 
     Lengths come out as ``theta = T d + s t + e``, with the errors d of the drawing, how all of them
     (T) and a scale (t) move the estimate, and the errors e of the fit, of covariance C. Robots are
-    built with errors of either sign: d has two variances, of lengths and of angles, fitted by
-    restricted likelihood, and s is that of generalised least squares with ``C + T D T'``. Base and
-    markers are free.
+    built with errors of either sign. The variance of the angles among d is fitted by restricted
+    likelihood. That of lengths is any of a range of robots: few lengths may agree by chance, and
+    then show none. For each, s is that of generalised least squares with ``C + T D T'``, and counts
+    by its restricted likelihood. Base and markers are free.
 
     Args:
         fit: The fit.
@@ -505,23 +504,34 @@ def _beside_drawing(fit: GeometricFit, told: Array, taken: Array, turns: Mask) -
         turns: Which errors (d,) of the drawing are angles.
     """
     own = np.array([one.place == "joint" for one in fit.fitted.model.parameters])
-    if own.sum() < FEWEST_OF_SCALE:
-        return []
     moved = (told @ taken)[own]
     T, t = moved[:, :-1], moved[:, -1]
-    kinds = [K @ K.T for K in (T[:, ~turns], T[:, turns])]
+    lengths, angles = (K @ K.T for K in (T[:, ~turns], T[:, turns]))
+    if not (t.any() and lengths.any()):
+        return []
     C = fit.fitted.covariance[np.ix_(own, own)]
     y = fit.fitted.values[own]
-    blocks = Blocks.dense(C[None], [K[None] for K in kinds], y[None], t[None, :, None])
-    found = fit_variances([blocks])
-    V = C + sum(v * K for v, K in zip(found.variances, kinds, strict=True))
-    weighted = np.linalg.solve(V, t)
-    information = float(t @ weighted)
-    dof = float(np.diagonal(told)[own].sum()) - 1 - len(kinds)
-    if not (information > 0 and dof > 0):
-        return []
-    sizes = (1e-3 * float(weighted @ y) / information, 1e-3 / float(np.sqrt(information)))
-    return [CommonScale(*sizes, dof, False)]
+    blocks = Blocks.dense(C[None], [lengths[None], angles[None]], y[None], t[None, :, None])
+    fixed = C + fit_variances([blocks]).variances[1] * angles
+    each = np.array([_scale_beside(fixed + size**2 * lengths, y, t) for size in BUILT_TO])
+    sizes, variances, likelihood = each.T
+    weights = np.exp(likelihood - likelihood.max())
+    weights = weights / weights.sum()
+    size = float(weights @ sizes)
+    variance = float(weights @ (variances + (sizes - size) ** 2))
+    # As much on the other side of none: the sign is by chance.
+    p = 2 * float(weights @ student_below(-np.sign(size) * sizes / np.sqrt(variances), np.inf))
+    return [CommonScale(1e-3 * size, 1e-3 * float(np.sqrt(variance)), p, False)]
+
+
+def _scale_beside(V: Array, y: Array, t: Array) -> tuple[float, float, float]:
+    """The scale with errors of covariance V, its variance, and the restricted log-likelihood."""
+    both = np.linalg.solve(V, np.stack([y, t], axis=1))
+    information = float(t @ both[:, 1])
+    size = float(t @ both[:, 0]) / information
+    left = float(y @ both[:, 0]) - size**2 * information
+    logarithm = float(np.linalg.slogdet(V)[1] + np.log(information))
+    return size, 1 / information, -0.5 * (logarithm + left)
 
 
 def _coefficients(design: FewColumns, columns: Array) -> Array:
