@@ -26,6 +26,7 @@ from edtk.measure.whitening import Scatter, of_rows
 from edtk.robots.frames import MM
 from edtk.system.typing import Array, Indices, Mask
 
+TAKEN = 1e-4  # of a column, at most, that a fit leaves which takes it up
 RATES = (0.0, 3.0, 8.0)  # of settling in a day: a steady drift, and warming up
 FEWEST_OF_TREND = 8  # poses
 UNLIKELY_SCALE = 1e-3  # as of knowledge that measurements contradict
@@ -131,6 +132,11 @@ class FitRows:
         scene = replace(scene_of(robot, q, wrench, loads, columns), counted_by=self.scene)
         family = same_in(scene, fault.models, named.family)
         return np.asarray(off - family.derivative_at_zero(scene.k)[0] @ named.values)
+
+    @property
+    def by_scale(self) -> Array:
+        """Columns (m, 3k, 1) of a scale of the instrument [mm a mm/m]; it turns nothing."""
+        return of_all(self.places[..., None], self.fit.data.means)
 
     @property
     def frame(self) -> Array:
@@ -358,27 +364,31 @@ def lowered(gradient: Array, square: Array, along: Array) -> tuple[Array, Array]
 
 @dataclass(frozen=True, eq=False)
 class DayTrend(SizedColumns):
-    """Something that grows from the first pose to the last.
+    """Something that grows from the first pose to the last, or is there all day.
 
     Attributes:
-        kind: "drift" of the frame, or "growth" of all links.
+        kind: "drift" of the frame, "growth" of all links, or "scale" of the instrument.
         size: In the last pose (see `since_first`): how far positions are off, root mean square [m],
-            or the growth of all lengths [m/m].
+            or the growth of all lengths, or how much longer all are [m/m].
         explained: Share of the weighted squares that it explains.
+        std: Standard deviation of what is one number [m/m]; NaN of a drift.
     """
 
-    kind: Literal["drift", "growth"]
+    kind: Literal["drift", "growth", "scale"]
     size: float
     explained: float
+    std: float = np.nan
 
 
 def day_trends(rows: FitRows) -> list[DayTrend]:
-    """A drift of the frame and a growth of all links, each as it explains most.
+    """A drift of the frame, a growth of links, and a scale of lengths, as each explains most.
 
     At the time t, from 0 at the first pose to 1 at the last, both have the size ``t`` or, as where
     something warms up, ``(1 - exp(-c t)) / (1 - exp(-c))``. A drift has the six columns of a motion
-    of the frame, and growth one: the motion by all lengths of the drawing together. The noise is
-    fitted anew beside them (see `moved_frame`). Whether chance explains them `LikePoses` says.
+    of the frame, and growth one: the motion by all lengths of the drawing together. A scale of the
+    instrument is in all poses, and shows where not all lengths are fitted: strokes of a gantry, and
+    links that count as drawn. The noise is fitted anew beside them (see `moved_frame`). Whether
+    chance explains them `LikePoses` says.
 
     Args:
         rows: Of a sheet whose poses are in the order in which they were measured.
@@ -390,12 +400,13 @@ def day_trends(rows: FitRows) -> list[DayTrend]:
     tried = [
         _best(rows, "drift", rows.frame, 2 * USUAL_DRIFT * MM),
         _best(rows, "growth", grown(np.ones(1))[1][..., None] / MM, USUAL_GROWTH * MM),
+        _best(rows, "scale", rows.by_scale, USUAL_GROWTH * MM),
     ]
     return [one for one in tried if one is not None]
 
 
 def _best(
-    rows: FitRows, kind: Literal["drift", "growth"], columns: Array, usual: float
+    rows: FitRows, kind: Literal["drift", "growth", "scale"], columns: Array, usual: float
 ) -> DayTrend | None:
     """The shape of one kind that explains most; None where too little is left to tell."""
     m, _, c = columns.shape
@@ -403,16 +414,23 @@ def _best(
         return None
     times = since_first(m)
     shapes = [np.expm1(-r * times) / np.expm1(-r) if r else times for r in RATES]
-    by_noise = rows.weighed(rows.noise_beside(columns * times[:, None, None]))
+    if kind == "scale":
+        shapes = [np.ones(m)]
+    steady = columns * shapes[0][:, None, None]
+    by_noise = rows.weighed(rows.noise_beside(steady))
+    if np.linalg.norm(by_noise.left(steady)) < TAKEN * np.linalg.norm(steady):
+        return None  # the fit takes it up
     tried = []
     for shape in shapes:
         grown = columns * shape[:, None, None]
         one = rows.explained(grown, by_noise)
-        tried.append((one.share, one.values, grown))
-    share, values, grown = max(tried, key=lambda one: one[0])
+        tried.append((one, grown))
+    best, grown = max(tried, key=lambda one: one[0].share)
+    share, values = best.share, best.values
     log_tries = float(np.log(len(shapes)))
-    if kind == "growth":
-        return DayTrend(grown, usual, log_tries, kind, 1e-3 * float(values[0]), share)
+    if kind != "drift":
+        size, std = 1e-3 * float(values[0]), 1e-3 * float(best.std[0])
+        return DayTrend(grown, usual, log_tries, kind, size, share, std)
     seen = rows.fit.data.means.seen[-1].reshape(-1)
     off = (columns[-1] @ values).reshape(-1, 3)[seen]
     size = float(np.sqrt((off**2).sum(axis=-1).mean())) / MM if len(off) else 0.0

@@ -405,7 +405,10 @@ def _moved(fit: GeometricFit, moved: MovedFrame) -> Finding:
 
 
 def _trend(fit: GeometricFit, trend: DayTrend) -> Finding:
-    """Something grew from the first pose to the last."""
+    """Something grew from the first pose to the last, or was there all day."""
+    if trend.kind == "scale":
+        data = {"size": trend.size, "std": trend.std, "known": True}
+        return _say(Severity.WARNING, "scale", explained=trend.explained, **data)
     large = trend.kind == "drift" and trend.size > fit.rms
     severity = Severity.ALARM if large else Severity.WARNING
     return _say(severity, trend.kind, size=trend.size, explained=trend.explained)

@@ -1,10 +1,13 @@
 """A scale of the instrument, by which all lengths come out longer together, and what is assumed."""
 
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+from gantry import ROBOT
 from geometry_sheets import OFFSETS, PLACE, STUDY, by_pose
 
 import edtk
@@ -71,4 +74,29 @@ def test_known_lengths_tell_a_scale_that_errors_of_the_drawing_hide(
     sign = 1 if "longer than known" in line else -1
     assert abs(sign * float(told) - 1e6 * size) < 3 * float(std)
     assert float(std) < 40
+    assert found.verdict == ("usable" if size else "good")
+
+
+@pytest.mark.parametrize("size", [0.0, 5e-4])
+def test_strokes_of_a_slide_tell_a_scale(size: float) -> None:
+    """No fitted length takes up what they are longer by."""
+    study = edtk.Study(
+        robot=tomllib.loads(ROBOT),
+        measurement={"sigma_mm": 0.02},
+        parameters={"compliance": [], "geometry": "all", "base": True, "tool": True},
+        marker=[{"name": name} for name in "ABC"],
+    )
+    rng = np.random.default_rng(2)
+    model = replace(StudyGeometry.of(study).model, offsets=OFFSETS, start=PLACE)
+    theta = rng.normal(0, 0.3, model.p) * model.scales
+    q = rng.uniform(*model.robot.limits, (30, 4)) * 0.7
+    x = (1 + size) * model.see(theta, q, derivatives=False).points + rng.normal(0, 2e-5, (30, 3, 3))
+    shown = q * [1e3, *3 * [180 / np.pi]]
+    names = ["slide_mm", "shoulder_deg", "elbow_deg", "wrist_deg"]
+    names += [f"{marker}{axis}_mm" for marker in "ABC" for axis in "xyz"]
+    found = edtk.identify(
+        study, pd.DataFrame(np.hstack([shown, 1e3 * x.reshape(30, 9)]), columns=names)
+    )
+    said = [one.data["size"] for one in found.findings if one.kind == "scale"]
+    assert said == ([pytest.approx(size, abs=5e-5)] if size else [])
     assert found.verdict == ("usable" if size else "good")
