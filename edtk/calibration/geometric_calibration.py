@@ -15,8 +15,7 @@ from edtk.design.plan import Plan
 from edtk.findings.causes.family import Cause
 from edtk.findings.counting import Counting
 from edtk.findings.finding import Finding, Severity
-from edtk.findings.fit_rows import common_scale
-from edtk.findings.geometric_fit import scale_in_words
+from edtk.findings.geometric_fit import scale_in_words, scale_of
 from edtk.findings.prior import unstated, unstated_findings
 from edtk.fit.distributions import task_accuracy
 from edtk.fit.fitted_geometry import FittedGeometry, GeometricFit, root_mean_square
@@ -207,7 +206,7 @@ class GeometricCalibration(Judged):
             squares = [float(np.square(end).sum(axis=-1).mean()) for end in ends]
             far = float(np.sqrt(tasks.shares @ np.array(squares)))
             where = tasks.place
-        told = None if self.setting.taken_as_drawn else common_scale(self.fit.of_positions)
+        told = scale_of(self.fit.of_positions, self.setting)
         come_out = ""
         if told is not None:
             come_out = f"; they come out {scale_in_words(told.size, told.std, told.known)}"

@@ -31,7 +31,7 @@ RATES = (0.0, 3.0, 8.0)  # of settling in a day: a steady drift, and warming up
 FEWEST_OF_TREND = 8  # poses
 UNLIKELY_SCALE = 1e-3  # as of knowledge that measurements contradict
 LEAST = 1e-4  # [m/m] below it a scale is that of the air's temperature
-BUILT_TO = np.geomspace(0.02, 2.0, 15)  # [mm] errors of lengths of a robot's drawing
+BUILT_TO = np.geomspace(0.02, 20.0, 22)  # [mm] errors of the lengths of a drawing
 SHARE_OF_SCALE = 1e-9  # of what is known, which rounding makes where the poses tell no lengths
 
 
@@ -477,7 +477,10 @@ def common_scale(fit: GeometricFit) -> CommonScale | None:
     errors = all_parameters(model.robot, model.markers, base=False, tool=False)
     every = model.with_parameters(errors)
     seen = model.see(fit.fitted.theta, means.q)
-    jacobian = every.see(np.zeros(every.p), means.q).jacobian
+    # About the fit, as its own columns: near parallel axes they are others about the drawing.
+    at = dict(zip((one.name for one in model.parameters), fit.fitted.theta, strict=True))
+    theta = np.array([at.get(one.name, 0.0) for one in errors])
+    jacobian = every.see(theta, means.q).jacobian
     assert jacobian is not None
     scaled = np.zeros((*jacobian.shape[:3], 1))
     scaled[:, :, :3] = seen.points[..., None]  # mm by 1 mm/m; a scale turns nothing

@@ -11,6 +11,7 @@ from edtk.findings.causes.family import POSE, Cause
 from edtk.findings.causes.faults import cause_wording
 from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
 from edtk.findings.fit_rows import (
+    CommonScale,
     DayTrend,
     FitRows,
     NamedCause,
@@ -459,11 +460,17 @@ def _large(fit: GeometricFit) -> list[Finding]:
 
 def _scaled(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     """All lengths are longer together than they were known to be, as by the instrument's scale."""
-    scale = None if setting.taken_as_drawn else common_scale(fit)
+    scale = scale_of(fit, setting)
     if scale is None or not scale.is_told:
         return []
     data = {"size": scale.size, "std": scale.std, "known": scale.known}
     return [_say(Severity.WARNING, "scale", **data)]
+
+
+def scale_of(fit: GeometricFit, setting: StudyGeometry) -> CommonScale | None:
+    """By how much all lengths come out longer; None where these, or the robot, are other ones."""
+    # Of another robot errors of the drawing are not small, and do not add up.
+    return None if setting.taken_as_drawn or _large(fit) else common_scale(fit)
 
 
 def _shown(parameter: Parameter, value: float) -> str:

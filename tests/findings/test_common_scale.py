@@ -24,12 +24,12 @@ KNOWN = STUDY.replace(
 
 
 def identified(
-    path: Path, seed: int, scale: float, study: edtk.Study = STUDY
+    path: Path, seed: int, scale: float, study: edtk.Study = STUDY, built_mm: float = 0.05
 ) -> edtk.GeometricCalibration:
     """A day of an arm that is built to tenths of a millimetre, by an instrument of some scale."""
     rng = np.random.default_rng(seed)
     model = replace(StudyGeometry.of(STUDY).model, offsets=OFFSETS, start=PLACE)
-    theta = rng.normal(0, 0.05, model.p) * model.scales
+    theta = rng.normal(0, built_mm, model.p) * model.scales
     if study is KNOWN:
         theta *= np.where([one.place == "tool" for one in model.parameters], 0.1, 3.0)
     q = rng.uniform(-1.7, 1.7, (40, 6))
@@ -75,6 +75,16 @@ def test_known_lengths_tell_a_scale_that_errors_of_the_drawing_hide(
     assert abs(sign * float(told) - 1e6 * size) < 3 * float(std)
     assert float(std) < 40
     assert found.verdict == ("usable" if size else "good")
+
+
+@pytest.mark.parametrize("built_mm", [3.0, 30.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_none_is_named_where_the_robot_is_another_one(
+    seed: int, built_mm: float, tmp_path: Path
+) -> None:
+    """Lengths that are millimetres or centimetres off are those of its links, of either sign."""
+    found = identified(tmp_path, seed, 1.0, built_mm=built_mm)
+    assert "scale" not in [one.kind for one in found.findings]
 
 
 @pytest.mark.parametrize("size", [0.0, 5e-4])
