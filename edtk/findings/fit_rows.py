@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 from typing import Literal
 
 import numpy as np
@@ -15,7 +16,7 @@ from edtk.fit.fitted_geometry import FittedGeometry, GeometricFit
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.pose_rows import columns_of
 from edtk.fit.prior import PriorRows
-from edtk.fit.restricted_likelihood import Blocks, fit_model_error, fit_variances
+from edtk.fit.restricted_likelihood import fit_model_error
 from edtk.measure.few_columns import Beside, FewColumns, summed
 from edtk.measure.measured_model import Seen
 from edtk.measure.parameters import Parameter, all_parameters
@@ -31,7 +32,7 @@ RATES = (0.0, 3.0, 8.0)  # of settling in a day: a steady drift, and warming up
 FEWEST_OF_TREND = 8  # poses
 UNLIKELY_SCALE = 1e-3  # as of knowledge that measurements contradict
 LEAST = 1e-4  # [m/m] below it a scale is that of the air's temperature
-BUILT_TO = np.geomspace(0.02, 20.0, 22)  # [mm] errors of the lengths of a drawing
+BUILT_TO = np.geomspace(0.02, 20.0, 13)  # [mm, mrad] errors of the drawing of a robot
 SHARE_OF_SCALE = 1e-9  # of what is known, which rounding makes where the poses tell no lengths
 
 
@@ -513,10 +514,10 @@ def _beside_drawing(fit: GeometricFit, told: Array, taken: Array, turns: Mask) -
 
     Lengths come out as ``theta = T d + s t + e``, with the errors d of the drawing, how all of them
     (T) and a scale (t) move the estimate, and the errors e of the fit, of covariance C. Robots are
-    built with errors of either sign. The variance of the angles among d is fitted by restricted
-    likelihood. That of lengths is any of a range of robots: few lengths may agree by chance, and
-    then show none. For each, s is that of generalised least squares with ``C + T D T'``, and counts
-    by its restricted likelihood. Base and markers are free.
+    built with errors of either sign, of any size in a range of robots, one of lengths and one of
+    angles: few lengths may agree by chance, so that a size fitted to them would say little. For
+    each pair s is that of generalised least squares with ``C + T D T'``, and counts by its
+    restricted likelihood. Base and markers are free.
 
     Args:
         fit: The fit.
@@ -532,9 +533,12 @@ def _beside_drawing(fit: GeometricFit, told: Array, taken: Array, turns: Mask) -
         return []
     C = fit.fitted.covariance[np.ix_(own, own)]
     y = fit.fitted.values[own]
-    blocks = Blocks.dense(C[None], [lengths[None], angles[None]], y[None], t[None, :, None])
-    fixed = C + fit_variances([blocks]).variances[1] * angles
-    each = np.array([_scale_beside(fixed + size**2 * lengths, y, t) for size in BUILT_TO])
+    each = np.array(
+        [
+            _scale_beside(C + a**2 * lengths + b**2 * angles, y, t)
+            for a, b in product(BUILT_TO, BUILT_TO)
+        ]
+    )
     sizes, variances, likelihood = each.T
     weights = np.exp(likelihood - likelihood.max())
     weights = weights / weights.sum()
