@@ -150,7 +150,8 @@ class Interest(Relaxable):
     @property
     def plan_criterion(self) -> Criterion:
         """The base's, for the same combinations."""
-        return self._with(self.base.plan_criterion)
+        base = self.base.plan_criterion
+        return self if base is self.base else self._with(base)
 
     def cost_from_plan_criterion(self, cost: float) -> float:
         """The base's."""

@@ -68,7 +68,8 @@ class Transformed(Relaxable):
     @property
     def plan_criterion(self) -> Criterion:
         """The base's, of the same parameters."""
-        return self.base.plan_criterion.transformed(self.T) or self
+        base = self.base.plan_criterion
+        return self if base is self.base else base.transformed(self.T) or self
 
     def cost_from_plan_criterion(self, cost: float) -> float:
         """The base's."""

@@ -38,18 +38,17 @@ def constant_slope(criterion: Criterion, mean: Array) -> Array | None:
         return None
     L = np.linalg.cholesky(mean)
     p = len(mean)
-    found = []
-    for spread in (np.ones(p), np.linspace(1.0, 2.0, p), np.linspace(3.0, 1.0, p) ** 2):
-        M = (L * spread) @ L.T
-        cost, G = criterion.cost_and_gradient(M)
-        trace = float(cost) ** (1.0 / criterion.degree)
-        own = -spread[:, None] * (L.T @ G @ L) * spread * trace / (criterion.degree * cost)
-        # The trace of the whitened slope with the covariance, which is diagonal here.
-        if not abs(float(np.sum(np.diag(own) / spread)) - trace) <= SAME * trace:
-            return None
-        found.append(own)
+    spread = np.array([np.ones(p), np.linspace(1.0, 2.0, p), np.linspace(3.0, 1.0, p) ** 2])
+    cost, G = criterion.cost_and_gradient((L * spread[:, None]) @ L.T)
+    trace = cost ** (1.0 / criterion.degree)
+    found = -spread[:, :, None] * (L.T @ G @ L) * spread[:, None]
+    found *= (trace / (criterion.degree * cost))[:, None, None]
+    # The trace of the whitened slope with the covariance, which is diagonal here.
+    told = (np.diagonal(found, axis1=1, axis2=2) / spread).sum(axis=1)
+    if not (np.abs(told - trace) <= SAME * trace).all():
+        return None
     size = np.abs(found[0]).max()
-    if not all(np.abs(other - found[0]).max() <= SAME * size for other in found[1:]):
+    if not np.abs(found - found[0]).max() <= SAME * size:
         return None
     return np.asarray(L @ found[0] @ L.T)
 

@@ -177,7 +177,7 @@ def _descend(pricing: Pricing, limits: Limits, places: Indices, ridge: float, si
         for place in range(own.shape[1]):
             allowed = limits.allowed(own, place, pricing.candidates)
             new, gain = prices.best(place, allowed)
-            better = np.flatnonzero(gain > least)
+            better = (gain > least).nonzero()[0]
             if len(better):
                 prices.replace(better, place, new[better])
                 own[better, place] = new[better]
@@ -393,21 +393,27 @@ class CountsSearch:
 
     def _settled(self, places: Indices) -> tuple[Array, Indices]:
         """Costs (b,) and places (b, m) of plans, improved without a ridge where that may be."""
-        places, _ = self._without_ridge(places)
-        return self._costs(places), places
-
-    def _without_ridge(self, places: Indices) -> tuple[Indices, Mask]:
-        """Places (b, m), improved without a ridge where they are of regular plans, and where."""
-        regular = np.isfinite(self._costs(places)) & self._has_inverse(places)
+        regular = self._are_regular(places)
         if regular.any() and not out_of_time():
             places[regular] = self._improved(places[regular], 0.0)
             if self.limits.linear is not None:
                 places[regular] = self._improved_jointly(places[regular])
-        return places, regular
+        return self._costs(places), places
+
+    def _are_regular(self, places: Indices) -> Mask:
+        """Which plans (b, m) have prices without a ridge."""
+        return np.isfinite(self._costs(places)) & self._has_inverse(places)
 
     def descended(self, places: Indices) -> tuple[Indices, Mask]:
         """Places (b, m) after exchanges, and which plans are regular: none improves these."""
-        return self._without_ridge(self._improved(places, RIDGE))
+        places = places.copy()
+        # A plan that tells far more than a ridge needs no descent beside one first.
+        regular = guarded_inverse(self.scatter.information(places), RIDGE)[2]
+        if not regular.all():
+            places[~regular] = self._improved(places[~regular], RIDGE)
+            regular[~regular] = self._are_regular(places[~regular])
+        places[regular] = self._improved(places[regular], 0.0)
+        return places, regular
 
     def _starts(self, rng: np.random.Generator, first: bool, size: int) -> Indices:
         """Places (b, m) to start from: rounded weights, then by weight and at random in turn."""

@@ -61,13 +61,23 @@ class DeterminantPricing(Pricing):
 
 
 class DeterminantPrices(Prices):
-    """Prices of plans on their way, see `DeterminantPricing`."""
+    """Prices of plans on their way, see `DeterminantPricing`.
+
+    Attributes:
+        matrices: C, and what a criterion needs besides it (b, s, p, p), see `_matrices`.
+        squares: ``1 + d(x)`` of all candidates, and ``x'S x`` for each S besides C (b, s, n).
+    """
 
     def __init__(self, pricing: DeterminantPricing, places: Indices, cov: Array) -> None:
         self.pricing = pricing
         self.places = places
-        self.cov = cov
-        self.variance = ((pricing.rows @ cov) * pricing.rows).sum(axis=-1)
+        self.matrices = self._matrices(cov)
+        self.squares = ((pricing.rows @ self.matrices) * pricing.rows).sum(axis=-1)
+        self.squares[:, 0] += 1.0
+
+    def _matrices(self, cov: Array) -> Array:
+        """The matrices (b, s, p, p) that a place is looked at by, of C (b, p, p): C alone."""
+        return cov[:, None]
 
     def best(self, place: int, allowed: Mask | None) -> tuple[Indices, Array]:
         """The candidate of the largest determinant, and by how much it exceeds the present one."""
@@ -75,45 +85,51 @@ class DeterminantPrices(Prices):
         if allowed is not None:
             ratio[~allowed] = -np.inf
         new = first_of_largest(ratio, np.ones(len(ratio)))
-        self.ratio = ratio[np.arange(len(new)), new] + self.rest
+        self.ratio = ratio[np.arange(len(new)), new]
         return new, self.ratio - 1.0
 
     def look(self, place: int) -> Array:
-        """Ratios of determinants (b, n) with each candidate at a place, less ``1 - d(o)``.
+        """Ratios of determinants (b, n) with each candidate at a place.
 
-        What an exchange needs is kept: C o, ``1 - d(o)`` as `rest`, and g of all candidates.
+        What an exchange needs is kept, for every matrix S: ``S o`` as `along`, ``o'S x`` of all
+        candidates as `joint`, ``o'S o`` as `own`; and ``1 - d(o)`` as `rest`.
         """
-        own = self.pricing.rows[self.places[:, place]]
-        self.along = (self.cov @ own[:, :, None])[:, :, 0]
-        self.rest = 1.0 - (own * self.along).sum(axis=1)
+        o = self.pricing.rows[self.places[:, place]][:, :, None]
+        self.along = (self.matrices @ o[:, None])[..., 0]
+        self.own = (self.along @ o)[..., 0]
         self.joint = self.along @ self.pricing.turned
-        ratio = self.joint * self.joint
-        ratio += self.variance * self.rest[:, None]
+        self.rest = 1.0 - self.own[:, 0]
+        g = self.joint[:, 0]
+        ratio = self.squares[:, 0] * self.rest[:, None]
+        ratio += g * g
         return ratio
 
     def replace(self, which: Indices, place: int, new: Indices) -> None:
-        """Update covariance and variances by the lemma of Sherman, Morrison and Woodbury.
+        """Update C and the squares by the lemma of Sherman, Morrison and Woodbury.
 
-        With ``u = C o``, ``v = C x`` and the ratio D of determinants,
-        ``C - [(1 - d_o) v v' + g (u v' + v u') - (1 + d_x) u u'] / D`` is the new inverse.
+        With ``v = C x``, ``u = C o``, ``B = (v u)`` and the ratio D of determinants the new inverse
+        is ``C - B K B'``, where K is
+
+            (1 - d(o)   g(x)       )
+            (g(x)       -(1 + d(x))) / D.
+
+        Those below make the new matrices of the new inverse, and squares of these.
         """
-        into, out = self._directions(which, new)
-        v = (self.cov[which] @ self.pricing.rows[new][:, :, None])[:, :, 0]
-        u = self.along[which]
-        h = v @ self.pricing.turned
-        g = self.joint[which]
-        a = into[0] * v + into[1] * u
-        b = out[0] * v + out[1] * u
-        self.cov[which] -= a[:, :, None] * v[:, None] + b[:, :, None] * u[:, None]
-        self.variance[which] -= (into[0] * h + (2 * into[1]) * g) * h + out[1] * (g * g)
+        self.joining = (self.matrices[which] @ self.pricing.rows[new][:, None, :, None])[..., 0]
+        self.reached = self.joining @ self.pricing.turned
+        B = np.stack([self.joining[:, 0], self.along[which, 0]], axis=1)
+        H = np.stack([self.reached[:, 0], self.joint[which, 0]], axis=1)
+        K = np.empty((len(which), 2, 2))
+        K[:, 0, 0] = self.rest[which]
+        K[:, 0, 1] = K[:, 1, 0] = self.joint[which, 0, new]
+        K[:, 1, 1] = -self.squares[which, 0, new]
+        K /= self.ratio[which, None, None]
+        turned = K @ H
+        cov = self.matrices[which, 0] - np.swapaxes(B, 1, 2) @ (K @ B)
+        self._follow(which, new, turned)
+        self.squares[which, 0] -= (H * turned).sum(axis=1)
+        self.matrices[which] = self._matrices(cov)
         self.places[which, place] = new
 
-    def _directions(
-        self, which: Indices, new: Indices
-    ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        """The symmetric (2, 2) matrix of the update, its entries (k, 1)."""
-        ratio = self.ratio[which][:, None]
-        mixed = self.joint[which, new][:, None] / ratio
-        into = self.rest[which][:, None] / ratio
-        out = -(1.0 + self.variance[which, new][:, None]) / ratio
-        return (into, mixed), (mixed, out)
+    def _follow(self, which: Indices, new: Indices, turned: Array) -> None:
+        """Update the squares of the other matrices, with ``K B'x`` (k, 2, n) of all candidates."""

@@ -65,17 +65,15 @@ class LargestVariancePrices(DeterminantPrices):
     def best(self, place: int, allowed: Mask | None) -> tuple[Indices, Array]:
         """The candidate of the least largest variance, and the relative decrease."""
         ratio = self.look(place)
-        ratio += self.rest[:, None]
         pricing = self.pricing
-        one = 1.0 + self.variance
         is_regular = ratio > LEAST_RATIO
         divisor = np.where(is_regular, ratio, 1.0)
-        told = pricing.flat @ self.cov
-        own = (self.along @ pricing.flat.T)[:, :, None]
+        told = pricing.flat @ self.matrices[:, 0]
+        own = (self.along[:, 0] @ pricing.flat.T)[:, :, None]
         side = told @ pricing.turned
         fall = side * side * self.rest[:, None, None]
-        fall += (2 * own) * side * self.joint[:, None]
-        fall -= (own * own) * one[:, None]
+        fall += (2 * own) * side * self.joint
+        fall -= (own * own) * self.squares
         fall /= divisor[:, None]
         present = (told * pricing.flat).sum(axis=-1)
         reached = pricing.summed(present[:, :, None] - fall).max(axis=1)

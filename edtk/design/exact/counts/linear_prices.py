@@ -44,20 +44,18 @@ class LinearPrices(DeterminantPrices):
 
     def __init__(self, pricing: LinearPricing, places: Indices, cov: Array) -> None:
         super().__init__(pricing, places, cov)
-        spread = cov @ pricing.slope @ cov
-        self.effect = ((pricing.rows @ spread) * pricing.rows).sum(axis=-1)
         self.trace = np.einsum("ij,bji->b", pricing.slope, cov)
+
+    def _matrices(self, cov: Array) -> Array:
+        """C and ``C W C``."""
+        return np.stack([cov, cov @ self.pricing.slope @ cov], axis=1)
 
     def best(self, place: int, allowed: Mask | None) -> tuple[Indices, Array]:
         """The candidate of the least trace, and the relative decrease."""
         ratio = self.look(place)
-        ratio += self.rest[:, None]
-        turned = self.pricing.turned
-        self.bent = (self.cov @ (self.along @ self.pricing.slope)[:, :, None])[:, :, 0]
-        self.own = ((self.along @ self.pricing.slope) * self.along).sum(axis=1)
-        self.side = self.bent @ turned
-        fall = self.rest[:, None] * self.effect + 2 * self.joint * self.side
-        fall -= (1.0 + self.variance) * self.own[:, None]
+        fall = self.squares[:, 1] * self.rest[:, None]
+        fall -= self.squares[:, 0] * self.own[:, 1, None]
+        fall += 2 * self.joint[:, 0] * self.joint[:, 1]
         fall = np.divide(fall, ratio, out=np.full_like(fall, -np.inf), where=ratio > LEAST_RATIO)
         if allowed is not None:
             fall[~allowed] = -np.inf
@@ -67,25 +65,16 @@ class LinearPrices(DeterminantPrices):
         self.fall = fall[each, new]
         return new, self.fall / self.trace
 
-    def replace(self, which: Indices, place: int, new: Indices) -> None:
-        """Update ``C W C`` by ``C' W C' = C W C - Q K B' - B K Q' + B K (B'W B) K B'``.
+    def _follow(self, which: Indices, new: Indices, turned: Array) -> None:
+        """Update ``e(y)``, where the new ``C W C`` is ``(I - B K P') C W C (I - P K B')``.
 
-        B holds v and u as columns, ``Q = C W B``, and K is the (2, 2) matrix of the update of C.
+        Here P holds x and o as columns. With ``k = K B'y`` it is
+        ``e(y) - 2 k' P'C W C y + k' (P'C W C P) k``.
         """
-        slope = self.pricing.slope
-        turned = self.pricing.turned
-        (k_vv, k_vu), (_, k_uu) = self._directions(which, new)
-        v = (self.cov[which] @ self.pricing.rows[new][:, :, None])[:, :, 0]
-        u = self.along[which]
-        bent_v = (self.cov[which] @ (v @ slope)[:, :, None])[:, :, 0]
-        h, side_h = v @ turned, bent_v @ turned
-        g, side_g = self.joint[which], self.side[which]
-        B = np.stack([v, u], axis=1)
-        K = np.stack([k_vv, k_vu, k_vu, k_uu], axis=-1).reshape(-1, 2, 2)
-        inner = K @ (B @ slope @ np.swapaxes(B, 1, 2)) @ K
-        quadratic = (inner[:, 0, 0, None] * h + 2 * inner[:, 0, 1, None] * g) * h
-        quadratic += inner[:, 1, 1, None] * (g * g)
-        mixed = (k_vv * h + k_vu * g) * side_h + (k_vu * h + k_uu * g) * side_g
-        self.effect[which] += quadratic - 2 * mixed
+        F = np.stack([self.reached[:, 1], self.joint[which, 1]], axis=1)
+        inner = np.empty((len(which), 2, 2))
+        inner[:, 0, 0] = self.squares[which, 1, new]
+        inner[:, 0, 1] = inner[:, 1, 0] = self.joint[which, 1, new]
+        inner[:, 1, 1] = self.own[which, 1]
+        self.squares[which, 1] += ((inner @ turned - 2 * F) * turned).sum(axis=1)
         self.trace[which] -= self.fall[which]
-        super().replace(which, place, new)

@@ -32,8 +32,7 @@ def first_of_largest(values: Array, scale: Array) -> Indices:
         values: The values.
         scale: Sizes (b,) of the numbers whose rounding they have.
     """
-    largest = values.argmax(axis=1)
-    least = values[np.arange(len(values)), largest] - GAIN * scale
+    least = values.max(axis=1) - GAIN * scale
     return np.asarray((values >= least[:, None]).argmax(axis=1))
 
 
