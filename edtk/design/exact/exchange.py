@@ -12,7 +12,7 @@ from edtk.design.exact.apportion import GAIN
 from edtk.design.exact.counts.any_prices import AnyPricing
 from edtk.design.exact.counts.counts_search import CountsSearch
 from edtk.design.exact.counts.limits import Limits
-from edtk.design.exact.counts.prices import first_of_largest
+from edtk.design.exact.counts.prices import first_few_largest, first_of_largest
 from edtk.design.exact.counts.pricing_for import search_for
 from edtk.design.exact.exchange_costs import ACCURATE, CandidatePrices, exchange_costs
 from edtk.design.problem import Problem
@@ -295,7 +295,7 @@ class _Search:
         if size == n:
             return np.broadcast_to(np.arange(n), (len(plans.costs), n))
         sensitivities = self.problem.sensitivities(-self.guide.gradient(plans.M))
-        return np.argpartition(-sensitivities, size, axis=1)[:, :size]
+        return first_few_largest(sensitivities, size)
 
     def _best_exchanges(self, plans: _Plans, times: Array, candidates: Indices) -> Indices:
         """Places (b, k) after the best exchange with one of each plan's candidates (b, n)."""
@@ -324,8 +324,8 @@ class _Search:
             costs[of, place] = exchange_costs(self.criterion, rest, problem.factors(part)[of], r)
             flat = costs.reshape(len(changed), -1)
             lowest = flat.min(axis=1)
-            where, which = np.divmod(flat.argmin(axis=1), part.shape[1])
-            better = np.flatnonzero(lowest < least)
+            where, which = np.divmod(first_of_largest(-flat, lowest), part.shape[1])
+            better = np.flatnonzero(lowest < least * (1 - GAIN))
             changed[better] = plans.places[better]
             changed[better, where[better]] = part[better, which[better]]
             least[better] = lowest[better]

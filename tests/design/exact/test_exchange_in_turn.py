@@ -63,15 +63,39 @@ def test_saturated_plans_of_one_row_are_exchanged_without_an_inverse_for_each_ca
         assert criterion.cost(tried).min() >= cost * (1 - 1e-9)
 
 
-@pytest.mark.parametrize("name", ["D", "A"])
-def test_equal_exchanges_are_decided_by_order_and_not_by_last_digits(name):
-    """Rows that differ by some roundings have the same plans, though many trades tie."""
+def quadratic_in_three():
+    """Blocks (125, 1, 10) of a quadratic model on a grid of three factors, and a size."""
     x = np.stack(np.meshgrid(*[np.linspace(-1, 1, 5)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     pairs = [x[:, i] * x[:, j] for i in range(3) for j in range(i, 3)]
-    rows = np.column_stack([np.ones(len(x)), x, *pairs])
+    return np.column_stack([np.ones(len(x)), x, *pairs])[:, None], 15
+
+
+def corners_of_five():
+    """Blocks (32, 1, 6) of a plane over the corners of a cube, and a size."""
+    x = np.stack(np.meshgrid(*[[-1.0, 1.0]] * 5, indexing="ij"), axis=-1).reshape(-1, 5)
+    return np.column_stack([np.ones(len(x)), x])[:, None], 8
+
+
+def with_a_second_row():
+    """The corners (32, 2, 6), each seen again from the other side of the first factor."""
+    blocks, size = corners_of_five()
+    return np.concatenate([blocks, 0.5 * blocks * [1, -1, 1, 1, 1, 1]], axis=1), size
+
+
+@pytest.mark.parametrize(
+    ("name", "model"),
+    [
+        *[(name, quadratic_in_three) for name in "DA"],
+        *[(name, corners_of_five) for name in "EG"],
+        *[(name, with_a_second_row) for name in "DAEG"],
+    ],
+)
+def test_equal_exchanges_are_decided_by_order_and_not_by_last_digits(name, model):
+    """Rows that differ by some roundings have the same plans, though many trades tie."""
+    blocks, size = model()
     rng = np.random.default_rng(0)
-    starts = rng.integers(len(x), size=(60, 15))
-    rounded = rows * (1 + 1e-15 * rng.normal(size=rows.shape))
+    starts = rng.integers(len(blocks), size=(60, size))
+    rounded = blocks * (1 + 1e-15 * rng.normal(size=blocks.shape))
     criterion = criteria.create(name)
-    found = [exchange(Problem(each[:, None]), criterion, starts)[0] for each in (rows, rounded)]
+    found = [exchange(Problem(each), criterion, starts)[0] for each in (blocks, rounded)]
     np.testing.assert_array_equal(*found)

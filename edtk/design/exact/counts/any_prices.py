@@ -7,7 +7,7 @@ import numpy as np
 from criteria import Criterion
 from edtk.design.exact.counts.counts_bound import Scatter
 from edtk.design.exact.counts.limits import Limits
-from edtk.design.exact.counts.prices import Prices, Pricing, first_of_largest
+from edtk.design.exact.counts.prices import Prices, Pricing, first_few_largest, first_of_largest
 from edtk.design.exact.exchange_costs import exchange_costs
 from edtk.system.typing import Array, Indices, Mask
 
@@ -162,7 +162,7 @@ class AnyPrices(Prices):
         sensitivities = self.sensitivities(-self.guide.gradient(self.M), center)
         if allowed is not None:
             sensitivities = np.where(allowed, sensitivities, -np.inf)
-        return np.argpartition(-sensitivities, self.size, axis=1)[:, : self.size]
+        return first_few_largest(sensitivities, self.size)
 
     def replace(self, which: Indices, place: int, new: Indices) -> None:
         """Take over an exchange; information and costs are computed anew, without a drift."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from edtk.design.exact.counts.limits import Limits
-from edtk.design.exact.counts.prices import Prices, Pricing, first_of_largest
+from edtk.design.exact.counts.prices import Prices, Pricing, first_of_largest, least_gain
 from edtk.system.typing import Array, Indices, Mask
 
 AT_ONCE = 60_000  # prices: a few such arrays stay in a core's cache
@@ -57,46 +57,52 @@ class DeterminantPricing(Pricing):
 
     def prices(self, places: Indices, ridge: float, size: int) -> "DeterminantPrices":
         """Prices of plans (b, m); there is one round only, of all candidates."""
-        return DeterminantPrices(self, places.copy(), self.covariance(places, ridge))
+        return DeterminantPrices(self, places.copy(), self.covariance(places, ridge), ridge)
 
 
 class DeterminantPrices(Prices):
     """Prices of plans on their way, see `DeterminantPricing`.
 
     Attributes:
-        matrices: C, and what a criterion needs besides it (b, s, p, p), see `_matrices`.
-        squares: ``1 + d(x)`` of all candidates, and ``x'S x`` for each S besides C (b, s, n).
+        cov: C (b, p, p).
+        squares: ``1 + d(x)`` of all candidates, and what else a criterion keeps (b, s, n).
     """
 
-    def __init__(self, pricing: DeterminantPricing, places: Indices, cov: Array) -> None:
+    def __init__(
+        self, pricing: DeterminantPricing, places: Indices, cov: Array, ridge: float
+    ) -> None:
         self.pricing = pricing
         self.places = places
-        self.matrices = self._matrices(cov)
-        self.squares = ((pricing.rows @ self.matrices) * pricing.rows).sum(axis=-1)
-        self.squares[:, 0] += 1.0
+        self.cov = cov
+        self.part = least_gain(ridge)
+        self.squares = self._squares(pricing.rows @ cov)
 
-    def _matrices(self, cov: Array) -> Array:
-        """The matrices (b, s, p, p) that a place is looked at by, of C (b, p, p): C alone."""
-        return cov[:, None]
+    def _squares(self, along: Array) -> Array:
+        """The squares (b, s, n), of ``C x`` of all candidates (b, n, p)."""
+        return 1.0 + (along * self.pricing.rows).sum(axis=-1)[:, None]
+
+    def _sides(self, cov: Array, along: Array) -> Array:
+        """Vectors (b, s, p) whose products with candidates count, of ``C x`` (b, p): itself."""
+        return along[:, None]
 
     def best(self, place: int, allowed: Mask | None) -> tuple[Indices, Array]:
         """The candidate of the largest determinant, and by how much it exceeds the present one."""
         ratio = self.look(place)
         if allowed is not None:
             ratio[~allowed] = -np.inf
-        new = first_of_largest(ratio, np.ones(len(ratio)))
+        new = first_of_largest(ratio, np.maximum(1.0, ratio.max(axis=1)), self.part)
         self.ratio = ratio[np.arange(len(new)), new]
         return new, self.ratio - 1.0
 
     def look(self, place: int) -> Array:
         """Ratios of determinants (b, n) with each candidate at a place.
 
-        What an exchange needs is kept, for every matrix S: ``S o`` as `along`, ``o'S x`` of all
-        candidates as `joint`, ``o'S o`` as `own`; and ``1 - d(o)`` as `rest`.
+        What an exchange needs is kept: the `_sides` of C o as `along`, their products with all
+        candidates as `joint` and with o as `own`, and ``1 - d(o)`` as `rest`.
         """
         o = self.pricing.rows[self.places[:, place]][:, :, None]
-        self.along = (self.matrices @ o[:, None])[..., 0]
-        self.own = (self.along @ o)[..., 0]
+        self.along = self._sides(self.cov, (self.cov @ o)[:, :, 0])
+        self.own = (self.along @ o)[:, :, 0]
         self.joint = self.along @ self.pricing.turned
         self.rest = 1.0 - self.own[:, 0]
         g = self.joint[:, 0]
@@ -112,24 +118,30 @@ class DeterminantPrices(Prices):
 
             (1 - d(o)   g(x)       )
             (g(x)       -(1 + d(x))) / D.
-
-        Those below make the new matrices of the new inverse, and squares of these.
         """
-        self.joining = (self.matrices[which] @ self.pricing.rows[new][:, None, :, None])[..., 0]
-        self.reached = self.joining @ self.pricing.turned
-        B = np.stack([self.joining[:, 0], self.along[which, 0]], axis=1)
-        H = np.stack([self.reached[:, 0], self.joint[which, 0]], axis=1)
+        cov = self.cov[which]
+        joining = (cov @ self.pricing.rows[new][:, :, None])[:, :, 0]
+        sides = np.stack([self._sides(cov, joining), self.along[which]], axis=2)
+        reached = np.empty((*sides.shape[:3], len(self.pricing.rows)))
+        reached[:, :, 0] = sides[:, :, 0] @ self.pricing.turned
+        reached[:, :, 1] = self.joint[which]
         K = np.empty((len(which), 2, 2))
         K[:, 0, 0] = self.rest[which]
         K[:, 0, 1] = K[:, 1, 0] = self.joint[which, 0, new]
         K[:, 1, 1] = -self.squares[which, 0, new]
         K /= self.ratio[which, None, None]
-        turned = K @ H
-        cov = self.matrices[which, 0] - np.swapaxes(B, 1, 2) @ (K @ B)
-        self._follow(which, new, turned)
-        self.squares[which, 0] -= (H * turned).sum(axis=1)
-        self.matrices[which] = self._matrices(cov)
+        B = sides[:, 0]
+        self.cov[which] -= np.swapaxes(B, 1, 2) @ (K @ B)
+        self._follow(which, new, K @ reached[:, 0], reached)
         self.places[which, place] = new
 
-    def _follow(self, which: Indices, new: Indices, turned: Array) -> None:
-        """Update the squares of the other matrices, with ``K B'x`` (k, 2, n) of all candidates."""
+    def _follow(self, which: Indices, new: Indices, turned: Array, reached: Array) -> None:
+        """Update the squares of some plans.
+
+        Args:
+            which: Plans (k,).
+            new: The candidates (k,) that join.
+            turned: ``K B'y`` of all candidates y (k, 2, n).
+            reached: Products of the sides of x, and of o, with all candidates (k, s, 2, n).
+        """
+        self.squares[which, 0] -= (reached[:, 0] * turned).sum(axis=1)

@@ -5,6 +5,7 @@ import numpy as np
 from edtk.design.exact.counts.determinant_prices import DeterminantPrices, DeterminantPricing
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.linear_prices import LEAST_RATIO
+from edtk.design.exact.counts.prices import first_of_largest
 from edtk.system.typing import Array, Indices, Mask
 
 AT_ONCE = 300_000  # variances
@@ -54,7 +55,7 @@ class LargestVariancePricing(DeterminantPricing):
 
     def prices(self, places: Indices, ridge: float, size: int) -> "LargestVariancePrices":
         """Prices of plans (b, m); there is one round only, of all candidates."""
-        return LargestVariancePrices(self, places.copy(), self.covariance(places, ridge))
+        return LargestVariancePrices(self, places.copy(), self.covariance(places, ridge), ridge)
 
 
 class LargestVariancePrices(DeterminantPrices):
@@ -68,7 +69,7 @@ class LargestVariancePrices(DeterminantPrices):
         pricing = self.pricing
         is_regular = ratio > LEAST_RATIO
         divisor = np.where(is_regular, ratio, 1.0)
-        told = pricing.flat @ self.matrices[:, 0]
+        told = pricing.flat @ self.cov
         own = (self.along[:, 0] @ pricing.flat.T)[:, :, None]
         side = told @ pricing.turned
         fall = side * side * self.rest[:, None, None]
@@ -79,7 +80,8 @@ class LargestVariancePrices(DeterminantPrices):
         reached = pricing.summed(present[:, :, None] - fall).max(axis=1)
         usable = is_regular if allowed is None else is_regular & allowed
         reached = np.where(usable, reached, np.inf)
-        new = reached.argmin(axis=1)
+        now = pricing.summed(present).max(axis=1)
+        new = first_of_largest(-reached, now, self.part)
         each = np.arange(len(new))
         self.ratio = ratio[each, new]
-        return new, 1.0 - reached[each, new] / pricing.summed(present).max(axis=1)
+        return new, 1.0 - reached[each, new] / now

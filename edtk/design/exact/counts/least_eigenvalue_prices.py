@@ -7,7 +7,7 @@ from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.prices import GAIN, Prices, Pricing
 from edtk.system.typing import Array, Indices, Mask
 
-HALVINGS = 45  # of the interval of the best eigenvalue; what remains of it is rounding
+HALVINGS = 45  # of the interval of the best eigenvalue, at most
 AWAY = 1e-12  # part of an interval by which a trial stays away from its ends, which are poles
 
 
@@ -113,10 +113,14 @@ def _below(squares: Array, d: Array, t: Array) -> Mask:
 
 
 def _of_largest_root(squares: Array, d: Array, low: Array, left: Mask) -> Indices:
-    """The candidates (b,) of the largest roots, of those left (b, n), whose roots are above low."""
+    """The first candidates (b,) of the largest roots but for rounding, of those left (b, n).
+
+    Their roots are above low (b,).
+    """
     high = d[:, 1].copy()
     for _ in range(HALVINGS):
-        if left.sum(axis=1).max() == 1:
+        # What is left then differs by rounding.
+        if ((high - low <= GAIN * high) | (left.sum(axis=1) == 1)).all():
             break
         middle = 0.5 * (low + high)
         above = np.logical_and(_below(squares, d, middle), left)

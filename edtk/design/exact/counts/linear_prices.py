@@ -34,7 +34,7 @@ class LinearPricing(DeterminantPricing):
 
     def prices(self, places: Indices, ridge: float, size: int) -> "LinearPrices":
         """Prices of plans (b, m); there is one round only, of all candidates."""
-        return LinearPrices(self, places.copy(), self.covariance(places, ridge))
+        return LinearPrices(self, places.copy(), self.covariance(places, ridge), ridge)
 
 
 class LinearPrices(DeterminantPrices):
@@ -42,13 +42,18 @@ class LinearPrices(DeterminantPrices):
 
     pricing: LinearPricing
 
-    def __init__(self, pricing: LinearPricing, places: Indices, cov: Array) -> None:
-        super().__init__(pricing, places, cov)
+    def __init__(self, pricing: LinearPricing, places: Indices, cov: Array, ridge: float) -> None:
+        super().__init__(pricing, places, cov, ridge)
         self.trace = np.einsum("ij,bji->b", pricing.slope, cov)
 
-    def _matrices(self, cov: Array) -> Array:
-        """C and ``C W C``."""
-        return np.stack([cov, cov @ self.pricing.slope @ cov], axis=1)
+    def _squares(self, along: Array) -> Array:
+        """``1 + d(x)`` and e(x)."""
+        e = ((along @ self.pricing.slope) * along).sum(axis=-1)
+        return np.concatenate([super()._squares(along), e[:, None]], axis=1)
+
+    def _sides(self, cov: Array, along: Array) -> Array:
+        """``C x`` and ``C W C x``, which loses digits beside a ridge if C W C is formed first."""
+        return np.stack([along, ((along @ self.pricing.slope)[:, None] @ cov)[:, 0]], axis=1)
 
     def best(self, place: int, allowed: Mask | None) -> tuple[Indices, Array]:
         """The candidate of the least trace, and the relative decrease."""
@@ -59,22 +64,25 @@ class LinearPrices(DeterminantPrices):
         fall = np.divide(fall, ratio, out=np.full_like(fall, -np.inf), where=ratio > LEAST_RATIO)
         if allowed is not None:
             fall[~allowed] = -np.inf
-        new = first_of_largest(fall, self.trace)
+        new = first_of_largest(fall, self.trace, self.part)
         each = np.arange(len(new))
         self.ratio = ratio[each, new]
         self.fall = fall[each, new]
         return new, self.fall / self.trace
 
-    def _follow(self, which: Indices, new: Indices, turned: Array) -> None:
+    def _follow(self, which: Indices, new: Indices, turned: Array, reached: Array) -> None:
         """Update ``e(y)``, where the new ``C W C`` is ``(I - B K P') C W C (I - P K B')``.
 
         Here P holds x and o as columns. With ``k = K B'y`` it is
         ``e(y) - 2 k' P'C W C y + k' (P'C W C P) k``.
         """
-        F = np.stack([self.reached[:, 1], self.joint[which, 1]], axis=1)
         inner = np.empty((len(which), 2, 2))
         inner[:, 0, 0] = self.squares[which, 1, new]
         inner[:, 0, 1] = inner[:, 1, 0] = self.joint[which, 1, new]
         inner[:, 1, 1] = self.own[which, 1]
-        self.squares[which, 1] += ((inner @ turned - 2 * F) * turned).sum(axis=1)
+        fall = inner @ turned
+        fall -= 2 * reached[:, 1]
+        fall *= turned
+        self.squares[which, 1] += fall.sum(axis=1)
         self.trace[which] -= self.fall[which]
+        super()._follow(which, new, turned, reached)

@@ -22,7 +22,7 @@ def least_gain(ridge: float) -> float:
     return max(GAIN, ROUNDINGS * EPS / ridge) if ridge else GAIN
 
 
-def first_of_largest(values: Array, scale: Array) -> Indices:
+def first_of_largest(values: Array, scale: Array, part: float = GAIN) -> Indices:
     """The first (b,) of values (b, n) that is the largest but for what may be rounding.
 
     Symmetric candidates are worth the same. Which of them is taken shall not depend on last digits,
@@ -31,9 +31,32 @@ def first_of_largest(values: Array, scale: Array) -> Indices:
     Args:
         values: The values.
         scale: Sizes (b,) of the numbers whose rounding they have.
+        part: Part of these sizes that may be rounding, see `least_gain`.
     """
-    least = values.max(axis=1) - GAIN * scale
+    least = values.max(axis=1) - part * scale
     return np.asarray((values >= least[:, None]).argmax(axis=1))
+
+
+def first_few_largest(values: Array, size: int, part: float = GAIN) -> Indices:
+    """So many of values (b, n) that are the largest, of those alike but for rounding the first.
+
+    Args:
+        values: The values, of each row in parts of whose largest size the rounding is.
+        size: How many, fewer than n.
+        part: Part of these sizes that may be rounding.
+
+    Returns:
+        Where they are (b, size), ascending.
+    """
+    least = np.partition(values, -size, axis=1)[:, -size, None]
+    finite = np.where(np.isfinite(values), np.abs(values), 0.0)
+    rounding = part * finite.max(axis=1, keepdims=True)
+    larger = values > least + rounding
+    alike = values >= least - rounding
+    alike &= ~larger
+    room = size - larger.sum(axis=1, keepdims=True)
+    chosen = larger | (alike & (alike.cumsum(axis=1) <= room))
+    return np.asarray(chosen.nonzero()[1].reshape(len(values), size))
 
 
 class Prices(ABC):

@@ -12,7 +12,7 @@ from edtk.design.exact.counts.any_prices import AnyPricing
 from edtk.design.exact.counts.convex_loss import ConvexLoss
 from edtk.design.exact.counts.counts_search import kicked
 from edtk.design.exact.counts.limits import Limits
-from edtk.design.exact.counts.prices import GAIN
+from edtk.design.exact.counts.prices import GAIN, first_few_largest, first_of_largest
 from edtk.design.information import pack, sensitivity_rows
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices, Mask
@@ -23,6 +23,7 @@ AT_ONCE = 2000  # candidates whose matrices are formed together
 KEPT = 1_000_000_000  # bytes of packed matrices that are kept from one look to the next
 PLACES = 64  # of a plan, whose sensitivities are there together
 UNIT = 2.0**-24  # rounding of a number of single precision
+SINGLE = 16 * UNIT  # part of a sum of such numbers that may be rounding
 LISTED = 32  # candidates of a shortlist for each place
 PART = 512  # candidates that are priced together
 LOOKS = 100  # at all candidates, for one plan, at most: some five are usual
@@ -57,6 +58,11 @@ def place_tangent(
     rest = M - own.T @ own
     value, Z = loss.tangent(rest + average)
     return value + float(np.sum(Z * average)), Z, rest
+
+
+def _first_lowest(costs: Array) -> int:
+    """The first of costs (k,) that is the lowest but for rounding."""
+    return int(first_of_largest(-costs[None], costs.min(keepdims=True))[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,9 +149,9 @@ class Shortlist:
         if not len(some):
             return None
         if len(some) > TRIED:
-            some = some[np.argpartition(bounds[some], TRIED)[:TRIED]]
+            some = some[first_few_largest(-bounds[None, some], TRIED, SINGLE)[0]]
         costs = self.loss.joined_costs(rest, self.rows[some])
-        lowest = int(np.argmin(costs))
+        lowest = _first_lowest(costs)
         now = float(self.loss.cost(np.array([value]))[0])
         return int(some[lowest]) if costs[lowest] < now * (1 - GAIN) else None
 
@@ -227,8 +233,11 @@ class FullLook:
         for i, found, _ in self.sensitivities(Z):
             if allowed is not None:
                 found[~allowed[i]] = -np.inf
-            best = np.argpartition(-found, number)[:number] if number < len(found) else None
-            chosen.append(np.arange(len(found)) if best is None else best)
+            few = number < len(found)
+            own = (
+                first_few_largest(found[None], number, SINGLE)[0] if few else np.arange(len(found))
+            )
+            chosen.append(own)
         return np.unique(np.concatenate(chosen))
 
 
@@ -374,9 +383,9 @@ class SeveralRowsPricing(AnyPricing):
             some = np.flatnonzero(able)
             some = some[np.argsort(bounds[some], kind="stable")]
             for first in range(0, len(some), PART):
-                part = some[first : first + PART]
+                part = np.sort(some[first : first + PART])
                 costs = self.loss.joined_costs(rests[place], self.scatter.rows[part])
-                lowest = int(np.argmin(costs))
+                lowest = _first_lowest(costs)
                 if costs[lowest] < now * (1 - GAIN):
                     better = places.copy()
                     better[place] = part[lowest]

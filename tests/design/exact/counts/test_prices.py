@@ -110,7 +110,7 @@ def test_a_ridge_is_information_of_every_place():
     none = Limits(M, np.zeros((P, P)))
     prices = DeterminantPricing(ROWS, none).prices(one, 1e-3, 0)
     expected = np.linalg.inv(M * np.outer(ROWS[0], ROWS[0]) + 1e-3 * M * np.eye(P))
-    assert prices.matrices[0, 0] == pytest.approx(expected, rel=1e-9)
+    assert prices.cov[0] == pytest.approx(expected, rel=1e-9)
 
 
 def corners(k: int, low: float, high: float) -> np.ndarray:
