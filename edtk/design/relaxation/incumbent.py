@@ -5,8 +5,9 @@ from functools import partial
 
 import numpy as np
 
-from criteria import Relaxable
+from criteria import Criterion, Relaxable
 from criteria.linalg.estimable import range_whitener
+from criteria.linalg.inverse import ROUNDING, root
 from criteria.linalg.typing import triangle
 from edtk.design.bound import Bound, BoundKind
 from edtk.design.information import order, pack
@@ -51,9 +52,65 @@ def sparse_weights(packed: Array, weights: Array) -> Array:
         Weights (k,). They are the given ones where these are few enough; on more candidates than
         needed where the time is over.
     """
-    if len(weights) <= len(packed) + 1:
+    return _fewest(_equations(packed, weights), weights)
+
+
+def told_alike(criterion: Criterion, blocks: Array, weights: Array) -> list[Array]:
+    """Weights that tell combinations K'k alike, on fewer candidates than the same M needs.
+
+    A cost of the covariance V of K'k has the gradient ``-F'F`` with ``F = S K'cov`` for some S, so
+    that ``F M = S K'``. Another design N with ``F N = F M`` has ``S K' N^- K S' = F N N^- N F' =
+    F M F'``, which is the same V. These are s p equations for s combinations, where M has p(p+1)/2.
+    At the optimum of one combination all sensitivities ``F M_i F'`` are alike, so that the sum of
+    the weights follows: p candidates are enough (Elfving). Elsewhere it is one more equation.
+
+    Args:
+        criterion: What the weights minimise.
+        blocks: Information M_i (k, p, p) of the candidates.
+        weights: Their weights (k,), of sum one.
+
+    Returns:
+        Weights (k,) of sum one, first on as few candidates as an optimum needs; none where the
+        criterion needs all parameters.
+    """
+    if criterion.needs_all or not criterion.smooth:
+        return []
+    F = root(-criterion.gradient(np.tensordot(weights, blocks, axes=1)))
+    sizes = np.square(F).sum(axis=1)
+    F = F[sizes > len(F) * ROUNDING * sizes.max()]
+    A = (F @ blocks).reshape(len(blocks), -1).T
+    size = np.abs(A) @ weights
+    A = A[size > 0] / size[size > 0, None]
+    p = blocks.shape[1]
+    if len(A) >= p * (p + 1) // 2:
+        return []
+    with_sum = np.vstack([A, np.ones(len(weights))])
+    return [_fewest(equations, weights) for equations in (A, with_sum)]
+
+
+def first_as_good(
+    criterion: Criterion, blocks: Array, weights: Array, others: list[Array], loss: float
+) -> Array:
+    """The first of other weights (k,) that cost no more than some, or these.
+
+    Args:
+        criterion: What is minimised.
+        blocks: Information (k, p, p) of the candidates.
+        weights: Their weights (k,).
+        others: Weights that are as good but for rounding, which near a singular design is large.
+        loss: Part of the cost that may be lost.
+    """
+    M = np.tensordot(weights, blocks, axes=1)
+    rounding = rounding_of_inverse(M, np.square(range_whitener(M)).sum(axis=1))
+    enough = safe_cost(criterion, M) * (1 + max(loss, rounding))
+    costs = (safe_cost(criterion, np.tensordot(each, blocks, axes=1)) for each in others)
+    return next((each for each, cost in zip(others, costs, strict=True) if cost <= enough), weights)
+
+
+def _fewest(A: Array, weights: Array) -> Array:
+    """Weights (k,) of the same ``A w``, for equations A (q, k), on few candidates."""
+    if len(weights) <= len(A):
         return weights
-    A = _equations(packed, weights)
     w = weights.copy()
     inside = np.empty(0, dtype=int)
     waiting = np.argsort(w, kind="stable")
@@ -215,15 +272,16 @@ class Incumbent:
             self.lower_bound = lower_bound
         return sensitivities
 
-    def relaxation(self, problem: Problem, gap: float) -> Relaxation:
+    def relaxation(self, problem: Problem, gap: float, few: bool = True) -> Relaxation:
         """The result, with weights of the candidates as they were given.
 
         Args:
             problem: The candidates as they were given, not normalised.
             gap: Relative gap that was asked for.
+            few: See `SolverOptions`.
         """
         weights = np.zeros(problem.n)
-        weights[self.active] = self._final_weights(problem, gap)
+        weights[self.active] = self._final_weights(problem, gap, few)
         cost = float(self.criterion.cost(problem.information(weights)))
         multipliers, lower_bound = self._final_multipliers((1 - gap) * cost)
         return Relaxation(
@@ -238,18 +296,14 @@ class Incumbent:
             iterations=self.iterations,
         )
 
-    def _final_weights(self, problem: Problem, gap: float) -> Array:
+    def _final_weights(self, problem: Problem, gap: float, few: bool) -> Array:
         """Weights (k,) of the active candidates as they were given, on as few as are needed."""
         weights = original_weights(problem, self.criterion, self.active, self.weights)
         blocks = experiment_blocks(problem, self.active)
-        few = sparse_weights(pack(problem.blocks(self.active)), weights)
-        M = np.tensordot(weights, blocks, axes=1)
-        cost = float(self.criterion.cost(M))
-        cost_of_few = safe_cost(self.criterion, np.tensordot(few, blocks, axes=1))
-        # Both are the same design: near a singular one rounding alone may tell them apart.
-        rounding = rounding_of_inverse(M, np.square(range_whitener(M)).sum(axis=1))
-        loss = max(SPARSE_LOSS * gap, rounding)
-        found = few if cost_of_few <= cost * (1 + loss) else weights
+        alike = [sparse_weights(pack(problem.blocks(self.active)), weights)]
+        if few:
+            alike = [*told_alike(self.criterion, blocks, weights), *alike]
+        found = first_as_good(self.criterion, blocks, weights, alike, SPARSE_LOSS * gap)
         return found if self.criterion.needs_all else self._heavy(found, blocks, gap)
 
     def _heavy(self, weights: Array, blocks: Array, gap: float) -> Array:

@@ -229,14 +229,16 @@ def _relax(
             raise
         # Whoever has interrupted it waits: weights on fewer candidates are worth no second.
         with time_limit(0.0):
-            found = _result(incumbent, setting, closed, gap)
+            found = _result(incumbent, setting, closed, gap, options.few)
         raise RelaxationInterrupted(found) from interrupt
-    return _result(incumbent, setting, closed, gap)
+    return _result(incumbent, setting, closed, gap, options.few)
 
 
-def _result(incumbent: Incumbent, setting: Setting, closed: Problem, gap: float) -> Relaxation:
+def _result(
+    incumbent: Incumbent, setting: Setting, closed: Problem, gap: float, few: bool
+) -> Relaxation:
     """The relaxation of the candidates as they were given."""
-    found = incumbent.relaxation(setting.problem, gap)
+    found = incumbent.relaxation(setting.problem, gap, few)
     if closed is not setting.problem:
         found = proved_on(setting.problem, found)
     return setting.outward(found)

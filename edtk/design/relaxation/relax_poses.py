@@ -156,7 +156,7 @@ class ActiveSet:
         """The relaxation over other poses, to a relative gap."""
         earlier = self.relaxation
         few = earlier.criterion.smooth and len(poses.x) <= FEW
-        options = SolverOptions(batch=len(poses.x)) if few else SolverOptions()
+        options = SolverOptions(batch=len(poses.x) if few else None, few=False)
         relaxation = relax(
             poses.problem, earlier.criterion, gap, options, multipliers=earlier.multipliers
         )

@@ -14,11 +14,13 @@ from edtk.design.relaxation.proof import normalised
 from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.relax_poses import ActiveSet
 from edtk.design.relaxation.relaxed_region import JudgedRegion, RelaxedRegion
+from edtk.design.relaxation.restricted_master import SolverOptions
 from edtk.design.relaxation.search_continuum import LargestSensitivities
 from edtk.design.relaxation.search_region import (
     MARGIN,
     POINTS,
     RegionGrid,
+    on_few,
     polish,
     search_region,
     with_cost,
@@ -74,7 +76,7 @@ def relax_region(
         UserError: No point is feasible, or the model fails.
     """
     judged, first = _first_grid(region, criterion, candidates)
-    relaxation = relax(first.problem, judged.criterion)
+    relaxation = relax(first.problem, judged.criterion, options=SolverOptions(few=False))
     progress("grid", relaxation.gap)
     active = ActiveSet(Candidates(first.x, first.problem), relaxation, relaxation.iterations)
     grid = RegionGrid.of(judged.region, candidates)
@@ -224,9 +226,10 @@ class RegionSearch:
         criterion = self.criterion
         best = self.proof
         assert best is not None
-        order = np.lexsort(np.round(self.points, 9).T[::-1])
-        x = self.points[order]
-        weights = self.weights[order]
+        x, weights, reached = on_few(self.grid.region, criterion, self.points, self.weights)
+        order = np.lexsort(np.round(x, 9).T[::-1])
+        x = x[order]
+        weights = weights[order]
         everything = np.concatenate([x, self.grid.x])
         candidates = Candidates(everything, self.grid.region.problem(everything))
         proved = LargestSensitivities.over(candidates, criterion, best.multipliers)
@@ -236,7 +239,7 @@ class RegionSearch:
         blurred = max(of_cost, BLURRED)
 
         def bound(cost: float, kind: BoundKind) -> Bound:
-            return Bound.of(criterion, cost, self.cost, kind, of_bound, blurred)
+            return Bound.of(criterion, cost, reached, kind, of_bound, blurred)
 
         return RelaxedRegion(
             region=judged.region,
@@ -244,7 +247,7 @@ class RegionSearch:
             judged=judged,
             points=x,
             weights=weights,
-            cost=self.cost,
+            cost=reached,
             proved_bound=bound(on_grid, BoundKind.PROVED_ON_CANDIDATES),
             searched_bound=bound(best.cost, BoundKind.SEARCHED),
             multipliers=best.multipliers,

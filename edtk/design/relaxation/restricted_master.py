@@ -368,6 +368,8 @@ class SolverOptions:
         batch: Candidates that enter the restricted master problem per round, at most; defaults to
             100, and to more where there are more than 25 parameters.
         solvers: Names from `SOLVERS_IN_TURN`, the first to be tried first.
+        few: Whether a design for a part of the parameters rests on as few candidates as that part
+            needs, and not M: a search that goes on from a design learns more from all of them.
 
     Raises:
         ValueError: A solver is unknown, none is given, or rounds or batch are below one.
@@ -376,6 +378,7 @@ class SolverOptions:
     rounds: int = 60
     batch: int | None = None
     solvers: tuple[str, ...] = SOLVERS_IN_TURN
+    few: bool = True
 
     def __post_init__(self) -> None:
         unknown = [solver for solver in self.solvers if solver not in SOLVERS_IN_TURN]

@@ -15,7 +15,14 @@ from edtk.design.candidate_source import Candidates
 from edtk.design.interior_point.descend import inward
 from edtk.design.problem import Problem
 from edtk.design.region import FEASIBLE, Region, RegionPoints
-from edtk.design.relaxation.proof import is_normalised, normalised, rounding_of_inverse, safe_cost
+from edtk.design.relaxation.incumbent import first_as_good, told_alike
+from edtk.design.relaxation.proof import (
+    experiment_blocks,
+    is_normalised,
+    normalised,
+    rounding_of_inverse,
+    safe_cost,
+)
 from edtk.design.relaxation.search_continuum import LargestSensitivities, ascend
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.typing import Array, Indices
@@ -333,6 +340,17 @@ def polish(
             if found <= cost * (1 + LOSS):
                 break
     return _without_light(region, criterion, best)
+
+
+def on_few(
+    region: Region, criterion: Criterion, x: Array, weights: Array
+) -> tuple[Array, Array, float]:
+    """A design that tells the same of what counts on as few points as that needs, with its cost."""
+    blocks = experiment_blocks(region.problem(x), np.arange(len(x)))
+    few = told_alike(criterion, blocks, weights)
+    share = first_as_good(criterion, blocks, weights, few, LOSS)
+    some = share > 0
+    return with_cost(region, criterion, x[some], share[some])
 
 
 def with_cost(

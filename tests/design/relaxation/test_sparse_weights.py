@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
+from criteria import create
 from edtk.design.information import pack
-from edtk.design.relaxation.incumbent import sparse_weights
+from edtk.design.problem import Problem
+from edtk.design.relaxation.incumbent import sparse_weights, told_alike
+from edtk.design.relaxation.relax import relax
 from edtk.system.time_limit import time_limit
 
 
@@ -66,3 +69,34 @@ def test_when_the_time_is_over_the_design_stays_the_same():
     with time_limit(0.0):
         found = sparse_weights(packed, weights)
     np.testing.assert_allclose(packed @ found, packed @ weights, rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["A", "D", "phi"])
+@pytest.mark.parametrize("s", [1, 2])
+def test_a_part_of_the_parameters_is_told_alike_by_fewer_candidates(name, s):
+    """For s combinations of p parameters s p + 1 candidates do, of the same covariance."""
+    rng = np.random.default_rng(s)
+    k, p = 60, 6
+    A = rng.normal(size=(k, 2, p)) * 10.0 ** np.arange(p)
+    blocks = np.swapaxes(A, 1, 2) @ A
+    K = rng.normal(size=(p, s)) * 10.0 ** np.arange(p)[:, None]
+    arguments = {"q": 2.0} if name == "phi" else {}
+    criterion = create(name, interest=K, **arguments)
+    weights = rng.dirichlet(np.ones(k))
+    _, found = told_alike(criterion, blocks, weights)
+    assert np.count_nonzero(found) <= s * p + 1
+    assert (found >= 0).all()
+    assert found.sum() == pytest.approx(1.0)
+    told = [K.T @ np.linalg.solve(np.tensordot(w, blocks, 1), K) for w in (weights, found)]
+    np.testing.assert_allclose(told[1], told[0], rtol=1e-7)
+
+
+def test_one_combination_rests_on_no_more_candidates_than_parameters():
+    """Elfving: the slope of a quadratic surface at a point, whose optimal designs are many."""
+    x = np.stack(np.meshgrid(*[np.linspace(-1, 1, 21)] * 2), axis=-1).reshape(-1, 2)
+    u, v = x.T
+    rows = np.stack([np.ones(len(x)), u, v, u * v, u**2, v**2], axis=1)
+    found = relax(Problem(rows[:, None]), create("c", c=[0, 1, 0, 0.3, 0.4, 0]))
+    assert found.cost == pytest.approx(1.5625, rel=1e-6)
+    assert found.gap < 1e-6
+    assert len(found.support) <= 6
