@@ -298,8 +298,9 @@ class Criterion(ABC):
         self.require_order(M.shape[-1])
         # One test of singularity for all criteria: they agree on which plans are worthless.
         safe, cov, regular = self.inverse(M)
-        cost = np.where(regular, self._cost(safe, cov), np.inf)
+        cost = np.asarray(self._cost(safe, cov))
         if not regular.all():
+            cost = np.where(regular, cost, np.inf)
             cost = np.where(np.isfinite(M).all(axis=(-2, -1)), cost, np.nan)
         return cost[()]
 
@@ -368,9 +369,11 @@ class Criterion(ABC):
         """`cost` (...) and `gradient` (..., p, p) of finite M (..., p, p), with one inversion."""
         self.require_order(M.shape[-1])
         safe, cov, regular = self.inverse(M)
+        cost = np.asarray(self._cost(safe, cov))
         G = self.gradient_of_regular(safe, cov)
-        cost = np.where(regular, self._cost(safe, cov), np.inf)
-        return cost, np.where(regular[..., None, None], G, np.nan)
+        if regular.all():
+            return cost, G
+        return np.where(regular, cost, np.inf), np.where(regular[..., None, None], G, np.nan)
 
     @final
     def gradient_of_regular(self, M: Array, cov: Array) -> Array:

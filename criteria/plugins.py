@@ -52,7 +52,7 @@ def require_homogeneous(criterion: Criterion, M: Array, rounding: float = 0.0) -
     Raises:
         CriterionError: The cost grows otherwise; the message says how.
     """
-    cost = float(criterion.cost(M))
+    cost, *scaled = criterion.cost(np.stack([M, *(factor * M for factor in FACTORS)])).tolist()
     if not np.isfinite(cost) or criterion.precision is not None:
         return
     if not cost > 0:
@@ -60,8 +60,8 @@ def require_homogeneous(criterion: Criterion, M: Array, rounding: float = 0.0) -
             f"criterion {criterion.name!r}: its cost is {cost:g}; expected a positive number"
         )
     allowed = WRONG_DEGREE + 2 * rounding
-    for factor in FACTORS:
-        found = float(criterion.cost(factor * M)) / cost
+    for factor, reached in zip(FACTORS, scaled, strict=True):
+        found = reached / cost
         expected = factor**-criterion.degree
         if not abs(found - expected) <= allowed * expected:
             raise CriterionError(

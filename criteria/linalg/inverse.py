@@ -33,18 +33,20 @@ def guarded_inverse(M: Array, least: float = 0.0) -> tuple[Array, Array, Mask]:
         non-finite members, and the mask (...) of the regular ones.
     """
     p = M.shape[-1]
-    is_positive = (np.diagonal(M, axis1=-2, axis2=-1) > 0).all(axis=-1)
+    is_positive = (M.diagonal(axis1=-2, axis2=-1) > 0).all(axis=-1)
     positive = np.asarray(np.isfinite(M).all(axis=(-2, -1)) & is_positive)
     safe = _with_identity(positive, M)
-    d = np.sqrt(np.diagonal(safe, axis1=-2, axis2=-1))
+    d = np.sqrt(safe.diagonal(axis1=-2, axis2=-1))
     dd = d[..., :, None] * d[..., None, :]
     r, V = np.linalg.eigh(safe / dd)
     regular = positive & (r[..., 0] > max(least, p * ROUNDING))
-    if not regular.all():
+    is_regular = regular.all()
+    if not is_regular:
         r = np.where(regular[..., None], r, 1.0)
         safe = _with_identity(regular, safe)
-    cov = (V / r[..., None, :]) @ np.swapaxes(V, -1, -2) / dd
-    return safe, _with_identity(regular, cov), regular
+    cov = (V / r[..., None, :]) @ V.swapaxes(-1, -2)
+    cov /= dd
+    return safe, cov if is_regular else _with_identity(regular, cov), regular
 
 
 def _with_identity(kept: Mask, M: Array) -> Array:

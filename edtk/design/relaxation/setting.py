@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from criteria import Criterion, Relaxable
+from criteria import Criterion, CriterionError, Relaxable
 from criteria.interest import DEPENDENT
 from criteria.linalg.estimable import open_subspace, range_whitener
 from criteria.linalg.inverse import root
@@ -310,7 +310,12 @@ def solvable(problem: Problem, criterion: Relaxable) -> tuple[Setting, Problem]:
     """
     problem.require_identifiable(criterion)
     setting = Setting.of(problem, criterion)
-    of_cost, _ = setting.errors(None, np.empty((0, problem.p, problem.p)))
-    require_homogeneous(setting.criterion, setting.problem.mean, of_cost)
+    mean = setting.problem.mean
+    try:
+        require_homogeneous(setting.criterion, mean)
+    except CriterionError:
+        # What rounding makes of costs takes longer to tell than most costs need.
+        of_cost, _ = setting.errors(None, np.empty((0, problem.p, problem.p)))
+        require_homogeneous(setting.criterion, mean, of_cost)
     closed = setting.problem
     return setting, closed if criterion.needs_all else without_open_directions(closed)

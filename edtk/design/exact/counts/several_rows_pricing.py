@@ -234,10 +234,9 @@ class FullLook:
             if allowed is not None:
                 found[~allowed[i]] = -np.inf
             few = number < len(found)
-            own = (
-                first_few_largest(found[None], number, SINGLE)[0] if few else np.arange(len(found))
-            )
-            chosen.append(own)
+            doubles = found[None].astype(float)
+            every = np.arange(len(found))
+            chosen.append(first_few_largest(doubles, number, SINGLE)[0] if few else every)
         return np.unique(np.concatenate(chosen))
 
 
