@@ -226,7 +226,8 @@ class RegionSearch:
         criterion = self.criterion
         best = self.proof
         assert best is not None
-        x, weights, reached = on_few(self.grid.region, criterion, self.points, self.weights)
+        design = self.points, self.weights, self.cost
+        x, weights, reached = on_few(self.grid.region, criterion, design)
         order = np.lexsort(np.round(x, 9).T[::-1])
         x = x[order]
         weights = weights[order]

@@ -15,7 +15,7 @@ from edtk.design.candidate_source import Candidates
 from edtk.design.interior_point.descend import inward
 from edtk.design.problem import Problem
 from edtk.design.region import FEASIBLE, Region, RegionPoints
-from edtk.design.relaxation.incumbent import first_as_good, told_alike
+from edtk.design.relaxation.incumbent import told_alike
 from edtk.design.relaxation.proof import (
     experiment_blocks,
     is_normalised,
@@ -343,14 +343,20 @@ def polish(
 
 
 def on_few(
-    region: Region, criterion: Criterion, x: Array, weights: Array
+    region: Region, criterion: Criterion, design: tuple[Array, Array, float]
 ) -> tuple[Array, Array, float]:
-    """A design that tells the same of what counts on as few points as that needs, with its cost."""
+    """A design that tells the same of what counts on as few points as that needs, with its cost.
+
+    Where its cost is blurred by rounding, it stays as it is.
+    """
+    x, weights, cost = design
     blocks = experiment_blocks(region.problem(x), np.arange(len(x)))
-    few = told_alike(criterion, blocks, weights)
-    share = first_as_good(criterion, blocks, weights, few, LOSS)
-    some = share > 0
-    return with_cost(region, criterion, x[some], share[some])
+    for share in told_alike(criterion, blocks, weights):
+        some = share > 0
+        few = _cost(region, criterion, x[some], share[some])
+        if few <= cost * (1 + LOSS_OF_LIGHT):
+            return x[some], share[some], few
+    return design
 
 
 def with_cost(
