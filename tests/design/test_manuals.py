@@ -65,6 +65,11 @@ def cubic(x):
 
 
 MODELS = {
+    "quad 7": quad(grid(7, 1)),
+    "quad 4^2": quad(2 * grid(4, 2)),  # AlgDesign centres an even number of levels two apart
+    "quad 3^4": quad(grid(3, 4)),
+    "half of quad 21^3": quad(grid(21, 3)[grid(21, 3).sum(axis=1) <= 0]),
+    "cubic 5^2": np.column_stack([quad(grid(5, 2)), grid(5, 2) ** 3]),
     "quad 3^2": quad(grid(3, 2)),
     "quad 5^2": quad(grid(5, 2)),
     "quad 3^3": quad(grid(3, 3)),
@@ -87,6 +92,8 @@ MODELS = {
 # candidates, each of one experiment.
 PRINTED = [
     ("two 2^7", 34, "D", 0.9223281),
+    ("two 2^7", 32, "D", 0.8868),
+    ("half of quad 21^3", 15, "D", 154.4033),
     ("quad 5^3", 15, "D", 3.675919),
     ("quad 5^3", 15, "I", 8.096772),
     ("quad 5^3", 15, "D", 3.192013),
@@ -139,6 +146,21 @@ REPEATED = [
     ("mixture 4 of 4", 12, "D", 0.016081303),
     ("mixture 4 of 4", 12, "A", 192.958886),
     ("mixture 4 of 4", 12, "I", 10.6093696),
+    ("quad 3^4", 18, "D", 0.454889873),
+    ("quad 3^4", 18, "A", 3.57419686),
+    ("quad 3^4", 18, "I", 16.3838544),
+    ("quad 3^4", 24, "D", 0.472363405),
+    ("quad 3^4", 24, "A", 3.11383561),
+    ("quad 3^4", 24, "I", 14.9245584),
+    ("quad 4^2", 8, "D", 8.12505537),
+    ("quad 4^2", 8, "A", 0.653839543),
+    ("quad 4^2", 8, "I", 6.56652794),
+    ("cubic 5^2", 13, "D", 2.60051493),
+    ("cubic 5^2", 13, "A", 1.64703575),
+    ("cubic 5^2", 13, "I", 7.75210456),
+    ("quad 7", 4, "D", 4.38602661),
+    ("quad 7", 4, "A", 0.854814815),
+    ("quad 7", 4, "I", 2.57777778),
 ]
 
 
@@ -175,6 +197,13 @@ def test_an_augmented_design_is_at_least_as_good_as_that_of_algdesign():
     M = X.T @ (plan.counts[:, None] * X) / 15
     assert plan.counts[:3].min() >= 1
     assert np.linalg.det(M) ** 0.1 >= 3.40889 * (1 - TOLERANCE)
+
+
+def test_a_factorial_in_two_blocks_is_as_good_as_that_of_algdesign():
+    """Two halves of 2^4 whose main effects are orthogonal in each (printed as D = 1)."""
+    X = grid(2, 4)
+    plan = edtk.plan(edtk.Problem(X[:, None, :]), blocks=(8, 8), starts=4)
+    assert plan.value / 16 >= 1 - TOLERANCE
 
 
 @pytest.mark.parametrize(
