@@ -105,6 +105,7 @@ class AnyPrices(Prices):
         self.guide = pricing.criterion.smoothed(GUIDE_SHARPNESS)
         self.M = pricing.information(places, ridge)
         self.costs = np.asarray(pricing.criterion.cost(self.M)).reshape(-1)
+        self.slopes: Array | None = None  # of the guide (b, p, p), as long as they are asked for
 
     def best(self, place: int, allowed: Mask | None) -> tuple[Indices, Array]:
         """The candidate of the least cost, and the relative decrease."""
@@ -159,7 +160,9 @@ class AnyPrices(Prices):
         # A singular plan has no gradient, and therefore no short list.
         if self.size >= n or not np.isfinite(self.costs).all():
             return every
-        sensitivities = self.sensitivities(-self.guide.gradient(self.M), center)
+        if self.slopes is None:
+            self.slopes = self.guide.gradient(self.M)
+        sensitivities = self.sensitivities(-self.slopes, center)
         if allowed is not None:
             sensitivities = np.where(allowed, sensitivities, -np.inf)
         return first_few_largest(sensitivities, self.size)
@@ -169,3 +172,5 @@ class AnyPrices(Prices):
         self.places[which, place] = new
         self.M[which] = self.pricing.information(self.places[which], self.ridge)
         self.costs[which] = np.asarray(self.pricing.criterion.cost(self.M[which])).reshape(-1)
+        if self.slopes is not None:
+            self.slopes[which] = self.guide.gradient(self.M[which])
