@@ -264,9 +264,14 @@ class RegionPoints:
         """Information matrices (b, p, p) of plans (b, k) with repetitions or weights (b, k)."""
         return weighted_information(self.regressor, repeats, self.space.prior)
 
-    def slope(self, B: Array) -> Array:
-        """Derivatives (..., d) of ``<B, A>`` of the whitened rows A by the point, B held fixed."""
-        return np.einsum("...rp,...rpd->...d", B, self.derivative)
+    def slope(self, B: Array, part: slice = slice(None)) -> Array:
+        """Derivatives (..., d) of ``<B, A>`` by the point, B held fixed.
+
+        Args:
+            B: Matrices (..., rows, q).
+            part: The q parameters of the whitened rows A that they are about.
+        """
+        return np.einsum("...rp,...rpd->...d", B, self.derivative[..., part, :])
 
 
 Model = Callable[[Array], ArrayLike]

@@ -504,7 +504,11 @@ class _Descent:
         here = self.region.at(self._points(v)[None])
         w = np.maximum(v[-self.k :], 0.0)
         logs, G = self._losses.logs_and_slopes(here.information(w[None])[0])
-        return logs, np.array([self._slope(here, w, -one) for one in G])
+        models = self._losses.models
+        # A loss of one model has no slope by the others.
+        parts = [slice(None)] * len(G) if models is None else models.parts
+        slopes = [self._slope(here, w, -one, at) for one, at in zip(G, parts, strict=True)]
+        return logs, np.array(slopes)
 
     def _points(self, v: Array) -> Array:
         """Points (k, d) of the variables."""
@@ -521,14 +525,19 @@ class _Descent:
             return WORTHLESS, np.zeros_like(v)
         return float(np.log(cost)), self._slope(here, w, G / cost)
 
-    def _slope(self, here: RegionPoints, w: Array, G: Array) -> Array:
-        """Derivatives (k d + k) by points and weights of what has the gradient G (p, p) by M."""
+    def _slope(self, here: RegionPoints, w: Array, G: Array, part: slice = slice(None)) -> Array:
+        """Derivatives (k d + k) by points and weights of what has the gradient G (p, p) by M.
+
+        G may be zero but for a part of the parameters.
+        """
         low, high = self.region.limits
-        weighted = here.regressor @ G
-        by_weight = (weighted * here.regressor).sum(axis=(-1, -2))[0]
+        A = here.regressor[..., part]
+        G = G[part, part]
+        weighted = A @ G
+        by_weight = (weighted * A).sum(axis=(-1, -2))[0]
         if self.region.prior is not None:
-            by_weight = by_weight + np.tensordot(G, self.region.prior, 2)
-        by_point = 2 * w[:, None] * here.slope(weighted)[0] * (high - low)
+            by_weight = by_weight + np.tensordot(G, self.region.prior[part, part], 2)
+        by_point = 2 * w[:, None] * here.slope(weighted, part)[0] * (high - low)
         return np.concatenate([by_point.ravel(), by_weight])
 
     def _slack(self, v: Array) -> Array:
