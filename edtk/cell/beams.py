@@ -7,35 +7,43 @@ from typing import NamedTuple
 
 import numpy as np
 
-from edtk.cell.cell import Cell, Placed
-from edtk.cell.distance import Nearest, dot, segment_to_plane, segment_to_segment
+from edtk.cell.cell import REACH, Cell, Placed
+from edtk.cell.distance import dot, segment_to_plane, segment_to_segment
 from edtk.cell.shapes import Box, Capsule, Cylinder, Plane
 from edtk.robots.frames import BodyPoint, Frames, cross
 from edtk.system.typing import Array, Indices, Mask
 
-REACH = 0.05  # a body that is farther from a beam counts as this far [m]
-NOTHING = -1  # index of the body that is near, where none is
-
 
 class Passing(NamedTuple):
-    """How near beams pass bodies (N,).
+    """Shapes that beams pass at less than `REACH` (k,).
 
     Attributes:
-        distance: Least distance from any body, `REACH` at most, less the beam's radius [m].
-        body: Index of the body in `Cell.bodies`; -1 where none is near.
-        normal: Unit vectors (3, N) from the body to the beam.
-        point: Nearest points (3, N) of the beam [m].
+        beam: Whose beam it is: index among those that were asked for.
+        body: Index of the shape's body in `Cell.bodies`.
+        distance: Distance of the shape, less the beam's radius [m].
+        normal: Unit vectors (3, k) from the shape to the beam.
+        point: Nearest points (3, k) of the beam [m].
     """
 
-    distance: Array
+    beam: Indices
     body: Indices
+    distance: Array
     normal: Array
     point: Array
 
-    def some(self, view: Indices, pose: Indices) -> "Passing":
-        """Of some views in some poses (k,), where each array has both axes."""
-        of_each = (self.normal[:, view, pose], self.point[:, view, pose])
-        return Passing(self.distance[view, pose], self.body[view, pose], *of_each)
+    @classmethod
+    def joined(cls, parts: Sequence["Passing"]) -> "Passing":
+        """Several of them, one after another."""
+        return cls(*(np.concatenate(arrays, axis=-1) for arrays in zip(*parts, strict=True)))
+
+    def some(self, chosen: Mask) -> "Passing":
+        """Some of them."""
+        sides = (self.normal[:, chosen], self.point[:, chosen])
+        return Passing(self.beam[chosen], self.body[chosen], self.distance[chosen], *sides)
+
+
+_NONE = np.zeros(0, dtype=int)
+NOTHING = Passing(_NONE, _NONE, np.zeros(0), np.zeros((3, 0)), np.zeros((3, 0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,10 +78,10 @@ class Beams:
     def passing(
         self, frames: Frames, views: Sequence[tuple[Array, BodyPoint]], asked: Mask
     ) -> Passing:
-        """How near beams pass, of `asked` views (b, N) in poses with one axis, as nonzero has them.
+        """What is near the beams of `asked` views (b, N) in poses with one axis.
 
-        Lower bounds leave most pairs of a beam and a shape out. Capsules come first, and what
-        stands is asked for within what they leave.
+        Beams are counted as `np.nonzero` has those that are asked for. Lower bounds leave most
+        pairs of a beam and a shape out.
 
         Args:
             frames: The poses (N,), with the bodies of the cell and of the markers.
@@ -84,23 +92,17 @@ class Beams:
         start = np.array([eye for eye, _ in views])[view].T
         ends = np.array([marker.position(frames) for _, marker in views])
         way = ends[view, :, pose].T - start
-        moved = _movers(frames, views)
-        n = len(view)
-        best = Passing(np.full(n, REACH), np.full(n, NOTHING), np.zeros((3, n)), np.zeros((3, n)))
-        self._pass_capsules(best, self.cell.solids.placed(frames), pose, moved[view], start, way)
-        self._pass_standing(best, start, start + way)  # what stands still carries no marker
-        return best._replace(distance=best.distance - self.radius)
+        moved = _movers(frames, views)[view]
+        capsules = self._near_capsules(self.cell.solids.placed(frames), pose, moved, start, way)
+        # What stands still carries no marker.
+        found = Passing.joined([capsules, *self._near_standing(start, start + way)])
+        found = found._replace(distance=found.distance - self.radius)
+        return found.some(found.distance < REACH)
 
-    def _pass_capsules(
-        self,
-        best: Passing,
-        placed: Placed,
-        pose: Indices,
-        carrier: Indices,
-        start: Array,
-        way: Array,
-    ) -> None:
-        """Lessen distances by those of capsules: of the marker's own body up to `own` before it.
+    def _near_capsules(
+        self, placed: Placed, pose: Indices, carrier: Indices, start: Array, way: Array
+    ) -> Passing:
+        """The capsules near beams: of the marker's own body up to `own` before it.
 
         The lower bound is the distance of the capsule's middle, less all that is around it.
         """
@@ -113,25 +115,31 @@ class Beams:
         share = np.clip(np.einsum("ckn,cn->kn", apart, way) / squared, 0.0, until)
         apart -= share * way[:, None]
         bound = np.sqrt(np.einsum("ckn,ckn->kn", apart, apart)) - solids.around[:, None]
-        k, beam = np.nonzero(bound < best.distance)
+        k, beam = np.nonzero(bound < REACH + self.radius)
         a, at = start[:, beam], pose[beam]
         b = a + until[k, beam] * way[:, beam]
         found = segment_to_segment(a, b, placed.start[:, k, at], placed.end[:, k, at])
-        _keep(best, beam, found, solids.radius[k], owner[k])
+        distance = found.distance - solids.radius[k]
+        return Passing(beam, owner[k], distance, found.normal, found.point)
 
-    def _pass_standing(self, best: Passing, start: Array, end: Array) -> None:
-        """Lessen distances by those of boxes, cylinders and planes."""
+    def _near_standing(self, start: Array, end: Array) -> list[Passing]:
+        """The boxes, cylinders and planes near beams."""
         solids = self.cell.solids
+        within = REACH + self.radius
         owner = np.concatenate([self.owners[Box], self.owners[Cylinder]])
-        s, beam = np.nonzero(solids.standing.below(start, end) < best.distance)
+        s, beam = np.nonzero(solids.standing.below(start, end) < within)
+        parts = []
         if len(s):
-            found = solids.standing.nearest(s, start[:, beam], end[:, beam], best.distance[beam])
-            _keep(best, beam, found, 0.0, owner[s])
+            beyond = np.full(len(s), within)
+            found = solids.standing.nearest(s, start[:, beam], end[:, beam], beyond)
+            parts.append(Passing(beam, owner[s], found.distance, found.normal, found.point))
         every = np.arange(start.shape[1])
-        for plane, owner in enumerate(self.owners[Plane]):
+        for plane, own in enumerate(self.owners[Plane]):
             normal, offset = solids.planes[0][plane][:, None], solids.planes[1][plane]
             found = segment_to_plane(start, end, normal, offset)
-            _keep(best, every, found, 0.0, np.full(len(every), owner))
+            body = np.full(len(every), own)
+            parts.append(Passing(every, body, found.distance, found.normal, found.point))
+        return parts
 
     def slopes(
         self,
@@ -151,8 +159,8 @@ class Beams:
         Args:
             frames: The poses (N,), as `passing` has them.
             views: Eyes and markers (b,).
-            near: How near beams (k,) pass a body each.
-            view: Whose beam each is (k,).
+            near: What beams pass (k,).
+            view: Whose beam each passes (k,).
             pose: In which pose (k,).
         """
         eye = np.array([eye for eye, _ in views])[view].T
@@ -173,8 +181,7 @@ class Beams:
         v = velocity(p, _movers(frames, views)[view])
         along = np.einsum("jck,ck->jk", v, u)
         moved = share * v + ((1 - share) * along)[:, None] * u
-        carrier = np.where(near.body == NOTHING, -1, self.carriers[near.body])
-        moved -= velocity(self._carried(frames, near, pose), carrier)
+        moved -= velocity(self._carried(frames, near, pose), self.carriers[near.body])
         return np.asarray(frames.folded(np.einsum("jck,ck->jk", moved, near.normal)))
 
     def _carried(self, frames: Frames, near: Passing, pose: Indices) -> Array:
@@ -192,18 +199,3 @@ def _movers(frames: Frames, views: Sequence[tuple[Array, BodyPoint]]) -> Indices
     """Joint that moves the marker of each view (b,): the last one of what is on the tool."""
     last = len(frames.axes) - 1
     return np.array([last if one.joint is None else one.joint for _, one in views])
-
-
-def _keep(
-    best: Passing, beam: Indices, found: Nearest, radius: Array | float, body: Indices
-) -> None:
-    """Take the nearest of what is found of each beam, where it is nearer than the best so far."""
-    distance = found.distance - radius
-    order = np.lexsort((distance, beam))
-    order = order[np.unique(beam[order], return_index=True)[1]]
-    nearer = order[distance[order] < best.distance[beam[order]]]
-    which = beam[nearer]
-    best.distance[which] = distance[nearer]
-    best.body[which] = body[nearer]
-    best.normal[:, which] = found.normal[:, nearer]
-    best.point[:, which] = found.point[:, nearer]

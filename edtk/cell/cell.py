@@ -678,18 +678,37 @@ class Clear(Constraint):
         """Slacks (N,) of poses, and by how much each of their near pairs (k,) counts in them."""
         solids = self.cell.solids
         count = frames.position.shape[1]
-        end = self.reach + self.cell.margin
-        near = solids.near(solids.placed(frames), end)
-        x = (end - near.nearest.distance) / self.blur
-        # Exponentials are taken relative to the largest of a pose, as deep ones would overflow.
-        top = np.zeros(count)
-        np.maximum.at(top, near.pose, x)
-        at_zero = self.reach / self.blur
-        scale = np.expm1(at_zero) / _weight(at_zero, 0.0)
-        own = top[near.pose]
-        total = np.exp(-top) + scale * np.bincount(near.pose, _weight(x, own), count)
-        slack = self.reach - self.blur * (np.log(total) + top)
-        return slack, scale * _weight_slope(x, own) / total[near.pose], near
+        near = solids.near(solids.placed(frames), self.reach + self.cell.margin)
+        clearance = near.nearest.distance - self.cell.margin
+        slack, share = smooth_least(clearance, near.pose, count, self.reach, self.blur)
+        return slack, share, near
+
+
+def smooth_least(
+    clearance: Array, of: Indices, count: int, reach: float = REACH, blur: float = BLUR
+) -> tuple[Array, Array]:
+    """Smooth slacks of clearances, see `Clear`.
+
+    Args:
+        clearance: Clearances c_i (k,) below the reach [m].
+        of: To which of the slacks each belongs (k,).
+        count: Number of slacks.
+        reach: D, which is the slack of no clearance [m].
+        blur: b [m].
+
+    Returns:
+        The slacks (count,) [m], and their derivatives (k,) by the clearances.
+    """
+    x = (reach - clearance) / blur
+    # Exponentials are taken relative to the largest of a slack, as deep ones would overflow.
+    top = np.zeros(count)
+    np.maximum.at(top, of, x)
+    at_zero = reach / blur
+    scale = np.expm1(at_zero) / _weight(at_zero, 0.0)
+    own = top[of]
+    total = np.exp(-top) + scale * np.bincount(of, _weight(x, own), count)
+    slack = reach - blur * (np.log(total) + top)
+    return slack, scale * _weight_slope(x, own) / total[of]
 
 
 def _weight(x: Array | float, top: Array | float) -> Array:

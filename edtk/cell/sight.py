@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.cell.beams import NOTHING, Beams, Passing
-from edtk.cell.cell import chunks
+from edtk.cell.cell import REACH, chunks, smooth_least
 from edtk.robots.constraints.constraint import Constraint, Inequality
 from edtk.robots.frames import BodyPoint, Frames, cross, dot
 from edtk.robots.joint import DEGREE, MILLIMETRE
 from edtk.robots.robot import Robot
-from edtk.system.typing import Array, Mask
+from edtk.system.typing import Array, Indices, Mask
 
 # Keeps gradients finite where an angle has a kink: along the axis that it is counted from.
 LEAST_SINE = 1e-12
@@ -199,9 +199,9 @@ class Sight:
                 found[view.instrument] &= condition.slack >= 0
         if self.beams is not None:
             of_view = [view.instrument for view in self.views]
-            near = self._look(frames).passing(found[of_view])
-            for instrument, slack in zip(of_view, near.distance, strict=True):
-                found[instrument] &= slack.reshape(shape) >= 0
+            least, _ = self._look(frames).nearest(found[of_view])
+            for instrument, distance in zip(of_view, least, strict=True):
+                found[instrument] &= distance.reshape(shape) >= 0
         return found
 
     def rows(self, q: ArrayLike) -> Mask:
@@ -220,14 +220,20 @@ class Sight:
         frames = self.robot.frames(q, self.bodies)
         m = frames.position.shape[-1]
         found: list[list[Hidden | None]] = [[None] * len(self.reflectors) for _ in range(m)]
-        for view, condition in self.conditions(frames):
+        conditions = _conditions(frames, self.views)
+        if self.beams is not None:
+            least, body = self._look(frames).nearest(np.ones((len(self.views), m), dtype=bool))
+            for own, distance, index in zip(conditions, least, body, strict=True):
+                own.append(Condition("beam", distance, np.zeros((0, m)), index.astype(float)))
+        for view, of_view in zip(self.views, conditions, strict=True):
             of_eye = view.eye.name if len(self.eyes) > 1 else ""
-            for pose in np.flatnonzero(condition.slack < 0):
-                if found[pose][view.instrument] is None:
-                    amount = float(condition.amount[pose])
-                    body = self._body(condition, int(amount)) if self.beams else ""
-                    why = Hidden(condition.reason, amount, of_eye, body)
-                    found[pose][view.instrument] = why
+            for condition in of_view:
+                for pose in np.flatnonzero(condition.slack < 0):
+                    if found[pose][view.instrument] is None:
+                        amount = float(condition.amount[pose])
+                        hiding = self._body(condition, int(amount)) if self.beams else ""
+                        why = Hidden(condition.reason, amount, of_eye, hiding)
+                        found[pose][view.instrument] = why
         return found
 
     def _body(self, condition: Condition, index: int) -> str:
@@ -240,7 +246,8 @@ class Sight:
     ) -> Iterator[tuple[View, Condition]]:
         """All inequalities of each view, that of its beam behind the others.
 
-        The beam takes most of the time, and is looked at where an instrument is held alone.
+        Beams take most of the time, and are looked at where an instrument is held alone. The slack
+        of one is smooth, as that of `Clear` is: what bodies are nearest changes along a descent.
 
         Args:
             frames: Poses, with the bodies of the markers.
@@ -252,17 +259,14 @@ class Sight:
             asked = np.ones((len(self.views), *shape), dtype=bool)
             if held is not None:
                 asked &= held[[view.instrument for view in self.views]]
-            look = self._look(frames)
-            near = look.passing(asked)
-            change = look.slopes() if slopes else np.zeros((0, *near.distance.shape))
+            slack, change = self._look(frames).smooth(asked, slopes)
         for index, of_view in enumerate(_conditions(frames, self.views, slopes)):
             view = self.views[index]
             for condition in of_view:
                 yield view, condition
             if self.beams is not None:
-                slack, body = near.distance[index].reshape(shape), near.body[index].reshape(shape)
-                by_joint = change[:, index].reshape(-1, *shape)
-                yield view, Condition("beam", slack, by_joint, body.astype(float))
+                room = slack[index].reshape(shape)
+                yield view, Condition("beam", room, change[:, index].reshape(-1, *shape), room)
 
     def _look(self, frames: Frames) -> "_Look":
         """What is known of beams in poses whose frames are at hand."""
@@ -291,36 +295,49 @@ class _Look:
         self.beams = sight.beams
         self.views = [(view.eye.position, view.marker.point) for view in sight.views]
         self.frames = partial(sight.robot.frames_of, poses, sight.bodies_in_beams)
-        self.joints, count = poses.q.shape
-        every = (len(self.views), count)
-        self.known = np.zeros(every, dtype=bool)
-        unseen = (np.ones(every), np.full(every, NOTHING))
-        self.near = Passing(*unseen, *np.zeros((2, 3, *every)))
+        self.joints, self.count = poses.q.shape
+        self.known = np.zeros((len(self.views), self.count), dtype=bool)
+        self.found = NOTHING
 
-    def passing(self, asked: Mask) -> Passing:
-        """How near beams (b, N) pass bodies; a metre for those that nobody has asked for."""
+    def near(self, asked: Mask) -> Passing:
+        """What beams (b, N) pass, of those that anybody has asked for, as `ravel` counts them."""
         new = asked.reshape(self.known.shape) & ~self.known
         self.known |= new
         poses = np.flatnonzero(new.any(axis=0))
         for part in chunks(len(poses)):
             some = poses[part]
-            view, pose = np.nonzero(new[:, some])
             found = self.beams.passing(self.frames(some), self.views, new[:, some])
-            for every, one in zip(self.near, found, strict=True):
-                every[..., view, some[pose]] = one
-        return self.near
+            view, pose = np.nonzero(new[:, some])
+            beam = (view * self.count + some[pose])[found.beam]
+            self.found = Passing.joined([self.found, found._replace(beam=beam)])
+        return self.found
 
-    def slopes(self) -> Array:
-        """Derivatives (n, b, N) of the distances."""
-        found = np.zeros((self.joints, *self.known.shape))
-        view, pose = np.nonzero(self.near.body != NOTHING)
-        if len(view):
-            some = np.unique(pose)
-            near = self.near.some(view, pose)
-            at = self.frames(some)
-            own = np.searchsorted(some, pose)
-            found[:, view, pose] = self.beams.slopes(at, self.views, near, view, own)
-        return found
+    def nearest(self, asked: Mask) -> tuple[Array, Indices]:
+        """The least distances (b, N) of beams [m], `REACH` at most, and the bodies that have them.
+
+        Where nothing is near the body is the first one.
+        """
+        near = self.near(asked)
+        least = np.full(self.known.size, REACH)
+        body = np.zeros(self.known.size, dtype=int)
+        order = np.argsort(-near.distance, kind="stable")
+        least[near.beam[order]], body[near.beam[order]] = near.distance[order], near.body[order]
+        return least.reshape(self.known.shape), body.reshape(self.known.shape)
+
+    def smooth(self, asked: Mask, slopes: bool) -> tuple[Array, Array]:
+        """Smooth slacks (b, N) [m], and derivatives (n, b, N); of no joint if nobody asks."""
+        near = self.near(asked)
+        every = self.known.shape
+        slack, share = smooth_least(near.distance, near.beam, self.known.size)
+        if not slopes:
+            return slack.reshape(every), np.zeros((0, *every))
+        view, pose = np.divmod(near.beam, self.count)
+        some, own = np.unique(pose, return_inverse=True)
+        change = np.zeros((self.joints, self.known.size))
+        if len(some):
+            by_joint = share * self.beams.slopes(self.frames(some), self.views, near, view, own)
+            change[:] = [np.bincount(near.beam, row, self.known.size) for row in by_joint]
+        return slack.reshape(every), change.reshape(self.joints, *every)
 
 
 # What is known of frames that are still in use.

@@ -87,6 +87,19 @@ def test_a_beam_has_the_slope_of_its_distance() -> None:
     assert np.quantile(off.max(axis=1), 0.98) < 1e-6
 
 
+def test_a_beam_touches_nothing_where_its_slack_is_positive() -> None:
+    """The smooth slack vanishes where a lone body touches, and before two of them do."""
+    frames = STUDY.robot.frames(poses(4000), sight().bodies_in_beams)
+    look, every = sight()._look(frames), np.ones((2, 4000), dtype=bool)
+    slack, least = look.smooth(every, slopes=False)[0], look.nearest(every)[0]
+    assert (least[slack >= 0] >= 0).all()
+    alone = np.bincount(look.found.beam, minlength=least.size).reshape(least.shape) == 1
+    edge = alone & (np.abs(least) < 1e-3)
+    assert edge.any()
+    assert np.abs(slack - least)[edge].max() < 1e-5
+    np.testing.assert_array_equal(slack[least == least.max()], least.max())
+
+
 def test_the_last_part_of_a_beam_is_not_hidden_by_the_marker_s_own_body() -> None:
     """A marker inside the capsule of its own body is read if that much of the beam is left out."""
     assert STUDY.cell is not None
