@@ -17,6 +17,8 @@ from edtk.system.typing import Array, Indices, Mask
 # Share of the way to a constraint that one step may go: tau of Nocedal and Wright, Eq. (19.9),
 # with the value that they propose.
 TO_BOUNDARY = 0.995
+# Share of a slack that has to be left after a step: half of what its length leaves to second order.
+LEFT = 0.5 * (1 - TO_BOUNDARY)
 # Longest step of a variable, in parts of its range: beyond, a quadratic model of robot poses says
 # nothing, as an angle has turned by a radian.
 LONGEST = 0.3
@@ -116,6 +118,24 @@ def to_boundary(change: Array, x: Array) -> Array:
         x: Positive numbers (b, k, c).
     """
     return np.minimum(1.0, TO_BOUNDARY / np.maximum((-change / x).max(axis=(1, 2)), TINY))
+
+
+def to_curved_boundary(change: Array, x: Array, bend: Array) -> Array:
+    """The same lengths (b,) of numbers ``x + a change + a^2 bend/2``.
+
+    Such a number comes to the share ``1 - tau`` of itself at ``a = 2 tau x / (root - change)`` with
+    ``root^2 = change^2 - 2 tau x bend``, in which nothing cancels where it falls at first; never
+    without a root, or where that is behind.
+
+    Args:
+        change: First derivatives (b, k, c) along the step.
+        x: Positive numbers (b, k, c).
+        bend: Second derivatives (b, k, c).
+    """
+    room = 2 * TO_BOUNDARY * x
+    square = change**2 - room * bend
+    below = np.where(square >= 0, np.sqrt(np.maximum(square, 0.0)) - change, 0.0)
+    return np.asarray((room / np.maximum(below, TINY)).min(axis=(1, 2), initial=1.0))
 
 
 def shortened(d: Array) -> Array:
@@ -325,11 +345,6 @@ class Landscape:
     variables: ScaledVariables
     objective: Objective
 
-    def slack(self, y: Array, start: Indices) -> Array:
-        """Slacks (b, k, c) alone, at y (b, k, d) of some starts (b,): a part of the price."""
-        experiments = self.variables.space.at(self.variables.design(y, start))
-        return _with_bounds(experiments.slack, y)
-
     def point(self, y: Array, start: Indices) -> Point:
         """Objective and constraints at y (b, k, d) of some starts (b,), with derivatives."""
         near = Neighbourhood(self.variables.space, self.variables.design(y, start))
@@ -489,9 +504,7 @@ def step(
 ) -> State:
     """Try one step of every start; a start whose step fails tries a shorter one the next time.
 
-    Starts do not wait for each other's line searches: each call evaluates every start once. Steps
-    that leave the feasible set, as curved constraints let every third one in a cell, need no
-    derivatives.
+    Starts do not wait for each other's line searches: each call evaluates every start once.
 
     Args:
         state: Where the starts are.
@@ -502,7 +515,7 @@ def step(
     """
     here = state.point
     direction = search_direction(state)
-    length = to_boundary(direction.ds, here.slack) * SHORTER[state.tried]
+    length = _whole(here, direction) * SHORTER[state.tried]
     there, drop, taken = _tried(landscape, here, direction, length)
     over = taken | (state.tried == len(SHORTER) - 1)
     mu = direction.mu
@@ -522,6 +535,15 @@ def step(
     )
 
 
+def _whole(here: Point, direction: SearchDirection) -> Array:
+    """The longest lengths (b,) of steps, at most one, that leave all slacks positive."""
+    C = here.slack_curvature
+    curved = slice(C.shape[2])  # those of the bounds, which are the others, are linear
+    bend = ((C @ direction.dy[:, :, None, :, None])[..., 0] @ direction.dy[..., None])[..., 0]
+    some = to_curved_boundary(direction.ds[..., curved], here.slack[..., curved], bend)
+    return np.minimum(some, to_boundary(direction.ds, here.slack))
+
+
 def _tried(
     landscape: Landscape, here: Point, direction: SearchDirection, length: Array
 ) -> tuple[Point, Array, Mask]:
@@ -537,18 +559,16 @@ def _tried(
         The point, by how much steps lower the barrier function (b,), and which are taken (b,).
     """
     y = here.y + length[:, None, None] * direction.dy
-    # To first order the slacks keep this share of themselves; curved ones have to be compared.
-    kept = landscape.slack(y, here.start) > (1 - TO_BOUNDARY) * here.slack
-    inside = np.flatnonzero(kept.all(axis=(1, 2)))
+    there = landscape.point(y, here.start)
+    # To second order slacks keep this share of themselves; what else bends has to be compared.
+    inside = np.flatnonzero((there.slack > LEFT * here.slack).all(axis=(1, 2)))
     drop = np.full(len(y), -np.inf)
-    if not len(inside):
-        return here, drop, drop > 0
-    reached = landscape.point(y[inside], here.start[inside])
     before = merit(here.value, here.slack, direction.mu)
-    drop[inside] = before[inside] - merit(reached.value, reached.slack, direction.mu[inside])
+    after = merit(there.value[inside], there.slack[inside], direction.mu[inside])
+    drop[inside] = before[inside] - after
     taken = drop >= -ARMIJO * length * direction.slope - ROUNDING * np.abs(before)
-    own = np.flatnonzero(taken[inside])
-    return here.with_starts_of(reached[own], np.flatnonzero(taken)), drop, taken
+    own = np.flatnonzero(taken)
+    return here.with_starts_of(there[own], own), drop, taken
 
 
 def _multipliers(z: Array, dz: Array, mu: Array, s: Array) -> Array:

@@ -275,27 +275,21 @@ def test_from_a_corner(space):
 
 
 @on_each
-def test_derivatives_are_taken_inside_alone(space, monkeypatch):
-    """Of steps that leave the feasible set slacks alone are looked at, and some steps do leave."""
-    lost = []
-    slack, point = Landscape.slack, Landscape.point
+def test_few_steps_leave_the_feasible_set(space, monkeypatch):
+    """Steps are as long as constraints allow to second order: nine in ten stay within them."""
+    inside = []
+    point = Landscape.point
 
-    def slacks(self, y, start):
-        found = slack(self, y, start)
-        lost.append((found <= 0).any())
-        return found
-
-    def inside(self, y, start):
+    def looked(self, y, start):
         found = point(self, y, start)
-        assert not lost or (found.slack > 0).all()
+        inside.extend((found.slack > 0).all(axis=(1, 2)))
         return found
 
-    monkeypatch.setattr(Landscape, "slack", slacks)
-    monkeypatch.setattr(Landscape, "point", inside)
+    monkeypatch.setattr(Landscape, "point", looked)
     start = groups(space, 12, 2, 4)
     slope = np.random.default_rng(2).normal(size=start.shape[-1])
     descend(space, start, along(slope))
-    assert any(lost) or not space.constraints
+    assert np.mean(inside) > 0.9
 
 
 @on_each
