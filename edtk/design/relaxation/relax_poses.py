@@ -511,7 +511,7 @@ class _Run:
             if out_of_time():
                 return
             Z = active.relaxation.multipliers
-            accuracy = min(ASCENT_ACCURACY * away, LEAST_ACCURACY)
+            accuracy = min(ASCENT_ACCURACY * max(away, enough), LEAST_ACCURACY)
             searched, found = search_continuum(
                 self.source.space, self.criterion, Z, active.poses, accuracy, fresh, is_new
             )
