@@ -1,9 +1,11 @@
 """Clearances of an arm in its cell: batches, derivatives, pairs, and the slack of searches."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from edtk.cell.cell import Cell, Clear, every_pair
+from edtk.cell.cell import Cell, Clear, Placed, every_pair
 from edtk.cell.shapes import Body, Capsule, Plane
 from edtk.robots.load_robot import load_robot
 from tests.support.cells import cell_of, surroundings
@@ -49,6 +51,25 @@ def test_batches_of_any_shape_are_the_same_as_single_poses(cell):
         one = cell.clearance(q[index])
         assert one.least == pytest.approx(found.least[index], abs=1e-9)
         assert one.names(()) == found.names(index)
+
+
+@pytest.mark.parametrize("away", [0.0, 3e3])
+def test_no_lower_bound_of_a_pair_is_above_its_distance(cell, away):
+    """Single precision leaves what it loses, kilometres from the origin, too."""
+    shift = away * np.array([0.6, -0.64, 0.48])
+    solids = cell.solids
+    own = replace(solids.standing, middle=solids.standing.middle + solids.standing.rotation @ shift)
+    normals, offsets = solids.planes
+    moved = replace(solids, standing=own, planes=(normals, offsets + normals @ shift))
+    placed = Placed(
+        *(ends + shift[:, None, None] for ends in solids.placed(cell.frames(poses(cell, 500))))
+    )
+    bounds = moved.bounds(placed)
+    pair, pose = (one.ravel() for one in np.indices(bounds.shape))
+    near = moved.exactly(placed, pair, pose)
+    left = near.nearest.distance - bounds[near.pair, near.pose]
+    assert (left >= 0).all()
+    assert left.min() < 1e-3 + 1e-5 * away
 
 
 def differences(function, q, h=1e-6):
