@@ -65,6 +65,12 @@ def refine(
         Design variables (b, k, v) and costs (b,). Plans are feasible and never worse than a
         feasible start. A start that is infeasible and cannot be pushed inside has infinite cost.
     """
+    # Batches begin with one rounded design, and what a plan comes to is the same in any company.
+    plans = np.concatenate([x.reshape(len(x), -1), repeats], axis=1)
+    _, first, of = np.unique(plans, axis=0, return_index=True, return_inverse=True)
+    if len(first) < len(x):
+        moved, costs = refine(space, criterion, x[first], repeats[first], iterations, sharpness)
+        return moved[of.reshape(-1)], costs[of.reshape(-1)]
     smooth = [criterion] if criterion.smooth else [criterion.smoothed(s) for s in sharpness]
     stages = [x]
     barrier = FIRST_BARRIER

@@ -384,6 +384,10 @@ def search_continuum(
         starts, owner = np.concatenate([starts, from_sets]), np.concatenate([owner, of])
     if is_new and space.noise is not None and space.noise.error is not None:
         starts, owner = _and_anywhere(fresh, starts, owner, len(multipliers))
+    # The most sensitive poses of all are those of a set of markers, too.
+    starts_of = np.concatenate([owner[:, None], starts], axis=1)
+    once = np.sort(np.unique(starts_of, axis=0, return_index=True)[1])
+    starts, owner = starts[once], owner[once]
     # Objectives are of order one, whatever the size of a multiplier.
     Z = multipliers[owner] / unit[owner, None, None]
     per_trace = is_normalised(criterion)
