@@ -102,6 +102,9 @@ def _described(keys: Specification, robot: Robot, folder: Path) -> tuple[Body, .
 def _check_ignored(scene: SceneTable, bodies: tuple[Body, ...], where: str) -> None:
     names = [body.name for body in bodies]
     for i, pair in enumerate(scene.ignore):
+        if pair[0] == pair[1]:
+            message = f"{pair[0]!r} is named twice; expected two bodies that may touch"
+            raise UserError(message, where=where, key=f"scene.ignore.{i}")
         for name in pair:
             if name not in names:
                 message = f"no body {name!r}; the cell has {', '.join(names)}"

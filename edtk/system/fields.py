@@ -83,7 +83,10 @@ def first_error(error: ValidationError, model: type[BaseModel]) -> tuple[str, st
         if isinstance(location[-1], int):  # the next entry of a list that is too short
             whole = key.rpartition(".")[0]
             number = f"{location[-1]} entr{'y' if location[-1] == 1 else 'ies'}"
-            return whole, f"has {number}; expected more{meaning and f'; it is: {meaning}'}"
+            beside = (one["loc"] for one in error.errors() if one["loc"][:-1] == location[:-1])
+            expected = 1 + max(int(place[-1]) for place in beside)
+            also = meaning and f"; it is: {meaning}"
+            return whole, f"has {number}; expected {expected}{also}"
         all_missing = (one["loc"] for one in error.errors() if one["type"] == "missing")
         missing = [_key(place) for place in all_missing if isinstance(place[-1], str)]
         if len(missing) > 1:
