@@ -42,8 +42,9 @@ class Passing(NamedTuple):
         return Passing(self.beam[chosen], self.body[chosen], self.distance[chosen], *sides)
 
 
-_NONE = np.zeros(0, dtype=int)
-NOTHING = Passing(_NONE, _NONE, np.zeros(0), np.zeros((3, 0)), np.zeros((3, 0)))
+NOTHING = Passing(
+    np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros(0), np.zeros((3, 0)), np.zeros((3, 0))
+)
 
 
 @dataclass(frozen=True, eq=False)

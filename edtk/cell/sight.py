@@ -230,16 +230,12 @@ class Sight:
             for condition in of_view:
                 for pose in np.flatnonzero(condition.slack < 0):
                     if found[pose][view.instrument] is None:
-                        amount = float(condition.amount[pose])
-                        hiding = self._body(condition, int(amount)) if self.beams else ""
+                        amount, hiding = float(condition.amount[pose]), ""
+                        if condition.reason == "beam" and self.beams is not None:
+                            hiding = self.beams.cell.bodies[int(amount)].name
                         why = Hidden(condition.reason, amount, of_eye, hiding)
                         found[pose][view.instrument] = why
         return found
-
-    def _body(self, condition: Condition, index: int) -> str:
-        """Name of the body that hides a marker; empty where the condition is another one."""
-        assert self.beams is not None
-        return self.beams.cell.bodies[index].name if condition.reason == "beam" else ""
 
     def conditions(
         self, frames: Frames, slopes: bool = False, held: Mask | None = None

@@ -108,24 +108,12 @@ def merit(f: Array, s: Array, mu: Array) -> Array:
     return np.asarray(f - mu * np.log(s).sum(axis=(1, 2)))
 
 
-def to_boundary(change: Array, x: Array) -> Array:
-    """Lengths (b,), at most one, at which positive numbers stay positive.
+def to_boundary(change: Array, x: Array, bend: Array | float = 0.0) -> Array:
+    """Lengths (b,), at most one, at which positive ``x + a change + a^2 bend/2`` stay positive.
 
-    The largest a with ``x + a change >= (1 - tau) x``, Eq. (19.9) of Nocedal and Wright.
-
-    Args:
-        change: Changes (b, k, c) by the whole step.
-        x: Positive numbers (b, k, c).
-    """
-    return np.minimum(1.0, TO_BOUNDARY / np.maximum((-change / x).max(axis=(1, 2)), TINY))
-
-
-def to_curved_boundary(change: Array, x: Array, bend: Array) -> Array:
-    """The same lengths (b,) of numbers ``x + a change + a^2 bend/2``.
-
-    Such a number comes to the share ``1 - tau`` of itself at ``a = 2 tau x / (root - change)`` with
-    ``root^2 = change^2 - 2 tau x bend``, in which nothing cancels where it falls at first; never
-    without a root, or where that is behind.
+    The largest a at which each is ``(1 - tau) x`` or more, Eq. (19.9) of Nocedal and Wright. One
+    comes to that at ``a = 2 tau x / (root - change)`` with ``root^2 = change^2 - 2 tau x bend``, in
+    which nothing cancels where it falls at first; never without a root, or where that is behind.
 
     Args:
         change: First derivatives (b, k, c) along the step.
@@ -359,15 +347,10 @@ class Landscape:
             slope=local.slope,
             own=local.own,
             joint=local.joint,
-            slack=_with_bounds(near.experiments.slack[0], y),
+            slack=np.concatenate([near.experiments.slack[0], y, 1.0 - y], axis=-1),
             slack_slope=np.concatenate([slack_slopes[0], of_bounds], axis=-2),
             slack_curvature=near.second(slack_slopes),
         )
-
-
-def _with_bounds(slack: Array, y: Array) -> Array:
-    """Slacks (b, k, c) of constraints, and then those of the bounds ``0 <= y <= 1``."""
-    return np.concatenate([slack, y, 1.0 - y], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -515,7 +498,11 @@ def step(
     """
     here = state.point
     direction = search_direction(state)
-    length = _whole(here, direction) * SHORTER[state.tried]
+    C = here.slack_curvature
+    bend = np.zeros_like(here.slack)  # of bounds, which are the last ones
+    own = (C @ direction.dy[:, :, None, :, None])[..., 0] @ direction.dy[..., None]
+    bend[..., : C.shape[2]] = own[..., 0]
+    length = to_boundary(direction.ds, here.slack, bend) * SHORTER[state.tried]
     there, drop, taken = _tried(landscape, here, direction, length)
     over = taken | (state.tried == len(SHORTER) - 1)
     mu = direction.mu
@@ -533,15 +520,6 @@ def step(
         # mu times the number of slacks is how far the barrier holds the objective from its minimum.
         done=(mu * here.slack[0].size <= accuracy) & (gain <= accuracy),
     )
-
-
-def _whole(here: Point, direction: SearchDirection) -> Array:
-    """The longest lengths (b,) of steps, at most one, that leave all slacks positive."""
-    C = here.slack_curvature
-    curved = slice(C.shape[2])  # those of the bounds, which are the others, are linear
-    bend = ((C @ direction.dy[:, :, None, :, None])[..., 0] @ direction.dy[..., None])[..., 0]
-    some = to_curved_boundary(direction.ds[..., curved], here.slack[..., curved], bend)
-    return np.minimum(some, to_boundary(direction.ds, here.slack))
 
 
 def _tried(
