@@ -9,7 +9,7 @@ from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from edtk.cell.distance import (
     TINY,
@@ -263,8 +263,8 @@ class _Standing:
         round_ones = (*(one[self.boxes :] for one in places), self.half[[0, 2], self.boxes :])
         return (*boxes, *round_ones)
 
-    def of_points(self, x: Array) -> Array:
-        """Signed distances (S, K, N) of points (3, K, N) [m], with the digits of x.
+    def of_points(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Signed distances (S, K, N) of points (3, K, N) [m].
 
         Of all pairs this takes most of the time: one shape after another, whose arrays stay in a
         core's cache.
@@ -450,7 +450,7 @@ class Solids:
         axes = rotation.reshape(3, -1)
         return np.asarray((self.anchors[k] @ axes).reshape(3, -1) + origin)
 
-    def bounds(self, placed: Placed) -> Array:
+    def bounds(self, placed: Placed) -> NDArray[np.float32]:
         """Lower bounds (P, N) on the distances of all pairs, by the middles of capsules [m].
 
         No point of a capsule is farther from its middle than half its length and its radius. Single
@@ -525,7 +525,7 @@ class Solids:
         within = np.broadcast_to(within, placed.start.shape[-1:])
         return self._below(placed, self.bounds(placed), within)
 
-    def _below(self, placed: Placed, bounds: Array, within: Array) -> Near:
+    def _below(self, placed: Placed, bounds: NDArray[np.float32], within: Array) -> Near:
         """The pairs that are nearer than distances (N,), of those whose lower bounds are."""
         pair, pose = np.nonzero(bounds < within)
         found = self.exactly(placed, pair, pose, within[pose])
