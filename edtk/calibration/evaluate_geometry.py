@@ -421,7 +421,7 @@ class GeometryDesigns(CalibratedDesigns):
 
         return columns
 
-    def propagation(self, plan: Plan) -> Propagation | None:
+    def propagated(self, plan: Plan) -> Propagation | None:
         """What is uncertain; None if any is open, or springs are without a [simulation]."""
         return visit_propagation(self.question, plan)
 

@@ -232,8 +232,15 @@ class CalibratedDesigns(Designs, ABC):
     """Designs of calibrations, in which more is uncertain than the noise."""
 
     @abstractmethod
-    def propagation(self, plan: Plan) -> Propagation | None:
+    def propagated(self, plan: Plan) -> Propagation | None:
         """What is uncertain in a calibration by a plan; None where nothing tells it."""
+
+    def propagation(self, plan: Plan) -> Propagation | None:
+        """The same, kept for the last plan: budget, totals and findings ask for it one by one."""
+        last = vars(self).get("last")
+        if last is None or last[0] is not plan:
+            last = vars(self)["last"] = (plan, self.propagated(plan))
+        return last[1]
 
     @abstractmethod
     def by_springs(self, tasks: Tasks) -> float:
@@ -324,7 +331,7 @@ class CalibratedDesigns(Designs, ABC):
 class SpringDesigns(CalibratedDesigns):
     """The designs of a study of springs by displacements."""
 
-    def propagation(self, plan: Plan) -> Propagation | None:
+    def propagated(self, plan: Plan) -> Propagation | None:
         """What is uncertain; None without a [simulation], or if the plan leaves any open."""
         return plan_propagation(self.study, plan)
 

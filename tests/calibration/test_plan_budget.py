@@ -59,6 +59,22 @@ def test_a_model_error_is_assumed_where_nothing_is_said_of_it():
     assert constant.model > np.sqrt(3) * 2e-5
 
 
+def test_what_is_uncertain_is_propagated_once(monkeypatch):
+    """Budget, totals and findings of a plan rest on one propagation; another plan has its own."""
+    made = []
+    own = SpringDesigns.propagated
+    monkeypatch.setattr(
+        SpringDesigns, "propagated", lambda self, plan: made.append(plan) or own(self, plan)
+    )
+    designs = SpringDesigns(STUDY)
+    told = designs.judged(PLAN)
+    assert designs.rests_on_known(PLAN) == ()
+    assert made == [PLAN]
+    assert told["error_budget"].total == designs.error_budget(PLAN).total
+    designs.error_budget(PLAN.repeated(2))
+    assert len(made) == 2
+
+
 @pytest.mark.slow
 def test_a_plan_says_what_a_wrong_guess_of_the_springs_costs():
     """Springs half as soft, or half as soft again, have bounds of their own to be compared with."""
