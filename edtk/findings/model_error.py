@@ -53,9 +53,9 @@ class ModelErrorFound:
 
         Sizes are root mean squares of those that are possible.
         """
-        across, held, turn = np.sqrt(self.posterior.weights @ np.square(self.posterior.sizes))
+        scales, turn = self.posterior.spread
         pieces = self.shown.pieces[rows]
-        shared = pieces.shared(held) * np.array([across, held])[pieces.kinds]
+        shared = pieces.shared(scales[-1]) * scales
         # Of what friction holds the mean is not zero: the columns are of its squares.
         of_mean = np.sqrt(1 + SPREAD**2) / SPREAD
         own = np.moveaxis(shared[..., pieces.kinds == 1], -1, 0)

@@ -48,7 +48,8 @@ class BesideModel:
         ``P_ii^-1 (P y)_i``, whose covariance is ``P_ii^-1``. Pieces of all poses are columns with a
         prior of variance one, as in Henderson's equations.
         """
-        own, BX, gain, By = self._weighed(posterior.likeliest)
+        best = np.array([posterior.likeliest])
+        own, BX, gain, By = self._weighed(posterior.sizes[best][0], posterior.scales(best)[0])
         P = own - np.einsum("mrc,cms->mrs", BX, gain)
         Py = By - np.einsum("mrc,c->mr", BX, np.einsum("cmr,mr->c", gain, self.measured))
         return int(_chances(P, Py, self._std).argmin())
@@ -60,16 +61,17 @@ class BesideModel:
         They are averages over what a posterior leaves possible of the sizes.
         """
         chosen, weights = posterior.kept
-        each = [self._chances(rows, sizes) for sizes in posterior.sizes[chosen]]
+        possible = zip(posterior.sizes[chosen], posterior.scales(chosen), strict=True)
+        each = [self._chances(rows, sizes, scales) for sizes, scales in possible]
         return np.asarray(weights @ np.array(each))
 
-    def _chances(self, aside: Indices, sizes: Array) -> Array:
-        """The same for pieces of some sizes (3,)."""
+    def _chances(self, aside: Indices, sizes: Array, scales: Array) -> Array:
+        """The same for pieces of some sizes (3,), and those (c,) of the shared columns."""
         m, rows = self.measured.shape
         units = np.zeros((m, rows, len(aside), rows))
         units[aside, :, range(len(aside))] = self._std[aside, :, None] * np.eye(rows)
         E = units.reshape(m, rows, -1)
-        _, BX, gain, BE = self._weighed(sizes, E)
+        _, BX, gain, BE = self._weighed(sizes, scales, E)
         P = np.einsum("mra,mrb->ab", E, BE)
         P -= np.einsum("mra,mrc->ac", E, BX) @ np.einsum("cmr,mrb->cb", gain, E)
         y = np.einsum("mra,mr->a", BE, self.measured)
@@ -86,9 +88,9 @@ class BesideModel:
         return CorrelatedNoise.of_any(self.noise, self.measured.shape).std
 
     def _weighed(
-        self, sizes: Array, others: Array | None = None
+        self, sizes: Array, scales: Array, others: Array | None = None
     ) -> tuple[Array, Array, Array, Array]:
-        """What readings weigh where noise and turns of a pose are of some sizes (3,).
+        """What readings weigh where pieces are of some sizes (3,), shared columns of some (c,).
 
         Returns:
             Inverse covariances B (m, rows, rows) of readings; ``B X`` (m, rows, w) of the columns X
@@ -97,7 +99,7 @@ class BesideModel:
         """
         m, rows, p = self.A.shape
         pieces = self.columns.pieces
-        shared = pieces.shared(sizes[1]) * sizes[pieces.kinds]
+        shared = pieces.shared(sizes[1]) * scales
         scale = np.sqrt(np.square(self.A).sum(axis=(0, 1)))
         X = np.concatenate([shared, self.columns.known, self.A / scale], axis=-1)
         every = np.concatenate([X, self.measured[..., None] if others is None else others], axis=-1)

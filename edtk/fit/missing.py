@@ -2,25 +2,28 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
+from math import comb
 
 import numpy as np
 
 from edtk.fit.correlated_noise import RowNoise, groups_by_size, whiten_columns, whole_groups
 from edtk.measure.missing_pieces import PieceColumns, PossibleSprings
 from edtk.measure.model_error import ASSUMED
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
 
 # Shares that a piece may have: nothing, or a size on a scale of factors of two.
 SIZES = np.array([0.0, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32])
-# What is known before a sheet: one arm in two has no springs across its joints, and no stiffness
-# that varies; no gear is without friction, but one in four has so little that it does not count.
-# Where a piece is there its share is a tenth, exponentially distributed. Bearings and links add a
-# tenth to a third to what gears give, friction holds some per cent to a sixth of a load, and
-# stiffnesses vary by a tenth with position. With one half for friction, too, a sheet that tells it
-# at 2.3 standard deviations was taken for one of ideal springs (kept_promises.py).
-ABSENT = np.array([0.5, 0.25, 0.5])
+# What is known before a sheet: one arm in two has no stiffness that varies; no gear is without
+# friction, but one in four has so little that it does not count; where springs across are, see
+# `Places`. Where a piece is there its share is a tenth, exponentially distributed. Bearings and
+# links add a tenth to a third to what gears give, friction holds some per cent to a sixth of a
+# load, and stiffnesses vary by a tenth with position. With one half for friction, too, a sheet that
+# tells it at 2.3 standard deviations was taken for one of ideal springs (kept_promises.py).
+ABSENT = np.array([0.0, 0.25, 0.5])
+GROUPS = 7  # of joints, each of which may have springs across: their places are all counted up
 # Sizes that stand for all that are left possible, each of the same probability, at most.
-KEPT = 24
+KEPT = 48
 
 
 def prior_of_sizes(usual: float = ASSUMED) -> Array:
@@ -30,12 +33,59 @@ def prior_of_sizes(usual: float = ASSUMED) -> Array:
         usual: Share that a piece has on average, where it is there.
 
     Returns:
-        Those of springs across, of what friction holds, and of turns.
+        Those of springs across where there are some, of what friction holds, and of turns.
     """
     between = np.sqrt(SIZES[1:-1] * SIZES[2:])
     edges = np.concatenate([[0.0], between, [np.inf]])
     there = np.outer(1 - ABSENT, np.diff(-np.exp(-edges / usual)))
     return np.column_stack([ABSENT, there])
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where springs across may be: at some joints and not at others, or all along the arm.
+
+    A bearing that tilts says nothing of the next one. With one size for all, joints that a sheet
+    shows to be sound would vouch for those that it does not show. So the springs are across some
+    joints, and of one size there; or links bend, which is springs across all joints and in the
+    middles of links. What share of the joints it is nobody knows before: each number of them, none
+    and all along included, is as likely, and all choices of a number are alike. That is the prior
+    of Scott and Berger (2010), by which many places are no evidence for springs in one of them.
+
+    Attributes:
+        masks: Columns (w, a) that are there; none of them first.
+        chances: Probabilities (w,).
+    """
+
+    masks: Mask
+    chances: Array
+
+    @classmethod
+    def of(cls, joints: Indices, shown: Mask, n: int) -> "Places":
+        """The places of columns.
+
+        Args:
+            joints: The joint (a,) that each is across, or n for the middle of a link.
+            shown: Which of them (a,) readings show. Joints of which they show none go with the
+                nearest of which they do.
+            n: Number of joints. Where more than `GROUPS` are shown, neighbours go together.
+        """
+        across = joints < n
+        seen = np.unique(joints[across & shown])
+        if not len(seen):
+            return cls(np.zeros((1, len(joints)), dtype=bool), np.ones(1))
+        count = min(len(seen), GROUPS)
+        group = np.arange(len(seen)) * count // len(seen)
+        nearest = np.abs(joints[across, None] - seen).argmin(axis=1)
+        there = np.array(list(product((False, True), repeat=count)))
+        masks = np.zeros((len(there), len(joints)), dtype=bool)
+        masks[:, across] = there[:, group[nearest]]
+        ways = [comb(count, int(number)) for number in there.sum(axis=1)]
+        if not across.all():
+            masks = np.vstack([masks, np.ones_like(masks[:1])])
+            ways.append(1)
+        chances = 1 / np.array(ways)
+        return cls(masks, chances / chances.sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +139,7 @@ class SizeLikelihood:
 
     Attributes:
         sums: One for each size of the turns.
-        pieces: Columns of the pieces.
+        pieces: Columns of the pieces, of no measurements.
         scale: Sizes (p,) of the regressors, by which they are divided.
         usual: Share that a piece has on average.
     """
@@ -126,7 +176,8 @@ class SizeLikelihood:
             _Sums(np.sum([one.G for one in of_size], axis=0), sum(one.log_V for one in of_size))
             for of_size in zip(*parts, strict=True)
         ]
-        return cls(tuple(sums), columns.pieces, scale, usual)
+        # Of the pieces it is their kinds that count here: columns of large sheets are not kept.
+        return cls(tuple(sums), columns.pieces[np.arange(0)], scale, usual)
 
     @cached_property
     def posterior(self) -> "SizePosterior | None":
@@ -136,9 +187,10 @@ class SizeLikelihood:
         """
         try:
             found = self._posterior()
+            told = np.isfinite(found.by_size).all() and np.isfinite(found.springs[0]).all()
         except np.linalg.LinAlgError:
             return None
-        return found if np.isfinite(found.weights).all() else None
+        return found if told else None
 
     def _posterior(self) -> "SizePosterior":
         """The same, of springs that the readings tell.
@@ -146,31 +198,86 @@ class SizeLikelihood:
         Raises:
             numpy.linalg.LinAlgError: They do not.
         """
-        kinds, before = self.pieces.kinds, self.pieces.mean
-        c, p = len(kinds), len(self.scale)
-        sizes = np.stack(np.meshgrid(SIZES, SIZES, indexing="ij"), axis=-1).reshape(-1, 2)
-        S = np.concatenate([sizes[:, kinds], np.ones((len(sizes), p))], axis=1)
-        order = self._orders()
-        last = 1 + int(order.max())
-        of_across, of_held, of_turn = np.log(prior_of_sizes(self.usual))
-        parts = []
-        for turn, sums in enumerate(self.sums):
-            fixed, log_V = _without(sums, last)
-            G = np.array([fixed[np.ix_(own, own)] for own in order])
-            y = np.array([fixed[own, p] for own in order])
-            times = len(SIZES)
-            M, b = _equations(np.tile(G, (times, 1, 1)), np.tile(y, (times, 1)), S, before)
-            mean = np.linalg.solve(M, b[..., None])[..., 0]
-            square = fixed[p, p] + before @ before - (b * mean).sum(axis=1)
-            likelihood = -0.5 * (log_V + np.linalg.slogdet(M)[1] + square)
-            known = of_turn[turn] + of_across[:, None] + of_held
-            parts.append((likelihood + known.ravel(), mean, M, np.full(len(S), SIZES[turn])))
-        log, mean, M, turns = (np.concatenate(one) for one in zip(*parts, strict=True))
+        first = 1 + len(self.scale)
+        joints = self.pieces.places
+        shown = np.diag(self.sums[0].G)[first : first + len(joints)] > 0
+        places = Places.of(joints, shown, self.pieces.turns.shape[-1])
+        across, held, turn = prior_of_sizes(self.usual)
+        where = across[:, None] * places.chances
+        where[:, 0] = 0.0
+        where[0, 0] = places.chances[0]
+        known = turn[:, None, None, None] * held[:, None, None] * where
+        with np.errstate(divide="ignore"):
+            log = np.log(known) + self._log_likelihoods(places.masks)
         weights = np.exp(log - log.max())
-        every = np.tile(sizes, (len(self.sums), 1))
-        units = np.concatenate([every[:, kinds], np.tile(1 / self.scale, (len(M), 1))], axis=1)
-        shares = np.column_stack([every, turns])
-        return SizePosterior(shares, weights / weights.sum(), mean * units, M, units, c)
+        return SizePosterior(self, places, weights / weights.sum())
+
+    def _log_likelihoods(self, masks: Mask) -> Array:
+        """Those (turns, held, across, places) of all sizes, with springs in places (places, a).
+
+        Springs of one size s have the determinant and the quadratic form of
+        ``I + s^2 R`` with what remains of their columns, R, beside regressors and friction.
+        """
+        R, r, rest = self._across_alone()
+        squares = np.square(SIZES)[:, None]
+        found = np.empty((*rest.shape, len(SIZES), len(masks)))
+        for place, mask in enumerate(masks):
+            values, axes = np.linalg.eigh(R[..., mask, :][..., mask])
+            along = (r[..., None, mask] @ axes) ** 2
+            gain = 1 + squares * np.maximum(values, 0.0)[..., None, :]
+            parts = np.log(gain) - squares * along / gain
+            found[..., place] = parts.sum(axis=-1) + rest[..., None]
+        return -0.5 * found
+
+    def _across_alone(self) -> tuple[Array, Array, Array]:
+        """Sums of the columns across, freed of regressors and friction of each size.
+
+        Returns:
+            Of the columns (turns, held, a, a), and with the readings (turns, held, a); and -2 log L
+            (turns, held) without any spring across.
+        """
+        a, c = len(self.pieces.places), len(self.pieces.kinds)
+        G, y, rest = self._sums_by_size
+        S = np.ones(G.shape[1:3])
+        S[:, a:c] = SIZES[:, None]
+        M, b = _equations(G, y, S, self.pieces.mean)
+        inner, beside = M[..., a:, a:], M[..., a:, :a]
+        own = b[..., a:, None]
+        solved = np.linalg.solve(inner, np.concatenate([beside, own], axis=-1))
+        taken = np.swapaxes(beside, -1, -2) @ solved
+        freed = M[..., :a, :a] - np.eye(a) - taken[..., :a]
+        square = rest[:, None] - (own * solved[..., a:]).sum(axis=(-1, -2))
+        return freed, b[..., :a] - taken[..., a], np.linalg.slogdet(inner)[1] + square
+
+    def solved(self, sizes: Array, scales: Array) -> tuple[Array, Array]:
+        """Shares and springs (s, c + p), and their covariances (s, c + p, c + p).
+
+        Args:
+            sizes: Those of `SIZES` (s, 3): across, held, turn.
+            scales: Sizes (s, c) of the shared columns.
+        """
+        held, turn = np.searchsorted(SIZES, sizes[:, 1:]).T
+        G, y, _ = self._sums_by_size
+        s, p = len(scales), len(self.scale)
+        S = np.concatenate([scales, np.ones((s, p))], axis=1)
+        M, b = _equations(G[turn, held], y[turn, held], S, self.pieces.mean)
+        units = np.concatenate([scales, np.tile(1 / self.scale, (s, 1))], axis=1)
+        mean = np.linalg.solve(M, b[..., None])[..., 0]
+        return mean * units, units[:, :, None] * np.linalg.inv(M) * units[:, None]
+
+    @cached_property
+    def _sums_by_size(self) -> tuple[Array, Array, Array]:
+        """Sums of shares and regressors, with what else is uncertain taken as noise.
+
+        Returns:
+            Their products (turns, held, c + p, c + p), those with the readings (turns, held,
+            c + p), and ``log |R| + y'R^-1 y + m'm`` (turns,).
+        """
+        order, p, before = self._orders(), len(self.scale), self.pieces.mean
+        each = [_without(sums, 1 + int(order.max())) for sums in self.sums]
+        fixed = np.array([G for G, _ in each])
+        rest = [log_V + G[p, p] + before @ before for G, log_V in each]
+        return fixed[:, order[:, :, None], order[:, None]], fixed[:, order, p], np.array(rest)
 
     def _orders(self) -> Indices:
         """Places (sizes, c + p) in sums of shares and regressors, for each size of friction."""
@@ -229,12 +336,12 @@ def _without(sums: _Sums, first: int) -> tuple[Array, float]:
 
 
 def _equations(G: Array, y: Array, S: Array, before: Array) -> tuple[Array, Array]:
-    """M (s, c + p, c + p) and b (s, c + p) for sizes S (s, c + p), of sums G and y of each."""
+    """M (..., c + p, c + p) and b (..., c + p) for sizes S (s, c + p), of sums G and y of each."""
     c = len(before)
     M = S[:, :, None] * G * S[:, None]
-    M[:, range(c), range(c)] += 1.0
+    M[..., range(c), range(c)] += 1.0
     b = S * y
-    b[:, :c] += before
+    b[..., :c] += before
     return M, b
 
 
@@ -243,61 +350,92 @@ class SizePosterior:
     """What a sheet leaves possible of the sizes of what is missing.
 
     Attributes:
-        sizes: Shares (s, 3) of the pieces: across, held, turn.
-        weights: Their probabilities (s,).
-        mean: Shares and springs (s, c + p) for each, by generalised least squares.
-        M: Inverses (s, c + p, c + p) of the covariance, over `units`.
-        units: Of these (s, c + p).
-        c: Number of shared columns.
+        given: The likelihood.
+        places: Where springs across may be.
+        by_size: Probabilities (turns, held, across, places) of all sizes of `SIZES`.
     """
 
-    sizes: Array
-    weights: Array
-    mean: Array
-    M: Array
-    units: Array
-    c: int
+    given: SizeLikelihood
+    places: Places
+    by_size: Array
 
     @property
-    def likeliest(self) -> Array:
-        """The likeliest shares (3,); all zero where the sheet does not speak for any.
+    def weights(self) -> Array:
+        """The same (s,) of all possibilities, in the order of `sizes`."""
+        return self.by_size.ravel()
 
-        They are those where each piece was as likely absent as there before: what a sheet says, and
-        not what is known of arms.
+    @cached_property
+    def sizes(self) -> Array:
+        """Shares (s, 3) of the pieces: across, held, turn."""
+        every = np.stack(np.meshgrid(SIZES, SIZES, SIZES, indexing="ij")[::-1], axis=-1)
+        return np.repeat(every.reshape(-1, 3), len(self.places.chances), axis=0)
+
+    def scales(self, which: Indices) -> Array:
+        """Sizes (s, c) of the shared columns for some of the possibilities."""
+        across, held, _ = self.sizes[which].T
+        there = self.places.masks[which % len(self.places.chances)]
+        n = len(self.given.pieces.kinds) - there.shape[1]
+        return np.concatenate([across[:, None] * there, np.tile(held[:, None], n)], axis=1)
+
+    @cached_property
+    def spread(self) -> tuple[Array, float]:
+        """Root mean squares of the sizes of shared columns (c,), and of turns."""
+        squares = np.square(SIZES)
+        turn = squares @ self.by_size.sum(axis=(1, 2, 3))
+        held = squares @ self.by_size.sum(axis=(0, 2, 3))
+        across = squares @ self.by_size.sum(axis=(0, 1)) @ self.places.masks
+        n = len(self.given.pieces.kinds) - len(across)
+        return np.sqrt(np.append(across, np.full(n, held))), float(np.sqrt(turn))
+
+    @cached_property
+    def likeliest(self) -> int:
+        """The likeliest possibility; nothing is missing where the sheet does not speak for it.
+
+        Its shares are those where each piece was as likely absent as there before: what a sheet
+        says, and not what is known of arms.
         """
-        known = np.where(self.sizes == 0, ABSENT, 1 - ABSENT).prod(axis=1)
-        return np.asarray(self.sizes[int((self.weights / known).argmax())])
+        absent = ABSENT.copy()
+        absent[0] = self.places.chances[0]
+        count = len(self.places.chances)
+        sizes = self.sizes[::count]
+        known = np.where(sizes == 0, absent, 1 - absent).prod(axis=1)
+        said = self.by_size.sum(axis=-1).ravel() / np.where(known > 0, known, 1.0)
+        best = int(said.argmax())
+        return best * count + int(self.by_size.reshape(-1, count)[best].argmax())
 
     @property
     def shares(self) -> dict[str, float]:
         """The likeliest shares of the pieces [%]."""
-        across, held, turn = (100 * self.likeliest).tolist()
+        across, held, turn = (100 * self.sizes[self.likeliest]).tolist()
         return {"across_percent": across, "held_percent": held, "turn_percent": turn}
 
     @property
     def is_seen(self) -> bool:
         """Whether the sheet speaks for something that is missing."""
-        return bool(self.likeliest.any())
+        return bool(self.sizes[self.likeliest].any())
 
     @cached_property
     def kept(self) -> tuple[Indices, Array]:
-        """Some sizes that stand for all, and their weights."""
+        """Some possibilities that stand for all, and their weights."""
         order = np.lexsort(self.sizes.T[[0, 2, 1]])
         levels = (np.arange(KEPT) + 0.5) / KEPT
         at = np.searchsorted(np.cumsum(self.weights[order]), levels)
         chosen, counts = np.unique(order[np.minimum(at, len(order) - 1)], return_counts=True)
         return chosen, counts / KEPT
 
-    def covariance(self, which: Indices) -> Array:
-        """Covariances (s, c + p, c + p) of shares and springs for some of the sizes."""
-        units = self.units[which]
-        inverse = np.linalg.inv(self.M[which])
-        return np.asarray(units[:, :, None] * inverse * units[:, None])
+    def solved(self, which: Indices) -> tuple[Array, Array]:
+        """Shares and springs (s, c + p) for some possibilities, and their covariances."""
+        return self.given.solved(self.sizes[which], self.scales(which))
+
+    @cached_property
+    def springs(self) -> tuple[Array, Array]:
+        """The same for those that are kept."""
+        return self.solved(self.kept[0])
 
     def possible(self, k: Array) -> PossibleSprings:
         """What is left possible, beside the springs k (p,) by which commands are made."""
         chosen, weights = self.kept
-        mean = self.mean[chosen].copy()
-        mean[:, self.c :] -= k
+        mean, covariance = self.springs
+        mean = mean - np.pad(k, (mean.shape[1] - len(k), 0))
         _, held, turn = self.sizes[chosen].T
-        return PossibleSprings(weights, held, turn, mean, self.covariance(chosen))
+        return PossibleSprings(weights, held, turn, mean, covariance)

@@ -154,6 +154,13 @@ class PieceColumns:
         return np.repeat([0, 1], [self.across.shape[-1], self.turns.shape[-1]])
 
     @property
+    def places(self) -> Indices:
+        """The joint (a,) that each spring is across, or n for the middle of a link."""
+        n = self.turns.shape[-1]
+        number = np.arange(self.across.shape[-1])
+        return np.where(number < SIDES * n, number % n, n)
+
+    @property
     def mean(self) -> Array:
         """The mean (a + n,) of the shared columns' shares, whose variance is one."""
         return np.asarray((self.kinds == 1) / SPREAD)

@@ -1,5 +1,6 @@
 """Errors of the model: repeats do not average them out, tasks have them, and bands hold them."""
 
+import itertools
 import json
 from dataclasses import replace
 
@@ -116,7 +117,9 @@ def left_by(found, sizes):
     """Error in the task by springs and pieces, if these have some sizes of the scale [m]."""
     seen = found.fitted.model_error.posterior
     at = (seen.sizes == sizes).all(axis=1)
-    sure = replace(seen, weights=1.0 * at).possible(seen.mean[at][0, seen.c :])
+    mean, _ = seen.solved(np.flatnonzero(at)[:1])
+    by_size = np.reshape(1.0 * at, seen.by_size.shape)
+    sure = replace(seen, by_size=by_size).possible(mean[0, -len(K) :])
     left = ModelLeft.of(found.fitted, np.zeros((len(K), 0)))
     return replace(left, possible=sure).size(STUDY.tasks)
 
@@ -251,10 +254,18 @@ def test_restricted_likelihood_of_sizes():
     logs, means = [], []
     flat = [x.reshape(3 * m, -1) for x in (A, T, E)]
     same = np.kron(pose[:, None] == pose, np.ones((3, 3)))
-    prior = [dict(zip(SIZES, one, strict=True)) for one in np.log(prior_of_sizes())]
-    for sizes in found.sizes:
+    tiny = np.finfo(float).tiny  # of springs across that are there, and of no size
+    prior = [dict(zip(SIZES, np.log(one + tiny), strict=True)) for one in prior_of_sizes()]
+    # Each of the three columns is across another joint: any of them may be there, of one size.
+    there = np.array(list(itertools.product([False, True], repeat=3)))
+    np.testing.assert_array_equal(found.places.masks, there)
+    number = there.sum(axis=1)
+    chances = 0.25 / np.array([1, 3, 3, 1])[number]
+    for which, sizes in enumerate(found.sizes):
         across, held, turn = sizes
-        S = np.array([across, held])[kinds]
+        place = which % len(there)
+        S = np.append(across * there[place], np.full(n, held))
+        np.testing.assert_array_equal(found.scales(np.array([which]))[0], S)
         R = 0.09 * np.eye(3 * m) + turn**2 * same * (flat[1] @ flat[1].T) + flat[2] @ flat[2].T
         shared = pieces.shared(held).reshape(3 * m, -1)
         V = R + (shared * S**2) @ shared.T
@@ -264,16 +275,24 @@ def test_restricted_likelihood_of_sizes():
         k = np.linalg.solve(M, flat[0].T @ P @ rest)
         r = rest - flat[0] @ k
         log = -0.5 * (np.linalg.slogdet(V)[1] + np.linalg.slogdet(M)[1] + r @ P @ r)
-        logs.append(log + sum(one[size] for one, size in zip(prior, sizes, strict=True)))
+        of_size = 0.0 if not number[place] and not across else prior[0][across]
+        impossible = (across > 0) != (number[place] > 0)
+        known = of_size + prior[1][held] + prior[2][turn] + np.log(chances[place])
+        logs.append(-np.inf if impossible else log + known)
         means.append(np.append(S * mean + S**2 * (shared.T @ P @ r), k))
     weights = np.exp(np.array(logs) - max(logs))
     np.testing.assert_allclose(found.weights, weights / weights.sum(), rtol=1e-8, atol=1e-14)
-    np.testing.assert_allclose(found.mean, means, rtol=1e-8, atol=1e-10)
+    some = np.flatnonzero(weights > 0)
+    means = np.array(means)[some]
+    np.testing.assert_allclose(found.solved(some)[0], means, rtol=1e-8, atol=1e-10)
+    scales = np.array([found.scales(np.array([one]))[0] for one in some])
+    np.testing.assert_allclose(found.spread[0] ** 2, found.weights[some] @ scales**2)
+    np.testing.assert_allclose(found.spread[1] ** 2, found.weights @ found.sizes[:, 2] ** 2)
 
 
 def test_prior_of_sizes():
-    """A half of the probability is that of nothing, of friction a quarter; means are as asked."""
-    for prior, absent in zip(prior_of_sizes(0.1), (0.5, 0.25, 0.5), strict=True):
+    """Friction is absent in a quarter, turns in a half; means are as asked where one is there."""
+    for prior, absent in zip(prior_of_sizes(0.1), (0.0, 0.25, 0.5), strict=True):
         assert prior.sum() == pytest.approx(1)
         assert prior[0] == absent
         assert prior @ SIZES / (1 - absent) == pytest.approx(0.1, rel=0.15)

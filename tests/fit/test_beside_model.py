@@ -46,7 +46,8 @@ def test_chances_are_those_of_predictions_by_the_rest(aside, correlated):
     turns = sizes[2] * pieces.turns
     same = one.columns.pose[:, None] == one.columns.pose
     V = np.einsum("irn,jsn,ij->irjs", turns, turns, same).reshape(n, n)
-    columns = [pieces.shared(sizes[1]) * sizes[pieces.kinds], one.columns.known]
+    scales = np.where(pieces.kinds == 1, sizes[1], [sizes[0], 0.0, sizes[0], *[1.0] * 4])
+    columns = [pieces.shared(sizes[1]) * scales, one.columns.known]
     L = np.concatenate(columns, axis=-1).reshape(n, -1)
     single = CorrelatedNoise.of_any(one.noise, (m, 3)).blocks[0].covariance
     V = V + L @ L.T + np.einsum("irs,ij->irjs", single, np.eye(m)).reshape(n, n)
@@ -64,7 +65,7 @@ def test_chances_are_those_of_predictions_by_the_rest(aside, correlated):
         own = slice(3 * i, 3 * i + 3)
         square = error[own] @ np.linalg.solve(of_error[own, own], error[own])
         expected.append(chi2.sf(square, 3))
-    np.testing.assert_allclose(one._chances(np.array(aside), sizes), expected, rtol=1e-6)
+    np.testing.assert_allclose(one._chances(np.array(aside), sizes, scales), expected, rtol=1e-6)
 
 
 @pytest.mark.slow
