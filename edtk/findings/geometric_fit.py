@@ -67,6 +67,7 @@ MOST_TYPED = 2  # poses whose wrong joint is named in full
 MOSTLY = 0.7  # of the squares that are left
 HALF = 0.5  # of them: a cause that explains less leaves most of the misfit to the model
 NOISY = 5.0  # times the stated noise
+BY_PERCENT = 1e-3  # [m/m] a scale that is known no better is said in percent
 # Times as likely with a cause as without any: of sound days at most one in so many shows as much
 # (Markov's inequality), if they err as is assumed.
 LIKELIER = 300.0
@@ -656,7 +657,9 @@ def scale_in_words(size: float, std: float, known: bool) -> str:
     """By how much lengths come out longer than what they are compared with [m/m]."""
     longer = "longer" if size > 0 else "shorter"
     than = "known before," if known else "drawn"
-    return f"{longer} than {than} together, by {1e6 * abs(size):.3g} +- {1e6 * std:.2g} um/m"
+    per, unit = (1e6, "um/m") if std < BY_PERCENT else (1e2, "%")
+    by, within = (f"{x:.0f}" if x >= 10 else f"{x:.2g}" for x in (per * abs(size), per * std))
+    return f"{longer} than {than} together, by {by} +- {within} {unit}"
 
 
 def _discrepancy(data: Data) -> str:
