@@ -20,12 +20,12 @@ SOFTNESS = 1e-6  # [rad/(N m), m/N]
 SPREAD = 10.0  # of what is not told, in these units, or in likely sizes of a compliance
 ALONG = 1 - 1e-9  # cosine beyond which a component is the one along the joint's axis
 KINDS = ("zeros", "lengths", "tilts")
-# A column, of which the others leave less than this share, moves no marker in a way of its own.
-# Rounding leaves 1e-14, and the weakest ways of real sheets 1e-5 and more.
 ALIKE = 1e-6  # relative difference of lengths of columns, that is rounding
-NEGLIGIBLE = 1e-8
-# Of a column of unit length what others leave of it, at least. Robots' files say angles to five
-# digits, as 1.5708 and 3.1416: axes that are parallel are so to that, which tells nothing.
+NEGLIGIBLE = 1e-8  # length of a column beside the longest one, that is rounding
+# A column of unit length, of which the others leave less than this, moves no marker in a way of its
+# own. Rounding leaves 1e-14. Robots' files say angles to five digits, as 1.5708 and 3.1416: axes
+# that are parallel are so to that, which tells nothing. The weakest ways of three real sheets
+# (`studies/real_robots.py`) leave 1e-2 and more.
 TOLD = 2e-5
 # Shares of other parameters below this are left out of the words, not of the arithmetic.
 SMALL_SHARE = 0.02
