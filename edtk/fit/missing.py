@@ -51,6 +51,8 @@ class Places:
     middles of links. What share of the joints it is nobody knows before: each number of them, none
     and all along included, is as likely, and all choices of a number are alike. That is the prior
     of Scott and Berger (2010), by which many places are no evidence for springs in one of them.
+    Where each number of n joints is as likely, so is each number of any some of them: a joint that
+    no reading shows changes nothing of the others, and keeps the chance that they leave it.
 
     Attributes:
         masks: Columns (w, a) that are there; none of them first.
@@ -61,25 +63,19 @@ class Places:
     chances: Array
 
     @classmethod
-    def of(cls, joints: Indices, shown: Mask, n: int) -> "Places":
+    def of(cls, joints: Indices, n: int) -> "Places":
         """The places of columns.
 
         Args:
             joints: The joint (a,) that each is across, or n for the middle of a link.
-            shown: Which of them (a,) readings show. Joints of which they show none go with the
-                nearest of which they do.
-            n: Number of joints. Where more than `GROUPS` are shown, neighbours go together.
+            n: Number of joints. Where more than `GROUPS` have columns, neighbours go together.
         """
         across = joints < n
-        seen = np.unique(joints[across & shown])
-        if not len(seen):
-            return cls(np.zeros((1, len(joints)), dtype=bool), np.ones(1))
-        count = min(len(seen), GROUPS)
-        group = np.arange(len(seen)) * count // len(seen)
-        nearest = np.abs(joints[across, None] - seen).argmin(axis=1)
+        each, number = np.unique(joints[across], return_inverse=True)
+        count = min(len(each), GROUPS)
         there = np.array(list(product((False, True), repeat=count)))
         masks = np.zeros((len(there), len(joints)), dtype=bool)
-        masks[:, across] = there[:, group[nearest]]
+        masks[:, across] = there[:, number * count // len(each)]
         ways = [comb(count, int(number)) for number in there.sum(axis=1)]
         if not across.all():
             masks = np.vstack([masks, np.ones_like(masks[:1])])
@@ -198,10 +194,7 @@ class SizeLikelihood:
         Raises:
             numpy.linalg.LinAlgError: They do not.
         """
-        first = 1 + len(self.scale)
-        joints = self.pieces.places
-        shown = np.diag(self.sums[0].G)[first : first + len(joints)] > 0
-        places = Places.of(joints, shown, self.pieces.turns.shape[-1])
+        places = Places.of(self.pieces.joints, self.pieces.turns.shape[-1])
         across, held, turn = prior_of_sizes(self.usual)
         where = across[:, None] * places.chances
         where[:, 0] = 0.0
@@ -236,7 +229,7 @@ class SizeLikelihood:
             Of the columns (turns, held, a, a), and with the readings (turns, held, a); and -2 log L
             (turns, held) without any spring across.
         """
-        a, c = len(self.pieces.places), len(self.pieces.kinds)
+        a, c = len(self.pieces.joints), len(self.pieces.kinds)
         G, y, rest = self._sums_by_size
         S = np.ones(G.shape[1:3])
         S[:, a:c] = SIZES[:, None]

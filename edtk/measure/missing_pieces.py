@@ -154,7 +154,7 @@ class PieceColumns:
         return np.repeat([0, 1], [self.across.shape[-1], self.turns.shape[-1]])
 
     @property
-    def places(self) -> Indices:
+    def joints(self) -> Indices:
         """The joint (a,) that each spring is across, or n for the middle of a link."""
         n = self.turns.shape[-1]
         number = np.arange(self.across.shape[-1])

@@ -11,7 +11,7 @@ from edtk.measure.missing_pieces import PieceColumns
 def test_each_number_of_joints_is_as_likely(n, links):
     """None, one, all joints, and all along the arm have one chance; so have choices of a number."""
     joints = np.concatenate([np.tile(np.arange(n), 2), np.full(3 * links, n)])
-    places = Places.of(joints, np.ones(len(joints), dtype=bool), n)
+    places = Places.of(joints, n)
     assert places.chances.sum() == pytest.approx(1)
     assert not places.masks[0].any()
     numbers = places.masks.sum(axis=1)
@@ -28,14 +28,25 @@ def test_each_number_of_joints_is_as_likely(n, links):
     assert places.masks[places.masks[:, 2 * n :].any(axis=1)].all()
 
 
-def test_joints_that_no_reading_shows_go_with_the_nearest():
-    """Their springs are in tasks all the same; without any that is shown there are none."""
-    joints = np.tile(np.arange(4), 2)
-    shown = np.isin(joints, [1, 3])
-    masks = Places.of(joints, shown, 4).masks
-    assert len(masks) == 4
-    np.testing.assert_array_equal(masks[:, 0], masks[:, 1])
-    assert not Places.of(joints, np.zeros(8, dtype=bool), 4).masks.any()
+@pytest.mark.parametrize("hidden", [(), (0,), (0, 1, 2, 3)])
+def test_a_joint_that_no_reading_shows_is_open(hidden):
+    """It changes nothing of the others, and its chance is by Laplace's rule of succession.
+
+    That is 1/(2 + s) beside s joints that are sound, and a half where no joint is shown.
+    """
+    rng = np.random.default_rng(5)
+    every = np.tile(np.arange(4), 2)
+    across = rng.standard_normal((40, 3, 8)) * ~np.isin(every, hidden)
+    A = rng.standard_normal((40, 3, 1))
+    measured = 2.0 * A[..., 0] + 1e-4 * rng.standard_normal((40, 3))
+    pieces = PieceColumns(across, np.zeros((40, 3, 4)), np.zeros((40, 4)), np.ones(4))
+    shown = MissingColumns(pieces, np.arange(40), np.zeros((40, 3, 0)))
+    found = SizeLikelihood.of(A, measured, np.full((40, 3), 1e-4), shown).posterior
+    of_joint = found.by_size.sum(axis=(0, 1, 2)) @ found.places.masks[:, :4]
+    sound = 4 - len(hidden)
+    for joint in range(4):
+        expected = 1 / (2 + sound) if joint in hidden else 0.0
+        assert of_joint[joint] == pytest.approx(expected, abs=0.02)
 
 
 def test_sound_joints_do_not_vouch_for_others():
