@@ -538,7 +538,8 @@ def table(folder: Path, cases: Sequence[Case], way: Way) -> str:
 def page(folder: Path) -> str:
     """Tables of the days that are there as a page, as Markdown."""
     apart = "\n".join(told_apart(name, scene, folder) for name, scene in scenes().items())
-    parts = [INTRODUCTION.format(size=SIZE, poses=POSES, searches=SEARCHES, apart=apart)]
+    parts = []
+    fewest = DAYS
     for name, way in WAYS.items():
         found = read_days(folder / name / "days.jsonl")
         if found:
@@ -548,7 +549,10 @@ def page(folder: Path) -> str:
             few = "" if each.min() == each.max() else f"{each.min()} to "
             days = f"{few}{each.max()} days of each"
             parts.append(f"## {way.words} ({days})\n\n{rows}")
-    return "\n\n".join(parts) + "\n"
+            fewest = min(fewest, int(each.min()))
+    numbers = {"size": SIZE, "poses": POSES, "searches": SEARCHES, "fewest": fewest}
+    head = INTRODUCTION.format(apart=apart, share=100 / fewest, **numbers)
+    return "\n\n".join([head, *parts]) + "\n"
 
 
 INTRODUCTION = """# Promises, kept and broken
@@ -577,7 +581,7 @@ Where the noise alone is drawn, the study says so, and doubts neither load nor t
 the size of its load by 1 % and its direction by 1 degree promises 0.02 mm for that alone, of the
 KR 270 in its test pose; ideal springs under a load that happens to be exact are 0.003 mm off. One
 promise cannot be right for both.
-Of few days a share is rough; one day in six is 17 %.
+Of few days a share is rough; one day in {fewest} is {share:.0f} %.
 
 An optimal plan loads every joint as much as it can, under which friction looks like a stiffer
 joint. Plans that are as good as each other differ in what they tell of it:

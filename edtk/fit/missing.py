@@ -22,7 +22,9 @@ SIZES = np.array([0.0, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32])
 # tells it at 2.3 standard deviations was taken for one of ideal springs (kept_promises.py).
 ABSENT = np.array([0.0, 0.25, 0.5])
 GROUPS = 7  # of joints, each of which may have springs across: their places are all counted up
-# Sizes that stand for all that are left possible, each of the same probability, at most.
+# Sizes and places that stand for all that are left possible, each of the same probability, at most.
+# The error promised is then 4 % off that of 3000 of them, root mean square over 72 sheets, and 5 %
+# with 24 (kept_promises.py).
 KEPT = 48
 
 
