@@ -133,6 +133,15 @@ def spectral_weights(
     return best.w / best.w.sum(), 0.5 * (Z + Z.T)
 
 
+def _largest_multiple(allowed: Array, used: Array) -> float:
+    """The largest multiple of what is used (k,) that exceeds nothing of what is allowed (k,).
+
+    Candidates that tell nothing use nothing, and limit nothing.
+    """
+    with np.errstate(over="ignore"):
+        return float((allowed / np.maximum(used, np.finfo(float).tiny)).min())
+
+
 @dataclass(frozen=True, eq=False)
 class _Point(PathPoint[SpectralDirection]):
     """A point inside all constraints, in the parameters that T whitens.
@@ -174,7 +183,7 @@ class _Point(PathPoint[SpectralDirection]):
         Z = band.a / len(T) * np.eye(len(T))
         allowed = band.b + active.sensitivities(T @ R @ Z @ R.T @ T.T)
         used = active.sensitivities(T @ Y @ T.T)
-        Y *= (allowed / np.maximum(used, np.finfo(float).tiny)).min() / INSIDE
+        Y *= _largest_multiple(allowed, used) / INSIDE
         v = allowed - active.sensitivities(T @ Y @ T.T)
         duals = np.stack([Y, Z]) if band.a else Y[None]
         return cls(band, active, T, size * w, kappa, v, duals)
@@ -204,8 +213,7 @@ class _Point(PathPoint[SpectralDirection]):
         used = self.active.sensitivities(self.T @ duals[0] @ self.T.T)
         if not used.max() > 0:
             return self
-        with np.errstate(over="ignore"):  # of candidates that tell nothing, which limit nothing
-            most = float((allowed / np.maximum(used, np.finfo(float).tiny)).min())
+        most = _largest_multiple(allowed, used)
         duals[0] *= most
         objective = band.b * size + band.a * kappa
         gap = 1 - float(np.vdot(duals[0], band.floor)) / objective

@@ -70,3 +70,15 @@ def test_smoothed_has_none():
     assert criteria.create("O2").smoothed(10.0).spectral_band(4) is None
     assert criteria.create("G").spectral_band(4) is None
     assert criteria.create("D").spectral_band(4) is None
+
+
+@pytest.mark.parametrize("p", [1, 2])
+@pytest.mark.parametrize("name", ["E", "O4"])
+def test_a_candidate_that_tells_nothing(name, p):
+    """A candidate of zeros limits no multiplier, and gets no weight, without a word of overflow."""
+    blocks = np.random.default_rng(0).normal(size=(20, 2, p)) * 1e11
+    blocks[4] = 0.0
+    found = relax(Problem(blocks), criteria.create(name))
+    assert found.solver == "NEWTON"
+    assert found.gap <= 1e-6
+    assert found.weights[4] == 0
