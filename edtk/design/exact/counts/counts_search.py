@@ -265,6 +265,8 @@ class CountsSearch:
         criterion: The criterion to minimise.
         scatter: Rows of the candidates, and the limits.
         pricing: How exchanges are priced.
+        telling: How they are priced by the determinant: plans that leave parameters open come to
+            tell them.
         relaxed: Counts (n,) of the relaxation; zeros where there is none.
         bound: No plan costs less.
     """
@@ -272,6 +274,7 @@ class CountsSearch:
     criterion: Criterion
     scatter: Scatter
     pricing: Pricing
+    telling: Pricing
     relaxed: Array
     bound: float
 
@@ -372,7 +375,9 @@ class CountsSearch:
         own = [self.pricing.search_from(rng, start, RIDGE) for start in starts]
         if own[0] is not None:
             places = np.array(own)
-            return self._costs(places), places
+            if self._are_regular(places).all() or not self.criterion.needs_all:
+                return self._costs(places), places
+            return self._settled(rng, places)
         guide = self.pricing.guide if number % 2 == 0 else None
         places = self._improved(starts, RIDGE, guide)
         scores = self.pricing.scores(places, RIDGE)
@@ -389,11 +394,22 @@ class CountsSearch:
             trials = trials.reshape(size, together, -1)[each, best]
             places[better] = trials[better]
             scores[better] = reached[each, best][better]
-        return self._settled(places)
+        return self._settled(rng, places)
 
-    def _settled(self, places: Indices) -> tuple[Array, Indices]:
-        """Costs (b,) and places (b, m) of plans, improved without a ridge where that may be."""
+    def _settled(self, rng: np.random.Generator, places: Indices) -> tuple[Array, Indices]:
+        """Costs (b,) and places (b, m) of plans, improved without a ridge where that may be.
+
+        Beside a ridge a plan may give up a parameter that counts nothing in the criterion, such as
+        a spring where the tasks have no load. A cost that needs all of them is infinite then, and
+        what such a plan spends may leave nothing for the exchange that tells it. So it is drawn
+        anew, with all candidates alike, and improved for the determinant first.
+        """
         regular = self._are_regular(places)
+        if self.criterion.needs_all and not regular.all():
+            alike = np.ones((int((~regular).sum()), self.pricing.candidates))
+            drawn = draw_places(rng, self.limits, list(alike))
+            places[~regular] = descend_places(self.telling, self.limits, drawn, RIDGE)
+            regular = self._are_regular(places)
         if regular.any() and not out_of_time():
             places[regular] = self._improved(places[regular], 0.0)
             if self.limits.linear is not None:

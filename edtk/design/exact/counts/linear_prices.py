@@ -68,7 +68,9 @@ class LinearPrices(DeterminantPrices):
         each = np.arange(len(new))
         self.ratio = ratio[each, new]
         self.fall = fall[each, new]
-        return new, self.fall / self.trace
+        # A trace that has fallen to nothing is rounding until the next sweep.
+        told = self.trace > 0
+        return new, np.divide(self.fall, self.trace, out=np.zeros_like(self.fall), where=told)
 
     def _follow(self, which: Indices, new: Indices, turned: Array, reached: Array) -> None:
         """Update ``e(y)``, where the new ``C W C`` is ``(I - B K P') C W C (I - P K B')``.

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from criteria import Criterion, Relaxable
+from criteria import Criterion, Relaxable, create
 from criteria.criterion import DeterminantCriterion
 from criteria.linalg.inverse import root
 from criteria.linalg.models import Models
@@ -142,6 +142,7 @@ def search_for(
         criterion=transformed,
         scatter=scatter,
         pricing=pricing if thorough else pricing.brief(),
+        telling=pricing_for(create("D").plan_criterion, scatter, mean),
         relaxed=np.zeros(bare.n) if relaxed is None else relaxed.counts,
         bound=0.0 if relaxed is None else relaxed.cost,
     )
