@@ -177,6 +177,8 @@ def command(
     warn_about(study, found.warnings)
     if found.ended == "budget":
         warn("the budget ended the search; this is the best plan so far")
+    if found.ended == "failed":
+        warn("a solver found no answer on the way; this is the best plan so far")
     if found.ended == "interrupted":
         warn("interrupted; this is the best plan so far")
         end_interrupted()

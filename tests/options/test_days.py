@@ -19,8 +19,10 @@ from edtk.cli import main
 from edtk.design.exact import day_search, visit_search
 from edtk.design.exact.day import DayCosts, DayPlan
 from edtk.design.plan import Plan
+from edtk.design.problem import RankDeficientError
 from edtk.design.relaxation.relax_poses import relaxed_in_time
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.design.relaxation.restricted_master import RelaxationError
 from edtk.study.plan_study import RunOptions, day_costs, plan_study
 from edtk.study.study import Study
 from edtk.system.workers import Workers
@@ -143,6 +145,52 @@ def test_ctrl_c_ends_a_day_wherever_it_comes(turn: int, monkeypatch: pytest.Monk
     assert found.ended == "interrupted"
     assert calls == max(turn + 1, sets)
     assert found.lower_bound.cost <= found.cost * (1 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("error", "turn", "ended"),
+    [
+        (RelaxationError("no solver found a design"), 3, "failed"),
+        (RankDeficientError("one direction is open"), 5, "failed"),
+        (KeyboardInterrupt(), 1, "interrupted"),
+        (KeyboardInterrupt(), 4, "interrupted"),
+    ],
+)
+def test_a_first_plan_is_given_whatever_ends_a_later_search(
+    error: BaseException,
+    turn: int,
+    ended: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What is raised before the bound of one of three sets of loads leaves the plans of all."""
+    calls = iter(range(100))
+
+    def raising_once(*arguments: Any) -> tuple[RelaxedPlan, bool]:
+        if next(calls) == turn:
+            raise error
+        return relaxed_in_time(*arguments)
+
+    monkeypatch.setattr(day_search, "relaxed_in_time", raising_once)
+    study = arm(load={"list_F_N": FORCES[:2]}, costs=COSTS, candidates=20)
+    found = edtk.plan(study, workers=1, certificate=tmp_path / "c.json")
+    assert found.ended == ended
+    assert edtk.verify(tmp_path / "c.json", study).valid
+
+
+def test_ctrl_c_before_any_plan_of_a_day_leaves_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is there to give, and nobody waits for a second set of loads."""
+    calls = 0
+
+    def interrupted(*arguments: Any) -> tuple[RelaxedPlan, bool]:
+        nonlocal calls
+        calls += 1
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(day_search, "relaxed_in_time", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        edtk.plan(arm(load={"list_F_N": FORCES[:2]}, costs=COSTS, candidates=20), workers=1)
+    assert calls == 1
 
 
 @pytest.mark.parametrize(

@@ -17,12 +17,16 @@ from edtk.design.plan import Plan
 from edtk.design.problem import RankDeficientError
 from edtk.design.relaxation.relax_poses import RelaxOptions, relaxed_in_time
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.design.relaxation.restricted_master import RelaxationError
+from edtk.system.errors import UserError
 from edtk.system.time_limit import out_of_time, time_left, time_limit
 from edtk.system.typing import Array
 from edtk.system.workers import THIS_PROCESS, Workers, one_thread
 
 AS_GOOD = 1e-4  # relative difference of costs of plans below which the cheaper day is better
 MORE_TIME = 1.25  # times the share that was too short for a set of loads: less finds no more
+# Of a search whose first plan is there already: that plan stands, with its bound.
+FAILURES = (RankDeficientError, RelaxationError, UserError)
 Loads = tuple[int, ...]
 OfSize = Callable[[RelaxedPlan, int, int | None], FoundPlan]
 
@@ -197,14 +201,12 @@ class DaySearch:
         if len(sets) > 1:
             for loads, funds in sets.items():
                 try:
-                    with time_limit(0.0):
-                        trials[loads] = self._trial(loads, funds)
+                    trials[loads] = self._first(loads, funds, trials)
                 except RankDeficientError as error:
                     # Without a load, springs are open; with it, they may be told.
                     refused = error
             sets = {loads: sets[loads] for loads in sorted(trials, key=lambda i: trials[i].promise)}
-            # The bound of a day rests on all sets, so that all of these first plans are waited for.
-            ended = "interrupted" if any(one.interrupted for one in trials.values()) else ""
+            ended = "interrupted" if _interrupted(trials) else ""
         ended = ended or self._search_all(sets, trials)
         found = [one for one in trials.values() if one.found and np.isfinite(one.found.cost)]
         if not found and not trials:
@@ -214,6 +216,22 @@ class DaySearch:
             raise NoPlanError(f"so few experiments cannot tell what {self.criterion.label} needs")
         result = self._result(self._cheapest(found), list(trials.values()))
         return replace(result, seconds=monotonic() - since, ended=ended or result.ended)
+
+    def _first(self, loads: Loads, funds: float, trials: dict[Loads, LoadTrial]) -> LoadTrial:
+        """The first plan of a set of loads, beside those of others.
+
+        The bound of a day rests on all sets: once one has its plan, Ctrl-C waits for the others.
+
+        Raises:
+            KeyboardInterrupt: There is no plan yet, or it is interrupted once more.
+        """
+        with time_limit(0.0):
+            try:
+                return self._trial(loads, funds)
+            except KeyboardInterrupt:
+                if not trials or _interrupted(trials):
+                    raise
+                return replace(self._trial(loads, funds), interrupted=True)
 
     def _search_all(self, sets: dict[Loads, float], trials: dict[Loads, LoadTrial]) -> str:
         """Search each set of loads, whose first plans are there already where it has others.
@@ -226,10 +244,11 @@ class DaySearch:
             trials: The best of each, which changes.
 
         Returns:
-            Why the search ended, "budget" or "interrupted"; empty where it came to its end.
+            Why the search ended, "budget", "interrupted" or "failed"; empty where it came to its
+            end.
         """
         shares = dict.fromkeys(sets, 0.0)
-        ended = ""
+        ended = failed = ""
         try:
             while shares:
                 last, shares = shares, {}
@@ -238,13 +257,20 @@ class DaySearch:
                     share = max(left / (len(last) - i), MORE_TIME * had)
                     if trials and (left <= 0 or left < share):
                         ended = "budget"
-                    elif self._is_cut(loads, sets[loads], share, trials):
-                        shares[loads] = share
+                        continue
+                    try:
+                        if self._is_cut(loads, sets[loads], share, trials):
+                            shares[loads] = share
+                    except FAILURES as error:
+                        if loads not in trials:
+                            raise
+                        failed = "failed"
+                        self.progress(f"failed: {error}", _cost(trials[loads]))
         except KeyboardInterrupt:
             if not trials:
                 raise
             return "interrupted"
-        return "budget" if out_of_time() else ended
+        return failed or ("budget" if out_of_time() else ended)
 
     def _is_cut(
         self, loads: Loads, funds: float, share: float, trials: dict[Loads, LoadTrial]
@@ -370,3 +396,8 @@ class DaySearch:
 def _cost(trial: LoadTrial) -> float:
     """The cost of the plan that was found; infinite without one."""
     return np.inf if trial.found is None else trial.found.cost
+
+
+def _interrupted(trials: dict[Loads, LoadTrial]) -> bool:
+    """Whether Ctrl-C has ended one of the searches."""
+    return any(one.interrupted for one in trials.values())

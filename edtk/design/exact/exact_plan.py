@@ -363,7 +363,8 @@ class ExactPlan(BoundedDesign):
         found: How many of the plans that were refined to the end came out as this one.
         optima: How many different plans they came out as.
         seconds: Duration of the search [s].
-        ended: Why the search ended: "stagnation", "starts", "budget" or "interrupted".
+        ended: Why the search ended: "stagnation", "starts", "budget", "interrupted", or "failed"
+            where a solver found no answer beyond the first plans.
         expected: Errors to expect in the test pose and around it; None without a test pose, or
             where nobody asked.
         warnings: What is hard to believe in the study or in this plan, a line each.
