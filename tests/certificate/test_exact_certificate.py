@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import pytest
+from finite_algebra import require_finite
 
 import criteria
 import edtk
@@ -195,6 +196,22 @@ def test_forged_entries_fail(name):
     content = copy.deepcopy(CERTIFICATE)
     CHANGES[name](content)
     assert not holds(content)
+
+
+@pytest.mark.parametrize("number", [5e-324, 1e-200, 1e154, 1e308])
+def test_numbers_at_the_ends_of_the_range_fail_in_words(number, monkeypatch):
+    """No claim holds whose cost is so far off, and no library meets what is no number."""
+    require_finite(monkeypatch)
+    for name in ("value", "bound_exact"):
+        assert forged(lambda content, name=name: content.update({name: number}))
+    for i, j in np.ndindex(3, 3):
+        content = copy.deepcopy(CERTIFICATE)
+        content["tree"]["T"][i][j] = number
+        if number < 1:
+            edtk.verify(content, PROBLEM)  # any frame proves something
+        else:
+            with pytest.raises(UserError, match=r"tree\.T"):
+                edtk.verify(content, PROBLEM)
 
 
 def test_files_are_written_and_read(tmp_path):

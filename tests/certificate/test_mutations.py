@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from finite_algebra import require_finite
 from short_search import short_search
 
 from edtk.certificate.certificate import certificate
@@ -207,3 +208,31 @@ def test_no_change_that_matters_stays_valid(honest: dict[str, Content]) -> None:
         json.dumps(found.to_dict(), allow_nan=False)
         assert found.summary().splitlines()[-1].startswith("valid" if found.valid else "NOT")
         assert not found.valid or is_harmless(content, path, change), (number, name, path, change)
+
+
+@pytest.mark.parametrize(
+    ("path", "number"),
+    [
+        (("setting", "sigma", 0), 5e-324),
+        (("setting", "test_pose", "tool", 2, 3), 1e154),
+        (("setting", "robot", "joints", 1, "origin", 2, 3), 1e308),
+        (("experiments", 0, "wrench", 2), 1e308),
+        (("proof", "multipliers", 0, 0, 0), 1e308),
+        (("proof", "multipliers", 0, 0, 0), 5e-324),
+    ],
+)
+def test_libraries_meet_no_number_that_is_none(
+    honest: dict[str, Content], path: Keys, number: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What overflows fails in words of ours, before any matrix is taken apart."""
+    require_finite(monkeypatch)
+    content = copy.deepcopy(honest["test pose"])
+    holder: Any = content
+    for key in path[:-1]:
+        holder = holder[key]
+    holder[path[-1]] = number
+    found = checked(content)
+    if isinstance(found, str):
+        assert "so large or so small" in found
+    else:
+        assert not found.valid

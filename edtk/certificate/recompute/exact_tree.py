@@ -26,7 +26,7 @@ from edtk.certificate.recompute.array_criteria import Part
 from edtk.certificate.recompute.arrays import EPS, Candidates, Design, Frame
 from edtk.certificate.recompute.candidates import require
 from edtk.certificate.recompute.lower_bound import factor_of
-from edtk.certificate.recompute.plain_data import numbers, rows, table
+from edtk.certificate.recompute.plain_data import in_range, numbers, rows, table
 from edtk.system.typing import Array, Indices, Mask
 
 TREE = ("T", "order", "multipliers", "multiplier", "parent", "group", "first", "stop", "count")
@@ -287,7 +287,7 @@ class Replay:
             return "the root is not all plans"
         if self._misses_candidates():
             return "a candidate is missing that equals no other"
-        least = float(cost ** (-1.0 / self.part.degree)) * (1 - 4 * EPS)
+        least = float(np.power(cost, -1.0 / self.part.degree)) * (1 - 4 * EPS)
         visits = 0
         root = int(multiplier[0])
         alone = np.zeros(1, dtype=int)
@@ -461,6 +461,7 @@ class Replay:
         part = self.part
         frame = Frame(self.tree.T)
         side = frame.side(part.K)
+        in_range(len(side.J) * side.J, "tree.T")
         least = np.zeros(len(Z))
         unsure = np.ones(len(Z), dtype=bool)
         if part.form != "worst" and part.K.shape[1] <= self.candidates.p:

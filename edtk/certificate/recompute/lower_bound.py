@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from edtk.certificate.recompute.plain_data import numbers, rows
+from edtk.certificate.recompute.plain_data import in_range, numbers, rows
 from edtk.certificate.recompute.values import DEGREE
 from edtk.system.typing import Array
 
@@ -203,7 +203,7 @@ def _polar(name: str, factor: Array, target: Array | None, M: Array) -> float:
     p = len(factor)
     if name == "G":
         return _largest_variance(factor, M)
-    side = factor if target is None else factor @ target.T
+    side = factor if target is None else in_range(factor @ target.T, "proof.multipliers")
     roots = np.linalg.svd(side, compute_uv=False)
     if name in ("D", "O1"):
         if roots[-1] <= 0:

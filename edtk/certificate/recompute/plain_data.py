@@ -67,6 +67,17 @@ def numbers(value: Any, shape: tuple[int | None, ...], where: str) -> Array:
     return found
 
 
+def in_range(found: Array, where: str) -> Array:
+    """Numbers that were computed from given ones, if they and their squares are finite.
+
+    Libraries of linear algebra print words of their own about any others, or never end.
+    """
+    with np.errstate(over="ignore"):
+        if not np.isfinite(np.square(found).sum()):
+            raise ValueError(f"{where}: numbers so large or so small that what follows is none")
+    return found
+
+
 def number(value: Any, where: str) -> float:
     """One finite number."""
     return float(numbers([value], (1,), where)[0])

@@ -12,6 +12,7 @@ from edtk.certificate.recompute.geometry import Geometry
 from edtk.certificate.recompute.physics import Friction, Noise, Physics, regressors
 from edtk.certificate.recompute.plain_data import (
     WRENCH,
+    in_range,
     number,
     numbers,
     rows,
@@ -459,7 +460,7 @@ class Setting:
         for first in range(0, max(len(q), 1), self.block):
             some = slice(first, first + self.block)
             blocks.append(self._whitened(q[some], wrench[some], _some(visits, some)))
-        A = np.concatenate(blocks)
+        A = in_range(np.concatenate(blocks), "rows of a pose")
         return A if self.price is None else A / np.sqrt(self.price(wrench))[:, None, None]
 
     @property

@@ -17,7 +17,7 @@ from edtk.certificate.recompute.physics import (
     read_weights,
     regressors,
 )
-from edtk.certificate.recompute.plain_data import number, numbers, rows, table
+from edtk.certificate.recompute.plain_data import in_range, number, numbers, rows, table
 from edtk.system.typing import Array
 
 LEVELS = 127  # of each joint; a prime
@@ -317,7 +317,7 @@ class _Place:
             turns: Rows (poses, 3, p) of rotations, which count with the lever [rad].
         """
         each = np.concatenate([positions, self.lever * turns], axis=1) if self.lever else positions
-        return np.concatenate(each) / np.sqrt(len(self.poses))
+        return in_range(np.concatenate(each) / np.sqrt(len(self.poses)), WHERE)
 
 
 OPTIONAL = ("within", "lever", "weight", "weights")
