@@ -311,12 +311,19 @@ def try_faults(plain: PlainFit) -> list[Tried]:
 
 
 def _poses(plain: PlainFit) -> Iterator[Tried]:
-    """A pose is another one than that written down."""
+    """A pose is another one than that written down.
+
+    What a shift makes of the means of all poses has to leave a part of their misfit, or it would
+    excuse anything: where all others together tell no more than the compliances, a wrong pose
+    cannot be told from a wrong model.
+    """
     moved = _moved(plain)
     parts = plain.data.deflection.shape[1] if moved is None else moved.shape[-1]
     usual = plain.usual_shift(parts)
     group = plain.data.pose
-    yield from shifted(plain.whitened, plain.measured, plain.chi2, group, POSE, usual, moved)
+    tried = shifted(plain.whitened, plain.measured, plain.chi2, group, POSE, usual, moved)
+    between = plain.dof - plain.pure_error[1]
+    yield from (one for one in tried if one.dims < between)
 
 
 def _moved(plain: PlainFit) -> Array | None:

@@ -212,23 +212,21 @@ def shifted(
     numbers = np.unique(group)
     rows = [np.flatnonzero(group == number) for number in numbers]
     gram, along = _by_shifts(whitened, whitened.residual(measured), rows, units)
-    values, vectors = np.linalg.eigh(gram)
-    seen = values > SEEN * np.trace(gram, axis1=1, axis2=2)[:, None]
-    parts = (along[:, None] @ vectors)[:, 0]
+    # In usual sizes; what springs take up of a shift, nobody sees.
+    values, vectors = np.linalg.eigh(gram * np.outer(usual, usual))
+    seen = values > SEEN * values.sum(axis=1, keepdims=True)
+    parts = ((along * usual)[:, None] @ vectors)[:, 0]
     back = np.divide(parts, values, out=np.zeros_like(parts), where=seen)
     drops = (parts * back).sum(axis=1)
     counts = seen.sum(axis=1)
     tails = chi_square_tail(drops, np.maximum(counts, 1))
-    shifts = (vectors @ back[..., None])[..., 0]
-    for i, at in enumerate(rows):
-        c, dims = shifts[i], int(counts[i])
-        size = 1e3 * float(np.linalg.norm(c[:3]))
+    shifts = usual * (vectors @ back[..., None])[..., 0]
+    for i in np.flatnonzero(counts):
+        at, dims, shown = rows[i], int(counts[i]), seen[i]
+        size = 1e3 * float(np.linalg.norm(shifts[i, :3]))
         found = Cause(cause, size, "mm", None, float(tails[i]), rows=tuple(at.tolist()))
-        cost = None
-        if dims == len(usual):
-            own = np.linalg.inv(gram[i]) / np.outer(usual, usual)
-            cost_of = rarity if len(at) > 1 else reading_rarity
-            cost = cost_of(c / usual, own, float(np.sqrt(dims)))
+        cost_of = rarity if len(at) > 1 else reading_rarity
+        cost = cost_of(back[i, shown], np.diag(1 / values[i, shown]), float(np.sqrt(dims)))
         yield Tried(found, chi2 - float(drops[i]), dims, len(numbers), cost)
 
 
