@@ -63,8 +63,8 @@ class DOptimality(DeterminantCriterion, ConvexCriterion):
     def curvature(self, R: Array) -> Curvature:
         """``trace(cov dM cov dM) / p``, the second derivative of ``-log det(M) / p``."""
         p = R.shape[-1]
-        each = np.broadcast_to(1.0 / p, R.shape)
-        return Curvature(np.broadcast_to(np.eye(p), R.shape), each[..., 0], each, 0.0)
+        each = np.full(R.shape, 1.0 / p)
+        return Curvature(np.eye(p), each[..., 0], each, 0.0)
 
     def _gradient(self, M: Array, cov: Array) -> Array:
         return -self._cost(M, cov)[..., None, None] / M.shape[-1] * cov

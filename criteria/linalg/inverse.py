@@ -59,11 +59,21 @@ def _with_identity(kept: Mask, M: Array) -> Array:
 def whitener(M: Array) -> Array:
     """T (p, p) with ``T' M T = I`` of a regular M (p, p).
 
-    It comes from a Cholesky factor of M scaled to a unit diagonal: bad units cost no digits.
+    It comes from a Cholesky factor of M scaled to a unit diagonal: bad units cost no digits. LAPACK
+    is called as it is: the checks around it take longer than a few parameters do.
+
+    Raises:
+        LinAlgError: M is not positive definite to working precision.
     """
-    d = np.sqrt(np.diag(M))
-    factor = np.linalg.cholesky(M / np.outer(d, d))
-    return np.asarray(np.linalg.inv(factor.T) / d[:, None])
+    from scipy.linalg.lapack import dpotrf, dtrtri
+
+    diagonal = M.diagonal()
+    if diagonal.min(initial=1.0) > 0:
+        d = np.sqrt(diagonal)
+        factor, failed = dpotrf(M / (d[:, None] * d))
+        if not failed:
+            return np.asarray(dtrtri(factor, overwrite_c=1)[0] / d[:, None])
+    raise np.linalg.LinAlgError("the matrix is not positive definite")
 
 
 def power_trace(Z: Array, power: float) -> float:

@@ -147,8 +147,8 @@ def _most_informative(problem: Problem, mean: Array, size: int) -> Indices:
     """Indices (size,) of candidates, each the one that raises det M most beside those before it.
 
     After a candidate of information ``U'U`` the inverse C of M is ``C - B B'`` with
-    ``B = C U' F^-1``, ``F'F = I + U C U'``. So the sensitivities fall by those to ``B B'``, a
-    matrix of low rank, and no inverse is computed anew.
+    ``B = C U' T``, T the whitener of ``I + U C U'``. So the sensitivities fall by those to
+    ``B B'``, a matrix of low rank, and no inverse is computed anew.
     """
     T = whitener(mean)
     C = T @ T.T / REGULARISATION
@@ -169,8 +169,8 @@ def _lost(C: Array, problem: Problem, chosen: int) -> Array:
     U = problem.factors(chosen)
     if problem.prior is not None:
         U = np.concatenate([U, root(problem.prior)])
-    F = np.linalg.cholesky(np.eye(len(U)) + U @ C @ U.T)
-    return np.asarray(np.linalg.solve(F, U @ C).T)
+    along = C @ U.T
+    return np.asarray(along @ whitener(np.eye(len(U)) + U @ along))
 
 
 @dataclass(frozen=True, eq=False)

@@ -77,7 +77,7 @@ def newton_weights(
         NewtonError: The method has broken down.
         LinAlgError: A matrix is singular.
     """
-    point = _Point.at(criterion, active, *_first(criterion, active, start))
+    point = _Point.first(criterion, active, start)
     best = point
     for _ in range(STEPS):
         if best.excess <= accuracy or best.excess <= best.rounding:
@@ -88,27 +88,6 @@ def newton_weights(
         point = step
         best = point if point.excess < best.excess else best
     return best.weights / best.weights.sum()
-
-
-def _first(criterion: Relaxable, active: ActiveInformation, start: Array) -> tuple[Array, Array]:
-    """Weights and slacks (k,) near the central path, from weights some of which are zero."""
-    d = criterion.degree
-    carries = start > 0
-    M = active.information(start)
-    cost, G = criterion.cost_and_gradient(M)
-    if not np.isfinite(cost):
-        raise NewtonError("the first weights leave a direction open")
-    if abs(np.vdot(G, M) / cost + d) > HOMOGENEOUS * d:
-        raise NewtonError(f"criterion {criterion.name} is not homogeneous of degree {d:g}")
-    slack = d + active.sensitivities(G / cost)
-    if carries.all() and np.ptp(start) <= np.finfo(float).eps:
-        return start, np.full(len(start), FIRST_SLACK * d)
-    # How far the new candidates exceed the old ones says how far away the optimum is.
-    away = max(-slack.min() / d, np.finfo(float).eps)
-    mu = FIRST_SLACK * away * d / len(start)
-    size = np.maximum(np.abs(slack), FIRST_SLACK * away * d)
-    weights = np.where(carries, start, mu / size)
-    return weights, np.maximum(np.where(carries, slack, 0.0), OFF_CENTRE * mu / weights)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +113,25 @@ class _Point:
             raise NewtonError("the weights leave a direction open")
         found = active.sensitivities(G / -cost)
         return cls(criterion, active, weights, slacks, M, float(cost), found)
+
+    @classmethod
+    def first(cls, criterion: Relaxable, active: ActiveInformation, start: Array) -> "_Point":
+        """A point near the central path, from weights (k,) some of which are zero."""
+        d = criterion.degree
+        begun = cls.at(criterion, active, start, np.full(len(start), FIRST_SLACK * d))
+        if abs(start @ begun.sensitivities - d) > HOMOGENEOUS * d:
+            raise NewtonError(f"criterion {criterion.name} is not homogeneous of degree {d:g}")
+        carries = start > 0
+        if carries.all() and np.ptp(start) <= EPS:
+            return begun
+        slack = d - begun.sensitivities
+        # How far the new candidates exceed the old ones says how far away the optimum is.
+        away = max(-slack.min() / d, EPS)
+        mu = FIRST_SLACK * away * d / len(start)
+        size = np.maximum(np.abs(slack), FIRST_SLACK * away * d)
+        weights = np.where(carries, start, mu / size)
+        slacks = np.maximum(np.where(carries, slack, 0.0), OFF_CENTRE * mu / weights)
+        return cls.at(criterion, active, weights, slacks)
 
     @cached_property
     def excess(self) -> float:

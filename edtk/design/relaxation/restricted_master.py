@@ -281,15 +281,15 @@ def regular_weights(
         weights[light] = 0.0
     weights /= weights.sum()
     M = active.information(weights)
-    is_regular = _is_regular(criterion, M)
-    blurred = _rounding(M)
+    is_regular, blurred = _judged(criterion, M)
     if is_regular and blurred <= BLURRED:
         return weights
     # The optimum may leave a direction of the parameters all but open. A little weight on every
     # candidate closes it, and costs less than the gaps that are asked for.
     closed = (1 - PRUNE) * weights + PRUNE / len(weights)
     M = active.information(closed)
-    if _is_regular(criterion, M) and (not is_regular or _rounding(M) <= SHARPER * blurred):
+    is_closed, rounding = _judged(criterion, M)
+    if is_closed and (not is_regular or rounding <= SHARPER * blurred):
         return closed
     if is_regular:
         return weights
@@ -307,23 +307,18 @@ def _without_light(active: ActiveInformation, weights: Array) -> Array:
     return np.where(is_light & (carried <= PRUNE), 0.0, weights)
 
 
-def _rounding(M: Array) -> float:
-    """See `rounding_of_inverse`; inf where M (p, p) is singular to working precision."""
-    _, cov, is_regular = guarded_inverse(M)
-    return rounding_of_inverse(M, np.diag(cov)) if is_regular else np.inf
-
-
 def is_clearly_regular(M: Array) -> bool:
     """Whether a design M (p, p) is far enough from singular to whiten others."""
     return bool(guarded_inverse(M, NEARLY_SINGULAR)[2])
 
 
-def _is_regular(criterion: Relaxable, M: Array) -> bool:
-    """Whether a design M (p, p) can whiten the next program."""
-    if not criterion.needs_all:
-        # Its cost may be finite where M is singular, or too near to that to be whitened by.
-        return is_clearly_regular(M)
-    return bool(np.isfinite(criterion.cost(M)))
+def _judged(criterion: Relaxable, M: Array) -> tuple[bool, float]:
+    """Whether a design M (p, p) can whiten the next program, and its `rounding_of_inverse`."""
+    _, cov, is_regular = guarded_inverse(M)
+    if not is_regular:
+        return False, np.inf
+    # Other costs may be finite where M is singular, or too near to that to be whitened by.
+    return criterion.needs_all or is_clearly_regular(M), rounding_of_inverse(M, np.diag(cov))
 
 
 class _Compiled(threading.local):
