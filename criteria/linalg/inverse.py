@@ -10,7 +10,7 @@ from criteria.linalg.typing import Array, Mask
 NEGATIVE = 1e-10
 
 
-EPS = np.finfo(float).eps
+EPS = float(np.finfo(float).eps)
 # Eigenvalues of a (p, p) matrix scaled to a unit diagonal are known to a small multiple of p eps;
 # below 16 p eps they are noise.
 ROUNDING = 16 * EPS

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from criteria.linalg.inverse import root, unit_scale
+from criteria.linalg.inverse import EPS, ROUNDING, root, unit_scale
 from criteria.linalg.typing import Array, Mask
 
 if TYPE_CHECKING:
@@ -109,10 +109,6 @@ def least_scaled_eigenvalue(Z: Array) -> Array:
     d = unit_scale(np.abs(np.diagonal(safe, axis1=-2, axis2=-1)))
     least = np.linalg.eigvalsh(safe / d[..., :, None] / d[..., None, :])[..., 0]
     return np.asarray(np.where(finite, least, -np.inf))
-
-
-# Eigenvalues of a (p, p) matrix of size one are known to a small multiple of p eps.
-ROUNDING = 16 * np.finfo(float).eps
 
 
 def graded_parts(Z: Array) -> Array | None:
@@ -222,9 +218,6 @@ def _independent_rows(Q: Array) -> Array:
         along = rest[best] / np.linalg.norm(rest[best])
         rest = rest - np.outer(rest @ along, along)
     return np.array(sorted(chosen))
-
-
-EPS = float(np.finfo(float).eps)
 
 
 def orthogonal_columns(T: Array) -> Array:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from criteria.linalg.estimable import directions_in_words
-from criteria.linalg.inverse import ROUNDING, unit_scale
+from criteria.linalg.inverse import EPS, ROUNDING, unit_scale
 from criteria.linalg.models import Models
 from criteria.linalg.spectrum import orthogonal_columns
 from edtk.system.typing import Array, Mask
@@ -46,9 +46,6 @@ def triangular_factor(parts: Iterable[Array], scale: Array) -> Array:
     found = np.zeros((p, p))
     found[: len(R)] = R
     return found
-
-
-EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)

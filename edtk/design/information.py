@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from criteria.linalg.inverse import root
+from criteria.linalg.inverse import EPS, root
 from criteria.linalg.models import Models, taken
 from criteria.linalg.typing import triangle
 from edtk.design.conditioning import Conditioning
@@ -128,9 +128,6 @@ def sensitivity_rows(Z: ArrayLike) -> Array:
     Z = np.asarray(Z, dtype=float)
     rows, columns = triangle(Z.shape[-1])
     return Z[..., rows, columns] * np.where(rows == columns, 1.0, 2.0)
-
-
-EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria import Criterion
+from edtk.design.exact.counts.prices import first_few_largest, first_lowest
 from edtk.system.errors import ArgumentError, finite_numbers, whole_number
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices
@@ -11,6 +12,9 @@ from edtk.system.typing import Array, Indices
 MOVES_AT_ONCE = 20_000  # their matrices, of some megabytes, stay in a core's cache
 MOST = 10**15  # experiments, all of whose numbers are exact as doubles
 GAIN = 1e-12  # relative improvement that counts: less than this may be rounding
+# Relative difference up to which weights are alike, the gap that relaxations are solved to: of
+# symmetric candidates the first ones win, whatever the last digits are.
+ALIKE = 1e-6
 
 
 def apportion(weights: ArrayLike, m: int) -> Indices:
@@ -47,11 +51,9 @@ def apportion(weights: ArrayLike, m: int) -> Indices:
         raise ArgumentError(f"expected {MOST:.0e} at most", argument="m", given=m)
     support = np.flatnonzero(w)
     if len(support) > m:
-        # A stable sort lets the first of equal weights win, so that the result is repeatable.
-        heaviest = np.argsort(-w[support], kind="stable")[:m]
-        support = np.sort(support[heaviest])
+        support = support[first_few_largest(w[support][None], m, ALIKE)[0]]
     share = w[support] / w[support].sum()
-    count = np.ceil((m - len(share) / 2) * share).astype(int)
+    count = np.ceil((m - len(share) / 2) * share * (1 - ALIKE)).astype(int)
     # With m near l/2 the ceiling of a small share is zero, which would drop a support point.
     count = np.maximum(count, 1)
     result = np.zeros(len(w), dtype=int)
@@ -63,9 +65,9 @@ def _with_sum(m: int, count: Indices, share: Array) -> Indices:
     """Counts (l,) of sum m, after the fewest steps up or down from the given ones."""
     count = count.copy()
     while count.sum() < m:
-        count[np.argmin(count / share)] += 1
+        count[first_lowest(count / share, ALIKE)] += 1
     while count.sum() > m:
-        count[np.argmax((count - 1) / share)] -= 1
+        count[first_lowest((1 - count) / share, ALIKE)] -= 1
     return count
 
 

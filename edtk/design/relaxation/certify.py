@@ -7,6 +7,7 @@ import numpy as np
 
 import criteria
 from criteria import Relaxable
+from criteria.linalg.inverse import EPS
 from criteria.linalg.spectrum import least_scaled_eigenvalue
 from edtk.design.bound import Bound, BoundKind, printed_form
 from edtk.design.conditioning import Conditioning
@@ -25,9 +26,6 @@ SYMMETRIC = 1e-9  # difference across the diagonal, at unit diagonal, that is ro
 NEGATIVE = 1e-9
 CERTIFICATE = "relaxation of a problem"  # the kind of the certificates that are made here
 SOLVER = "from a certificate"
-
-
-EPS = float(np.finfo(float).eps)
 
 
 def certify(

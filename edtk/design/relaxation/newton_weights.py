@@ -7,7 +7,7 @@ import numpy as np
 
 from criteria import Relaxable
 from criteria.criterion import derivatives
-from criteria.linalg.inverse import whitener
+from criteria.linalg.inverse import EPS, whitener
 from criteria.linalg.typing import triangle
 from edtk.design.relaxation.master_equations import (
     SHORTEST,
@@ -35,9 +35,6 @@ SUFFICIENT = 1e-4  # part of the linear decrease that a step must reach
 HOMOGENEOUS = 1e-6
 # Order up to which differences of gradients stand in for a curvature in closed form.
 BY_DIFFERENCES = 40
-
-
-EPS = float(np.finfo(float).eps)
 
 
 class NewtonError(ArithmeticError):

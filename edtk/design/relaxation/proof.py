@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from criteria import Criterion, Relaxable
-from criteria.linalg.inverse import ROUNDING, unit_scale, whitener
+from criteria.linalg.inverse import EPS, ROUNDING, unit_scale, whitener
 from edtk.design.problem import Problem
 from edtk.system.typing import Array, Indices
 
@@ -183,9 +183,6 @@ def _semidefinite(Z: Array, T: Array) -> Array:
     rounding = len(Z) * ROUNDING * z[-1] * np.square(T).sum(axis=1)
     has_some = np.diag(Z) > rounding
     return np.where(has_some[:, None] & has_some, Z, 0.0)
-
-
-EPS = float(np.finfo(float).eps)
 
 
 def rounding_of_inverse(M: Array, variances: Array) -> float:

@@ -69,7 +69,7 @@ def _improve_on_parts(
         inner.last = incumbent.last.inside(part)
         try:
             inner.problem.require_identifiable(incumbent.criterion)
-            _improve(inner, part_gap, options, _ignore_progress)
+            _improve(inner, part_gap, options, ignore_progress)
         except (RankDeficientError, RelaxationError):
             return False
         sensitivities = incumbent.update_from(inner, part, part_gap, part_gap <= gap)
@@ -139,10 +139,6 @@ def _improve_by_member(
             cost = float(subproblem.cost(step.M))
             if cost - step.proof.lower_bound <= LEFT * (cost - known):
                 return
-
-
-def _ignore_progress(iterations: int, gap: float) -> None:
-    """Show nothing."""
 
 
 class RelaxationInterrupted(KeyboardInterrupt):

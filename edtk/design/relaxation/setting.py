@@ -7,13 +7,13 @@ import numpy as np
 from criteria import Criterion, CriterionError, Relaxable
 from criteria.interest import DEPENDENT
 from criteria.linalg.estimable import open_subspace, range_whitener
-from criteria.linalg.inverse import root
+from criteria.linalg.inverse import EPS, root
 from criteria.plugins import require_homogeneous
 from edtk.design.bound import BLURRED, Bound, BoundKind
 from edtk.design.information import Known, Rows
 from edtk.design.problem import Problem
 from edtk.design.problems import Whitened
-from edtk.design.relaxation.proof import EPS, InnerProof, errors
+from edtk.design.relaxation.proof import InnerProof, errors
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.system.errors import UserError
 from edtk.system.typing import Array

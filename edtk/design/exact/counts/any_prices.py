@@ -7,7 +7,13 @@ import numpy as np
 from criteria import Criterion
 from edtk.design.exact.counts.counts_bound import Scatter
 from edtk.design.exact.counts.limits import Limits
-from edtk.design.exact.counts.prices import Prices, Pricing, first_few_largest, first_of_largest
+from edtk.design.exact.counts.prices import (
+    Prices,
+    Pricing,
+    first_few_largest,
+    first_of_largest,
+    least_gain,
+)
 from edtk.design.exact.exchange_costs import exchange_costs
 from edtk.system.typing import Array, Indices, Mask
 
@@ -101,6 +107,7 @@ class AnyPrices(Prices):
         self.pricing = pricing
         self.places = places
         self.ridge = ridge
+        self.part = least_gain(ridge)
         self.size = size
         self.guide = pricing.criterion.smoothed(GUIDE_SHARPNESS)
         self.M = pricing.information(places, ridge)
@@ -116,7 +123,7 @@ class AnyPrices(Prices):
         if allowed is not None:
             costs[~np.take_along_axis(allowed, candidates, axis=1)] = np.inf
         each = np.arange(len(rest))
-        lowest = first_of_largest(-costs, costs.min(axis=1))
+        lowest = first_of_largest(-costs, costs.min(axis=1), self.part)
         least = costs[each, lowest]
         new = np.where(np.isfinite(least), candidates[each, lowest], self.places[:, place])
         with np.errstate(invalid="ignore"):

@@ -16,7 +16,7 @@ from edtk.design.exact.counts.joint_exchanges import (
     nearest_plans,
 )
 from edtk.design.exact.counts.limits import Limits
-from edtk.design.exact.counts.prices import GAIN, Pricing, first_of_largest, least_gain
+from edtk.design.exact.counts.prices import GAIN, Pricing, first_lowest, first_of_largest
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices, Mask
 
@@ -168,7 +168,6 @@ def _descend(pricing: Pricing, limits: Limits, places: Indices, ridge: float, si
     """A round of sweeps over plans that fit into a cache together."""
     places = places.copy()
     left = np.arange(len(places))
-    least = least_gain(ridge)
     for _ in range(SWEEPS):
         # Prices are computed anew for each sweep, so that rounding does not accumulate.
         own = places[left]
@@ -177,7 +176,7 @@ def _descend(pricing: Pricing, limits: Limits, places: Indices, ridge: float, si
         for place in range(own.shape[1]):
             allowed = limits.allowed(own, place, pricing.candidates)
             new, gain = prices.best(place, allowed)
-            better = (gain > least).nonzero()[0]
+            better = (gain > prices.part).nonzero()[0]
             if len(better):
                 prices.replace(better, place, new[better])
                 own[better, place] = new[better]
@@ -504,7 +503,7 @@ class Record:
         costs, places = found
         if drawn:
             self.drawn = np.append(self.drawn, costs)
-        best = int(first_of_largest(-costs[None], costs.min(keepdims=True))[0])
+        best = first_lowest(costs)
         if not self.waves or costs[best] < self.cost * (1 - SAME):
             self.improved = self.starts + len(costs)
             self.found = 0

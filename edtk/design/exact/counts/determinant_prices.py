@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from criteria.linalg.inverse import EPS
 from edtk.design.exact.counts.limits import Limits
-from edtk.design.exact.counts.prices import Prices, Pricing, first_of_largest, least_gain
+from edtk.design.exact.counts.prices import GAIN, ROUNDINGS, Prices, Pricing, first_of_largest
 from edtk.system.typing import Array, Indices, Mask
 
 AT_ONCE = 60_000  # prices: a few such arrays stay in a core's cache
@@ -57,7 +58,7 @@ class DeterminantPricing(Pricing):
 
     def prices(self, places: Indices, ridge: float, size: int) -> "DeterminantPrices":
         """Prices of plans (b, m); there is one round only, of all candidates."""
-        return DeterminantPrices(self, places.copy(), self.covariance(places, ridge), ridge)
+        return DeterminantPrices(self, places.copy(), self.covariance(places, ridge))
 
 
 class DeterminantPrices(Prices):
@@ -68,14 +69,13 @@ class DeterminantPrices(Prices):
         squares: ``1 + d(x)`` of all candidates, and what else a criterion keeps (b, s, n).
     """
 
-    def __init__(
-        self, pricing: DeterminantPricing, places: Indices, cov: Array, ridge: float
-    ) -> None:
+    def __init__(self, pricing: DeterminantPricing, places: Indices, cov: Array) -> None:
         self.pricing = pricing
         self.places = places
         self.cov = cov
-        self.part = least_gain(ridge)
         self.squares = self._squares(pricing.rows @ cov)
+        # 1 - d(o) is known to roundings of the largest d, and is a factor of d(x).
+        self.part = np.maximum(GAIN, ROUNDINGS * EPS * self.squares[:, 0].max(axis=1) ** 2)
 
     def _squares(self, along: Array) -> Array:
         """The squares (b, s, n), of ``C x`` of all candidates (b, n, p)."""

@@ -55,7 +55,7 @@ class LargestVariancePricing(DeterminantPricing):
 
     def prices(self, places: Indices, ridge: float, size: int) -> "LargestVariancePrices":
         """Prices of plans (b, m); there is one round only, of all candidates."""
-        return LargestVariancePrices(self, places.copy(), self.covariance(places, ridge), ridge)
+        return LargestVariancePrices(self, places.copy(), self.covariance(places, ridge))
 
 
 class LargestVariancePrices(DeterminantPrices):

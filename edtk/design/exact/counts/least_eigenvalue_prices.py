@@ -2,12 +2,16 @@
 
 import numpy as np
 
+from criteria.linalg.inverse import EPS
 from edtk.design.exact.counts.determinant_prices import AT_ONCE, MOST_AT_ONCE
 from edtk.design.exact.counts.limits import Limits
-from edtk.design.exact.counts.prices import GAIN, Prices, Pricing
+from edtk.design.exact.counts.prices import GAIN, ROUNDINGS, Prices, Pricing
 from edtk.system.typing import Array, Indices, Mask
 
 HALVINGS = 45  # of the interval of the best eigenvalue, at most
+# Where it is divided: of symmetric candidates the middle may be the eigenvalue of several, and
+# rounding would part them.
+DIVISION = np.sqrt(2) - 1
 AWAY = 1e-12  # part of an interval by which a trial stays away from its ends, which are poles
 
 
@@ -69,7 +73,11 @@ class LeastEigenvaluePrices(Prices):
         self.pricing = pricing
         self.places = places
         self.M = M
-        self.least = np.linalg.eigvalsh(M)[:, 0]
+        spectrum = np.linalg.eigvalsh(M)
+        self.least = spectrum[:, 0]
+        # Eigenvalues have the rounding of the largest one.
+        condition = spectrum[:, -1] / np.maximum(self.least, EPS * spectrum[:, -1])
+        self.part: Array = np.maximum(GAIN, ROUNDINGS * EPS * condition)
 
     def best(self, place: int, allowed: Mask | None) -> tuple[Indices, Array]:
         """The candidate of the largest least eigenvalue, and the relative decrease of its inverse.
@@ -80,7 +88,7 @@ class LeastEigenvaluePrices(Prices):
         rest = self.M - own[:, :, None] * own[:, None]
         d, V = np.linalg.eigh(rest)
         squares = np.square(self.pricing.rows @ V)
-        low = np.maximum(self.least * (1 + GAIN), d[:, 0])
+        low = np.maximum(self.least * (1 + self.part), d[:, 0])
         low += AWAY * (d[:, 1] - d[:, 0])
         left = _below(squares, d, low)
         left &= (low < d[:, 1])[:, None]
@@ -90,7 +98,9 @@ class LeastEigenvaluePrices(Prices):
         gain = np.zeros(len(new))
         some = np.flatnonzero(left.any(axis=1))
         if len(some):
-            new[some] = _of_largest_root(squares[some], d[some], low[some], left[some])
+            new[some] = _of_largest_root(
+                squares[some], d[some], low[some], left[some], self.part[some]
+            )
             x = self.pricing.rows[new[some]]
             reached = np.linalg.eigvalsh(rest[some] + x[:, :, None] * x[:, None])[:, 0]
             gain[some] = 1.0 - np.maximum(self.least[some], 0.0) / reached
@@ -112,20 +122,21 @@ def _below(squares: Array, d: Array, t: Array) -> Mask:
     return np.asarray(values < -1.0)
 
 
-def _of_largest_root(squares: Array, d: Array, low: Array, left: Mask) -> Indices:
+def _of_largest_root(squares: Array, d: Array, low: Array, left: Mask, part: Array) -> Indices:
     """The first candidates (b,) of the largest roots but for rounding, of those left (b, n).
 
-    Their roots are above low (b,).
+    Their roots are above low (b,), and a part (b,) of them may be rounding.
     """
     high = d[:, 1].copy()
     for _ in range(HALVINGS):
-        # What is left then differs by rounding.
-        if ((high - low <= GAIN * high) | (left.sum(axis=1) == 1)).all():
+        # What is left of the others differs by rounding.
+        is_open = (high - low > part * high) & (left.sum(axis=1) > 1)
+        if not is_open.any():
             break
-        middle = 0.5 * (low + high)
-        above = np.logical_and(_below(squares, d, middle), left)
-        rises = np.asarray(np.any(above, axis=1))
-        left = np.where(rises[:, None], above, left)
-        low = np.where(rises, middle, low)
-        high = np.where(rises, high, middle)
+        between = low + DIVISION * (high - low)
+        above = np.logical_and(_below(squares, d, between), left)
+        rises = np.any(above, axis=1)
+        left = np.where((rises & is_open)[:, None], above, left)
+        low = np.where(rises & is_open, between, low)
+        high = np.where(is_open & ~rises, between, high)
     return np.asarray(left.argmax(axis=1))

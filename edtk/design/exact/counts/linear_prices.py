@@ -34,7 +34,7 @@ class LinearPricing(DeterminantPricing):
 
     def prices(self, places: Indices, ridge: float, size: int) -> "LinearPrices":
         """Prices of plans (b, m); there is one round only, of all candidates."""
-        return LinearPrices(self, places.copy(), self.covariance(places, ridge), ridge)
+        return LinearPrices(self, places.copy(), self.covariance(places, ridge))
 
 
 class LinearPrices(DeterminantPrices):
@@ -42,8 +42,8 @@ class LinearPrices(DeterminantPrices):
 
     pricing: LinearPricing
 
-    def __init__(self, pricing: LinearPricing, places: Indices, cov: Array, ridge: float) -> None:
-        super().__init__(pricing, places, cov, ridge)
+    def __init__(self, pricing: LinearPricing, places: Indices, cov: Array) -> None:
+        super().__init__(pricing, places, cov)
         self.trace = np.einsum("ij,bji->b", pricing.slope, cov)
 
     def _squares(self, along: Array) -> Array:

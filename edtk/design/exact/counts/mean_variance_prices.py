@@ -7,7 +7,7 @@ from criteria.linalg.typing import triangle
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.linear_prices import LEAST_RATIO
 from edtk.design.exact.counts.models_prices import ModelScatter
-from edtk.design.exact.counts.prices import Prices, Pricing, first_of_largest
+from edtk.design.exact.counts.prices import Prices, Pricing, first_of_largest, least_gain
 from edtk.system.typing import Array, Indices, Mask
 
 AT_ONCE = 150_000  # prices of all models: some ten such arrays stay in a core's larger cache
@@ -78,17 +78,18 @@ class MeanVariancePricing(Pricing):
 
     def prices(self, places: Indices, ridge: float, size: int) -> "MeanVariancePrices":
         """Prices of plans (b, m); there is one round only, of all candidates."""
-        return MeanVariancePrices(self, places.copy(), self.information(places, ridge))
+        return MeanVariancePrices(self, places.copy(), ridge)
 
 
 class MeanVariancePrices(Prices):
     """Prices of plans on their way, see `MeanVariancePricing`."""
 
-    def __init__(self, pricing: MeanVariancePricing, places: Indices, M: Array) -> None:
+    def __init__(self, pricing: MeanVariancePricing, places: Indices, ridge: float) -> None:
         self.pricing = pricing
         self.places = places
-        self.M = M
-        self.cov = np.asarray(np.linalg.inv(M), dtype=float)
+        self.part = least_gain(ridge)
+        self.M = pricing.information(places, ridge)
+        self.cov = np.asarray(np.linalg.inv(self.M), dtype=float)
 
     def best(self, place: int, allowed: Mask | None) -> tuple[Indices, Array]:
         """The candidate of the least sum of variances, and the relative decrease."""
@@ -112,7 +113,7 @@ class MeanVariancePrices(Prices):
         if allowed is not None:
             whole[~allowed] = -np.inf
         trace = np.einsum("kij,bkij->b", pricing.slope, self.cov)
-        new = first_of_largest(whole, trace)
+        new = first_of_largest(whole, trace, self.part)
         return new, whole[np.arange(len(new)), new] / trace
 
     def replace(self, which: Indices, place: int, new: Indices) -> None:

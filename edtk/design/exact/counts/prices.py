@@ -22,7 +22,7 @@ def least_gain(ridge: float) -> float:
     return max(GAIN, ROUNDINGS * EPS / ridge) if ridge else GAIN
 
 
-def first_of_largest(values: Array, scale: Array, part: float = GAIN) -> Indices:
+def first_of_largest(values: Array, scale: Array, part: Array | float = GAIN) -> Indices:
     """The first (b,) of values (b, n) that is the largest but for what may be rounding.
 
     Symmetric candidates are worth the same. Which of them is taken shall not depend on last digits,
@@ -31,10 +31,15 @@ def first_of_largest(values: Array, scale: Array, part: float = GAIN) -> Indices
     Args:
         values: The values.
         scale: Sizes (b,) of the numbers whose rounding they have.
-        part: Part of these sizes that may be rounding, see `least_gain`.
+        part: Part of these sizes (b,) that may be rounding.
     """
     least = values.max(axis=1) - part * scale
     return np.asarray((values >= least[:, None]).argmax(axis=1))
+
+
+def first_lowest(costs: Array, part: float = GAIN) -> int:
+    """The first of costs (n,) that is the lowest but for a part of it that may be rounding."""
+    return int(first_of_largest(-costs[None], np.abs(costs.min(keepdims=True)), part)[0])
 
 
 def first_few_largest(values: Array, size: int, part: float = GAIN) -> Indices:
@@ -63,7 +68,12 @@ class Prices(ABC):
     """The best candidate for one place after another, of several plans at once.
 
     The object belongs to plans on their way: `replace` tells it what was exchanged.
+
+    Attributes:
+        part: Part of what each plan (b,), or any, is worth that may be rounding.
     """
+
+    part: Array | float
 
     @abstractmethod
     def best(self, place: int, allowed: Mask | None) -> tuple[Indices, Array]:

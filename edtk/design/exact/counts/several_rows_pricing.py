@@ -12,7 +12,7 @@ from edtk.design.exact.counts.any_prices import AnyPricing
 from edtk.design.exact.counts.convex_loss import ConvexLoss
 from edtk.design.exact.counts.counts_search import kicked
 from edtk.design.exact.counts.limits import Limits
-from edtk.design.exact.counts.prices import GAIN, first_few_largest, first_of_largest
+from edtk.design.exact.counts.prices import GAIN, first_few_largest, first_lowest
 from edtk.design.information import pack, sensitivity_rows
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices, Mask
@@ -58,11 +58,6 @@ def place_tangent(
     rest = M - own.T @ own
     value, Z = loss.tangent(rest + average)
     return value + float(np.sum(Z * average)), Z, rest
-
-
-def _first_lowest(costs: Array) -> int:
-    """The first of costs (k,) that is the lowest but for rounding."""
-    return int(first_of_largest(-costs[None], costs.min(keepdims=True))[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +146,7 @@ class Shortlist:
         if len(some) > TRIED:
             some = some[first_few_largest(-bounds[None, some], TRIED, SINGLE)[0]]
         costs = self.loss.joined_costs(rest, self.rows[some])
-        lowest = _first_lowest(costs)
+        lowest = first_lowest(costs)
         now = float(self.loss.cost(np.array([value]))[0])
         return int(some[lowest]) if costs[lowest] < now * (1 - GAIN) else None
 
@@ -384,7 +379,7 @@ class SeveralRowsPricing(AnyPricing):
             for first in range(0, len(some), PART):
                 part = np.sort(some[first : first + PART])
                 costs = self.loss.joined_costs(rests[place], self.scatter.rows[part])
-                lowest = _first_lowest(costs)
+                lowest = first_lowest(costs)
                 if costs[lowest] < now * (1 - GAIN):
                     better = places.copy()
                     better[place] = part[lowest]

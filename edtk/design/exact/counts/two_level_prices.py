@@ -4,6 +4,7 @@ import numpy as np
 
 from edtk.design.exact.counts.determinant_prices import DeterminantPrices, DeterminantPricing
 from edtk.design.exact.counts.limits import Limits
+from edtk.design.exact.counts.prices import least_gain
 from edtk.system.typing import Array, Indices, Mask
 
 ASCENTS = 12  # steps from corner to corner; two or three are usual
@@ -47,7 +48,7 @@ class TwoLevelPricing(DeterminantPricing):
 
     def prices(self, places: Indices, ridge: float, size: int) -> "TwoLevelPrices":
         """Prices of plans (b, m)."""
-        return TwoLevelPrices(self, places.copy(), self.covariance(places, ridge))
+        return TwoLevelPrices(self, places.copy(), ridge)
 
     def corner(self, slope: Array, own: Array) -> Array:
         """The corner (b, p) with the largest product with slopes (b, p); own (b, p) where equal."""
@@ -67,10 +68,11 @@ class TwoLevelPrices(DeterminantPrices):
 
     pricing: TwoLevelPricing
 
-    def __init__(self, pricing: TwoLevelPricing, places: Indices, cov: Array) -> None:
+    def __init__(self, pricing: TwoLevelPricing, places: Indices, ridge: float) -> None:
         self.pricing = pricing
         self.places = places
-        self.cov = cov
+        self.part = least_gain(ridge)
+        self.cov = pricing.covariance(places, ridge)
 
     def best(self, place: int, allowed: Mask | None) -> tuple[Indices, Array]:
         """A corner from which no coordinate improves the determinant, and its ratio less one."""

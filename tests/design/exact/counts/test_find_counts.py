@@ -1,6 +1,6 @@
 """Plans by counts: what a criterion needs, where its value does not depend on all of it."""
 
-from itertools import combinations_with_replacement
+from itertools import combinations, combinations_with_replacement, product
 
 import numpy as np
 import pytest
@@ -49,3 +49,17 @@ def test_a_parameter_that_counts_nothing(seed, priced):
     plan = edtk.plan(edtk.Problem(rows), criterion=rho0, seed=1, **asked)
     assert plan.counts[-TELLING:].any()
     assert plan.value == pytest.approx(least, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", "ADEG")
+@pytest.mark.parametrize(("levels", "factors", "size"), [(2, 3, 7), (3, 2, 6), (2, 4, 11)])
+def test_ties_are_decided_by_order_and_not_by_last_digits(name, levels, factors, size):
+    """The best of saturated plans, which start singular, stays where rows differ by roundings."""
+    x = np.array(list(product(np.linspace(-1.0, 1.0, levels), repeat=factors)))
+    pairs = [x[:, i] * x[:, j] for i, j in combinations(range(factors), 2)]
+    squares = [x[:, i] ** 2 for i in range(factors)] if levels > 2 else []
+    rows = np.column_stack([np.ones(len(x)), x, *pairs, *squares])[:, None]
+    rounded = rows * (1 + 1e-15 * np.random.default_rng(0).normal(size=rows.shape))
+    asked = {"criterion": name, "size": size, "seed": 1, "starts": 64}
+    plans = [edtk.plan(edtk.Problem(each), **asked) for each in (rows, rounded)]
+    np.testing.assert_array_equal(*[plan.counts for plan in plans])
