@@ -27,6 +27,17 @@ from edtk.system.errors import ArgumentError
 HELP_OF_FAULTS = "How likely faults would be noticed, and told apart, like tool_z=5mm,drift=0.05mm."
 PROVED_GAP = 1e-3  # between a bound over all poses and the best weights
 MOST_EXPERIMENTS = 10**12  # as in a study: beyond them numbers of repetitions are not exact
+# What is said of a search, of the proof of its bound, and of that of the best plan, if cut off.
+SEARCH_ENDED = {
+    "budget": "the budget ended the search; this is the best plan so far",
+    "failed": "a solver found no answer on the way; this is the best plan so far",
+    "interrupted": "interrupted; this is the best plan so far",
+}
+PROOF_ENDED = {
+    "budget": "the budget ended the proof; the bound is the best that was proved by then",
+    "interrupted": "interrupted; the plan is whole, and its bound the best that was proved by then",
+}
+BEST_ENDED = {"interrupted": "interrupted; this is the best proof so far"}
 
 
 class _FaultOption(click.Option):
@@ -175,21 +186,16 @@ def command(
         )
     show(found, as_json, out, certificate)
     warn_about(study, found.warnings)
-    if found.ended == "budget":
-        warn("the budget ended the search; this is the best plan so far")
-    if found.ended == "failed":
-        warn("a solver found no answer on the way; this is the best plan so far")
-    if found.ended == "interrupted":
-        warn("interrupted; this is the best plan so far")
-        end_interrupted()
-    if found.proof_ended == "budget":
-        warn("the budget ended the proof; the bound is the best that was proved by then")
-    if found.proof_ended == "interrupted":
-        warn("interrupted; the plan is whole, and its bound the best that was proved by then")
-        end_interrupted()
-    if found.on_candidates is not None and found.on_candidates.ended == "interrupted":
-        warn("interrupted; this is the best proof so far")
-        end_interrupted()
+    best = found.on_candidates
+    for ended, words in (
+        (found.ended, SEARCH_ENDED),
+        (found.proof_ended, PROOF_ENDED),
+        (best.ended if best else "", BEST_ENDED),
+    ):
+        if ended in words:
+            warn(words[ended])
+        if ended == "interrupted":
+            end_interrupted()
 
 
 def _faults(given: str | None) -> dict[str, str]:
