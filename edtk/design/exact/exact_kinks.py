@@ -30,6 +30,7 @@ from edtk.system.typing import Array, Indices, Mask
 
 STEPS = 30
 BEGIN = 0.05  # part of the merit that the distance may have at the beginning
+CENTRAL = 0.3  # part of the first weights that is the larger, the smaller the slack
 INSIDE = 0.1  # part of the first multiplier that is regular
 SMALL = 1e-14  # part of the largest eigenvalue that rounding leaves of others
 
@@ -48,7 +49,7 @@ def spectral_multipliers(
     """
     chosen, known = nodes.spread(z)
     game = _Game.of(merits, nodes, chosen, known)
-    point = game.begun(Z, merits.tell(nodes, Z).merit)
+    point = game.begun(merits, Z, merits.tell(nodes, Z).merit, nodes.weights[chosen])
     some = np.arange(nodes.n)
     left = point
     for _ in range(STEPS):
@@ -216,10 +217,10 @@ class _Game(OfNodes):
         """Number (b,) of products."""
         return self.p + self.K.shape[1] - self.q + self.known.sum(axis=1)
 
-    def begun(self, Z: Array, merit: Array) -> _Point:
-        """A start inside, near multipliers (b, q + k) that prove merits (b,).
+    def begun(self, merits: Merits, Z: Array, merit: Array, weights: Array) -> _Point:
+        """A start inside, near multipliers (b, q + k) that prove merits (b,), and weights (b, c).
 
-        All products are alike, and the weights need not sum to their counts.
+        The weights sum to their counts; with budgets they need not be within these.
         """
         q = self.q
         rows, columns = triangle(self.p)
@@ -242,18 +243,29 @@ class _Game(OfNodes):
         y = tops + (room / np.maximum(self.counts.sum(axis=1), 1.0))[:, None]
         y = np.where(self.counts > 0, y, 0.0)
         s = np.where(self.known, (own @ y[..., None])[..., 0] - z, 1.0)
-        product = room / self.terms
+        central = self._summed(np.where(self.known, 1.0 / s, 0.0))
+        w = (1.0 - CENTRAL) * self._summed(np.where(self.known, weights, 0.0)) + CENTRAL * central
+        w = self._summed(w)
+        X = (self.K[:, :q] - (w[:, None] @ self.J[:, :, :q])[:, 0]) / self.twice
+        t = merits.of(unpack(X.T)) - room
         return _Point(
             Z=M,
-            S=product[:, None, None] * np.linalg.inv(M),
-            w=np.where(self.known, product[:, None] / s, 1.0),
+            S=unpack((X - t[:, None] * self.floor / self.twice).T),
+            w=np.where(self.known, w, 1.0),
             s=s,
             y=y,
             price=price,
-            left=product[:, None] / price,
-            t=np.zeros(len(Z)),
-            missing=np.ones(len(Z)),
+            left=(room / self.terms)[:, None] / price,
+            t=t,
+            missing=np.full(len(Z), float(price.shape[1] > 0)),
         )
+
+    def _summed(self, w: Array) -> Array:
+        """Weights (b, c), scaled to the counts of groups; zero where a group has none."""
+        own = self.J[:, :, self.K.shape[1] :]
+        sums = (w[:, None] @ own)[:, 0]
+        share = np.divide(self.counts, sums, out=np.zeros_like(sums), where=sums > 0)
+        return np.asarray(w * (own @ share[..., None])[..., 0])
 
     def bound(self, point: _Point) -> Array:
         """The merit (b,) that no plan of these candidates exceeds."""

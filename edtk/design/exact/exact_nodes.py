@@ -20,8 +20,8 @@ LARGE = 48  # candidates of a node from which on a product of its own is quicker
 DENSE = 4  # positions for each candidate up to which the product is one of all of them
 SHARPNESS = 128.0  # of soft maxima
 BLURRED = 2.0 / SHARPNESS  # part of a merit that these may take
-STRETCHES = 64  # of a node, of which each has a candidate that is heard
-FEWEST_STRETCHES = 8  # of a group
+STRETCHES = 128  # of a node, of which each has a candidate that is heard
+FEWEST_STRETCHES = 16  # of a group
 SOME = 1e-3  # part of a group's experiments from which on a weight is some
 # Distance of a bound that is near, in parts of what it leaves. Tuned on the paper's example: the
 # trees of nearer bounds are no smaller; at kinks each digit takes many steps.

@@ -207,6 +207,24 @@ class Division:
         own = z[order][source]
         return cls(part, parent, counts, children, built, parent[built], own)
 
+    def siblings(self, nodes: Nodes, some: Indices) -> tuple[Indices, Indices]:
+        """Where some children (c,) of nodes stand in the line of their siblings.
+
+        Returns:
+            The side (c,), which is of one parent, and below its weight in the part or above; and
+            how many of these are nearer to that (c,).
+        """
+        part, place = self.part, nodes.candidates
+        inside = (place >= part.first[nodes.node_of]) & (place < part.stop[nodes.node_of])
+        inside &= nodes.group_of == part.group[nodes.node_of]
+        weight = np.bincount(nodes.node_of, nodes.weights * inside, nodes.n)[self.parent[some]]
+        count = self.counts[some]
+        side = 2 * self.parent[some] + (count > weight)
+        order = np.lexsort((np.abs(count - weight), side))
+        rank = np.empty(len(order), dtype=int)
+        rank[order] = np.arange(len(order)) - np.searchsorted(side[order], side[order])
+        return side, rank
+
 
 def _times(counts: Indices, values: Array) -> Array:
     """Products, of which those with zero are zero."""

@@ -477,7 +477,7 @@ class _Search:
         multiplier = np.array([own.multiplier for own in some])
         division = Division.of(parents, parts(parents, self.points), self.merits, Z, self.least)
         part, of = division.part, division.parent
-        # First the parent's multiplier: it closes most children that there are.
+        # First the parent's multiplier.
         children = division.children
         Z = Z[division.of_children]
         told = self.merits.told(children, Z, division.sensitivities)
@@ -486,24 +486,66 @@ class _Search:
         open_ = division.built[alive]
         own = multiplier[of]
         left = children.kept(keep, alive)
-        if left.n:
-            first = told.kept(children, keep, alive)
-            nowhere = np.zeros((left.n, self.merits.p, self.merits.p))
-            left, best = self._settled(left, _Best(first, Z[alive], nowhere))
-            told, Z, near = best
-            self._round(left)
-            better = told.merit < first.merit
-            shares = self.merits.shares(Z[better], near[better])
-            own[open_[better]] = self.record.add_multipliers(Z[better], shares)
+        nowhere = np.zeros((left.n, self.merits.p, self.merits.p))
+        known = _Best(told.kept(children, keep, alive), Z[alive], nowhere)
+        side, rank = division.siblings(parents, open_)
+        settled, own[open_] = self._in_turn(left, known, side, rank, own[open_])
         nodes = self.record.add(
             index[of], parents.numbers[part.group][of], part.first[of], part.stop[of],
             division.counts, own,
         )  # fmt: skip
-        if left.n:
-            keep, alive = told.fixed(left, self.least)
-            bound = np.minimum(bound, told.merit)[alive]
-            open_ = open_[alive]
-            self._push(left.kept(keep, alive), bound, best.Z[alive], nodes[open_], own[open_])
+        for which, left, best in settled:
+            keep, alive = best.told.fixed(left, self.least)
+            lower = np.minimum(bound[which], best.told.merit)[alive]
+            which = open_[which[alive]]
+            self._push(left.kept(keep, alive), lower, best.Z[alive], nodes[which], own[which])
+
+    def _in_turn(
+        self, nodes: Nodes, known: _Best, side: Indices, rank: Indices, multiplier: Indices
+    ) -> tuple[list[tuple[Indices, Nodes, _Best]], Indices]:
+        """Settle siblings, those first whose counts are the nearest to the weights.
+
+        The bound of one multiplier is linear in the count. So one that closes a sibling closes
+        those farther out, too, as a rule, and these need none of their own.
+
+        Args:
+            nodes: The siblings (b,).
+            known: Their parents' multipliers.
+            side: Number of the parent and the side (b,), see `Division.siblings`.
+            rank: How far out each is there (b,).
+            multiplier: Numbers (b,) of the known multipliers in the tree.
+
+        Returns:
+            Which nodes were settled together, these with their weights, and their best multipliers;
+            and numbers (b,) of the best multipliers in the tree.
+        """
+        settled = []
+        multiplier = multiplier.copy()
+        every = np.ones(len(nodes.candidates), dtype=bool)
+        waiting = np.ones(nodes.n, dtype=bool)
+        for nearest in (rank == 0, rank > 0):
+            now = waiting & nearest
+            which = np.flatnonzero(now)
+            if not len(which):
+                continue
+            waiting &= ~now
+            some = nodes.kept(every, now)
+            before = _Best(known.told.kept(nodes, every, now), known.Z[now], known.near[now])
+            some, best = self._settled(some, before)
+            self._round(some)
+            better = best.told.merit < before.told.merit
+            shares = self.merits.shares(best.Z[better], best.near[better])
+            multiplier[which[better]] = self.record.add_multipliers(best.Z[better], shares)
+            settled.append((which, some, best))
+            latest = np.full(side.max() + 1, -1)
+            latest[side[which]] = np.arange(len(which))
+            heirs = waiting & (latest[side] >= 0)
+            by = latest[side[heirs]]
+            closed = self.merits.tell(nodes.kept(every, heirs), best.Z[by]).merit <= self.least
+            out = np.flatnonzero(heirs)[closed]
+            multiplier[out] = multiplier[which[by[closed]]]
+            waiting[out] = False
+        return settled, multiplier
 
     def _push(
         self, nodes: Nodes, bound: Array, Z: Array, index: Indices, multiplier: Indices
