@@ -13,8 +13,9 @@ change as
     w_i ds_i + s_i dw_i = product - w_i s_i,    W dZ W + dS = product Z^-1 - S,
 
 and dw and dS are eliminated, so that a step costs a system in the entries of Z and in y. Budgets
-``C r <= f`` have prices ``mu >= 0`` beside Z, see `Merits`. The multiplier always bounds, the
-weights sum to their counts after the first whole step. Only candidates that are near the largest of
+``C r <= f`` have prices ``mu >= 0`` beside Z, see `Merits`. The multiplier always bounds. The
+weights are at first those of the parent, scaled to the counts, to which they sum from then on; with
+budgets they obey these after the first whole step. Only candidates that are near the largest of
 their group take part; the bound is computed anew from all, for whatever multiplier comes out.
 """
 

@@ -149,10 +149,11 @@ def prove_exact(
     Branch and bound over multisets of candidates. A node says how many experiments are made in
     each of some groups of candidates; its multiplier closes it, or leaves candidates out
     (`ExactTree`). Groups of several candidates are divided where the best weights, not whole, are:
-    so plans of near candidates are bounded together. The node of the largest bound is divided
-    first, so that the bound so far is that of the best node left. Weights that are rounded give
-    plans, which become the incumbent where they are better. Ctrl-C, the end of `seconds`, and a
-    `time_limit` around leave the bound so far.
+    so plans of near candidates are bounded together. Of children that differ in the count of a part
+    those nearest to the weights are bounded first: their multipliers close most others. The node of
+    the largest bound is divided first, so that the bound so far is that of the best node left.
+    Weights that are rounded give plans, which become the incumbent where they are better. Ctrl-C,
+    the end of `seconds`, and a `time_limit` around leave the bound so far.
 
     Args:
         problem: The candidates; a prior is part of `Limits.base` already.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_exact_weights import N, node_of
 
-from edtk.design.exact.exact_kinks import spectral_multipliers
+from edtk.design.exact.exact_kinks import _Game, spectral_multipliers
 from edtk.design.exact.exact_nodes import NEAR_AT_KINKS, Merits, Nodes
 from edtk.system.typing import Array
 
@@ -33,6 +33,22 @@ def test_multiplier_and_weights_prove_each_other_best(budget: bool) -> None:
         bound = merits.tell(nodes, Z).merit[0]
         reached = merits.merits(replace(nodes, weights=weights))[0]
         assert reached * (1 - 1e-5) <= bound <= reached * (1 + 2 * NEAR_AT_KINKS)
+
+
+def test_the_best_weights_begin_where_they_end() -> None:
+    """From the best weights and their multiplier few steps are left; from equal ones more."""
+    for seed in range(6):
+        merits, nodes, _ = node_of("E", seed, False, None)
+        Z, weights = solved(merits, nodes)
+        chosen, known = nodes.spread(np.zeros(N))
+        game = _Game.of(merits, nodes, chosen, known)
+        bound = merits.tell(nodes, Z).merit
+        begun = game.begun(merits, Z, bound, weights[chosen])
+        assert game.merit(begun) == pytest.approx(begun.t)
+        assert begun.w @ np.ones(N) == pytest.approx(nodes.counts.sum(), rel=1e-12)
+        assert (np.linalg.eigvalsh(begun.S) > 0).all()
+        assert begun.t > 0.6 * bound
+        assert begun.t < game.merit(game.stepped(begun)) <= bound * (1 + 1e-9)
 
 
 def test_a_budget_lowers_what_weights_reach() -> None:

@@ -190,6 +190,21 @@ def test_multipliers_at_kinks_come_near_the_best() -> None:
     assert search.merits.cost_of(float(best.told.merit[0])) > (1 - 1e-3) * relaxed.cost
 
 
+@pytest.mark.parametrize("name", ["D", "E"])
+def test_siblings_farther_out_take_the_multiplier_of_a_nearer_one(name: str) -> None:
+    """One closes others of its parent, on its own side: more nodes are closed than multipliers."""
+    problem = Problem(np.random.default_rng(4).normal(size=(60, 1, 3)))
+    found = prove_exact(problem, criteria.create(name), Limits(7, np.zeros((3, 3))))
+    tree = found.tree
+    assert found.proved
+    assert len(tree.multipliers) < 0.6 * tree.nodes
+    own = np.flatnonzero(tree.multiplier != tree.multiplier[tree.parent])[1:]
+    for parent in np.unique(tree.parent[own]):
+        nodes = own[tree.parent[own] == parent]
+        of = tree.multiplier[nodes[np.argsort(tree.count[nodes])]]
+        assert len(np.unique(of)) == 1 + (np.diff(of) != 0).sum()
+
+
 def test_an_interrupted_proof_keeps_its_bound() -> None:
     """Ctrl-C after some nodes leaves a bound that is sharper than that of the root."""
     limits = Limits(7, np.zeros((3, 3)))
