@@ -12,8 +12,8 @@ from edtk.fit.equilibrium import LinearisedData
 from edtk.fit.identify import Identification
 from edtk.fit.measurements import Measurements
 from edtk.fit.missing import MissingColumns, SizePosterior
-from edtk.measure.friction import SPREAD, together
-from edtk.measure.missing_pieces import MissingPieces, PieceColumns, PossibleSprings
+from edtk.measure.friction import SPREAD, scatter, together
+from edtk.measure.missing_pieces import SPREAD_ACROSS, MissingPieces, PieceColumns, PossibleSprings
 from edtk.measure.model_error import ASSUMED
 from edtk.measure.task import all_compliances
 from edtk.robots.frames import load_turns
@@ -56,10 +56,11 @@ class ModelErrorFound:
         scales, turn = self.posterior.spread
         pieces = self.shown.pieces[rows]
         shared = pieces.shared(scales[-1]) * scales
-        # Of what friction holds the mean is not zero: the columns are of its squares.
-        of_mean = np.sqrt(1 + SPREAD**2) / SPREAD
-        own = np.moveaxis(shared[..., pieces.kinds == 1], -1, 0)
-        shared[..., pieces.kinds == 1] = np.moveaxis(together(of_mean * own, SPREAD), 0, -1)
+        # Means are not zero: the columns are of their squares, too.
+        for kind, spread in enumerate((SPREAD_ACROSS, SPREAD)):
+            own = pieces.kinds == kind
+            whole = np.moveaxis(shared[..., own], -1, 0) / scatter(spread)
+            shared[..., own] = np.moveaxis(together(whole, spread), 0, -1)
         return shared, pieces.turns * turn
 
     def to_dict(self) -> dict[str, float]:

@@ -49,9 +49,11 @@ class BesideModel:
         prior of variance one, as in Henderson's equations.
         """
         best = np.array([posterior.likeliest])
-        own, BX, gain, By = self._weighed(posterior.sizes[best][0], posterior.scales(best)[0])
+        sizes, scales = posterior.sizes[best][0], posterior.scales(best)[0]
+        y = self._less_means(sizes, scales)
+        own, BX, gain, By = self._weighed(sizes, scales, y[..., None])
         P = own - np.einsum("mrc,cms->mrs", BX, gain)
-        Py = By - np.einsum("mrc,c->mr", BX, np.einsum("cmr,mr->c", gain, self.measured))
+        Py = By[..., 0] - np.einsum("mrc,c->mr", BX, np.einsum("cmr,mr->c", gain, y))
         return int(_chances(P, Py, self._std).argmin())
 
     def chances(self, rows: Indices, posterior: SizePosterior) -> Array:
@@ -74,8 +76,9 @@ class BesideModel:
         _, BX, gain, BE = self._weighed(sizes, scales, E)
         P = np.einsum("mra,mrb->ab", E, BE)
         P -= np.einsum("mra,mrc->ac", E, BX) @ np.einsum("cmr,mrb->cb", gain, E)
-        y = np.einsum("mra,mr->a", BE, self.measured)
-        y -= np.einsum("mra,mrc->ac", E, BX) @ np.einsum("cmr,mr->c", gain, self.measured)
+        measured = self._less_means(sizes, scales)
+        y = np.einsum("mra,mr->a", BE, measured)
+        y -= np.einsum("mra,mrc->ac", E, BX) @ np.einsum("cmr,mr->c", gain, measured)
         inverse = np.linalg.pinv(P, rcond=DETERMINED, hermitian=True)
         of_row = np.einsum("aras->ars", inverse.reshape(len(aside), rows, len(aside), rows))
         own = np.linalg.pinv(of_row, rcond=DETERMINED, hermitian=True)
@@ -87,22 +90,27 @@ class BesideModel:
         """Standard deviations (m, rows) of the noise [m, rad]."""
         return CorrelatedNoise.of_any(self.noise, self.measured.shape).std
 
+    def _less_means(self, sizes: Array, scales: Array) -> Array:
+        """Deflections (m, rows) less what pieces of some sizes do on average [m, rad]."""
+        pieces = self.columns.pieces
+        return np.asarray(self.measured - pieces.shared(sizes[1]) @ (scales * pieces.mean))
+
     def _weighed(
-        self, sizes: Array, scales: Array, others: Array | None = None
+        self, sizes: Array, scales: Array, others: Array
     ) -> tuple[Array, Array, Array, Array]:
         """What readings weigh where pieces are of some sizes (3,), shared columns of some (c,).
 
         Returns:
             Inverse covariances B (m, rows, rows) of readings; ``B X`` (m, rows, w) of the columns X
             of pieces and springs; ``(X'BX)^-1 X'B`` (w, m, rows), with the prior of the pieces; and
-            ``B`` times other columns (m, rows, c), or the deflections (m, rows).
+            ``B`` times other columns (m, rows, c).
         """
         m, rows, p = self.A.shape
         pieces = self.columns.pieces
         shared = pieces.shared(sizes[1]) * scales
         scale = np.sqrt(np.square(self.A).sum(axis=(0, 1)))
         X = np.concatenate([shared, self.columns.known, self.A / scale], axis=-1)
-        every = np.concatenate([X, self.measured[..., None] if others is None else others], axis=-1)
+        every = np.concatenate([X, others], axis=-1)
         noise = CorrelatedNoise.of_any(self.noise, (m, rows))
         own = np.empty((m, rows, rows))
         weighed = np.empty(every.shape)
@@ -119,8 +127,7 @@ class BesideModel:
         of_pieces = range(w - p)
         M[of_pieces, of_pieces] += 1.0
         gain = np.linalg.solve(M, np.moveaxis(weighed[..., :w], -1, 0).reshape(w, -1))
-        rest = weighed[..., w] if others is None else weighed[..., w:]
-        return own, weighed[..., :w], gain.reshape(w, m, rows), rest
+        return own, weighed[..., :w], gain.reshape(w, m, rows), weighed[..., w:]
 
 
 def _chances(P: Array, Py: Array, std: Array) -> Array:

@@ -8,7 +8,8 @@ from math import comb
 import numpy as np
 
 from edtk.fit.correlated_noise import RowNoise, groups_by_size, whiten_columns, whole_groups
-from edtk.measure.missing_pieces import PieceColumns, PossibleSprings
+from edtk.measure.friction import scatter
+from edtk.measure.missing_pieces import SPREAD_ACROSS, PieceColumns, PossibleSprings
 from edtk.measure.model_error import ASSUMED
 from edtk.system.typing import Array, Indices, Mask
 
@@ -21,6 +22,7 @@ SIZES = np.array([0.0, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32])
 # load, and stiffnesses vary by a tenth with position. With one half for friction, too, a sheet that
 # tells it at 2.3 standard deviations was taken for one of ideal springs (kept_promises.py).
 ABSENT = np.array([0.0, 0.25, 0.5])
+ACROSS = scatter(SPREAD_ACROSS)  # standard deviation of shares across of mean square one
 GROUPS = 7  # of joints, each of which may have springs across: their places are all counted up
 # Sizes and places that stand for all that are left possible, each of the same probability, at most.
 # The error promised is then 4 % off that of 3000 of them, root mean square over 72 sheets, and 5 %
@@ -210,18 +212,21 @@ class SizeLikelihood:
     def _log_likelihoods(self, masks: Mask) -> Array:
         """Those (turns, held, across, places) of all sizes, with springs in places (places, a).
 
-        Springs of one size s have the determinant and the quadratic form of
-        ``I + s^2 R`` with what remains of their columns, R, beside regressors and friction.
+        Springs of one size s and mean m have the determinant of ``I + s^2 R``, with what remains of
+        their columns, R, beside regressors and friction, and the quadratic form
+        ``m'm - (m + s r)' (I + s^2 R)^-1 (m + s r)``, with r of the readings.
         """
         R, r, rest = self._across_alone()
+        before = self.pieces.mean
         squares = np.square(SIZES)[:, None]
         found = np.empty((*rest.shape, len(SIZES), len(masks)))
         for place, mask in enumerate(masks):
             values, axes = np.linalg.eigh(R[..., mask, :][..., mask])
-            along = (r[..., None, mask] @ axes) ** 2
+            mean = before[: len(mask)][mask]
+            along = (mean + SIZES[:, None] * r[..., None, mask]) @ axes
             gain = 1 + squares * np.maximum(values, 0.0)[..., None, :]
-            parts = np.log(gain) - squares * along / gain
-            found[..., place] = parts.sum(axis=-1) + rest[..., None]
+            parts = np.log(gain) - along**2 / gain
+            found[..., place] = parts.sum(axis=-1) + rest[..., None] + mean @ mean
         return -0.5 * found
 
     def _across_alone(self) -> tuple[Array, Array, Array]:
@@ -234,15 +239,18 @@ class SizeLikelihood:
         a, c = len(self.pieces.joints), len(self.pieces.kinds)
         G, y, rest = self._sums_by_size
         S = np.ones(G.shape[1:3])
+        S[:, :a] = ACROSS
         S[:, a:c] = SIZES[:, None]
-        M, b = _equations(G, y, S, self.pieces.mean)
+        before = self.pieces.mean
+        M, b = _equations(G, y, S, before)
         inner, beside = M[..., a:, a:], M[..., a:, :a]
         own = b[..., a:, None]
         solved = np.linalg.solve(inner, np.concatenate([beside, own], axis=-1))
         taken = np.swapaxes(beside, -1, -2) @ solved
         freed = M[..., :a, :a] - np.eye(a) - taken[..., :a]
         square = rest[:, None] - (own * solved[..., a:]).sum(axis=(-1, -2))
-        return freed, b[..., :a] - taken[..., a], np.linalg.slogdet(inner)[1] + square
+        alone = np.linalg.slogdet(inner)[1] + square - before[:a] @ before[:a]
+        return freed, b[..., :a] - before[:a] - taken[..., a], alone
 
     def solved(self, sizes: Array, scales: Array) -> tuple[Array, Array]:
         """Shares and springs (s, c + p), and their covariances (s, c + p, c + p).
@@ -366,19 +374,20 @@ class SizePosterior:
         return np.repeat(every.reshape(-1, 3), len(self.places.chances), axis=0)
 
     def scales(self, which: Indices) -> Array:
-        """Sizes (s, c) of the shared columns for some of the possibilities."""
+        """Standard deviations (s, c) of what shared columns are for, for some possibilities."""
         across, held, _ = self.sizes[which].T
         there = self.places.masks[which % len(self.places.chances)]
         n = len(self.given.pieces.kinds) - there.shape[1]
-        return np.concatenate([across[:, None] * there, np.tile(held[:, None], n)], axis=1)
+        own = ACROSS * across[:, None] * there
+        return np.concatenate([own, np.tile(held[:, None], n)], axis=1)
 
     @cached_property
     def spread(self) -> tuple[Array, float]:
-        """Root mean squares of the sizes of shared columns (c,), and of turns."""
+        """Root mean squares of the scales of shared columns (c,), and of the sizes of turns."""
         squares = np.square(SIZES)
         turn = squares @ self.by_size.sum(axis=(1, 2, 3))
         held = squares @ self.by_size.sum(axis=(0, 2, 3))
-        across = squares @ self.by_size.sum(axis=(0, 1)) @ self.places.masks
+        across = ACROSS**2 * squares @ self.by_size.sum(axis=(0, 1)) @ self.places.masks
         n = len(self.given.pieces.kinds) - len(across)
         return np.sqrt(np.append(across, np.full(n, held))), float(np.sqrt(turn))
 

@@ -105,6 +105,11 @@ def _small(load: Array) -> Array:
     return GIVES * np.where(load > 0, load, 1.0)
 
 
+def scatter(spread: float) -> float:
+    """The standard deviation of shares of mean square one, of which that over their mean is r."""
+    return float(spread / np.hypot(1.0, spread))
+
+
 def correlated(n: int, spread: float) -> Array:
     """Mean products (n, n) of shares ``v_j`` of mean square one that hold back in every joint.
 
@@ -122,7 +127,6 @@ def together(columns: Array, spread: float) -> Array:
     ones and ``r^2 / (1 + r^2)`` across it.
     """
     n = len(columns)
-    size = np.sqrt(1 + spread**2)
-    own = spread / size
-    common = (np.sqrt(n + spread**2) / size - own) / n
+    own = scatter(spread)
+    common = (np.sqrt((n + spread**2) / (1 + spread**2)) - own) / n
     return np.asarray(own * columns + common * columns.sum(axis=0))

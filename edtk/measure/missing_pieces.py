@@ -13,11 +13,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.friction import SPREAD, held_by
+from edtk.measure.friction import SPREAD, held_by, scatter
 from edtk.robots.frames import Frames
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array, Indices
 
+# Standard deviation of shares of springs across, over their mean. Of a positive number whose usual
+# size alone is known, the exponential distribution assumes least (Jaynes), and has this one.
+SPREAD_ACROSS = 1.0
 SIDES = 2  # axes across that of a joint
 AXES = 3  # about which a link gives way in its middle
 SHORT = 0.01  # of the robot's reach: links that are shorter have their springs at their ends alone
@@ -39,12 +42,13 @@ class MissingPieces:
     2. *Held*: friction of joint j holds the part u_j of its mean load m_j in calibration:
        ``-u_j y_j k_j m_j sign(tau_j)`` with ``y_j = dy/dq_j``, and of a load that is smaller than
        the usual share of m_j the whole, see `held_by`. It always holds back, and gears of a robot
-       lose alike: ``u_j = s v_j`` with ``E[v_j^2] = 1``, whose standard deviation is half of their
-       mean, see `correlated`.
+       lose alike.
     3. *Turn*: joint j turns by ``k_j tau_j`` once more, ``y_j k_j tau_j``, by another share in
        each pose, as where its stiffness varies with its position.
 
-    The shares of the first two kinds are the same in all poses.
+    The shares ``s v`` of the first two kinds are the same in all poses, with ``E[v^2] = 1``. None
+    is negative, so that their mean is not zero, see `correlated`: what springs across do adds up
+    along the load, and does not cancel.
 
     Attributes:
         k: Compliances (n,) of all joints, zero for rigid ones [rad/(N m)].
@@ -141,7 +145,7 @@ class PieceColumns:
 
         They are for ``z_j + 1/r``, of variance one, where ``v_j = (1 + r z_j) / sqrt(1 + r^2)``.
         """
-        part = SPREAD / np.sqrt(1 + SPREAD**2) * held_by(size, self.torque, self.load)
+        part = scatter(SPREAD) * held_by(size, self.torque, self.load)
         return np.asarray(-self.turns * part[..., None, :])
 
     def shared(self, size: float) -> Array:
@@ -162,8 +166,8 @@ class PieceColumns:
 
     @property
     def mean(self) -> Array:
-        """The mean (a + n,) of the shared columns' shares, whose variance is one."""
-        return np.asarray((self.kinds == 1) / SPREAD)
+        """The mean (a + n,) of the shared columns' shares over their standard deviation."""
+        return 1 / np.where(self.kinds == 1, SPREAD, SPREAD_ACROSS)
 
     def mapped(self, change: Callable[[Array], Array]) -> "PieceColumns":
         """The same in other rows."""

@@ -17,8 +17,8 @@ from edtk.fit.distributions import NormalMixture, error_quantiles, weighted_medi
 from edtk.fit.identify import identify
 from edtk.fit.measurements import Measurements
 from edtk.fit.missing import SIZES, MissingColumns, SizeLikelihood, prior_of_sizes
-from edtk.measure.friction import SPREAD
-from edtk.measure.missing_pieces import MissingPieces, PieceColumns, PossibleSprings
+from edtk.measure.friction import SPREAD, scatter
+from edtk.measure.missing_pieces import SPREAD_ACROSS, MissingPieces, PieceColumns, PossibleSprings
 
 SURE = {"load_percent": 0, "load_direction_deg": 0, "tool_mm": 0, "rigid_rad_per_Nm": {"q1": 1e-15}}
 STUDY = edtk.Study(**REQUIRED, test_pose=TEST_POSE, uncertainty=SURE)
@@ -38,11 +38,10 @@ def day(number, sizes, poses=12, repeats=1):
     every = np.append(0.0, K)
     pieces = MissingPieces.of(STUDY.robot, every, model.torque_of(model.frames(q), wrench).T)
     kinds = pieces.columns(model, q, wrench).kinds
-    # What friction holds is never negative: exponential, of mean square one.
-    normal = rng.standard_normal(len(kinds))
-    held = RNG((number, 6)).exponential(size=len(normal)) / np.sqrt(2)
-    shares = np.where(kinds == 1, held * np.sqrt(1 + SPREAD**2) / SPREAD, normal)
-    u = shares * np.asarray(sizes)[kinds]
+    # Neither friction nor a compliance is negative: exponential, half-normal, of mean square one.
+    across = np.abs(rng.standard_normal(len(kinds)))
+    held = RNG((number, 6)).exponential(size=len(kinds)) / np.sqrt(2)
+    u = np.where(kinds == 1, held / scatter(SPREAD), across) * np.asarray(sizes)[kinds]
     task = replace(STUDY.task.model, unknown=model.unknown)
 
     def moves(of, q, wrench):
@@ -264,7 +263,7 @@ def test_restricted_likelihood_of_sizes():
     for which, sizes in enumerate(found.sizes):
         across, held, turn = sizes
         place = which % len(there)
-        S = np.append(across * there[place], np.full(n, held))
+        S = np.append(scatter(SPREAD_ACROSS) * across * there[place], np.full(n, held))
         np.testing.assert_array_equal(found.scales(np.array([which]))[0], S)
         R = 0.09 * np.eye(3 * m) + turn**2 * same * (flat[1] @ flat[1].T) + flat[2] @ flat[2].T
         shared = pieces.shared(held).reshape(3 * m, -1)

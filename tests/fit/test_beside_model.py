@@ -47,11 +47,12 @@ def test_chances_are_those_of_predictions_by_the_rest(aside, correlated):
     same = one.columns.pose[:, None] == one.columns.pose
     V = np.einsum("irn,jsn,ij->irjs", turns, turns, same).reshape(n, n)
     scales = np.where(pieces.kinds == 1, sizes[1], [sizes[0], 0.0, sizes[0], *[1.0] * 4])
-    columns = [pieces.shared(sizes[1]) * scales, one.columns.known]
+    shared = pieces.shared(sizes[1]) * scales
+    columns = [shared, one.columns.known]
     L = np.concatenate(columns, axis=-1).reshape(n, -1)
     single = CorrelatedNoise.of_any(one.noise, (m, 3)).blocks[0].covariance
     V = V + L @ L.T + np.einsum("irs,ij->irjs", single, np.eye(m)).reshape(n, n)
-    X, y = one.A.reshape(n, -1), one.measured.ravel()
+    X, y = one.A.reshape(n, -1), (one.measured - shared @ pieces.mean).ravel()
     out = np.isin(np.repeat(np.arange(m), 3), aside)
     B = np.linalg.inv(V[np.ix_(~out, ~out)])
     C = np.linalg.inv(X[~out].T @ B @ X[~out])

@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import norm
 
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.friction import SPREAD, correlated
-from edtk.measure.missing_pieces import MissingPieces, PieceColumns, PossibleSprings
+from edtk.measure.friction import SPREAD, correlated, scatter
+from edtk.measure.missing_pieces import SPREAD_ACROSS, MissingPieces, PieceColumns, PossibleSprings
 from edtk.robots.load_robot import load_robot
 
 ROBOT = load_robot("kuka_kr270")
@@ -66,21 +66,20 @@ def test_friction_holds_a_load():
     motion = COLUMNS.turns / (K * torque)[:, None]
     for size in (0.02, 0.3, 2.0):
         # Shares whose mean square is one hold s if all are alike.
-        alike = np.full(6, np.sqrt(1 + SPREAD**2) / SPREAD)
+        alike = np.full(6, 1 / scatter(SPREAD))
         left = COLUMNS.turns.sum(axis=-1) + size * COLUMNS.held(size) @ alike
         load = np.sign(torque) * np.maximum(np.abs(torque) - size * PIECES.load, 0)
         np.testing.assert_allclose(left, np.einsum("mrj,mj->mr", motion, K * load), atol=1e-15)
     assert not COLUMNS.held(0.0).any()
 
 
-def test_friction_holds_back_in_all_joints_alike():
-    """Shares have the mean products of joints that are about alike, and hardly any pushes."""
-    mean = COLUMNS.mean[-6:]
-    assert not COLUMNS.mean[:-6].any()
-    part = SPREAD / np.sqrt(1 + SPREAD**2)
-    products = part**2 * (np.eye(6) + np.outer(mean, mean))
-    np.testing.assert_allclose(products, correlated(6, SPREAD), rtol=1e-12)
-    assert norm.cdf(-mean).max() < 0.03
+def test_shares_are_about_alike_and_hardly_any_is_negative():
+    """They have the mean products of shares that are: none pushes, no stiffness is negative."""
+    for kind, spread, most in ((0, SPREAD_ACROSS, 0.16), (1, SPREAD, 0.03)):
+        mean = COLUMNS.mean[COLUMNS.kinds == kind]
+        products = scatter(spread) ** 2 * (np.eye(len(mean)) + np.outer(mean, mean))
+        np.testing.assert_allclose(products, correlated(len(mean), spread), rtol=1e-12)
+        assert norm.cdf(-mean).max() < most
 
 
 def test_a_rigid_joint_tilts_as_its_neighbour():
