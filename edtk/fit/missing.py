@@ -126,9 +126,9 @@ class _Sums:
 class SizeLikelihood:
     """The restricted likelihood of what a model leaves out, and the springs for each size.
 
-    With the regressors A, errors of the model ``U S v`` of sizes S and shares v of mean m and
-    variance one, and the covariance R of noise and turns, Henderson's equations (1950) give springs
-    and shares at once:
+    With the regressors A, errors of the model ``U S v`` of scales S and shares v of mean m and
+    variance one, see `SizePosterior.scales`, and the covariance R of noise and turns, Henderson's
+    equations (1950) give springs and shares at once:
 
         M = [[I + S U'R^-1 U S, S U'R^-1 A], [A'R^-1 U S, A'R^-1 A]],
         -2 log L = log |R| + log |M| + y'R^-1 y + m'm - b'M^-1 b,
