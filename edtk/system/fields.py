@@ -21,7 +21,8 @@ UNKNOWN = "extra_forbidden"
 LIST = "Input should be a valid tuple"  # a word of Python, which no file has
 
 
-Finite = Annotated[float, Field(allow_inf_nan=False, ge=-LARGEST, le=LARGEST)]
+# Neither texts nor `true`, which is 1 to Python.
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST, le=LARGEST)]
 Vector3 = tuple[Finite, Finite, Finite]
 ZERO: Vector3 = (0.0, 0.0, 0.0)
 
