@@ -143,7 +143,7 @@ def _bias(fitted: FittedData) -> Array | None:
         return np.zeros(len(fitted.fit.k))
     if fitted.study.target is None:
         return None
-    return linear_model_bias(fitted.study, fitted.data, fitted.A, fitted.fit.k)
+    return linear_model_bias(fitted.study, fitted.data, fitted.linear_regressor, fitted.fit.k)
 
 
 def _read(study: Study, path: Table) -> Measurements:

@@ -286,6 +286,18 @@ def test_what_the_linear_model_leaves_out(save):
     )
 
 
+def test_what_the_linear_model_leaves_out_beside_what_repetitions_share(save):
+    """The bias is of the model, whatever weighs the rows: it hardly depends on their errors."""
+    table = filled(plan=PLAN.repeated(3))
+    pose = table.groupby(list(table.columns[:6]), sort=False).ngroup().to_numpy()
+    shared = np.random.default_rng(3).normal(0, 0.06, (pose.max() + 1, 3))
+    table[D] += shared[pose]
+    found = calibrate(STUDY, save(table), HowFitted(linear=True))
+    assert found.fitted.common_noise
+    expected = plan_bias(STUDY, PLAN, Path("plan.csv")).rho0_bias
+    assert found.rho0_bias == pytest.approx(expected, rel=0.2)
+
+
 def test_paths_may_be_strings(save):
     """A study, a plan and measurements are found by a name as by a Path."""
     study = load_study(str(ROOT / "studies" / "kr270_milling.toml"))
