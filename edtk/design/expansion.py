@@ -14,11 +14,11 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
+from criteria.linalg.inverse import EPS
 from edtk.system.typing import Array
 
 Exponents = tuple[int, ...]
 Function = Callable[[Any], ArrayLike]
-EPS = float(np.finfo(float).eps)
 # Relative difference from a polynomial beyond which a function is none. The rounding of one that is
 # written badly stays below, and is counted.
 ALIKE = 1e-9

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from criteria.linalg.inverse import EPS
 from edtk.system.errors import ArgumentError, note
 from edtk.system.typing import Array, Mask
 
@@ -26,7 +27,6 @@ COMPLEX_STEP = 1e-30
 # all of them are taken at a step of zero (Ridders 1982).
 FIRST_STEP = 0.02
 STEPS = 8
-EPS = float(np.finfo(float).eps)
 SEEN = 1e4  # roundings by which a step has to change a value, so that some digits tell its slope
 AGREES = 1e-6  # of derivatives, in parts of the largest by the same parameter, and of differences
 ROUGH = 0.01  # of the largest derivative, by which differences may be off beside exact ones

@@ -82,17 +82,17 @@ def equal_rows(data: Measurements) -> EqualRows | None:
     turn = np.zeros(len(data), dtype=bool) if data.turn is None else data.turn
     kinds = [np.flatnonzero(~turn), np.flatnonzero(turn)]
     expected = sum(_agreeing(data[kind], pose[kind]) for kind in kinds if len(kind))
-    chance = float(poisson_tail(_pairs(row) - 1, expected))
+    chance = float(poisson_tail(pairs(row) - 1, expected))
     return EqualRows(later, earlier, int(copies.sum()) - 1, chance)
 
 
 def _agreeing(data: Measurements, place: Indices) -> float:
     """Expected number of pairs of repetitions of a place that agree, of at most."""
     agree = _steps(data) / (2 * np.sqrt(np.pi) * data.sigma.mean(axis=0))
-    return float(_pairs(place) * np.minimum(agree, 1.0).prod())
+    return float(pairs(place) * np.minimum(agree, 1.0).prod())
 
 
-def _pairs(number: np.ndarray) -> float:
+def pairs(number: np.ndarray) -> float:
     """How many pairs have the same number."""
     counts = np.bincount(number)
     return float((counts * (counts - 1) / 2).sum())

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
-from edtk.findings.match_plan import resolution
+from edtk.findings.match_plan import pairs, resolution
 from edtk.findings.springs import CHANCE
 from edtk.fit.distributions import poisson_tail
 from edtk.fit.fitted_geometry import GeometricFit
@@ -254,7 +254,7 @@ def refuse_copied_visits(data: MarkerPositions, sigma: float, path: Path) -> Non
         return
     step = resolution(1e3 * data.measured[lengths]) / 1e3
     agree = min(step / (2 * np.sqrt(np.pi) * sigma), 1.0) ** lengths.sum(axis=(1, 2)).min()
-    expected = float(_pairs(data.pose) * agree)
+    expected = float(pairs(data.pose) * agree)
     if float(poisson_tail(len(copies) - 1, expected)) > CHANCE:
         return
     later = copies[0]
@@ -270,12 +270,6 @@ def refuse_copied_visits(data: MarkerPositions, sigma: float, path: Path) -> Non
         "measurements anew",
         where=path,
     )
-
-
-def _pairs(number: Indices) -> float:
-    """How many pairs have the same number."""
-    counts = np.bincount(number)
-    return float((counts * (counts - 1) / 2).sum())
 
 
 def without_copied_markers(

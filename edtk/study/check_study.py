@@ -14,7 +14,7 @@ from edtk.study.schema import Specification
 from edtk.study.study_model import distance_names, marker_kinds, marker_names
 from edtk.study.study_objects import StudyObjects
 from edtk.study.study_parts import check_limits
-from edtk.study.study_sight import check_sight
+from edtk.study.study_sight import check_sight, sample_poses
 from edtk.system.typing import Array
 
 # Displacement of the tool by 1 rad/(N m) below which a load turns no joint: what rounding leaves.
@@ -304,7 +304,7 @@ def check_noise(study: StudyObjects) -> None:
             "noise.repeatability_deg",
             f"has {len(given)} entries, expected {study.robot.n}, one per joint, or one number",
         )
-    q = _poses(study, SAMPLE)
+    q = sample_poses(study, SAMPLE)
     if table.has_tracker:
         _check_place(study, q)
     _check_regular(study, q[:FEW])
@@ -330,15 +330,6 @@ def _check_white(study: StudyObjects) -> None:
                 "expected, since the tracker does not measure it and there is no "
                 "measurement.sigma_mm",
             )
-
-
-def _poses(study: StudyObjects, count: int) -> Array:
-    """Poses (count, n) within the joint limits, fixed joints where they stay."""
-    lower, upper = study.robot.limits
-    q = lower + (upper - lower) * np.random.default_rng(0).random((count, study.robot.n))
-    for joint, value in study.fixed.items():
-        q[:, joint] = value
-    return q
 
 
 def _check_place(study: StudyObjects, q: Array) -> None:

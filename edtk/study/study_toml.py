@@ -207,7 +207,7 @@ def toml_in(study: Asked, folder: Path) -> str:
     if folder.resolve() != study.folder.resolve():
 
         def moved(name: str) -> str:
-            return name if Path(name).is_absolute() else _relative(study.folder / name, folder)
+            return name if Path(name).is_absolute() else relative_path(study.folder / name, folder)
 
         if study.specification.robot_file is not None:
             file = moved(study.specification.robot_file)
@@ -221,7 +221,7 @@ def _excluded_name(study: Asked) -> str:
     """The file of poses that were given to `Study.excluding`, relative to the study's folder."""
     if isinstance(study.excluded, Plan):
         raise study.error("workspace.excluded", "is a plan in memory; expected its file's name")
-    return _relative(Path(str(study.excluded)), study.folder)
+    return relative_path(Path(str(study.excluded)), study.folder)
 
 
 def _with_names(content: dict[str, Any], moved: Callable[[str], str]) -> dict[str, Any]:
@@ -243,7 +243,7 @@ def _with_names(content: dict[str, Any], moved: Callable[[str], str]) -> dict[st
     return content
 
 
-def _relative(path: Path, folder: Path) -> str:
+def relative_path(path: Path, folder: Path) -> str:
     """A path as a file in the folder names it."""
     try:
         return Path(os.path.relpath(path, folder)).as_posix()

@@ -1,6 +1,5 @@
 """`edtk.new`: a study of a robot to begin with."""
 
-import os
 import shlex
 from collections.abc import Mapping
 from dataclasses import replace
@@ -15,7 +14,7 @@ from edtk.robots.robot_file import ControllerTable
 from edtk.robots.urdf.load_urdf import XACRO, arm_in
 from edtk.study.new_study import first_choices, new_study_text
 from edtk.study.study import Study, load_study
-from edtk.study.study_toml import read_toml
+from edtk.study.study_toml import read_toml, relative_path
 from edtk.system.arguments import checked
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.fields import first_error
@@ -80,7 +79,7 @@ def new(
         arm = _load(str(robot), base, tip, given)
         if controller is not None:
             arm = replace(arm, controller=_controller(Path(controller)).build(arm, str(controller)))
-        name = str(robot) if is_builtin else _relative(Path(robot), path.parent)
+        name = str(robot) if is_builtin else relative_path(Path(robot), path.parent)
         if not name.isprintable():
             message = "its name has characters that a study cannot hold; expected a plain one"
             raise UserError(message, where=robot)
@@ -149,11 +148,3 @@ def _load(name: str, base: str | None, tip: str | None, limits: Limits) -> Robot
             raise
         message = f"{error.message.partition('; expected')[0]}; expected --limit NAME LOWER UPPER"
         raise UserError(message, where=error.where, key="limits") from error
-
-
-def _relative(path: Path, folder: Path) -> str:
-    """A path as a file in the folder names it."""
-    try:
-        return Path(os.path.relpath(path, folder)).as_posix()
-    except ValueError:  # no relative path leads to another drive
-        return path.absolute().as_posix()

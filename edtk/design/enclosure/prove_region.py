@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from criteria import Criterion
+from criteria.linalg.inverse import EPS
 from edtk.design.bound import BLURRED, Bound, BoundKind
 from edtk.design.enclosure.boxes import Covering, CoveringInterrupted
 from edtk.design.enclosure.region_intervals import RegionIntervals, Spans
@@ -21,7 +22,6 @@ from edtk.system.errors import ArgumentError
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array
 
-EPS = float(np.finfo(float).eps)
 # Parts of the gap: what relaxation and ascents may leave, and what the covering may, of the rest
 # that they have left and of the whole at least.
 OF_SEARCH = 0.6

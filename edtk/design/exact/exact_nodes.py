@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from criteria import Relaxable
+from criteria.linalg.inverse import EPS
 from criteria.linalg.typing import triangle
 from edtk.design.information import order, unpack
 from edtk.system.typing import Array, Indices, Mask
 
-EPS = float(np.finfo(float).eps)
 # Part of its trace that is added to the information at which a multiplier is taken: a node of few
 # experiments may be singular. The bound holds for any multiplier.
 RIDGE = 1e-6

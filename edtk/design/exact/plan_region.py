@@ -17,7 +17,7 @@ from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.design.relaxation.relax_region import relax_region
 from edtk.design.relaxation.relaxed_region import RelaxedRegion
-from edtk.design.relaxation.search_region import LOSS, RegionGrid, onto_walls
+from edtk.design.relaxation.search_region import LOSS, RegionGrid, grouped, onto_walls
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.typing import Array, Indices
 
@@ -332,15 +332,6 @@ class _Search:
 
     def _merged(self, plan: _Plan, close: float) -> _Plan:
         """Points nearer than `close` as one, at the place of the one with most repeats."""
-        low, high = self.region.limits
-        y = (plan.x - low) / (high - low)
-        kept: list[int] = []
-        repeats: list[float] = []
-        for i in np.argsort(-plan.repeats, kind="stable"):
-            near = [j for j, k in enumerate(kept) if np.abs(y[i] - y[k]).max() <= close]
-            if near:
-                repeats[near[0]] += plan.repeats[i]
-            else:
-                kept.append(int(i))
-                repeats.append(float(plan.repeats[i]))
-        return _Plan(plan.x[kept], np.array(repeats), np.inf)
+        kept, owner = grouped(self.region, plan.x, plan.repeats, close)
+        repeats = np.bincount(owner, weights=plan.repeats).astype(float)
+        return _Plan(plan.x[kept], repeats, np.inf)

@@ -20,6 +20,7 @@ from edtk.design.relaxation.search_region import (
     MARGIN,
     POINTS,
     RegionGrid,
+    grouped,
     on_few,
     polish,
     search_region,
@@ -317,10 +318,5 @@ def _lifted(Z: Array) -> Array:
 
 def _apart(region: Region, points: Array) -> Candidates:
     """The points that differ from all before them."""
-    low, high = region.limits
-    y = (points - low) / (high - low)
-    kept: list[int] = []
-    for i in range(len(y)):
-        if not kept or np.abs(y[kept] - y[i]).max(axis=1).min() > ALIKE:
-            kept.append(i)
+    kept, _ = grouped(region, points, np.ones(len(points)), ALIKE)
     return Candidates(points[kept], region.problem(points[kept]))

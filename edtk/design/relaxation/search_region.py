@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from criteria import Criterion, Relaxable
+from criteria.interest import Interest
 from criteria.linalg.estimable import range_whitener
 from criteria.relaxable import Losses
 from edtk.design.candidate_source import Candidates
@@ -60,6 +61,7 @@ LOSS_OF_LIGHT = 1e-8
 # Rounding of a cost that is far below all of these; more of it, so many times, counts as a loss.
 SHARP = 1e-11
 BLURRED = 2.0
+APART = 1e-6  # ratio of singular values below which points are one, to begin with
 MOST_VARIABLES = 160  # a step takes their third power
 ITERATIONS = 200
 FINEST = 1e-16  # of the logarithm of the cost, at which to end
@@ -342,6 +344,42 @@ def polish(
     return _without_light(region, criterion, best)
 
 
+def _spanning(region: Region, c: Array, x: Array, weights: Array) -> tuple[Array, Array]:
+    """Points (k, d), near some that all but tell ``c'k``, and weights (k,) that tell it exactly.
+
+    They do where ``c = sum_i A_i' b_i``, and best with weights in proportion to ``|b_i|`` (Elfving
+    1952). Best designs on fewer points than parameters are singular, and regular ones come as near
+    as rounding lets them. Newton's steps of least norm for b and for what is off its bounds end on
+    such a design, if one is near; else these weights tell nothing.
+    """
+    low, high = region.limits
+    y = (x - low) / (high - low)
+    is_free = (y > 0) & (y < 1)
+    unit = np.sqrt(np.maximum(np.diag(region.problem(x).mean), np.finfo(float).tiny))
+    c = c / unit
+    b = np.zeros(0)
+    before = np.inf
+    for _ in range(ITERATIONS):  # five are the rule
+        here = region.at(low + (high - low) * y)
+        k, r, p = here.regressor.shape
+        A = (here.regressor / unit).reshape(k * r, p)
+        if not len(b):
+            root = np.repeat(np.sqrt(weights), r)
+            # What only the distance between close points tells is left to the steps.
+            b = root * np.linalg.lstsq((root[:, None] * A).T, c, rcond=APART)[0]
+        left = c - b @ A
+        if not np.linalg.norm(left) < 0.5 * before:
+            break  # what is missing is rounding, or stays
+        before = float(np.linalg.norm(left))
+        dA = here.derivative * ((high - low) / unit[:, None])
+        by_point = np.einsum("kr,krpd->kdp", b.reshape(k, r), dA)[is_free]
+        step = np.linalg.lstsq(np.concatenate([A, by_point]).T, left, rcond=None)[0]
+        b = b + step[: len(A)]
+        y[is_free] = np.clip(y[is_free] + step[len(A) :], 0.0, 1.0)
+    shares = np.linalg.norm(b.reshape(k, r), axis=1)
+    return low + (high - low) * y, shares / shares.sum()
+
+
 def on_few(
     region: Region, criterion: Criterion, design: tuple[Array, Array, float]
 ) -> tuple[Array, Array, float]:
@@ -384,30 +422,51 @@ def _cost(region: Region, criterion: Criterion, x: Array, weights: Array) -> flo
 def _without_light(
     region: Region, criterion: Criterion, design: tuple[Array, Array, float]
 ) -> tuple[Array, Array, float]:
-    """The design without the weights that its cost hardly needs, the boldest choice first."""
+    """The design without the weights that its cost hardly needs, the boldest choice first.
+
+    Where one combination is asked for, close points become one that tells it exactly.
+    """
     x, weights, cost = design
-    for light in LIGHT:
-        heavy = weights > light * weights.max()
-        if heavy.all():
-            break
-        share = weights[heavy] / weights[heavy].sum()
-        without = _cost(region, criterion, x[heavy], share)
-        if without <= cost * (1 + LOSS_OF_LIGHT):
-            return x[heavy], share, without
+    K = criterion.K if isinstance(criterion, Interest) else np.empty((0, 0))
+    is_one = K.shape[1] == 1
+    before = 0
+    for close, light in product(CLOSE if is_one else CLOSE[-1:], (*LIGHT, 0.0)):
+        points, shares = _merged(region, x, weights, close)
+        heavy = shares > light * shares.max()
+        if heavy.sum() == before:
+            continue
+        before = heavy.sum()
+        points = points[heavy]
+        shares = shares[heavy] / shares[heavy].sum()
+        if is_one:
+            points, shares = _spanning(region, K[:, 0], points, shares)
+        without = _cost(region, criterion, points, shares)
+        if region.at(points).feasible.all() and without <= cost * (1 + LOSS_OF_LIGHT):
+            return points, shares, without
     return design
 
 
-def _merged(region: Region, x: Array, weights: Array, close: float) -> tuple[Array, Array]:
-    """Points that are farther apart than `close`, each with the weight of those around it."""
+def grouped(region: Region, x: Array, weights: Array, close: float) -> tuple[Indices, Indices]:
+    """Points (k,) of x (n, d) that are farther apart than `close`, the heaviest first.
+
+    Returns:
+        Their indices (k,), and the number (n,) of the first of them that each point is close to.
+    """
     low, high = region.limits
     y = (x - low) / (high - low)
     owner = np.full(len(x), -1)
     kept: list[int] = []
-    for i in np.argsort(-weights, kind="stable"):
-        near = [j for j, k in enumerate(kept) if np.abs(y[i] - y[k]).max() <= close]
-        if not near:
-            kept.append(int(i))
-        owner[i] = near[0] if near else len(kept) - 1
+    for i in np.argsort(-weights, kind="stable").tolist():
+        if owner[i] < 0:
+            near = np.abs(y - y[i]).max(axis=1) <= close
+            owner[near & (owner < 0)] = len(kept)
+            kept.append(i)
+    return np.array(kept, dtype=int), owner
+
+
+def _merged(region: Region, x: Array, weights: Array, close: float) -> tuple[Array, Array]:
+    """Points that are farther apart than `close`, each with the weight of those around it."""
+    kept, owner = grouped(region, x, weights, close)
     share = np.bincount(owner, weights=weights, minlength=len(kept))
     sums = [np.bincount(owner, weights=weights * v) for v in x.T]
     mean = np.stack(sums, axis=1).astype(float) / share[:, None]

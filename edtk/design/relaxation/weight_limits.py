@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from criteria.linalg.inverse import EPS
 from edtk.design.linear_constraints import LinearConstraints
 from edtk.design.problem import Problem
 from edtk.design.relaxation.relaxation import Relaxation
@@ -13,8 +14,6 @@ from edtk.system.typing import Array
 
 if TYPE_CHECKING:
     import pandas as pd
-
-EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)

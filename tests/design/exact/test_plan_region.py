@@ -78,6 +78,14 @@ def test_two_parameters_have_two_points(m):
 
 
 @pytest.mark.slow
+def test_a_plan_for_one_prediction_measures_there():
+    """The best plan for a value of a parabola is singular: all experiments at one point."""
+    c = criteria.create("c", c=[1.0, 0.5, 0.25])
+    found = edtk.plan(Region(lambda x: x ** np.arange(3), -1.0, 1.0), 4, c)
+    np.testing.assert_allclose(found.points, [[0.5]], atol=1e-12)
+    assert found.value == pytest.approx(1 / 4, rel=1e-9)
+
+
 def test_points_stay_inside():
     """On the disc a plan reaches its bound where weights are multiples of 1/m, and stays inside."""
 

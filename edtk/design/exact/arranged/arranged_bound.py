@@ -24,7 +24,7 @@ from criteria import CriterionError, Relaxable
 from criteria.linalg.inverse import root
 from edtk.design.errors import RunErrors
 from edtk.design.exact.arranged.settings import Settings
-from edtk.design.exact.counts.blocks_bound import SAME, STARTS, BlockQuadratic
+from edtk.design.exact.counts.blocks_bound import SAME, STARTS, BlockQuadratic, JoinedBlocks
 from edtk.design.exact.counts.counts_bound import (
     Decomposition,
     RelaxedCounts,
@@ -177,7 +177,7 @@ class Series(Part):
         return np.concatenate([self.rows, np.broadcast_to(own, (n, *own.shape))], axis=2)
 
 
-class Arrangements:
+class Arrangements(JoinedBlocks):
     """Plans that have one block of each part, repeated as often as there are such parts.
 
     Args:
@@ -211,13 +211,6 @@ class Arrangements:
             upper += part.number * top
             best.append(blocks)
         return upper, self._joined(best)
-
-    def _joined(self, blocks: Sequence[Indices]) -> list[Indices]:
-        """Plans of blocks (c, k) of each part, the last ones of a part as often as needed."""
-        self._known = [own[:STARTS] for own in blocks]
-        most = max(map(len, blocks))
-        chosen = [own[np.minimum(np.arange(most), len(own) - 1)] for own in blocks]
-        return list(np.concatenate(chosen, axis=1))
 
 
 @dataclass(frozen=True, eq=False)

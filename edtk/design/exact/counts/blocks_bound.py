@@ -258,7 +258,20 @@ def _counted(places: Indices, n: int) -> Indices:
     return counted.reshape(len(places), n + 1)[:, 1:]
 
 
-class BlockPlans:
+class JoinedBlocks:
+    """Blocks (c, k) of each kind, the best first, of which the next ones start."""
+
+    _known: list[Indices]
+
+    def _joined(self, blocks: Sequence[Indices]) -> list[Indices]:
+        """Plans of blocks (c, k) of each kind, the last ones of a kind as often as needed."""
+        self._known = [own[:STARTS] for own in blocks]
+        most = max(map(len, blocks))
+        chosen = [own[np.minimum(np.arange(most), len(own) - 1)] for own in blocks]
+        return list(np.concatenate(chosen, axis=1))
+
+
+class BlockPlans(JoinedBlocks):
     """Plans that have one block of each size, repeated as often as there are blocks of that size.
 
     Such a plan has the places (k,) of these blocks one after another. All plans in blocks are
@@ -277,7 +290,7 @@ class BlockPlans:
         self.shares = [shares[int(size)] for size in self.sizes]
         self.is_exact = True
         self._rng = np.random.default_rng(len(scatter.rows))
-        self._known: list[Indices] = [np.zeros((0, size), dtype=int) for size in self.sizes]
+        self._known = [np.zeros((0, size), dtype=int) for size in self.sizes]
 
     def enter(self, places: Indices) -> list[Indices]:
         """Start from the blocks of a plan (m,), and give the plans that they make."""
@@ -309,13 +322,6 @@ class BlockPlans:
             upper += int(number) * found.upper
             best.append(found.places)
         return upper, self._joined(best)
-
-    def _joined(self, blocks: list[Indices]) -> list[Indices]:
-        """Plans of blocks (c, k) of each size, the last ones of a size as often as needed."""
-        self._known = [own[:STARTS] for own in blocks]
-        most = max(map(len, blocks))
-        chosen = [own[np.minimum(np.arange(most), len(own) - 1)] for own in blocks]
-        return list(np.concatenate(chosen, axis=1))
 
     def _blocks(self, plan: Indices) -> list[Indices]:
         """The places of each size."""
