@@ -220,7 +220,8 @@ def _named_theta(
     except (TypeError, ValueError, OverflowError) as error:
         raise ArgumentError("expected a number for each parameter", argument="theta") from error
     if at.ndim != 1 or not at.size or not np.isfinite(at).all():
-        raise ArgumentError("expected a finite number for each parameter", argument="theta")
+        message = "expected a finite number for each parameter, of which there is one at least"
+        raise ArgumentError(message, argument="theta")
     names = parameters or tuple(f"k{i + 1}" for i in range(len(at)))
     if len(names) != len(at) or len(set(names)) != len(names):
         message = f"{', '.join(names)}; expected {len(at)} different names, as many as in theta"
@@ -263,7 +264,10 @@ def _whitener(sigma: Any, covariance: ArrayLike | None, k: int) -> Array:
         except (TypeError, ValueError, OverflowError) as error:
             raise ArgumentError("expected numbers or a function", argument="sigma") from error
         if given.shape not in ((), (k,)) or not (np.isfinite(given) & (given > 0)).all():
-            message = f"expected a positive number, or one for each of {k} responses"
+            message = (
+                f"expected a positive number, or one for each of {k} responses; noise of points is "
+                "a function of x and theta"
+            )
             raise ArgumentError(message, argument="sigma")
         return np.diag(np.broadcast_to(1 / given, k))
     try:

@@ -22,7 +22,7 @@ from edtk.system.typing import Array, Indices, Mask
 if TYPE_CHECKING:
     import pandas as pd
 
-    from edtk.design.nonlinear_model import Model, Robust
+    from edtk.design.nonlinear_model import Robust
 
 SYMMETRIC = 1e-9  # difference across the diagonal that is rounding
 DISTANT = 1e-24  # ratio of squares: of units that are twelve decades apart
@@ -265,7 +265,7 @@ class Problem(WeightedCandidates):
     @checked
     def of_model(
         cls,
-        f: "Model",
+        f: str | Callable[..., ArrayLike],
         theta: Any,
         candidates: "ArrayLike | pd.DataFrame",
         family: str = "normal",
@@ -347,9 +347,9 @@ class Problem(WeightedCandidates):
     @checked
     def of_rivals(
         cls,
-        f: "Model",
+        f: str | Callable[..., ArrayLike],
         theta: Any,
-        rival: "Model",
+        rival: str | Callable[..., ArrayLike],
         rival_theta: "Mapping[str, Any]",  # read below, in words of its own
         candidates: "ArrayLike | pd.DataFrame",
         family: str = "normal",

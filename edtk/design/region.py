@@ -65,7 +65,7 @@ class UserFunction:
             raise
         except Exception as error:  # a user's function may raise anything
             why = str(error) or type(error).__name__
-            message = f"fails for points of shape {x.shape}: {why}"
+            message = f"fails for points of shape {x.shape}, each a row: {why}"
             raise ArgumentError(message, argument=self.name) from error
         if values.shape[:1] != (len(x),) or (shape is not None and values.shape[1:] != shape):
             expected = "one entry a point" if shape is None else f"{(len(x), *shape)}"
@@ -373,7 +373,7 @@ class Region(Presented):
     @checked
     def of_model(
         cls,
-        f: "str | Callable[..., ArrayLike]",
+        f: str | Callable[..., ArrayLike],
         theta: Any,
         box: Any,
         family: str = "normal",
@@ -439,9 +439,9 @@ class Region(Presented):
     @checked
     def of_rivals(
         cls,
-        f: "str | Callable[..., ArrayLike]",
+        f: str | Callable[..., ArrayLike],
         theta: Any,
-        rival: "str | Callable[..., ArrayLike]",
+        rival: str | Callable[..., ArrayLike],
         rival_theta: "Mapping[str, Any]",  # read below, likewise
         box: Any,
         family: str = "normal",

@@ -315,6 +315,9 @@ def test_a_constant_is_lost_beside_fixed_blocks():
     with pytest.raises(ValueError, match="beside fixed effects of blocks nothing tells one"):
         edtk.plan(problem, blocks=(3, 3))
     assert edtk.plan(problem, blocks=(3, 3), block_variance=1.0, starts=4).value > 0
+    treatments = edtk.Problem(np.eye(3)[:, None, :])
+    with pytest.raises(ValueError, match=r"nothing tells k1 \+ k2 \+ k3: leave"):
+        edtk.plan(treatments, blocks=(3, 3))
 
 
 def test_blocks_need_rows():

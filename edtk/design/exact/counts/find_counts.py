@@ -8,6 +8,7 @@ from time import monotonic
 import numpy as np
 
 from criteria import Criterion, Relaxable
+from criteria.linalg.estimable import open_directions
 from edtk.design.bound import BLURRED, Bound, BoundKind
 from edtk.design.exact.counts.blocks_bound import blocks_bound
 from edtk.design.exact.counts.counts_bound import (
@@ -457,9 +458,11 @@ def _require_beside_blocks(question: Question | None, problem: Problem) -> None:
     named.is_exact = extended.is_exact
     missing = missing_of(named, criterion)
     if missing:
+        apart = problem.factors() - problem.factors().mean(axis=0)
+        constant = open_directions(np.einsum("nrp,nrq->pq", apart, apart), problem.parameters)
         raise RankDeficientError(
-            f"beside fixed effects of blocks nothing tells {' or '.join(missing)}: leave such "
-            "parameters out of the model, or give a block_variance"
+            f"beside fixed effects of blocks nothing tells {' or '.join(constant or missing)}: "
+            "leave such parameters out of the model, or give a block_variance"
         )
 
 
