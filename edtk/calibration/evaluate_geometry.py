@@ -46,7 +46,7 @@ from edtk.measure.task import Columns, Task, Tasks
 from edtk.robots.frames import MM
 from edtk.robots.workspace import neighbourhood
 from edtk.study.evaluate import Evaluation, observability
-from edtk.study.plan_study import RunOptions, no_progress, study_errors
+from edtk.study.plan_study import RunOptions, study_errors
 from edtk.study.plausibility import poor_around
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyLoads
@@ -54,6 +54,7 @@ from edtk.study.study_model import springs_of
 from edtk.study.study_objects import friction_of
 from edtk.study.study_run import Case
 from edtk.system.errors import ArgumentError
+from edtk.system.time_limit import no_progress
 from edtk.system.typing import Array
 
 USUAL = 1.0  # mm and mrad: errors of a drawing that are larger are the exception

@@ -14,8 +14,9 @@ from edtk.fit.correlated_noise import RowNoise, numbers_of, whiten, whiten_colum
 from edtk.fit.least_squares import Estimate
 from edtk.fit.noise import Noise
 from edtk.fit.prior import Prior, draw_positive
-from edtk.fit.run_chain import Chain, Demand, Density, no_progress, run_chain, std_error
+from edtk.fit.run_chain import Chain, Demand, Density, run_chain, std_error
 from edtk.system.presented import Presented
+from edtk.system.time_limit import no_progress
 from edtk.system.typing import Array
 
 if TYPE_CHECKING:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from edtk.fit.chain_file import ChainFile, StoredChain
+from edtk.system.time_limit import no_progress
 from edtk.system.typing import Array
 
 if TYPE_CHECKING:
@@ -162,10 +163,6 @@ class Chain:
     tau: Array
     r_hat: Array
     steps: int
-
-
-def no_progress(steps: int) -> None:
-    """Report nothing."""
 
 
 def run_chain(

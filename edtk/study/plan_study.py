@@ -37,7 +37,7 @@ from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.robots.loads.listed_load import ListedLoad
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError, UserError
-from edtk.system.time_limit import time_limit
+from edtk.system.time_limit import no_progress, time_limit
 from edtk.system.typing import Array
 
 if TYPE_CHECKING:
@@ -80,10 +80,6 @@ def study_errors(study: "Study") -> Iterator[None]:
 
 
 Progress = Callable[[str, float], object]
-
-
-def no_progress(label: str, number: float) -> None:
-    """Report to nobody."""
 
 
 @dataclass(frozen=True, kw_only=True)

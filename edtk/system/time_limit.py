@@ -68,3 +68,7 @@ def out_of_time() -> bool:
         return False
     limit.cut = True
     return True
+
+
+def no_progress(*told: object) -> None:
+    """Show nothing of how far work is."""

@@ -17,11 +17,10 @@ from edtk.design.plan import REPEATS, Plan
 from edtk.measure.compliances import Compliances
 from edtk.measure.pose_table import Table, path_of
 from edtk.robots.robot import motors_in_words
-from edtk.study.plan_study import no_progress
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError, UserError, finite_numbers, note, whole_number
 from edtk.system.files import Content, is_standard_output, write_files
-from edtk.system.time_limit import time_left, time_limit
+from edtk.system.time_limit import no_progress, time_left, time_limit
 from edtk.system.workers import THIS_PROCESS, Workers
 from edtk.verbs.inputs import (
     CriterionLike,

@@ -23,7 +23,6 @@ from typing import Any
 import numpy as np
 
 from edtk.certificate.recompute.arrays import (
-    EPS,
     Candidates,
     Design,
     Frame,
@@ -37,6 +36,7 @@ from edtk.certificate.recompute.arrays import (
 from edtk.certificate.recompute.candidates import PER_CUBE, PER_SQUARE, require
 from edtk.certificate.recompute.lower_bound import Multipliers
 from edtk.certificate.recompute.plain_data import number, numbers, rows, text
+from edtk.certificate.recompute.tasks import EPS
 from edtk.certificate.recompute.weight_limits import WeightLimits
 from edtk.system.typing import Array, Indices
 

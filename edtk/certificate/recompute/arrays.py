@@ -23,11 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edtk.certificate.recompute.lower_bound import Multipliers, factor_of, noise_amplification
-from edtk.certificate.recompute.tasks import CovarianceRoot
+from edtk.certificate.recompute.tasks import EPS, CovarianceRoot
 from edtk.certificate.recompute.weight_limits import WeightLimits
 from edtk.system.typing import Array, Indices
 
-EPS = float(np.finfo(float).eps)
 TINY = float(np.finfo(float).tiny)
 LONG = np.longdouble
 Long = NDArray[np.floating[Any]]

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from edtk.certificate.recompute.plain_data import in_range, numbers, rows
+from edtk.certificate.recompute.tasks import EPS
 from edtk.certificate.recompute.values import DEGREE
 from edtk.system.typing import Array
 
@@ -21,9 +22,6 @@ WEIGHT_STEPS = 20  # towards the best weights of the variances for G; any weight
 NEGLIGIBLE = 1e-8  # part of a variance, beside the largest part, that gets no weight
 PARALLEL = 1e-6  # sine of the angle between two lines of which one is left out
 OUTSIDE = 1e-9  # by how much, beside its coordinates, rounding can move a corner
-
-
-EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from edtk.certificate.recompute.chain import Chain
 from edtk.certificate.recompute.compensator import Pull
-from edtk.certificate.recompute.lower_bound import EPS, Multipliers
+from edtk.certificate.recompute.lower_bound import Multipliers
 from edtk.certificate.recompute.physics import GRAVITY
 from edtk.certificate.recompute.plain_data import number, rows, table, whole
 from edtk.certificate.recompute.setting import Setting
+from edtk.certificate.recompute.tasks import EPS
 from edtk.system.typing import Array, Indices, Mask
 
 U = EPS / 2  # of one operation

@@ -5,10 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from edtk.certificate.recompute.arrays import EPS, Candidates
+from edtk.certificate.recompute.arrays import Candidates
 from edtk.certificate.recompute.candidates import require
 from edtk.certificate.recompute.covering import BOUNDED, COMBINED, basis_on, leaves_of
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table, whole
+from edtk.certificate.recompute.tasks import EPS
 from edtk.system.typing import Array
 
 KEYS = ("low", "high", "sizes", "rows", "errors", "slacks", "multiplier", "limit", "tree")

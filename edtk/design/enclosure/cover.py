@@ -38,7 +38,7 @@ from edtk.design.enclosure.boxes import (
     rounding_of_slack,
 )
 from edtk.design.enclosure.polynomial import Enclosed, Objective
-from edtk.system.time_limit import out_of_time
+from edtk.system.time_limit import no_progress, out_of_time
 from edtk.system.typing import Array, Indices, Mask
 
 # Levels above the largest known value, of which the next one is reached from the leaves of the
@@ -70,10 +70,6 @@ AROUND = 64
 
 
 Progress = Callable[[float, float], object]
-
-
-def _ignore_progress(level: float, done: float) -> None:
-    """Show nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -695,7 +691,7 @@ def cover(
     unit: float | None = None,
     most: float = np.inf,
     ceiling: float = np.inf,
-    progress: Progress = _ignore_progress,
+    progress: Progress = no_progress,
 ) -> Covering:
     """Bound objectives over all feasible places of a box, as sharply as the time allows.
 

@@ -28,11 +28,10 @@ from edtk.design.relaxation.relax import require_relaxable
 from edtk.design.relaxation.relax_poses import (
     PlanInterrupted,
     RelaxOptions,
-    ignore_progress,
     relax_poses,
 )
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
-from edtk.system.time_limit import out_of_time, time_left, time_limit
+from edtk.system.time_limit import no_progress, out_of_time, time_left, time_limit
 from edtk.system.typing import Array
 
 # Of the gap that is asked for: what the search over all poses may leave, and what boxes may take.
@@ -182,7 +181,7 @@ def require_enclosed(space: DesignSpace, criterion: Relaxable) -> None:
 def prove_plan(
     plan: RelaxedPlan,
     accuracy: float,
-    progress: Callable[[str, float], object] = ignore_progress,
+    progress: Callable[[str, float], object] = no_progress,
 ) -> ProvedPlan:
     """A relaxed design as it is, with the bound that its own multipliers prove over all poses.
 

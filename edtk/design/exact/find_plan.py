@@ -29,7 +29,7 @@ from edtk.design.exact.spread import divided, spread
 from edtk.design.information import distinct
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
-from edtk.system.time_limit import out_of_time, time_left, time_limit
+from edtk.system.time_limit import no_progress, out_of_time, time_left, time_limit
 from edtk.system.typing import Array
 from edtk.system.workers import Workers, one_thread
 
@@ -181,10 +181,6 @@ class Batches:
 
 
 Progress = Callable[[int, float], object]
-
-
-def no_progress(starts: int, cost: float) -> None:
-    """Report nothing."""
 
 
 @dataclass(frozen=True)

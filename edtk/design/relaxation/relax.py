@@ -15,7 +15,7 @@ from edtk.design.relaxation.proof import normalised
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.restricted_master import NEWTON, RelaxationError, SolverOptions
 from edtk.design.relaxation.setting import OrderOne, Setting, proved_on, solvable
-from edtk.system.time_limit import out_of_time, time_limit
+from edtk.system.time_limit import no_progress, out_of_time, time_limit
 from edtk.system.typing import Array, Indices
 from edtk.system.workers import one_thread
 
@@ -69,7 +69,7 @@ def _improve_on_parts(
         inner.last = incumbent.last.inside(part)
         try:
             inner.problem.require_identifiable(incumbent.criterion)
-            _improve(inner, part_gap, options, ignore_progress)
+            _improve(inner, part_gap, options, no_progress)
         except (RankDeficientError, RelaxationError):
             return False
         sensitivities = incumbent.update_from(inner, part, part_gap, part_gap <= gap)
@@ -149,16 +149,12 @@ class RelaxationInterrupted(KeyboardInterrupt):
         self.best = best
 
 
-def ignore_progress(iterations: int, gap: float) -> None:
-    """Show nothing."""
-
-
 def relax(
     problem: Problem,
     criterion: Criterion,
     gap: float = 1e-6,
     options: SolverOptions = SolverOptions(),  # noqa: B008, frozen
-    progress: Progress = ignore_progress,
+    progress: Progress = no_progress,
     multipliers: Array | None = None,
 ) -> Relaxation:
     """Find the weights of candidates that minimise a criterion's cost, and prove a bound.

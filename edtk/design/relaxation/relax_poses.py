@@ -27,7 +27,7 @@ from edtk.design.relaxation.search_continuum import (
     sweep_candidates,
 )
 from edtk.design.relaxation.settle import settle
-from edtk.system.time_limit import out_of_time, time_left, time_limit
+from edtk.system.time_limit import no_progress, out_of_time, time_left, time_limit
 from edtk.system.typing import Array
 from edtk.system.workers import THIS_PROCESS, Workers
 
@@ -96,10 +96,6 @@ def capacity(doubles: int, variables: int, memory_mb: float) -> int:
     return int(min(fit, 2**62))
 
 
-def ignore_progress(stage: str, gap: float) -> None:
-    """Show nothing."""
-
-
 def never(plan: RelaxedPlan) -> bool:
     """Do not stop early."""
     return False
@@ -124,7 +120,7 @@ class RelaxOptions:
     tolerance: float = 1e-5
     memory_mb: float = DEFAULT_MB
     workers: Workers = THIS_PROCESS
-    progress: Callable[[str, float], object] = ignore_progress
+    progress: Callable[[str, float], object] = no_progress
     stop: Callable[[RelaxedPlan], bool] = never
 
 
