@@ -160,11 +160,25 @@ class LeftOutReadings:
         squares = (self.unit**2).sum(axis=1)
         return np.where(only > NEARLY * squares, np.inf, variances / whole)
 
+    @property
+    def _covariance(self) -> Array:
+        """Covariance (m rows, m rows) of all errors; of few poses, each moves the other fits."""
+        noise, factor = self.own
+        count, rows = self.errors.shape
+        pose, a = np.repeat(self.data.pose, rows), self.a.reshape(count * rows, -1)
+        readings = CorrelatedNoise.of_any(noise, self.errors.shape).among(np.arange(count)[None])
+        own = factor**2 * readings.reshape(len(a), len(a))
+        spread = np.einsum("ip,ipq,jq->ij", a, self.out.C[pose], a)
+        return np.where(pose[:, None] == pose, own + spread, self.out.between(a, pose))
+
     def independent(self) -> float:
         """Find as many independent coordinates whose share inside their bands varies as much."""
         noise, factor = self.own
         rows = self.errors.shape[1]
         noise = CorrelatedNoise.of_any(noise, self.errors.shape)
+        if self.errors.size <= MOST_COORDINATES:
+            seen = np.isfinite(self.errors).reshape(1, -1)
+            return independent_coordinates(self._covariance[None], seen, self.scaled)
         count = squares = 0.0
         for members in groups_by_size(self.data.pose):
             some = members[:, : max(1, MOST_COORDINATES // rows)]

@@ -300,6 +300,19 @@ class LeftOut:
         """Shifts (b, p, c) that columns with the sums h (b, p, c) make in the fits without each."""
         return np.asarray(self.inverse @ (h.sum(axis=0) - h))
 
+    def between(self, a: Array, group: Indices) -> Array:
+        """Covariances (n, n) of what rows of different groups are off where these are left out.
+
+        With ``a_b = Q_b``, and weights that are those of the errors, what they are off by is
+        ``(I - Q_b Q_b')^-1 z_b``, whose covariance is ``-a_b (I - G_b)^-1 S (I - G_c)^-1 a_c'``.
+
+        Args:
+            a: Rows (n, p), in the coordinates of Q.
+            group: Their groups (n,).
+        """
+        x = (a[:, None] @ self.inverse[group])[:, 0]
+        return np.asarray(-x @ self.S @ x.T)
+
 
 def share_inside(errors: Array, half: Array) -> float:
     """Share of errors that are within their bands of half the width `half`; NaN do not count."""

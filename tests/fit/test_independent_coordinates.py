@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from edtk.fit.least_squares import chance_of_outside, independent_coordinates
+from edtk.fit.least_squares import LeftOut, chance_of_outside, independent_coordinates
 
 BOUND = 1.959963985
 
@@ -50,3 +50,21 @@ def test_shares_vary_no_more_than_so_many_independent_ones(
     number = independent_coordinates(np.tile(C, (m, 1, 1)), every, scaled)
     said = np.sqrt(0.05 * 0.95 / number)
     assert 0.7 * said < spread < 1.04 * said
+
+
+def test_errors_of_few_groups_hang_together() -> None:
+    """What groups are off in the fits without them has the covariance of ``(I - H_b)^-1 z_b``."""
+    groups, rows, p = 4, 3, 5
+    group = np.repeat(np.arange(groups), rows)
+    Q = np.linalg.qr(np.random.default_rng(1).normal(size=(groups * rows, p)))[0]
+    each = Q.reshape(groups, rows, p)
+    G = np.swapaxes(each, 1, 2) @ each
+    out = LeftOut.of(G, np.zeros((groups, p)), G)
+    H = Q @ Q.T
+    same = group[:, None] == group
+    away = np.linalg.inv(np.eye(len(Q)) - np.where(same, H, 0.0))
+    expected = away @ (np.eye(len(Q)) - H) @ away
+    found = out.between(Q, group)
+    np.testing.assert_allclose(found[~same], expected[~same], atol=1e-12)
+    # There are no more of them than residuals of the fit of all.
+    assert np.linalg.matrix_rank(expected, tol=1e-9) == groups * rows - p
