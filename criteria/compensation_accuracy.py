@@ -20,7 +20,7 @@ from criteria.registry import register
 if TYPE_CHECKING:
     import cvxpy as cp
 
-FEW = 12  # parameters, up to which the target's rows one by one take a microsecond
+FEW_PARAMETERS = 12  # parameters, up to which the target's rows one by one take a microsecond
 
 
 @register
@@ -100,7 +100,7 @@ class CompensationAccuracy(ConvexCriterion):
         return curvature_of_variances(self.target @ R).power(self.degree)
 
     def _cost(self, M: Array, cov: Array) -> Array:
-        if self.order > FEW:
+        if self.order > FEW_PARAMETERS:
             # ``trace(A0 cov A0') = <A0'A0, cov>``: a hundredth of the work where p and r are forty.
             return np.sqrt(np.einsum("ij,...ij->...", self._square, cov))
         return np.sqrt(np.einsum("ri,...ij,rj->...", self.target, cov, self.target))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 # Distance at which a whitened Z of unit trace counts as minus the gradient: it allows for rounding,
 # and is far below what would show in a bound.
-PARALLEL = 1e-12
+SAME_DIRECTION = 1e-12
 # The sharpest tolerance comes first, since a bound loses what the solver leaves; a looser one is
 # tried where the solver does not reach it.
 TOLERANCES = (1e-10, 1e-9, 1e-8)
@@ -201,4 +201,4 @@ class ConvexCriterion(Relaxable):
 
 def _is_parallel(direction: Array, G: Array) -> bool:
     """Whether a direction of unit trace is minus a gradient G, up to its length."""
-    return bool(np.abs(direction - G / np.trace(G)).max() <= PARALLEL)
+    return bool(np.abs(direction - G / np.trace(G)).max() <= SAME_DIRECTION)

@@ -15,7 +15,7 @@ from criteria.registry import register
 if TYPE_CHECKING:
     import cvxpy as cp
 
-STEPS = 20  # towards the best weights of the variances
+WEIGHT_STEPS = 20  # towards the best weights of the variances
 NEGLIGIBLE = (
     1e-8  # a variance whose weighted part is below this share of the largest gets no weight
 )
@@ -100,7 +100,7 @@ def _best_weights(B: Array, weights: Array) -> tuple[float, Array]:
     best = 0.0
     best_weights = np.zeros_like(weights)
     # Each step is a fixed-point iteration of "weights are the diagonal of the root of K".
-    for _ in range(STEPS):
+    for _ in range(WEIGHT_STEPS):
         if not weights.sum() > 0:
             break  # no weights, no proof
         weights = weights / weights.sum()

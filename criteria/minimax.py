@@ -16,7 +16,7 @@ from criteria.several_criteria import SeveralCriteria
 if TYPE_CHECKING:
     import cvxpy as cp
 
-STEPS = 30  # towards the best shares of the criteria
+SHARE_STEPS = 30  # towards the best shares of the criteria
 
 
 @register
@@ -87,7 +87,7 @@ class Minimax(KinkedCriterion, SeveralCriteria):
         best = starts[-1]
         most = 0.0
         for shares in starts:
-            for _ in range(STEPS):
+            for _ in range(SHARE_STEPS):
                 q = self.part_polars(Z, M, shares)
                 total = float(q.sum())
                 if total > most:

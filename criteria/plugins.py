@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 FACTORS = (0.25, 7.0)  # of information; powers of two alone would hide a cost that rounds
 WRONG_DEGREE = 1e-6  # relative difference of costs that no rounding of a sound design makes
-STEP = 1e-4  # of a change of M, relative to its size: differences are good to its square
+TRIAL_STEP = 1e-4  # of a change of M, relative to its size: differences are good to its square
 WRONG_SLOPE = 1e-3  # of the sizes of gradient and change: no rounding, and no step, is as wrong
 DIRECTIONS = 2
 HOOKS = ("expression", "polar", "formulation", "lower_bound", "subproblem")  # of relaxations
@@ -92,7 +92,8 @@ def require_slope(criterion: Criterion, M: Array) -> None:
         E = rng.normal(size=M.shape)
         E = (E + E.T) * np.linalg.norm(M) / np.linalg.norm(E + E.T)
         slopes = [
-            (float(criterion.cost(M + sign * STEP * E)) - cost) / (sign * STEP) for sign in (1, -1)
+            (float(criterion.cost(M + sign * TRIAL_STEP * E)) - cost) / (sign * TRIAL_STEP)
+            for sign in (1, -1)
         ]
         stated = float(np.sum(G * E))
         slack = WRONG_SLOPE * (np.linalg.norm(G) * np.linalg.norm(E) + max(map(abs, slopes)))

@@ -14,7 +14,7 @@ from criteria.linalg.typing import Array
 if TYPE_CHECKING:
     import cvxpy as cp
 
-GRADED = 1e3  # condition number of R: duals have its square
+ILL_CONDITIONED = 1e3  # condition number of R: duals have its square
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class SpectralBand:
     @property
     def is_graded(self) -> bool:
         """Whether the upper bound is so uneven that its dual is lost beside that of the lower."""
-        return bool(self.a and np.linalg.cond(self.cap) > GRADED)
+        return bool(self.a and np.linalg.cond(self.cap) > ILL_CONDITIONED)
 
     def transformed(self, T: Array) -> "SpectralBand":
         """The same program for the information ``T'M T``."""

@@ -8,7 +8,9 @@ from numpy.typing import ArrayLike
 
 from criteria.convex_criterion import ConvexCriterion
 from criteria.criterion import KinkedCriterion
+from criteria.g_optimality import WEIGHT_STEPS
 from criteria.linalg.inverse import (
+    TINY,
     long_product,
     lowered_root,
     power_trace_of_root,
@@ -22,9 +24,6 @@ from criteria.relaxable import Formulation
 
 if TYPE_CHECKING:
     import cvxpy as cp
-
-STEPS = 20  # towards the best weights of the tasks
-TINY = 1e-300  # keeps an error of zero from being divided by
 
 
 @register
@@ -227,7 +226,7 @@ def _steps(squares: Array, Z: Array, weights: Array) -> list[Array]:
     z, V = np.linalg.eigh(Z)
     root = (V * np.sqrt(np.maximum(z, 0.0))) @ V.T
     turned = root @ squares @ root
-    for _ in range(STEPS):
+    for _ in range(WEIGHT_STEPS):
         if not weights.sum() > 0:
             break
         found.append(weights)

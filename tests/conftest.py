@@ -145,7 +145,7 @@ def _make_searches_small(patch: pytest.MonkeyPatch) -> None:
     patch.setattr("edtk.certificate.proof.OWN_DRAWS", 256)
     patch.setattr("edtk.certificate.proof.STARTS", 4)
     patch.setattr("edtk.study.plan_study.STARTS", 16)
-    patch.setattr("edtk.design.exact.search_record.TURNS", 1)
+    patch.setattr("edtk.design.exact.search_record.KICK_TURNS", 1)
     patch.setattr("edtk.fit.run_chain.Demand", ShortChain)
 
 

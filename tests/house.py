@@ -34,6 +34,7 @@ class House:
         circles: Imports under TYPE_CHECKING of a module that imports the importer in turn.
         questions: Places that ask whether `parameters is None`.
         constants: Numeric constants at module level, for 1000 lines.
+        ambiguous: Names of such constants that have several values in one room.
     """
 
     files: int
@@ -42,6 +43,7 @@ class House:
     circles: int
     questions: int
     constants: float
+    ambiguous: int
 
 
 @cache
@@ -60,6 +62,7 @@ def house() -> House:
         _circles({_module(path): tree for path, tree in trees.items()}),
         sum(text.count(question) for text in texts.values() for question in QUESTIONS),
         1000 * numbers / lines,
+        _ambiguous({_module(path): tree for path, tree in trees.items()}),
     )
 
 
@@ -90,6 +93,18 @@ def _is_number(node: ast.stmt) -> bool:
     value = node.value if isinstance(node, ast.Assign) else None
     plain = isinstance(value, ast.Constant) and isinstance(value.value, int | float)
     return plain and not isinstance(value.value, bool)  # type: ignore[union-attr]
+
+
+def _ambiguous(trees: dict[str, ast.Module]) -> int:
+    """Names of constants that have several values in one room."""
+    values: dict[tuple[str, str], set[float]] = defaultdict(set)
+    for module, tree in trees.items():
+        first, *rest = module.split(".")
+        room = ".".join([first, *rest[:1]]) if first == "edtk" else first
+        for node in tree.body:
+            if _is_number(node):
+                values[room, ast.unparse(node.targets[0])].add(node.value.value)
+    return sum(len(own) > 1 for own in values.values())
 
 
 def _circles(trees: dict[str, ast.Module]) -> int:

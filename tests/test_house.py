@@ -6,11 +6,12 @@ from house import house
 # What may be at most. When a count has become better, its limit follows.
 LIMITS = {
     "files": 490,
-    "statements": 60_134,
+    "statements": 60_170,
     "one_function": 0.5,
     "circles": 2,
     "questions": 2,
-    "constants": 11.5,
+    "constants": 11.1,
+    "ambiguous": 0,
 }
 
 

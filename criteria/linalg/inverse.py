@@ -14,6 +14,7 @@ EPS = float(np.finfo(float).eps)
 # Eigenvalues of a (p, p) matrix scaled to a unit diagonal are known to a small multiple of p eps;
 # below 16 p eps they are noise.
 ROUNDING = 16 * EPS
+TINY = 1e-300  # what nothing counts as where it is divided by, or its logarithm is taken
 
 
 def guarded_inverse(M: Array, least: float = 0.0) -> tuple[Array, Array, Mask]:

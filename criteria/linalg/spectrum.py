@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from criteria.linalg.inverse import EPS, ROUNDING, root, unit_scale
+from criteria.linalg.inverse import EPS, NEGATIVE, ROUNDING, root, unit_scale
 from criteria.linalg.typing import Array, Mask
 
 if TYPE_CHECKING:
@@ -13,14 +13,12 @@ if TYPE_CHECKING:
 # Ratio of the roots of diagonal entries from which on a matrix is graded: the square of it is lost
 # in its eigenvalues.
 GRADED = 1e3
-# A negative eigenvalue at unit diagonal that may be rounding of whoever computed the matrix: a
-# gradient is a product of ill-conditioned ones. Who must not trust its author lifts it besides.
-NEGATIVE = 1e-10
 # Parameters are eliminated whose entries are so many times (its square) the negative part: far
 # enough to be hardly mixed with it, and near enough to leave digits of the rest.
 FAR = 1e4
 SWEEPS = 30  # a dozen are the rule
-FEW = 4.0  # multiple of ``p eps`` of their lengths up to which a product of columns is zero
+# Multiple of ``p eps`` of their lengths up to which a product of columns is zero.
+ROUNDINGS_OF_ZERO = 4.0
 
 
 def conjugate(V: Array, d: Array) -> Array:
@@ -235,7 +233,7 @@ def orthogonal_columns(T: Array) -> Array:
     T = np.array(T, dtype=float)
     if p < 2:
         return T
-    least = FEW * p * EPS
+    least = ROUNDINGS_OF_ZERO * p * EPS
     for _ in range(SWEEPS):
         most = 0.0
         for first, second in _pairs(p):
@@ -252,7 +250,7 @@ def have_orthogonal_columns(T: Array) -> bool:
         return False
     unit = T / lengths
     p = T.shape[1]
-    return bool(np.abs(unit.T @ unit - np.eye(p)).max() <= 4 * FEW * p * EPS)
+    return bool(np.abs(unit.T @ unit - np.eye(p)).max() <= 4 * ROUNDINGS_OF_ZERO * p * EPS)
 
 
 def _pairs(p: int) -> list[tuple[Array, Array]]:

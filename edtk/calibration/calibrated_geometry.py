@@ -55,7 +55,7 @@ STEPS = 30  # of Newton's method; four are the rule
 SETTLED = 1e-9  # [m, rad] a step that moves no marker by more ends the search
 REACHED = 1e-6  # [m, rad] a last step that moves one by more leads nowhere: a stretched arm's do
 SINGULAR = 1e-4  # of the largest singular value: smaller ones of a Jacobian are not used
-FAR = 0.2  # [rad or m] a correction is never so large
+LARGEST_CORRECTION = 0.2  # [rad or m] a correction is never so large
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,9 @@ class MarkerGoal:
         for _ in range(STEPS):
             seen = fitted.model.see(fitted.theta, q, fitted.torque(q, wrench, loads))
             assert seen.by_joints is not None
-            step = np.clip(self._step(seen, seen.by_joints), -FAR, FAR)
+            step = np.clip(
+                self._step(seen, seen.by_joints), -LARGEST_CORRECTION, LARGEST_CORRECTION
+            )
             q = q + step
             moved = np.abs(np.einsum("tkrn,tn->tkr", seen.by_joints, step)).max(axis=(1, 2))
             if moved.max(initial=0.0) < SETTLED:
@@ -346,7 +348,7 @@ class GeometryWithTool(Commanded):
         if snaps.any():
             raise NoEquilibriumError(np.flatnonzero(snaps).tolist())
         back = counting.back(command)
-        near: Mask = np.abs(back - q).max(axis=1) <= FAR
+        near: Mask = np.abs(back - q).max(axis=1) <= LARGEST_CORRECTION
         return np.where(near[:, None], back, np.nan)
 
     def why_no_rest(self, q: Array) -> str:

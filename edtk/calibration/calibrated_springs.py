@@ -41,7 +41,7 @@ from edtk.system.errors import UserError
 from edtk.system.typing import Array, Indices
 
 POSSIBLE = "possible_springs"  # key of what errors of the model leave possible
-SETTLED = 1e-8  # [rad or m]: an arm that settles farther from the desired joints has buckled
+BUCKLED = 1e-8  # [rad or m]: an arm that settles farther from the desired joints has buckled
 
 
 @dataclass(frozen=True, eq=False)
@@ -334,7 +334,7 @@ class SpringsWithTool(Commanded):
         """
         loaded = Rest.of(self.model, command, wrench, self.k).end
         apart = np.abs(loaded - unloaded(self.model, q, self.k)).max(axis=-1)
-        lost = np.flatnonzero(apart > SETTLED)
+        lost = np.flatnonzero(apart > BUCKLED)
         if len(lost):
             raise NoEquilibriumError(lost.tolist())
 

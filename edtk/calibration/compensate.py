@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.calibration.prediction import Prediction
+from edtk.calibration.prediction import DISPLAYED, Prediction
 from edtk.calibration.tasks_in_use import (
     RefusedRow,
     RefusedRowsError,
@@ -38,6 +38,7 @@ from edtk.measure.pose_table import (
     pose_factors,
 )
 from edtk.measure.task import RigidJoint, rigid_joints_in_words
+from edtk.robots.joint import AT_LIMIT
 from edtk.robots.robot import Beyond, Robot
 from edtk.study.study import Study
 from edtk.system.files import write_text
@@ -47,8 +48,6 @@ from edtk.system.typing import Array, Indices
 if TYPE_CHECKING:
     import pandas as pd
 
-ROUNDING = 1e-9  # [rad or m]: a command at a joint's very limit counts as within
-DIGITS = 1e-4  # [rad or m] that a controller's display leaves out of a desired pose on a limit
 NO_COMMAND = "no command near the pose brings the markers there; is the arm stretched?"
 
 
@@ -384,13 +383,13 @@ def _commands(robot: Commanded, rows: Indices, task: Plan) -> Compensation:
         RefusedRowsError: Some of them have none; rows are counted among these.
     """
     q, wrench = task.q[rows], task.wrench[rows]
-    _require_within_limits(robot.robot, q, "desired", DIGITS)
+    _require_within_limits(robot.robot, q, "desired", DISPLAYED)
     try:
         command = robot.commands(q, wrench)
         lost = np.flatnonzero(~np.isfinite(command).all(axis=1))
         if len(lost):
             raise RefusedRowsError([RefusedRow(int(row), NO_COMMAND) for row in lost])
-        _require_within_limits(robot.robot, command, "commanded", ROUNDING)
+        _require_within_limits(robot.robot, command, "commanded", AT_LIMIT)
         return robot.compensation(rows, q, wrench, command)
     except NoEquilibriumError as error:
         reasons = [RefusedRow(pose, robot.why_no_rest(q[pose])) for pose in error.poses]

@@ -26,10 +26,11 @@ from edtk.programs.targets.reading import (
     written,
 )
 from edtk.robots.frames import MM
-from edtk.robots.inverse import ROUNDING, Posture, is_nearest, solutions, solve
+from edtk.robots.inverse import Posture, is_nearest, solutions, solve
+from edtk.robots.joint import AT_LIMIT
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import rotation_vectors
-from edtk.study.study import Study
+from edtk.study.study import HASH_DIGITS, Study
 from edtk.system.errors import UserError
 from edtk.system.files import read_bytes, write_text
 from edtk.system.presented import Presented
@@ -38,7 +39,6 @@ from edtk.system.typing import Array
 if TYPE_CHECKING:
     import pandas as pd
 
-DIGITS = 12  # of the SHA-256 that names a calibration, or the targets, in a program
 ENCODING = "latin-1"  # a character for each byte: what is no number stays as it is
 BYTE_ORDER_MARK = "\xef\xbb\xbf"  # of UTF-8, in these characters
 NO_TEXT = "\0"  # in a program that is no text of one byte a character
@@ -314,7 +314,7 @@ def _commands(
 
 
 def _digest(text: str) -> str:
-    return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:DIGITS]
+    return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:HASH_DIGITS]
 
 
 def _of_numbers(literals: Sequence[Literal]) -> str:
@@ -433,7 +433,7 @@ def _inverse(
         return brand.fits(literal, Posture.of(robot, q), robot.shown(q))
 
     q, good = solve(robot, goal[None], before[None])
-    within = robot.bounds.excess(q[0]).max() <= ROUNDING
+    within = robot.bounds.excess(q[0]).max() <= AT_LIMIT
     alone = brand.pins(literal) or is_nearest(robot, q[0], before)
     if good[0] and within and alone and fits(q[0]):
         return np.asarray(q[0])

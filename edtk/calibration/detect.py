@@ -10,10 +10,11 @@ import numpy as np
 from edtk.calibration.planned import planned_measurements
 from edtk.calibration.template import visit_order
 from edtk.design.candidate_source import sample_feasible
-from edtk.design.detection import ENOUGH, LEVEL, Detection, Separation
+from edtk.design.detection import ENOUGH, FALSE_ALARM, Detection, Separation
 from edtk.design.plan import Plan
 from edtk.findings.causes.family import Family
 from edtk.findings.causes.faults import FAULTS, UNITS_OF_SIZES
+from edtk.findings.causes.find_causes import MOST_TIMES
 from edtk.findings.causes.rarity import FACTORS, WEIGHTS
 from edtk.findings.causes.scene import Displacements, Scene, since_first
 from edtk.fit.correlated_noise import CorrelatedNoise, RowNoise, whiten_columns
@@ -30,9 +31,9 @@ CANDIDATES = 300  # poses among which one more experiment is looked for
 VISITS = 100  # the same of visits, whose rows are more
 DRAWS = 1000  # simulated residuals of each fault: shares are right within 2 %
 SEED = 0
-MOST_TIMES = 100  # repetitions that anybody would make
-ROUNDING = 1e-6  # of twice a logarithm
-SHOWN = 1e-6  # of what a fault changes in the joint where it changes most: below it is rounding
+ROUNDING_OF_EVIDENCE = 1e-6  # of twice a logarithm
+# Of what a fault changes in the joint where it changes most: below it is rounding.
+VISIBLE_CHANGE = 1e-6
 HELPS = 0.02  # share by which an experiment has to help to be more than chance
 DEPENDENT = 1e-9  # singular value of scaled columns, beside the largest, that is rounding
 
@@ -292,7 +293,7 @@ class _Shown:
         part = self._part(family)
         c = np.full(family.dims, fault.si / family.dims**0.5)
         noncentrality = max(float(c @ gram[np.ix_(part, part)] @ c), 0.0)
-        threshold = float(chi_square_quantile(1 - LEVEL, family.dims))
+        threshold = float(chi_square_quantile(1 - FALSE_ALARM, family.dims))
         return noncentral_chi_square_tail(threshold, family.dims, noncentrality)
 
     def hardest(self, fault: SizedFault, families: list[Family]) -> Family | None:
@@ -301,7 +302,7 @@ class _Shown:
         A link in front of all that bends shows in no displacement, and does no harm in any.
         """
         sizes = [self.sizes[self.families.index(family)] for family in families]
-        least = SHOWN * max(sizes, default=0.0)
+        least = VISIBLE_CHANGE * max(sizes, default=0.0)
         there = [one for one, size in zip(families, sizes, strict=True) if size > least]
         return min(there, key=lambda one: self.power(self.planned, one, fault), default=None)
 
@@ -313,7 +314,7 @@ class _Shown:
         its sign.
         """
         if family is None:
-            return Detection(fault.name, fault.size, fault.unit, LEVEL, None, LEVEL)
+            return Detection(fault.name, fault.size, fault.unit, FALSE_ALARM, None, FALSE_ALARM)
         power = self.power(self.planned, family, fault)
         with_one = [self.power(gram, family, fault) for gram in self.with_one]
         best = int(np.argmax(with_one))
@@ -385,7 +386,7 @@ def right_share(gram: Array, faults: Pair) -> float:
         gains = [_gain(s[:, one], gram[one, one], fault) for fault, one in both]
         ahead = gains[true] - gains[1 - true]
         # Faults that make the same differ by rounding alone: chance names them.
-        shares.append(float(np.where(np.abs(ahead) < ROUNDING, 0.5, ahead > 0).mean()))
+        shares.append(float(np.where(np.abs(ahead) < ROUNDING_OF_EVIDENCE, 0.5, ahead > 0).mean()))
     return sum(shares) / 2
 
 

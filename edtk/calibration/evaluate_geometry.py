@@ -17,7 +17,7 @@ from edtk.calibration.geometry_plan import (
     too_few_visits,
     visited,
 )
-from edtk.calibration.geometry_question import GeometryQuestion
+from edtk.calibration.geometry_question import UNTOLD, GeometryQuestion
 from edtk.calibration.geometry_space import GeometrySpace, PositionRows
 from edtk.calibration.planned import CalibratedDesigns
 from edtk.calibration.propagation import OfVisits, Propagation, uncertainty_of
@@ -26,7 +26,7 @@ from edtk.calibration.visit_propagation import Visits, propagated, untold_joints
 from edtk.design.exact.day import MOST_VISITS, DayCosts, PosesByLoad
 from edtk.design.exact.day_search import DaySearch
 from edtk.design.exact.exact_plan import ExactPlan, NoPlanError, require_enough
-from edtk.design.exact.visit_search import STARTS, VisitSearch
+from edtk.design.exact.visit_search import VISIT_STARTS, VisitSearch
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relax_poses import RelaxOptions
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
@@ -65,7 +65,6 @@ TOLERANCE = 1e-3
 OF_PLANS = 2e-2  # that of the bound of a plan: one of more parameters than a few would take minutes
 FEW = 12
 SEARCHES = 12  # over all poses for the bound, at most: what is left after them is a per cent or two
-UNTOLD = 1e-6  # [mm] an error in a task that a unit of what a plan leaves open may make
 
 
 def poor_left_out(question: GeometryQuestion, plan: Plan) -> tuple[Finding, ...]:
@@ -350,7 +349,7 @@ class GeometryDesigns(CalibratedDesigns):
             require_enough(space, case.size, places, criterion)
         seed = self.study.specification.seed
         search = VisitSearch(
-            space, relaxed, criterion, seed, no_progress, starts=min(starts, STARTS)
+            space, relaxed, criterion, seed, no_progress, starts=min(starts, VISIT_STARTS)
         )
         found = search.of_size(case.size, case.distinct)
         best = ExactPlan.of(relaxed, found)

@@ -10,15 +10,15 @@ import numpy as np
 
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.calibration import Calibration
-from edtk.calibration.extension import OPEN, Extension, WeighedModel
+from edtk.calibration.extension import UNDECIDED, Extension, WeighedModel
 from edtk.findings.causes.evidence import Evidence, Pieces, Weighed
 from edtk.findings.causes.faults import (
     LEVERS,
     USUAL_ACROSS,
     USUAL_BALANCE,
+    USUAL_BY_SIGN,
     USUAL_LAW,
     USUAL_PLAY,
-    USUAL_SHARE,
     is_one_of,
     is_sprung,
     lateral_axes,
@@ -111,7 +111,7 @@ def law_sizes(kind: str, own: float, most: float) -> dict[str, float]:
     return {
         "square": USUAL_LAW * own / most,
         "cubic": USUAL_LAW * own / most**2,
-        "sign": USUAL_SHARE * own,
+        "sign": USUAL_BY_SIGN * own,
         "gap": USUAL_PLAY[kind],
     }
 
@@ -329,7 +329,7 @@ def extension_of(
         name: math.fsum(w for chosen, w in weights.items() if i in chosen) / total
         for i, name in enumerate(names)
     }
-    inclusion = {name: p for name, p in inclusion.items() if p > OPEN}
+    inclusion = {name: p for name, p in inclusion.items() if p > UNDECIDED}
     undecided, expected = _error(search, tasks, order, models, others)
     return Extension(models, len(weights), inclusion, undecided, expected, study_of(order[0]))
 

@@ -11,8 +11,8 @@ from edtk.system.presented import Presented
 if TYPE_CHECKING:
     import pandas as pd
 
-SHOWN = 8  # models in a table
-OPEN = 0.05  # probability of a piece from which, and to one less it, it is undecided
+MODELS_SHOWN = 8  # models in a table
+UNDECIDED = 0.05  # probability of a piece from which, and to one less it, it is undecided
 PLAIN = "ideal springs"
 
 
@@ -83,7 +83,7 @@ class Extension(Presented):
     @property
     def open(self) -> tuple[str, ...]:
         """Pieces that may be there or not."""
-        return tuple(name for name, p in self.inclusion.items() if OPEN < p < 1 - OPEN)
+        return tuple(name for name, p in self.inclusion.items() if UNDECIDED < p < 1 - UNDECIDED)
 
     def headline(self) -> str:
         """The chosen model, and what remains undecided."""
@@ -93,7 +93,7 @@ class Extension(Presented):
     @property
     def shown(self) -> tuple[WeighedModel, ...]:
         """The models of a table: the likeliest, and that of ideal springs."""
-        first = self.models[:SHOWN]
+        first = self.models[:MODELS_SHOWN]
         plain = [one for one in self.models if not one.pieces and one not in first]
         return (*first, *plain)
 

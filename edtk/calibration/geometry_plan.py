@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import criteria
-from edtk.calibration.geometry_question import POSES, GeometryQuestion
+from edtk.calibration.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_space import PositionRows
 from edtk.calibration.template import SheetColumns
 from edtk.design.exact.day import DayPlan, PosesByLoad
@@ -25,7 +25,7 @@ from edtk.design.exact.exact_plan import (
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem, rows_of_blocks
 from edtk.findings.causes.scene import Positions
-from edtk.fit.fit_geometry import stages, told_apart
+from edtk.fit.fit_geometry import RANDOM_POSES, stages, told_apart
 from edtk.fit.prior import PriorRows
 from edtk.fit.sheet import VECTOR
 from edtk.measure.measured_model import MeasuredModel
@@ -393,8 +393,8 @@ def _minimal(
     """The model with the parameters that any poses could tell under these loads."""
     rng = np.random.default_rng(0)
     lower, upper = np.clip(model.robot.limits, -np.pi, np.pi)
-    drawn = rng.uniform(lower, upper, (POSES, model.robot.n))
-    some = rng.integers(0, len(q), POSES)
+    drawn = rng.uniform(lower, upper, (RANDOM_POSES, model.robot.n))
+    some = rng.integers(0, len(q), RANDOM_POSES)
     few = np.unique(some)
     poses = np.concatenate([drawn, q[few]])
     forces = np.concatenate([wrench[some], wrench[few]])

@@ -20,7 +20,7 @@ from edtk.certificate.certificate import (
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
-from edtk.fit.fit_geometry import told_apart
+from edtk.fit.fit_geometry import RANDOM_POSES, told_apart
 from edtk.fit.prior import PriorRows
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import (
@@ -45,7 +45,6 @@ from edtk.study.study_objects import given_parameters
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
 
-POSES = 60  # poses under each load that show what any poses could tell
 HALF = 0.5  # of the largest load, at which laws of springs differ most from a line
 UNTOLD = 1e-6  # [mm] an error in a task that a unit of what no pose tells may make
 
@@ -356,13 +355,13 @@ def _telling(load: Load, wrenches: Array) -> Array:
 def _anywhere(model: MeasuredModel, wrenches: Array) -> tuple[Array, Array]:
     """Poses within the joint limits, each under every load."""
     lower, upper = np.clip(model.robot.limits, -np.pi, np.pi)
-    q = np.random.default_rng(0).uniform(lower, upper, (POSES, model.robot.n))
+    q = np.random.default_rng(0).uniform(lower, upper, (RANDOM_POSES, model.robot.n))
     return _under_each(q, wrenches)
 
 
 def _feasible(space: GeometrySpace, study: Study, wrenches: Array) -> tuple[Array, Array]:
     """Feasible poses of the study, each under every load."""
-    q = CandidateSource(space, 0, workers=1).take(POSES).x[:, : study.robot.n]
+    q = CandidateSource(space, 0, workers=1).take(RANDOM_POSES).x[:, : study.robot.n]
     return _under_each(q, wrenches)
 
 

@@ -32,7 +32,7 @@ from edtk.system.parsing import not_negative_of, numbers_of
 from edtk.system.typing import Array, Mask
 
 ROWS = 3  # of a position, ahead of a rotation
-MOST = 0.975  # of chances: an error that is larger is told
+TOLD_CHANCE = 0.975  # of chances: an error that is larger is told
 # Of a single normal error 5 % is beyond twice its size. Where chances are twice that, what the
 # sheet leaves open is what the promise rests on.
 OFTEN = 0.1
@@ -40,7 +40,7 @@ OFTEN = 0.1
 # where less is due to the model, more measurements do not help.
 LARGE = 0.1
 SHARE = 0.01  # of the total error, from which a part of it is named
-DIGITS = 12  # of what is written, to print predictions as they are
+WRITTEN_DIGITS = 12  # of what is written, to print predictions as they are
 
 
 @dataclass(frozen=True, eq=False)
@@ -359,7 +359,7 @@ class LeftInTasks:
     @cached_property
     def most(self) -> float:
         """The error that is exceeded with a chance of 2.5 %, in the worst task [m]."""
-        return max(float(one.quantiles([MOST])[0, 0]) for one in self.parts)
+        return max(float(one.quantiles([TOLD_CHANCE])[0, 0]) for one in self.parts)
 
     def findings(self, shares: Mapping[str, float], counts: bool) -> Iterator[Finding]:
         """Name errors of the model: those that are found, and those that the sheet leaves possible.
@@ -429,7 +429,7 @@ def possible_from_dict(
 
 def _short(numbers: Array) -> list[float]:
     """Numbers with so many digits as are written."""
-    return [float(f"{x:.{DIGITS}g}") for x in numbers.tolist()]
+    return [float(f"{x:.{WRITTEN_DIGITS}g}") for x in numbers.tolist()]
 
 
 def _tilted(model: ElastostaticModel, q: Array, wrench: Array) -> Array:

@@ -12,7 +12,7 @@ import numpy as np
 from edtk.fit.correlated_noise import RowNoise, std_of
 from edtk.fit.least_squares import Estimate, SingularPlanError, estimate
 from edtk.fit.noise import Noise
-from edtk.fit.posterior import Posterior, SamplingOptions, sample_posterior
+from edtk.fit.posterior import NO_VARIANCE, Posterior, SamplingOptions, sample_posterior
 from edtk.fit.prior import fit_with_prior
 from edtk.fit.run_chain import autocorrelation_time
 from edtk.measure.pose_table import coordinate_names
@@ -26,7 +26,6 @@ from edtk.system.typing import Array
 if TYPE_CHECKING:
     import pandas as pd
 
-NO_VARIANCE = 2  # degrees of freedom up to which Student's t has no variance
 AXES = 3
 READING = ("reading", "parameter")  # what is measured, and of what, where a model is not linear
 COLUMNS = (

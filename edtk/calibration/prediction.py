@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-FAR = 5.0  # half bands: an error beyond them is no matter of chance
-MOST = 0.5  # of the readings: if as many are far off, what they have in common is wrong
-OPEN = 1e-4  # [m]: what a calibration left open may move a marker by, before it is said
-ROUNDING = 1e-4  # [rad or m]: a limit may be exceeded by what a controller's display leaves out
+FAR_OUTSIDE = 5.0  # half bands: an error beyond them is no matter of chance
+MAJORITY = 0.5  # of the readings: if as many are far off, what they have in common is wrong
+LEFT_OPEN = 1e-4  # [m]: what a calibration left open may move a marker by, before it is said
+DISPLAYED = 1e-4  # [rad or m]: a limit may be exceeded by what a controller's display leaves out
 
 
 # Names of some coordinates, which readings (t,) have them, and where these are among their rows.
@@ -153,7 +153,7 @@ class Prediction(Presented):
     @property
     def open_rows(self) -> tuple[int, ...]:
         """Rows, counted from 0, that move along directions which the calibration left open."""
-        return tuple(sorted({int(row) for row in self.row[self.open > OPEN]}))
+        return tuple(sorted({int(row) for row in self.row[self.open > LEFT_OPEN]}))
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -239,7 +239,7 @@ def beyond_limits(robot: Robot, q: Array, row: Indices) -> tuple[int, ...]:
         q: Poses (v, n) [rad or m].
         row: Rows (v, ...) that each pose is in; -1 for none.
     """
-    over = robot.bounds.excess(q).max(axis=1) > ROUNDING
+    over = robot.bounds.excess(q).max(axis=1) > DISPLAYED
     return tuple(sorted({int(one) for one in row[over].ravel() if one >= 0}))
 
 
@@ -270,11 +270,11 @@ def _far_off(found: "Prediction") -> list[Finding]:
     """Errors that bands and chance do not explain, and what they may come from."""
     errors = found.sizes(found.apart, found.lengths)
     chosen = found.tests & np.isfinite(errors)
-    is_far = chosen & (errors > FAR * found.sizes(found.half, found.lengths))
+    is_far = chosen & (errors > FAR_OUTSIDE * found.sizes(found.half, found.lengths))
     if not is_far.any():
         return []
     what = {"what": found.what}
-    if is_far.sum() > MOST * chosen.sum():
+    if is_far.sum() > MAJORITY * chosen.sum():
         median = float(np.median(errors[chosen]))
         return [Finding.of(Severity.WARNING, WORDING, "all_far_off", median=median, **what)]
     rows = tuple(sorted({int(row) for row in found.row[is_far]}))

@@ -36,7 +36,6 @@ from edtk.system.typing import Array, Indices, Mask
 TOOL = ("tool_x", "tool_y", "tool_z")
 DIRECTION = ("load_direction",)
 ESTIMATED = ("noise", "model", "known_joints")  # parts whose covariance is that of a posterior
-ROUNDING = 1e-9  # of an error, which a parameter takes up in full
 MOST_ROWS = 5000  # measurements over which the circumstances are propagated
 
 

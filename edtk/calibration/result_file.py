@@ -17,6 +17,7 @@ from edtk.design.plan import Plan
 from edtk.findings.counting import Counting
 from edtk.findings.moving_joints import ReadingNoise
 from edtk.fit.fitted_geometry import RIGID, UNTOLD, Circumstances, FittedGeometry
+from edtk.measure.compliances import LEAST_DOF
 from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.noise import Tracker
@@ -31,11 +32,10 @@ from edtk.system.files import read_text
 from edtk.system.parsing import not_negative_of, numbers_of, parse_json
 from edtk.system.typing import Array, Indices
 
-MOST = 1000  # parameters or joints in a file
+MOST_ENTRIES = 1000  # parameters or joints in a file
 MOST_MB = 100.0  # of a file
-LEAST_DOF = 0.5  # of a covariance in a file
 ORTHONORMAL = 1e-9
-ROUNDING = 1e-8  # of a covariance's entries, beside the standard deviations
+ASYMMETRY = 1e-8  # of a covariance's entries, beside the standard deviations
 SAME = 1e-6  # relative difference of marks that rounding may leave
 OTHERWISE = {
     "shown": "the study's controller counts joints otherwise than when the result was made",
@@ -279,7 +279,7 @@ def _named(given: Mapping[str, Any], key: str, every: Mapping[str, Parameter]) -
         ValueError: A name is not that of a parameter of the study.
     """
     names = given.get(key)
-    if not isinstance(names, list) or len(names) > MOST:
+    if not isinstance(names, list) or len(names) > MOST_ENTRIES:
         raise ValueError(f"{key}: expected a list of names")
     for name in names:
         if not isinstance(name, str) or name not in every:
@@ -323,7 +323,7 @@ def _noise(given: object, setting: StudyGeometry) -> PositionNoise:
     full_poses = setting.full_poses
     found = None
     variances = given.get("variances")
-    if not isinstance(variances, list) or len(variances) > MOST:
+    if not isinstance(variances, list) or len(variances) > MOST_ENTRIES:
         raise ValueError("variances: expected a list of numbers")
     if variances:
         c = len(variances)
@@ -365,7 +365,7 @@ def covariance_of(given: Mapping[str, Any], key: str, order: int) -> Array:
     """
     values = numbers_of(given, key, (order, order))
     size = np.sqrt(np.abs(np.diag(values)))
-    is_symmetric = (np.abs(values - values.T) <= ROUNDING * np.outer(size, size)).all()
+    is_symmetric = (np.abs(values - values.T) <= ASYMMETRY * np.outer(size, size)).all()
     if not is_symmetric or not is_semidefinite(values):
         raise ValueError(f"{key}: expected a covariance, symmetric and positive semidefinite")
     return values

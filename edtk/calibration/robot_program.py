@@ -29,6 +29,7 @@ from edtk.programs.program import (
     said,
 )
 from edtk.programs.writer import DECIMALS, Writer
+from edtk.robots.joint import AT_LIMIT
 from edtk.robots.robot import Robot
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
@@ -41,7 +42,6 @@ if TYPE_CHECKING:
 SPEED = 20.0  # percent: an arm with a load, and people beside it
 DWELL_S = 2.0  # until a large arm has come to rest
 STEP = 10.0**-DECIMALS  # [deg or mm]
-ROUNDING = 1e-9  # [rad or m] by which a conversion may miss a limit
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ def taken_by(robot: Robot, writer: Writer, axes: Sequence[Axis], q: Array) -> Ar
     low, high = robot.hard_limits
     again = robot.of_shown(taken * factors)
     allowed = 1.5 * STEP * factors
-    beyond = 1.0 * (again > high + ROUNDING) - 1.0 * (again < low - ROUNDING)
+    beyond = 1.0 * (again > high + AT_LIMIT) - 1.0 * (again < low - AT_LIMIT)
     near = (again < high + allowed) & (again > low - allowed)
     return writer.taken(taken - signs * beyond * near * STEP, axes)
 
@@ -159,7 +159,7 @@ def require_limits(robot: Robot, taken: Array, names: Sequence[str]) -> None:
     factors = pose_factors(robot)
     q = robot.of_shown(taken * factors)
     low, high = robot.hard_limits
-    outside = (q > high + ROUNDING) | (q < low - ROUNDING)
+    outside = (q > high + AT_LIMIT) | (q < low - AT_LIMIT)
     if outside.any():
         i, j = np.argwhere(outside)[0]
         joint = robot.joints[j]

@@ -25,7 +25,7 @@ MOST_NAMED = 3  # rows that a sentence names one by one
 FACTOR = 10.0  # up to which a ratio is that of units which are a thousand apart
 A_THOUSAND = 1e3
 # Displacement over the arm's reach beyond which no arm is used: it would give way by decimetres.
-FAR = 0.05
+TOO_SOFT = 0.05
 
 
 @dataclass(frozen=True)
@@ -304,7 +304,7 @@ def _sizes(study: Study, k: Mapping[str, float], task: Plan) -> Iterator[Finding
         yield Finding.of(Severity.WARNING, WORDING, "compliance_unit", ratio=ratio)
         return
     moved = _displacement(study, k, task)
-    if moved > FAR * study.robot.reach:
+    if moved > TOO_SOFT * study.robot.reach:
         yield Finding.of(Severity.WARNING, WORDING, "soft_arm", moved=moved)
 
 

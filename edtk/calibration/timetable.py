@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 NO_WAY = 1e6  # [s]: longer than any day, so that a tour takes such a leg only where it must
-DIGITS = 9  # of joint variables [rad or m]: poses that are equal but for rounding are one place
+# Of joint variables [rad or m]: poses that are equal but for rounding are one place.
+PLACE_DIGITS = 9
 
 What = Literal["warm-up", "visit", "load change", "home"]
 
@@ -255,7 +256,7 @@ class _DayPlanner:
         self.plan = plan
         self.costs = study.specification.costs or CostsTable()
         self.read = _read(study, plan)
-        keys = np.round(plan.q, DIGITS) + 0.0
+        keys = np.round(plan.q, PLACE_DIGITS) + 0.0
         _, first, place = np.unique(keys, axis=0, return_index=True, return_inverse=True)
         self.place = place.reshape(-1)
         poses = plan.q[first]

@@ -27,7 +27,7 @@ from edtk.study.study_model import springs_of
 from edtk.system.typing import Array
 
 LEAST_COMPLIANCE = 1e-15  # of a joint that is softer than rigid [rad/(N m)]
-ROUNDING = 1e-9  # of a column, which others leave of it if they make the same readings
+TAKEN_UP = 1e-9  # of a column, which others leave of it if they make the same readings
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,7 +268,7 @@ class LeastSquaresInverse(Inverse):
         below = column if self.prior is None else self.prior.zeros_below(column)
         left = self.whitened.residual(below)
         whole = float(np.linalg.norm(self.whitened.in_sigma(below)))
-        return left if float(np.linalg.norm(left)) > ROUNDING * whole else np.zeros_like(left)
+        return left if float(np.linalg.norm(left)) > TAKEN_UP * whole else np.zeros_like(left)
 
     def in_sigma(self, change: Array) -> Array:
         """With zeros below for the prior."""

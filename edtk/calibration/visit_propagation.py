@@ -8,7 +8,6 @@ import numpy as np
 
 from edtk.calibration.propagation import (
     DIRECTION,
-    ROUNDING,
     TOOL,
     OfVisits,
     Others,
@@ -19,7 +18,7 @@ from edtk.calibration.propagation import (
     shifts_by,
     uncertainty_of,
 )
-from edtk.calibration.told_part import Inverse
+from edtk.calibration.told_part import TAKEN_UP, Inverse
 from edtk.findings.causes.scene import Positions
 from edtk.findings.fit_rows import scene_of
 from edtk.fit.fitted_geometry import (
@@ -171,7 +170,7 @@ def _beside_places(root: Array, own: list[tuple[int, int]], size: float) -> Arra
     beside = root.copy()
     rows, axes = np.array(own, dtype=int).reshape(-1, 2).T
     beside[rows, axes] -= size
-    return np.where(np.abs(beside) <= ROUNDING * size, 0.0, beside)
+    return np.where(np.abs(beside) <= TAKEN_UP * size, 0.0, beside)
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +224,7 @@ class FitInverse(Inverse):
         y = self._below(column[..., None])
         left, whole = self.beside.left(y), np.linalg.norm(self._whitened(y))
         found = self._whitened(left)
-        return found if np.linalg.norm(found) > ROUNDING * whole else np.zeros_like(found)
+        return found if np.linalg.norm(found) > TAKEN_UP * whole else np.zeros_like(found)
 
     def in_sigma(self, change: Array) -> Array:
         """By a root of the weights."""

@@ -11,8 +11,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from criteria.linalg.inverse import TINY
 from edtk.cell.distance import (
-    TINY,
     Nearest,
     segment_to_box,
     segment_to_convex,

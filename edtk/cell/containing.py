@@ -26,13 +26,13 @@ Fit = Callable[[Array, Array], Round]
 # [m] by which shapes may stand out of the surface before they are cut in two: what two of them
 # refuse is then 40 mm apart at most, where there are enough of them.
 TIGHT = 0.02
-MOST = 4  # capsules of one part of an arm; each costs time in each pose
+CAPSULES_OF_PART = 4  # capsules of one part of an arm; each costs time in each pose
 LEAST_RADIUS = 1e-4  # [m]; of flat or thin parts
 ROUNDING = 1e-9  # by which shapes are larger, relative, so that rounding leaves no corner outside
-ROUNDS = 16  # of the search for the middle of a circle, whose error falls as 1 / rounds
+CIRCLE_ROUNDS = 16  # of the search for the middle of a circle, whose error falls as 1 / rounds
 STRETCHES = np.array([1.0, 1.04, 1.1, 1.2])  # of a capsule's least radius: thicker may be shorter
 SHARES = (0.12, 0.3, 0.5, 0.7, 0.88)  # of the surface, before a cut
-SAMPLES = 3000  # points of a surface, to which distances are measured
+SURFACE_POINTS = 3000  # points of a surface, to which distances are measured
 CLOSER = (0.3, 0.1, 0.03)  # [rad] about the best axis so far, among which a better one is sought
 
 
@@ -49,7 +49,7 @@ AXES = _spread_directions(60)
 
 
 def containing(
-    triangles: Array, tight: float = TIGHT, most: int = MOST, boxes: bool = False
+    triangles: Array, tight: float = TIGHT, most: int = CAPSULES_OF_PART, boxes: bool = False
 ) -> tuple[Round, ...]:
     """Shapes whose union contains all points of triangles.
 
@@ -64,7 +64,7 @@ def containing(
     """
     from scipy.spatial import cKDTree
 
-    points, between = sampled(triangles, SAMPLES)
+    points, between = sampled(triangles, SURFACE_POINTS)
     surface = cKDTree(points), between
     fit = _smallest if boxes else _capsule
     pieces = [_Piece(triangles, fit, surface)]
@@ -229,7 +229,7 @@ def _circle_middles(points: Array) -> Array:
     """
     middle = (points.max(axis=1) + points.min(axis=1)) / 2
     row = np.arange(len(points))
-    for i in range(1, ROUNDS):
+    for i in range(1, CIRCLE_ROUNDS):
         away = points - middle[:, None]
         far = np.einsum("dki,dki->dk", away, away).argmax(axis=1)
         middle = middle + away[row, far] / (i + 2)

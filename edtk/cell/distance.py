@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from criteria.linalg.inverse import TINY
 from edtk.system.typing import Array, Indices, Mask
 
 # Signed distance (k,) [m] of points (3, k), and the direction (3, k) in which it grows.
@@ -25,7 +26,6 @@ ACCURACY = 1e-9  # of a distance [m]: far below what is known of any body
 # Steps of the search along a segment. A step leaves a quarter of the error of a smooth function at
 # most, and kinks are met exactly: fifteen are the rule, from a metre down to the accuracy.
 STEPS = 60
-TINY = 1e-300  # a denominator that divides nothing by zero
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,7 +43,7 @@ RESOLUTION = 2e-5  # [m]: a leg whose least gap is so near to what is asked is n
 # By how much the least gap of a leg may be below the one that is told [m, -].
 ABOUT = 1e-3
 SHARE = 0.1
-FIRST = 6  # intervals of a leg at first
+FIRST_INTERVALS = 6  # intervals of a leg at first
 MOST_PIECES = 8  # into which the rest on one side of a pose is divided at once
 LONGER = 1.5  # times the step at one pose, which is hoped for at the next
 AT_ONCE = 4096  # poses of one call
@@ -242,7 +242,7 @@ class _Proof:
 
     def run(self) -> Legs:
         """Look at intervals until none is left."""
-        edges = np.linspace(0.0, 1.0, FIRST + 1)
+        edges = np.linspace(0.0, 1.0, FIRST_INTERVALS + 1)
         # Both ends are poses that people ask about: they are looked at themselves.
         low, high = np.append([0.0, 1.0], edges[:-1]), np.append([0.0, 1.0], edges[1:])
         legs = len(self.a) if self.cell.pairs else 0

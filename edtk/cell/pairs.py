@@ -15,9 +15,9 @@ from edtk.robots.robot_overview import Part, Parts
 from edtk.system.typing import Array
 
 POSES = 1024  # in which pairs that always touch are looked for; always the same ones
-FIRST = 32  # of them, which leave few pairs
+FIRST_POSES = 32  # of them, which leave few pairs
 NEXT_BUT_ONE = 2  # joints between such parts
-SAMPLES = 10_000  # points of a mesh
+MESH_POINTS = 10_000  # points of a mesh
 MOST_COMPARED = 128  # poses in which meshes are compared
 WORLD = -1  # what stands moves with the joint before the first one
 
@@ -81,7 +81,7 @@ def pairs_to_look_at(
         (adjacent if _are_adjacent(one, other, own) else others).append(pair)
     q = poses_within(robot, fixed or {})
     always = others
-    for part in (q[:FIRST], q):
+    for part in (q[:FIRST_POSES], q):
         distances = Cell(robot, bodies, margin, tuple(always)).distances(part)
         touching = np.all(distances < margin, axis=0).tolist()
         always = [pair for pair, touches in zip(always, touching, strict=True) if touches]
@@ -150,7 +150,7 @@ def _meshes_touch(one: Body, other: Body, frames: Frames) -> bool:
     """
     from scipy.spatial import cKDTree
 
-    (first, a), (second, b) = (sampled(_corners(body), SAMPLES) for body in (one, other))
+    (first, a), (second, b) = (sampled(_corners(body), MESH_POINTS) for body in (one, other))
     near = a + b
     # Points that are not within the first body's shapes, made larger so much, are farther away.
     around = [replace(capsule, radius=capsule.radius + near) for capsule in one.capsules]

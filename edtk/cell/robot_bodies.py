@@ -11,7 +11,7 @@ import numpy as np
 
 from edtk.cell.containing import containing
 from edtk.cell.shapes import Body, Capsule, Source
-from edtk.cell.urdf_bodies import urdf_bodies
+from edtk.cell.urdf_bodies import SIDES, urdf_bodies
 from edtk.robots.frames import MILLIMETRE
 from edtk.robots.load_robot import TOML, URDF, robot_content
 from edtk.robots.robot import Robot
@@ -19,10 +19,9 @@ from edtk.robots.robot_file import BodyTable, RobotFile, RobotFileError
 from edtk.robots.urdf.load_urdf import XACRO
 from edtk.system.typing import Array
 
-SIDES = 24  # of the prism around what is round
 ARC = 8  # points of the arc on which the weight's lower rim swings
-MOST = 4  # capsules that hold all places of the weight
-TIGHT = 0.01  # [m], see `containing`
+CAPSULES_OF_WEIGHT = 4  # capsules that hold all places of the weight
+TIGHT_SWING = 0.01  # [m], see `containing`
 
 
 def robot_bodies(
@@ -150,10 +149,10 @@ def hanging_bodies(
         rope_radius: Radius of the rope [m].
     """
     weight = _swept_weight(rope, radius, height, swing)
-    shapes = containing(weight, TIGHT, MOST)
+    shapes = containing(weight, TIGHT_SWING, CAPSULES_OF_WEIGHT)
     found = [Body(name, carrier, shapes, "typed", hangs_at=point)]
     if rope:
-        parts = np.linspace(0.0, 1.0, 2 if swing == 0 else MOST + 1)
+        parts = np.linspace(0.0, 1.0, 2 if swing == 0 else CAPSULES_OF_WEIGHT + 1)
         capsules = [
             _part_of_cone(rope, swing, low, high, rope_radius)
             for low, high in pairwise(parts.tolist())

@@ -12,12 +12,12 @@ from edtk.system.typing import Array, Indices, Mask
 
 # Of the planner: rounds in which each of two trees grows in turn by so many legs, and how far one
 # reaches, as a share of the time that the arm takes from one end of its ranges to the other.
-ROUNDS = 60
+PLANNER_ROUNDS = 60
 BRANCHES = 16
 STRETCH = 0.35
 UNKNOWN, FREE, TOUCHES, NOT_PROVED = range(4)
 VERDICTS = ("unknown", "free", "touches", "not proved")
-TINY = 1e-9  # of a leg: shorter ones are not divided by
+SHORT_LEG = 1e-9  # of a leg: shorter ones are not divided by
 LEAST_GAIN = 1e-9  # relative: what is not more is rounding
 
 
@@ -258,7 +258,7 @@ class Roadmap:
             np.maximum(limits[1], ends.max(0)),
         )
         stretch = STRETCH * float(self.speeds.seconds(lower, upper))
-        for turn in range(ROUNDS):
+        for turn in range(PLANNER_ROUNDS):
             grown, other = trees[turn % 2], trees[1 - turn % 2]
             drawn = lower + (upper - lower) * rng.random((BRANCHES, len(lower)))
             new = self._grow(grown, drawn, stretch)
@@ -279,7 +279,7 @@ class Roadmap:
         """Grow a tree towards drawn poses (k, n); returns the numbers of what was added."""
         seconds = self.speeds.seconds(drawn[:, None], tree.q)
         parent = seconds.argmin(axis=1)
-        share = np.minimum(1.0, stretch / np.maximum(seconds.min(axis=1), stretch * TINY))
+        share = np.minimum(1.0, stretch / np.maximum(seconds.min(axis=1), stretch * SHORT_LEG))
         start = tree.q[parent]
         end = start + share[:, None] * (drawn - start)
         free = self._free(start, end)

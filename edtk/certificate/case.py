@@ -26,7 +26,7 @@ KEYS = ("criterion", "kind", "claims", "experiments", "kept", "proof", "setting"
 ON_CANDIDATES = "on_candidates"
 DECORATION = ("edtk", "title", "study_sha256")  # keys on which no claim rests
 AMOUNTS = {"relaxation": "weight", "plan": "repeats"}
-LONGEST_NAME = 60
+LONGEST_LABEL = 60
 MOST_REPEATS = 1e9
 MOST_NUMBERS = 2e7  # in the rows of all experiments, or the information of all candidates
 WEIGHTS_SUM = 1e-9  # deviation from one that is rounding
@@ -415,7 +415,7 @@ class Case:
 
 def _criterion_name(given: Any) -> str:
     """The name of a criterion, which is printed: it must hold no line that looks like a verdict."""
-    is_name = isinstance(given, str) and given.isprintable() and 0 < len(given) <= LONGEST_NAME
+    is_name = isinstance(given, str) and given.isprintable() and 0 < len(given) <= LONGEST_LABEL
     if not is_name:
         raise ValueError("criterion: expected the name of a criterion")
     return str(given)

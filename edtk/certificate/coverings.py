@@ -18,7 +18,7 @@ from edtk.robots.constraints.tilt import Tilt
 from edtk.system.typing import Array, Indices
 
 LETTERS: dict[type[Constraint], str] = {Height: "h", Radius: "r", Tilt: "ud"}
-AT_ONCE = 256  # boxes
+BOXES_AT_ONCE = 256  # boxes
 
 
 def coverings_to_list(robot: SpacePolynomials, covering: Covering) -> list[dict[str, Any]]:
@@ -137,10 +137,10 @@ def _reasons(leaves: Leaves, covering: Covering, slacks: str) -> list[str]:
 def largest_on(polynomial: Polynomial, leaves: Leaves, grid: Grid, which: Indices) -> Array:
     """The largest coefficient of a polynomial on some of the boxes (k,), with its error."""
     found = np.empty(len(which))
-    for first in range(0, len(which), AT_ONCE):
-        boxes = leaves.boxes[which[first : first + AT_ONCE]]
+    for first in range(0, len(which), BOXES_AT_ONCE):
+        boxes = leaves.boxes[which[first : first + BOXES_AT_ONCE]]
         values, error = coefficients(polynomial, grid.middles(boxes), grid.halves(boxes))
-        found[first : first + AT_ONCE] = values.reshape(len(values), -1).max(axis=1) + error
+        found[first : first + BOXES_AT_ONCE] = values.reshape(len(values), -1).max(axis=1) + error
     return found
 
 

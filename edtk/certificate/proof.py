@@ -20,7 +20,7 @@ from edtk.certificate.recompute.plain_data import numbers, rows, table, text, wh
 from edtk.certificate.recompute.setting import Setting
 from edtk.system.typing import Array, Mask
 
-MOST = 20_000  # experiments that a certificate may list
+MOST_EXPERIMENTS = 20_000  # experiments that a certificate may list
 MOST_SEEDS = 16  # numbers that a seed may consist of
 LARGEST = 2**128  # number in a seed, and number of candidates: far more than anybody can draw
 MOST_POINTS = 20_000
@@ -58,7 +58,7 @@ class Experiments:
         Raises:
             ValueError: An entry is missing, or is no finite number.
         """
-        found = rows(value, MOST, where)
+        found = rows(value, MOST_EXPERIMENTS, where)
         for i, row in enumerate(found):
             table(row, ("q", "wrench", amount), f"{where}[{i}]")
         return cls(

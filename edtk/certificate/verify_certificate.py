@@ -15,7 +15,7 @@ from criteria.linalg.estimable import combination
 from edtk.certificate.case import Case
 from edtk.certificate.recompute import values
 from edtk.certificate.recompute.array_criteria import as_cost
-from edtk.certificate.recompute.day import ROUNDING
+from edtk.certificate.recompute.day import ROUNDING_OF_FUNDS
 from edtk.certificate.recompute.exact_tree import Replay
 from edtk.certificate.recompute.setting import TINY
 from edtk.certificate.recompute.setting import TINY as TINY_LOAD
@@ -365,7 +365,7 @@ def _costs(case: Case) -> list[Claim]:
     if day is None:
         return []
     total = day.total(case.made.wrench, case.made.amount)
-    pays = total <= day.budget * (1 + ROUNDING)
+    pays = total <= day.budget * (1 + ROUNDING_OF_FUNDS)
     sized = day.visits is None or case.made.amount.sum() == day.visits
     reason = "" if pays else "the budget does not pay for the visits"
     if pays and not sized:

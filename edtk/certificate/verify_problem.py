@@ -15,6 +15,7 @@ from edtk.certificate.recompute.array_criteria import (
     unknown,
 )
 from edtk.certificate.recompute.arrays import Candidates
+from edtk.certificate.recompute.lower_bound import MOST_MULTIPLIERS
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table, text
 from edtk.certificate.recompute.region import Region
 from edtk.certificate.recompute.weight_limits import WeightLimits
@@ -28,7 +29,6 @@ KEYS = ("kind", "criterion", "candidates", "weights", "value", "bound", "gap", "
 OF_LIMITS = ("limits", "experiments", "limit_multipliers")
 OPTIONAL = ("dual_weights", "inner", "region", "bound_proved", *OF_LIMITS)
 OVER_REGION = "bound_proved"
-MOST_MULTIPLIERS = 100
 NUMBERS = "numbers of the criterion"
 LIMITS = "limits"
 

@@ -18,9 +18,10 @@ from edtk.system.typing import Array, Indices
 # Poses that hold all but the cell's constraint, of which none is free, when nobody looks for more:
 # with fewer free ones, thousands of candidates would take hours.
 NONE_FREE = 4096
-FEW = 200  # poses that tell which bodies are in the way
+POSES_IN_THE_WAY = 200  # poses that tell which bodies are in the way
 IN_ANY_TIME = 10_000  # candidates that are drawn whatever the time: they take a moment
-CHUNK = 16384  # samples that a thread evaluates at once: their arrays fit into a core's cache
+# Samples that a thread evaluates at once: their arrays fit into a core's cache.
+SAMPLES_AT_ONCE = 16384
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +178,7 @@ class CandidateSource:
             first: Index of the first chunk.
             number: Number of chunks.
         """
-        cubes = self._cubes(CHUNK, first)
+        cubes = self._cubes(SAMPLES_AT_ONCE, first)
         for _ in range(number):
             chunk = self._evaluate(next(cubes))
             if len(chunk.x):
@@ -187,8 +188,8 @@ class CandidateSource:
         """What the first n candidates tell, in chunks."""
         require_some(n)
         # A few candidates do not wait for a full chunk; 2 n samples often hold n feasible ones.
-        size = min(CHUNK, 1 << (2 * n).bit_length())
-        evaluate = self._parallel if size == CHUNK else self._in_turn
+        size = min(SAMPLES_AT_ONCE, 1 << (2 * n).bit_length())
+        evaluate = self._parallel if size == SAMPLES_AT_ONCE else self._in_turn
         # Closed here, not when it is dropped: Python swallows a Ctrl-C that comes in a generator's
         # last wait for its threads, where nobody has called that generator.
         with closing(evaluate(size)) as results:
@@ -207,7 +208,7 @@ class CandidateSource:
             touching = int(excluded[-1]) if self.space.clear is not None else 0
             if left == n and not found and touching >= NONE_FREE:
                 raise self._nothing_free(touching)
-            if left == n and not found and samples >= self.patience * CHUNK:
+            if left == n and not found and samples >= self.patience * SAMPLES_AT_ONCE:
                 if touching:
                     raise self._nothing_free(touching)
                 worst = int(excluded.argmax())
@@ -222,7 +223,7 @@ class CandidateSource:
     def _nothing_free(self, poses: int) -> "NothingFreeError":
         """The error where all of some poses that hold the other constraints touch something."""
         assert self.space.clear is not None
-        x = self.without_cell.take(min(poses, FEW)).x
+        x = self.without_cell.take(min(poses, POSES_IN_THE_WAY)).x
         found = self.space.clear.cell.clearance(x[:, : len(self.space.fixed)])
         often = np.bincount(found.pair, minlength=len(found.pairs))
         first, second = found.pairs[int(often.argmax())]

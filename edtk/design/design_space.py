@@ -25,7 +25,7 @@ from edtk.robots.loads.load import Load
 from edtk.robots.workspace import Workspace
 from edtk.system.typing import Array, Indices, Mask
 
-TURNS = 2.0  # to which a joint that turns without end is bounded in a descent
+ENDLESS_TURNS = 2.0  # to which a joint that turns without end is bounded in a descent
 
 
 class Space(Protocol):
@@ -430,7 +430,7 @@ class DesignSpace:
         """Bounds (2, v) of the design variables."""
         robot = self.workspace.robot
         # A descent may go on where one turn ends: what is behind is no other pose.
-        turns = np.where(robot.continuous, TURNS, 1.0)
+        turns = np.where(robot.continuous, ENDLESS_TURNS, 1.0)
         return np.concatenate([turns * robot.limits, self.load.limits], axis=1)
 
     @property

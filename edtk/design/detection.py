@@ -5,8 +5,8 @@ from typing import Any
 
 from edtk.system.typing import Array
 
-LEVEL = 0.01  # probability of a false alarm
-ROUNDING = 1e-4  # of a probability
+FALSE_ALARM = 0.01  # probability of a false alarm
+ROUNDING_OF_PROBABILITY = 1e-4  # of a probability
 ENOUGH = 0.9  # probability of the right name that repetitions are to reach
 
 
@@ -19,7 +19,7 @@ class Detection:
         size: Its size, in `unit`.
         unit: Unit of the size.
         power: Probability that the measurements of the plan show the fault, by a test whose false
-            alarms have the probability `LEVEL`.
+            alarms have the probability `FALSE_ALARM`.
         better: Joint variables (n,) of one more experiment that shows it best [rad or m]; None
             where none helps.
         power_with: The probability with that experiment.
@@ -37,7 +37,7 @@ class Detection:
     @property
     def never(self) -> bool:
         """Whether no measurement shows the fault: the test has its false alarms, and no others."""
-        return self.power_with <= self.power <= LEVEL + ROUNDING
+        return self.power_with <= self.power <= FALSE_ALARM + ROUNDING_OF_PROBABILITY
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON; joint variables in radians and metres."""

@@ -21,12 +21,12 @@ Exponents = tuple[int, ...]
 Function = Callable[[Any], ArrayLike]
 # Relative difference from a polynomial beyond which a function is none. The rounding of one that is
 # written badly stays below, and is counted.
-ALIKE = 1e-9
+NO_POLYNOMIAL = 1e-9
 ABOVE = 1 + 1e-12  # what is rounded up by so much is above a sum of some thousand terms
-FRESH = 200  # points at which a polynomial is compared with the function, at least
-MOST = 20_000  # terms of one entry: no more could be enclosed in reasonable time
+FRESH_POINTS = 200  # points at which a polynomial is compared with the function, at least
+MOST_TERMS = 20_000  # terms of one entry: no more could be enclosed in reasonable time
 MOST_POWER = 100
-SMALL = 1e-6  # part of the largest entry, below which an entry may be rounding
+SMALL_ENTRY = 1e-6  # part of the largest entry, below which an entry may be rounding
 
 
 class NotPolynomialError(ValueError):
@@ -58,8 +58,8 @@ class Term:
     terms: dict[Exponents, Fraction]
 
     def __post_init__(self) -> None:
-        if len(self.terms) > MOST:
-            raise TypeError(f"more than {MOST} terms")
+        if len(self.terms) > MOST_TERMS:
+            raise TypeError(f"more than {MOST_TERMS} terms")
 
     def __add__(self, other: object) -> Term:
         """The sum."""
@@ -253,8 +253,8 @@ def derived(function: Function, limits: Array) -> Expansion:
     entries = [zero + value for value in values.ravel()]
     exponents = [own for entry in entries for own in entry.terms]
     sizes = np.max(exponents or [(0,) * d], axis=0) + 1
-    if np.prod(sizes) > MOST:
-        raise TypeError(f"more than {MOST} coefficients")
+    if np.prod(sizes) > MOST_TERMS:
+        raise TypeError(f"more than {MOST_TERMS} coefficients")
     exact = np.full((len(entries), *sizes), Fraction(0), dtype=object)
     for i, entry in enumerate(entries):
         for own, c in entry.terms.items():
@@ -290,8 +290,8 @@ def interpolated(function: Function, limits: Array, degree: Sequence[int]) -> Ex
         NotPolynomialError: It is none of this degree; the point that shows it is named.
     """
     sizes = np.add(degree, 1)
-    if np.prod(sizes) > MOST:
-        raise NotPolynomialError(f"a degree of more than {MOST} coefficients")
+    if np.prod(sizes) > MOST_TERMS:
+        raise NotPolynomialError(f"a degree of more than {MOST_TERMS} coefficients")
     low, high = limits
     nodes = [np.cos(np.pi * (np.arange(size) + 0.5) / size) for size in sizes]
     u = np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1).reshape(-1, len(sizes))
@@ -361,15 +361,15 @@ def _differences(found: Expansion, function: Function) -> Array:
         NotPolynomialError: One is more than rounding; its point is named.
     """
     low, high = found.limits
-    number = max(FRESH, 2 * found.exact[(0,) * found.errors.ndim].size)
+    number = max(FRESH_POINTS, 2 * found.exact[(0,) * found.errors.ndim].size)
     inside = low + (high - low) * np.random.default_rng(0).random((number, len(low)))
     x = np.concatenate([inside, found.limits])
     values = _finite(function, x)
     away = np.abs(values - found.values(x)).reshape(len(x), -1)
     size = np.abs(values).reshape(len(x), -1).max(axis=0)
-    parts = away / (size + SMALL * size.max() + np.finfo(float).tiny)
+    parts = away / (size + SMALL_ENTRY * size.max() + np.finfo(float).tiny)
     worst = int(parts.max(axis=1).argmax())
-    if not parts.max() <= ALIKE:
+    if not parts.max() <= NO_POLYNOMIAL:
         raise NotPolynomialError(
             f"a value differs by {parts.max():.1e} of the largest from any polynomial of degree "
             f"{', '.join(str(n) for n in found.degrees)}",

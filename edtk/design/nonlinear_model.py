@@ -23,7 +23,7 @@ from edtk.system.typing import Array
 
 Model = str | Callable[..., ArrayLike]
 
-MOST_TRIED = 256  # points at which derivatives are compared with differences
+MOST_COMPARED = 256  # points at which derivatives are compared with differences
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +178,7 @@ def nonlinear_model(
     """
     names, at = _named_theta(theta, parameters)
     response = Response.of(family, link)
-    spread = trial[np.linspace(0, len(trial) - 1, min(len(trial), MOST_TRIED)).astype(int)]
+    spread = trial[np.linspace(0, len(trial) - 1, min(len(trial), MOST_COMPARED)).astype(int)]
     if isinstance(f, str):
         told, variables = _of_formula(f, gradient, names, variables, trial.shape[1])
     variables = variable_names(variables, trial.shape[1])

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from edtk.design.nonlinear_model import Model, NonlinearModel, Robust, nonlinear_model, of_each
 from edtk.design.sites import Made, Sites
-from edtk.design.theta_box import INSIDE, MOST_RANGES, ROUNDING, EfficiencyBox, RivalBox
+from edtk.design.theta_box import MOST_RANGES, OFF_MIDDLE, ROUNDING_OF_ROOT, EfficiencyBox, RivalBox
 from edtk.design.user_model import as_names
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
@@ -124,7 +124,7 @@ def _uniform(theta: Mapping[str, Any], weights: ArrayLike | None) -> tuple[list[
         raise ArgumentError(message, argument="weights")
     names, limits = _ranges(theta, "theta")
     number = int((limits[0] < limits[1]).sum())
-    each = min(NODES, int(MOST_NODES ** (1 / number) + ROUNDING))
+    each = min(NODES, int(MOST_NODES ** (1 / number) + ROUNDING_OF_ROOT))
     if each < 2:
         message = f"has {number} ranges, too many for a mean; expected a list of theta"
         raise ArgumentError(message, argument="theta")
@@ -179,7 +179,7 @@ def _ranges(theta: Any, argument: str) -> tuple[list[str], Array]:
 def _inside(names: Sequence[str], limits: Array) -> dict[str, float]:
     """Theta within its ranges, at which a model is tried."""
     low, high = limits
-    return dict(zip(names, (low + INSIDE * (high - low)).tolist(), strict=True))
+    return dict(zip(names, (low + OFF_MIDDLE * (high - low)).tolist(), strict=True))
 
 
 def _about_rival(error: ArgumentError) -> ArgumentError:

@@ -14,7 +14,7 @@ from edtk.design.design_space import weighted_information
 from edtk.design.expansion import Expansion, NotPolynomialError, expand
 from edtk.design.information import Known, ModelRows, Rows, nearly_equal, pack_gram
 from edtk.design.problem import Problem
-from edtk.design.user_model import as_names, point_text, variable_names
+from edtk.design.user_model import ALIKE, as_names, point_text, variable_names
 from edtk.system.arguments import checked
 from edtk.system.errors import ArgumentError, whole_number
 from edtk.system.presented import Presented
@@ -26,9 +26,7 @@ if TYPE_CHECKING:
 FEASIBLE = 1e-10  # by which rounding may carry a point over a constraint, in the constraint's units
 # Points at which a model is tried before any work: parts of the range of each variable.
 TRIED = (0.5, 0.3179, 0.7311)
-# Relative difference of rows computed together and one by one, beyond which a model is not a
-# function of its point alone; and of a gradient from the difference of rows.
-ALIKE = 1e-9
+# Relative difference of a gradient from the difference of rows, beyond which it is another one.
 GRADIENT_ALIKE = 1e-5
 
 

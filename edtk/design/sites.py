@@ -20,7 +20,7 @@ from edtk.system.typing import Array, Mask
 if TYPE_CHECKING:
     import pandas as pd
 
-TRIED = 128  # points of a box at which a model is tried
+POINTS_TRIED = 128  # points of a box at which a model is tried
 
 # What a model is made of at these sites.
 Made = TypeVar("Made", Problem, Region)
@@ -150,7 +150,7 @@ class BoxSites(Sites[Region]):
             raise ArgumentError(message, argument="box")
         low, high = pairs.T
         functions = user_functions(constraints, "constraints")
-        halton = qmc.Halton(len(low), scramble=False).random(TRIED)
+        halton = qmc.Halton(len(low), scramble=False).random(POINTS_TRIED)
         points = low + (high - low) * halton
         for constraint in functions:
             kept = constraint(points).reshape(len(points), -1).min(axis=1) >= 0

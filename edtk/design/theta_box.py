@@ -26,16 +26,17 @@ from edtk.system.typing import Array, Indices
 
 # A place within ranges, in parts of them: not the middle, where symmetric ranges have a zero, at
 # which a model may lose a parameter.
-INSIDE = 0.618
-TRIED = 256  # theta of a grid at most
+OFF_MIDDLE = 0.618
+THETA_TRIED = 256  # theta of a grid at most
 MOST_LEVELS = 33
 MOST_RANGES = 8  # of which the grid has both ends
 SEARCHES = 6  # from the lowest of its local minima
-ROUNDING = 1e-9  # of a root that is a whole number
-NOTHING = 1e-300  # efficiency of a design that does not tell all that is asked for
-SAME = 1e-20  # part of the largest deviance that is tried up to which a rival is no other model
-STEP = 1e-5  # of central differences, in parts of a range
-APART = 1e-6  # parts of the ranges up to which two theta are one
+ROUNDING_OF_ROOT = 1e-9  # of a root that is a whole number
+NO_EFFICIENCY = 1e-300  # efficiency of a design that does not tell all that is asked for
+# Part of the largest deviance that is tried up to which a rival is no other model.
+SAME_MODEL = 1e-20
+THETA_STEP = 1e-5  # of central differences, in parts of a range
+SAME_THETA = 1e-6  # parts of the ranges up to which two theta are one
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +170,7 @@ class ThetaBox(ABC, Generic[Made]):
 
     def inside(self) -> Array:
         """A theta (p,) within the ranges."""
-        return self.at(np.full(len(self.free), INSIDE))
+        return self.at(np.full(len(self.free), OFF_MIDDLE))
 
     def first(self) -> Made:
         """The problem or the region of one theta, which knows the ranges."""
@@ -188,7 +189,7 @@ class ThetaBox(ABC, Generic[Made]):
     @property
     def _levels(self) -> int:
         """Levels of the grid by each free parameter."""
-        within = int(TRIED ** (1 / len(self.free)) + ROUNDING)
+        within = int(THETA_TRIED ** (1 / len(self.free)) + ROUNDING_OF_ROOT)
         return min(within, MOST_LEVELS)
 
     def lowest(self, values: Array) -> Indices:
@@ -236,7 +237,7 @@ class ThetaBox(ABC, Generic[Made]):
 
     def slope(self, function: Callable[[Array], Array], u: Array) -> Array:
         """Central differences (q, r) of a function of theta (t, p), by the parts u (q,)."""
-        steps = np.eye(len(u)) * STEP
+        steps = np.eye(len(u)) * THETA_STEP
         ends = np.clip(np.stack([u + steps, u - steps]), 0, 1)
         up, down = function(self.at(ends.reshape(-1, len(u)))).reshape(2, len(u), -1)
         widths = np.diagonal(ends[0] - ends[1])
@@ -253,7 +254,7 @@ class ThetaBox(ABC, Generic[Made]):
     def is_new(self, theta: Array, thetas: Sequence[Array]) -> bool:
         """Whether a theta is none of a list."""
         far = np.abs(self._parts(thetas) - self._parts([theta]))
-        return bool((far.max(axis=1) > APART).all())
+        return bool((far.max(axis=1) > SAME_THETA).all())
 
 
 class EfficiencyBox(ThetaBox[Made]):
@@ -272,7 +273,7 @@ class EfficiencyBox(ThetaBox[Made]):
 
         def logarithm(v: Array) -> float:
             (value,) = self.values(self.at(v)[None], design, own, optimum)
-            return float(np.log(max(value, NOTHING)))
+            return float(np.log(max(value, NO_EFFICIENCY)))
 
         def slope(v: Array) -> Array:
             _, ideal = optimum(self.model(self.at(v)), own)
@@ -321,7 +322,7 @@ class RivalBox(ThetaBox[Made]):
         sizes = self._deviances(self.at(self.tried), even)
         ends = [self._fitted(u, even) for u in self.tried[self.lowest(sizes)]]
         for theta in self.at(np.array(ends)):
-            if self._deviances(theta[None], even)[0] <= SAME * max(sizes):
+            if self._deviances(theta[None], even)[0] <= SAME_MODEL * max(sizes):
                 where = point_text(self.names, theta)
                 message = f"it is f at all points for {where}; expected ranges without that"
                 raise ArgumentError(message, argument="rival_theta")
@@ -329,7 +330,7 @@ class RivalBox(ThetaBox[Made]):
     def _fitted(self, u: Array, design: Shares) -> Array:
         found = least_squares(
             lambda v: self._residuals(self.at(v)[None], design)[0],
-            np.clip(u, STEP, 1 - STEP),
+            np.clip(u, THETA_STEP, 1 - THETA_STEP),
             jac=lambda v: self.slope(lambda thetas: self._residuals(thetas, design), v).T,
             bounds=(0.0, 1.0),
             xtol=1e-15,

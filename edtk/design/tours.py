@@ -4,7 +4,7 @@ import numpy as np
 
 from edtk.system.typing import Array, Indices, Mask
 
-NEAR = 5  # neighbours of a pose that a leg may lead to, before longer legs are looked at
+NEAR_NEIGHBOURS = 5  # neighbours of a pose that a leg may lead to, before longer legs are looked at
 BEST_UP_TO = 11  # poses; dynamic programming takes time and memory in proportion to k^2 2^k
 EXCHANGES_UP_TO = 300  # poses; exchanges take time in proportion to k^3
 BEGINS = 20  # places at which a tour of any costs begins in turn
@@ -46,7 +46,7 @@ def _path(x: Array) -> Indices:
     while missing:
         ends = np.array([i for i in range(k) if len(legs[i]) < 2])
         # A pose, and perhaps the other end of its stretch, are among its own neighbours.
-        distance, near = cKDTree(x[ends]).query(x[ends], min(NEAR + 2, len(ends)))
+        distance, near = cKDTree(x[ends]).query(x[ends], min(NEAR_NEIGHBOURS + 2, len(ends)))
         for a, b in _by_length(ends, ends[near], distance):
             if len(legs[a]) == 2 or len(legs[b]) == 2:
                 continue

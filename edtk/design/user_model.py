@@ -18,7 +18,7 @@ from criteria.linalg.inverse import EPS
 from edtk.system.errors import ArgumentError, note
 from edtk.system.typing import Array, Mask
 
-SLOW = 30.0  # seconds that a model may take before its user is told
+SLOW_MODEL = 30.0  # seconds that a model may take before its user is told
 ALIKE = 1e-9  # relative difference of values of points together and one by one
 # A complex step has no difference of nearly equal numbers, so it may be as small as numbers are
 # (Squire and Trapp, SIAM Review 40, 1998).
@@ -26,7 +26,7 @@ COMPLEX_STEP = 1e-30
 # Steps of differences, in parts of a parameter: each is half of the one before. Polynomials through
 # all of them are taken at a step of zero (Ridders 1982).
 FIRST_STEP = 0.02
-STEPS = 8
+HALVED_STEPS = 8
 SEEN = 1e4  # roundings by which a step has to change a value, so that some digits tell its slope
 AGREES = 1e-6  # of derivatives, in parts of the largest by the same parameter, and of differences
 ROUGH = 0.01  # of the largest derivative, by which differences may be off beside exact ones
@@ -190,7 +190,7 @@ def _values(
 def _tell_slow(seconds: float, argument: str) -> None:
     """Tell the user of a model that will take long: five points took so many seconds."""
     a_point = seconds / 5
-    if a_point * 1000 > SLOW:
+    if a_point * 1000 > SLOW_MODEL:
         note(
             f"the model takes {a_point:.2g} s a point; a function of all points is faster", argument
         )
@@ -273,7 +273,7 @@ def _ridders(
     best, errors = [], []
     for j, size in enumerate(sizes):
         table: list[Array] = []
-        for i in range(STEPS):
+        for i in range(HALVED_STEPS):
             h = FIRST_STEP * size / 2**i
             e = np.zeros(len(theta))
             e[j] = h

@@ -6,21 +6,21 @@ from itertools import combinations, product
 import numpy as np
 
 from edtk.findings.gross_errors import DEGREE, FAR, distances, points_at
+from edtk.fit.controller.find_controller import MOST_JOINTS
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.place_robot import LinearStart, linear_start, rigid_motion
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array
 
-MOST_POSES = 40  # that a search looks at
-MOST_JOINTS = 8  # beyond them the ways to count are too many to try
-MUCH = 4.0  # times better, another way to count is believed
+MOST_PLACED = 40  # that a search looks at
+MUCH_BETTER = 4.0  # times better, another way to count is believed
 # Two ways whose distances differ by less are equally good. Every change has to pay for itself: one
 # of a joint that stands still in most visits fits these as well, and makes the others look wrong.
 ALIKE = 1.5
-BEYOND = 10.0  # times the distance of the best way: a visit farther off does not fit at all
-KEPT = 0.75  # of the visits place the robot where a few may be wrong
-TURNS = 5  # of placing it and of choosing these visits
-MOST_TRIED = 24  # ways to count that are looked at with a part of the visits
+BEYOND_FIT = 10.0  # times the distance of the best way: a visit farther off does not fit at all
+KEPT_VISITS = 0.75  # of the visits place the robot where a few may be wrong
+PLACING_TURNS = 5  # of placing it and of choosing these visits
+MOST_WAYS = 24  # ways to count that are looked at with a part of the visits
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +65,8 @@ def placed_by_most(robot: Robot, data: MarkerPositions, matrix: Array | None = N
     """The same by the visits that fit best, in turns (Rousseeuw and Van Driessen 2006)."""
     start = placed(robot, data, matrix)
     flange = robot.forward(data.q if matrix is None else data.q @ matrix.T)
-    count = int(np.ceil(KEPT * len(data)))
-    for _ in range(TURNS):
+    count = int(np.ceil(KEPT_VISITS * len(data)))
+    for _ in range(PLACING_TURNS):
         if not start.whole or not start.scale < np.inf:
             break
         local = flange[:, None, :3, 3] + np.einsum("mij,kj->mki", flange[:, :3, :3], start.tools)
@@ -174,7 +174,7 @@ def _least(
         still: The place with the way to count of the study.
         ways: For each way how well it fits all these visits, and its number of changes.
     """
-    ways = sorted(ways, key=lambda one: one[:2])[:MOST_TRIED]
+    ways = sorted(ways, key=lambda one: one[:2])[:MOST_WAYS]
     starts = [placed_by_most(robot, few, way.matrix) for _, _, way in ways]
     sound = [
         (start, changes, way)
@@ -183,7 +183,7 @@ def _least(
     ]
     if not sound:
         return None
-    limit = BEYOND * min(start.rms for start, _, _ in sound) + 1e-9
+    limit = BEYOND_FIT * min(start.rms for start, _, _ in sound) + 1e-9
     sizes = [_bounded(robot, few, start, way, limit) for start, _, way in sound]
     alike = [
         one for one, size in zip(sound, sizes, strict=True) if size <= ALIKE * min(sizes) + 1e-9
@@ -191,7 +191,7 @@ def _least(
     start, _, way = min(alike, key=lambda one: one[1])
     if not way.words or far_off(start, few):
         return None
-    if still.rms < MUCH * start.rms and not still.mirrored:
+    if still.rms < MUCH_BETTER * start.rms and not still.mirrored:
         return None
     return way
 
@@ -253,7 +253,7 @@ def _words(turned: list[str], names: tuple[str, ...], follower: int, by: int) ->
 
 def _thinned(data: MarkerPositions) -> MarkerPositions:
     """Poses spread over all."""
-    chosen = np.unique(np.linspace(0, len(data) - 1, MOST_POSES).round().astype(int))
+    chosen = np.unique(np.linspace(0, len(data) - 1, MOST_PLACED).round().astype(int))
     return data[chosen]
 
 

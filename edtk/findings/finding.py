@@ -7,7 +7,7 @@ from typing import Any
 
 LEAST = 1e-300  # probability below which a double has no digits left
 MOST_PARTS = 12  # single rows and runs of rows that a sentence names
-MOST_ROWS = 10  # rows that a sentence names one by one
+MOST_ROWS_NAMED = 10  # rows that a sentence names one by one
 
 Data = Mapping[str, Any]
 Wording = Mapping[str, Callable[[Data], str]]
@@ -113,7 +113,7 @@ def shown_probability(p: float, digits: int = 2) -> str:
 
 def row_names(rows: Sequence[int]) -> str:
     """Some rows, counted from 1, one by one: "row 5", or "rows 5, 6 and 12 more"."""
-    return _listed([(str(row + 1), 1) for row in rows[:MOST_ROWS]], len(rows))
+    return _listed([(str(row + 1), 1) for row in rows[:MOST_ROWS_NAMED]], len(rows))
 
 
 def rows_in_words(rows: Sequence[int]) -> str:

@@ -31,7 +31,7 @@ TAKEN = 1e-4  # of a column, at most, that a fit leaves which takes it up
 RATES = (0.0, 3.0, 8.0)  # of settling in a day: a steady drift, and warming up
 FEWEST_OF_TREND = 8  # poses
 UNLIKELY_SCALE = 1e-3  # as of knowledge that measurements contradict
-LEAST = 1e-4  # [m/m] below it a scale is that of the air's temperature
+LEAST_SCALE = 1e-4  # [m/m] below it a scale is that of the air's temperature
 BUILT_TO = np.geomspace(0.02, 20.0, 13)  # [mm, mrad] errors of the drawing of a robot
 SHARE_OF_SCALE = 1e-9  # of what is known, which rounding makes where the poses tell no lengths
 
@@ -457,7 +457,7 @@ class CommonScale:
     @property
     def is_told(self) -> bool:
         """Whether it is large, and no matter of chance."""
-        return abs(self.size) > LEAST and self.p < UNLIKELY_SCALE
+        return abs(self.size) > LEAST_SCALE and self.p < UNLIKELY_SCALE
 
 
 def common_scale(fit: GeometricFit) -> CommonScale | None:

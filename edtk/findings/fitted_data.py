@@ -10,7 +10,7 @@ from edtk.design.plan import Plan
 from edtk.findings.causes.family import NOISE, Cause
 from edtk.findings.causes.faults import FAULTS
 from edtk.findings.causes.find_causes import (
-    MOST_ROWS,
+    MOST_SEARCHED,
     FoundCauses,
     look_for_causes,
     most_outliers,
@@ -446,7 +446,7 @@ class FittedData:
         rows, most = self._sound_rows, 0
         nothing = self.found_causes.unexplained and self.found_causes.possible is None
         first = next(iter(self.structural_causes), None)
-        if nothing and len(self.data) <= MOST_ROWS:
+        if nothing and len(self.data) <= MOST_SEARCHED:
             # Rows that are outliers beside the noise alone may as well be the model's. A cause that
             # explains much, and not all, is no error of poses: rows may stand out for want of it.
             rows, most = every, most_outliers(len(self.data))

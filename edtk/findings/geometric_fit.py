@@ -23,6 +23,7 @@ from edtk.findings.fit_rows import (
 from edtk.findings.like_poses import LikePoses
 from edtk.findings.match_plan import COARSE_DEG, like_rounding, steps_of
 from edtk.findings.moved_frame import (
+    MOST_OF_MISFIT,
     MovedFrame,
     UntoldLoad,
     moved_frame,
@@ -40,6 +41,7 @@ from edtk.findings.sound_rows import marker_findings
 from edtk.findings.springs import still_joints, untold_finding
 from edtk.fit.fit_geometry import fit_geometry
 from edtk.fit.fitted_geometry import GeometricFit, root_mean_square
+from edtk.fit.least_squares import ALONE
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.prior import PriorRows
 from edtk.measure.equilibrium import why_no_rest
@@ -51,20 +53,18 @@ from edtk.study.study_geometry import StudyGeometry
 from edtk.study.study_model import KNOWN
 from edtk.system.typing import Array, Indices
 
-ALONE = 1e-9  # leverage below one that rounding makes of a direction that one pose tells
 WORSE = 10.0  # times as far off as by the drawing: nothing shows that so few poses tell anything
-FEW = 2.5  # coordinates a parameter, below which poses are few
-UNLIKELY = 1e-6  # probability, over all poses, below which a pose is named
+FEW_COORDINATES = 2.5  # coordinates a parameter, below which poses are few
+UNLIKELY_POSE = 1e-6  # probability, over all poses, below which a pose is named
 HARDLY = 1e-2  # the same, below which it is looked at beside a fit that trusts it less
 ASIDE = 0.1  # of the poses, or two: so many wrong ones are set aside before a cause is looked for
-LARGE = 60.0  # mm or mrad: no robot is built as wrongly
+LARGE_ERROR = 60.0  # mm or mrad: no robot is built as wrongly
 ROUGH = 0.02  # of the spread of positions that the fit leaves: the drawing is of another robot
 ROUGH_DEG = 1.0  # orientations that the fit leaves
 EXPLAINED_POSE = 0.3  # of the distances of a pose, at most, that the right joint leaves
-TINY = 1e-12  # [m^2] of a joint that moves no marker
-CLEARLY = 3.0  # times as much another joint leaves
-MOST_TYPED = 2  # poses whose wrong joint is named in full
-MOSTLY = 0.7  # of the squares that are left
+NO_MOTION = 1e-12  # [m^2] of a joint that moves no marker
+CLEARLY_WORSE = 3.0  # times as much another joint leaves
+MOST_TYPED_NAMED = 2  # poses whose wrong joint is named in full
 HALF = 0.5  # of them: a cause that explains less leaves most of the misfit to the model
 NOISY = 5.0  # times the stated noise
 BY_PERCENT = 1e-3  # [m/m] a scale that is known no better is said in percent
@@ -90,13 +90,13 @@ def _few(fit: GeometricFit) -> list[Finding]:
     count = fit.structural
     if fit.told_before is not None:
         count = max(int(np.ceil(count - fit.told_before.count)), 1)
-    if coordinates >= FEW * count:
+    if coordinates >= FEW_COORDINATES * count:
         return []
     each = int(fit.data.present.sum())
     data = {
         "coordinates": coordinates,
         "count": count,
-        "missing": int(np.ceil((FEW * count - coordinates) / each)),
+        "missing": int(np.ceil((FEW_COORDINATES * count - coordinates) / each)),
     }
     if not fit.loo_rms > WORSE * fit.placed:  # nothing is placed by differences alone
         return [_say(Severity.WARNING, "few_poses", **data)]
@@ -267,7 +267,7 @@ def _apart(
     wrong = _unlikely(wary)
     others = fit.data[~np.isin(fit.data.pose, wrong)]
     few = 0 < len(wrong) <= max(2, ASIDE * len(fit.surprise))
-    if not few or others.means.rows_seen.sum() < FEW * fit.structural:
+    if not few or others.means.rows_seen.sum() < FEW_COORDINATES * fit.structural:
         return plain
     of_others = _causes(refit(others, False).of_positions, setting)
     alike = causes and [one.kind for one in causes] == [one.kind for one in of_others]
@@ -285,7 +285,7 @@ def _chances(fit: GeometricFit) -> Array:
 
 def _unlikely(fit: GeometricFit) -> Indices:
     """Poses (k,) that the others do not predict."""
-    return np.flatnonzero(_chances(fit) < UNLIKELY)
+    return np.flatnonzero(_chances(fit) < UNLIKELY_POSE)
 
 
 def _outliers(fit: GeometricFit, wrong: Indices) -> list[Finding]:
@@ -319,11 +319,11 @@ def _typed(fit: GeometricFit, pose: int) -> tuple[str, float, str] | None:
     error = fit.left_out[pose]
     there = np.isfinite(error)
     J = seen.by_joints[0, :, :3][there]
-    sizes = (J.T @ error[there]) / np.maximum((J**2).sum(axis=0), TINY)
+    sizes = (J.T @ error[there]) / np.maximum((J**2).sum(axis=0), NO_MOTION)
     left = np.sqrt(((error[there][:, None] - J * sizes) ** 2).sum(axis=0))
     best, second = np.argsort(left)[:2] if len(left) > 1 else (0, 0)
     fits = left[best] < EXPLAINED_POSE * np.linalg.norm(error[there])
-    if not fits or (len(left) > 1 and left[second] < CLEARLY * left[best]):
+    if not fits or (len(left) > 1 and left[second] < CLEARLY_WORSE * left[best]):
         return None
     joint = fit.fitted.model.robot.joints[best]
     turns = joint.kind == "revolute"
@@ -452,7 +452,7 @@ def _large(fit: GeometricFit) -> list[Finding]:
     large = [
         f"{one.words} is {_shown(one, value)} off"
         for one, value in zip(fitted.model.parameters, fitted.values, strict=True)
-        if one.place == "joint" and abs(value) > LARGE
+        if one.place == "joint" and abs(value) > LARGE_ERROR
     ]
     if not large:
         return []
@@ -564,7 +564,7 @@ def _as_drawn(fit: GeometricFit, setting: StudyGeometry) -> float | None:
     rows = FitRows.of(fit).beside(others)
     along = rows.design.onto(rows.residual[..., None])
     explained = float((along**2).sum() / (rows.residual**2).sum())
-    return None if explained < MOSTLY or rows.dof(0) < rows.design.rank else explained
+    return None if explained < MOST_OF_MISFIT or rows.dof(0) < rows.design.rank else explained
 
 
 def _outliers_words(data: Data) -> str:
@@ -572,7 +572,7 @@ def _outliers_words(data: Data) -> str:
     far = f"up to {MM * data['off']:.3g} mm"
     off = f"{rows_in_words(data['rows'])}: {far} from where the other poses predict the markers"
     if data["causes"]:
-        return "; ".join([off, *map(cause_wording, data["causes"][:MOST_TYPED])])
+        return "; ".join([off, *map(cause_wording, data["causes"][:MOST_TYPED_NAMED])])
     return f"{off}; a swapped marker, or a pose typed wrongly?"
 
 

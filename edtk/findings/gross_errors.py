@@ -14,7 +14,7 @@ from edtk.robots.robot import Robot
 from edtk.system.typing import Array, Indices
 
 DRAWS = 80  # of a few poses each, of which one at least is likely free of errors
-MOST = 0.5  # share of the visits that have to agree
+MAJORITY = 0.5  # share of the visits that have to agree
 SOME = 0.25  # likewise, where so many do not
 SPARE = 4  # visits beside those of a draw, at least: some of them show whether these are sound
 DEGREE = np.pi / 180
@@ -31,11 +31,11 @@ FEWEST = 3  # visits one after the other that a motion of the frame has to expla
 MOST_TYPED = 15  # visits: nobody mistypes more, and the search for each takes a while
 GRID = 361  # values of a joint that are tried
 REFINED = 5  # times the grid about the best value is made ten times finer
-MUCH = 6.0  # times the typical distance: no pose of a sound sheet is as far off
-LEAST = 2e-3  # [m] below it a distance is left to the fit
+MUCH_FARTHER = 6.0  # times the typical distance: no pose of a sound sheet is as far off
+LEAST_DISTANCE = 2e-3  # [m] below it a distance is left to the fit
 # What visits of which the others say something else look like, see `WrongVisit`.
 WRONG = ("gross", "frame_moved", "unit", "radians", "shifted", "coordinates", "typed")
-FEW = 0.6  # share of the visits that count, below which these may be the wrong ones
+FEW_LEFT = 0.6  # share of the visits that count, below which these may be the wrong ones
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class Consensus:
         poses that follow each other are tried too, as sound ones often do.
         """
         flange = robot.forward(data.q)
-        found = _least(robot, flange, data, MOST)
+        found = _least(robot, flange, data, MAJORITY)
         spread = float(np.sqrt(np.nanmean((data.measured - _center(data)) ** 2) * 3))
         if found is not None and found.typical > FAR * spread:
             some = _least(robot, flange, data, SOME)
@@ -87,7 +87,7 @@ def _least(robot: Robot, flange: Array, data: MarkerPositions, share: float) -> 
     rng = np.random.default_rng(0)
     draws: list[Indices] = [np.arange(len(data))]
     draws += [rng.choice(len(data), few, replace=False) for _ in range(DRAWS)]
-    if share < MOST:
+    if share < MAJORITY:
         firsts = np.unique(np.linspace(0, len(data) - few, DRAWS).astype(int))
         draws += [np.arange(first, first + few) for first in firsts]
     best: Consensus | None = None
@@ -293,7 +293,7 @@ def gross_errors(robot: Robot, data: MarkerPositions, rigid: RigidTool) -> Gross
 
 def _far(agreed: Consensus, data: MarkerPositions, rigid: RigidTool) -> GrossErrors:
     """The visits that are far off."""
-    near = max(MUCH * agreed.typical, LEAST)
+    near = max(MUCH_FARTHER * agreed.typical, LEAST_DISTANCE)
     predicted = agreed.predict(data.q)
     swapped = list(rigid.swapped)
     wrong: list[int] = []
@@ -335,7 +335,7 @@ def gross_findings(data: MarkerPositions, found: GrossErrors) -> list[Finding]:
         found: Those that were not fitted.
     """
     findings = []
-    many = len(found.visits) > (1 - FEW) * len(data)
+    many = len(found.visits) > (1 - FEW_LEFT) * len(data)
     severity = Severity.ALARM if many else Severity.WARNING
     for markers in dict.fromkeys(markers for _, markers in found.swapped):
         rows = _rows(data, [visit for visit, own in found.swapped if own == markers])

@@ -18,8 +18,8 @@ SIZES = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)
 # Shares of the errors that were fitted as if each pose had its own: some of these are alike.
 OWN = (1.0, 0.5, 0.25, 0.125)
 TURN = 0.5  # [rad] of its own within which a joint errs alike: gears have a few waves a turn
-NEAR = 0.35  # of the spread of the arm's bodies: within it they bend alike
-MOST_POSES = 80  # that are weighed together
+NEAR_BODIES = 0.35  # of the spread of the arm's bodies: within it they bend alike
+MOST_WEIGHED = 80  # that are weighed together
 RIGID = 1e-6  # of the longest motion of the tool, below which it is none
 
 
@@ -63,7 +63,7 @@ class LikePoses:
     def of(cls, rows: FitRows) -> "LikePoses":
         """Of the residuals of a fit; of very many poses, some evenly over the day."""
         m = len(rows.residual)
-        poses = np.unique(np.linspace(0, m - 1, MOST_POSES).round().astype(int))
+        poses = np.unique(np.linspace(0, m - 1, MOST_WEIGHED).round().astype(int))
         motion, places = rows.motion[poses], rows.places[poses]
         basis = _motions(np.concatenate([motion, rows.frame[poses]], axis=-1))
         J = np.swapaxes(basis, 1, 2) @ motion
@@ -175,7 +175,7 @@ def _correlations(rows: FitRows, poses: Indices) -> Iterator[Array]:
     places = np.moveaxis(points, -1, 0).reshape(len(q), -1)
     off = np.square(places - places.mean(axis=0)).sum(axis=1).mean()
     squares = np.square(places[:, None] - places[None]).sum(axis=-1)
-    near = np.exp(-squares / max(off, RIGID**2) / NEAR**2 / 2)
+    near = np.exp(-squares / max(off, RIGID**2) / NEAR_BODIES**2 / 2)
     yield np.broadcast_to(near, (robot.n, *near.shape))
 
 

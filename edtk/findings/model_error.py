@@ -12,7 +12,7 @@ from edtk.fit.equilibrium import LinearisedData
 from edtk.fit.identify import Identification
 from edtk.fit.measurements import Measurements
 from edtk.fit.missing import MissingColumns, SizePosterior
-from edtk.measure.friction import SPREAD, scatter, together
+from edtk.measure.friction import SPREAD_OF_SHARES, scatter, together
 from edtk.measure.missing_pieces import SPREAD_ACROSS, MissingPieces, PieceColumns, PossibleSprings
 from edtk.measure.model_error import ASSUMED
 from edtk.measure.task import all_compliances
@@ -57,7 +57,7 @@ class ModelErrorFound:
         pieces = self.shown.pieces[rows]
         shared = pieces.shared(scales[-1]) * scales
         # Means are not zero: the columns are of their squares, too.
-        for kind, spread in enumerate((SPREAD_ACROSS, SPREAD)):
+        for kind, spread in enumerate((SPREAD_ACROSS, SPREAD_OF_SHARES)):
             own = pieces.kinds == kind
             whole = np.moveaxis(shared[..., own], -1, 0) / scatter(spread)
             shared[..., own] = np.moveaxis(together(whole, spread), 0, -1)

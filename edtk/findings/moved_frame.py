@@ -26,7 +26,7 @@ UNLIKELY_FRAME = 1e-6
 FRAME_EXPLAINS = {False: 0.2, True: 0.5}
 FRAME_COORDINATES = {False: 3.0, True: 6.0}  # of a pose that err together
 # Probability of a motion that the noise was fitted beside: of 200 sound days none had less.
-RARE = 1e-2
+RARE_MOTION = 1e-2
 SIDE = 4  # poses before and after such a motion: of fewer it may be that one is a wrong one
 BREAKS = 30  # poses at which a motion that is taken back is tried first
 UNLIKELY_LOAD = 1e-4
@@ -38,13 +38,14 @@ LOAD_COORDINATES = 3.0  # of a pose that err together
 USUAL_BEND = 3.0  # of a joint under a weight, by a lever of a metre [mrad]
 # Causes that have names of their own above, whatever part of the day they are in.
 OF_THE_DAY = ("frame_moved", "drift", "growth")
-MOSTLY = 0.7  # of the misfit, at least, that a fault explains which is there all day
-SEEN = 1e-4  # of the length of what a fault adds, that the parameters of the fit have to leave
+MOST_OF_MISFIT = 0.7  # of the misfit, at least, that a fault explains which is there all day
+# Of the length of what a fault adds, that the parameters of the fit have to leave.
+SEEN_BESIDE = 1e-4
 SURE = 2.0  # standard deviations by which a joint gives way
 FEWEST_LOADED = 4  # poses with the weight, and without it
 STARTS = 6  # random ones of the search for poses with a weight
-ROUNDS = 12  # of telling the weight and the poses, in turn
-SAME = 1e-6  # [m] a load that changes less from pose to pose tells nothing
+WEIGHT_ROUNDS = 12  # of telling the weight and the poses, in turn
+SAME_LOAD = 1e-6  # [m] a load that changes less from pose to pose tells nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +126,10 @@ def _beside_noise(day: "_Day") -> MovedFrame | None:
     total = after.total
     fall, _, _ = after.best([(s, m)])
     independent = max(day.dof / FRAME_COORDINATES[False], 1.0)
-    if _probability(fall, total, independent) * m > RARE or fall < FRAME_EXPLAINS[False] * total:
+    if (
+        _probability(fall, total, independent) * m > RARE_MOTION
+        or fall < FRAME_EXPLAINS[False] * total
+    ):
         return None
     return day.moved_between(s, m, after.motion(s, m), fall / total)
 
@@ -280,7 +284,7 @@ def untold_load(rows: FitRows) -> UntoldLoad | None:
     robot = rows.scene.robot
     frames = robot.frames(rows.scene.q, ())
     torque = -frames.folded(frames.linear_of_each)[:, 2].T
-    turned = np.flatnonzero(np.ptp(torque, axis=0) > SAME)
+    turned = np.flatnonzero(np.ptp(torque, axis=0) > SAME_LOAD)
     if not len(turned) or rows.dof(len(turned)) < len(turned):
         return None
     bent = rows.motion * torque[:, None]
@@ -393,7 +397,7 @@ class _LoadedPoses:
 
     def settled(self, loaded: Mask) -> Mask:
         """The poses (m,) that fit better under the weight, told in turn with its size."""
-        for _ in range(ROUNDS):
+        for _ in range(WEIGHT_ROUNDS):
             apart, size = self._apart(loaded)
             bend = self.C @ size
             without = apart + bend * loaded[:, None]
@@ -449,12 +453,12 @@ def _explaining(
     columns = family.derivative_at_zero(rows.scene.k)
     size = max(float(np.linalg.norm(columns)), 1e-300)
     left = float(np.linalg.norm(alike.left(columns))) / size
-    if left < SEEN or rows.dof(family.dims) < 2 * family.dims:
+    if left < SEEN_BESIDE or rows.dof(family.dims) < 2 * family.dims:
         return None
     # The noise is fitted anew for those alone that explain enough.
     alone = rows.explained(columns, read)
     misfit = alone.fall / alone.share - rows.dof(0) if alone.share > 0 else 0.0
-    if misfit <= 0 or alone.fall < MOSTLY * misfit:
+    if misfit <= 0 or alone.fall < MOST_OF_MISFIT * misfit:
         return None
     noise = rows.noise_beside(columns)
     chance = shares_of(rows, columns, noise)[1] + log_tries

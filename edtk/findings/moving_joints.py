@@ -27,7 +27,7 @@ from edtk.system.typing import Array, Indices
 if TYPE_CHECKING:
     from edtk.findings.fitted_data import FittedData
 
-ROUNDS = 4  # of finding outliers; two are the rule
+OUTLIER_ROUNDS = 4  # of finding outliers; two are the rule
 
 
 def stated_noise(study: Study, data: Measurements, repeats: Indices | None = None) -> Measurements:
@@ -381,7 +381,7 @@ def with_common_noise(fitted: "FittedData") -> "FittedData":
     if fitted.fit.robust or (fitted.data.tracker is not None and not asked):
         return fitted  # the study says what visits share
     known = fitted
-    for _ in range(ROUNDS):
+    for _ in range(OUTLIER_ROUNDS):
         found = _with_noise_of(known)
         if np.array_equal(found.fit.outliers, known.fit.outliers):
             return found

@@ -22,7 +22,7 @@ LIKE_LOADS = 2  # decimals of loads, over the largest, up to which they are the 
 TOO_MANY = 3  # of so many rows one outlier is the most for a result that can be used
 UNLIKELY_NOISE = 0.01  # p-value of the residuals that is worth a warning
 IMPOSSIBLE = 0.001  # and an alarm
-RARE = 5e-3  # of sound days leave as few coordinates inside their bands as make a finding
+RARE_DAYS = 5e-3  # of sound days leave as few coordinates inside their bands as make a finding
 # What [uncertainty] states of the size of a cause.
 STATED = {
     "load_size": "load_percent",
@@ -33,7 +33,7 @@ STATED = {
 }
 AS_STATED = 2.5  # standard deviations: of two axes, 4 % are longer
 HELD = 0.75  # of the coordinates: below it bands are no bands
-TINY = 0.2  # estimated noise over the stated one that looks like another unit
+FAR_BELOW_STATED = 0.2  # estimated noise over the stated one that looks like another unit
 
 
 def cause_findings(fitted: FittedData) -> Iterator[Finding]:
@@ -252,7 +252,7 @@ def noise_findings(fitted: FittedData) -> Iterator[Finding]:
         yield Finding.of(Severity.WARNING, WORDING, "noise_estimated_large", **data)
     elif small and fit.known:
         yield Finding.of(Severity.WARNING, WORDING, "noise_below_sigma", **data)
-    elif small and scale < TINY:
+    elif small and scale < FAR_BELOW_STATED:
         # Where sigma is estimated everything scales with the unit of the displacements: only the
         # size of the noise can tell that it is another one.
         yield Finding.of(Severity.ALARM, WORDING, "noise_estimated_small", **data)
@@ -287,7 +287,7 @@ def left_out_findings(
     """
     if not inside < 1 - OUTSIDE or (named and inside > HELD):
         return
-    if chance_of_outside(1 - inside, independent()) > RARE:
+    if chance_of_outside(1 - inside, independent()) > RARE_DAYS:
         return
     severity = Severity.ALARM if inside < HELD else Severity.WARNING
     yield Finding.of(severity, WORDING, "outside", inside=inside, robust=robust)

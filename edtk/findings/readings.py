@@ -27,20 +27,20 @@ from edtk.measure.pose_table import (
 from edtk.study.study import Study
 from edtk.system.typing import Array, Indices
 
-MOST_MARKERS = 6  # of which each two may be exchanged
+MOST_EXCHANGED = 6  # of which each two may be exchanged
 OFFSETS_DEG = (90, -90, 180)  # by which zeros of joints differ between conventions
 MOST_OUTLIERS = 0.1  # share of the rows that may be outliers of a reading
-ROUNDS = 10  # of finding outliers, which can hide each other
+READING_ROUNDS = 10  # of finding outliers, which can hide each other
 OUTLIER = 25.0  # chi-square of a row from which it is one, of a thousand rows
 SUSPECT = 3.0  # residuals over sigma beyond which other readings are tried
-BETTER = 3.0  # factor by which another reading must reduce the residuals
+BETTER_READING = 3.0  # factor by which another reading must reduce the residuals
 LEAST_P = 1e-3  # probability of its residuals below which a reading does not explain them
-LIKELY = 1e3  # ratio of likelihoods up to which the best reading is not better than another
+AS_LIKELY = 1e3  # ratio of likelihoods up to which the best reading is not better than another
 LEAST_FREEDOM = 3  # degrees of freedom from which residuals tell a good reading from a bad one
 BY_FAR = -3.0  # standard deviations below zero that no compliance can have
 MOST_CORRECTED = 12  # readings, the best ones, whose equilibrium is computed
 NAMED = 150  # characters of the readings that are named; of more, the number is said
-ENOUGH = 1000  # rows on which readings are compared
+ENOUGH_ROWS = 1000  # rows on which readings are compared
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +179,7 @@ def _swapped_markers(study: Study, data: Measurements) -> Iterator[Reading]:
     index = np.zeros(len(data), dtype=int) if data.sensor is None else data.sensor
     which = row_numbers(index[:, None], data.marker)
     first = np.unique(which, return_index=True)[1]
-    if not 1 < len(first) <= MOST_MARKERS:
+    if not 1 < len(first) <= MOST_EXCHANGED:
         return
     model = study.model
     for i, j in combinations(range(len(first)), 2):
@@ -333,7 +333,7 @@ class Refit:
         """The fit without the rows that do not belong to the others; the same if they are many."""
         data = self.reading.data
         refit = self
-        for _ in range(ROUNDS):
+        for _ in range(READING_ROUNDS):
             left = refit.reading.data
             outliers = refit._outliers(study)
             if not len(outliers):
@@ -424,8 +424,8 @@ def explanation(study: Study, data: Measurements, fit: Identification) -> Explan
     only_signs = fit.dof < LEAST_FREEDOM
     if only_signs and not (fit.unbounded < BY_FAR * fit.std).all():
         return None
-    if len(data) > ENOUGH:
-        data = data[some_rows(len(data), ENOUGH)]
+    if len(data) > ENOUGH_ROWS:
+        data = data[some_rows(len(data), ENOUGH_ROWS)]
     given = Refit.of(study, Reading(Finding.of(Severity.ALARM, WORDING, "as_given"), data))
     if not SUSPECT < given.size < np.inf:
         return None
@@ -433,7 +433,7 @@ def explanation(study: Study, data: Measurements, fit: Identification) -> Explan
     if not given.size > SUSPECT:
         return None
     tried = [Refit.of(study, reading) for reading in readings(study, data, only_signs)]
-    return Explanation(given, _equally_good(study, tried, given.size / BETTER))
+    return Explanation(given, _equally_good(study, tried, given.size / BETTER_READING))
 
 
 def _equally_good(study: Study, tried: list[Refit], most: float) -> tuple[Refit, ...]:
@@ -445,7 +445,7 @@ def _equally_good(study: Study, tried: list[Refit], most: float) -> tuple[Refit,
     corrected = [refit.corrected(study) for refit in better if refit.chi2 <= enough]
     found = [refit if refit.p > LEAST_P else refit.without_outliers(study) for refit in corrected]
     best = min(refit.cost for refit in found)
-    equal = [refit for refit in found if refit.cost <= best + 2 * np.log(LIKELY)]
+    equal = [refit for refit in found if refit.cost <= best + 2 * np.log(AS_LIKELY)]
     equal = [refit for refit in equal if refit.size <= SUSPECT]
     return tuple(refit for refit in equal if not any(_is_simpler(other, refit) for other in equal))
 

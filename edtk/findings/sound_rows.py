@@ -22,21 +22,22 @@ from edtk.system.typing import Array, Indices, Mask
 SCATTERS = 10.0  # times its usual scatter a distance has changed
 SHAPE = 2e-4  # [m] below it a change of a distance is left to the fit
 EXPLAINED = 0.25  # of the change remains, where markers were swapped
-ALIKE = 3.0  # times the least remaining change, two orders explain it alike
+ORDERS_ALIKE = 3.0  # times the least remaining change, two orders explain it alike
 MOST_MARKERS = 5  # whose orders are tried
-CLEARLY = 0.5  # times nearer to others, another visit shows the tool better
+CLEARLY_NEARER = 0.5  # times nearer to others, another visit shows the tool better
 AGREE = 0.4  # of the visits, at least, that show the tool as it is
 FEWEST_OF_TOOL = 5  # visits that can tell how it is
-MOST_TRIED = 200  # visits whose shape is tried as that of all
+MOST_SHAPES = 200  # visits whose shape is tried as that of all
 STILL = 0.01  # of the way that others move: a point that moves less stands on the base
 FAR_STANDING = 0.02  # [m] others have to move by as much
-BEYOND = 3.0  # times the reach, or twice the usual distance from the middle: no marker is there
-SAME = 1e-7  # [m] two markers as near are one: the last digit of any instrument is larger
+# Times the reach, or twice the usual distance from the middle: no marker is there.
+BEYOND_REACH = 3.0
+SAME_PLACE = 1e-7  # [m] two markers as near are one: the last digit of any instrument is larger
 FEWEST_COPIES = 2  # visits that two markers share
 FAR_FROM_STUDY = 0.1  # [m] no guess of where a marker is on a tool is as wrong
 ON_MARKER = 1e-3  # [m] nearer than this two readings are of one point
 FLOOR = 1e-4  # [m] below it a motion of a point on the base is that of the floor
-CLEAR = 0.01  # [m] markers that are as far off may have been swapped
+SWAPPED_BY = 0.01  # [m] markers that are as far off may have been swapped
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +103,7 @@ def _usual(apart: Array) -> tuple[Array, Array]:
     whole = np.flatnonzero(np.isfinite(apart).all(axis=(1, 2)))
     if not len(whole):
         return np.full(apart.shape[1:], np.nan), np.full(apart.shape[1:], np.inf)
-    tried = whole[np.unique(np.linspace(0, len(whole) - 1, MOST_TRIED).round().astype(int))]
+    tried = whole[np.unique(np.linspace(0, len(whole) - 1, MOST_SHAPES).round().astype(int))]
     best = np.inf
     usual = apart[tried[0]]
     near: Mask = np.ones(len(whole), dtype=bool)
@@ -110,7 +111,7 @@ def _usual(apart: Array) -> tuple[Array, Array]:
         differ = np.abs(apart[whole] - apart[visit]).max(axis=(1, 2))
         share = max(float(np.quantile(differ, AGREE)), SHAPE / 2)
         # Where two halves of the visits differ, the first of them counts as the usual one.
-        if share < CLEARLY * best:
+        if share < CLEARLY_NEARER * best:
             best = share
             near = differ <= share
     # The nearest visits understate the scatter; all that are within many times of it do not.
@@ -134,7 +135,7 @@ def _order(apart: Array, usual: Array) -> tuple[int, ...]:
         for order in permutations(range(k))
     }
     # Of orders that explain a tool of two or three equal sides alike, that with fewest exchanges.
-    likely = max(ALIKE * min(sizes.values()), SHAPE)
+    likely = max(ORDERS_ALIKE * min(sizes.values()), SHAPE)
     alike = [order for order, size in sizes.items() if size <= likely]
     best = min(alike, key=lambda order: (sum(i != j for i, j in enumerate(order)), sizes[order]))
     return best if sizes[best] < EXPLAINED * sizes[plain] else plain
@@ -201,7 +202,7 @@ def without_beyond_reach(
     """
     apart = np.abs(data.measured - np.median(data.measured[data.seen], axis=0))
     usual = float(np.median(apart[data.seen].max(axis=-1)))
-    far = apart > BEYOND * max(reach, 2 * usual)
+    far = apart > BEYOND_REACH * max(reach, 2 * usual)
     typed = np.asarray(far.any(axis=-1) & ~far.all(axis=-1))
     if not typed.any():
         return data, []
@@ -290,7 +291,7 @@ def without_copied_markers(
             if i in copied or both.sum() < FEWEST_COPIES:
                 continue
             apart = np.abs(data.measured[both, i] - data.measured[both, j]).max()
-            if apart > SAME:
+            if apart > SAME_PLACE:
                 continue
             pair = {"marker": data.markers[i], "copy": data.markers[j], "visits": int(both.sum())}
             findings.append(Finding.of(Severity.WARNING, WORDING, "equal_markers", **pair))
@@ -344,7 +345,7 @@ def _order_of_places(placed: Array, stated: Array) -> tuple[int, ...]:
     k = len(placed)
     plain = tuple(range(k))
     own = float(np.linalg.norm(placed - stated, axis=1).max())
-    if not 1 < k <= MOST_MARKERS or own < CLEAR:
+    if not 1 < k <= MOST_MARKERS or own < SWAPPED_BY:
         return plain
     sizes = {
         order: float(np.linalg.norm(placed - stated[list(order)], axis=1).max())

@@ -32,9 +32,9 @@ from edtk.system.typing import Array
 LITTLE = 0.5  # error with compensation over that without, from which a person is told
 FAR_BELOW_ZERO = -3.0  # standard deviations that noise does not explain
 WEAK = 0.5  # standard deviation over the compliance above which it might as well be zero
-ALIKE = 0.99  # correlation above which two parameters are hardly told apart
+HARDLY_APART = 0.99  # correlation above which two parameters are hardly told apart
 MUCH_WIDER = 5.0  # growth of a standard deviation by which a parameter rests on a pose
-SAME = 1e-6  # [rad or m] a joint that moves less stands still
+STANDS_STILL = 1e-6  # [rad or m] a joint that moves less stands still
 MOST_NAMED = 2  # open directions that are named in full
 MOST_LETTERS = 120  # of their names together
 UNKNOWN = 1e3  # growth of a standard deviation beyond which a parameter is as good as unknown
@@ -163,7 +163,7 @@ def _alike(fitted: FittedData) -> Iterator[Finding]:
     """The two parameters that are hardest to tell apart."""
     fit = fitted.fit
     off = np.abs(fit.correlation - np.eye(len(fit.k)))
-    if off.max() > ALIKE:
+    if off.max() > HARDLY_APART:
         i, j = np.unravel_index(int(off.argmax()), off.shape)
         names = fitted.study.model.parameters
         yield Finding.of(
@@ -213,7 +213,7 @@ def _linear_model(fitted: FittedData, rho0_bias: float | None) -> Iterator[Findi
 
 def still_joints(robot: Robot, q: Array) -> tuple[str, ...]:
     """The joints that stand still in all poses (m, n); none where all do."""
-    still = np.ptp(q, axis=0) <= SAME
+    still = np.ptp(q, axis=0) <= STANDS_STILL
     names = [name for name, is_still in zip(robot.joint_names, still, strict=True) if is_still]
     return () if len(names) == robot.n else tuple(names)
 

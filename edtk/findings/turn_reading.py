@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from edtk.findings.counting import ALIKE, MUCH_BETTER
 from edtk.findings.gross_errors import DEGREE
 from edtk.fit.marker_positions import MarkerPositions, turn_columns
 from edtk.measure.pose_table import PoseTable, Table, pose_columns
@@ -11,12 +12,10 @@ from edtk.robots.robot import Robot
 from edtk.system.typing import Array
 
 MOST_VISITS = 60  # that are compared, each with all others
-LARGE = 0.1  # of the angles themselves
-BETTER = 4.0  # times, another way to write them is believed
-TURNS = 4  # of finding the base, and of choosing the pairs that fit it
-KEPT = 0.5  # of the pairs
-ALIKE = 1.5  # two ways whose differences are as near fit alike
-LEAST = 3  # visits, of which each two are compared
+LARGE_DIFFERENCE = 0.1  # of the angles themselves
+BASE_TURNS = 4  # of finding the base, and of choosing the pairs that fit it
+KEPT_PAIRS = 0.5  # of the pairs
+LEAST_VISITS = 3  # visits, of which each two are compared
 EXPECTED = (
     "degrees everywhere, and rotation vectors (axis times angle) or quaternions with qw first"
 )
@@ -50,7 +49,7 @@ def turn_reading(path: Table, robot: Robot, data: MarkerPositions) -> str:
         return ""
     for marker in range(len(data.markers)):
         seen = np.flatnonzero(np.isfinite(data.turns[:, marker]).all(axis=(1, 2)))
-        if len(seen) >= LEAST:
+        if len(seen) >= LEAST_VISITS:
             some = seen[np.linspace(0, len(seen) - 1, min(len(seen), MOST_VISITS)).astype(int)]
             words = _of_marker(path, robot, data, marker, np.unique(some))
             if words:
@@ -63,7 +62,7 @@ def _of_marker(path: Table, robot: Robot, data: MarkerPositions, marker: int, vi
     assert data.turns is not None
     joints = _ways_of_joints(robot, data.q[visits])
     said, share = _apart(data.turns[visits, marker], joints[""])
-    if said < FAR_TURNED and share < LARGE:
+    if said < FAR_TURNED and share < LARGE_DIFFERENCE:
         return ""
     name = data.markers[marker]
     values = _written(path, robot, name, data.row[visits, marker])
@@ -73,7 +72,11 @@ def _of_marker(path: Table, robot: Robot, data: MarkerPositions, marker: int, vi
         for turned, read in readings.items()
         for counted, flange in joints.items()
     ]
-    fitting = [one for one in found if one[0] < FAR_TURNED and one[1] < min(LARGE, share / BETTER)]
+    fitting = [
+        one
+        for one in found
+        if one[0] < FAR_TURNED and one[1] < min(LARGE_DIFFERENCE, share / MUCH_BETTER)
+    ]
     if not fitting:
         return ""
     least = min(one[1] for one in fitting)
@@ -97,11 +100,11 @@ def _apart(turns: Array, flange: Array) -> tuple[float, float]:
         np.arccos(np.clip((np.trace(one, axis1=1, axis2=2) - 1) / 2, -1, 1)) for one in (own, drawn)
     ]
     chosen = np.arange(len(i))
-    for _ in range(TURNS):
+    for _ in range(BASE_TURNS):
         U, _, Vt = np.linalg.svd(axes[0][chosen].T @ axes[1][chosen])
         base = (U * np.array([1.0, 1.0, np.linalg.det(U @ Vt)])) @ Vt
         left = np.linalg.norm(axes[0] - axes[1] @ base.T, axis=1) + np.abs(angles[0] - angles[1])
-        chosen = np.argsort(left, kind="stable")[: int(np.ceil(KEPT * len(i)))]
+        chosen = np.argsort(left, kind="stable")[: int(np.ceil(KEPT_PAIRS * len(i)))]
     apart = float(np.median(left))
     usual = float(np.median(angles[1]))
     return apart, apart / usual if usual > 0 else np.inf

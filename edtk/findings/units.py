@@ -20,8 +20,8 @@ from edtk.study.study import Study
 from edtk.system.typing import Array, Mask
 
 UNITS = ((1 / 10, "centimetres"), (1 / 25.4, "inches"))
-ENOUGH = 5  # degrees of freedom from which residuals tell their size
-SUSPECT = 0.3  # residuals over sigma below which other units are tried
+ENOUGH_FREEDOM = 5  # degrees of freedom from which residuals tell their size
+SUSPECT_BELOW = 0.3  # residuals over sigma below which other units are tried
 # Factor up to which residuals are as large as sigma says: the two units are 2.5 apart.
 AS_LARGE = 1.5
 USUAL_FORCES = 1.5  # factor up to which the median force is taken as the expected one
@@ -54,7 +54,7 @@ def small_unit(fitted: FittedData, ratio: float | None) -> str | None:
         The unit's name, in the plural; None where millimetres are as likely.
     """
     fit = fitted.fit
-    if fit.dof < ENOUGH or not fit.scale < SUSPECT:
+    if fit.dof < ENOUGH_FREEDOM or not fit.scale < SUSPECT_BELOW:
         return None
     found = []
     for factor, name in UNITS:
@@ -163,7 +163,7 @@ def _lengths(fitted: FittedData) -> Iterator[Finding]:
     """
     ratio = _ratio(fitted, fitted.data.lengths)
     predicted = ratio is not None
-    if not predicted and fitted.fit.dof >= ENOUGH:
+    if not predicted and fitted.fit.dof >= ENOUGH_FREEDOM:
         ratio = fitted.fit.scale
     if ratio is None:
         return

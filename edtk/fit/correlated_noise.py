@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from edtk.system.typing import Array, Indices, Mask
 
-MANY = 2000  # rows, beyond which pandas is quicker
+MANY_ROWS = 2000  # rows, beyond which pandas is quicker
 # Least eigenvalue of a correlation matrix that counts as positive: errors that hang together more
 # than that are one error, and its inverse would be rounding.
 LEAST_EIGENVALUE = 1e-12
@@ -50,7 +50,7 @@ def row_numbers(*columns: Array | Indices) -> Indices:
     """
     # Adding zero makes -0.0 equal to 0.0, whose bytes differ.
     rows = np.hstack(columns) + 0.0
-    if len(rows) < MANY:
+    if len(rows) < MANY_ROWS:
         # pandas takes half a millisecond to begin, and a calibration asks many times.
         number: dict[bytes, int] = {}
         found = [number.setdefault(row.tobytes(), len(number)) for row in rows]

@@ -17,14 +17,14 @@ from edtk.robots.weights import Loading
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
 
-BLOCK = 4096  # measurements at once; of 1e5, twice as fast as all of them at once
+MEASUREMENTS_AT_ONCE = 4096  # measurements at once; of 1e5, twice as fast as all of them at once
 # Steps, in standard deviations: below the first the fit has converged, since the next step is
 # smaller by the share of the deflection that is not linear, a hundredth or less.
 CONVERGED = 1e-4
 # Linearisations about the robust fit: it is near that of least squares, where the model is known.
 ROBUST_STEPS = 2
 # Gauss-Newton steps; three or four are the rule. More are needed where the arm is about to buckle.
-ITERATIONS = 30
+GAUSS_NEWTON_STEPS = 30
 
 
 def equilibrium_deflection(
@@ -90,9 +90,12 @@ def linearise(model: ElastostaticModel, data: Measurements, k: Array) -> Lineari
         NoEquilibriumError: A pose buckles under its load.
     """
     # Rows of one pose, such as its repetitions and its markers, share the equilibrium.
-    if len(data) > BLOCK:
+    if len(data) > MEASUREMENTS_AT_ONCE:
         # The arrays of very many poses would not fit into a core's cache, nor into a small memory.
-        parts = [linearise(model, data[i : i + BLOCK], k) for i in range(0, len(data), BLOCK)]
+        parts = [
+            linearise(model, data[i : i + MEASUREMENTS_AT_ONCE], k)
+            for i in range(0, len(data), MEASUREMENTS_AT_ONCE)
+        ]
         A = np.concatenate([part.A for part in parts])
         return Linearisation(A, np.concatenate([part.constant for part in parts]))
     first = np.unique(data.pose, return_index=True)[1]
@@ -130,7 +133,7 @@ class NoFitError(ValueError):
     """The steps towards the best compliances do not settle."""
 
     def __str__(self) -> str:
-        return f"the fit of the loaded equilibrium did not settle in {ITERATIONS} steps"
+        return f"the fit of the loaded equilibrium did not settle in {GAUSS_NEWTON_STEPS} steps"
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +189,7 @@ def fit_equilibrium(
     """
     k = start.copy()
     joints = model.joints
-    for _ in range(ITERATIONS):
+    for _ in range(GAUSS_NEWTON_STEPS):
         linearised = LinearisedData.of(data, linearise(model, data, k))
         whitened = Whitened.of(linearised.A, data.noise, model.parameters)
         estimate = whitened.solve(linearised.measured)

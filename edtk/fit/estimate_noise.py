@@ -17,12 +17,12 @@ from edtk.system.typing import Array, Indices, Mask
 
 # Singular values of unit columns that are rounding.
 ROUNDING_OF_STRATA = 1e-9
-SETTLED = 1e-8  # change of what a variance adds, over the mean square
-IN_CACHE = 1e5  # numbers of a matrix for each of some poses
+SETTLED_VARIANCE = 1e-8  # change of what a variance adds, over the mean square
+POSES_IN_CACHE = 1e5  # numbers of a matrix for each of some poses
 MOST_ROWS = 1500  # measurements from which noise is estimated; of more, some poses
 MOST_IN_POSE = 150  # measurements of one pose; of more, the first ones
-ROUNDING = 1e-6  # of the tracker's noise: residuals as small are no errors
-ENOUGH = 10  # degrees of freedom from which the tracker's own scatter is a yardstick
+NO_ERRORS = 1e-6  # of the tracker's noise: residuals as small are no errors
+ENOUGH_OF_TRACKER = 10  # degrees of freedom from which the tracker's own scatter is a yardstick
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,14 +194,14 @@ def visit_variances(seen: Visited, told: Mask, stated: Array) -> tuple[Array, Ar
     known = np.where(told, 0.0, stated)
     parts = (some for same in alike for some in _in_parts(same, sizes))
     blocks = [_blocks([poses[i] for i in some], known) for some in parts]
-    found = fit_variances(blocks, told, SETTLED)
+    found = fit_variances(blocks, told, SETTLED_VARIANCE)
     unknown = found.variances <= 0
     return known + found.variances, np.where(unknown | unknown[:, None], np.nan, found.covariance)
 
 
 def _in_parts(poses: Indices, sizes: Array) -> list[Indices]:
     """Poses of one size, so many at once that their matrices fit into a core's cache."""
-    most = max(int(IN_CACHE / sizes[poses[0]] ** 2), 1)
+    most = max(int(POSES_IN_CACHE / sizes[poses[0]] ** 2), 1)
     return np.split(poses, range(most, len(poses), most))
 
 
@@ -394,7 +394,7 @@ def estimate_noise(seen: Visited, stated: StatedSizes = StatedSizes()) -> NoiseE
     strata = ErrorStrata.of(seen)
     rest = yardstick(strata)
     moved = strata.visits if strata.visits.dof > 0 else strata.poses
-    if rest is None or moved.dof < 1 or rest.mean_square < ROUNDING**2:
+    if rest is None or moved.dof < 1 or rest.mean_square < NO_ERRORS**2:
         return None
     free = told_apart(strata) & stated.estimated
     known = np.square([0.0, stated.joints, stated.discrepancy])
@@ -430,7 +430,7 @@ def yardstick(strata: ErrorStrata) -> Stratum | None:
     Without a discrepancy both are the same, and a discrepancy hides motions of the joints rather
     than feigning them.
     """
-    if strata.tracker.dof >= ENOUGH:
+    if strata.tracker.dof >= ENOUGH_OF_TRACKER:
         return strata.tracker
     both = strata.tracker + strata.shape
     return both if both.dof > 0 else None

@@ -31,10 +31,10 @@ from edtk.measure.rest import Loads
 from edtk.measure.whitening import Precision, Scatter
 from edtk.system.typing import Array, Indices, Mask
 
-POSES = 60  # random poses that show what any poses could tell
-ROUNDS = 8  # of fit and noise, in turn
-STILL = 1e-9  # relative change of the rows of a prior, that is not linear, in another fit
-SETTLED = 1e-3  # relative change of the noise between rounds
+RANDOM_POSES = 60  # random poses that show what any poses could tell
+NOISE_ROUNDS = 8  # of fit and noise, in turn
+STILL_ROWS = 1e-9  # relative change of the rows of a prior, that is not linear, in another fit
+SETTLED_NOISE = 1e-3  # relative change of the noise between rounds
 # Errors of coordinates, at least, of which a part is what models leave out [mm]. A parameter whose
 # column moves all coordinates by less, if it is as far from the drawing as it may be, is not told.
 ERRORS = 0.1
@@ -179,10 +179,10 @@ def fit_beside(
         weights: Inverse covariances of the poses; None for equal weights.
     """
     before = known_before(prior, model, theta, weight)
-    for _ in range(ROUNDS):
+    for _ in range(NOISE_ROUNDS):
         theta = least_squares_fit(model, theta, means, torque, weights, before=before).theta
         last, before = before, known_before(prior, model, theta, weight)
-        if np.allclose(before.rows, last.rows, rtol=STILL, atol=0):
+        if np.allclose(before.rows, last.rows, rtol=STILL_ROWS, atol=0):
             break
     return theta
 
@@ -358,8 +358,8 @@ def _wide(model: MeasuredModel, theta: Array, means: MarkerPositions, loads: Loa
     """
     rng = np.random.default_rng(0)
     lower, upper = np.clip(model.robot.limits, -np.pi, np.pi)
-    q = rng.uniform(lower, upper, (POSES, model.robot.n))
-    like = np.concatenate([np.arange(len(means)), rng.integers(0, len(means), POSES)])
+    q = rng.uniform(lower, upper, (RANDOM_POSES, model.robot.n))
+    like = np.concatenate([np.arange(len(means)), rng.integers(0, len(means), RANDOM_POSES)])
     wide = replace(
         means[like],
         q=np.concatenate([means.q, q]),
@@ -411,7 +411,7 @@ def _in_turns(
     def at_rest(theta: Array, derivatives: bool) -> Torque:
         return loading_of(model.bending(theta), means, loads, derivatives)
 
-    for turn in range(ROUNDS):
+    for turn in range(NOISE_ROUNDS):
         before = known_before(prior, model, theta)
         rows = PoseRows.of(model, theta, means, at_rest(theta, True), before)
         differs = rows.differs(means)
@@ -437,7 +437,7 @@ def _in_turns(
         theta = fit_beside(model, theta, means, at_rest, prior, weight, weighing)
         reading = noise.typical(rows.places) if noise.unknown else noise.reading
         now = np.array([noise.model_white, np.max(noise.model_joints, initial=0.0), reading])
-        if turn and np.abs(now - last).max() <= SETTLED * now.max():
+        if turn and np.abs(now - last).max() <= SETTLED_NOISE * now.max():
             break
         last = now
     return theta, noise, weights

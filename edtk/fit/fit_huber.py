@@ -13,7 +13,7 @@ CORNER = 1.345
 MAD_TO_STD = 1.4826
 # Fit and scale in turn. Of 300 random fits half settled within 6 rounds and all but 7 within 14;
 # those still changed after 20, by 0.3 % at most.
-MOST_ROUNDS = 20
+SCALE_ROUNDS = 20
 SCALE_TOLERANCE = 1e-6
 # Steps of one fit: half a dozen is the rule, more where few residuals are within the corner.
 MOST_STEPS = 1000
@@ -23,7 +23,7 @@ LOSS_ROUNDING = 1e-13  # of the loss, a sum over all rows
 SINGULAR = 1e-9  # least eigenvalue of a curvature up to which Newton's step is not taken
 BLOCK = 2**14  # rows at a time
 # Residuals below this share of the largest measurement are rounding, and no noise.
-ROUNDING = 1e-11
+NO_NOISE = 1e-11
 
 
 class SigmaTooSmallError(ValueError):
@@ -84,9 +84,9 @@ def fit_huber(
     p = len(R)
     x = np.maximum(start, least)
     scale = _scale(data.residuals(x), p)
-    for _ in range(1 if known else MOST_ROUNDS):
+    for _ in range(1 if known else SCALE_ROUNDS):
         size = 1.0 if known else scale
-        if size <= ROUNDING * np.abs(data.y).max():
+        if size <= NO_NOISE * np.abs(data.y).max():
             # Half of the residuals are rounding: the corner would be zero, and psi without a slope.
             return HuberFit(x, scale, 1.0 if known else scale**2)
         corner = CORNER * size

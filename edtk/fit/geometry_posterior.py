@@ -24,7 +24,7 @@ from edtk.robots.frames import MM
 from edtk.robots.rotations import rotation
 from edtk.system.typing import Array
 
-BLOCK = 3_000_000  # coordinates that are computed at once
+COORDINATES_AT_ONCE = 3_000_000  # coordinates that are computed at once
 MOST_SAMPLED = 12  # parameters, up to which a chain converges in minutes
 
 
@@ -218,7 +218,7 @@ class GeometryDensity:
     def log_density(self, x: Array) -> Array:
         """Logarithm (n,) of the density of coordinates (n, p), up to a constant."""
         m, k = self.means.seen.shape
-        step = max(1, BLOCK // (self.means.rows * m * k))
+        step = max(1, COORDINATES_AT_ONCE // (self.means.rows * m * k))
         parts = [self._squares(x[first : first + step]) for first in range(0, len(x), step)]
         squares = np.concatenate(parts)
         before = np.zeros(len(x))

@@ -8,7 +8,7 @@ import numpy as np
 
 from edtk.fit.correlated_noise import RowNoise, whiten, whiten_columns
 from edtk.fit.distributions import chi_square_quantile, chi_square_tail, student_quantile
-from edtk.fit.fit_huber import ROUNDING, fit_huber
+from edtk.fit.fit_huber import NO_NOISE, fit_huber
 from edtk.fit.least_squares import Estimate, Whitened
 from edtk.fit.outliers import find_outliers, own_outliers
 from edtk.system.presented import Presented
@@ -32,7 +32,7 @@ HUBER_CERTAINTY = 0.7
 INTERPOLATED = 2
 # Standard deviations of residuals below this share of the noise's are rounding: the fit runs
 # through the measurement whatever it is, and the residual has no size to be compared with.
-DETERMINED = 1e-7
+RUN_THROUGH = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -391,7 +391,7 @@ def _robust(fit: Identification, data: _Data) -> Identification:
     y = data.y
     start = fit.unbounded * whitened.scale
     found = fit_huber(whitened.Q, whitened.R, y, start, fit.known)
-    if not fit.known and not found.scale > ROUNDING * np.abs(y).max():
+    if not fit.known and not found.scale > NO_NOISE * np.abs(y).max():
         raise data.nothing_left(NothingLeft.HALF_EXACT)
     k = found.x / whitened.scale
     bounded = k
@@ -424,10 +424,10 @@ def _robust(fit: Identification, data: _Data) -> Identification:
 def _standardised(z: Array, leverage: Array, scale: float) -> Array:
     """``z / (scale sqrt(1 - leverage))``; zero where the fit runs through the measurement."""
     spread = scale * np.sqrt(1 - leverage)
-    least = DETERMINED * max(scale, np.finfo(float).tiny)
+    least = RUN_THROUGH * max(scale, np.finfo(float).tiny)
     return np.divide(z, spread, out=np.zeros_like(z), where=spread > least)
 
 
 def _without_rounding(z: Array, y: Array) -> Array:
     """Residuals z, zero where they are lost in the rounding of y: rounding is not normal noise."""
-    return np.where(np.abs(z) > ROUNDING * np.abs(y).max(), z, 0.0)
+    return np.where(np.abs(z) > NO_NOISE * np.abs(y).max(), z, 0.0)

@@ -27,6 +27,7 @@ from edtk.measure.pose_table import (
     LOAD_COLUMNS,
     LOADED_COLUMNS,
     MARKER_NAME_COLUMN,
+    MISSPELT,
     ROTATION_COLUMNS,
     SHEET_COLUMNS,
     VISIT_COLUMN,
@@ -44,7 +45,6 @@ from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices, Mask
 
 LOST = 1e-9  # [m] a position as near to the instrument's origin is a lost beam
-ALIKE = 0.8  # of the letters of a header, from which it is taken for a misspelt one
 MOST_NAMED = 6  # columns in a note
 POSE_COLUMN = "pose"  # a number for people
 COORDINATE = re.compile(r"(\S*?[^\s_])_?[xyz]_mm")
@@ -274,7 +274,7 @@ def without_strange(table: PoseTable, robot: Robot, known: Sequence[str]) -> Pos
         for one, own in header.items()
         if own not in (*columns, *SHEET_COLUMNS)
         and not LOAD.match(one)
-        and (COORDINATE.fullmatch(one) or not get_close_matches(one, missing, 1, ALIKE))
+        and (COORDINATE.fullmatch(one) or not get_close_matches(one, missing, 1, MISSPELT))
     ]
     if not strange:
         return table

@@ -13,10 +13,11 @@ UNLIKELY = 0.01  # probability below which so large an F is no chance
 # Probability of flagging anything at all in data without outliers.
 LEVEL = 0.01
 # A row whose leverages sum to more may alone determine a parameter: I - H_i is then near singular.
-ALONE = 0.99
+NEARLY_ALONE = 0.99
 # Eigenvalues of I - H_i below this are zeros: the fit runs through that coordinate.
 DETERMINED = 1e-9
-MOST = 20  # outliers that are looked at one by one; more are a matter of the noise or the model
+# Outliers that are looked at one by one; more are a matter of the noise or the model.
+MOST_OUTLIERS = 20
 
 
 @dataclass(frozen=True)
@@ -153,7 +154,7 @@ def _deletion(Q: Array, z: Array) -> tuple[Array, Indices]:
     keep = np.eye(z.shape[1]) - hat
     rank = np.full(len(z), z.shape[1])
     T = np.zeros(len(z))
-    alone = np.trace(hat, axis1=1, axis2=2) > ALONE
+    alone = np.trace(hat, axis1=1, axis2=2) > NEARLY_ALONE
     solved = np.linalg.solve(keep[~alone], z[~alone, :, None])[..., 0]
     T[~alone] = (z[~alone] * solved).sum(axis=1)
     if alone.any():
@@ -189,7 +190,7 @@ def own_outliers(
     Returns:
         Those of these rows; all of them where none is an outlier without the others.
     """
-    if not 1 < len(found) <= MOST:
+    if not 1 < len(found) <= MOST_OUTLIERS:
         return found
     others = np.setdiff1d(np.arange(len(A)), found)
     own = []

@@ -8,6 +8,7 @@ import numpy as np
 
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.pose_rows import (
+    MOST_EVALUATIONS,
     LeastSquaresFit,
     columns_of,
     least_squares_fit,
@@ -23,11 +24,10 @@ from edtk.system.typing import Array, Indices, Mask
 OPEN = TOLD
 ROUND = 0.7  # of the largest scale of the matrix the smallest is at least, where it is a rotation
 NOTHING = TOLD  # of an open direction of unit length that is of the matrix
-MOST = 200  # evaluations from the linear solution, which as a rule is near the end
 SOME = 6  # from each other place; the best of them go on to the end
 PROMISING = 4
 STILL = TOLD  # singular value beside the largest of a direction that moves no marker
-SAME = 1e-6  # relative difference of costs that rounding makes
+SAME_COST = 1e-6  # relative difference of costs that rounding makes
 GOOD = 0.02  # of the spread of positions: a place that fits as well is not searched further
 
 
@@ -241,7 +241,7 @@ def place_robot(model: MeasuredModel, means: MarkerPositions) -> tuple[MeasuredM
             else 0.0
             for one in placing
         ]
-        fit = _fitted(there, np.array(values), means, SOME if found else MOST)
+        fit = _fitted(there, np.array(values), means, SOME if found else MOST_EVALUATIONS)
         found.append((fit.cost, there, fit.theta))
         if fit.cost < good:
             break
@@ -288,7 +288,7 @@ def _fitted(
     apart = measured_less_seen(means, model.see(back, means.q, derivatives=False))
     cost = 0.5 * float(((MM * apart)[means.seen] ** 2).sum())
     # Where these directions bend, what moved stays.
-    near = max(fit.cost * (1 + SAME), _good(means))
+    near = max(fit.cost * (1 + SAME_COST), _good(means))
     return replace(fit, theta=back, cost=cost) if cost <= near else fit
 
 
@@ -301,7 +301,7 @@ def _descended(
     promising = sorted(found, key=lambda one: one[0])[:PROMISING]
     ends: list[tuple[float, MeasuredModel, Array]] = []
     for _, model, theta in promising:
-        fit = _fitted(model, theta, means, MOST)
+        fit = _fitted(model, theta, means, MOST_EVALUATIONS)
         ends.append((fit.cost, model, fit.theta))
     return min(ends, key=lambda one: one[0])[1:]
 

@@ -17,7 +17,8 @@ from edtk.robots.rotations import rotation_vectors
 from edtk.system.typing import Array, Mask
 
 WHITE_SHARE = 0.5  # of the size of a pose's errors that weights count as white
-STILL = 1e-18  # of the squares: a step that lowers them by less, where all is linear, is the last
+# Of the squares: a step that lowers them by less, where all is linear, is the last.
+LAST_FALL = 1e-18
 LEAST_FALL = 1e-3  # of what is foreseen that a step has to lower the squares by
 FIRST_DAMPING = 1e-3  # of the diagonal, after a step that did not
 LEAST_DAMPING = 1e-8
@@ -29,7 +30,7 @@ OPEN = (
     1e-9,
     1e-6,
 )  # of the diagonal, where rows do not tell all parameters
-MOST = 200  # evaluations; ten are the rule, and positions that no robot has end nowhere
+MOST_EVALUATIONS = 200  # evaluations; ten are the rule, and positions that no robot has end nowhere
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +183,7 @@ def least_squares_fit(
     means: MarkerPositions,
     torque: Torque | Callable[[Array, bool], Torque] = None,
     weights: Precision | None = None,
-    most: int = MOST,
+    most: int = MOST_EVALUATIONS,
     before: PriorRows | None = None,
 ) -> LeastSquaresFit:
     """Fit a model to measured positions by Levenberg-Marquardt, with the analytic Jacobian.
@@ -220,7 +221,7 @@ def least_squares_fit(
         rounding = 2 * np.sqrt(at.cost * squares.rounding) + squares.rounding
         if better := fall >= LEAST_FALL * foreseen - rounding:
             u, at = u + step, after
-        if foreseen <= max(STILL * at.cost, squares.rounding):
+        if foreseen <= max(LAST_FALL * at.cost, squares.rounding):
             break
         if better:
             damping = damping / 10 if damping > LEAST_DAMPING else 0.0

@@ -14,8 +14,8 @@ from edtk.system.typing import Array, Indices, Mask
 SWEEPS = 100
 # Draws from an earlier calibration that are not positive are thrown away and drawn again. After so
 # many rounds nearly all of its mass is where no compliance can be, which is worth an error.
-MOST_ROUNDS = 1000
-SAME = 1e-8  # of a column, which others leave of it where they do the same
+DRAW_ROUNDS = 1000
+SAME_COLUMN = 1e-8  # of a column, which others leave of it where they do the same
 NEAR = 4.0  # standard deviations of a logarithm, within which it is linearised about an estimate
 
 
@@ -212,7 +212,7 @@ class Normal:
             size = np.linalg.norm(moves[:, j])
             c = np.linalg.lstsq(moves[:, own], moves[:, j], rcond=None)[0]
             left = np.linalg.norm(moves[:, j] - moves[:, own] @ c)
-            if j not in own and 0 < left <= SAME * size:
+            if j not in own and 0 < left <= SAME_COLUMN * size:
                 columns[:, j] = (columns[:, own] * scales[own]) @ c / scales[j]
         return replace(self, columns=columns)
 
@@ -304,7 +304,7 @@ class Prior:
                 "an earlier calibration together with other priors cannot be drawn from"
             )
         found = np.empty((0, len(self.marginals)))
-        for _ in range(MOST_ROUNDS):
+        for _ in range(DRAW_ROUNDS):
             k = (
                 np.stack([marginal.draw(rng, n) for marginal in self.marginals], axis=-1)
                 if self.earlier is None

@@ -12,10 +12,10 @@ from edtk.measure.whitening import Precision, Scatter, blocks_times, diagonal_bl
 from edtk.robots.rotations import rotation_vectors
 from edtk.system.typing import Array, Indices, Mask
 
-ITERATIONS = 60  # of Fisher scoring; ten are the rule
+SCORING_STEPS = 60  # of Fisher scoring; ten are the rule
 SETTLED = 1e-4  # relative change of what a variance adds to the total
 HALVINGS = 4  # of a step that lowers the likelihood, before a step that cannot takes its place
-ENOUGH = 20  # degrees of freedom of repeats, from which they tell the noise of a reading
+ENOUGH_REPEATS = 20  # degrees of freedom of repeats, from which they tell the noise of a reading
 # Gain in log-likelihood of a step that is worth another way where rounding hides it: a variance is
 # off by a thirtieth of its standard deviation. Where errors of a drawing are a million times those
 # of a fit, variances would wander about their best values.
@@ -81,7 +81,7 @@ def fit_variances(
     size = size / unit
     v = np.where(free & (size > 0), square / np.where(size > 0, size, 1.0) / max(count, 1), 0.0)
     at = _scores(stacked, v)
-    for _ in range(ITERATIONS if count else 0):
+    for _ in range(SCORING_STEPS if count else 0):
         after, there = _step(at, v, free, lambda w: _scores(stacked, w))
         still = (np.abs(after - v) * size).max(initial=0.0) <= settled * square
         v, at = after, there
@@ -393,7 +393,7 @@ def noise_of_repeats(
     """
     contrasts, pose = contrasts_of(data)
     dof = len(contrasts) * int(data.present.sum())
-    if dof < ENOUGH:
+    if dof < ENOUGH_REPEATS:
         return stated, None
     J = motion[pose]
     m, width, n = J.shape

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 MOST_BYTES = 64_000  # of a file that is read here; in larger ones pandas is faster, import included
-MOST_DIGITS = 15
+DIGITS_OF_DOUBLE = 15
 TEXT_MARK = "'"  # before a cell that a spreadsheet shall take as text, as OWASP recommends
 MANY = 1000  # rows from which printing is to be fast
 BLOCK = 10_000  # rows printed at a time
@@ -80,7 +80,7 @@ def _is_plain(cell: str) -> bool:
     if match is None or NEGATIVE_ZERO.fullmatch(cell):
         return False
     digits = match.group(1) + (match.group(2) or "")
-    return len(digits) <= MOST_DIGITS
+    return len(digits) <= DIGITS_OF_DOUBLE
 
 
 # A spreadsheet runs a cell that begins with one of these; blanks before them do not help.

@@ -14,8 +14,9 @@ from edtk.system.files import read_text
 from edtk.system.parsing import parse_json
 from edtk.system.typing import Array
 
-LARGEST = 1e3  # compliance, standard deviation or error; no robot comes near it in SI units
-LARGEST_SQUARE = LARGEST**2  # entry of a covariance
+# Compliance, standard deviation or error; no robot comes near it in SI units.
+LARGEST_COMPLIANCE = 1e3
+LARGEST_SQUARE = LARGEST_COMPLIANCE**2  # entry of a covariance
 # Degrees of freedom: a robust fit may leave less than one; beyond the most, sigma is known.
 LEAST_DOF = 0.5
 MOST_DOF = 1e9
@@ -247,8 +248,8 @@ def _by_joint(
         return None
     numbers = [value.get(joint) if isinstance(value, Mapping) else None for joint in joints]
     for joint, number in zip(joints, numbers, strict=True):
-        if not _is_number(number) or not abs(number) <= LARGEST:
-            message = f"expected a number from {-LARGEST:g} to {LARGEST:g}"
+        if not _is_number(number) or not abs(number) <= LARGEST_COMPLIANCE:
+            message = f"expected a number from {-LARGEST_COMPLIANCE:g} to {LARGEST_COMPLIANCE:g}"
             raise UserError(message, where=where, key=f"{key}.{joint}")
     return np.array(numbers, dtype=float)
 
@@ -313,10 +314,10 @@ def _optional(value: Any, key: str, where: Path | str | None) -> float | None:
 
 def _not_negative(value: Any, key: str, where: Path | str | None) -> float:
     """A number of a sensible size that is not negative."""
-    if not _is_number(value) or not 0 <= value <= LARGEST:
+    if not _is_number(value) or not 0 <= value <= LARGEST_COMPLIANCE:
         given = f"{json.dumps(value, default=str):.40}"
         raise UserError(
-            f"expected a number from 0 to {LARGEST:g}, got {given}", where=where, key=key
+            f"expected a number from 0 to {LARGEST_COMPLIANCE:g}, got {given}", where=where, key=key
         )
     return float(value)
 

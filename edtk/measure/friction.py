@@ -12,7 +12,7 @@ GIVES = 0.1
 # Standard deviation of a joint's share, over the mean of all, as a sheet takes it. Gears of a robot
 # are of one make, and lose shares alike; none pushes, and of normal shares with a larger spread
 # some would.
-SPREAD = 0.5
+SPREAD_OF_SHARES = 0.5
 # The same of a plan, which is to tell joints apart: it trusts less that they are alike.
 PLANNED = 1.0
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.friction import SPREAD, held_by, scatter
+from edtk.measure.friction import SPREAD_OF_SHARES, held_by, scatter
 from edtk.robots.frames import Frames
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array, Indices
@@ -145,7 +145,7 @@ class PieceColumns:
 
         They are for ``z_j + 1/r``, of variance one, where ``v_j = (1 + r z_j) / sqrt(1 + r^2)``.
         """
-        part = scatter(SPREAD) * held_by(size, self.torque, self.load)
+        part = scatter(SPREAD_OF_SHARES) * held_by(size, self.torque, self.load)
         return np.asarray(-self.turns * part[..., None, :])
 
     def shared(self, size: float) -> Array:
@@ -167,7 +167,7 @@ class PieceColumns:
     @property
     def mean(self) -> Array:
         """The mean (a + n,) of the shared columns' shares over their standard deviation."""
-        return 1 / np.where(self.kinds == 1, SPREAD, SPREAD_ACROSS)
+        return 1 / np.where(self.kinds == 1, SPREAD_OF_SHARES, SPREAD_ACROSS)
 
     def mapped(self, change: Callable[[Array], Array]) -> "PieceColumns":
         """The same in other rows."""

@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from edtk.robots.frames import MILLIMETRE
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array, Indices
 
@@ -14,7 +15,6 @@ SHIFTS = AXES
 TURNS = ("rx", "ry", "rz")
 COMPONENTS = (*SHIFTS, *TURNS)
 # One unit in which a parameter is of order one: a millimetre, a milliradian, a soft joint.
-MILLIMETRE = 1e-3
 MILLIRADIAN = 1e-3
 SOFTNESS = 1e-6  # [rad/(N m), m/N]
 SPREAD = 10.0  # of what is not told, in these units, or in likely sizes of a compliance

@@ -89,9 +89,9 @@ NAMES = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
 MARK = "joint:"  # before a header that would otherwise mean something else
 FORMULA = ("=", "+", "-", "@")  # a spreadsheet runs a cell that begins with one of these
 MOST_MB = 1000.0  # of a file; a million rows have 200 MB
-MOST_DIGITS = 300  # of a cell of a column that is not all numbers
+LONGEST_CELL = 300  # of a cell of a column that is not all numbers
 LARGEST = 1e12  # number in a file; no quantity here comes near it in its unit
-ALIKE = 0.8  # of the letters of a header, from which another is taken for a slip of the pen
+MISSPELT = 0.8  # of the letters of a header, from which another is taken for a slip of the pen
 WRENCH_COLUMNS = ("Fx_N", "Fy_N", "Fz_N", "Tx_Nm", "Ty_Nm", "Tz_Nm")
 # Where the load acts: offset from the tool point, in the tool frame. Behind a wrench in its array.
 LOAD_COLUMNS = ("load_x_mm", "load_y_mm", "load_z_mm")
@@ -358,7 +358,7 @@ class PoseTable:
         digits = cells
         if cells.dtype == object:
             # Pandas ends in an OverflowError for whole numbers beyond the largest float.
-            digits = cells.mask(cells.astype(str).str.len() > MOST_DIGITS)
+            digits = cells.mask(cells.astype(str).str.len() > LONGEST_CELL)
         values = pd.to_numeric(digits, errors="coerce").to_numpy(dtype=float)
         # Pandas reads a column of nothing but "True" and "False" as 1 and 0.
         bad = np.flatnonzero(~np.isfinite(values) | (cells.dtype == bool))
@@ -445,7 +445,7 @@ def _frame(given: object) -> "pd.DataFrame":
 def _meant(unknown: str, known: Sequence[str], header: Sequence[str]) -> str:
     """The column that was meant by an unknown one, in words; empty where none is like it."""
     missing = [column for column in known if column not in header]
-    near = difflib.get_close_matches(unknown, missing, 1, ALIKE)
+    near = difflib.get_close_matches(unknown, missing, 1, MISSPELT)
     return f", perhaps {near[0]!r}" if near else ""
 
 

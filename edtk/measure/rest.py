@@ -11,9 +11,11 @@ from typing import Protocol, Self
 
 import numpy as np
 
+from criteria.linalg.inverse import TINY
 from edtk.measure.measured_model import Load, LoadsOfReadings, Torque
 from edtk.measure.springs import Bending
 from edtk.robots.elastic_robot import widened
+from edtk.robots.inverse import LONGEST
 from edtk.system.typing import Array, Indices, Mask
 
 # Joint deflection [rad or m] beyond which springs become soft in steps: Newton's method could then
@@ -21,12 +23,10 @@ from edtk.system.typing import Array, Indices, Mask
 FAR = 0.1
 STEPS = 32
 ITERATIONS = 30  # Newton steps; a handful is the rule
-LONGEST = 0.5  # Newton step [rad or m]; beyond, the derivative says nothing about the arm
 NEAR = 1e-5  # Newton step [rad or m] after which the derivative is good for the others
 CONVERGED = 1e-12  # Newton step, relative to the deflection, that is rounding
 # Of a joint's angle: with a compensator as stiff as its joint, a step is no smaller.
 ROUNDING = 4 * np.finfo(float).eps
-TINY = 1e-300  # a denominator that divides nothing by zero
 
 
 class Loads(Protocol):

@@ -8,7 +8,7 @@ from edtk.programs.writer import Writer, folded, plain, register
 from edtk.robots.joint import UNITS
 
 REMARK = 32  # characters of a remark
-SHOWN = 24  # characters of a message
+LONGEST_MESSAGE = 24  # characters of a message
 Target = tuple[float, ...]
 TITLE = 16  # characters of a comment of the program, or of a pose
 ATTRIBUTES = """\
@@ -64,7 +64,7 @@ def _lines(program: Program, step: Step, numbers: Mapping[Target, int]) -> Itera
         case Dwell(seconds):
             yield f"  WAIT {seconds:6.2f}(sec)"
         case Wait(message, None):
-            yield from (f"  MESSAGE[{line}]" for line in folded(message, SHOWN))
+            yield from (f"  MESSAGE[{line}]" for line in folded(message, LONGEST_MESSAGE))
             yield "  PAUSE"
         case Wait(message, (output, done)):
             yield from (f"  !{line}" for line in folded(message, REMARK))

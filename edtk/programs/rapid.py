@@ -6,7 +6,7 @@ from typing import ClassVar
 from edtk.programs.program import Axis, Comment, Dwell, Move, Program, Step, Wait, said
 from edtk.programs.writer import LINE, Writer, folded, plain, register
 
-SHOWN = 80  # characters of a text on the pendant
+LONGEST_TEXT = 80  # characters of a text on the pendant
 NO_AXIS = "9E+09"  # of an axis beside the robot that is not there
 OPENING = "run_"  # of the procedure: a module and a procedure must not have one name
 WORDS = """
@@ -76,6 +76,6 @@ def _lines(program: Program, step: Step) -> Iterator[str]:
 
 def _shown(message: str) -> Iterator[str]:
     """What the pendant shows; a backslash would begin an escape."""
-    for line in folded(message, SHOWN):
-        text = plain(line, SHOWN).replace("\\", "/")
+    for line in folded(message, LONGEST_TEXT):
+        text = plain(line, LONGEST_TEXT).replace("\\", "/")
         yield f'TPWrite "{text}";'

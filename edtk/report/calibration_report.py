@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from criteria.linalg.inverse import TINY
 from edtk.calibration.calibration import Calibration, Judged
 from edtk.calibration.geometric_calibration import GeometricCalibration
 from edtk.findings.finding import Finding, shown_probability
@@ -24,10 +25,15 @@ from edtk.report.draw.names import room_for
 from edtk.report.draw.residuals import ResidualPanel, drawn_rows, quantiles, residuals
 from edtk.report.extension import extension_files, extension_section
 from edtk.report.figures import new_figure
-from edtk.report.geometry_report import evaluated_geometry, geometry_sections, measured_positions
+from edtk.report.geometry_report import (
+    ROWS_SHOWN,
+    evaluated_geometry,
+    geometry_sections,
+    measured_positions,
+)
 from edtk.report.page import (
+    PICTURE_WIDTH,
     QUALITY,
-    WIDTH,
     Page,
     paragraph,
     picture,
@@ -58,11 +64,9 @@ PARTS = {
     "drift": "drift between unloaded and loaded readings",
     "repeatability": "the robot's repeatability",
 }
-LEAST = 1e-300  # keeps a compliance that is zero from being divided by
-SHOWN = 8  # rows of the table of residuals
 UNITLESS = ("parameter", "std [%]")  # columns that do not have the parameters' unit
 NAMES = ("k.json", "residuals.csv", "report.html", PAGE)
-MANY = 30_000  # residuals from which their file is to be small:
+MANY_RESIDUALS = 30_000  # residuals from which their file is to be small:
 FEW_DIGITS = 6  # a residual is a difference, of which no reading has more digits
 DIGITS = 10
 
@@ -98,7 +102,7 @@ def _expected(found: Calibration) -> str:
     """The accuracy to expect, in one sentence."""
     fit = found.fit
     if found.budget is None:
-        k = np.maximum(np.abs(fit.k), LEAST)
+        k = np.maximum(np.abs(fit.k), TINY)
         worst = int(np.argmax(fit.std / k))
         share = f"{100 * fit.std[worst] / k[worst]:.2g} %"
         return f"The least certain compliance is {found.parameters[worst]}, to {share}."
@@ -274,7 +278,7 @@ def _worst(found: Calibration) -> str:
     names = coordinate_names(z.shape[1])
     turn = found.data.turn
     rows = []
-    for i in np.argsort(-z.max(axis=1), kind="stable")[:SHOWN]:
+    for i in np.argsort(-z.max(axis=1), kind="stable")[:ROWS_SHOWN]:
         j = int(z[i].argmax())
         positions = [f"{1e3 * r:+.4f}" for r in fit.residual[i, :3]]
         rotations = [f"{np.rad2deg(r):+.4f}" for r in fit.residual[i, 3:]]
@@ -294,7 +298,7 @@ def _worst(found: Calibration) -> str:
 
 def _intervals(found: Calibration) -> str:
     """The picture of the compliances."""
-    figure = new_figure(WIDTH, 0.8 + 0.4 * len(found.fit.k))
+    figure = new_figure(PICTURE_WIDTH, 0.8 + 0.4 * len(found.fit.k))
     model = found.study.model
     intervals(found.fit, found.parameters, model.units, figure.add_subplot())
     caption = (
@@ -308,7 +312,7 @@ def _residuals(found: Calibration) -> str:
     """The picture of the residuals, those of rotations below those of positions."""
     fit = found.fit
     parts = ResidualPanel.of(fit, found.data.turn)
-    figure = new_figure(WIDTH, 0.8 + 2.6 * len(parts))
+    figure = new_figure(PICTURE_WIDTH, 0.8 + 2.6 * len(parts))
     axes = figure.subplots(len(parts), 1, sharex=True, squeeze=False)[:, 0]
     residuals(fit, axes, parts)
     caption = (
@@ -322,7 +326,7 @@ def _residuals(found: Calibration) -> str:
 
 def _quantiles(fit: Identification) -> str:
     """The quantile plot."""
-    figure = new_figure(WIDTH, 3.4)
+    figure = new_figure(PICTURE_WIDTH, 3.4)
     quantiles(fit, figure.add_subplot())
     caption = "Standardised residuals against the normal law: on the line where they follow it."
     return picture(figure, caption)
@@ -343,7 +347,7 @@ def _pairs(found: Calibration) -> str:
     names = found.parameters
     above = np.stack(np.triu_indices(len(names), 1), axis=1)
     size = -np.abs(found.fit.correlation[above[:, 0], above[:, 1]])
-    chosen = above[np.argsort(size, kind="stable")[:SHOWN]]
+    chosen = above[np.argsort(size, kind="stable")[:ROWS_SHOWN]]
     rows = [[f"{names[i]}, {names[j]}", f"{found.fit.correlation[i, j]:+.3f}"] for i, j in chosen]
     return table(["pair", "correlation"], rows) if rows else ""
 
@@ -358,7 +362,7 @@ def calibration_files(found: Judged, folder: Path) -> dict[Path, Content]:
     residuals = found.residuals()
     contents = (
         json_text(found.to_dict()) + "\n",
-        csv_text(residuals, FEW_DIGITS if len(residuals) > MANY else DIGITS),
+        csv_text(residuals, FEW_DIGITS if len(residuals) > MANY_RESIDUALS else DIGITS),
         calibration_report(found),
         page_html(stage_of_calibration(found)),
     )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from edtk.calibration.evaluate_geometry import GeometryDesigns
 from edtk.design.exact.find_plan import BATCH_SIZE
-from edtk.design.exact.visit_search import STARTS
+from edtk.design.exact.visit_search import VISIT_STARTS
 from edtk.measure.expected_error import TaskAccuracy
 from edtk.report.comparison_sections import (
     PICTURE,
@@ -201,7 +201,7 @@ class _OfGeometry(_Chapters):
     def search(self) -> str:
         """How far plans were searched for."""
         specification = self.run.study.specification
-        starts = min(STARTS, specification.starts)
+        starts = min(VISIT_STARTS, specification.starts)
         return (
             f"{specification.candidates} candidate visits; at most {starts} starts of the search "
             "for each plan.\n"

@@ -10,8 +10,8 @@ from edtk.report.calibration_sections import Facts, budget_section, task_section
 from edtk.report.draw.residuals import left_out_errors, marker_residuals
 from edtk.report.figures import new_figure
 from edtk.report.page import (
+    PICTURE_WIDTH,
     QUALITY,
-    WIDTH,
     paragraph,
     picture,
     section,
@@ -25,8 +25,8 @@ from edtk.robots.frames import MM
 from edtk.study.schema import describe_noise
 from edtk.system.typing import Array
 
-SHOWN = 8  # rows of the table of poses
-HEIGHT = 2.9
+ROWS_SHOWN = 8  # rows of the table of poses
+PICTURE_HEIGHT = 2.9
 MOST_PICTURES = 8  # of markers
 MOST_MARKERS = 12  # whose places are listed
 
@@ -185,7 +185,7 @@ def _distances(values: np.ndarray) -> list[str]:
 
 def _left_out(found: GeometricCalibration) -> str:
     """The picture of poses that were left out."""
-    figure = new_figure(WIDTH, HEIGHT)
+    figure = new_figure(PICTURE_WIDTH, PICTURE_HEIGHT)
     left_out_errors(found.fit, figure.add_subplot())
     return picture(figure, "Distance of each marker from where the other poses predict it.")
 
@@ -196,7 +196,7 @@ def _worst(found: GeometricCalibration) -> str:
     distance = MM * lengths(fit.left_out)
     largest = np.nanmax(np.where(np.isfinite(distance), distance, -1.0), axis=1)
     rows = []
-    for pose in np.argsort(-largest, kind="stable")[:SHOWN]:
+    for pose in np.argsort(-largest, kind="stable")[:ROWS_SHOWN]:
         i = int(np.nanargmax(np.where(np.isfinite(distance[pose]), distance[pose], -1.0)))
         apart = [f"{x:+.3f}" if np.isfinite(x) else "" for x in MM * fit.left_out[pose, i]]
         coordinates = int(fit.data.means.rows_seen[pose].sum())
@@ -245,7 +245,7 @@ def _residuals(found: GeometricCalibration) -> list[str]:
     pictures = []
     names = found.fit.data.markers
     for i, name in enumerate(names[:MOST_PICTURES]):
-        figure = new_figure(WIDTH, HEIGHT)
+        figure = new_figure(PICTURE_WIDTH, PICTURE_HEIGHT)
         marker_residuals(found.fit, i, figure.add_subplot())
         pictures.append(
             picture(figure, f"Residuals of marker {name}; the band is twice their usual size.")

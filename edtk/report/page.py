@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 # The shadows at the edges of a box that scrolls are the cue that there is more: two covers in the
 # colour of the page move with the content and hide them where there is none.
-WIDTH = 4.4  # of a picture [inch]: letters can be read on a phone, and on a desk two have room
+# Of a picture [inch]: letters can be read on a phone, and on a desk two have room.
+PICTURE_WIDTH = 4.4
 PAGE_STYLE = """
 :root { color-scheme: light dark; --page: #fff; --ink: #1b1b1b; --line: #8886; --shade: #0007;
   --good: #00795c; --usable: #b35900; --bad: #b3261e; --blue: #0072b2; }
@@ -76,8 +77,8 @@ QUALITY = {
     "usable": "Usable calibration, with a warning.",
     "bad": "Do not use this calibration yet.",
 }
-MANY = 500  # points of a line, beyond which dots of a raster take less room than a drawing
-DPI = 110  # of such rasters
+MANY_POINTS = 500  # points of a line, beyond which dots of a raster take less room than a drawing
+RASTER_DPI = 110  # of such rasters
 PX = 96  # of CSS, an inch
 WIDE = 430.0  # px, beyond which a picture has a row of its own and scrolls on a phone
 MOST_ENLARGED = 1.25
@@ -101,11 +102,11 @@ def svg(figure: "Figure") -> tuple[str, float]:
     from matplotlib.lines import Line2D
 
     for line in figure.findobj(Line2D):
-        if np.size(line.get_xdata()) > MANY:
+        if np.size(line.get_xdata()) > MANY_POINTS:
             line.set_rasterized(True)
     buffer = io.StringIO()
     with matplotlib.rc_context(SETTINGS):
-        figure.savefig(buffer, format="svg", transparent=True, dpi=DPI, metadata=NO_METADATA)
+        figure.savefig(buffer, format="svg", transparent=True, dpi=RASTER_DPI, metadata=NO_METADATA)
     text = buffer.getvalue()
     text = text[text.index("<svg") :].replace("#000000", "currentColor")
     # A page has a brighter blue in the dark.

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PANEL = 1.55  # side of a panel of the corner [inch]
-MARGIN = 1.6  # beside the panels [inch]
+ROOM_BESIDE = 1.6  # beside the panels [inch]
 NAMES = ("corner.png", "trace.png", "residuals.png")
 NOISE = {"sigma_ratio": "Noise over the stated one", "nu": "Degrees of freedom of Student's t"}
 
@@ -62,7 +62,7 @@ def posterior_figures(check: PosteriorCheck) -> PosteriorFigures:
 def _corner(check: PosteriorCheck, shown: LabelledSamples) -> "Figure":
     """Histograms and pairwise clouds."""
     d = len(shown.labels)
-    figure = new_figure(MARGIN + PANEL * d, MARGIN + PANEL * d)
+    figure = new_figure(ROOM_BESIDE + PANEL * d, ROOM_BESIDE + PANEL * d)
     figure.set_layout_engine("constrained", hspace=0.02, wspace=0.02)
     corner(shown, figure.subplots(d, d, sharex="col", squeeze=False))
     title = f"Posterior, with contours that hold 39 % and 86 %; lines: {check.reference}"

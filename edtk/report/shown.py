@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 UNKNOWN = 3  # where nothing is said of the uncertainty
-MOST = 6
+MOST_FIGURES = 6
 LEAST_PLACES = 2  # behind the point: three digits
 SMALL = 1e-5  # standard deviation below which numbers are written with powers of ten
 MOST_PLACES = 15  # a double has no more
@@ -33,7 +33,7 @@ def places_of(std: float) -> int:
     """Digits behind the point, down to the second digit of a standard deviation."""
     if not (std > 0 and math.isfinite(std)):
         return UNKNOWN
-    return min(max(1 - math.floor(math.log10(std)), 0), MOST)
+    return min(max(1 - math.floor(math.log10(std)), 0), MOST_FIGURES)
 
 
 def digits(value: float, std: float, like: float | None = None) -> str:

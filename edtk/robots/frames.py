@@ -16,7 +16,7 @@ MILLIMETRE = 1e-3  # [m]
 # Numbers up to which copies cost less than more calls; measured on one core.
 FEW = 20_000
 # Entries of a constant rotation that are this close to zero are the rounding of a right angle.
-ROUNDING = 1e-15
+RIGHT_ANGLE = 1e-15
 
 
 # The two other components beside each of three, in cyclic order: (a x b)_i = a_j b_k - a_k b_j.
@@ -178,7 +178,7 @@ def combine(columns: Sequence[Array], weights: Array) -> Array | float:
 
 def terms_of(weights: Array) -> Terms:
     """What of constant weights (3,) counts in a linear combination."""
-    return tuple((k, float(w)) for k, w in enumerate(weights) if abs(w) > ROUNDING)
+    return tuple((k, float(w)) for k, w in enumerate(weights) if abs(w) > RIGHT_ANGLE)
 
 
 def combine_terms(columns: Sequence[Array], terms: Terms) -> Array:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from edtk.robots.joint import AT_LIMIT
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import rotation, rotation_vector, vector_product
 from edtk.system.typing import Array, Mask
@@ -16,7 +17,6 @@ FLOOR = 1e-12  # of the damping, at which a singular arm still has a step
 REACHED = 1e-9  # [m, rad] by which a solution may be off
 SETTLED = 1e-12  # [m, rad] at which nothing is left to gain
 SAME = 1e-4  # [rad or m] by which two solutions are one
-ROUNDING = 1e-9  # [rad or m]: a joint at its very limit counts as within
 TURN = 2 * np.pi
 AXES = 6
 
@@ -102,7 +102,7 @@ def solutions(robot: Robot, goal: Array, start: Array | None = None, seed: int =
     if len(found) and robot.n >= 4:
         found = np.concatenate([found, _reached(robot, goal, _mirrored(found))])
     within = _turned(robot, found)
-    good = robot.bounds.excess(within).max(axis=-1, initial=-np.inf) <= ROUNDING
+    good = robot.bounds.excess(within).max(axis=-1, initial=-np.inf) <= AT_LIMIT
     return Solutions(within[good], len(found) > 0 and not good.any())
 
 
@@ -184,7 +184,7 @@ def _turned(robot: Robot, q: Array) -> Array:
         for turn in (-TURN, 0.0, TURN):
             other = q.copy()
             other[:, j] += turn
-            each.append(other[(low - ROUNDING <= other[:, j]) & (other[:, j] <= high + ROUNDING)])
+            each.append(other[(low - AT_LIMIT <= other[:, j]) & (other[:, j] <= high + AT_LIMIT)])
         q = np.concatenate(each) if any(map(len, each)) else q
     return _once(q)
 
@@ -235,7 +235,7 @@ def _nearest_point(origin: Array, axis: Array, other: Array, direction: Array) -
     """The point of one axis that is nearest to another; its origin where both are parallel."""
     normal = vector_product(axis, direction)
     size = float(normal @ normal)
-    if size < ROUNDING:
+    if size < AT_LIMIT:
         return origin
     apart = other - origin
     along = float(vector_product(apart, direction) @ normal) / size

@@ -10,7 +10,9 @@ import numpy as np
 from edtk.robots.rotations import aligned
 from edtk.system.typing import Array
 
-SHORTEST = 1e-6  # axis; one that is shorter, or longer than its reciprocal, is a slip of the pen
+AT_LIMIT = 1e-9  # [rad or m] beyond a limit: what a conversion of units leaves of a joint on it
+# Axis; one that is shorter, or longer than its reciprocal, is a slip of the pen.
+SHORTEST_AXIS = 1e-6
 LONGEST_NAME = 64  # characters
 # Signs that begin a comment in a table, or let a spreadsheet take it for one with semicolons.
 REFUSED = ("#", ";")
@@ -99,7 +101,9 @@ class Joint:
                 f"joint {self.name}: the axis must be a non-zero vector of three numbers"
             )
         length = float(np.linalg.norm(axis))
-        if not SHORTEST <= length <= 1 / SHORTEST:  # the square of a smaller one underflows
+        if (
+            not SHORTEST_AXIS <= length <= 1 / SHORTEST_AXIS
+        ):  # the square of a smaller one underflows
             raise ValueError(
                 f"joint {self.name}: the axis has the length {length:g}; expected about 1"
             )

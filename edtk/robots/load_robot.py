@@ -12,7 +12,7 @@ from edtk.robots.urdf.load_urdf import XACRO, load_urdf
 from edtk.system.arguments import checked
 from edtk.system.errors import UserError
 from edtk.system.files import read_text
-from edtk.system.parsing import MOST_MB, parse_toml
+from edtk.system.parsing import MOST_STUDY_MB, parse_toml
 
 TOML = ".toml"
 URDF = ".urdf"
@@ -86,7 +86,7 @@ def _content(name: str, folder: Path) -> dict[str, Any]:
     """The keys of a robot file."""
     where = f"robot file {folder / name}"
     try:
-        text = read_text(folder / name, MOST_MB)
+        text = read_text(folder / name, MOST_STUDY_MB)
         where = f"robot {name}"
         content = parse_toml(text)
     except UserError as error:

@@ -9,6 +9,7 @@ from edtk.cell.cell import standing_at
 from edtk.measure.instruments.sensor import Sensor
 from edtk.robots.compensator import SAMPLES
 from edtk.robots.frames import Frames
+from edtk.robots.joint import AT_LIMIT
 from edtk.robots.robot import Beyond, Robot, shown_limits
 from edtk.study.schema import Specification
 from edtk.study.study_model import distance_names, marker_kinds, marker_names
@@ -19,16 +20,15 @@ from edtk.system.typing import Array
 
 # Displacement of the tool by 1 rad/(N m) below which a load turns no joint: what rounding leaves.
 LEAST_HARM = 1e-9  # [m]
-LIMIT = 1e-9  # [rad or m] beyond a limit that the conversion of degrees leaves
 KEY_OF_KIND = {"revolute": "fixed_deg", "prismatic": "fixed_mm"}
 # No tracker measures nearer to its own head, which the arm must not touch either.
 NEAREST = 0.5  # [m]
 IN_METRES = 0.1  # a tracker this near to the world's origin may be given in metres [m]
-SAMPLE = 2048  # poses within the limits, in which the arm is looked at
+SAMPLED_POSES = 2048  # poses within the limits, in which the arm is looked at
 STARTS = 32  # of these, from which a marker is moved towards the tracker
 STEPS = 20
 DAMPING = 1e-3  # of a step, beside the squared reach
-FEW = 64  # poses in which covariances are looked at
+FEW_POSES = 64  # poses in which covariances are looked at
 LEAST_EIGENVALUE = 1e-10  # of a correlation matrix: below it Cholesky loses ten of 16 digits
 
 
@@ -104,7 +104,7 @@ def _check_home(study: StudyObjects) -> None:
         message = f"has {len(scene.home_deg)} entries, expected {study.robot.n}, one per joint"
         raise study.error("scene.home_deg", message)
     assert study.home is not None
-    beyond = np.flatnonzero(study.robot.bounds.excess(study.home) > LIMIT)
+    beyond = np.flatnonzero(study.robot.bounds.excess(study.home) > AT_LIMIT)
     if len(beyond):
         found = Beyond.of(study.robot, study.home, int(beyond[0]))
         low, high = found.limits
@@ -304,10 +304,10 @@ def check_noise(study: StudyObjects) -> None:
             "noise.repeatability_deg",
             f"has {len(given)} entries, expected {study.robot.n}, one per joint, or one number",
         )
-    q = sample_poses(study, SAMPLE)
+    q = sample_poses(study, SAMPLED_POSES)
     if table.has_tracker:
         _check_place(study, q)
-    _check_regular(study, q[:FEW])
+    _check_regular(study, q[:FEW_POSES])
 
 
 def _check_white(study: StudyObjects) -> None:

@@ -21,7 +21,7 @@ from edtk.system.typing import Array
 from edtk.system.workers import Workers
 
 LIBRARIES = ("numpy", "scipy", "cvxpy", "clarabel", "scs")  # that compute the answers
-DIGITS = 16  # of the SHA-256 that is a checkpoint's key, or the seal of an answer
+KEY_DIGITS = 16  # of the SHA-256 that is a checkpoint's key, or the seal of an answer
 MOST_MB = 1000.0  # of a file
 
 
@@ -62,7 +62,7 @@ class Checkpoint:
     def _sealed(self, answer: Mapping[str, Any]) -> dict[str, Any]:
         """The content of a file: the answer, with its digest."""
         seal = hashlib.sha256(json.dumps(answer).encode()).hexdigest()
-        return {"key": self.key, "seal": seal[:DIGITS], "answer": answer}
+        return {"key": self.key, "seal": seal[:KEY_DIGITS], "answer": answer}
 
     def complete(
         self,
@@ -184,7 +184,7 @@ def checkpoint_of(
         digest.update(path.read_bytes())
     for library in LIBRARIES:
         digest.update(f"{library} {importlib.metadata.version(library)}".encode())
-    return Checkpoint(folder, digest.hexdigest()[:DIGITS])
+    return Checkpoint(folder, digest.hexdigest()[:KEY_DIGITS])
 
 
 def _bytes(array: Array) -> bytes:

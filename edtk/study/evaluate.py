@@ -26,7 +26,7 @@ from edtk.system.typing import Array, Indices
 if TYPE_CHECKING:
     import pandas as pd
 
-MOST_NAMED = 2  # parameters that an error tells apart in words
+MOST_TOLD_APART = 2  # parameters that an error tells apart in words
 OBSERVABILITY = ("O1", "O2", "O3", "O4", "O5")  # indices that others also print without sigma
 
 
@@ -239,7 +239,7 @@ def in_words(study: Study, plan: Plan, error: SingularPlanError) -> SingularPlan
     """An error of what a plan leaves open, with what cannot be told from what in its poses."""
     rows = read_regressor(study, plan).reshape(-1, study.model.p)
     words = identifiable(rows, springs_of(study)).words
-    return SingularPlanError(error.parameters, error.directions, words[:MOST_NAMED])
+    return SingularPlanError(error.parameters, error.directions, words[:MOST_TOLD_APART])
 
 
 def read_regressor(study: Study, plan: Plan) -> Array:

@@ -18,9 +18,9 @@ HALVINGS = 12  # of the range of weights, of which one is found to a four-thousa
 MOST_WEIGHT = (
     1 - 2.0**-HALVINGS
 )  # of the second criterion; the first one keeps all tied designs apart
-TRIES = 4  # plans that are searched until one gives up about as much as allowed
+PLANS_TRIED = 4  # plans that are searched until one gives up about as much as allowed
 ENOUGH = 0.8  # of what is allowed
-CANDIDATES = 2000  # poses over which weights are found; plans are searched over all
+WEIGHED_POSES = 2000  # poses over which weights are found; plans are searched over all
 PERCENT = 100.0
 
 
@@ -126,7 +126,7 @@ def give_up(
     # Shares that the best weights may give up: one that plans kept, and one that they did not.
     kept, broken = 0.0, None
     share = exchange.allowed
-    for _ in range(TRIES):
+    for _ in range(PLANS_TRIED):
         if out_of_time():
             break
         tried = exchange.weight_of(best, relaxed, share)

@@ -11,6 +11,7 @@ import numpy as np
 from edtk.design.exact.exact_plan import ExactPlan, Placement, TriedPlace
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.robots.frames import MILLIMETRE
 from edtk.study.plan_study import Progress
 from edtk.study.study import Study
 from edtk.study.study_model import marker_names
@@ -24,14 +25,13 @@ KEY_OF_LIST = "noise.tracker_places_mm"
 KEY_OF_MOUNTS = "marker"
 NO_PLAN = "no place of the box from which the search began has a plan"
 KEY_OF_BOX = "noise.tracker_box_mm"
-CANDIDATES = 1000  # poses whose best weights say how good a place is
+RANKED_POSES = 1000  # poses whose best weights say how good a place is
 DRAWN = 5  # the logarithm to the base 2 of places that are drawn in a box, beside its corners
 DESCENTS = 2  # from the best of these
 ROUNDS = 4  # of a descent: the place for the design, the design for the place
-TRIES = 40  # places that are tried for a design
+PLACES_TRIED = 40  # places that are tried for a design
 NEAR = 0.01  # of the box: how near they are in the end, where they differ by less than a gain
-GAIN = 1e-4  # relative: what a round must gain for another one
-MILLIMETRE = 1e-3  # to which a tracker is placed [m]
+GAIN_OF_ROUND = 1e-4  # relative: what a round must gain for another one
 FIRST_STEP = 0.2  # of the box
 SHARE_OF_RANKING = 0.3  # of the time in a box: which of its places promise most
 SHARE_OF_DESCENTS = 0.5  # of the rest: where these lead to
@@ -289,7 +289,7 @@ class PlaceSearch:
             self.progress(f"place and poses in turn, {turn + 1}", turn)
             there, _ = self._best_place(place, design, box)
             better = self._weights(there)
-            if better is None or not better.cost < design.cost * (1 - GAIN):
+            if better is None or not better.cost < design.cost * (1 - GAIN_OF_ROUND):
                 break
             place, design = there, better
         return float(design.cost), place
@@ -302,7 +302,7 @@ class PlaceSearch:
                 if _is_over(found):
                     break
                 there, cost = self._best_place(place, found.whole, box)
-                if not cost < found.cost * (1 - GAIN):
+                if not cost < found.cost * (1 - GAIN_OF_ROUND):
                     break
                 again = self.planned(self._at(there))
                 if again.cost >= found.cost:
@@ -347,9 +347,9 @@ class PlaceSearch:
             bounds=list(zip(*box[:, moved], strict=True)),
             options={
                 "initial_simplex": np.vstack([start, start + np.diag(inwards)]),
-                "maxfev": TRIES,
+                "maxfev": PLACES_TRIED,
                 "xatol": max(MILLIMETRE, NEAR * size.max()),
-                "fatol": GAIN * now,
+                "fatol": GAIN_OF_ROUND * now,
             },
         )
         there = place.copy()

@@ -44,8 +44,8 @@ if TYPE_CHECKING:
     from edtk.design.exact.day_search import DaySearch
 from edtk.system.workers import THIS_PROCESS, Workers, WorkersLostError
 
-TOLERANCE = 1e-5  # relative gap, beyond which a bound would not change how a plan is judged
-CANDIDATES = 0  # the stream of random numbers that candidates come from
+PLAN_TOLERANCE = 1e-5  # relative gap, beyond which a bound would not change how a plan is judged
+CANDIDATE_STREAM = 0  # the stream of random numbers that candidates come from
 # Descents hold matrices whose order grows with the number of distinct poses.
 MOST_DISTINCT = 200
 # Time [s] of the processor that a search has taken, and has left to take, from which on it is worth
@@ -149,7 +149,7 @@ def source_of(
     """
     return CandidateSource(
         space or study.space,
-        (study.specification.seed if seed is None else seed, CANDIDATES),
+        (study.specification.seed if seed is None else seed, CANDIDATE_STREAM),
         study.specification.sampling,
         threads,
     )
@@ -175,7 +175,7 @@ class Sought:
     of_visits: ClassVar[bool] = False
     what: ClassVar[str] = "experiments"
     most: ClassVar[int | None] = None
-    tolerance: ClassVar[float] = TOLERANCE
+    tolerance: ClassVar[float] = PLAN_TOLERANCE
 
     @classmethod
     def of(cls, study: Study) -> Self:

@@ -10,7 +10,7 @@ from edtk.design.candidate_source import CandidateSource, EmptyFeasibleSetError
 from edtk.design.plan import Plan
 from edtk.findings.finding import Data, Finding, Severity, Wording
 from edtk.fit.least_squares import SingularPlanError, covariance
-from edtk.measure.expected_error import WITHIN, ExpectedError, compensation_accuracy
+from edtk.measure.expected_error import SOFTEST, WITHIN, ExpectedError, compensation_accuracy
 from edtk.measure.pose_table import of_file_units
 from edtk.robots.weights import GRAVITY
 from edtk.robots.workspace import neighbourhood
@@ -32,10 +32,9 @@ LEAST_ANGLE = 0.5  # the largest angle of a pose in radians that is not a pose a
 # Gears are chosen so that full load turns them by minutes of arc: 1e-3 rad a joint, and the tool by
 # up to three such turns times the reach.
 SAG = 3e-3  # deflection beside the reach
-SOFTEST = 1e-4  # no gear of a robot is softer, wrists of small collaborative robots included
 INTERFEROMETER = 1e-7  # no device measures displacements of a robot better, in air [m]
 ON_AXIS = 5e-3  # least lever of a joint, below the radius of the smallest reflector [m]
-SAMPLE = 255  # poses within the joint limits in which loads are judged
+JUDGED_POSES = 255  # poses within the joint limits in which loads are judged
 UPRIGHT = 0.5  # share of a load along z, from which it counts as up or down
 MOST_NAMED = 4
 SEVERAL = 3.0  # times the error in the test pose: plans for all parameters have about the same
@@ -43,7 +42,7 @@ SEVERAL = 3.0  # times the error in the test pose: plans for all parameters have
 # it could have alone; thirty times is that of a thousandth of the experiments.
 HARDLY_EXCITED = 30.0
 UNCERTAIN = 0.5  # standard deviation beside the parameter itself, where that is known
-CANDIDATES = 300  # among which the best experiment for each parameter is looked for
+TRIED_EXPERIMENTS = 300  # among which the best experiment for each parameter is looked for
 
 
 # Radians of a test pose are within one turn, and have digits that nobody types in degrees.
@@ -189,7 +188,7 @@ def _sampled(study: StudyObjects) -> tuple[Array, float]:
 
     Of the tool point they have the position rows alone (s, 3, p).
     """
-    plan = study.space.plan(anywhere(study), np.ones(SAMPLE, dtype=int))
+    plan = study.space.plan(anywhere(study), np.ones(JUDGED_POSES, dtype=int))
     force = np.linalg.norm(plan.wrench[:, :3], axis=1)
     torque = np.linalg.norm(plan.wrench[:, 3:], axis=1)
     load = float((force + torque / study.robot.reach).max())
@@ -203,7 +202,7 @@ def _sampled(study: StudyObjects) -> tuple[Array, float]:
 def anywhere(study: StudyObjects) -> Array:
     """Experiments (s, v) anywhere within the limits, feasible or not."""
     space = study.space
-    return space.draw(np.random.default_rng(0).random((SAMPLE, len(space.drawn))))
+    return space.draw(np.random.default_rng(0).random((JUDGED_POSES, len(space.drawn))))
 
 
 def listed(names: Sequence[str]) -> str:
@@ -334,7 +333,7 @@ def _candidates(study: StudyObjects) -> Array:
     given = study.specification
     source = CandidateSource(study.space, (given.seed, 0), given.sampling)
     try:
-        return source.take(min(CANDIDATES, given.candidates)).x
+        return source.take(min(TRIED_EXPERIMENTS, given.candidates)).x
     except EmptyFeasibleSetError:
         return np.empty((0, study.space.size))
 

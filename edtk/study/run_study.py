@@ -22,7 +22,7 @@ from edtk.study.checkpoint import checkpoint_of
 from edtk.study.plan_study import DEFAULTS, Progress, RunOptions, source_of, study_errors
 from edtk.study.study import Study
 from edtk.study.study_run import (
-    TOLERANCE,
+    TABLE_TOLERANCE,
     Case,
     Designs,
     StudyRun,
@@ -40,7 +40,7 @@ HELD = "relaxed"  # in an answer, the relaxation whose bound holds for the plan
 NOT_BEGUN = "the time was over before it was searched for"
 SHARE_OF_BOUND = 0.5  # of a limited time, at most, for the first bound
 # Fewer distinct poses are compared with more up to this number: beyond it nothing is gained.
-MOST_DISTINCT = 8
+MOST_COMPARED = 8
 
 
 def random_case(study: Study, size: int, index: int, designs: Designs | None = None) -> Case:
@@ -257,7 +257,7 @@ def _without_beaten(
     """
     table = comparison_table(designs, cases, relaxations)
     names = {one.criterion.name for one in relaxations.values()}
-    beaten = {name for name in names if table[f"efficiency_{name}"].max() > 1 + TOLERANCE}
+    beaten = {name for name in names if table[f"efficiency_{name}"].max() > 1 + TABLE_TOLERANCE}
     kept = {key: one for key, one in relaxations.items() if one.criterion.name not in beaten}
     return [replace(one, found=None) if one.optimised in beaten else one for one in cases], kept
 
@@ -340,7 +340,7 @@ def _questions(designs: Designs) -> list[Case]:
     for size in study.specification.sizes:
         least = smallest_size(designs.space(size), designs.criterion())
         found += [Case("optimised", name, size) for name in study.specification.optimise]
-        fewer = designs.distinct(range(least, min(size, MOST_DISTINCT + 1)))
+        fewer = designs.distinct(range(least, min(size, MOST_COMPARED + 1)))
         found += [Case("distinct", study.main_criterion, size, distinct=k) for k in fewer]
     return found
 

@@ -27,7 +27,7 @@ from edtk.system.presented import Presented
 # Keys that the cell depends on.
 CELL = {"robot", "base_link", "tip_link", "controller", "tool", "joints", "scene"}
 SPRINGS, COMPENSATORS = "springs", "compensators"  # what designs may depend on a guess of
-DIGITS = 12  # of the SHA-256 that names a study in results
+HASH_DIGITS = 12  # of the SHA-256 that names a study in results
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -309,4 +309,4 @@ def _plain(keys: StudyKeys) -> dict[str, Any]:
 
 
 def _digest(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()[:DIGITS]
+    return hashlib.sha256(content).hexdigest()[:HASH_DIGITS]

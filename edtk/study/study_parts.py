@@ -17,6 +17,7 @@ from edtk.measure.pose_table import (
 )
 from edtk.measure.task import Task, Tasks
 from edtk.robots.constraints.excluded import Excluded
+from edtk.robots.joint import AT_LIMIT
 from edtk.robots.load_robot import load_robot
 from edtk.robots.robot import Beyond, Robot
 from edtk.robots.robot_file import RobotAndMore, RobotFileError, robot_from_dict
@@ -35,7 +36,6 @@ ASYMMETRY = 1e-6  # relative: printed digits of a covariance may differ by that
 LEAST_STD = 1e-20  # [rad/(N m)]: a compliance that is known so well is no prior
 TOO_CERTAIN = f"expected standard deviations of at least {LEAST_STD:g} rad/(N m)"
 NO_VARIANCE = 2  # degrees of freedom up to which Student's t has no variance
-ROUNDING = 1e-9  # by how much a joint may be beyond its limits [rad or m]
 KEY_OF_KIND = {"revolute": "limits_deg", "prismatic": "limits_mm"}
 LINKS = ("base_link", "tip_link")
 
@@ -118,7 +118,7 @@ def check_limits(study: Asked, q: Array) -> None:
     Raises:
         UserError: It cannot take one of them; names it.
     """
-    outside = study.robot.bounds.excess(q) > ROUNDING
+    outside = study.robot.bounds.excess(q) > AT_LIMIT
     if outside.any():
         i = int(outside.any(axis=1).argmax())
         rows = np.flatnonzero(outside[i])

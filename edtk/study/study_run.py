@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 # Relative gap of the search over all poses: tables show efficiencies to 0.1 %.
-TOLERANCE = 1e-4
+TABLE_TOLERANCE = 1e-4
 ERRORS = ("error_test_pose", "error_mean", "error_largest")
 KINDS = ("optimised", "distinct", "random")  # of plans that a run makes
 
@@ -119,7 +119,7 @@ class Designs(Sought):
 
     def relax_options(self) -> RelaxOptions:
         """How accurate relaxations over all poses are."""
-        return RelaxOptions(tolerance=TOLERANCE)
+        return RelaxOptions(tolerance=TABLE_TOLERANCE)
 
     @property
     def budget(self) -> float | None:

@@ -19,7 +19,7 @@ from edtk.study.tables_of_measurement import MarkerTable
 from edtk.system.typing import Array
 
 LOOKED_AT = 4096  # poses within the limits, in one of which a marker must be seen
-FEW = 256  # of these, of which reasons are told
+EXPLAINED_POSES = 256  # of these, of which reasons are told
 TRACKER = "tracker"
 BEAM_RADIUS = 5.0  # [mm]
 OWN_BODY = 100.0  # [mm]
@@ -161,7 +161,7 @@ def _check_seen(study: Asked, sight: Sight) -> None:
     for i in sight.always_hidden(q):
         one = sight.reflectors[i]
         assert one is not None
-        whys = [why for pose in sight.hidden(q[:FEW]) if (why := pose[i]) is not None]
+        whys = [why for pose in sight.hidden(q[:EXPLAINED_POSES]) if (why := pose[i]) is not None]
         usual = Counter(why.reason for why in whys).most_common(1)[0][0]
         example = next(why for why in whys if why.reason == usual)
         name = repr(one.name) if one.name else "the tool point"

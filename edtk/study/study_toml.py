@@ -16,7 +16,7 @@ from edtk.study.asked import Asked
 from edtk.study.schema import Specification
 from edtk.system.fields import Table
 from edtk.system.files import decode, read_bytes, write_text
-from edtk.system.parsing import MOST_MB, parse_toml
+from edtk.system.parsing import MOST_STUDY_MB, parse_toml
 
 MOST_INLINE = 100  # characters of a line, beyond which a list is written an entry a line
 SHORT_ESCAPES = {
@@ -39,7 +39,7 @@ def read_toml(path: Path) -> tuple[dict[str, Any], bytes]:
     Raises:
         UserError: The file does not exist, cannot be read, or is not valid TOML.
     """
-    raw = read_bytes(path, MOST_MB)
+    raw = read_bytes(path, MOST_STUDY_MB)
     return parse_toml(decode(raw, path), path), raw
 
 

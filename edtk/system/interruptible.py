@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any, NoReturn, TypeVar
 
 T = TypeVar("T")
-GLANCE_S = 0.2  # between two looks for a signal, where waiting for a thread is deaf to it
+SIGNAL_GLANCE_S = 0.2  # between two looks for a signal, where waiting for a thread is deaf to it
 NAME = "edtk-native"
 
 
@@ -30,7 +30,7 @@ def interruptible(call: Callable[[], T]) -> T:
     thread = threading.Thread(target=run, name=NAME)
     thread.start()
     while thread.is_alive():
-        thread.join(GLANCE_S)
+        thread.join(SIGNAL_GLANCE_S)
     if errors:
         raise errors[0]
     return answers[0]

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 MOST_WRITTEN = 500  # digits of a number in a file: reading more takes the square of their number
 MOST_DIGITS = 308  # of an integer, beyond which it is no finite number of double precision
-MOST_MB = 1.0  # of a file: a study has some kilobytes, and a megabyte takes seconds to parse
+MOST_STUDY_MB = 1.0  # of a file: a study has some kilobytes, and a megabyte takes seconds to parse
 MOST_PARTS = 16  # of a dotted key; the parser's time and memory grow with their third power
 PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
 LARGEST = 2**63  # integers beyond 64 bits are no TOML, although Python's parser reads them

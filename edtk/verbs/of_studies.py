@@ -225,7 +225,7 @@ class OfStudy(Question):
     def _place_search(self, call: PlanCall, pool: Workers) -> "PlaceSearch":
         """What a search for a place asks of the study at each."""
         from edtk.design.relaxation.relaxed_plan import RelaxedPlan
-        from edtk.study.place_tracker import CANDIDATES, PlaceSearch
+        from edtk.study.place_tracker import RANKED_POSES, PlaceSearch
         from edtk.study.plan_study import RunOptions
 
         options = RunOptions(seed=call.seed, workers=pool, progress=call.progress)
@@ -240,7 +240,7 @@ class OfStudy(Question):
 
         def relaxed(study: Study) -> RelaxedPlan:
             asked, criterion = asked_at(study)
-            few = min(asked.specification.candidates, CANDIDATES)
+            few = min(asked.specification.candidates, RANKED_POSES)
             shared = call.size if self._knows(asked, criterion) else None
             return self._relaxed(asked, criterion, candidates=few, size=shared, options=quiet)
 
@@ -511,7 +511,7 @@ class OfStudy(Question):
         alone: "ExactPlan",
     ) -> "ExactPlan":
         """The plan that gives up a part of its criterion for the second one; see `give_up`."""
-        from edtk.study.give_up import CANDIDATES, give_up
+        from edtk.study.give_up import WEIGHED_POSES, give_up
 
         if alone.ended == "interrupted":
             return alone
@@ -522,7 +522,7 @@ class OfStudy(Question):
             return designed.replace(criterion=exchange.compound(weight))
 
         def relaxed(study: Study, name: str | None) -> "RelaxedPlan":
-            few = min(study.specification.candidates, CANDIDATES)
+            few = min(study.specification.candidates, WEIGHED_POSES)
             quiet = replace(options, progress=no_progress)
             return self._relaxed(study, name, candidates=few, options=quiet)
 

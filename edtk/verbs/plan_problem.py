@@ -16,7 +16,7 @@ from edtk.design.errors import Errors
 from edtk.design.exact import plan_region as exact
 from edtk.design.exact.arranged.find_arranged import find_arranged
 from edtk.design.exact.counts.find_counts import find_counts
-from edtk.design.exact.counts.limits import ROUNDING, Limits
+from edtk.design.exact.counts.limits import ROUNDING_OF_FUNDS, Limits
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.plan_region import RegionPlan
 from edtk.design.information import PackedInformation, Rows
@@ -443,7 +443,7 @@ def _each_at_least(lacking: Indices) -> tuple[Any, ...]:
 def _require_affordable(lacking: Indices, budgets: Budgets) -> None:
     """Check that the experiments that every plan has are within the budgets."""
     for cost, own in zip(budgets.costs @ lacking, budgets.funds, strict=True):
-        if cost > own * (1 + ROUNDING):
+        if cost > own * (1 + ROUNDING_OF_FUNDS):
             message = f"the experiments that least asks for cost {cost:g}"
             raise ArgumentError(message, argument="cost_budget", given=f"{own:g}")
 
@@ -517,7 +517,7 @@ def _require_cheap(left: Indices | None, budgets: Budgets, new: int, fixed: int)
     """Check that each budget alone allows so many experiments beside fixed ones."""
     for prices, funds in zip(budgets.costs, budgets.funds, strict=True):
         least = _cheapest(left, prices, new - fixed)
-        if least > funds * (1 + ROUNDING):
+        if least > funds * (1 + ROUNDING_OF_FUNDS):
             message = f"{new - fixed} new experiments cost {least:g} or more"
             raise ArgumentError(message, argument="cost_budget", given=f"{funds:g}")
 
@@ -531,12 +531,12 @@ def _most_affordable(left: Indices | None, budgets: Budgets | None) -> int:
 def _affordable(left: Indices | None, prices: Array, funds: float) -> int:
     """The largest number of experiments that the funds allow."""
     order = np.argsort(prices, kind="stable")
-    allowed = np.floor(funds * (1 + ROUNDING) / prices)
+    allowed = np.floor(funds * (1 + ROUNDING_OF_FUNDS) / prices)
     if left is not None:
         allowed = np.minimum(allowed, left)
     number = 0
     for i in order:
-        bought = int(min(allowed[i], np.floor(funds * (1 + ROUNDING) / prices[i])))
+        bought = int(min(allowed[i], np.floor(funds * (1 + ROUNDING_OF_FUNDS) / prices[i])))
         number += bought
         funds -= bought * prices[i]
         if number > MOST_PLACES or bought < allowed[i]:

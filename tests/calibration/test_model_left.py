@@ -17,7 +17,7 @@ from edtk.fit.distributions import NormalMixture, error_quantiles, weighted_medi
 from edtk.fit.identify import identify
 from edtk.fit.measurements import Measurements
 from edtk.fit.missing import SIZES, MissingColumns, SizeLikelihood, prior_of_sizes
-from edtk.measure.friction import SPREAD, scatter
+from edtk.measure.friction import SPREAD_OF_SHARES, scatter
 from edtk.measure.missing_pieces import SPREAD_ACROSS, MissingPieces, PieceColumns, PossibleSprings
 
 SURE = {"load_percent": 0, "load_direction_deg": 0, "tool_mm": 0, "rigid_rad_per_Nm": {"q1": 1e-15}}
@@ -41,7 +41,7 @@ def day(number, sizes, poses=12, repeats=1):
     # Neither friction nor a compliance is negative: exponential, half-normal, of mean square one.
     across = np.abs(rng.standard_normal(len(kinds)))
     held = RNG((number, 6)).exponential(size=len(kinds)) / np.sqrt(2)
-    u = np.where(kinds == 1, held / scatter(SPREAD), across) * np.asarray(sizes)[kinds]
+    u = np.where(kinds == 1, held / scatter(SPREAD_OF_SHARES), across) * np.asarray(sizes)[kinds]
     task = replace(STUDY.task.model, unknown=model.unknown)
 
     def moves(of, q, wrench):

@@ -31,7 +31,7 @@ either = pytest.mark.parametrize("sampling", ["random", "sobol"])
 @pytest.fixture(autouse=True)
 def _many_small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Chunks small enough that a thousand candidates come from many of them."""
-    monkeypatch.setattr("edtk.design.candidate_source.CHUNK", 256)
+    monkeypatch.setattr("edtk.design.candidate_source.SAMPLES_AT_ONCE", 256)
 
 
 def cube(space, x):

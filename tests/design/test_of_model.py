@@ -383,7 +383,7 @@ def test_a_criterion_without_a_mean_is_refused():
 
 def test_a_slow_model_is_told(monkeypatch):
     """One line says how long a point takes."""
-    monkeypatch.setattr(user_model, "SLOW", 1.0)
+    monkeypatch.setattr(user_model, "SLOW_MODEL", 1.0)
 
     def slow(x, theta):
         time.sleep(0.002 * len(x))

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from edtk.fit.correlated_noise import MANY, row_numbers
+from edtk.fit.correlated_noise import MANY_ROWS, row_numbers
 
 
-@pytest.mark.parametrize("times", [1, MANY])
+@pytest.mark.parametrize("times", [1, MANY_ROWS])
 def test_equal_rows_have_the_number_of_the_first_of_them(times):
     """Few rows and many are numbered in order of appearance; the sign of zero does not matter."""
     columns = np.array([[0.0, 1.0], [2.0, 1.0], [-0.0, 1.0], [np.nan, 1.0], [2.0, 1.0]])

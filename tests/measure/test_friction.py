@@ -14,7 +14,7 @@ from edtk.certificate.certificate import certificate, setting_to_dict
 from edtk.certificate.recompute.setting import Setting
 from edtk.certificate.verify_certificate import verify_certificate
 from edtk.design.plan import Plan
-from edtk.measure.friction import GIVES, PLANNED, SPREAD, Friction, correlated, together
+from edtk.measure.friction import GIVES, PLANNED, SPREAD_OF_SHARES, Friction, correlated, together
 from edtk.study.plan_study import plan_study
 from edtk.study.study_objects import friction_of
 from edtk.verbs.evaluate import evaluate
@@ -90,7 +90,7 @@ def test_slopes_are_derivatives_of_the_rows(size):
         np.testing.assert_allclose(slopes[:, j], difference, rtol=1e-5, atol=1e-12)
 
 
-@pytest.mark.parametrize("spread", [SPREAD, PLANNED])
+@pytest.mark.parametrize("spread", [SPREAD_OF_SHARES, PLANNED])
 def test_shares_that_go_together(spread):
     """The root by which columns go together has the mean products of correlated shares."""
     root = together(np.eye(5), spread)

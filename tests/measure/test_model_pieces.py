@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import norm
 
 from edtk.measure.elastostatic_model import ElastostaticModel
-from edtk.measure.friction import SPREAD, correlated, scatter
+from edtk.measure.friction import SPREAD_OF_SHARES, correlated, scatter
 from edtk.measure.missing_pieces import SPREAD_ACROSS, MissingPieces, PieceColumns, PossibleSprings
 from edtk.robots.load_robot import load_robot
 
@@ -66,7 +66,7 @@ def test_friction_holds_a_load():
     motion = COLUMNS.turns / (K * torque)[:, None]
     for size in (0.02, 0.3, 2.0):
         # Shares whose mean square is one hold s if all are alike.
-        alike = np.full(6, 1 / scatter(SPREAD))
+        alike = np.full(6, 1 / scatter(SPREAD_OF_SHARES))
         left = COLUMNS.turns.sum(axis=-1) + size * COLUMNS.held(size) @ alike
         load = np.sign(torque) * np.maximum(np.abs(torque) - size * PIECES.load, 0)
         np.testing.assert_allclose(left, np.einsum("mrj,mj->mr", motion, K * load), atol=1e-15)
@@ -75,7 +75,7 @@ def test_friction_holds_a_load():
 
 def test_shares_are_about_alike_and_hardly_any_is_negative():
     """They have the mean products of shares that are: none pushes, no stiffness is negative."""
-    for kind, spread, most in ((0, SPREAD_ACROSS, 0.16), (1, SPREAD, 0.03)):
+    for kind, spread, most in ((0, SPREAD_ACROSS, 0.16), (1, SPREAD_OF_SHARES, 0.03)):
         mean = COLUMNS.mean[COLUMNS.kinds == kind]
         products = scatter(spread) ** 2 * (np.eye(len(mean)) + np.outer(mean, mean))
         np.testing.assert_allclose(products, correlated(len(mean), spread), rtol=1e-12)

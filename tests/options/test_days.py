@@ -261,7 +261,7 @@ def answers_of_others(workers: Workers, pieces: Sequence[Callable[[], object]]) 
 def test_plans_of_geometry_do_not_depend_on_workers(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plans that are improved side by side come out as together."""
     one = plan_geometry(STUDY, 8)
-    monkeypatch.setattr(visit_search, "LONG", 0.0)
+    monkeypatch.setattr(visit_search, "LONG_RELAXATION", 0.0)
     monkeypatch.setattr(Workers, "_run_in_parallel", answers_of_others)
     two = plan_geometry(STUDY, 8, options=RunOptions(workers=Workers(2)))
     assert two.plan.to_dict() == one.plan.to_dict()

@@ -39,7 +39,7 @@ KINDS = [pytest.param(kind, id=kind) for kind in STUDIES]
 @pytest.fixture(autouse=True)
 def _short(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Searches of one round from few places: what is said of places holds for them too."""
-    for name, few in {"DRAWN": 1, "DESCENTS": 1, "ROUNDS": 2, "TRIES": 12}.items():
+    for name, few in {"DRAWN": 1, "DESCENTS": 1, "ROUNDS": 2, "PLACES_TRIED": 12}.items():
         monkeypatch.setattr(place_tracker, name, few)
     with short_search():
         yield

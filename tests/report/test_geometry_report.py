@@ -98,10 +98,10 @@ def test_files_are_written_again(tmp_path: Path) -> None:
 
 def test_many_points_are_thinned() -> None:
     """Of many points the largest are drawn, and some evenly."""
-    from edtk.report.draw.posterior import MOST, thinned
+    from edtk.report.draw.posterior import DRAWN_POINTS, thinned
 
-    sizes = np.arange(10 * MOST)[::-1].astype(float)
+    sizes = np.arange(10 * DRAWN_POINTS)[::-1].astype(float)
     some = thinned(sizes)
-    assert set(range(MOST)) <= set(some.tolist())
-    assert 2 * MOST - 60 < len(some) <= 2 * MOST
-    assert len(thinned(sizes[: 2 * MOST])) == 2 * MOST
+    assert set(range(DRAWN_POINTS)) <= set(some.tolist())
+    assert 2 * DRAWN_POINTS - 60 < len(some) <= 2 * DRAWN_POINTS
+    assert len(thinned(sizes[: 2 * DRAWN_POINTS])) == 2 * DRAWN_POINTS

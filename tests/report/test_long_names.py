@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from edtk.calibration.planned import plan_bias
 from edtk.design.plan import Plan
 from edtk.report.draw.bars import heat_map
-from edtk.report.draw.names import MOST, short_names
+from edtk.report.draw.names import MOST_SIGNS, short_names
 from edtk.report.tables import name_width, number_columns
 from edtk.verbs.evaluate import evaluate
 from tests.support.arm import ROBOT, arm
@@ -59,7 +59,7 @@ def test_short_names(names, expected):
     assert len(set(found)) == len(names)
     if expected is not None:
         assert found == expected
-        assert all(len(name) <= MOST for name in found)
+        assert all(len(name) <= MOST_SIGNS for name in found)
 
 
 def test_names_of_a_heat_map():

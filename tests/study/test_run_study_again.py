@@ -19,7 +19,7 @@ from edtk.study.checkpoint import Checkpoint, checkpoint_of
 from edtk.study.plan_study import RunOptions
 from edtk.study.run_study import NOT_BEGUN, run_study
 from edtk.study.study import load_study
-from edtk.study.study_run import TOLERANCE, run_files
+from edtk.study.study_run import TABLE_TOLERANCE, run_files
 from edtk.system import time_limit
 from edtk.system.errors import UserError
 from edtk.verbs.of_kinds import of_study
@@ -96,7 +96,7 @@ def test_a_run_within_a_budget_goes_on(kind, tmp_path, monkeypatch):
         kept.append(len(list(out.glob("cases/*"))))
         assert found.best.experiments == max(study.specification.sizes)
         for name in found.relaxations:
-            assert found.table[f"efficiency_{name}"].max() <= 1 + TOLERANCE
+            assert found.table[f"efficiency_{name}"].max() <= 1 + TABLE_TOLERANCE
         is_short = (found.table["reason"] == NOT_BEGUN).any()
         assert found.ended == ("budget" if found.cut else "finished")
         assert found.cut or not is_short

@@ -10,7 +10,7 @@ from edtk.certificate.recompute.plain_data import number, numbers, rows, table, 
 from edtk.system.typing import Array
 
 KEYS = ("pull", "joint", "anchors", "stiffness", "preload")
-MOST = 64
+MOST_COMPENSATORS = 64
 WHERE = "setting.gives"
 
 
@@ -130,7 +130,7 @@ class Gives:
             ValueError: A part is missing, or is not what it should be.
         """
         content = table(content, ("pulls", "compliances"), WHERE)
-        given = rows(content["pulls"], MOST, f"{WHERE}.pulls")
+        given = rows(content["pulls"], MOST_COMPENSATORS, f"{WHERE}.pulls")
         pulls = [
             Pull.from_dict(one, len(chain.axes), f"{WHERE}.pulls[{i}]")
             for i, one in enumerate(given)

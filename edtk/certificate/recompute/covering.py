@@ -19,7 +19,7 @@ from edtk.certificate.recompute.plain_data import number, numbers, rows, table, 
 from edtk.certificate.recompute.pose_polynomials import (
     COUPLED,
     OF_LINKS,
-    SAME,
+    SAME_END,
     TURN,
     Domain,
     Form,
@@ -32,8 +32,8 @@ from edtk.certificate.recompute.setting import Setting
 from edtk.system.typing import Array, Indices, Mask
 
 Letters = np.ndarray[tuple[int, ...], np.dtype[np.str_]]
-MOST_NODES = 4_000_000  # boxes of a covering
-MOST_PARTS = 64  # of the interval of a joint
+MOST_BOXES = 4_000_000  # boxes of a covering
+MOST_INTERVALS = 64  # of the interval of a joint
 WIDEST = 3.0  # first boxes, below half a turn [rad]
 DEEPEST = 52  # halvings along one joint, as the prover
 MOST_MOTIONS = 12
@@ -131,7 +131,7 @@ class Covering:
             depth, place = different.T
             width = (self.high[j] - self.low[j]) / self.parts[j] / np.exp2(depth)
             middle = self.low[j] + width * (place + 0.5)
-            beyond = 2 * SAME + 16 * U * (abs(self.low[j]) + abs(self.high[j]) + 1)
+            beyond = 2 * SAME_END + 16 * U * (abs(self.low[j]) + abs(self.high[j]) + 1)
             ends.append(np.stack([middle, width / 2 + beyond], axis=1))
             which.append(index.ravel())
         return ends, which
@@ -233,7 +233,7 @@ def _require_limits(
     for link in links:
         limits = link.range(limits)
     least, most = limits
-    turns = ~slides & (ends[1] - ends[0] >= TURN - SAME)
+    turns = ~slides & (ends[1] - ends[0] >= TURN - SAME_END)
     if not (turns | ((ends[0] <= least) & (ends[1] >= most))).all():
         raise ValueError(f"{where}: the boxes do not cover the limits of the joints")
 
@@ -262,7 +262,7 @@ def _parts(given: Any, widths: Array, slides: Mask, where: str) -> Indices:
     Raises:
         ValueError: One is missing, or its boxes are too wide.
     """
-    parts = np.array([whole(n, 1, MOST_PARTS, where) for n in rows(given, len(widths), where)])
+    parts = np.array([whole(n, 1, MOST_INTERVALS, where) for n in rows(given, len(widths), where)])
     if len(parts) < len(widths) or (~slides & (widths / parts > WIDEST)).any():
         raise ValueError(f"{where}: expected parts of each joint, of {WIDEST:g} rad at most")
     return parts
@@ -274,7 +274,7 @@ def _factors(given: Any, reasons: Letters, slacks: int, where: str) -> Array:
     Raises:
         ValueError: They are not those of the combined leaves.
     """
-    listed = numbers(rows(given, MOST_NODES, where), (None, slacks), where)
+    listed = numbers(rows(given, MOST_BOXES, where), (None, slacks), where)
     combined = reasons == COMBINED
     if len(listed) != combined.sum() or not (listed >= 0).all():
         raise ValueError(f"{where}: expected factors from zero for each combined leaf")
@@ -289,8 +289,8 @@ def leaves_of(text: Any, parts: Indices, where: str) -> tuple[Indices, Indices, 
     Raises:
         ValueError: The text ends before each box is closed, or goes on after that.
     """
-    if not isinstance(text, str) or len(text) > MOST_NODES or not text.isascii():
-        raise ValueError(f"{where}.tree: expected a text of at most {MOST_NODES} letters")
+    if not isinstance(text, str) or len(text) > MOST_BOXES or not text.isascii():
+        raise ValueError(f"{where}.tree: expected a text of at most {MOST_BOXES} letters")
     v = len(parts)
     first = np.indices(tuple(parts)).reshape(v, -1).T
     stack = [((0,) * v, tuple(place)) for place in first[::-1].tolist()]

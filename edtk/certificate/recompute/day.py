@@ -14,7 +14,7 @@ KEYS = ("visit", "loaded_visit", "load_change", "load_changes", "budget", "visit
 MOST_LOADS = 6  # of which all sets are checked, none counted as one
 MOST_VISITS = 1_000_000
 MOST_CHANGES = 1_000_000
-ROUNDING = 1e-9  # relative: a budget may be exceeded by the rounding of a sum
+ROUNDING_OF_FUNDS = 1e-9  # relative: a budget may be exceeded by the rounding of a sum
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ class Day:
             for loads in combinations(range(len(wrenches)), count):
                 funds = self.budget - self.change * self._changes_of(wrenches[list(loads)])
                 least = prices[list(loads)].min() * (self.visits or 1)
-                if funds * (1 + ROUNDING) >= least:
+                if funds * (1 + ROUNDING_OF_FUNDS) >= least:
                     yield loads, funds
 
     def amount(self, prices: Array, funds: float) -> tuple[float, bool]:
@@ -101,7 +101,7 @@ class Day:
         if self.visits is not None:
             return float(self.visits), False
         if (prices == prices[0]).all():
-            return float(np.floor(funds * (1 + ROUNDING) / prices[0])), False
+            return float(np.floor(funds * (1 + ROUNDING_OF_FUNDS) / prices[0])), False
         return funds, True
 
     def _changes_of(self, wrench: Array) -> int:

@@ -33,7 +33,7 @@ from edtk.system.typing import Array, Indices, Mask
 TREE = ("T", "order", "multipliers", "multiplier", "parent", "group", "first", "stop", "count")
 MOST_NODES = 2_000_000
 MOST_SIZE = 5000  # experiments of a plan
-AT_ONCE = 400_000  # candidates of nodes that are looked at together
+CANDIDATES_AT_ONCE = 400_000  # candidates of nodes that are looked at together
 PER_VISIT = 0.15  # of a candidate of a node [us]
 WHOLE = 2**53
 SPENT = 2e-12  # part of the funds by which the rounding of a sum of costs may exceed them
@@ -170,7 +170,7 @@ class _Batch:
     def parts(self) -> list["_Batch"]:
         """The same in batches of fewer candidates."""
         sizes = np.bincount(self.node, minlength=len(self.nodes))
-        number = np.cumsum(sizes) // AT_ONCE
+        number = np.cumsum(sizes) // CANDIDATES_AT_ONCE
         every = np.ones(len(self.node), dtype=bool)
         return [self.some(number == i, every) for i in np.unique(number)]
 
@@ -348,7 +348,9 @@ class Replay:
         z = made.z.copy()
         other = number_of != multiplier[self.tree.columns[1][made.nodes]]
         those = np.flatnonzero(other[made.node])
-        for some in np.array_split(those, -(-len(those) // AT_ONCE)) if len(those) else ():
+        for some in (
+            np.array_split(those, -(-len(those) // CANDIDATES_AT_ONCE)) if len(those) else ()
+        ):
             Z = self.Z[number_of[made.node[some]]]
             z[some] = np.einsum("ij,ij->i", self.F[made.position[some]], Z)
         made = _Batch(

@@ -37,7 +37,7 @@ UNIT = 1e-3  # of a shift [m] and of a turn [rad]
 FORCE = 1e3  # of a preload [N] and of a stiffness [N/m]
 ANCHORS = 6  # coordinates of a compensator's anchors, its first numbers
 NUMBERS = 8
-STEP = 1e-2  # of differences by these numbers, in their units
+ANCHOR_STEP = 1e-2  # of differences by these numbers, in their units
 ALONG = 1 - 1e-9  # cosine of what is along a joint's axis
 
 
@@ -279,12 +279,14 @@ class Geometry:
         if not self.brought:
             rest[:, spring.of] += gives * torque
         loads = [
-            pull.changed(one.component, steps * STEP * _unit(one)).on(chain, rest)[0][:, spring.of]
+            pull.changed(one.component, steps * ANCHOR_STEP * _unit(one)).on(chain, rest)[0][
+                :, spring.of
+            ]
             for steps in (1, -1, 2, -2)
         ]
         slope = 8 * (loads[0] - loads[1]) - (loads[2] - loads[3])
         k = self.gives.compliances[spring.of]
-        return np.asarray(k * slope / (12 * STEP * _unit(one)))
+        return np.asarray(k * slope / (12 * ANCHOR_STEP * _unit(one)))
 
 
 def _own_joint(one: Parameter, end: int | None, chain: Chain) -> int | None:

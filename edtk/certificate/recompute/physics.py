@@ -18,7 +18,8 @@ MOST_WEIGHTS = 64
 PLACE = ("offset", "joint")
 KEYS = ("tracker", "repeatability", "discrepancy", "within", "readings")
 SPRINGS = ("k", "turn", "anywhere")
-SAME = 1e-9  # [rad]: poses nearer than this are one pose, and distances are compared as exactly
+# [rad]: poses nearer than this are one pose, and distances are compared as exactly.
+SAME_POSE = 1e-9
 COORDINATES = 3  # of a marker that the tracker sees
 HELD = 0.1  # of a usual load: friction holds far less than that in proportion
 
@@ -359,7 +360,7 @@ class Noise:
         if self.springs is None and not self.discrepancy.any():
             return np.ones(len(q))
         turning = q[:, ~chain.prismatic]
-        near = max(self.within * (1 - SAME), SAME)
+        near = max(self.within * (1 - SAME_POSE), SAME_POSE)
         found = []
         loaded = (wrench != 0).any(axis=1).tolist()
         for pose, own in zip(turning, loaded, strict=True):

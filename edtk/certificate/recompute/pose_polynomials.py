@@ -22,16 +22,16 @@ from edtk.system.typing import Array, Indices, Mask
 U = EPS / 2  # of one operation
 DEGREE = 4  # of a sensitivity in what each vector of the chain is of degree one in
 TURN = 2 * np.pi
-MOST_JOINTS = 6
-MOST_POSES = 9**MOST_JOINTS  # of a grid, which fit in memory
-SAME = 1e-12  # of ends of intervals [rad]; boxes overlap by more
+MOST_FREE_JOINTS = 6
+MOST_POSES = 9**MOST_FREE_JOINTS  # of a grid, which fit in memory
+SAME_END = 1e-12  # of ends of intervals [rad]; boxes overlap by more
 # Roundings of kinematics for each joint of the chain, from above, without those of its angle, and
 # those of an angle that turns by itself; see `_rounding`.
 OF_JOINT = 96.0
 OF_ANGLE = 13.0
 COUPLED = "ABCEFG"  # letters of the limits of coupled joints
 OF_LINKS = "KLMNP"  # and of the limits of joints whose angles are no variables, see `Link`
-NEGLIGIBLE = 1e-13  # sum of coefficients beside all of them, that is dropped and counted as error
+DROPPED = 1e-13  # sum of coefficients beside all of them, that is dropped and counted as error
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,9 +105,9 @@ def _covers(interval: tuple[float, float], parts: list[tuple[float, float]]) -> 
     shifted = sorted((a + turn, b + turn) for a, b in parts for turn in turns if a <= b)
     reached = low
     for a, b in shifted:
-        if a <= reached + SAME:
+        if a <= reached + SAME_END:
             reached = max(reached, b)
-    return bool(reached >= high - SAME)
+    return bool(reached >= high - SAME_END)
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,7 +211,7 @@ class Form:
         """
         kept = self.values
         dropped = 0.0
-        least = NEGLIGIBLE * self.size
+        least = DROPPED * self.size
         for j in range(kept.ndim):
             others = tuple(i for i in range(kept.ndim) if i != j)
             sums = np.abs(kept).sum(axis=others)
@@ -282,8 +282,8 @@ class Domain:
         """
         if not setting.free:
             raise ValueError("no joint is designed")
-        if len(setting.free) > MOST_JOINTS:
-            raise ValueError(f"a covering of more than {MOST_JOINTS} joints is not checked")
+        if len(setting.free) > MOST_FREE_JOINTS:
+            raise ValueError(f"a covering of more than {MOST_FREE_JOINTS} joints is not checked")
         low, high = setting.limits[:, setting.free]
         slides = setting.chain.prismatic[setting.free]
         high = np.where(slides, high, np.minimum(high, low + TURN))
@@ -468,7 +468,7 @@ def require_checkable(setting: Setting) -> None:
         (setting.price is not None, "costs"),
         (setting.sight is not None, "markers that are hidden in some poses"),
         (wires, "distances"),
-        (len(setting.free) > MOST_JOINTS, f"more than {MOST_JOINTS} joints"),
+        (len(setting.free) > MOST_FREE_JOINTS, f"more than {MOST_FREE_JOINTS} joints"),
         (
             setting.load.listed is None and setting.load.direction is None,
             "forces in all directions",

@@ -14,13 +14,13 @@ from edtk.system.typing import Array
 
 KEYS = ("low", "high", "sizes", "rows", "errors", "slacks", "multiplier", "limit", "tree")
 MOST_VARIABLES = 8
-MOST_SIZE = 4096  # coefficients of a row
+MOST_COEFFICIENTS = 4096  # coefficients of a row
 MOST_SLACKS = 100
 MOST_POWERS = 101  # of one variable: the prover's polynomials have degrees up to 100
 OF_VARIABLE = 200.0  # roundings beside those that grow with the powers of a variable, from above
 AT_ONCE = 1 << 20  # coefficients
 PER_COEFFICIENT = 0.05  # time to check one of a box, along one variable [us]
-PER_CUBE = 3e-4  # of a matrix to Bernstein's basis, by the cube of its order [us]
+PER_CUBE_OF_BASIS = 3e-4  # of a matrix to Bernstein's basis, by the cube of its order [us]
 ALIKE = 1e-9  # relative difference of a candidate's row from the polynomial, that is rounding
 
 
@@ -128,7 +128,9 @@ class Region:
         off = np.array([wrong + _rounding(c) for c, wrong in forms])
         mu = np.concatenate([np.ones((len(depth), 1)), factors], axis=1)
         left = 0
-        each = PER_COEFFICIENT * tensor[0].size * (d + 1) + PER_CUBE * sum(n**3 for n in top)
+        each = PER_COEFFICIENT * tensor[0].size * (d + 1) + PER_CUBE_OF_BASIS * sum(
+            n**3 for n in top
+        )
         require(each * len(depth), "the boxes of the region")
         step = max(1, AT_ONCE // max(tensor[0].size, max(top) ** 2))
         for start in range(0, len(depth), step):
@@ -194,6 +196,8 @@ def _padded(c: Array, shape: tuple[int, ...]) -> Array:
 def _sizes(given: Any, d: int, where: str) -> tuple[int, ...]:
     """Numbers of powers of each variable."""
     found = tuple(whole(n, 1, MOST_POWERS, where) for n in rows(given, d, where))
-    if len(found) != d or np.prod(found) > MOST_SIZE:
-        raise ValueError(f"{where}: expected {d} numbers, and a product of at most {MOST_SIZE}")
+    if len(found) != d or np.prod(found) > MOST_COEFFICIENTS:
+        raise ValueError(
+            f"{where}: expected {d} numbers, and a product of at most {MOST_COEFFICIENTS}"
+        )
     return found

@@ -15,7 +15,7 @@ MOST_EYES = 100
 EYE_KEYS = ("position", "axes")
 ENDS = ("nearest", "farthest", "cone")
 PAIRS = ("azimuth", "elevation")
-UNIT = 1e-9  # deviation of axes from unit vectors that is rounding
+UNIT_LENGTH = 1e-9  # deviation of axes from unit vectors that is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class Eye:
         """
         content = table(content, EYE_KEYS, where, (*ENDS, *PAIRS))
         axes = numbers(content["axes"], (3, 3), f"{where}.axes")
-        if np.abs(axes @ axes.T - np.eye(3)).max() > UNIT:
+        if np.abs(axes @ axes.T - np.eye(3)).max() > UNIT_LENGTH:
             raise ValueError(f"{where}.axes: expected unit vectors at right angles")
         pairs = {
             key: numbers(content[key], (2,), f"{where}.{key}") for key in PAIRS if key in content
@@ -104,7 +104,7 @@ class Marker:
         if "normal" in content:
             normal = numbers(content["normal"], (3,), f"{where}.normal")
             acceptance = number(content["acceptance"], f"{where}.acceptance")
-            if abs(np.linalg.norm(normal) - 1) > UNIT:
+            if abs(np.linalg.norm(normal) - 1) > UNIT_LENGTH:
                 raise ValueError(f"{where}.normal: expected a unit vector")
         return cls(Place.from_dict(content, n, where), normal, acceptance)
 

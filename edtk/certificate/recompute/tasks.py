@@ -21,11 +21,11 @@ from edtk.certificate.recompute.plain_data import in_range, number, numbers, row
 from edtk.system.typing import Array
 
 LEVELS = 127  # of each joint; a prime
-STEP = 45  # from one joint's order of the levels to the next joint's
+LEVEL_STEP = 45  # from one joint's order of the levels to the next joint's
 DEPENDENT = 1e-10  # least singular value of independent combinations of length one
 WHERE = "setting.test_pose"
 MOST_TASKS = 10_000
-MOST_NUMBERS = 3e7  # of all tasks' rows and of what they are computed from
+MOST_TASK_NUMBERS = 3e7  # of all tasks' rows and of what they are computed from
 NEAR_POSES = 255  # of a neighbourhood
 OVERHEAD = 20  # poses that take as long as what a task takes besides
 LONGEST_LEVER = 1e3  # of rotations that count as displacements [m]
@@ -55,7 +55,7 @@ def neighbourhood(chain: Chain, q: Array, within: float) -> Array:
     for i in range(LEVELS):
         levels = [i]
         while len(levels) < len(q):
-            levels.append(levels[-1] * STEP % LEVELS)
+            levels.append(levels[-1] * LEVEL_STEP % LEVELS)
         share = (np.array(levels) + 0.5) / LEVELS
         poses.append(lower * (1 - share) + upper * share)
         poses.append(lower * share + upper * (1 - share))
@@ -252,7 +252,7 @@ def _require_few(content: Any, joints: int, p: int, instruments: int = 1) -> Non
     tasks = content if isinstance(content, list) else [content]
     near = any(isinstance(task, dict) and task.get("within") for task in tasks)
     each = (NEAR_POSES if near else OVERHEAD) * instruments * 6 * (joints + p)
-    if len(tasks) * each > MOST_NUMBERS:
+    if len(tasks) * each > MOST_TASK_NUMBERS:
         raise ValueError(f"{WHERE}: {len(tasks)} tasks have more rows than are computed here")
 
 

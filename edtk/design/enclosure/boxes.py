@@ -10,8 +10,8 @@ from edtk.design.enclosure import basis
 from edtk.design.enclosure.polynomial import ROUNDOFF, Axis, Enclosed, Polynomial
 from edtk.system.typing import Array, Indices, Mask
 
-CHUNK = 128  # boxes at a time: their tensors stay in the cache
-LARGE = 32_000  # numbers of a tensor of which as many do
+TENSORS_AT_ONCE = 128  # boxes at a time: their tensors stay in the cache
+LARGE_TENSOR = 32_000  # numbers of a tensor of which as many do
 DEEPEST = 52  # halvings along an axis, which leave a box of the size of rounding
 WIDER = 2.0**-40  # part by which first boxes overlap, far above the rounding of their middles
 
@@ -216,8 +216,8 @@ def limits_on(polynomial: Polynomial, grid: Grid) -> tuple[float, float]:
 
 
 def at_once(polynomial: Polynomial) -> int:
-    """How many boxes to treat at a time: `CHUNK`, and fewer of tensors that fill the cache."""
-    return max(1, CHUNK * LARGE // max(LARGE, polynomial.coefficients.size))
+    """Boxes to treat together: `TENSORS_AT_ONCE`, and fewer of tensors that fill the cache."""
+    return max(1, TENSORS_AT_ONCE * LARGE_TENSOR // max(LARGE_TENSOR, polynomial.coefficients.size))
 
 
 def rounding_of_halves(polynomial: Polynomial, unit: float = ROUNDOFF) -> float:

@@ -61,12 +61,12 @@ PART_OF_GAP = 0.25
 # the gap closes them: a quarter of it, which takes four times as many boxes for each two joints.
 FINE = 0.75
 FRESH = 4  # roundings, or least errors, up to which making a tensor anew gains little
-SMALL = 1e-3  # part of the largest denominator
-STEP = 2  # places of a tensor that are left out where an axis is chosen
+SMALL_DENOMINATOR = 1e-3  # part of the largest denominator
+STRIDE = 2  # places of a tensor that are left out where an axis is chosen
 # A search for a large value that begins nowhere: places that are drawn, and rounds around the best.
-DRAWN = 4096
-ROUNDS = 30
-AROUND = 64
+DRAWN_PLACES = 4096
+SEARCH_ROUNDS = 30
+PLACES_AROUND = 64
 
 
 Progress = Callable[[float, float], object]
@@ -294,7 +294,7 @@ def _largest_second_difference(values: Array) -> tuple[Indices, Array]:
             if values.shape[j] == 2:
                 found[j - 1] = 0.0
             continue
-        every: list[slice] = [slice(None)] + [slice(None, None, STEP)] * (values.ndim - 1)
+        every: list[slice] = [slice(None)] + [slice(None, None, STRIDE)] * (values.ndim - 1)
         every[j] = slice(None)
         some = np.moveaxis(values[tuple(every)], j, 1)
         second = some[:, :-2] - 2 * some[:, 1:-1] + some[:, 2:]
@@ -518,12 +518,12 @@ class _Search:
         low, high = self.grid.limits
         width = high - low
         if not np.isfinite(self.lower):
-            self.see(low + width * rng.random((DRAWN, len(width))))
+            self.see(low + width * rng.random((DRAWN_PLACES, len(width))))
         if not np.isfinite(self.lower):
             return
         radius = 0.1
-        for _ in range(ROUNDS):
-            around = radius * width * rng.normal(size=(AROUND, len(width)))
+        for _ in range(SEARCH_ROUNDS):
+            around = radius * width * rng.normal(size=(PLACES_AROUND, len(width)))
             if not self.see(self.place + around):
                 radius /= 2
 
@@ -587,7 +587,7 @@ class _Search:
         stack: list[Leaves | _Chunk] = [leaves[is_open]]
         done = _volume(closed[0].boxes)
         # Where D is small, coefficients and their rounding are.
-        gap = above * self.unit * max(stage.least, SMALL * stage.most)
+        gap = above * self.unit * max(stage.least, SMALL_DENOMINATOR * stage.most)
         try:
             while stack:
                 if out_of_time() or self.lower > self.most:

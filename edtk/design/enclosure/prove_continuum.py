@@ -38,12 +38,12 @@ from edtk.system.typing import Array
 SEARCHED = 0.2
 COVERED = 0.95
 UNTIL_COVERED = 0.5  # of the time that is left: the search before boxes
-TURNS = 8  # designs that are made anew, at most
+MOST_DESIGNS = 8  # designs that are made anew, at most
 BISECTIONS = 30
 # A pose is new to a design where it is more sensitive than all known ones by this part of the gap.
 NEW = 0.1
 SPECTRAL = 1e-9  # of an eigenvalue, far above its rounding
-SAME = 1e-6  # relative difference of a sensitivity and a polynomial that stands for it
+SAME_SENSITIVITY = 1e-6  # relative difference of a sensitivity and a polynomial that stands for it
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -144,11 +144,11 @@ def _prove_poses(
     best: ProvedPlan | None = None
     known: Array | None = None
     is_last = False
-    for turn in range(TURNS):
+    for turn in range(MOST_DESIGNS):
         with time_limit(UNTIL_COVERED * time_left()):
             plan = relax_poses(source, n, relaxable, True, sharp, known)
         earlier = () if best is None else best.coverings
-        is_last = is_last or turn == TURNS - 1
+        is_last = is_last or turn == MOST_DESIGNS - 1
         attempt = _Attempt(plan, polynomials, accuracy, is_last, options.progress)
         try:
             found = attempt.proved(earlier)
@@ -349,7 +349,7 @@ class _Attempt:
         places = self._places(question, self.x)
         values = np.max([f(places) for f in question.objectives], axis=0)
         # Where a polynomial is above a sensitivity, no pose tells that the design is to be another.
-        is_exact = values.max() <= self.t[j] + SAME * self.units[j]
+        is_exact = values.max() <= self.t[j] + SAME_SENSITIVITY * self.units[j]
         new = self.t[j] + (tolerance + NEW * self.accuracy) * self.units[j]
         return cover(
             question,

@@ -27,10 +27,10 @@ from edtk.system.typing import Array
 OF_SEARCH = 0.6
 OF_REST = 0.9
 LEAST_REST = 0.1
-TRIALS = 12  # tolerances that are tried
+TRIED_TOLERANCES = 12  # tolerances that are tried
 HIGHER = 1e-12  # part by which a place is larger than what ascents have found, beyond rounding
-FEW = 60  # variables of a design up to which all are moved together in a second
-LOSS = 0.1  # part of the gap that a design of fewer points may cost
+FEW_VARIABLES = 60  # variables of a design up to which all are moved together in a second
+LOSS_OF_GAP = 0.1  # part of the gap that a design of fewer points may cost
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,7 +224,7 @@ class _Prover:
         """Relative excess of the largest sensitivities (r,) that leaves a gap of the bound."""
         criterion = self.judged.criterion
         tolerance = gap / (criterion.degree or 1.0)
-        for _ in range(TRIALS):
+        for _ in range(TRIED_TOLERANCES):
             values = proof.largest.values + tolerance * np.abs(largest)
             if criterion.lower_bound(proof.multipliers, values, proof.M) >= proof.cost * (1 - gap):
                 break
@@ -236,11 +236,11 @@ class _Prover:
 
         Relaxations spread a weight over neighbours. Where they are few, they move together.
         """
-        fewer = active.merged(LOSS * self.eps, LOSS * self.eps)
+        fewer = active.merged(LOSS_OF_GAP * self.eps, LOSS_OF_GAP * self.eps)
         x, weights, cost = fewer.support.x, fewer.weights, fewer.relaxation.cost
-        if x.size + len(x) <= FEW:
+        if x.size + len(x) <= FEW_VARIABLES:
             x, weights, cost = polish(self.judged.region, self.judged.criterion, x, weights)
-        if len(x) < len(search.points) and cost <= search.cost * (1 + LOSS * self.eps):
+        if len(x) < len(search.points) and cost <= search.cost * (1 + LOSS_OF_GAP * self.eps):
             search.points, search.weights, search.cost = x, weights, cost
 
     def proved(self, found: RelaxedRegion) -> ProvedRegion:

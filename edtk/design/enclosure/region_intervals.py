@@ -13,10 +13,11 @@ from edtk.system.errors import ArgumentError
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array
 
-CHUNK = 1024  # boxes at a time
-MOST = 2_000_000  # boxes of a covering; what is open then counts with its bound
-INSIDE = 1e-9  # relative: by so much more a value may be outside its enclosure, which is rounding
-TRIALS = 64  # boxes in which a point is tried
+BOXES_AT_ONCE = 1024  # boxes at a time
+MOST_BOXES = 2_000_000  # boxes of a covering; what is open then counts with its bound
+# Relative: by so much more a value may be outside its enclosure, which is rounding.
+OUTSIDE_BY = 1e-9
+TRIED_BOXES = 64  # boxes in which a point is tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +67,8 @@ class RegionIntervals:
         found = cls(region)
         low, high = region.limits
         rng = np.random.default_rng(0)
-        ends = np.sort(low + (high - low) * rng.random((2, TRIALS, len(low))), axis=0)
-        x = ends[0] + (ends[1] - ends[0]) * rng.random((TRIALS, len(low)))
+        ends = np.sort(low + (high - low) * rng.random((2, TRIED_BOXES, len(low))), axis=0)
+        x = ends[0] + (ends[1] - ends[0]) * rng.random((TRIED_BOXES, len(low)))
         name = "rows" if region.enclosure is None else "enclosure"
         _require_inside(region, found.rows(ends[0], ends[1])[0], region.rows_at(x), x, name)
         slack = found.slacks(ends[0], ends[1])
@@ -185,11 +186,13 @@ class _Boxes:
         since = perf_counter()
         limits = self.of.region.limits
         pending = [(limits[:1], limits[1:], np.array([np.inf]))]
-        while pending and self.looked < MOST and not (self.looked and out_of_time()):
+        while pending and self.looked < MOST_BOXES and not (self.looked and out_of_time()):
             low, high, bound = pending.pop()
-            if len(low) > CHUNK:
-                pending.append((low[CHUNK:], high[CHUNK:], bound[CHUNK:]))
-            pending.append(self._halved(low[:CHUNK], high[:CHUNK], bound[:CHUNK]))
+            if len(low) > BOXES_AT_ONCE:
+                pending.append((low[BOXES_AT_ONCE:], high[BOXES_AT_ONCE:], bound[BOXES_AT_ONCE:]))
+            pending.append(
+                self._halved(low[:BOXES_AT_ONCE], high[:BOXES_AT_ONCE], bound[:BOXES_AT_ONCE])
+            )
             if not len(pending[-1][0]):
                 pending.pop()
         parts = zip(*self.closed, *pending, strict=True)
@@ -281,7 +284,7 @@ def _require_inside(region: Region, ends: Range, values: Array, x: Array, name: 
         ArgumentError: A value is outside; its point is named.
     """
     values = np.moveaxis(values, 0, -1)
-    room = INSIDE * np.maximum(np.abs(values), np.abs(values).max(initial=0.0) * INSIDE)
+    room = OUTSIDE_BY * np.maximum(np.abs(values), np.abs(values).max(initial=0.0) * OUTSIDE_BY)
     outside = (values < ends.low - room) | (values > ends.high + room)
     wrong = np.flatnonzero(outside.reshape(-1, len(x)).any(axis=0))
     if len(wrong):

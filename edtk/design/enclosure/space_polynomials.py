@@ -33,9 +33,9 @@ from edtk.robots.loads.listed_load import ListedLoad
 from edtk.system.typing import Array, Indices
 
 MOST_TURNS = 12  # of a joint for one of its drive's variable; ratios of whole numbers up to this
-WHOLE = 1e-12  # a ratio counts as whole up to this, as text with twelve digits has it
+WHOLE_RATIO = 1e-12  # a ratio counts as whole up to this, as text with twelve digits has it
 LEAST = 1e-300  # information; less is none
-MOST = 6_000_000  # coefficients of one polynomial; 48 MB
+MOST_COEFFICIENTS = 6_000_000  # coefficients of one polynomial; 48 MB
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +121,7 @@ def _gear(space: DesignSpace, j: int) -> tuple[float, int]:
         raise NotEnclosedError(f"{name} turns, and a joint slides with it: no polynomial")
     for step in range(1, MOST_TURNS + 1):
         turns = step * turning
-        if np.abs(turns - np.round(turns)).max() <= WHOLE * step:
+        if np.abs(turns - np.round(turns)).max() <= WHOLE_RATIO * step:
             return float(step), int(np.abs(np.round(turns)).sum())
     raise NotEnclosedError(
         f"{name} turns a joint by the ratio {turning[turning != 1][0]:g}; expected one of whole "
@@ -137,10 +137,10 @@ def require_few(axes: Sequence[Axis], degrees: Iterable[int]) -> None:
     """
     wanted = list(degrees)
     count = np.prod([float(a.size(n)) for a, n in zip(axes, wanted, strict=False)])
-    if count > MOST:
+    if count > MOST_COEFFICIENTS:
         raise NotEnclosedError(
             f"a polynomial of the degrees {', '.join(map(str, wanted))} has {count:.2g} "
-            f"coefficients; expected at most {MOST:.2g}"
+            f"coefficients; expected at most {MOST_COEFFICIENTS:.2g}"
         )
 
 

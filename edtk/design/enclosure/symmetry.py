@@ -27,7 +27,7 @@ PARALLEL = 1e-9  # of a cosine: any other axes only make degrees higher
 # Roundings of a move, in parts of all coefficients: of sums of two on the way to the waves of two
 # axes one each, and on the way back two and four.
 OF_MOVE = 8
-SAME = 1e-12  # [rad] of ends of intervals
+SAME_END = 1e-12  # [rad] of ends of intervals
 NOISE = 1e-10  # of the largest coefficient: less is no reason against a symmetry, and counts anyway
 
 
@@ -65,7 +65,7 @@ class Motion:
         if not self.mirrors[j]:
             return replace(axis, high=axis.low + width / 2)
         # A mirror has two fixed angles; of a whole circle one half begins at either.
-        if width < TURN - SAME:
+        if width < TURN - SAME_END:
             return replace(axis, low=axis.middle)
         fixed = np.pi / 2 if self.turns[j] else 0.0
         low = fixed + np.pi * np.ceil((axis.low - fixed) / np.pi)
@@ -96,8 +96,8 @@ def _folded(places: Array, axes: Sequence[Axis]) -> Array:
 
 def _within(places: Array, axes: Sequence[Axis]) -> Mask:
     """Whether places (m, d) are in a box, but for rounding."""
-    low = np.array([axis.low for axis in axes]) - SAME
-    high = np.array([axis.high for axis in axes]) + SAME
+    low = np.array([axis.low for axis in axes]) - SAME_END
+    high = np.array([axis.high for axis in axes]) + SAME_END
     return np.asarray(((places >= low) & (places <= high)).all(axis=1))
 
 
@@ -127,12 +127,12 @@ def _keeps(axis: Axis, mirror: bool, turn: bool) -> bool:
         return True
     if axis.kind == "length":
         return False
-    if axis.high - axis.low >= TURN - SAME:
+    if axis.high - axis.low >= TURN - SAME_END:
         return True
     # A turn by half moves every shorter interval; a mirror keeps it where it moves its middle by
     # whole turns.
     shift = 2 * axis.middle - (np.pi if turn else 0.0)
-    return mirror and abs(shift - TURN * np.round(shift / TURN)) <= SAME
+    return mirror and abs(shift - TURN * np.round(shift / TURN)) <= SAME_END
 
 
 @dataclass(frozen=True)

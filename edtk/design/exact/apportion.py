@@ -11,10 +11,10 @@ from edtk.system.typing import Array, Indices
 
 MOVES_AT_ONCE = 20_000  # their matrices, of some megabytes, stay in a core's cache
 MOST = 10**15  # experiments, all of whose numbers are exact as doubles
-GAIN = 1e-12  # relative improvement that counts: less than this may be rounding
+GAIN_OF_MOVE = 1e-12  # relative improvement that counts: less than this may be rounding
 # Relative difference up to which weights are alike, the gap that relaxations are solved to: of
 # symmetric candidates the first ones win, whatever the last digits are.
-ALIKE = 1e-6
+SAME_WEIGHT = 1e-6
 
 
 def apportion(weights: ArrayLike, m: int) -> Indices:
@@ -51,9 +51,9 @@ def apportion(weights: ArrayLike, m: int) -> Indices:
         raise ArgumentError(f"expected {MOST:.0e} at most", argument="m", given=m)
     support = np.flatnonzero(w)
     if len(support) > m:
-        support = support[first_few_largest(w[support][None], m, ALIKE)[0]]
+        support = support[first_few_largest(w[support][None], m, SAME_WEIGHT)[0]]
     share = w[support] / w[support].sum()
-    count = np.ceil((m - len(share) / 2) * share * (1 - ALIKE)).astype(int)
+    count = np.ceil((m - len(share) / 2) * share * (1 - SAME_WEIGHT)).astype(int)
     # With m near l/2 the ceiling of a small share is zero, which would drop a support point.
     count = np.maximum(count, 1)
     result = np.zeros(len(w), dtype=int)
@@ -65,9 +65,9 @@ def _with_sum(m: int, count: Indices, share: Array) -> Indices:
     """Counts (l,) of sum m, after the fewest steps up or down from the given ones."""
     count = count.copy()
     while count.sum() < m:
-        count[first_lowest(count / share, ALIKE)] += 1
+        count[first_lowest(count / share, SAME_WEIGHT)] += 1
     while count.sum() > m:
-        count[first_lowest((1 - count) / share, ALIKE)] -= 1
+        count[first_lowest((1 - count) / share, SAME_WEIGHT)] -= 1
     return count
 
 
@@ -105,7 +105,7 @@ def best_repeats(
         # be exchanged for ever, each time for an imaginary gain.
         trial = np.tensordot(tried, blocks, 1) + constant
         reached = float(criterion.cost(trial))
-        if max(reached, float(costs[to, source])) < cost * (1 - GAIN):
+        if max(reached, float(costs[to, source])) < cost * (1 - GAIN_OF_MOVE):
             r = tried
             M = trial
             cost = reached

@@ -19,8 +19,8 @@ from edtk.system.typing import Array, Indices
 
 MOST_LOADS = 5  # none not counted: of more, too many sets would have to be searched one by one
 MOST_VISITS = 500
-ROUNDING = 1e-9  # relative: a budget may be exceeded by the rounding of a sum
-DIGITS = 9  # of joint variables: rounding must not make two poses of one
+ROUNDING_OF_BUDGET = 1e-9  # relative: a budget may be exceeded by the rounding of a sum
+POSE_DIGITS = 9  # of joint variables: rounding must not make two poses of one
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ class DayBudget:
 
 def affords(funds: float, price: float) -> bool:
     """Whether some funds pay a price."""
-    return funds * (1 + ROUNDING) >= price
+    return funds * (1 + ROUNDING_OF_BUDGET) >= price
 
 
 def most_visits(funds: float, price: float) -> int:
@@ -176,7 +176,7 @@ def most_visits(funds: float, price: float) -> int:
     Raises:
         ArgumentError: They are too many for a search.
     """
-    number = int(np.floor(funds * (1 + ROUNDING) / price))
+    number = int(np.floor(funds * (1 + ROUNDING_OF_BUDGET) / price))
     if number > MOST_VISITS:
         message = f"pays for {number} visits; plans of more than {MOST_VISITS} are not searched for"
         raise ArgumentError(message, argument="cost_budget")
@@ -215,7 +215,7 @@ class PosesByLoad:
             [int(np.flatnonzero((loads == W).all(axis=1))[0]) for W in every[len(wrenches) :]]
         )
         _, start, pose = np.unique(
-            np.round(plan.q, DIGITS) + 0.0, axis=0, return_index=True, return_inverse=True
+            np.round(plan.q, POSE_DIGITS) + 0.0, axis=0, return_index=True, return_inverse=True
         )
         visits = np.zeros((len(start), len(loads)), dtype=int)
         np.add.at(visits, (pose.reshape(-1), which), plan.repeats)
@@ -225,7 +225,7 @@ class PosesByLoad:
 
     def visits_of(self, plan: Plan) -> Indices:
         """How many of the visits of each pose (k,) are those of a part of the plan."""
-        same = (np.abs(plan.q[:, None] - self.q) <= 10.0**-DIGITS).all(axis=-1)
+        same = (np.abs(plan.q[:, None] - self.q) <= 10.0**-POSE_DIGITS).all(axis=-1)
         return np.asarray((same * plan.repeats[:, None]).sum(axis=0))
 
     def to_list(self) -> list[dict[str, Any]]:

@@ -16,10 +16,10 @@ from edtk.design.exact.exact_nodes import Merits
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices
 
-TRIED = 64  # candidates that are evaluated together
+EVALUATED = 64  # candidates that are evaluated together
 CUTS = 4  # of these, those that bring a multiplier
-ROUNDS = 40  # at most: where bounds are no nearer than that, the best so far is good enough
-GAIN = 1e-9  # relative improvement that counts
+CUT_ROUNDS = 40  # at most: where bounds are no nearer than that, the best so far is good enough
+GAIN_OF_EXCHANGE = 1e-9  # relative improvement that counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ def exchanged(merits: Merits, features: Array, merit: float) -> Exchanged:
     place = 0
     while settled < k and not out_of_time():
         rest = merits.K + features.sum(axis=0) - features[place]
-        best, reached = _best(merits, rest, features[place], merit * (1.0 + GAIN))
+        best, reached = _best(merits, rest, features[place], merit * (1.0 + GAIN_OF_EXCHANGE))
         settled += 1
         if best >= 0:
             places[place] = best
@@ -71,7 +71,7 @@ def _best(merits: Merits, rest: Array, own: Array, least: float) -> tuple[int, f
     bound = np.full(len(left), np.inf)
     near = own[None]
     found = -1
-    for _ in range(ROUNDS):
+    for _ in range(CUT_ROUNDS):
         Z = merits.multipliers(merits.unpacked((rest + near) / merits.twice))
         # All of them are there at first; a copy would take most of the time.
         F = merits.F if len(left) == len(merits.F) else merits.F[left]
@@ -80,7 +80,7 @@ def _best(merits: Merits, rest: Array, own: Array, least: float) -> tuple[int, f
         left, bound = left[better], bound[better]
         if not len(left):
             break
-        top = np.argpartition(-bound, min(TRIED, len(left)) - 1)[:TRIED]
+        top = np.argpartition(-bound, min(EVALUATED, len(left)) - 1)[:EVALUATED]
         top = top[np.argsort(-bound[top], kind="stable")]
         near = merits.F[left[top]]
         reached = merits.of(merits.unpacked((rest + near) / merits.twice))

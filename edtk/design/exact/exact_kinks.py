@@ -25,15 +25,21 @@ import numpy as np
 
 from criteria.linalg.typing import triangle
 from edtk.design.exact.exact_nodes import NEAR_AT_KINKS, Merits, Nodes, is_near
-from edtk.design.exact.exact_weights import ALLOWED, LEAST_SHRINKING, REACH, OfNodes, solved
+from edtk.design.exact.exact_weights import (
+    ALLOWED,
+    LEAST_SHRINKING_OF_GROUPS,
+    REACH,
+    OfNodes,
+    solved,
+)
 from edtk.design.information import order, sensitivity_rows, unpack
 from edtk.system.typing import Array, Indices, Mask
 
-STEPS = 30
-BEGIN = 0.05  # part of the merit that the distance may have at the beginning
+KINK_STEPS = 30
+BEGIN_AT_KINKS = 0.05  # part of the merit that the distance may have at the beginning
 CENTRAL = 0.3  # part of the first weights that is the larger, the smaller the slack
-INSIDE = 0.1  # part of the first multiplier that is regular
-SMALL = 1e-14  # part of the largest eigenvalue that rounding leaves of others
+REGULAR_PART = 0.1  # part of the first multiplier that is regular
+ROUNDING_OF_OTHERS = 1e-14  # part of the largest eigenvalue that rounding leaves of others
 
 
 def spectral_multipliers(
@@ -53,7 +59,7 @@ def spectral_multipliers(
     point = game.begun(merits, Z, merits.tell(nodes, Z).merit, nodes.weights[chosen])
     some = np.arange(nodes.n)
     left = point
-    for _ in range(STEPS):
+    for _ in range(KINK_STEPS):
         open_ = ~is_near(game.bound(left), game.merit(left), least, NEAR_AT_KINKS)
         if not open_.any():
             break
@@ -124,9 +130,9 @@ class _Scaling:
     def of(cls, point: _Point) -> "_Scaling":
         """Those of a point."""
         z, V = np.linalg.eigh(point.Z)
-        root = np.sqrt(np.maximum(z, SMALL * z[:, -1:]))[:, None]
+        root = np.sqrt(np.maximum(z, ROUNDING_OF_OTHERS * z[:, -1:]))[:, None]
         d, Q = np.linalg.eigh(_turned(V * root, point.S))
-        return cls(V * root @ Q, V / root @ Q, np.maximum(d, SMALL * d[:, -1:]))
+        return cls(V * root @ Q, V / root @ Q, np.maximum(d, ROUNDING_OF_OTHERS * d[:, -1:]))
 
     @property
     def W(self) -> Array:
@@ -233,10 +239,10 @@ class _Game(OfNodes):
         Z = np.where(proves[:, None], Z, unit)
         Z = Z / (Z[:, :q] * self.floor).sum(axis=1)[:, None]
         regular = unit / (unit[:, :q] * self.floor).sum(axis=1)[:, None]
-        M = unpack(((1.0 - INSIDE) * Z + INSIDE * regular)[:, :q].T)
+        M = unpack(((1.0 - REGULAR_PART) * Z + REGULAR_PART * regular)[:, :q].T)
         merit = np.where(np.isfinite(merit) & (merit > 0), merit, 1.0)
-        room = BEGIN * merit
-        price = Z[:, q:] + room[:, None] / np.maximum(np.abs(self.K[:, q:]), SMALL)
+        room = BEGIN_AT_KINKS * merit
+        price = Z[:, q:] + room[:, None] / np.maximum(np.abs(self.K[:, q:]), ROUNDING_OF_OTHERS)
         own = self.J[:, :, q + price.shape[1] :]
         x = np.concatenate([self._entries(M), price], axis=1)
         z = -(self.J[:, :, : x.shape[1]] @ x[..., None])[..., 0]
@@ -286,7 +292,7 @@ class _Game(OfNodes):
         scaling = _Scaling.of(point)
         change = self._change(point, scaling)
         some, others = self._reach(point, change.at(np.zeros(len(point.t))))
-        shrinking = np.maximum((1.0 - some) * (1.0 - others), LEAST_SHRINKING)
+        shrinking = np.maximum((1.0 - some) * (1.0 - others), LEAST_SHRINKING_OF_GROUPS)
         step = change.at(self._product(point, scaling) * shrinking)
         some, others = self._reach(point, step)
         root = scaling.B * np.sqrt(scaling.d)[:, None]

@@ -15,8 +15,8 @@ from edtk.system.typing import Array, Indices, Mask
 
 # Part of its trace that is added to the information at which a multiplier is taken: a node of few
 # experiments may be singular. The bound holds for any multiplier.
-RIDGE = 1e-6
-LARGE = 48  # candidates of a node from which on a product of its own is quicker
+TRACE_RIDGE = 1e-6
+LARGE_NODE = 48  # candidates of a node from which on a product of its own is quicker
 DENSE = 4  # positions for each candidate up to which the product is one of all of them
 SHARPNESS = 128.0  # of soft maxima
 BLURRED = 2.0 / SHARPNESS  # part of a merit that these may take
@@ -387,12 +387,12 @@ class Merits:
         """``<Z, M_i>`` (s,) of the candidates of nodes with multipliers (b, q + k)."""
         found = np.empty(len(nodes.candidates))
         starts = nodes.starts
-        large = np.flatnonzero(nodes.sizes >= LARGE)
+        large = np.flatnonzero(nodes.sizes >= LARGE_NODE)
         for i in large:
             part = slice(starts[i], starts[i] + nodes.sizes[i])
             found[part] = self._of_one(nodes.candidates[part], Z[i])
         if len(large) < nodes.n:
-            rest = np.flatnonzero((nodes.sizes < LARGE)[nodes.node_of])
+            rest = np.flatnonzero((nodes.sizes < LARGE_NODE)[nodes.node_of])
             own = self.F[nodes.candidates[rest]]
             found[rest] = np.einsum("ij,ij->i", own, Z[nodes.node_of[rest]])
         # Of a multiplier that is no number; what it tells is that.
@@ -577,5 +577,5 @@ class Merits:
 
     def regular(self, X: Array) -> Array:
         """Information (b, p, p) with a little of all directions: empty places tell none."""
-        size = np.trace(X, axis1=1, axis2=2) + RIDGE * self.largest
-        return np.asarray(X + (RIDGE * size / self.p)[:, None, None] * np.eye(self.p))
+        size = np.trace(X, axis1=1, axis2=2) + TRACE_RIDGE * self.largest
+        return np.asarray(X + (TRACE_RIDGE * size / self.p)[:, None, None] * np.eye(self.p))

@@ -28,12 +28,12 @@ from edtk.system.typing import Array, Indices
 if TYPE_CHECKING:
     import pandas as pd
 
-DRAWN = 4000  # random poses; a direction that one in thirty excites is seen a hundred times
+DRAWN_POSES = 4000  # random poses; a direction that one in thirty excites is seen a hundred times
 # Least eigenvalue that counts as identified, in parameters that whiten the mean of these poses. A
 # direction that no chosen pose excites has SINGULAR. Of random pairs of poses of the paper's study
 # even the worst of two thousand has 7e-7, and a pair that was chosen has one.
-REGULAR = 1e-7
-SINGULAR = 1e-9  # lets the determinant of too few poses tell which pose adds a direction
+IDENTIFIED = 1e-7
+UNEXCITED = 1e-9  # lets the determinant of too few poses tell which pose adds a direction
 
 
 class NoPlanError(ValueError):
@@ -99,19 +99,19 @@ def smallest_size(space: DesignSpace, criterion: Criterion | None = None) -> int
     Raises:
         RankDeficientError: No number of experiments identifies all that has to be.
     """
-    problem = CandidateSource(space, 0, workers=1).take(DRAWN).problem
+    problem = CandidateSource(space, 0, workers=1).take(DRAWN_POSES).problem
     problem.require_identifiable(criterion)
     if criterion is not None and not criterion.needs_all:
         return _smallest_size_for(criterion, problem)
     p = space.p
     T = whitener(problem.mean)
     blocks = T.T @ problem.blocks() @ T
-    M = SINGULAR * np.eye(p)
+    M = UNEXCITED * np.eye(p)
     if problem.prior is not None:
         M = M + T.T @ problem.prior @ T
     for size in range(1, p + 1):
         M = M + blocks[int(np.linalg.slogdet(M + blocks).logabsdet.argmax())]
-        if np.linalg.eigvalsh(M)[0] > REGULAR:
+        if np.linalg.eigvalsh(M)[0] > IDENTIFIED:
             return size
     return p
 
@@ -124,7 +124,7 @@ def _smallest_size_for(criterion: Criterion, problem: Problem) -> int:
     r = T.shape[1]
     M = np.zeros((r, r)) if problem.prior is None else T.T @ problem.prior @ T
     for size in range(1, r + 1):
-        best = int(np.argmin(whitened.cost(M + blocks + SINGULAR * np.eye(r))))
+        best = int(np.argmin(whitened.cost(M + blocks + UNEXCITED * np.eye(r))))
         M = M + blocks[best]
         if np.isfinite(whitened.cost(M)):
             return size

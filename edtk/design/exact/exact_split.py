@@ -8,10 +8,10 @@ import numpy as np
 from edtk.design.exact.exact_nodes import Merits, Nodes
 from edtk.system.typing import Array, Indices, Mask
 
-LIGHT = 1e-3  # part of a group's experiments below which a weight tells nothing
+LIGHT_IN_GROUP = 1e-3  # part of a group's experiments below which a weight tells nothing
 WHOLE = 1e-9  # distance from a whole number that is rounding
 # What a part of whole experiments counts: to divide a group of one experiment may be all there is.
-SETTLED = 1e-4
+COUNTED_AT_LEAST = 1e-4
 AXES = 10  # directions along which candidates are ordered, at most
 
 
@@ -74,7 +74,7 @@ def parts(nodes: Nodes, points: Array) -> Part:
         points: Information (n, d) of the candidates, in units in which merits are about as curved
             in all directions.
     """
-    some = np.flatnonzero(nodes.weights > LIGHT * nodes.counts[nodes.group_of])
+    some = np.flatnonzero(nodes.weights > LIGHT_IN_GROUP * nodes.counts[nodes.group_of])
     place = nodes.candidates[some]
     group = nodes.group_of[some]
     weight = nodes.weights[some]
@@ -89,7 +89,7 @@ def parts(nodes: Nodes, points: Array) -> Part:
     blocks = _gains(of_left, sum_left, whole, total)
     # Where no weight is divided, or only whole experiments are, the group still may have to be.
     apart = _distances(of_left, sum_left, whole, total)
-    blocks = np.where(divides, blocks + SETTLED * apart + WHOLE, -1.0)
+    blocks = np.where(divides, blocks + COUNTED_AT_LEAST * apart + WHOLE, -1.0)
     near = _nearest(nodes, points, some)
     singles = np.minimum(_gains(weight, own * weight[:, None], whole[group], total[group]), near)
     gains = np.concatenate([blocks, singles])

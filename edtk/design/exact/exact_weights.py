@@ -29,14 +29,15 @@ from criteria.linalg.typing import triangle
 from edtk.design.exact.exact_nodes import BLURRED, Merits, Nodes, is_near
 from edtk.system.typing import Array, Indices, Mask
 
-STEPS = 30
+WEIGHT_STEPS = 30
 REACH = 0.95  # part of the way to the boundary
-SPREAD = 0.1  # part of a group's experiments that is spread over its candidates at the beginning
+# Part of a group's experiments that is spread over its candidates at the beginning.
+SPREAD_IN_GROUP = 0.1
 BEGIN = 0.1  # part of the first gap that is left for the products of the beginning
 LEAST_GAP = 1e-6  # of the beginning
 FILLED = 0.9  # part of a limit, or of funds, that weights take at most at the beginning
 ALLOWED = 1e-6  # part by which weights may miss their sums
-LEAST_SHRINKING = 1e-3  # of the products in one step
+LEAST_SHRINKING_OF_GROUPS = 1e-3  # of the products in one step
 
 
 def best_weights(merits: Merits, nodes: Nodes, z: Array, least: float) -> Array:
@@ -58,7 +59,7 @@ def best_weights(merits: Merits, nodes: Nodes, z: Array, least: float) -> Array:
     point = game.first(nodes.weights[chosen])
     best = np.full(nodes.n, np.inf)
     found = point.w.copy()
-    for step in range(STEPS):
+    for step in range(WEIGHT_STEPS):
         slope = _Slope.at(merits, game, point.w)
         gap = game.gap(point, slope)
         bound = slope.merit * (1.0 + gap)
@@ -201,7 +202,7 @@ class _Game(OfNodes):
         share = np.divide(self.counts, sums, out=np.zeros_like(sums), where=sums > 0)
         # The less of its experiments a group has, the less tell the weights of how to share them.
         mix = np.clip(np.divide(1.0, share, out=np.zeros_like(share), where=share > 0), 0.0, 1.0)
-        mix = np.minimum(mix, 1.0 - SPREAD)
+        mix = np.minimum(mix, 1.0 - SPREAD_IN_GROUP)
         even = self.counts / np.maximum(own.sum(axis=1), 1.0)
         w = _each(own, mix * share) * weights + _each(own, (1.0 - mix) * even)
         w = np.where(self.known, np.minimum(w, FILLED * self.most), 1.0)
@@ -259,7 +260,9 @@ class _Game(OfNodes):
         """
         straight, centring = self._directions(point, slope)
         reach = self._reach(point, straight)
-        product = self._product(point) * np.maximum(np.square(1.0 - reach), LEAST_SHRINKING)
+        product = self._product(point) * np.maximum(
+            np.square(1.0 - reach), LEAST_SHRINKING_OF_GROUPS
+        )
         change = [
             one + product.reshape(-1, *[1] * (one.ndim - 1)) * other
             for one, other in zip(straight, centring, strict=True)

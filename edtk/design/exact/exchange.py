@@ -8,13 +8,13 @@ from numpy.typing import ArrayLike
 
 from criteria import Criterion
 from criteria.linalg.inverse import guarded_inverse
-from edtk.design.exact.apportion import GAIN
-from edtk.design.exact.counts.any_prices import AnyPricing
+from edtk.design.exact.apportion import GAIN_OF_MOVE
+from edtk.design.exact.counts.any_prices import GUIDE_SHARPNESS, AnyPricing
 from edtk.design.exact.counts.counts_search import CountsSearch
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.prices import first_few_largest, first_of_largest
 from edtk.design.exact.counts.pricing_for import search_for
-from edtk.design.exact.exchange_costs import ACCURATE, CandidatePrices, exchange_costs
+from edtk.design.exact.exchange_costs import UPDATABLE, CandidatePrices, exchange_costs
 from edtk.design.problem import Problem
 from edtk.design.problems import absorb_prior
 from edtk.system.arguments import checked
@@ -25,9 +25,6 @@ from edtk.system.typing import Array, Indices, Mask
 # Their matrices, of some megabytes, stay in a core's cache, and take no second of many parameters.
 EXCHANGES_AT_ONCE = 20_000
 DOUBLES_AT_ONCE = 2**20
-# Soft maximum whose gradient ranks the candidates for a criterion with kinks. A subgradient of the
-# criterion itself would rank them by one of several equal eigenvalues alone.
-GUIDE_SHARPNESS = 30.0
 # Part of the candidates' mean information that is added for each measurement of a plan whose
 # singularity no single exchange ends: far below what a plan tells, far above rounding.
 RIDGE = 1e-6
@@ -172,7 +169,7 @@ def _in_turn(problem: Problem, criterion: Criterion, times: Array) -> CountsSear
     """What exchanges the places of plans (b, k) in turn; None where its prices do not suit."""
     if not times.size or (times != 1.0).any() or problem.factors().shape[1] > 1:
         return None
-    if not guarded_inverse(problem.mean, ACCURATE)[2].all():
+    if not guarded_inverse(problem.mean, UPDATABLE)[2].all():
         return None
     m = times.shape[1]
     base = np.zeros((problem.p, problem.p)) if problem.prior is None else m * problem.prior
@@ -286,7 +283,7 @@ class _Search:
         times = self.times[some]
         candidates = self._shortlists(before, size)
         after = self._plans_of(self._best_exchanges(before, times, candidates), times)
-        better = np.flatnonzero(after.costs < before.costs * (1 - GAIN))
+        better = np.flatnonzero(after.costs < before.costs * (1 - GAIN_OF_MOVE))
         return plans.replaced(some[better], after[better]), some[better]
 
     def _shortlists(self, plans: _Plans, size: int) -> Indices:
@@ -325,7 +322,7 @@ class _Search:
             flat = costs.reshape(len(changed), -1)
             lowest = flat.min(axis=1)
             where, which = np.divmod(first_of_largest(-flat, lowest), part.shape[1])
-            better = np.flatnonzero(lowest < least * (1 - GAIN))
+            better = np.flatnonzero(lowest < least * (1 - GAIN_OF_MOVE))
             changed[better] = plans.places[better]
             changed[better, where[better]] = part[better, which[better]]
             least[better] = lowest[better]

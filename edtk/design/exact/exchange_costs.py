@@ -13,12 +13,12 @@ from criteria.linalg.typing import triangle
 from edtk.design.problem import Problem
 from edtk.system.typing import Array, Mask
 
-SAME = 1e-9  # relative difference of two slopes that are the same
+SAME_SLOPE = 1e-9  # relative difference of two slopes that are the same
 # The inverse of R is updated only where its least eigenvalue, at unit diagonal, is above this, and
 # where no diagonal entry is below this share of the information that joins. A smaller entry may be
 # the rounding of a zero: after the only pose that excites a parameter is taken out, R had 1e-20 of
 # the other entries there, positive definite by chance, and its update was noise.
-ACCURATE = 1e-6
+UPDATABLE = 1e-6
 MOST_ROWS = 6  # of a candidate: the elimination of many is a loop over pairs of rows
 MOST_ENTRIES = 2**19  # of all candidates' information: of more, only the most sensitive are tried
 COSTS_AT_ONCE = 20_000  # their triangles, of a megabyte, stay in a core's cache
@@ -45,10 +45,10 @@ def constant_slope(criterion: Criterion, mean: Array) -> Array | None:
     found *= (trace / (criterion.degree * cost))[:, None, None]
     # The trace of the whitened slope with the covariance, which is diagonal here.
     told = (np.diagonal(found, axis1=1, axis2=2) / spread).sum(axis=1)
-    if not (np.abs(told - trace) <= SAME * trace).all():
+    if not (np.abs(told - trace) <= SAME_SLOPE * trace).all():
         return None
     size = np.abs(found[0]).max()
-    if not np.abs(found - found[0]).max() <= SAME * size:
+    if not np.abs(found - found[0]).max() <= SAME_SLOPE * size:
         return None
     return np.asarray(L @ found[0] @ L.T)
 
@@ -70,7 +70,7 @@ def exchange_costs(criterion: Criterion, rest: Array, factors: Array, times: Arr
     Returns:
         Costs (k, n).
     """
-    _, cov, regular = guarded_inverse(rest, ACCURATE)
+    _, cov, regular = guarded_inverse(rest, UPDATABLE)
     # Sums and maxima over the last axis are many times as fast as over others.
     columns = np.ascontiguousarray(np.moveaxis(factors, -1, 1))
     largest = times[:, None] * np.square(columns).sum(axis=-1).max(axis=-1)
@@ -95,7 +95,7 @@ def no_smaller_than_rounding(rest: Array, joining: Array) -> Mask:
         joining: The largest diagonal entries (k, p) of what may join it.
     """
     diagonal = np.diagonal(rest, axis1=-2, axis2=-1)
-    return np.asarray((diagonal >= ACCURATE * joining).all(axis=1), dtype=bool)
+    return np.asarray((diagonal >= UPDATABLE * joining).all(axis=1), dtype=bool)
 
 
 def _updated_costs(
@@ -200,7 +200,7 @@ class CandidatePrices:
             rest: Information R (k, p, p).
             times: Repetitions r (k,).
         """
-        _, cov, regular = guarded_inverse(rest, ACCURATE)
+        _, cov, regular = guarded_inverse(rest, UPDATABLE)
         joining = times[:, None] * self.problem.kept.largest()
         regular = regular & no_smaller_than_rounding(rest, joining)
         found = np.empty((len(rest), self.problem.n))

@@ -18,6 +18,7 @@ from edtk.design.exact.search_record import (
     CHAMPIONS,
     COARSE,
     FINE,
+    SAME_PLAN,
     Answer,
     Descent,
     Kicks,
@@ -37,13 +38,12 @@ BATCH_SIZE = 16  # starts
 # Plans that are refined to the end. On the paper's study (rho0, D and O2; 3 to 12 experiments) the
 # final best was the best of the coarse descent in half of 36 batches, and its fourth in a tenth.
 ELITE = 4
-SAME = 1e-3  # relative difference of information up to which two plans are refined as one
-POOL = 256  # fresh candidates for the starts, and for each exchange
+POOL_OF_BATCH = 256  # fresh candidates for the starts, and for each exchange
 STARTS = 64 * BATCH_SIZE
 PATIENCE = 6  # batches without improvement; about a hundred starts
 # Variables of a plan in all batches that are done together. Of small plans that is as many batches
 # as every search needs; more variables leave nothing to gain, and take memory.
-TOGETHER = 420
+VARIABLES_TOGETHER = 420
 INEQUALITIES = 100_000  # of the plans of all batches that are done together: memory, as above
 # Of the time, at most, that batches may take. The rest brings the best plan of a search that was
 # cut off to its optimum: on the way there the barrier keeps poses and loads off their limits.
@@ -112,11 +112,11 @@ class Batch:
             return plans[np.array([0])]
         best_first = plans[order]
         M = best_first.information(self.space)
-        return best_first[distinct(M, range_whitener(M[0]), SAME)[:ELITE]]
+        return best_first[distinct(M, range_whitener(M[0]), SAME_PLAN)[:ELITE]]
 
     def _fresh(self, turn: int) -> Candidates:
         """Feasible candidates that no other batch has."""
-        return CandidateSource(self.space, (*self.seed, turn), workers=1).take(POOL)
+        return CandidateSource(self.space, (*self.seed, turn), workers=1).take(POOL_OF_BATCH)
 
 
 @dataclass(frozen=True, eq=False)
@@ -369,7 +369,11 @@ class _Search:
     def kick(self, record: SearchRecord) -> None:
         """Kick the best plans out of their optima, if they are small enough for that to pay."""
         costs, plans = record.champions(CHAMPIONS)
-        if not len(costs) or self._variables > TOGETHER or self._inequalities > INEQUALITIES:
+        if (
+            not len(costs)
+            or self._variables > VARIABLES_TOGETHER
+            or self._inequalities > INEQUALITIES
+        ):
             return
         x = record.plans.x
         kicks = Kicks(
@@ -409,7 +413,7 @@ class _Search:
 
     def _wave(self, record: SearchRecord, pieces: int, most: int) -> list[Batches]:
         """So many pieces of work, from the next batch on, each of several batches."""
-        size = min(TOGETHER // self._variables, INEQUALITIES // self._inequalities)
+        size = min(VARIABLES_TOGETHER // self._variables, INEQUALITIES // self._inequalities)
         # Batches beyond these may be in vain.
         first = record.batches
         left = self._left(record)

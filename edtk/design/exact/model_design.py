@@ -27,10 +27,10 @@ from edtk.design.relaxation.search_region import RegionGrid
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.typing import Array, Indices
 
-PLACES = 2000  # points of a region at which a design predicts
-FEW = 200  # of them, below which they do not tell
-LEVEL = 0.05  # of a test
-SAME = 1e-9  # part of a column that others leave of it, below which it is theirs
+PREDICTED_PLACES = 2000  # points of a region at which a design predicts
+FEWEST_PLACES = 200  # of them, below which they do not tell
+TEST_LEVEL = 0.05  # of a test
+LEFT_OF_COLUMN = 1e-9  # part of a column that others leave of it, below which it is theirs
 OPEN = 1e-13  # singular value, in parts of the largest in units of the columns, that is rounding
 
 Design = ProblemPlan | RegionPlan | Relaxation | RelaxedRegion
@@ -155,10 +155,16 @@ class ModelDesign:
         if isinstance(self.model, Problem):
             return Places.of_problem(self.model)
         low, high = self.model.limits
-        x = low + (high - low) * qmc.Halton(self.model.size, scramble=False).random(PLACES)
+        x = low + (high - low) * qmc.Halton(self.model.size, scramble=False).random(
+            PREDICTED_PLACES
+        )
         inside = x[self.model.at(x).feasible]
         # Of a region that fills little of its box some points are moved onto its walls.
-        found = inside if len(inside) >= FEW else RegionGrid.of(self.model, PLACES).x
+        found = (
+            inside
+            if len(inside) >= FEWEST_PLACES
+            else RegionGrid.of(self.model, PREDICTED_PLACES).x
+        )
         return Places.of_region(self.model, found)
 
     @cached_property
@@ -227,7 +233,7 @@ class ModelDesign:
     def powers(
         self,
         effects: Array,
-        level: float = LEVEL,
+        level: float = TEST_LEVEL,
         freedom: int | None = None,
         size: float = 1.0,
     ) -> Array:
@@ -295,7 +301,7 @@ class ModelDesign:
             return None
         rows = self.places.rows
         if isinstance(self.model, Region):
-            grid = RegionGrid.of(self.model, PLACES).x
+            grid = RegionGrid.of(self.model, PREDICTED_PLACES).x
             rows = np.concatenate([self.model.rows_at(grid), self.support.rows])
         return criteria.create("prediction_G", points=rows)
 
@@ -360,7 +366,7 @@ class ModelDesign:
         every = np.repeat(places.values, r, axis=0) if described else rows
         whole = np.stack([every[:, i] * every[:, j] for i, j in pairs], axis=-1)
         left = whole - rows @ np.linalg.lstsq(rows, whole, rcond=None)[0]
-        new = np.linalg.norm(left, axis=0) > SAME * np.linalg.norm(whole, axis=0)
+        new = np.linalg.norm(left, axis=0) > LEFT_OF_COLUMN * np.linalg.norm(whole, axis=0)
         return tuple(name for name, is_new in zip(called, new, strict=True) if is_new), Z[:, new]
 
     def _given(self, beyond: Any) -> tuple[tuple[str, ...], Array]:
@@ -414,11 +420,11 @@ class ModelDesign:
         rows = self.places.rows.reshape(-1, self.p)
         one = np.ones(len(rows))
         rest = one - rows @ np.linalg.lstsq(rows, one, rcond=None)[0]
-        if np.linalg.norm(rest) <= SAME * np.sqrt(len(rows)):
+        if np.linalg.norm(rest) <= LEFT_OF_COLUMN * np.sqrt(len(rows)):
             columns = columns - w @ columns
         sizes = np.sqrt(w @ columns**2)
         largest = np.abs(np.concatenate([X, Z], axis=1)).max(axis=0)
-        varies = sizes > SAME * largest
+        varies = sizes > LEFT_OF_COLUMN * largest
         unit = columns[:, varies] / sizes[varies]
         every = (*self.parameters, *names)
         told = tuple(name for name, is_kept in zip(every, varies, strict=True) if is_kept)

@@ -10,6 +10,7 @@ import numpy as np
 from criteria import Criterion
 from edtk.design.bound import VISIBLE, Bound, BoundedDesign
 from edtk.design.exact.apportion import apportion
+from edtk.design.exact.counts.counts_search import SAME_COST
 from edtk.design.exact.exchange import exchange
 from edtk.design.exact.refine import SHARPNESS, refine
 from edtk.design.information import Known, Rows
@@ -17,7 +18,12 @@ from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.design.relaxation.relax_region import relax_region
 from edtk.design.relaxation.relaxed_region import RelaxedRegion
-from edtk.design.relaxation.search_region import LOSS, RegionGrid, grouped, onto_walls
+from edtk.design.relaxation.search_region import (
+    LOSS_FOR_FEWER_POINTS,
+    RegionGrid,
+    grouped,
+    onto_walls,
+)
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.typing import Array, Indices
 
@@ -26,13 +32,12 @@ if TYPE_CHECKING:
 
     from edtk.design.theta_box import WorstTheta
 
-STARTS = 32
+REGION_PLAN_STARTS = 32
 GRID = 600  # points among which places are exchanged, besides those of the relaxation
 REFINED = 3  # plans of either kind that are refined one by one to the end
-APART = 24  # experiments up to which all plans are refined at once, each experiment as a point
+AS_POINTS = 24  # experiments up to which all plans are refined at once, each experiment as a point
 JITTER = 3e-3  # parts of a range by which repeats of a point are set apart
-ROUNDS = 4  # of exchange and refinement in turn; the second one seldom finds anything
-SAME = 1e-9  # relative difference of costs up to which two plans are one
+REGION_PLAN_ROUNDS = 4  # of exchange and refinement in turn; the second one seldom finds anything
 CLOSE = (0.03, 0.003, 1e-4)  # parts of a range up to which points are tried as one
 FINE = (1000.0, 4000.0)  # last soft maxima of a criterion with kinks
 
@@ -163,7 +168,7 @@ def plan_region(
         ArgumentError: Size or starts are not positive, or kept experiments do not fit.
         UserError: No plan of so few experiments identifies all parameters.
     """
-    number = STARTS if starts is None else starts
+    number = REGION_PLAN_STARTS if starts is None else starts
     m = size - (0 if keep is None else keep.n)
     _require(region, size, number, keep)
     since = monotonic()
@@ -192,7 +197,7 @@ def plan_region(
         kept=size - m,
         cost=best.cost,
         starts=number,
-        found=int((costs <= costs.min() * (1 + SAME)).sum()),
+        found=int((costs <= costs.min() * (1 + SAME_COST)).sum()),
         seconds=monotonic() - since,
     )
 
@@ -262,15 +267,15 @@ class _Search:
     def best_refined(self, x: Array, places: Indices, costs: Array) -> _Plan:
         """The best plan after refinement, and after exchanges for points of other plans."""
         plans = self._different(x, places, costs)
-        apart = self._set_apart(plans) if places.shape[1] <= APART else []
+        apart = self._set_apart(plans) if places.shape[1] <= AS_POINTS else []
         apart.sort(key=lambda plan: plan.cost)
         plans = [self._tidied(plan) for plan in (*apart[:REFINED], *plans[:REFINED])]
         best = min(plans, key=lambda plan: plan.cost)
-        for _ in range(ROUNDS):
+        for _ in range(REGION_PLAN_ROUNDS):
             known = np.concatenate([best.x, *(plan.x for plan in plans), x])
             start = np.repeat(np.arange(len(best.x)), best.repeats.astype(int))
             again, cost = exchange(self.region.problem(known), self.criterion, start)
-            if not cost < best.cost * (1 - SAME):
+            if not cost < best.cost * (1 - SAME_COST):
                 break
             best = self._tidied(self._grouped(known, again, float(cost)))
         if self.criterion.smooth:
@@ -281,7 +286,7 @@ class _Search:
         """The plans of finite cost whose costs differ, the best first."""
         chosen: list[int] = []
         for i in np.argsort(costs, kind="stable"):
-            is_new = not chosen or costs[i] > costs[chosen[-1]] * (1 + SAME)
+            is_new = not chosen or costs[i] > costs[chosen[-1]] * (1 + SAME_COST)
             if is_new and np.isfinite(costs[i]):
                 chosen.append(int(i))
         return [self._grouped(x, places[i], float(costs[i])) for i in chosen]
@@ -310,7 +315,7 @@ class _Search:
             fewer = self._merged(best, close)
             if len(fewer.x) < len(best.x):
                 fewer = self._moved(fewer)
-                best = fewer if fewer.cost <= best.cost * (1 + LOSS) else best
+                best = fewer if fewer.cost <= best.cost * (1 + LOSS_FOR_FEWER_POINTS) else best
         return best
 
     def _moved(self, plan: _Plan, sharpness: tuple[float, ...] = SHARPNESS) -> _Plan:
@@ -321,7 +326,7 @@ class _Search:
         plans = [self._plan(points, plan.repeats) for points in (x[0], on_walls)]
         best = min(plans, key=lambda each: each.cost)
         # Walls are where people read a plan: they win where that costs nothing.
-        return plans[1] if plans[1].cost <= best.cost * (1 + LOSS) else best
+        return plans[1] if plans[1].cost <= best.cost * (1 + LOSS_FOR_FEWER_POINTS) else best
 
     def _plan(self, x: Array, repeats: Array) -> _Plan:
         """A plan with its cost, inf where a point is not feasible."""

@@ -12,7 +12,7 @@ from criteria import Criterion, Relaxable
 from criteria.linalg.inverse import unit_scale, whitener
 from criteria.linalg.typing import triangle
 from edtk.design.exact.counts.counts_bound import RelaxedCounts, relaxed_counts
-from edtk.design.exact.counts.limits import ROUNDING as SPENT
+from edtk.design.exact.counts.limits import ROUNDING_OF_FUNDS as SPENT
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.exact_exchange import exchanged
 from edtk.design.exact.exact_kinks import spectral_multipliers
@@ -32,18 +32,18 @@ from edtk.system.typing import Array, Indices
 MARGIN = 1e-9
 # Condition number of rows whose squares lose ``eps 1e6``, less than `MARGIN`.
 MOST_DEPENDENT = 1e3
-AT_ONCE = 256  # nodes
-MOST_AT_ONCE = 200_000  # candidates of them
-LOOKS = 6  # at all candidates of a node, at most
+NODES_AT_ONCE = 256  # nodes
+CANDIDATES_AT_ONCE = 200_000  # candidates of them
+LOOKS_AT_NODE = 6  # at all candidates of a node, at most
 REGULAR = 1e-12  # least eigenvalue at unit diagonal of information that can be whitened
-BLURRED = 1e-3  # part of all information that is added where it orders the candidates
-STARTS = 16
+ADDED_FOR_ORDER = 1e-3  # part of all information that is added where it orders the candidates
+PROOF_STARTS = 16
 AMONG = 5000  # candidates that starts are exchanged among
 # The second is for kinks, where the most sensitive candidates are not the best to exchange for.
 SHORTLISTS = (8, 512)
 # Experiments of the best starts that are exchanged for the best of all candidates: a second or two.
-PLACES = 32
-LIGHT = 1e-3  # experiments that are not rounded up
+EXCHANGED_PLACES = 32
+LIGHT_COUNT = 1e-3  # experiments that are not rounded up
 ROUNDED = 1e-6  # distance to a whole number that counts as none
 TINY = float(np.finfo(float).tiny)
 
@@ -429,7 +429,7 @@ class _Search:
             return np.zeros((0, 1))
         X = self.merits.information(root, root.weights)[0]
         # The best weights for a part of the parameters may be singular.
-        R = whitener(X + BLURRED * np.trace(X) * np.eye(self.merits.p))
+        R = whitener(X + ADDED_FOR_ORDER * np.trace(X) * np.eye(self.merits.p))
         rows, columns = triangle(self.merits.p)
         q = self.merits.q
         blocks = self.merits.unpacked(self.merits.F[left] / self.merits.twice)
@@ -455,7 +455,7 @@ class _Search:
         some: list[_Open] = []
         size = 0
         least = self.least
-        while self.open and len(some) < AT_ONCE and size < MOST_AT_ONCE:
+        while self.open and len(some) < NODES_AT_ONCE and size < CANDIDATES_AT_ONCE:
             if self.open[0].bound <= least:  # a better plan has closed it, and all others
                 self.open.clear()
                 break
@@ -579,7 +579,7 @@ class _Search:
         told, Z, near = best
         merit = np.zeros(nodes.n)
         every = np.ones(len(nodes.candidates), dtype=bool)
-        for _ in range(LOOKS):
+        for _ in range(LOOKS_AT_NODE):
             open_ = ~is_near(best.told.merit, merit, self.least, self.merits.near)
             if not open_.any():
                 break
@@ -619,7 +619,7 @@ class _Search:
 
     def _round(self, nodes: Nodes) -> None:
         """Round the weights of nodes to whole experiments, and take over the best plan."""
-        some = np.flatnonzero(nodes.weights > LIGHT)
+        some = np.flatnonzero(nodes.weights > LIGHT_COUNT)
         group = nodes.group_of[some]
         weights = nodes.weights[some]
         whole = np.floor(weights + ROUNDED)
@@ -654,7 +654,7 @@ class _Search:
         some = np.argsort(-told.sensitivities, kind="stable")[:AMONG]
         chance = root.weights[some] / root.weights[some].sum() + 1.0 / len(some)
         rng = np.random.default_rng(0)
-        places = rng.choice(len(some), size=(STARTS, self.m), p=chance / chance.sum())
+        places = rng.choice(len(some), size=(PROOF_STARTS, self.m), p=chance / chance.sum())
         members = self.working.members[some]
         beside = self.problem.with_prior(self.limits.base / self.m)[members]
         found, costs = exchange(
@@ -685,7 +685,7 @@ class _Search:
 
     def _exchange_starts(self, starts: Indices) -> None:
         """Improve the best of some plans (b, m), and the best plan, by exchanges."""
-        for places in starts[: max(1, PLACES // self.m)]:
+        for places in starts[: max(1, EXCHANGED_PLACES // self.m)]:
             self._exchange(places)
         self._exchange(self._places)
 

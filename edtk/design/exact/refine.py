@@ -9,6 +9,7 @@ from criteria.linalg.estimable import range_whitener
 from edtk.design.candidate_source import Candidates
 from edtk.design.design_space import DesignSpace, Points, Space, plan_costs
 from edtk.design.exact.apportion import apportion, best_repeats
+from edtk.design.exact.day import POSE_DIGITS
 from edtk.design.exact.exchange import exchange
 from edtk.design.exact.round_poses import round_plan
 from edtk.design.exact.search_record import FINE, Answer, Descent, Plans, Search
@@ -29,13 +30,12 @@ EXCHANGE_GAIN = 1e-9
 # Relative differences of information up to which poses become one, the boldest first: poses that
 # have drifted apart without gain are farther from each other than those of an accurate optimum.
 ALIKE = (0.03, 0.003, 1e-4)
-LOSS = 1e-6  # relative increase of the cost at which fewer poses are still welcome
-FINEST = 100  # steps of the last descent
+LOSS_FOR_FEWER_POSES = 1e-6  # relative increase of the cost at which fewer poses are still welcome
+LAST_STEPS = 100  # steps of the last descent
 SHARPEST = (1000.0, 4000.0)  # its soft maxima, within 4e-4 of the criterion and less
-DIGITS = 9  # by which poses are sorted: rounding must not decide about their order
 # Rounds of refinement, with an exchange between them. The last exchange still improved the best
 # plan by 1e-4 in a quarter of 36 batches; more gain is left to the next batch.
-ROUNDS = 4
+REFINE_ROUNDS = 4
 REFINE_GAIN = 1e-6  # relative improvement for which another round is made
 
 
@@ -205,13 +205,13 @@ def tidy(space: DesignSpace, criterion: Criterion, best: Plans, cost: float) -> 
         if len(kept) == len(x):
             continue
         moved, costs = refine(space, criterion, x[kept][None], fewer[None])
-        if costs[0] <= cost * (1 + LOSS):
+        if costs[0] <= cost * (1 + LOSS_FOR_FEWER_POSES):
             x = moved[0]
             repeats = fewer
             break
-    x = refine(space, criterion, x[None], repeats[None], FINEST, SHARPEST)[0][0]
+    x = refine(space, criterion, x[None], repeats[None], LAST_STEPS, SHARPEST)[0][0]
     x, repeats = round_plan(space, criterion, x, repeats, merge=not shares)
-    order = np.lexsort((*np.round(x.T[::-1], DIGITS), -repeats))
+    order = np.lexsort((*np.round(x.T[::-1], POSE_DIGITS), -repeats))
     return x[order], repeats[order]
 
 
@@ -260,7 +260,7 @@ def exchange_and_refine(
         Costs (b,), the best first, and the plans.
     """
     costs, plans = first
-    for turn in range(1, ROUNDS):
+    for turn in range(1, REFINE_ROUNDS):
         if out_of_time():
             break
         exchanged = _exchanged(space, criterion, plans, fresh(turn))

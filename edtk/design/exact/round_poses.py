@@ -7,18 +7,19 @@ import numpy as np
 from criteria import Criterion
 from edtk.design.design_space import DesignSpace, plan_costs
 from edtk.measure.pose_table import controller_step, rounded
+from edtk.robots.joint import AT_LIMIT
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices, Mask
 
-LIMIT = 1e-9  # [rad or m]: a pose beyond a limit by less is at the limit, but for rounding
 WIDER = (0, 1, 2)  # steps beyond the neighbouring ones that are tried, in turn
 MOST_TRIED = 20_000  # poses; all those nearby of seven joints
 SAME_LOAD = 1e-6  # of the range of the load: a smaller difference is none
-LOSS = 1e-5  # relative increase of the cost by rounding; at a constraint it is 1e-6 as a rule
-GAIN = 1e-6  # relative improvement for which another pass is made
-PASSES = 10
+# Relative increase of the cost by rounding; at a constraint it is 1e-6 as a rule.
+LOSS_BY_ROUNDING = 1e-5
+GAIN_OF_PASS = 1e-6  # relative improvement for which another pass is made
+ROUNDING_PASSES = 10
 WIDEST = 16  # steps
-EQUAL = 0.5  # steps up to which poses are equal for a controller
+EQUAL_POSES = 0.5  # steps up to which poses are equal for a controller
 
 
 def to_steps(space: DesignSpace, x: Array) -> Array:
@@ -33,7 +34,7 @@ def to_steps(space: DesignSpace, x: Array) -> Array:
     lower, upper = space.workspace.robot.hard_limits
     # A limit in degrees may have been converted with another last bit.
     within = np.clip(q, lower, upper)
-    return np.where(np.abs(within - q) <= LIMIT, within, q)
+    return np.where(np.abs(within - q) <= AT_LIMIT, within, q)
 
 
 def steps_around(space: DesignSpace, x: Array, wider: int) -> Array:
@@ -179,7 +180,7 @@ def round_plan(
     Returns:
         Design variables and repetitions of the same kind, of perhaps fewer experiments.
     """
-    enough = _cost(space, criterion, x, repeats) * (1 + LOSS)
+    enough = _cost(space, criterion, x, repeats) * (1 + LOSS_BY_ROUNDING)
     rounded = round_poses(space, criterion, x, repeats, merge)
     if not _cost(space, criterion, *rounded) > enough:
         return rounded
@@ -188,9 +189,11 @@ def round_plan(
     if not merge:
         return found, repeats
     merged = round_poses(space, criterion, found, repeats)
-    if not _cost(space, criterion, *merged) > _cost(space, criterion, found, repeats) * (1 + GAIN):
+    if not _cost(space, criterion, *merged) > _cost(space, criterion, found, repeats) * (
+        1 + GAIN_OF_PASS
+    ):
         return merged
-    return round_poses(space, criterion, found, repeats, within=EQUAL)
+    return round_poses(space, criterion, found, repeats, within=EQUAL_POSES)
 
 
 def _improved(space: DesignSpace, criterion: Criterion, x: Array, repeats: Array) -> Array:
@@ -199,7 +202,7 @@ def _improved(space: DesignSpace, criterion: Criterion, x: Array, repeats: Array
     cost = _cost(space, criterion, x, repeats)
     few = takewhile(lambda wider: number_around(space, wider) <= MOST_TRIED, range(WIDEST + 1))
     wider = max(few, default=0)
-    for _ in range(PASSES):
+    for _ in range(ROUNDING_PASSES):
         before = cost
         for i in np.flatnonzero(repeats > 0).tolist():
             if out_of_time():
@@ -213,7 +216,7 @@ def _improved(space: DesignSpace, criterion: Criterion, x: Array, repeats: Array
             reached = _cost(space, criterion, moved, repeats)
             if reached < cost:
                 x, cost = moved, reached
-        if not cost < before * (1 - GAIN):
+        if not cost < before * (1 - GAIN_OF_PASS):
             break
     return x
 

@@ -12,21 +12,21 @@ from edtk.design.candidate_source import Candidates, CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.design.exact.exchange_costs import CandidatePrices, exchange_costs
 from edtk.design.information import distinct
+from edtk.design.relaxation.search_continuum import DIFFERENT
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices, Mask
 
 RECORD_GAIN = 1e-4  # relative improvement that counts; less is lost among what seeds differ by
 SLIGHT = 1e-9  # relative improvement by which a plan is worth a change of what was found
-SAME = 1e-3  # relative difference of information up to which two plans are the same
+SAME_PLAN = 1e-3  # relative difference of information up to which two plans are the same
 CHAMPIONS = 4  # plans that are kicked
-KICKS = 8  # of each of them in a turn
+KICKS_IN_TURN = 8  # of each of them in a turn
 PER_PLACE = 6  # of a place
-ELITE = 6  # kicked plans that are refined to the end
-TURNS = 6  # at most; the first without a gain is the last
+ELITE_OF_KICKED = 6  # kicked plans that are refined to the end
+KICK_TURNS = 6  # at most; the first without a gain is the last
 KICK_GAIN = 1e-6  # relative improvement that counts
-POOL = 512  # fresh candidates of each turn
+POOL_OF_TURN = 512  # fresh candidates of each turn
 MOST_KNOWN = 1024  # places of refined plans among the candidates
-DIFFERENT = 0.1  # relative difference of information from which on two places are two
 LOOKED_AT = 64  # best candidates for a place, among which different ones are chosen
 
 
@@ -152,7 +152,7 @@ class SearchRecord:
         if not finite:
             return costs[:0], self.plans[np.arange(0)]
         M = np.array(self._information)[order[:finite]]
-        chosen = distinct(M, range_whitener(M[0]), SAME, most)
+        chosen = distinct(M, range_whitener(M[0]), SAME_PLAN, most)
         return costs[chosen], self.plans[chosen]
 
     def census(self) -> tuple[int, int]:
@@ -164,8 +164,8 @@ class SearchRecord:
         T = range_whitener(M[0])
         # Whitened by the best plan, the best plan is the identity, of norm sqrt of its rank.
         difference = np.linalg.norm(T.T @ (M - M[0]) @ T, axis=(1, 2))
-        same = difference <= SAME * np.sqrt(T.shape[1])
-        return int(same.sum()), len(distinct(M, T, SAME))
+        same = difference <= SAME_PLAN * np.sqrt(T.shape[1])
+        return int(same.sum()), len(distinct(M, T, SAME_PLAN))
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,12 +193,14 @@ class Kicks:
     def search(self) -> Search:
         """Kick and refine in turn; see `Batch.search`."""
         costs, plans = self.best
-        for turn in range(TURNS):
+        for turn in range(KICK_TURNS):
             kicked = self._kicked(plans, self._candidates(turn))
             if out_of_time() or not len(kicked.x):
                 break
             reached, kicked = yield Descent(kicked, COARSE)
-            reached, kicked = yield Descent(self._best_of(reached, kicked, ELITE)[1], FINE)
+            reached, kicked = yield Descent(
+                self._best_of(reached, kicked, ELITE_OF_KICKED)[1], FINE
+            )
             least = costs[0]
             both = Plans(
                 np.concatenate([plans.x, kicked.x]),
@@ -212,14 +214,14 @@ class Kicks:
     def _candidates(self, turn: int) -> Candidates:
         """Known places, and feasible candidates that no other turn has."""
         known = self.known[:MOST_KNOWN]
-        fresh = CandidateSource(self.space, (*self.seed, turn), workers=1).take(POOL)
+        fresh = CandidateSource(self.space, (*self.seed, turn), workers=1).take(POOL_OF_TURN)
         return Candidates(known, self.space.problem(known)) + fresh
 
     def _best_of(self, costs: Array, plans: Plans, most: int) -> Answer:
         """The best plans that differ from each other."""
         order = np.argsort(costs, kind="stable")
         M = plans[order].information(self.space)
-        chosen = order[distinct(M, range_whitener(M[0]), SAME, most)]
+        chosen = order[distinct(M, range_whitener(M[0]), SAME_PLAN, most)]
         return costs[chosen], plans[chosen]
 
     def _kicked(self, plans: Plans, candidates: Candidates) -> Plans:
@@ -229,7 +231,7 @@ class Kicks:
         repeats: list[Array] = []
         for own, times in zip(plans.x, plans.repeats, strict=True):
             kicks = self._kicks(own, times, candidates, prices)
-            for _, place, which in sorted(kicks)[:KICKS]:
+            for _, place, which in sorted(kicks)[:KICKS_IN_TURN]:
                 moved = own.copy()
                 moved[place] = candidates.x[which]
                 x.append(moved)

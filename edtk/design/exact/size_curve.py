@@ -18,8 +18,8 @@ from edtk.design.relaxation.relax_region import relax_region
 from edtk.system.errors import UserError, whole_number
 from edtk.system.typing import Array, Indices
 
-STARTS = 8  # of the search for each size
-ABOVE = 8  # sizes that are looked at by default, above the smallest
+CURVE_STARTS = 8  # of the search for each size
+SIZES_ABOVE = 8  # sizes that are looked at by default, above the smallest
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,8 +61,8 @@ def size_curve(design: Design, sizes: Iterable[int] | None = None) -> SizeCurve:
     rows = seen.support.rows.shape[1]
     least = max(made + 1, -(-seen.p // rows))
     if sizes is None:
-        first = least if seen.size is None else max(least, seen.size - ABOVE // 2)
-        asked = list(range(first, first + ABOVE + 1))
+        first = least if seen.size is None else max(least, seen.size - SIZES_ABOVE // 2)
+        asked = list(range(first, first + SIZES_ABOVE + 1))
     else:
         asked = sorted({whole_number(size, "sizes", made + 1) for size in sizes})
     found = []
@@ -102,7 +102,7 @@ def _plan(design: Design, model: Problem | Region, size: int) -> ProblemPlan | R
     left = None if most is None else most - kept
     limits = Limits(size - int(kept.sum()), base, left)
     known = Rows(rows).each if kept.any() else None
-    return find_counts(model, criterion, limits, kept, starts=STARTS, known=known)
+    return find_counts(model, criterion, limits, kept, starts=CURVE_STARTS, known=known)
 
 
 def _region_plan(design: Design, region: Region, size: int) -> RegionPlan:
@@ -114,4 +114,4 @@ def _region_plan(design: Design, region: Region, size: int) -> RegionPlan:
         if region.known.squares.any():
             raise UserError("kept experiments beside a prior have no curve over sizes")
         region = region.beside(region.known.shared(new / int(design.counts.sum())))
-    return plan_region(region, new, design.criterion, starts=STARTS, relaxed_by=relax_region)
+    return plan_region(region, new, design.criterion, starts=CURVE_STARTS, relaxed_by=relax_region)

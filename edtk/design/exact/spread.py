@@ -14,15 +14,15 @@ from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Mask
 
 MOST_POSES = 400  # of a plan that is spread; beyond them poses are repeated
-TRIED = 384  # poses near each pose, of which the best takes its place
+POSES_TRIED = 384  # poses near each pose, of which the best takes its place
 # Distances to the poses that are tried, in parts of that between poses: from a fine improvement to
 # another place altogether.
-FINEST = 0.02
-FARTHEST = 6.0
-PASSES = 24  # over all poses, at most
+NEAREST_TRIED = 0.02
+FARTHEST_TRIED = 6.0
+SPREADING_PASSES = 24  # over all poses, at most
 VISITS = 2400  # of all passes together: the time of many poses is bounded
-GAIN = 1e-5  # relative improvement by a pass for which another one is made
-MARGIN = 1e-6  # beyond the distance between poses, against rounding
+GAIN_BY_SPREADING = 1e-5  # relative improvement by a pass for which another one is made
+MARGIN_OF_DISTANCE = 1e-6  # beyond the distance between poses, against rounding
 
 
 def spread(
@@ -55,21 +55,23 @@ def spread(
     q, loaded = np.empty((0, n)), np.empty(0)
     if kept is not None:
         q, loaded = kept.q, np.any(kept.wrench, axis=1).astype(float)
-    search = _Spread(space, criterion, space.noise.within * (1 + MARGIN), repeats, q, loaded)
+    search = _Spread(
+        space, criterion, space.noise.within * (1 + MARGIN_OF_DISTANCE), repeats, q, loaded
+    )
     for i in range(len(x)):
         if out_of_time():
             return x
         if search.is_crowded(x, i):
             x = search.moved(x, i, at_any_cost=True)
     cost = search.cost(x)
-    for _ in range(min(PASSES, max(1, VISITS // len(x)))):
+    for _ in range(min(SPREADING_PASSES, max(1, VISITS // len(x)))):
         for i in range(len(x)):
             if out_of_time():
                 return x
             x = search.moved(x, i)
         last = cost
         cost = search.cost(x)
-        if not cost < last * (1 - GAIN):
+        if not cost < last * (1 - GAIN_BY_SPREADING):
             break
     return x
 
@@ -140,7 +142,9 @@ class _Spread:
         others = self._information(x) - self._blocks(x[i : i + 1], i)[0]
         costs = self.criterion.cost(others + self._blocks(tried, i))
         best = int(np.argmin(costs))
-        if not (at_any_cost or costs[best] < self.cost(x) * (1 - GAIN * GAIN)):
+        if not (
+            at_any_cost or costs[best] < self.cost(x) * (1 - GAIN_BY_SPREADING * GAIN_BY_SPREADING)
+        ):
             return x
         return np.concatenate([x[:i], tried[best : best + 1], x[i + 1 :]])
 
@@ -153,15 +157,17 @@ class _Spread:
         rng = np.random.default_rng(i)
         move = space.movable
         lower, upper = space.limits[:, move]
-        direction = rng.standard_normal((TRIED, len(move)))
-        alone = np.eye(len(move))[rng.integers(len(move), size=TRIED // 2)]
-        direction[: TRIED // 2] = alone * np.sign(direction[: TRIED // 2])
+        direction = rng.standard_normal((POSES_TRIED, len(move)))
+        alone = np.eye(len(move))[rng.integers(len(move), size=POSES_TRIED // 2)]
+        direction[: POSES_TRIED // 2] = alone * np.sign(direction[: POSES_TRIED // 2])
         # Lengths of prismatic joints and forces move by the share of their range that the distance
         # is of a turn.
         turning = np.array([j < len(space.fixed) and not self._prismatic[j] for j in move])
         unit = np.where(turning, 1.0, (upper - lower) / (2 * np.pi))
-        steps = self.distance * np.exp(rng.uniform(np.log(FINEST), np.log(FARTHEST), (TRIED, 1)))
-        tried = np.tile(own, (TRIED, 1))
+        steps = self.distance * np.exp(
+            rng.uniform(np.log(NEAREST_TRIED), np.log(FARTHEST_TRIED), (POSES_TRIED, 1))
+        )
+        tried = np.tile(own, (POSES_TRIED, 1))
         moved = tried[:, move] + steps * unit * direction
         tried[:, move] = np.clip(moved, lower, upper)
         tried[:, space.free] = to_steps(space, tried)[:, space.free]

@@ -24,24 +24,26 @@ from edtk.design.plan import Plan
 from edtk.design.problem import Problem, RankDeficientError
 from edtk.design.relaxation.proof import normalised
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.design.relaxation.settle import FEW_PARAMETERS
 from edtk.system.errors import UserError
 from edtk.system.time_limit import out_of_time, time_left, time_limit
 from edtk.system.typing import Array, Indices
 from edtk.system.workers import THIS_PROCESS, Workers
 
-STARTS = 8
-FEW = 12  # parameters, up to which a start within funds takes milliseconds and not seconds
-ELITE = 3  # plans that are refined: the best of the starts is best at the end in half of the cases
+VISIT_STARTS = 8
+# Plans that are refined: the best of the starts is best at the end in half of the cases.
+ELITE_VISITS = 3
 SENSITIVE = 300  # candidates of largest sensitivity among which places are exchanged
-ROUNDS = 3  # of refinement, with an exchange between them; the third one seldom finds anything
-STEPS = 30  # of a descent: what is left after them is below 1e-3
+# Of refinement, with an exchange between them; the third one seldom finds anything.
+VISIT_ROUNDS = 3
+DESCENT_STEPS = 30  # of a descent: what is left after them is below 1e-3
 SHARPNESS = (250.0,)  # of the soft maximum that stands for a criterion with kinks
-GAIN = 1e-4  # relative improvement for which another round is made
-SAME = 1e-6  # relative difference of costs up to which two plans are one
+GAIN_OF_ROUND = 1e-4  # relative improvement for which another round is made
+SAME_VISITS = 1e-6  # relative difference of costs up to which two plans are one
 WEIGHTY = 0.5  # part of the starts that are drawn by the weights of the relaxation
 # Time [s] of a relaxation whose search is long enough for other processes of this machine, each of
 # which takes a second to load what it needs.
-LONG = 2.0
+LONG_RELAXATION = 2.0
 # Share of the time, where there is a limit, after which visits that share an error of the model are
 # moved apart: some 50 ms a visit of 35 parameters. Tuned on 30 and 100 visits on a KUKA KR 270
 # within 5 to 20 s, whose rho0 is a third worse where no time is left for it.
@@ -79,7 +81,7 @@ class VisitSearch:
     criterion: Criterion
     seed: int
     progress: Callable[[str, float], object]
-    starts: int = STARTS
+    starts: int = VISIT_STARTS
     workers: Workers = THIS_PROCESS
     kept: Plan | None = None
     repeated: bool = False
@@ -103,7 +105,7 @@ class VisitSearch:
                 starts = starts[:1]
             even = np.tile(apportion(np.ones(k), m).astype(float), (len(starts), 1))
             places, repeats, costs = self._each("_exchanged", starts, even, pool=pool)
-            elite = np.argsort(costs, kind="stable")[:ELITE]
+            elite = np.argsort(costs, kind="stable")[:ELITE_VISITS]
             self.progress(_counted(len(starts)), float(costs[elite[0]]))
             found = self._finished(pool.x[places[elite]], repeats[elite], pool, len(starts))
         return self._spread(found)
@@ -134,7 +136,7 @@ class VisitSearch:
         limits = Limits(m, base, None, prices[self.space.load_of(pool.x)], funds, sized)
         plain = problem.with_prior(None)
         nothing = np.zeros(problem.n, dtype=int)
-        starts = self.starts if problem.p <= FEW else 1
+        starts = self.starts if problem.p <= FEW_PARAMETERS else 1
         found = self._best_counts(plain, limits, nothing, starts)
         self.progress(_counted(starts), found.cost)
         chosen = found.support
@@ -193,7 +195,7 @@ class VisitSearch:
             nothing,
             seed=self.seed,
             starts=starts,
-            thorough=problem.p <= FEW,
+            thorough=problem.p <= FEW_PARAMETERS,
         )
         if found.ended == "interrupted":
             raise KeyboardInterrupt
@@ -233,15 +235,15 @@ class VisitSearch:
         ended = "starts"
         costs = plan_costs(self.criterion, self.space.at(x), repeats)
         try:
-            for turn in range(ROUNDS):
+            for turn in range(VISIT_ROUNDS):
                 if out_of_time():
                     ended = "budget"
                     break
                 x, reached = self._each("_refined", x, repeats)
-                gained = bool((reached < costs * (1 - GAIN)).any())
+                gained = bool((reached < costs * (1 - GAIN_OF_ROUND)).any())
                 costs = reached
                 self.progress("refine", float(costs.min()))
-                if pool is None or not gained or turn == ROUNDS - 1:
+                if pool is None or not gained or turn == VISIT_ROUNDS - 1:
                     break
                 both = Candidates(x.reshape(-1, x.shape[-1]), self._problem(x)) + pool
                 places = np.arange(x.shape[0] * x.shape[1]).reshape(x.shape[:2])
@@ -250,8 +252,8 @@ class VisitSearch:
         except KeyboardInterrupt:
             ended = "interrupted"
         best = int(np.argmin(costs))
-        alike = np.unique(np.floor(np.log(costs[np.isfinite(costs)]) / SAME))
-        same = int((costs <= costs[best] * (1 + SAME)).sum())
+        alike = np.unique(np.floor(np.log(costs[np.isfinite(costs)]) / SAME_VISITS))
+        same = int((costs <= costs[best] * (1 + SAME_VISITS)).sum())
         with time_limit(0.0 if ended == "interrupted" else np.inf):
             plan = Plans(x[best : best + 1], repeats[best : best + 1])
             tidied = tidy(self.space, self.criterion, plan, float(costs[best]))
@@ -263,7 +265,7 @@ class VisitSearch:
 
     def _each(self, method: str, *plans: Any, **options: Any) -> tuple[Array, ...]:
         """What a method of this search makes of plans (b, ...), side by side on several workers."""
-        is_long = self.workers.remote or sum(self.relaxed.seconds.values()) >= LONG
+        is_long = self.workers.remote or sum(self.relaxed.seconds.values()) >= LONG_RELAXATION
         if self.workers.size == 1 or not is_long:
             return _improved(self, method, *plans, **options)
         # What is seen here goes to no other process.
@@ -277,7 +279,7 @@ class VisitSearch:
 
     def _refined(self, x: Array, repeats: Array) -> tuple[Array, Array]:
         """Plans (b, k, v) after a descent, and their costs (b,)."""
-        return refine(self.space, self.criterion, x, repeats, STEPS, SHARPNESS)
+        return refine(self.space, self.criterion, x, repeats, DESCENT_STEPS, SHARPNESS)
 
     def _exchanged(
         self, places: Indices, repeats: Array, pool: Candidates

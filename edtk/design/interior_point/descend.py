@@ -22,10 +22,11 @@ from edtk.system.typing import Array
 
 # An interior-point method cannot start on a constraint, where the barrier is infinite. Starts keep
 # this distance from constraints [m, rad], and from bounds in parts of their range.
-MARGIN = 1e-3
-ROUNDS = 10  # Gauss-Newton steps; two or three are the rule, and a pose that needs more is lost
+MARGIN_OF_START = 1e-3
+# Gauss-Newton steps; two or three are the rule, and a pose that needs more is lost.
+FEASIBLE_ROUNDS = 10
 OVERSHOOT = 1.5  # of the step to a constraint, so that a curved one is passed in few rounds
-RIDGE = 1e-9  # keeps the steps finite where gradients of violated constraints are dependent
+STEP_RIDGE = 1e-9  # keeps the steps finite where gradients of violated constraints are dependent
 # The least barrier holds the objective back by at most this part of the accuracy.
 SPARE = 0.1
 
@@ -46,20 +47,20 @@ def inward(space: Space, x: Array) -> Array:
     moved = np.array(x).reshape(-1, x.shape[-1])
     move = space.movable
     lower, upper = space.limits[:, move]
-    edge = MARGIN * (upper - lower)
+    edge = MARGIN_OF_START * (upper - lower)
     left = np.arange(len(moved))
-    for _ in range(ROUNDS):
+    for _ in range(FEASIBLE_ROUNDS):
         own = moved[left]
         own[:, move] = np.clip(own[:, move], lower + edge, upper - edge)
         moved[left] = own
-        short = np.maximum(MARGIN - space.at(own).slack, 0.0)
+        short = np.maximum(MARGIN_OF_START - space.at(own).slack, 0.0)
         outside = np.flatnonzero(short.any(axis=-1))
         if not len(outside):
             break
         left, own, short = left[outside], own[outside], short[outside]
         G = space.at(own).slack_gradient[..., move] * (short > 0)[..., None]
         transposed = np.swapaxes(G, -1, -2)
-        K = G @ transposed + RIDGE * np.eye(G.shape[-2])
+        K = G @ transposed + STEP_RIDGE * np.eye(G.shape[-2])
         pushes = np.linalg.solve(K, OVERSHOOT * short[..., None])
         own[:, move] += (transposed @ pushes)[..., 0]
         moved[left] = own

@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from criteria.linalg.inverse import TINY
 from criteria.linalg.spectrum import conjugate
 from edtk.design.design_space import Space
 from edtk.design.interior_point.objective import Neighbourhood, Objective
@@ -31,26 +32,26 @@ LEAST_FRACTION = 0.01
 # slacks that are almost zero; a higher barrier pushes it off the wall.
 CREEPING = 0.03
 # Gain of a step in vain: none of its lengths lowered the barrier function.
-NOTHING = 1e-12
-TINY = 1e-300  # a denominator that divides nothing by zero
-LARGE = 200  # order of a matrix beyond which its eigenvalues would take longer than many steps
+NO_GAIN = 1e-12
+# Order of a matrix beyond which its eigenvalues would take longer than many steps.
+LARGE_MATRIX = 200
 # Size to which a small or negative eigenvalue is raised. The variables are parts of their range and
 # objectives have order one, so that less curvature than this says nothing about a whole range.
 LEAST_CURVATURE = 1e-3
 # Added to the diagonal, relative to its largest entry: a singular matrix can then be factorised.
-RIDGE = 1e-12
+FACTOR_RIDGE = 1e-12
 # Weight of the barrier below which a start is near its end: the eigenvalues of its whole Hessian
 # are then worth their price, as a saddle would hold it up for good. Of many variables that price is
 # most of a step's, and is paid later: plans of twelve experiments became no worse.
 LATE = 1e-4
 LATE_OF_MANY = 1e-5
-MANY = 36
+MANY_VARIABLES = 36
 # Share of the decrease along the slope that a step must bring (Nocedal and Wright, Eq. 3.4).
 ARMIJO = 1e-4
-ROUNDING = 1e-14  # of the barrier function, relative: an increase by less is no increase
+ROUNDING_OF_BARRIER = 1e-14  # of the barrier function, relative: an increase by less is no increase
 # Factor by which s z may differ from mu: multipliers that have lost touch with their slacks would
 # spoil the next Hessian (Waechter and Biegler, Math. Program. 106, 2006, Eq. 16).
-APART = 1e10
+OUT_OF_TOUCH = 1e10
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +168,7 @@ def next_bounds(
         first: The mu at the beginning, of all experiments together.
         k: Number of experiments.
     """
-    failed = gain <= NOTHING
+    failed = gain <= NO_GAIN
     creeping = gain < CREEPING * promise
     most = first / k
     lower = np.maximum(np.maximum(floor, LOWER * mu), LEAST_FRACTION * promise / k)
@@ -196,7 +197,7 @@ def newton_direction(own: Array, joint: Array, slope: Array, late: Mask) -> Arra
     """
     K = _sum(own, joint)
     indefinite = ~_positive_definite(K)
-    whole = late & (K.shape[-1] <= LARGE)
+    whole = late & (K.shape[-1] <= LARGE_MATRIX)
     early = np.flatnonzero(indefinite & ~whole)
     if len(early):
         K[early] = _sum(_positive_blocks(own[early]), joint[early])
@@ -214,7 +215,7 @@ def _sum(own: Array, joint: Array) -> Array:
     K = joint.copy()
     each = np.arange(k)
     K.reshape(b, k, d, k, d)[:, each, :, each] += np.swapaxes(own, 0, 1)
-    K += RIDGE * np.diagonal(K, axis1=1, axis2=2).max(axis=1)[:, None, None] * np.eye(k * d)
+    K += FACTOR_RIDGE * np.diagonal(K, axis1=1, axis2=2).max(axis=1)[:, None, None] * np.eye(k * d)
     return K
 
 
@@ -238,7 +239,7 @@ def _positive(K: Array) -> Array:
     """
     e, V = np.linalg.eigh(K)
     size = np.abs(e)
-    least = np.maximum(LEAST_CURVATURE, RIDGE * size.max(axis=-1, keepdims=True))
+    least = np.maximum(LEAST_CURVATURE, FACTOR_RIDGE * size.max(axis=-1, keepdims=True))
     return conjugate(V, np.where(e < least, np.maximum(size, least), e))
 
 
@@ -460,7 +461,7 @@ def search_direction(state: State) -> SearchDirection:
     own = here.own - bent + np.swapaxes(G * W[..., None], -1, -2) @ G
     inwards = ((1.0 / s)[..., None, :] @ G)[..., 0, :]
     right = np.stack([here.slope, -inwards])
-    late = LATE_OF_MANY if here.joint.shape[-1] > MANY else LATE
+    late = LATE_OF_MANY if here.joint.shape[-1] > MANY_VARIABLES else LATE
     affine, centring = newton_direction(own, here.joint, right, state.mu < late)
     predicted = reachable(s, z, here.slack_change(affine), shortened(affine))
     mu = np.clip(predicted, *state.bounds)
@@ -544,7 +545,7 @@ def _tried(
     before = merit(here.value, here.slack, direction.mu)
     after = merit(there.value[inside], there.slack[inside], direction.mu[inside])
     drop[inside] = before[inside] - after
-    taken = drop >= -ARMIJO * length * direction.slope - ROUNDING * np.abs(before)
+    taken = drop >= -ARMIJO * length * direction.slope - ROUNDING_OF_BARRIER * np.abs(before)
     own = np.flatnonzero(taken)
     return here.with_starts_of(there[own], own), drop, taken
 
@@ -553,4 +554,4 @@ def _multipliers(z: Array, dz: Array, mu: Array, s: Array) -> Array:
     """Multipliers (b, k, c) after a step, positive and in touch with ``mu/s``."""
     central = mu[:, None, None] / s
     moved = z + to_boundary(dz, z)[:, None, None] * dz
-    return np.clip(moved, 1 / APART * central, APART * central)
+    return np.clip(moved, 1 / OUT_OF_TOUCH * central, OUT_OF_TOUCH * central)

@@ -11,7 +11,7 @@ from criteria.linalg.inverse import EPS
 from criteria.linalg.spectrum import least_scaled_eigenvalue
 from edtk.design.bound import Bound, BoundKind, printed_form
 from edtk.design.conditioning import Conditioning
-from edtk.design.problem import Problem, problem_digest
+from edtk.design.problem import SYMMETRIC, Problem, problem_digest
 from edtk.design.problems import Whitened, absorb_prior
 from edtk.design.relaxation.proof import InnerProof, normalised
 from edtk.design.relaxation.relaxation import Relaxation
@@ -20,7 +20,6 @@ from edtk.design.relaxation.weight_limits import RelaxationWithin, WeightLimits
 from edtk.system.typing import Array
 
 SUM = 1e-9  # difference of a sum of weights from one that is rounding
-SYMMETRIC = 1e-9  # difference across the diagonal, at unit diagonal, that is rounding
 # Negative eigenvalue at unit diagonal that may be rounding. The multiplier is lifted by as much, so
 # that nothing is gained by it.
 NEGATIVE = 1e-9

@@ -27,7 +27,7 @@ from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices, Mask
 
 # Candidates per one that enters from which on the choice is spread over parts of the list.
-SPREAD = 20
+SPREAD_FROM = 20
 # Sensitivities of a long list among which the largest are looked for first, and how many more of
 # them than needed set the threshold for the others.
 ENTERING_SAMPLE = 10_000
@@ -42,14 +42,14 @@ REGULARISATION = 1e-6
 COARSE = 1e-3
 # A candidate leaves if its weight is below this part of the largest, its leverage below this part
 # of one, and its sensitivity below the mean by more than so many gaps.
-LIGHT = 1e-4
+LIGHT_TO_LEAVE = 1e-4
 GAPS = 2.0
 # Of a criterion with kinks, those stay whose weight is above this part of the largest, and others,
 # until there are so many batches. None leaves unless a step has left this part of the gap at most:
 # the rounds would go in circles.
-HEAVY = 1e-3
-POOL = 2
-GAIN = 0.5
+HEAVY_TO_STAY = 1e-3
+BATCHES_KEPT = 2
+LEFT_OF_GAP = 0.5
 
 
 def entering_candidates(sensitivities: Array, active: Indices, batch: int) -> Indices:
@@ -74,7 +74,7 @@ def entering_candidates(sensitivities: Array, active: Indices, batch: int) -> In
     largest = _largest(sensitivities, size)
     chosen = _inactive_by_sensitivity(sensitivities, is_active, largest)
     parts = 3 * batch // 4
-    if parts and n >= SPREAD * batch:
+    if parts and n >= SPREAD_FROM * batch:
         width = n // parts
         in_parts = sensitivities[: width * parts].reshape(parts, width)
         spread = in_parts.argmax(axis=1) + width * np.arange(parts)
@@ -295,7 +295,7 @@ class ColumnGeneration:
             found = self._worth_keeping(step, sensitivities, gap)
         else:
             every = (step.last.candidates, step.last.weights)
-            found = self._pool(step, sensitivities) if gap <= GAIN * least else every
+            found = self._pool(step, sensitivities) if gap <= LEFT_OF_GAP * least else every
         # The best design may be singular; light candidates keep the others regular.
         M = self.problem[found[0]].information(found[1])
         return found if self.criterion.needs_all and is_clearly_regular(M) else every
@@ -305,9 +305,9 @@ class ColumnGeneration:
         own = sensitivities[step.active]
         mean = float(step.weights @ own)
         near = own > (1 - GAPS * max(gap, self.gap)) * mean
-        heavy = step.weights > LIGHT * step.weights.max()
+        heavy = step.weights > LIGHT_TO_LEAVE * step.weights.max()
         carried = leverages(self.problem[step.active], step.weights, step.M)
-        kept = np.asarray(heavy | near | (carried > LIGHT))
+        kept = np.asarray(heavy | near | (carried > LIGHT_TO_LEAVE))
         return step.active[kept], step.weights[kept]
 
     def _pool(self, step: Step, sensitivities: Array) -> tuple[Indices, Array]:
@@ -317,9 +317,9 @@ class ColumnGeneration:
         so a few stay that have no weight.
         """
         weights = step.last.weights
-        heavy = weights > HEAVY * weights.max()
+        heavy = weights > HEAVY_TO_STAY * weights.max()
         others = np.flatnonzero(~heavy)
-        room = max(0, POOL * self._batch - int(heavy.sum()))
+        room = max(0, BATCHES_KEPT * self._batch - int(heavy.sum()))
         candidates = step.last.candidates
         stay = others[np.argsort(-sensitivities[candidates[others]], kind="stable")[:room]]
         kept = np.concatenate([np.flatnonzero(heavy), stay])

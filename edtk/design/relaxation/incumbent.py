@@ -26,7 +26,7 @@ from edtk.system.typing import Array, Indices
 
 # Candidates whose weights move at a time, in parts of the equations: null vectors of more would
 # take memory, and those of fewer be searched for anew too often.
-AT_ONCE = 2
+WEIGHTS_AT_ONCE = 2
 # Part of the gap that the cost may grow by when support points are dropped: far below what is
 # asked for, far above rounding.
 SPARSE_LOSS = 0.01
@@ -115,7 +115,7 @@ def _fewest(A: Array, weights: Array) -> Array:
     inside = np.empty(0, dtype=int)
     waiting = np.argsort(w, kind="stable")
     while len(waiting) and not out_of_time():
-        joining = AT_ONCE * len(A) - len(inside)
+        joining = WEIGHTS_AT_ONCE * len(A) - len(inside)
         inside = np.concatenate([inside, waiting[:joining]])
         waiting = waiting[joining:]
         w[inside] = _vertex(A[:, inside], w[inside])

@@ -23,11 +23,11 @@ from edtk.system.time_limit import time_of_program
 from edtk.system.typing import Array
 
 ABOVE = 0.5  # how far the first t is above the largest loss
-INSIDE = 0.5  # the largest sensitivity at the first point, where one is allowed
+FIRST_OF_LIMIT = 0.5  # the largest sensitivity at the first point, where one is allowed
 HALVINGS = 40  # of an interval for t; what remains of it is nothing beside the interval
 # Slacks further than so many gaps from the slopes are brought back to them before the next step.
-ASTRAY = 1.0
-FINE = 1e-10  # tolerances of a linear program, the least that its solver takes
+ASTRAY_OF_LOSSES = 1.0
+SOLVER_TOLERANCE = 1e-10  # tolerances of a linear program, the least that its solver takes
 
 
 def loss_weights(
@@ -77,8 +77,8 @@ def _of_single_parameters(losses: Losses, active: ActiveInformation, p: int) -> 
     unit = told.mean(axis=1).min()
     k = told.shape[1]
     options = {
-        "primal_feasibility_tolerance": FINE,
-        "dual_feasibility_tolerance": FINE,
+        "primal_feasibility_tolerance": SOLVER_TOLERANCE,
+        "dual_feasibility_tolerance": SOLVER_TOLERANCE,
         "time_limit": time_of_program(),
     }
     found = interruptible(
@@ -139,8 +139,8 @@ class _Point(PathPoint[_Direction]):
         u /= u.sum()
         used = 1.0 - u @ point.J
         # Longer weights have smaller slopes, and all h_j then change alike.
-        longer = w * used.max() / INSIDE
-        return cls(losses, active, longer, ABOVE, 1.0 - INSIDE * used / used.max(), u)
+        longer = w * used.max() / FIRST_OF_LIMIT
+        return cls(losses, active, longer, ABOVE, 1.0 - FIRST_OF_LIMIT * used / used.max(), u)
 
     @cached_property
     def M(self) -> Array:
@@ -195,7 +195,7 @@ class _Point(PathPoint[_Direction]):
     @property
     def is_astray(self) -> bool:
         """Whether slacks are far from the slopes."""
-        return bool(np.abs(self.missing).max() > ASTRAY * self.gap)
+        return bool(np.abs(self.missing).max() > ASTRAY_OF_LOSSES * self.gap)
 
     @cached_property
     def error(self) -> float:

@@ -21,7 +21,7 @@ JAMMED = 0.1  # a shorter one is made towards the central path instead
 SPREAD = 0.5  # part of the first weights that is spread over all candidates
 # Order up to which whole matrices are as quick as rows, which of packed candidates would have to
 # be factorized first.
-SMALL = 12
+SMALL_ORDER = 12
 CHUNK = 2**21  # entries of whole matrices that are formed at a time
 # How many more candidates than entries of a triangle make the equations of the entries cheaper.
 MANY = 1.2
@@ -29,7 +29,7 @@ MANY = 1.2
 LARGEST = 1e12
 MOST_FEW = 1000  # candidates whose own equations are affordable where it is larger
 # Size of the other term at which six digits of the identity are left.
-LOST = 1e10
+CANCELLED = 1e10
 
 
 def step_length(x: Array, dx: Array, most: float = TOWARDS_BOUNDARY) -> float:
@@ -218,7 +218,7 @@ class ActiveInformation(ABC):
         models = problem.models
         if len(models) > 1 and (problem.prior is None or models.are_apart(problem.prior)):
             return _Blocks(experiment_entries(problem, active), models)
-        if problem.p <= SMALL:
+        if problem.p <= SMALL_ORDER:
             return ActiveInformation.of_blocks(experiment_blocks(problem, active))
         return _Rows(problem[active].factors(), problem.prior)
 
@@ -448,7 +448,7 @@ def conic_equations(P: Array, D: Array, last: Array | None) -> ConicSolve:
     """
     if P.shape[1] > len(P):
         scaled = P / np.sqrt(D)
-        if np.einsum("qk,qk->", scaled, scaled) < LOST:
+        if np.einsum("qk,qk->", scaled, scaled) < CANCELLED:
             return _by_duals(P, scaled, D, last)
     return _by_weights(P, D, last)
 

@@ -27,7 +27,7 @@ from edtk.system.typing import Array
 EXACT_GAP = 0.01
 HEAVY = 1e-4  # weight, in parts of the largest, of candidates that a design shall rest on
 LIGHT_LOSS = 0.05  # part of the gap that it may lose by leaving the others
-LOST = 1e-3  # share of light weights that are dropped then, likewise
+DROPPED_SHARE = 1e-3  # share of light weights that are dropped then, likewise
 
 
 def has_own_method(criterion: Relaxable, p: int) -> bool:
@@ -150,7 +150,7 @@ class Masters:
         except (np.linalg.LinAlgError, ValueError, ArithmeticError) as error:
             raise RelaxationError(f"{NEWTON}: {' '.join(str(error).split())}") from error
         # Where a cost has kinks, many light weights together are worth more than each of them.
-        lost = None if self.criterion.smooth else LOST * self.gap
+        lost = None if self.criterion.smooth else DROPPED_SHARE * self.gap
         weights = regular_weights(self.criterion, information, found, NEWTON, lost)
         if Z is None and accuracy <= FINEST and (weights == 0).any():
             # Without its light candidates a design may prove less than the gap that is asked for.

@@ -19,9 +19,9 @@ from edtk.design.relaxation.master_equations import (
 from edtk.design.relaxation.proof import rounding_of_inverse
 from edtk.system.typing import Array
 
-STEPS = 60
+NEWTON_STEPS = 60
 # Part of the way to the boundary that a step may take; it grows towards one with the accuracy.
-TOWARDS_BOUNDARY = 0.9
+FIRST_TOWARDS_BOUNDARY = 0.9
 # Slacks of the first weights, in parts of the degree: those of weights that are all alike.
 FIRST_SLACK = 0.3
 # How far below the central path a slack of a start may be.
@@ -76,7 +76,7 @@ def newton_weights(
     """
     point = _Point.first(criterion, active, start)
     best = point
-    for _ in range(STEPS):
+    for _ in range(NEWTON_STEPS):
         if best.excess <= accuracy or best.excess <= best.rounding:
             break
         step = point.step()
@@ -168,7 +168,7 @@ class _Point:
             products = np.full(len(w), mu)
         dw = solve(products / w - gradient)
         dv = (products - v * dw) / w - v
-        most = max(TOWARDS_BOUNDARY, 1.0 - mu)
+        most = max(FIRST_TOWARDS_BOUNDARY, 1.0 - mu)
         # A step almost to a bound may be rounded onto it.
         slacks = np.maximum(v + step_length(v, dv, most) * dv, EPS * v)
         return self._search(dw, slacks, float(gradient @ dw), mu, step_length(w, dw, most))

@@ -9,7 +9,7 @@ from criteria.linalg.inverse import EPS, ROUNDING, unit_scale, whitener
 from edtk.design.problem import Problem
 from edtk.system.typing import Array, Indices
 
-NOTHING = 1e-13  # part of a combination that an open direction may have by rounding alone
+NO_PART = 1e-13  # part of a combination that an open direction may have by rounding alone
 
 
 def is_normalised(criterion: Criterion) -> bool:
@@ -215,7 +215,7 @@ def safe_cost(criterion: Criterion, M: Array) -> float:
     if criterion.needs_all or not np.isfinite(cost):
         return cost
     strayed = criterion.strayed(M)
-    return cost if strayed <= NOTHING else cost * (1 + 2 * len(M) ** 0.5 * strayed)
+    return cost if strayed <= NO_PART else cost * (1 + 2 * len(M) ** 0.5 * strayed)
 
 
 def errors(

@@ -22,9 +22,9 @@ from edtk.system.workers import one_thread
 # The bounds of a family's members only hold together, so that each must be sharper than the whole.
 MEMBER_GAP = 0.25
 # A member has done its part where it has raised the bound on its own cost by all but this part.
-LEFT = 0.1
+LEFT_TO_MEMBER = 0.1
 # Candidates from which on most programs look at every fiftieth of them only.
-LONG = 200_000
+LONG_LIST = 200_000
 EVERY = 50
 # Gap over the first of such parts, which are evenly spaced; over the most sensitive ones, in parts
 # of what is asked for.
@@ -32,7 +32,7 @@ FIRST_GAP = 0.05
 PART_GAP = 0.5
 PARTS = 6
 SAMPLE = 10_000  # sensitivities that tell which are among the largest
-MOST = 4  # a part of more than a quarter of the candidates saves nothing
+FEWEST_PARTS = 4  # a part of more than a quarter of the candidates saves nothing
 
 
 Progress = Callable[[int, float], object]
@@ -47,7 +47,7 @@ def improve(incumbent: Incumbent, gap: float, options: SolverOptions, progress: 
         options: Limits and solvers.
         progress: Called with the number of restricted master problems so far and the gap.
     """
-    is_long = incumbent.problem.n >= LONG and options.solvers[0] == NEWTON
+    is_long = incumbent.problem.n >= LONG_LIST and options.solvers[0] == NEWTON
     if not (is_long and _improve_on_parts(incumbent, gap, options, progress)):
         _improve(incumbent, gap, options, progress)
 
@@ -78,7 +78,7 @@ def _improve_on_parts(
             return True
         incumbent.last = inner.last.outside(part)
         part = _most_sensitive(sensitivities(), incumbent.last.candidates)
-        if MOST * len(part) > problem.n:
+        if FEWEST_PARTS * len(part) > problem.n:
             return False
         candidates = problem[part]
         part_gap = PART_GAP * gap
@@ -137,7 +137,7 @@ def _improve_by_member(
         progress(incumbent.iterations, incumbent.gap)
         if is_family:
             cost = float(subproblem.cost(step.M))
-            if cost - step.proof.lower_bound <= LEFT * (cost - known):
+            if cost - step.proof.lower_bound <= LEFT_TO_MEMBER * (cost - known):
                 return
 
 

@@ -37,12 +37,13 @@ DEFAULT_MB = 1000.0
 # that is worth holding.
 KEPT = 20_000
 # Doubles per candidate besides information and poses: sensitivities, their order, weights.
-WORK = 8
+DOUBLES_PER_CANDIDATE = 8
 # How boldly poses are merged, the boldest first: relative difference of information below which two
 # poses are alike, and part of the largest weight below which a pose is dropped. Poses of an optimum
 # that symmetry maps onto each other differ by the ascents' accuracy, a few per cent where the
 # sensitivity is flat.
-FEW = 200  # poses that one program weighs as quickly as several programs would, a part of them each
+# Poses that one program weighs as quickly as several programs would, a part of them each.
+FEW_POSES = 200
 MERGING = ((0.1, 1e-3), (0.03, 1e-3), (0.01, 1e-4), (0.001, 1e-5), (0.0, 1e-5))
 ROUNDS = 40  # passes over the candidates, or searches over all poses, at most
 NEAR_OPTIMAL = 100  # candidates per multiplier that stay beside the support when others are dropped
@@ -89,7 +90,7 @@ def capacity(doubles: int, variables: int, memory_mb: float) -> int:
     Raises:
         MemoryLimitError: Fewer fit than are worth holding.
     """
-    bytes_each = 8 * (2 * doubles + variables + WORK)
+    bytes_each = 8 * (2 * doubles + variables + DOUBLES_PER_CANDIDATE)
     fit = (memory_mb - BASE_MB) * 1e6 / bytes_each
     if not fit >= KEPT:  # also where the limit is not a number
         raise MemoryLimitError(memory_mb, np.ceil(BASE_MB + KEPT * bytes_each / 1e6))
@@ -151,7 +152,7 @@ class ActiveSet:
     def over(self, poses: Candidates, gap: float) -> "ActiveSet":
         """The relaxation over other poses, to a relative gap."""
         earlier = self.relaxation
-        few = earlier.criterion.smooth and len(poses.x) <= FEW
+        few = earlier.criterion.smooth and len(poses.x) <= FEW_POSES
         options = SolverOptions(batch=len(poses.x) if few else None, few=False)
         relaxation = relax(
             poses.problem, earlier.criterion, gap, options, multipliers=earlier.multipliers

@@ -17,7 +17,7 @@ from edtk.design.relaxation.relaxed_region import JudgedRegion, RelaxedRegion
 from edtk.design.relaxation.restricted_master import SolverOptions
 from edtk.design.relaxation.search_continuum import LargestSensitivities
 from edtk.design.relaxation.search_region import (
-    MARGIN,
+    MARGIN_OF_ASCENT,
     POINTS,
     RegionGrid,
     grouped,
@@ -28,16 +28,16 @@ from edtk.design.relaxation.search_region import (
 )
 from edtk.system.typing import Array, Mask
 
-GAP = 1e-7
-FIRST = 600  # points of the first relaxation: it only has to find out where to look closer
-ROUNDS = 30  # searches at most; four or five are the rule
-ALIKE = 1e-9  # parts of a range up to which two points are one
-LOSS = 1e-12  # relative: a cost that is lower by less is the same but for rounding
+REGION_GAP = 1e-7
+FIRST_POINTS = 600  # points of the first relaxation: it only has to find out where to look closer
+REGION_ROUNDS = 30  # searches at most; four or five are the rule
+SAME_POINT = 1e-9  # parts of a range up to which two points are one
+NO_LOWER = 1e-12  # relative: a cost that is lower by less is the same but for rounding
 FAST = 0.3  # part to which a round should shrink the gap
-NEAR = 60  # points of the grid per multiplier
-PATIENCE = 8  # rounds that must together shrink the gap to this part
-SLOW = 0.7
-SHARPER = 0.05  # gap of the next relaxation, in parts of the present one
+NEAR_POINTS = 60  # points of the grid per multiplier
+ROUNDS_TO_SHRINK = 8  # rounds that must together shrink the gap to this part
+SHRUNK_TO = 0.7
+NEXT_GAP = 0.05  # gap of the next relaxation, in parts of the present one
 
 
 # A look beyond the search: made for region and criterion as they are judged, it is asked with the
@@ -49,7 +49,7 @@ def relax_region(
     region: Region,
     criterion: Criterion,
     candidates: int = POINTS,
-    gap: float = GAP,
+    gap: float = REGION_GAP,
     progress: Callable[[str, float], object] = lambda stage, gap: None,
     closing: Closing | None = None,
 ) -> RelaxedRegion:
@@ -83,7 +83,7 @@ def relax_region(
     grid = RegionGrid.of(judged.region, candidates)
     search = RegionSearch(grid, judged.criterion, closing is None)
     ends = (lambda search, active: True) if closing is None else closing(judged)
-    for turn in range(ROUNDS):
+    for turn in range(REGION_ROUNDS):
         away = search.after(active, gap)
         progress("region", away)
         if (away <= gap or search.stuck(turn)) and ends(search, active):
@@ -91,7 +91,7 @@ def relax_region(
         around = np.concatenate(
             [search.points, active.support.x, search.found, search.near(active)]
         )
-        active = active.over(_apart(judged.region, around), max(0.3 * gap, SHARPER * away))
+        active = active.over(_apart(judged.region, around), max(0.3 * gap, NEXT_GAP * away))
     return replace(search.result(active, judged), region=region, criterion=criterion)
 
 
@@ -99,7 +99,7 @@ def _first_grid(
     region: Region, criterion: Criterion, candidates: int
 ) -> tuple[JudgedRegion, RegionGrid]:
     """The region as it is judged, and the points of the first relaxation."""
-    x = RegionGrid.of(region, min(candidates, FIRST)).x
+    x = RegionGrid.of(region, min(candidates, FIRST_POINTS)).x
     try:
         judged = JudgedRegion.of(region, criterion, x)
     except RankDeficientError:
@@ -150,13 +150,13 @@ class RegionSearch:
         design = polish if self.alone else with_cost
         x, weights, cost = design(self.grid.region, self.criterion, support, active.weights)
         # The first design of a few points is better than an equal one of many.
-        if cost < self.cost * (1 - LOSS) or (len(x) < len(self.points) and cost <= self.cost):
+        if cost < self.cost * (1 - NO_LOWER) or (len(x) < len(self.points) and cost <= self.cost):
             self.points, self.weights, self.cost = x, weights, cost
         M = self.grid.region.problem(x).information(weights)
         known = np.concatenate([x, support])
         ends = []
         for Z in self._trials(active, M):
-            margin = MARGIN if self.alone else 0.0
+            margin = MARGIN_OF_ASCENT if self.alone else 0.0
             proof, found = RegionProof.of(self.grid, self.criterion, Z, known, M, margin)
             ends.append(found)
             if self.proof is None or self.is_refuted or proof.cost > self.proof.cost:
@@ -210,12 +210,15 @@ class RegionSearch:
             return self.points[:0]
         problem = normalised(self.grid.problem, self.criterion)
         each = problem.sensitivities(active.relaxation.multipliers)
-        return np.concatenate([self.grid.best(own, NEAR) for own in each])
+        return np.concatenate([self.grid.best(own, NEAR_POINTS) for own in each])
 
     def stuck(self, turn: int) -> bool:
         """Whether the last rounds have hardly closed the gap: a solver's accuracy is reached."""
-        slow = turn >= PATIENCE and self._gaps[-1] > SLOW * self._gaps[-1 - PATIENCE]
-        return slow or turn == ROUNDS - 1
+        slow = (
+            turn >= ROUNDS_TO_SHRINK
+            and self._gaps[-1] > SHRUNK_TO * self._gaps[-1 - ROUNDS_TO_SHRINK]
+        )
+        return slow or turn == REGION_ROUNDS - 1
 
     def result(self, active: ActiveSet, judged: JudgedRegion) -> RelaxedRegion:
         """The best design with the best bound, and what the same multipliers prove on the grid.
@@ -285,7 +288,7 @@ class RegionProof:
         Z: Array,
         known: Array,
         M: Array,
-        margin: float = MARGIN,
+        margin: float = MARGIN_OF_ASCENT,
     ) -> "tuple[RegionProof, Array]":
         """Search the region with multipliers Z.
 
@@ -318,5 +321,5 @@ def _lifted(Z: Array) -> Array:
 
 def _apart(region: Region, points: Array) -> Candidates:
     """The points that differ from all before them."""
-    kept, _ = grouped(region, points, np.ones(len(points)), ALIKE)
+    kept, _ = grouped(region, points, np.ones(len(points)), SAME_POINT)
     return Candidates(points[kept], region.problem(points[kept]))

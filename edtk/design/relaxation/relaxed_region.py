@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from edtk.design.theta_box import WorstTheta
 
 # Sizes of information beyond which searches over a region would leave floating-point numbers.
-SMALL = 1e-100
-LARGE = 1e100
+SMALLEST_INFORMATION = 1e-100
+LARGEST_INFORMATION = 1e100
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +103,9 @@ def _require_moderate(problem: Problem) -> None:
     """
     with np.errstate(over="ignore"):
         sizes = np.diag(problem.mean)
-    outside = sizes[(sizes != 0) & ~((sizes > SMALL) & (sizes < LARGE))]
+    outside = sizes[
+        (sizes != 0) & ~((sizes > SMALLEST_INFORMATION) & (sizes < LARGEST_INFORMATION))
+    ]
     if len(outside):
         which = "they are" if len(outside) == len(sizes) else "one column is"
         raise ArgumentError(

@@ -25,7 +25,7 @@ WHITE = 1e3  # factor by which a design's eigenvalues may differ from one and co
 PRUNE = 1e-7  # weights below this part of the largest are dropped: the solvers' inaccuracy
 # Relative error of a cost above which a design is too near to a singular one, if a little weight on
 # every candidate leaves this part of the error at most.
-BLURRED = 1e-8
+BLURRED_COST = 1e-8
 SHARPER = 0.5
 # Least eigenvalue at unit diagonal that a little weight on every candidate exceeds.
 NEARLY_SINGULAR = 1e-10
@@ -282,7 +282,7 @@ def regular_weights(
     weights /= weights.sum()
     M = active.information(weights)
     is_regular, blurred = _judged(criterion, M)
-    if is_regular and blurred <= BLURRED:
+    if is_regular and blurred <= BLURRED_COST:
         return weights
     # The optimum may leave a direction of the parameters all but open. A little weight on every
     # candidate closes it, and costs less than the gaps that are asked for.

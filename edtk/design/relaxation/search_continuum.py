@@ -22,7 +22,7 @@ from edtk.system.typing import Array, Indices
 from edtk.system.workers import THIS_PROCESS, Workers
 
 ASCENT_STEPS = 200
-BARRIER = 0.1  # larger than for plans: one experiment is worth more than each of many
+ASCENT_BARRIER = 0.1  # larger than for plans: one experiment is worth more than each of many
 # Chunks of samples that a worker looks at before it answers, which takes about a second, and how
 # many such stretches a worker is given before what they found is joined: one where time is limited.
 STRETCH = 128
@@ -31,7 +31,7 @@ FULL = 4  # times the number to keep: a choice among so many costs less than hol
 SCREEN = 20_000  # fresh feasible poses among which starts are chosen
 STARTS = 96  # ascents in all, shared out among the multipliers
 MOST_STARTS = 16  # ascents from known poses per multiplier: more find nothing new
-LEAST_STARTS = 6
+LEAST_ASCENTS = 6
 # Designs of many parameters rest on more poses than these, and miss several of them at a time: of
 # 35 parameters of geometry, searches of 16 ascents left a gap of 5 % after twenty rounds. Ten
 # parameters or fewer, as compliances alone are, need no more.
@@ -151,7 +151,7 @@ def ascend(
         Feasible experiments (b, v), no less sensitive than the starts.
     """
     objective = Sensitivity(Z / unit, per_trace)
-    ends = descend(space, x[:, None], objective, steps, accuracy, BARRIER)
+    ends = descend(space, x[:, None], objective, steps, accuracy, ASCENT_BARRIER)
     return ends[:, 0]
 
 
@@ -421,7 +421,7 @@ def _starts(
     """
     T = range_whitener(known.problem.mean)
     most = max(MOST_STARTS, STARTS_PER_PARAMETER * (known.problem.p - WITHOUT_MORE))
-    size = max(LEAST_STARTS, min(most, max(STARTS, most) // len(multipliers)))
+    size = max(LEAST_ASCENTS, min(most, max(STARTS, most) // len(multipliers)))
     size = size if white else MORE * size
     of_fresh_poses = size
     if white and most > MOST_STARTS:
@@ -503,7 +503,7 @@ def _best_of_own(
     ends = normalised(found.problem, criterion).sensitivities(multipliers)
     order = np.argsort(-ends[owner, np.arange(len(owner))], kind="stable")
     return np.concatenate(
-        [order[owner[order] == j][:LEAST_STARTS] for j in range(len(multipliers))]
+        [order[owner[order] == j][:LEAST_ASCENTS] for j in range(len(multipliers))]
     )
 
 

@@ -28,43 +28,44 @@ from edtk.design.relaxation.search_continuum import LargestSensitivities, ascend
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.typing import Array, Indices
 
-FIRST = 3e-4  # parts of a range: the first step
+COMPASS_STEP = 3e-4  # parts of a range: the first step
 SMALLER = 0.35  # a step in vain is followed by one of this part
 COMPASS_ROUNDS = 20  # so that the last steps are of 1e-12
 # A barrier holds points off the walls by about its accuracy over the slope, far below this part of
 # a range.
 AT_WALL = 1e-5
 WALL_ROUNDS = 3  # Newton steps onto curved constraints
-RIDGE = 1e-14  # keeps the steps finite where gradients of constraints are dependent
+WALL_RIDGE = 1e-14  # keeps the steps finite where gradients of constraints are dependent
 POINTS = 5000  # of a grid, at most, unless the caller says otherwise
 CORNERS = 10  # variables up to which all corners of the box are points: designs often lie there
 PUSHED = 1000  # infeasible points that are moved onto the constraints, at most
 NEAR_WALL = 0.01  # parts of a range up to which such points are moved
 NEIGHBOURS = 30  # among which a point must be the best to begin an ascent
-STARTS = 64  # ascents from points of the grid for each multiplier, at most
-LEAST_STARTS = 16
+REGION_ASCENTS = 64  # ascents from points of the grid for each multiplier, at most
+LEAST_REGION_ASCENTS = 16
 ACCURACY = 1e-11  # relative, of a sensitivity at the end of an ascent
 # Part by which the largest sensitivity is raised before it enters a bound: a maximum that an ascent
 # has not quite reached must not make the bound too good. It covers ends on curved constraints.
-MARGIN = 1e-9
+MARGIN_OF_ASCENT = 1e-9
 TOP = 0.01  # part below the largest sensitivity down to which ends of ascents climb on
 # Distance in parts of a range below which two points become one, the boldest first. A relaxation
 # over neighbouring points spreads a weight over them.
 CLOSE = (0.03, 0.003, 3e-4, 0.0)
-SAME = 1e-5  # likewise, after a descent that has brought them together
-LOSS = 1e-9  # relative increase of the cost at which fewer points are still welcome
-NOTHING = 1e-7  # weight that is not worth a point
+MET_POINT = 1e-5  # likewise, after a descent that has brought them together
+# Relative increase of the cost at which fewer points are still welcome.
+LOSS_FOR_FEWER_POINTS = 1e-9
+NO_WEIGHT = 1e-7  # weight that is not worth a point
 # Parts of the largest weight, the boldest first, below which weights may only keep a design regular
 # that is best singular, and what dropping them may cost: there rounding blurs the cost.
 LIGHT = (1e-3, 1e-4, 1e-5, 1e-6)
 LOSS_OF_LIGHT = 1e-8
 # Rounding of a cost that is far below all of these; more of it, so many times, counts as a loss.
-SHARP = 1e-11
-BLURRED = 2.0
-APART = 1e-6  # ratio of singular values below which points are one, to begin with
-MOST_VARIABLES = 160  # a step takes their third power
+ROUNDING_OF_COST = 1e-11
+ROUNDINGS_OF_LOSS = 2.0
+SAME_POINTS = 1e-6  # ratio of singular values below which points are one, to begin with
+MOST_MOVED = 160  # a step takes their third power
 ITERATIONS = 200
-FINEST = 1e-16  # of the logarithm of the cost, at which to end
+FINEST_LOGARITHM = 1e-16  # of the logarithm of the cost, at which to end
 WORTHLESS = 1e3  # logarithm of the cost of a singular design, for the line search
 
 
@@ -82,7 +83,7 @@ def compass(region: Region, x: Array, value: Callable[[Array], Array]) -> Array:
     low, high = region.limits
     x = x.copy()
     best = value(x[None])[0]
-    step = np.full(len(x), FIRST)
+    step = np.full(len(x), COMPASS_STEP)
     axes = np.concatenate([np.eye(region.size), -np.eye(region.size)])
     each = np.arange(len(x))
     for _ in range(COMPASS_ROUNDS):
@@ -126,7 +127,7 @@ def onto_walls(region: Region, x: Array, near: float = AT_WALL) -> Array:
         G = np.where(on_bound[:, None], 0.0, G) * active[..., None]
         K = G @ np.swapaxes(G, -1, -2)
         scale = np.maximum(np.trace(K, axis1=-2, axis2=-1), np.finfo(float).tiny)[:, None, None]
-        K = K / scale + RIDGE * np.eye(K.shape[-1])
+        K = K / scale + WALL_RIDGE * np.eye(K.shape[-1])
         push = np.linalg.solve(K, (np.where(active, -slack, 0.0) / scale[:, 0])[..., None])
         y = np.clip(y + (np.swapaxes(G, -1, -2) @ push)[..., 0], 0.0, 1.0)
     # The bounds and the points themselves, not what rounding makes of them.
@@ -230,7 +231,7 @@ def search_region(
     criterion: Criterion,
     multipliers: Array,
     known: Array,
-    margin: float = MARGIN,
+    margin: float = MARGIN_OF_ASCENT,
 ) -> tuple[LargestSensitivities, Candidates]:
     """Ascend the sensitivity from every local maximum on the grid, and from known points.
 
@@ -247,7 +248,7 @@ def search_region(
     """
     region = grid.region
     of_grid = normalised(grid.problem, criterion).sensitivities(multipliers)
-    most = max(LEAST_STARTS, STARTS // len(multipliers))
+    most = max(LEAST_REGION_ASCENTS, REGION_ASCENTS // len(multipliers))
     starts = [np.concatenate([grid.maxima(own, most), known]) for own in of_grid]
     owner = np.repeat(np.arange(len(multipliers)), [len(x) for x in starts])
     x = np.concatenate(starts)
@@ -330,16 +331,16 @@ def polish(
         if len(start) == before:
             continue
         before = len(start)
-        if len(start) * (1 + region.size) <= MOST_VARIABLES:
+        if len(start) * (1 + region.size) <= MOST_MOVED:
             points, shares = _Descent(region, criterion, len(start)).end(start, share)
         else:
             points, shares = onto_walls(region, start), share
         # Points that have moved onto each other are one.
-        points, shares = _merged(region, points, shares, SAME)
+        points, shares = _merged(region, points, shares, MET_POINT)
         found = _cost(region, criterion, points, shares)
-        if region.at(points).feasible.all() and found <= best[2] * (1 + LOSS):
+        if region.at(points).feasible.all() and found <= best[2] * (1 + LOSS_FOR_FEWER_POINTS):
             best = (points, shares, found)
-            if found <= cost * (1 + LOSS):
+            if found <= cost * (1 + LOSS_FOR_FEWER_POINTS):
                 break
     return _without_light(region, criterion, best)
 
@@ -366,7 +367,7 @@ def _spanning(region: Region, c: Array, x: Array, weights: Array) -> tuple[Array
         if not len(b):
             root = np.repeat(np.sqrt(weights), r)
             # What only the distance between close points tells is left to the steps.
-            b = root * np.linalg.lstsq((root[:, None] * A).T, c, rcond=APART)[0]
+            b = root * np.linalg.lstsq((root[:, None] * A).T, c, rcond=SAME_POINTS)[0]
         left = c - b @ A
         if not np.linalg.norm(left) < 0.5 * before:
             break  # what is missing is rounding, or stays
@@ -416,7 +417,7 @@ def _cost(region: Region, criterion: Criterion, x: Array, weights: Array) -> flo
         return cost
     variances = np.square(range_whitener(M)).sum(axis=1)
     lost = rounding_of_inverse(M, variances)
-    return cost if lost <= SHARP else cost * (1 + BLURRED * lost)
+    return cost if lost <= ROUNDING_OF_COST else cost * (1 + ROUNDINGS_OF_LOSS * lost)
 
 
 def _without_light(
@@ -472,7 +473,7 @@ def _merged(region: Region, x: Array, weights: Array, close: float) -> tuple[Arr
     mean = np.stack(sums, axis=1).astype(float) / share[:, None]
     # Between the points of a curved region there may be no point of it.
     inside = region.at(mean).feasible
-    heavy = share > NOTHING
+    heavy = share > NO_WEIGHT
     points = np.where(inside[:, None], mean, x[kept])[heavy]
     return points, share[heavy] / share[heavy].sum()
 
@@ -500,7 +501,7 @@ class _Descent:
         rules = [{"type": "eq", "fun": lambda v: v @ total - 1, "jac": lambda v: total}]
         if self.region.slack_at(x).shape[-1]:
             rules.append({"type": "ineq", "fun": self._slack, "jac": self._slack_slope})
-        options = {"ftol": FINEST, "maxiter": ITERATIONS}
+        options = {"ftol": FINEST_LOGARITHM, "maxiter": ITERATIONS}
         bounds = [(0.0, 1.0)] * len(start)
         if self._losses is None:
             found = minimize(
@@ -518,7 +519,7 @@ class _Descent:
             return x, weights
         points = onto_walls(self.region, self._points(found))
         shares = np.maximum(found[x.size :], 0.0)
-        shares = np.where(shares > NOTHING, shares, 0.0)
+        shares = np.where(shares > NO_WEIGHT, shares, 0.0)
         return points[shares > 0], shares[shares > 0] / shares.sum()
 
     def _below_one_level(self, start: Array, rules: list[Any], options: Any) -> Array:

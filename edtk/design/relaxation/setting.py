@@ -19,10 +19,10 @@ from edtk.system.errors import UserError
 from edtk.system.typing import Array
 
 # Sizes of a parameter's information between which nothing is changed: its fourth power is a double.
-SMALL = 1e-60
-LARGE = 1e60
+SMALLEST_OF_PARAMETER = 1e-60
+LARGEST_OF_PARAMETER = 1e60
 # Squares of information and of covariances together span four times the decades of the units.
-APART = 1e150
+WIDEST_SPAN = 1e150
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +51,10 @@ class OrderOne:
         """
         with np.errstate(over="ignore"):
             own = np.diag(problem.mean)
-        if own.min() > SMALL and own.max() < LARGE:
+        if own.min() > SMALLEST_OF_PARAMETER and own.max() < LARGEST_OF_PARAMETER:
             return cls(problem, 0)
         least, largest = _extreme_columns(problem)
-        if least > SMALL**0.5 and largest < LARGE**0.5:
+        if least > SMALLEST_OF_PARAMETER**0.5 and largest < LARGEST_OF_PARAMETER**0.5:
             return cls(problem, 0)
         # Powers of two change no digit.
         power = -int(np.frexp(np.sqrt(least) * np.sqrt(largest))[1])
@@ -111,15 +111,15 @@ def _extreme_columns(problem: Problem) -> tuple[float, float]:
         return 1.0, 1.0
     if not problem.is_exact:
         # What a model has computed is rounding where it is so small.
-        told = told[sizes[told] > sizes.max() / APART]
+        told = told[sizes[told] > sizes.max() / WIDEST_SPAN]
     least, largest = (told[int(find(sizes[told]))] for find in (np.argmin, np.argmax))
     decades = float(np.log10(sizes[largest]) - np.log10(sizes[least]))
-    if decades > np.log10(APART):
+    if decades > np.log10(WIDEST_SPAN):
         few, many = (problem.parameters[i] for i in (least, largest))
         raise UserError(
             f"regressors of {many} and {few} are {decades:.0f} decades apart, and squares of their "
             f"information no floating-point numbers; expected units at most "
-            f"{np.log10(APART):.0f} decades apart"
+            f"{np.log10(WIDEST_SPAN):.0f} decades apart"
         )
     return float(sizes[least]), float(sizes[largest])
 

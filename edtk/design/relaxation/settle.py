@@ -8,6 +8,7 @@ import numpy as np
 from criteria import Criterion
 from criteria.criterion import derivatives
 from criteria.linalg.estimable import range_whitener
+from criteria.linalg.inverse import TINY
 from criteria.linalg.typing import triangle
 from edtk.cell.sight import Sight
 from edtk.design.design_space import Points, Space, weighted_information
@@ -16,14 +17,13 @@ from edtk.design.interior_point.descend import descend
 from edtk.design.interior_point.objective import Local, Neighbourhood, Objective
 from edtk.system.typing import Array, Indices, Mask
 
-FEW = 12  # parameters
-TINY = 1e-300  # a weight that divides nothing by zero
-ALIKE = 0.1  # relative difference of information up to which two poses move as one
+FEW_PARAMETERS = 12  # parameters
+MOVES_AS_ONE = 0.1  # relative difference of information up to which two poses move as one
 MOST_VARIABLES = 200  # of a design: the matrices of a step grow with their square
-STEPS = 20  # a dozen is the rule
+SETTLE_STEPS = 20  # a dozen is the rule
 LIGHT = 1e-3  # weight
 FIRST_ORDER = 2.0  # an increase by no more than so many times its first order is no more than that
-BARRIER = 0.003  # the design is near its optimum, from which a large one would drive it away
+SETTLE_BARRIER = 0.003  # the design is near its optimum, from which a large one would drive it away
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ def _triangles(experiments: Points) -> Array:
     Whole arrays are added for each entry of few, in a fifth of the time of many small products.
     """
     A = experiments.regressor
-    if A.shape[-1] <= FEW:
+    if A.shape[-1] <= FEW_PARAMETERS:
         return np.moveaxis(experiments.packed, 0, -1)
     rows, columns = triangle(A.shape[-1])
     return np.asarray((np.swapaxes(A, -1, -2) @ A)[..., rows, columns])
@@ -225,7 +225,7 @@ def settle(
     unit = -float(np.tensordot(G, told, 2)) / float(cost)
     heaviest = np.argsort(-weights, kind="stable")
     T = range_whitener(M)
-    kept = heaviest[distinct(blocks[heaviest], T, ALIKE)]
+    kept = heaviest[distinct(blocks[heaviest], T, MOVES_AS_ONE)]
     k = len(kept)
     movable = len(space.movable)
     if not movable or k * (movable + 1) > MOST_VARIABLES or not unit > 0:
@@ -234,7 +234,7 @@ def settle(
     start = np.concatenate([x[kept], shares[:, None]], axis=1)
     objective = _PricedCost(criterion, np.full((1, k), 1.0 / k), unit)
     weighted = WeightedSpace(space, k)
-    ends = descend(weighted, start[None], objective, STEPS, barrier=BARRIER)[0]
+    ends = descend(weighted, start[None], objective, SETTLE_STEPS, barrier=SETTLE_BARRIER)[0]
     if not _rests_on_heavy(weighted, criterion, ends):
         return None
     x = ends[:, :-1]

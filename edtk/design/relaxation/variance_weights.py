@@ -8,6 +8,7 @@ import numpy as np
 
 from criteria.linalg.inverse import whitener
 from criteria.linalg.typing import isometric, triangle
+from edtk.design.relaxation.loss_weights import FIRST_OF_LIMIT
 from edtk.design.relaxation.master_equations import (
     SPREAD,
     ActiveInformation,
@@ -17,17 +18,12 @@ from edtk.design.relaxation.master_equations import (
     step_length,
     weight_equations,
 )
+from edtk.design.relaxation.newton_weights import ASTRAY
 from edtk.design.relaxation.proof import rounding_of_inverse
+from edtk.design.relaxation.spectral_weights import INWARD
 from edtk.system.typing import Array
 
-INSIDE = 0.5  # the largest variance of the first point, where one is allowed
-LEFT = 0.01  # part of the distance from the largest variance that a step must leave
-# Slacks further than so many gaps from the slopes are brought back to them before the next step:
-# the slopes change fast where few candidates tell much.
-ASTRAY = 10.0
-# Part of a point well inside that a start from an earlier answer keeps: that answer may be exact,
-# and its weights and slacks then are zeros, between which no path is.
-INWARD = 1e-10
+LEFT_BY_STEP = 0.01  # part of the distance from the largest variance that a step must leave
 
 
 def variance_weights(
@@ -102,13 +98,13 @@ class _Point(PathPoint[_Direction]):
         """A point that satisfies all equations: its duals leave each slack about as large."""
         w = (1 - SPREAD) * start + SPREAD / len(start)
         point = cls(rows, active, w, w, np.ones(len(rows)))
-        scale = float(point.variances.max()) / INSIDE
+        scale = float(point.variances.max()) / FIRST_OF_LIMIT
         point = cls(rows, active, scale * w, w, np.ones(len(rows)))
         u = 1.0 / point.c
         point = cls(rows, active, point.w, w, u)
         used = active.sensitivities(point.multiplier)
-        u *= INSIDE / used.max()
-        return cls(rows, active, point.w, 1.0 - INSIDE / used.max() * used, u)
+        u *= FIRST_OF_LIMIT / used.max()
+        return cls(rows, active, point.w, 1.0 - FIRST_OF_LIMIT / used.max() * used, u)
 
     def towards(self, start: Array, near: Array) -> "_Point":
         """The mean of this point and the answer to a like program.
@@ -248,7 +244,7 @@ class _Point(PathPoint[_Direction]):
         w = self.w + primal * along.w
         s = self.s + dual * along.s
         found = _Point(self.rows, self.active, w, s, self.u + dual * along.u)
-        return found if (found.c > LEFT * self.c).all() else None
+        return found if (found.c > LEFT_BY_STEP * self.c).all() else None
 
     def _equations(self) -> tuple[Solve, Array]:
         """The equations of a step, and the slopes J (j, k) of the variances."""

@@ -30,7 +30,8 @@ from edtk.system.typing import Array, Mask
 PERCENT = 100.0
 MICRO = 1e6
 DEGREES = 180 / np.pi
-SAME = 1e-6  # share of a fault's squared length that others leave, below which it is rounding
+# Share of a fault's squared length that others leave, below which it is rounding.
+LEFT_BY_OTHERS = 1e-6
 SHORT_LINK = 0.01  # below it two joints count as being in one place [m]
 # Sizes that faults usually have, within a factor of a few.
 USUAL_SIZE = 0.1  # of a load that nobody weighed
@@ -44,7 +45,7 @@ USUAL_DRIFT = 0.05e-3  # motion of a tracker or a foundation within a few minute
 DRIFTS_ALIKE = 4 / 3
 DRIFTS_GROWING = 4.0
 USUAL_GROWTH = 1e-4  # of lengths, where an arm of steel warms up by eight degrees
-USUAL_SHARE = 0.15  # of a compliance, by which the sign of its torque changes it to either side
+USUAL_BY_SIGN = 0.15  # of a compliance, by which the sign of its torque changes it to either side
 # To a side: robots' gears have a lost motion of about one arc-minute in all [rad, m].
 USUAL_PLAY = {"revolute": np.deg2rad(1 / 120), "prismatic": 0.05e-3}
 # A spring across a joint's axis, over the joint's own: bearings and links are stiffer than gears.
@@ -250,7 +251,7 @@ def _torque_sign(scene: Scene) -> Iterator[Family]:
             return np.asarray(1 + c[0] * by)
 
         predict = scene.stretched(factor)
-        yield Family("torque_sign", "%", PERCENT, 1, USUAL_SHARE, predict, tries, name)
+        yield Family("torque_sign", "%", PERCENT, 1, USUAL_BY_SIGN, predict, tries, name)
 
 
 def _torque_sign_words(cause: Cause) -> str:
@@ -548,7 +549,7 @@ def is_one_of(columns: Array, column: Array) -> bool:
     other = column.ravel()
     made = columns.reshape(len(other), -1)
     left = other - made @ np.linalg.lstsq(made, other, rcond=None)[0]
-    return bool(left @ left < SAME * (other @ other))
+    return bool(left @ left < LEFT_BY_OTHERS * (other @ other))
 
 
 def _link_length(scene: Scene) -> Iterator[Family]:

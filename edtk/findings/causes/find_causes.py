@@ -36,16 +36,16 @@ if TYPE_CHECKING:
 
 MOST_OFF = 6  # one of so many rows may be an outlier, and one in any case
 MOST_LOOKS = 20  # outliers that anybody would look at one by one
-LIKELY = 1.2816  # a standard normal variable is below it with 90 %
+NINE_TENTHS = 1.2816  # a standard normal variable is below it with 90 %
 MOST_TIMES = 100  # times that anybody would measure
-MOST = 2  # causes that are named
-NEAR = 6.0  # score within which a second cause is as likely as the best, to a person
+MOST_CAUSES = 2  # causes that are named
+NEAR_SCORE = 6.0  # score within which a second cause is as likely as the best, to a person
 CLEARLY_OFF = 6.0  # size of an outlier, in sigma, that larger noise does not make
 WITHIN_REACH = 20.0  # score that a pose gains at most where a joint value explains it
 UNEXPLAINED = 1e-6  # probability of what the best fault leaves, below which it is none of the list
 MOSTLY = 0.5  # of the misfit: what explains less is not the fault, whatever else errs
-LIKELIER = 1e-6  # score by which rows have to be set aside for more than rounding
-MOST_ROWS = 1000  # measurements in which causes are looked for
+LIKELIER_ROWS = 1e-6  # score by which rows have to be set aside for more than rounding
+MOST_SEARCHED = 1000  # measurements in which causes are looked for
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def times_to_tell(first: Tried, second: Tried, plain: PlainFit) -> int | None:
 
     Returns:
         How often each experiment is measured until that is 90 %, at least once; None for the same
-        fault or one of single rows, and where `MOST` times do not.
+        fault or one of single rows, and where `MOST_CAUSES` times do not.
     """
     size = first.size
     if first is second or size is None or second.family is None:
@@ -118,9 +118,9 @@ def times_to_tell(first: Tried, second: Tried, plain: PlainFit) -> int | None:
     other = _shown(second, plain)
     imitated, *_ = np.linalg.lstsq(other, made, rcond=None)
     apart = float(((made - other @ imitated) ** 2).sum())
-    if apart * MOST_TIMES < (2 * LIKELY) ** 2:
+    if apart * MOST_TIMES < (2 * NINE_TENTHS) ** 2:
         return None
-    return math.ceil((2 * LIKELY) ** 2 / apart)
+    return math.ceil((2 * NINE_TENTHS) ** 2 / apart)
 
 
 def _shown(one: Tried, plain: PlainFit) -> Array:
@@ -159,7 +159,7 @@ class Look:
 
         Outliers are for the next look.
         """
-        near = [one for score, one in self.ranked if score <= self.ranked[0][0] + NEAR]
+        near = [one for score, one in self.ranked if score <= self.ranked[0][0] + NEAR_SCORE]
         return next((one for one in near if one.cause.cause != OUTLIER), None)
 
     @property
@@ -265,7 +265,7 @@ def find_causes(
         return FoundCauses()
     best = looks[0]
     for look in looks[1:]:
-        if look.is_clear and look.score < best.score - LIKELIER:
+        if look.is_clear and look.score < best.score - LIKELIER_ROWS:
             best = look
     return _found(best, len(data), tasks)
 
@@ -331,8 +331,8 @@ def _named(
 ) -> tuple[Cause, ...]:
     """The best cause, and a second one that is about as likely."""
     faults = [(score, one) for score, one in ranked if one.cause.cause not in NO_FAULTS]
-    near = [one for score, one in faults if score <= faults[0][0] + NEAR]
-    best = [one for one in near if not one.share or _is_most(one, plain)][:MOST]
+    near = [one for score, one in faults if score <= faults[0][0] + NEAR_SCORE]
+    best = [one for one in near if not one.share or _is_most(one, plain)][:MOST_CAUSES]
     return tuple(
         replace(
             one.cause,
@@ -383,7 +383,7 @@ def _with_joints(plain: PlainFit, likely: list[Tried], typed: tuple[int, ...]) -
     found = list(likely)
     poses = [one for one in likely if one.cause.cause == POSE]
     near = [one for one in poses if plain.score(one) < plain.score(likely[0]) + WITHIN_REACH]
-    for one in near[:MOST]:
+    for one in near[:MOST_CAUSES]:
         measured = plain.measured_rows(plain.measured)
         pose = wrong_pose(plain.model, plain.data, measured, one, typed, plain.by_prior)
         found[found.index(one)] = pose if len(one.cause.rows) > 1 else _single(pose, one, plain)
@@ -395,10 +395,11 @@ def _single(pose: Tried, off: Tried, plain: PlainFit) -> Tried:
 
     Three coordinates lie near what one of six joints makes at some angle once in a few times. A
     reading that is off by itself has a likelihood ratio against it of ``exp(c/2)`` at most once in
-    as many times (Markov's inequality); of c = `NEAR` in twenty. Below it the joint is possible.
+    as many times (Markov's inequality); of c = `NEAR_SCORE` in twenty. Below it the joint is
+    possible.
     """
     gain = plain.score(off) - plain.score(pose)
-    if pose.cause.joint and gain > NEAR:
+    if pose.cause.joint and gain > NEAR_SCORE:
         return pose
     possible = pose.cause if pose.cause.joint and gain > 0 else off.cause
     return replace(off, cause=replace(possible, cause=OUTLIER))
@@ -424,7 +425,7 @@ def look_for_causes(fitted: "FittedData") -> FoundCauses:
     if fitted.fit.robust:
         return FoundCauses()  # a robust fit sets aside what a fault makes
     study = fitted.study
-    rows = some_rows(len(fitted.data), MOST_ROWS)
+    rows = some_rows(len(fitted.data), MOST_SEARCHED)
     typed = tuple(
         j
         for j, joint in enumerate(study.robot.joints)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from criteria.linalg.inverse import TINY
 from edtk.fit.distributions import log_normal_below
 from edtk.fit.estimate_noise import Stratum
 from edtk.system.typing import Array
@@ -14,7 +15,6 @@ from edtk.system.typing import Array
 FREEDOM = 4.0
 # Grids reach so many standard deviations of a logarithm, in steps of a fifth and a tenth of one.
 REACH = 8.0
-LEAST = 1e-300  # mean square of nothing
 
 
 # It is a mixture of normal ones, whose widths are these factors of the usual one.
@@ -136,7 +136,7 @@ def noise_rarity(own: Stratum, shared: Sequence[tuple[Stratum, float]] = ()) -> 
         own: Squares, in units of the stated noise, that only the readings' own noise makes.
         shared: Those that shared noise makes too, each with its number n of readings.
     """
-    log_s = math.log(max(own.mean_square, LEAST)) / 2 + STEPS / math.sqrt(2 * own.dof)
+    log_s = math.log(max(own.mean_square, TINY)) / 2 + STEPS / math.sqrt(2 * own.dof)
     x = log_s / USUAL_FACTOR
     density = math.log(3 / 8 / USUAL_FACTOR) - 2.5 * np.log1p(x**2 / 4)
     share = density + _log_likelihood(own, 2 * log_s)
@@ -152,7 +152,7 @@ def _with_common(part: Stratum, readings: float, log_own: Array) -> Array:
     the density ``n r / (r - 1 + n)^2``.
     """
     width = math.sqrt(2 / part.dof)
-    best = math.log(max(part.mean_square, LEAST))
+    best = math.log(max(part.mean_square, TINY))
     log_m = np.maximum(log_own, best - REACH * width)[:, None] + width * ABOVE
     log_r = log_m - log_own[:, None]
     more = log_r + np.log1p((readings - 1) * np.exp(-log_r))  # log(r - 1 + n)
@@ -164,6 +164,6 @@ def _with_common(part: Stratum, readings: float, log_own: Array) -> Array:
 
 def _log_likelihood(part: Stratum, log_m: Array) -> Array:
     """Logarithm of the likelihood of variances, over the largest one."""
-    log_ratio = math.log(max(part.mean_square, LEAST)) - log_m
+    log_ratio = math.log(max(part.mean_square, TINY)) - log_m
     with np.errstate(over="ignore"):
         return np.asarray(-part.dof / 2 * (np.exp(log_ratio) - 1 - log_ratio))

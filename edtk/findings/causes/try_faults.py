@@ -41,7 +41,7 @@ from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.instruments.pose_marker import COORDINATES
 from edtk.system.typing import Array
 
-TINY = 1e-12  # size of nothing [m, rad]
+NO_SIZE = 1e-12  # size of nothing [m, rad]
 LEVEL = 0.01  # p of faults that are named
 COMMON = "common_noise"
 OTHERS = 1.25
@@ -216,7 +216,9 @@ class PlainFit:
         measured = self.measured_rows(self.measured)
         lengths = self.data.lengths
         sizes = [measured[which] for which in (lengths, ~lengths)]
-        length, turn = (max(float(np.sqrt(np.mean(x**2))), TINY) if x.size else TINY for x in sizes)
+        length, turn = (
+            max(float(np.sqrt(np.mean(x**2))), NO_SIZE) if x.size else NO_SIZE for x in sizes
+        )
         return np.where(np.arange(parts) < COORDINATES, length, turn)
 
     def below(self, family: Family) -> Family:

@@ -17,9 +17,9 @@ from edtk.system.typing import Array, Indices
 REFINEMENTS = 3  # finer grids, from a degree to less than a thousandth of one
 LEAST_BEND = 1e-6  # of the misfit over such a step: measurements hardly tell the joint
 FITS = 0.01  # probability of residuals as large, from which they fit
-CLEARLY = 9.0  # chi-square by which a joint must be better than every other one
+CLEARLY_BETTER = 9.0  # chi-square by which a joint must be better than every other one
 # Poses are mostly off by one joint value: how much rarer they are off otherwise, all repeats alike.
-UNEXPLAINED = 5
+RARER_OTHERWISE = 5
 SEEN = 1e-9  # share of a shift's information that residuals show, below which it is rounding
 
 
@@ -89,7 +89,7 @@ def mistyped_joint(
     least, joint, change, std = found[0]
     if chi_square_tail(least, max(measured[rows].size - 1, 1)) < FITS:
         return None
-    alone = len(found) == 1 or found[1][0] > least + CLEARLY
+    alone = len(found) == 1 or found[1][0] > least + CLEARLY_BETTER
     return MistypedJoint(joint, change, least, alone, std)
 
 
@@ -176,7 +176,7 @@ def wrong_pose(
     estimate = Estimate(k, rest.covariance)
     found = mistyped_joint(model, data, measured, estimate, rows, typed)
     if found is None:
-        return replace(tried, tries=tried.tries * UNEXPLAINED)
+        return replace(tried, tries=tried.tries * RARER_OTHERWISE)
     z = whiten(measured[others] - A @ k, data.noise[others])
     deviance = float((z**2).sum()) + found.misfit + by_prior
     cause = tried.cause

@@ -23,7 +23,7 @@ LONG = 30
 MOST_TOGETHER = 100_000  # fits times positions: each takes some kilobytes
 POLISH = 40  # steps of the best fits
 MOST_JOINTS = 8  # that move; each doubles the signs to try
-MANY = 12  # positions from which a part is enough to tell signs
+MANY_POSITIONS = 12  # positions from which a part is enough to tell signs
 RANK = 1e-7  # share of a column that others do not explain, from which it is told
 CLEAR = 3.0  # factor of the rms by which every other way has to be worse
 SURE = 0.999
@@ -235,11 +235,11 @@ def _best_ways(
 
 def _few(positions: Positions, told: int) -> Positions:
     """A part of very many positions that tells as much about signs."""
-    if len(positions) <= MANY:
+    if len(positions) <= MANY_POSITIONS:
         return positions
-    enough = 3 * min(len(positions.shown), MANY) >= 2 * (told + 9)
+    enough = 3 * min(len(positions.shown), MANY_POSITIONS) >= 2 * (told + 9)
     one = int(np.bincount(positions.marker).argmax()) if enough else None
-    return positions.thinned(MANY, one)
+    return positions.thinned(MANY_POSITIONS, one)
 
 
 def _worse(freedom: int) -> float:

@@ -7,16 +7,16 @@ from itertools import product
 import numpy as np
 
 from edtk.fit.marker_positions import MarkerPositions
+from edtk.fit.pose_rows import FIRST_DAMPING
 from edtk.robots.frames import Frames
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import vector_product
 from edtk.system.typing import Array, Indices, Mask
 
 STILL = 1e-6  # [rad or m]
-ROUNDS = 2
+TURNS_OF_FIT = 2
 RIDGE = 1e-9  # for poses in which the flange hardly turns, so that no marker's place is told
 FLAT = 1e-9  # singular value, beside the largest, below which points lie in a plane
-FIRST_DAMPING = 1e-3  # beside the diagonal of the normal matrix
 EASIER = 0.2  # factor of the damping after a step that helped
 HARDER = 5.0  # and after one that did not
 DAMPING = (1e-9, 1e6)
@@ -197,7 +197,7 @@ def place_frames(robot: Robot, fits: Fits, positions: Positions) -> Fits:
 def _placed(fits: Fits, frames: Frames, turn: Array, positions: Positions) -> Fits:
     """Fits whose frames have been turned first (b, 3, 3), and then fitted in turn with markers."""
     fits = _with_markers(fits, frames, turn, positions)
-    for _ in range(ROUNDS - 1):
+    for _ in range(TURNS_OF_FIT - 1):
         _, points = fits.arms(frames, positions)
         U, _, V = _matched(points, positions.measured)
         fits = _with_markers(fits, frames, _rotation(U, V), positions)

@@ -8,22 +8,22 @@ from typing import Any
 import numpy as np
 
 from edtk.fit.controller.fits import Fits, Positions, descend, place_frames
+from edtk.measure.pose_table import DIGITS
 from edtk.robots.controller import Follows
 from edtk.robots.joint import Ties
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array, Indices, Mask
 
-ROUNDING = 1e-9  # of a factor that counts as whole
-POSES = 5
+WHOLE_FACTOR = 1e-9  # of a factor that counts as whole
+TRIAL_POSES = 5
 MARKERS = 4
 STEPS = 40
-SAME = 1e-6  # of the reach: rms of an arm that is the same
+SAME_ARM = 1e-6  # of the reach: rms of an arm that is the same
 AGREE = 1e-9  # of invariants of two arms that are the same
 QUARTERS = 90.0  # steps of offsets that are tried [deg]
-MOST = 20_000  # ways that are tried; of more, only those with half turns
+MOST_WAYS = 20_000  # ways that are tried; of more, only those with half turns
 PARALLEL = 1e-6  # sine of the angle between axes that count as parallel
 FACTORS = (1.0, -1.0)
-DIGITS = 3  # of a degree or millimetre, as controllers have them
 
 
 def whole_turns(robot: Robot) -> Mask:
@@ -37,7 +37,7 @@ def whole_turns(robot: Robot) -> Mask:
         return found
     P = robot.ties.matrix
     slides = np.array([joint.kind == "prismatic" for joint in robot.chain])
-    broken = (np.abs(P - np.round(P)) > ROUNDING) | (slides[:, None] & (P != 0))
+    broken = (np.abs(P - np.round(P)) > WHOLE_FACTOR) | (slides[:, None] & (P != 0))
     return np.asarray(found & ~broken.any(axis=0))
 
 
@@ -76,7 +76,7 @@ def same_arms(robot: Robot, moving: Sequence[int] | None = None) -> tuple[SameAr
     moving = list(range(n)) if moving is None else list(moving)
     signs = np.ones((2 ** len(moving), n))
     signs[:, moving] = list(product((1.0, -1.0), repeat=len(moving)))
-    offsets = _offsets(robot, moving, MOST // len(signs))
+    offsets = _offsets(robot, moving, MOST_WAYS // len(signs))
     q = _poses(n, moving, 0)
     own = _invariants(robot, q[None])[0]
     found = []
@@ -86,7 +86,7 @@ def same_arms(robot: Robot, moving: Sequence[int] | None = None) -> tuple[SameAr
     sign, offset = (np.array(part) for part in zip(*found, strict=True))
     fits = _fit(robot, sign, offset, moving)
     # The first way is the robot's own, which is the same arm whatever a descent has reached.
-    kept = sorted({0, *np.flatnonzero(fits.rms <= SAME * robot.reach).tolist()})
+    kept = sorted({0, *np.flatnonzero(fits.rms <= SAME_ARM * robot.reach).tolist()})
     first = {tuple(sign[i]): i for i in reversed(kept)}
     turn = fits.turn.copy()
     turn[0] = np.eye(3)
@@ -138,8 +138,8 @@ def _moving_several(ties: Ties) -> Indices:
 
 def _poses(n: int, moving: list[int], seed: int) -> Array:
     """Poses (p, n) in which joints that do not move are at zero."""
-    q = np.zeros((POSES, n))
-    q[:, moving] = np.random.default_rng(seed).uniform(-2, 2, (POSES, len(moving)))
+    q = np.zeros((TRIAL_POSES, n))
+    q[:, moving] = np.random.default_rng(seed).uniform(-2, 2, (TRIAL_POSES, len(moving)))
     return q
 
 
@@ -153,7 +153,7 @@ def _fit(robot: Robot, sign: Array, offset: Array, moving: list[int]) -> Fits:
     markers = robot.reach * rng.uniform(-0.3, 0.3, (MARKERS, 3))
     T = robot.forward(q)
     seen = (T[:, None, :3, :3] @ markers[..., None])[..., 0] + T[:, None, :3, 3]
-    names = [str(k) for k in range(MARKERS)] * POSES
+    names = [str(k) for k in range(MARKERS)] * TRIAL_POSES
     positions = Positions.of_rows(np.repeat(q, MARKERS, axis=0), seen.reshape(-1, 3), names)
     ways = Fits.at(sign[:, :, None] * np.eye(robot.n), offset, MARKERS)
     return descend(robot, place_frames(robot, ways, positions), positions, [], STEPS)
@@ -172,8 +172,8 @@ def _invariants(robot: Robot, q: Array) -> Array:
     rotation = first @ R[:, 1:]
     shift = (first @ (T[:, 1:, :3, 3] - T[:, :1, :3, 3])[..., None])[..., 0]
     size = max(robot.reach, 1e-12)
-    words = [(rotation[:, i], shift[:, i] / size) for i in range(POSES - 1)]
-    pairs = [_product(words[i], words[j]) for i in range(POSES - 1) for j in range(i)]
+    words = [(rotation[:, i], shift[:, i] / size) for i in range(TRIAL_POSES - 1)]
+    pairs = [_product(words[i], words[j]) for i in range(TRIAL_POSES - 1) for j in range(i)]
     triple = _product(pairs[0], words[-1])
     return np.concatenate([_of_motion(*word) for word in (*words, *pairs, triple)], axis=1)
 

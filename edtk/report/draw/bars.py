@@ -19,9 +19,10 @@ DARK = 0.6  # correlation beyond which a cell is so dark that its number is whit
 # Black takes the colour of a page's text, which is white in the dark; a bright cell stays bright.
 INK = "#111111"
 BRIGHT = 60  # per cent beyond which a cell is so bright that its number is black
-NAMED = 40  # bars up to which each one has a name
+NAMED_BARS = 40  # bars up to which each one has a name
 DECADES = 4.0  # below the largest error that are shown
-ROOM = 0.3  # for the numbers at the right, as a share of the axis up to the largest error
+# For the numbers at the right, as a share of the axis up to the largest error.
+ROOM_FOR_NUMBERS = 0.3
 
 
 def correlation(matrix: np.ndarray, parameters: tuple[str, ...], ax: "Axes") -> None:
@@ -109,7 +110,7 @@ def weight_bars(weights: Array, names: Sequence[str], label: str, ax: "Axes") ->
     order = np.argsort(-weights, kind="stable")
     at = np.arange(len(order))
     ax.bar(at, weights[order], color=BLUE)
-    if len(order) <= NAMED:
+    if len(order) <= NAMED_BARS:
         ax.set_xticks(at, [names[i] for i in order])
     ax.set_xlabel(f"{label}, the heaviest first")
     ax.set_ylabel("weight [share of the experiments]")
@@ -140,7 +141,7 @@ def error_budget(found: ErrorBudget, ax: "Axes") -> None:
     label = f"without compensation {without:.2g} mm"
     ax.axvline(without, color=GREY, linestyle="--", label=label)
     ax.set_xscale("log")
-    ax.set_xlim(left, largest * (largest / left) ** ROOM)
+    ax.set_xlim(left, largest * (largest / left) ** ROOM_FOR_NUMBERS)
     ax.set_yticks(range(len(size)), list(size))
     ax.set_ylim(len(size) - 0.5, -0.5)
     ax.set_xlabel("root mean square error in the task [mm]")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.design.bound import printed_form
-from edtk.design.exact.model_design import LEVEL, Design, ModelDesign, Places
+from edtk.design.exact.model_design import TEST_LEVEL, Design, ModelDesign, Places
 from edtk.design.exact.size_curve import SizeCurve, size_curve
 from edtk.design.problem import Problem
 from edtk.design.problems import DescribedProblem
@@ -28,8 +28,8 @@ FINE = 201  # points of a curve
 GRID = 81  # points along each axis of a map
 DISTANT = 10.0  # ratio of two effects beyond which they share a logarithmic axis
 WRITTEN = 12  # columns up to which each cell of a map has its number
-AREA = 120.0  # of the marker of the experiment that is made most often [square points]
-SAME = 1e-9  # relative difference of standard deviations that are one
+AREA_OF_MOST = 120.0  # of the marker of the experiment that is made most often [square points]
+SAME_DEVIATION = 1e-9  # relative difference of standard deviations that are one
 HUNDREDTH = 1e-2  # least of the largest number of a map whose numbers have two decimals
 ROUNDED = 1e-9  # part of the largest below which a number is rounding
 FULL = 0.999  # power at which the axis of effects ends
@@ -303,14 +303,14 @@ def _area_of(design: ModelDesign) -> str:
 
 
 def _areas(design: ModelDesign) -> Array:
-    return np.asarray(AREA * design.counts / design.counts.max())
+    return np.asarray(AREA_OF_MOST * design.counts / design.counts.max())
 
 
 def _power(
     design: ModelDesign,
     ax: "Axes",
     parameters: Iterable[str] | None = None,
-    level: float = LEVEL,
+    level: float = TEST_LEVEL,
     size: int | None = None,
 ) -> None:
     """Power of the tests that a parameter is zero, over the size that it has.
@@ -371,7 +371,7 @@ def _alike(deviations: Array) -> list[list[int]]:
     """Numbers of parameters with the same standard deviation: their curves are one."""
     found: list[list[int]] = []
     for i, deviation in enumerate(deviations.tolist()):
-        same = [g for g in found if abs(deviations[g[0]] - deviation) <= SAME * deviation]
+        same = [g for g in found if abs(deviations[g[0]] - deviation) <= SAME_DEVIATION * deviation]
         if same:
             same[0].append(i)
         else:

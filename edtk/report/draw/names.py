@@ -14,16 +14,16 @@ from edtk.system.typing import Array
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MOST = 18  # signs of a name
+MOST_SIGNS = 18  # signs of a name
 LEAST_SHARED = 4  # signs that all names begin or end with, before these are left out
 DOTS = "…"
 LEVEL = 7  # signs of a line up to which names stand beside each other
 SLOPE = 40  # of longer ones [deg]
 LETTER = 0.055  # height of a sign of a sloping name [inch]
-NEAR = 0.03  # joints nearer than this, as parts of the axes, share a label
+NEAR_JOINTS = 0.03  # joints nearer than this, as parts of the axes, share a label
 GAP = 0.06  # between the arm and the column of labels, as a part of the axes
 LINE = 0.042  # height of a line of text, likewise
-EDGE = 0.02
+EDGE_ROOM = 0.02
 COLOUR = "#70767d"
 
 
@@ -33,7 +33,7 @@ def short_names(names: Sequence[str]) -> list[str]:
     If one is, all lose the words that they begin and end with alike, as names of ROS joints do.
     Then the middle of a name that is still too long is left out.
     """
-    if max(map(len, names), default=0) <= MOST:
+    if max(map(len, names), default=0) <= MOST_SIGNS:
         return list(names)
     first = _shared(names)
     last = _shared([name[first:][::-1] for name in names])
@@ -55,10 +55,10 @@ def _shared(names: Sequence[str]) -> int:
 
 
 def _without_middle(name: str) -> str:
-    if len(name) <= MOST:
+    if len(name) <= MOST_SIGNS:
         return name
-    end = (MOST - len(DOTS)) // 2
-    return f"{name[: MOST - len(DOTS) - end]}{DOTS}{name[-end:]}"
+    end = (MOST_SIGNS - len(DOTS)) // 2
+    return f"{name[: MOST_SIGNS - len(DOTS) - end]}{DOTS}{name[-end:]}"
 
 
 def room_for(names: Sequence[str]) -> float:
@@ -117,7 +117,7 @@ def joint_labels(robot: Robot, frames: Frames, ax: Any) -> None:
             ax.annotate(
                 plain("\n".join(names)),
                 xy=tuple(place),
-                xytext=(float(np.clip(column, EDGE, 1 - EDGE)), height),
+                xytext=(float(np.clip(column, EDGE_ROOM, 1 - EDGE_ROOM)), height),
                 xycoords="axes fraction",
                 textcoords="axes fraction",
                 ha=alignment,
@@ -148,7 +148,7 @@ def _groups(robot: Robot, places: Array) -> list[tuple[list[str], Array]]:
     """Names of joints, and where they are seen (2,); joints at one place are one group."""
     groups: list[tuple[list[str], Array]] = []
     for joint, place in zip(robot.chain, places, strict=True):
-        if groups and np.linalg.norm(groups[-1][1] - place) < NEAR:
+        if groups and np.linalg.norm(groups[-1][1] - place) < NEAR_JOINTS:
             groups[-1][0].append(joint.name)
         else:
             groups.append(([joint.name], place))
@@ -162,7 +162,7 @@ def _heights(wanted: list[float], lines: list[int]) -> list[float]:
         below = heights[-1] - LINE * (lines[i - 1] + lines[i]) / 2 if heights else np.inf
         heights.append(min(height, below))
     if heights:
-        lowest = EDGE + LINE * lines[-1] / 2
+        lowest = EDGE_ROOM + LINE * lines[-1] / 2
         lift = max(0.0, lowest - heights[-1])
         heights = [height + lift for height in heights]
     return heights

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 LONGEST_LABEL = 40  # characters of a plan's name in a picture
-AREA = 30.0  # of the marker of a single measurement [pt^2]
+AREA_OF_ONE = 30.0  # of the marker of a single measurement [pt^2]
 MOST_TICKS = 30  # poses up to which each one has a tick
-FEW = 20  # poses up to which each has its number under the axis
+FEW_POSES = 20  # poses up to which each has its number under the axis
 HALF = 0.25  # width of the bar of a pose to either side
 
 
@@ -102,10 +102,10 @@ def joint_variables(plan: Plan, robot: Robot | None, ax: "Axes") -> None:
         colour = COLOURS[j % len(COLOURS)]
         ax.plot(range(1, k + 1), values, color=colour, linewidth=0.8, alpha=0.4)
         marker = MARKERS[j % len(MARKERS)]
-        sizes = AREA * plan.repeats
+        sizes = AREA_OF_ONE * plan.repeats
         ax.scatter(range(1, k + 1), values, s=sizes, color=colour, marker=marker, alpha=0.8)
         # An entry of the legend of its own: that of the scatter is as large as its first marker.
-        ax.scatter([], [], s=AREA, color=colour, marker=marker, label=plain(name))
+        ax.scatter([], [], s=AREA_OF_ONE, color=colour, marker=marker, label=plain(name))
     if k <= MOST_TICKS:
         ax.set_xticks(range(1, k + 1))
     repeated = "" if (plan.repeats == 1).all() else " (area of a marker: repetitions)"
@@ -225,7 +225,7 @@ def _task_scales(found: TaskAccuracy, at: Array, ax: "Axes") -> None:
         ax.set_xlabel("length along the path [mm]")
     else:
         ax.set_xlabel("test pose")
-        if len(at) <= FEW:
+        if len(at) <= FEW_POSES:
             ax.set_xticks(at)
     ax.grid(alpha=0.3)
     ax.set_axisbelow(True)

@@ -16,7 +16,7 @@ from edtk.system.typing import Array, Indices
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MOST = 500  # points that are drawn evenly, and as many of the largest
+DRAWN_POINTS = 500  # points that are drawn evenly, and as many of the largest
 NOISE_LABELS = {"sigma_ratio": "sigma ratio", "nu": "log10 nu"}
 MOST_POINTS = 20_000  # of a cloud; more only make its contours slower
 EDGES = (0.0005, 0.9995)  # quantiles that are shown
@@ -27,16 +27,16 @@ MOST_MEASUREMENTS = 200  # that are drawn
 MOST_SAMPLES = 4000  # from which the bands are computed
 MOST_PANELS = 24  # a picture of more would be metres high
 MOST_UNKNOWNS = 8  # of a corner, which has a panel for each pair
-FEW = 24  # measurements that all have a tick
+FEW_MEASUREMENTS = 24  # measurements that all have a tick
 
 
 def thinned(sizes: Array) -> Indices:
     """Indices of all points, or of many some and the largest."""
     m = len(sizes)
-    if m <= 2 * MOST:
+    if m <= 2 * DRAWN_POINTS:
         return np.arange(m)
-    largest = np.argpartition(-sizes, MOST)[:MOST]
-    return np.union1d(np.linspace(0, m - 1, MOST).astype(int), largest)
+    largest = np.argpartition(-sizes, DRAWN_POINTS)[:DRAWN_POINTS]
+    return np.union1d(np.linspace(0, m - 1, DRAWN_POINTS).astype(int), largest)
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,4 +255,4 @@ def predictive_residuals(found: PredictiveResiduals, axes: np.ndarray) -> None:
         ax.tick_params(labelsize=8)
     axes[-1].set_xlabel("measurement")
     some = np.unique(np.linspace(1, found.shown[-1] + 1, 12).astype(int))
-    axes[-1].set_xticks(x if m <= FEW else some)
+    axes[-1].set_xticks(x if m <= FEW_MEASUREMENTS else some)

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MARKER_SHAPES = "osD"
-MOST = 4000  # measurements that are drawn evenly, and as many of the largest residuals
+# Measurements that are drawn evenly, and as many of the largest residuals.
+DRAWN_MEASUREMENTS = 4000
 TAIL = 1000  # of many points, so many at each end are drawn,
 MIDDLE = 4000  # and so many of those between them, which hide each other
 SHAPES_OF_MARKERS = "osD"
@@ -91,10 +92,10 @@ def residuals(fit: Identification, axes: "Iterable[Axes]", parts: Iterable[Resid
 def drawn_rows(residual: np.ndarray) -> Indices:
     """Rows of residuals (m, 3) that are drawn: all, or of many some and those that fit least."""
     m = len(residual)
-    if m <= 2 * MOST:
+    if m <= 2 * DRAWN_MEASUREMENTS:
         return np.arange(m)
-    least = np.argpartition(-np.abs(residual).max(axis=1), MOST)[:MOST]
-    return np.union1d(np.linspace(0, m - 1, MOST).astype(int), least)
+    least = np.argpartition(-np.abs(residual).max(axis=1), DRAWN_MEASUREMENTS)[:DRAWN_MEASUREMENTS]
+    return np.union1d(np.linspace(0, m - 1, DRAWN_MEASUREMENTS).astype(int), least)
 
 
 def _coordinates(

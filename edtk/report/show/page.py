@@ -24,10 +24,10 @@ from edtk.version import __version__
 DIGITS = 10  # of a number in the page: places of links keep a millionth of a millimetre
 GRIDS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)  # [m]
 CELLS = 8  # of the grid, at least, across the arm
-ROOM = 1.12  # around the arm
-FEW = 30  # poses up to which their table is open at first
-NAMED = 10  # poses in a line
-HEIGHT = 760  # of the page in a notebook [px]
+ROOM_AROUND = 1.12  # around the arm
+POSES_OPEN = 30  # poses up to which their table is open at first
+NAMED_POSES = 10  # poses in a line
+FRAME_HEIGHT = 760  # of the page in a notebook [px]
 KEYS = (
     ("\N{LEFTWARDS ARROW} \N{RIGHTWARDS ARROW}", "pose"),
     ("Home End", "first, last"),
@@ -78,7 +78,7 @@ class ShownPage(Presented):
         """The page in a frame of a notebook."""
         return (
             f'<iframe srcdoc="{escape(self.html)}" title="{escape(self.stage.title)}" '
-            f'style="width:100%;height:{HEIGHT}px;border:0"></iframe>'
+            f'style="width:100%;height:{FRAME_HEIGHT}px;border:0"></iframe>'
         )
 
 
@@ -100,7 +100,7 @@ def page_html(stage: Stage) -> str:
         script=script,
         count=len(stage.q),
         keys=f"Keys: {keys.rstrip(',')}. The mouse or a finger turns the picture.",
-        open=" open" if len(stage.q) <= FEW else "",
+        open=" open" if len(stage.q) <= POSES_OPEN else "",
         table=pose_table(stage),
         footer=escape(f"edtk {__version__}. Lengths in mm, angles in deg as the controller shows."),
         data=_json(page_data(stage)),
@@ -136,7 +136,7 @@ def _alarms(stage: Stage) -> list[str]:
 def _poses(stage: Stage, chosen: tuple[int, ...]) -> str:
     """Some poses by name."""
     names = [stage.names[i] for i in chosen if i < len(stage.names)]
-    shown = ", ".join(names[:NAMED]) + (" and others" if len(names) > NAMED else "")
+    shown = ", ".join(names[:NAMED_POSES]) + (" and others" if len(names) > NAMED_POSES else "")
     return f"pose{'s' if len(names) > 1 else ''} {shown}"
 
 
@@ -333,7 +333,7 @@ def picture_ball(stage: Stage, far: bool = False) -> tuple[Array, float]:
     """
     points = _points(stage, far)
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    return middle, ROOM * max(float(np.linalg.norm(points - middle, axis=1).max()), 1e-3)
+    return middle, ROOM_AROUND * max(float(np.linalg.norm(points - middle, axis=1).max()), 1e-3)
 
 
 def _points(stage: Stage, far: bool) -> Array:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PAGE = "poses.html"  # beside a report
-MOST = 24  # poses of a plate
+POSES_OF_PLATE = 24  # poses of a plate
 COLUMNS = 6
 WIDTH = 1.42  # of a small picture [inch]
 HEIGHT = 1.5
@@ -36,7 +36,7 @@ RAMP = ("#2f6fb0", "#7aa0c4", "#b9b9b5", "#dca263", "#d5731d")
 ARM, JOINT, TOOL = "#b9c1ca", "#7d8791", "#d98a1f"
 AROUND = "#a79f90"
 LOAD = "#c8452d"
-EDGE = 0.62  # brightness of the edge of a stroke
+EDGE_BRIGHTNESS = 0.62  # brightness of the edge of a stroke
 NAME = 0.17  # height of a name [inch]
 FILLED = 0.92  # of a small picture
 SMALLEST = 1e-3  # of an arm that is drawn [m]
@@ -56,7 +56,7 @@ def plate(stage: Stage) -> "Figure":
     from matplotlib.collections import LineCollection
     from matplotlib.colors import to_rgb
 
-    count = min(len(stage.q), MOST)
+    count = min(len(stage.q), POSES_OF_PLATE)
     columns = min(count, COLUMNS)
     rows = -(-count // columns)
     figure = new_figure(columns * WIDTH, rows * HEIGHT)
@@ -70,7 +70,7 @@ def plate(stage: Stage) -> "Figure":
         middle = corner + np.array([WIDTH, HEIGHT - NAME]) / 2
         for _, ends, width, colour in pose:
             at = middle + scale * (ends - (low + high) / 2)
-            for part, bright in ((1.0, EDGE), (0.72, 1.0)):
+            for part, bright in ((1.0, EDGE_BRIGHTNESS), (0.72, 1.0)):
                 paths.append(at)
                 widths.append(max(part * POINTS * scale * width, 0.5))
                 colours.append(tuple(bright * np.array(to_rgb(colour))))
@@ -103,8 +103,8 @@ def plate_words(stage: Stage) -> str:
     """What a plate shows, for its caption."""
     count = len(stage.q)
     shown = f"The {count} poses" if count > 1 else "The pose"
-    if count > MOST:
-        shown = f"The first {MOST} of {count + stage.left_out} poses"
+    if count > POSES_OF_PLATE:
+        shown = f"The first {POSES_OF_PLATE} of {count + stage.left_out} poses"
     words = f"{shown}, {stage.ordered}".rstrip(", ")
     if stage.shades:
         words += f"; orange has the largest {stage.shades[0].name.partition(' [')[0]}"

@@ -26,7 +26,7 @@ from edtk.robots.rotations import transform
 from edtk.study.study import Study
 from edtk.system.typing import Array, Indices
 
-MOST = 2000  # poses of a page: its file stays small, and nobody looks at more
+POSES_OF_PAGE = 2000  # poses of a page: its file stays small, and nobody looks at more
 MOST_SHARES = 200  # poses up to which it is told what each brings: a plan without each is looked at
 LINK = (0.040, 0.018)  # radius of the first and of the last link, over the length of the chain
 DRUM = (1.25, 1.15)  # radius and half length of a joint, over the radius of its link
@@ -396,7 +396,7 @@ def stage_of(
     table = study.specification.noise
     tracker = None if table is None else table.tracker()
     k, springs = _springs(study, compliances)
-    shades = (*shades, clearances(study, plan.q[:MOST]))
+    shades = (*shades, clearances(study, plan.q[:POSES_OF_PAGE]))
     found = _stage(
         study.model,
         plan,
@@ -526,7 +526,7 @@ def _stage(
     ordered: str,
 ) -> Stage:
     """The stage of a model, of whose poses the first ones are shown."""
-    shown = slice(0, MOST)
+    shown = slice(0, POSES_OF_PAGE)
     q, wrench = plan.q[shown], plan.wrench[shown]
     loaded = k is not None and bool(wrench.any())
     return Stage(

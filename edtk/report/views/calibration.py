@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from edtk.calibration.calibration import Calibration, Judged
+from edtk.calibration.model_left import SHARE
 from edtk.calibration.posterior_check import PoseError, PosteriorCheck
 from edtk.findings.finding import notes, row_names, shown_probability
 from edtk.fit.estimate_noise import NoiseEstimate
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
 
 MOST_LINES = 60  # of readings that are predicted
 ERRORS = ("error_mm", "error_deg")
-SHARE = 0.01  # of the total, from which a joint that is not identified is named
 # What the parts leave out where displacements are counted from the rigid robot.
 NOT_IN_IT = "errors of the robot's geometry, and of its place in the measuring frame"
 # What makes each part smaller.

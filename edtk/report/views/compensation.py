@@ -6,13 +6,14 @@ import numpy as np
 
 from edtk.calibration.compensate import Compensation
 from edtk.calibration.correct_program import CorrectedProgram
+from edtk.calibration.model_left import SHARE
 from edtk.calibration.tasks_in_use import refused_in_words
 from edtk.measure.expected_error import JointPart
 from edtk.measure.pose_table import ROW_COLUMN, pose_columns, pose_factors
 from edtk.report.figures import BLUE, ORANGE, panels
 from edtk.report.shown import plain
 from edtk.report.tables import notebook_table, number_columns
-from edtk.report.views.calibration import MOST_LINES, SHARE, assumed_joint
+from edtk.report.views.calibration import MOST_LINES, assumed_joint
 from edtk.robots.frames import MM
 from edtk.system.typing import Array
 

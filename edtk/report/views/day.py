@@ -18,7 +18,7 @@ from edtk.system.typing import Array
 MOST_NAMED = 5  # legs without a free way that are named one by one
 MINUTE, HOUR = 60, 3600  # [s]
 SEVERAL = {"warm-up": "warm-ups", "visit": "visits", "load change": "load changes"}
-LEAST = 1e-9  # [deg or mm]: below that it is the conversion to SI units and back
+CONVERTED = 1e-9  # [deg or mm]: below that it is the conversion to SI units and back
 
 
 def day_text(result: Day) -> str:
@@ -232,7 +232,9 @@ def _as_rounded(found: WrittenProgram) -> str:
     """What rounding does to the plan."""
     kinds = {axis.kind for axis in found.program.axes}
     units = " or ".join(UNITS[kind] for kind in sorted(kinds, reverse=True))
-    change = f"by {found.rounding:.1g} {units} at most" if found.rounding > LEAST else "no change"
+    change = (
+        f"by {found.rounding:.1g} {units} at most" if found.rounding > CONVERTED else "no change"
+    )
     if found.efficiency is None:
         return f"{change}; {found.criterion} is not known of this plan"
     return f"{change}; {100 * found.efficiency:.4f} % of the plan's efficiency by {found.criterion}"

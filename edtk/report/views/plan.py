@@ -37,7 +37,7 @@ GUESSES = {
     "springs": ("[simulation]", "are {} times as soft"),
     "compensators": ("in the robot", "pull {} times as much"),
 }
-SAME = 1e-6  # percent by which two plans differ that are told to be as good
+AS_GOOD = 1e-6  # percent by which two plans differ that are told to be as good
 CUT_OFF = 1e-3  # relative gap of a bound beyond which a person is told
 
 
@@ -326,7 +326,7 @@ def on_candidates(found: ExactPlan) -> list[str]:
             f"              the best that is known of them has {best}, {gap:.2g} % from that",
         ]
     beside = 100 * (found.cost / one.best - 1)
-    if abs(beside) < SAME:
+    if abs(beside) < AS_GOOD:
         return [*lines, "              this plan is as good as that"]
     how = "worse" if beside > 0 else "better, off the candidates"
     return [*lines, f"              this plan is {abs(beside):.2g} % {how}"]

@@ -19,10 +19,10 @@ from edtk.system.typing import Array
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SHOWN = 1e-6  # of a variable's range: what lies below is what a search leaves of a zero
+SHOWN_PART = 1e-6  # of a variable's range: what lies below is what a search leaves of a zero
 CURVE = 801  # points of a curve
 PICTURE = 121  # points along each axis of a map
-AREA = 400.0  # of the marker of a point that has all weight [square points]
+AREA_OF_ALL = 400.0  # of the marker of a point that has all weight [square points]
 
 
 def relaxed_region_text(found: RelaxedRegion) -> str:
@@ -70,7 +70,7 @@ def region_rows(found: RelaxedRegion) -> tuple[list[str], list[list[str]]]:
 def region_points(region: Region, points: Array) -> list[list[str]]:
     """The variables of points (k, d), in words."""
     low, high = region.limits
-    unit = SHOWN * 10.0 ** np.ceil(np.log10(high - low))
+    unit = SHOWN_PART * 10.0 ** np.ceil(np.log10(high - low))
     # Adding zero removes the sign of a zero.
     shown = np.round(points / unit) * unit + 0.0
     return [[f"{value:.6g}" for value in x] for x in shown]
@@ -158,7 +158,7 @@ def _map(found: RelaxedRegion, points: Array, shares: Array, label: str, ax: "Ax
     ax.scatter(
         points[:, 0],
         points[:, 1],
-        s=AREA * shares,
+        s=AREA_OF_ALL * shares,
         color="w",
         edgecolor="k",
         clip_on=False,

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 NUMBERED = "candidate"  # the axis of candidates that have numbers alone
-MOST = 5000  # candidates beyond which the largest sensitivity of neighbours is drawn
+MANY_CANDIDATES = 5000  # candidates beyond which the largest sensitivity of neighbours is drawn
 
 
 def relaxation_text(found: Relaxation) -> str:
@@ -160,9 +160,9 @@ def _places(problem: Problem, x: ArrayLike | str | None) -> tuple[Array, str]:
 def _thinned(at: Array, shown: Array) -> tuple[Array, Array]:
     """The largest of neighbours, where there are more than a picture can show."""
     n = len(at)
-    if n <= MOST:
+    if n <= MANY_CANDIDATES:
         return at, shown
-    starts = np.linspace(0, n, MOST, endpoint=False).astype(int)
+    starts = np.linspace(0, n, MANY_CANDIDATES, endpoint=False).astype(int)
     largest = np.maximum.reduceat(shown, starts)
     return at[starts], largest
 

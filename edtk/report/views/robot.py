@@ -27,7 +27,7 @@ VIEW = (22.0, -58.0)  # elevation and azimuth from which it is seen [deg]
 SIZE = (10.0, 5.6)  # [inch]
 ARM = "#30343a"
 QUARTER = 90.0  # [deg]
-NEAR = 1.0  # [deg]: a zero so near to a quarter turn may be meant as that
+NEAR_QUARTER = 1.0  # [deg]: a zero so near to a quarter turn may be meant as that
 MOST_TIMES = 1e6  # that are told; beyond it the best way leaves rounding alone
 
 
@@ -406,7 +406,7 @@ def _near(best: Counted, j: int) -> str:
     """The quarter turn that a zero may be meant as."""
     nearest = QUARTER * round(best.zero[j] / QUARTER)
     off = abs(best.zero[j] - nearest)
-    is_near = best.kinds[j] != "prismatic" and 0 < off <= NEAR
+    is_near = best.kinds[j] != "prismatic" and 0 < off <= NEAR_QUARTER
     return f"{nearest:g} by the maker?" if is_near else ""
 
 

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from edtk.robots.joint import SHORTEST, Link
+from edtk.robots.joint import SHORTEST_AXIS, Link
 from edtk.robots.robot_file import RobotFileError
 from edtk.robots.rotations import transform
 from edtk.system.errors import UserError
@@ -18,7 +18,7 @@ KINDS = ("fixed", "revolute", "continuous", "prismatic", "floating", "planar")
 LIMITED = ("revolute", "prismatic")  # other kinds have no limits, whatever the file says
 BOUNDLESS = ("inf", "+inf", "-inf", "infinity", "-infinity")
 X_AXIS = (1.0, 0.0, 0.0)  # of a joint that names none
-LONGEST_NAME = 200  # characters of a robot's name
+LONGEST_ROBOT_NAME = 200  # characters of a robot's name
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ class _Reader:
         links = self._by_name(root.all("link"))
         joints = self._by_name(root.all("joint"))
         tree = Urdf(
-            " ".join(root.attributes.get("name", "").split())[:LONGEST_NAME],
+            " ".join(root.attributes.get("name", "").split())[:LONGEST_ROBOT_NAME],
             {name: self._link(element, name) for name, element in links.items()},
             {name: self._joint(element, name) for name, element in joints.items()},
             links,
@@ -221,7 +221,7 @@ class _Reader:
         if axis is None or kind in ("fixed", "floating"):
             return np.array(X_AXIS)
         direction = self._vector(axis, "xyz", f"{key}: axis", X_AXIS)
-        if not SHORTEST <= np.linalg.norm(direction) <= 1 / SHORTEST:
+        if not SHORTEST_AXIS <= np.linalg.norm(direction) <= 1 / SHORTEST_AXIS:
             given = " ".join(f"{number:g}" for number in direction)
             raise self.error(key, f"the axis is {given}; expected a vector of length 1")
         return direction

@@ -9,7 +9,7 @@ import pytest
 from edtk.design.enclosure import boxes as module
 from edtk.design.enclosure import cover as cover_module
 from edtk.design.enclosure.boxes import (
-    CHUNK,
+    TENSORS_AT_ONCE,
     Boxes,
     Covering,
     CoveringInterrupted,
@@ -220,10 +220,10 @@ def test_tensors_that_fill_the_cache_are_treated_a_few_at_a_time(
     rng = np.random.default_rng(3)
     small = Polynomial(tuple(axes), rng.normal(size=(3, 3, 2)))
     large = small.raised([3, 2, 4])
-    monkeypatch.setattr(module, "LARGE", 20)
+    monkeypatch.setattr(module, "LARGE_TENSOR", 20)
     grid = Grid(tuple(axes))
     few = at_once(large)
-    assert 1 < few < len(grid.first()) < CHUNK == at_once(small)
+    assert 1 < few < len(grid.first()) < TENSORS_AT_ONCE == at_once(small)
     assert limits_on(large, grid) == pytest.approx(whole_limits(large, grid), abs=1e-12)
 
 

@@ -216,7 +216,7 @@ def test_a_blind_search_is_led_by_the_proof(monkeypatch):
 def test_a_search_that_is_refuted_in_its_last_round_tells_what_is_known(monkeypatch):
     """Its design and the proved bound stay, and the searched one is not the refuted one."""
     monkeypatch.setattr(relax_region, "search_region", blind)
-    monkeypatch.setattr(relax_region, "ROUNDS", 1)
+    monkeypatch.setattr(relax_region, "REGION_ROUNDS", 1)
     found = prove_region(Region(powers(3), -1, 1), criteria.create("D"), 1e-5, candidates=4)
     assert found.gap > 1e-5
     assert 0 < found.continuum_bound.cost <= found.searched_bound.cost < found.cost * (1 - 1e-5)

@@ -6,7 +6,7 @@ from test_prove_exact import NAMES, criterion_of
 
 from criteria.linalg.inverse import whitener
 from criteria.linalg.typing import triangle
-from edtk.design.exact.exact_exchange import GAIN, exchanged
+from edtk.design.exact.exact_exchange import GAIN_OF_EXCHANGE, exchanged
 from edtk.design.exact.exact_nodes import Merits
 from edtk.design.information import sensitivity_rows
 
@@ -36,4 +36,4 @@ def test_no_single_exchange_is_better(name: str, seed: int) -> None:
     assert found.merit >= first
     for place in places:
         every = merit(whole - F[place] + F)
-        assert every.max() <= found.merit * (1 + 2 * GAIN)
+        assert every.max() <= found.merit * (1 + 2 * GAIN_OF_EXCHANGE)

@@ -42,7 +42,7 @@ def kicked(name, m, seconds=np.inf):
 @pytest.mark.parametrize(("name", "m"), [("rho0", 3), ("O3", 2)])
 def test_better_plans(name, m, monkeypatch):
     """Of plans from four random starts kicks make better ones, feasible and of the same size."""
-    monkeypatch.setattr(kicks, "TURNS", 1)
+    monkeypatch.setattr(kicks, "KICK_TURNS", 1)
     costs, plans = kicked(name, m)
     before, _ = refined(name, m)
     assert costs[0] < before[0] * (1 - 1e-3)
@@ -55,7 +55,7 @@ def test_better_plans(name, m, monkeypatch):
 
 def test_the_same_again(monkeypatch):
     """The same plans and the same seed give the same answer, bit by bit."""
-    monkeypatch.setattr(kicks, "TURNS", 2)
+    monkeypatch.setattr(kicks, "KICK_TURNS", 2)
     (one, first), (two, second) = kicked("rho0", 3), kicked("rho0", 3)
     assert one.tobytes() == two.tobytes()
     assert first.x.tobytes() == second.x.tobytes()
@@ -74,7 +74,7 @@ def test_a_search_ends_with_kicks(monkeypatch):
     relaxed = relax_poses(CandidateSource(KR270, 0, workers=1), 200, STUDY.criterion("rho0"))
     options = SearchOptions(starts=16)
     found = find_plan(relaxed, 3, options=options)
-    monkeypatch.setattr(kicks, "TURNS", 0)
+    monkeypatch.setattr(kicks, "KICK_TURNS", 0)
     without = find_plan(relaxed, 3, options=options)
     assert found.cost <= without.cost
     assert found.starts == without.starts == 16

@@ -8,7 +8,7 @@ from gantry import ROBOT, STUDY
 from criteria import create
 from edtk.design.candidate_source import sample_feasible
 from edtk.design.exact.refine import refine
-from edtk.design.exact.round_poses import LOSS, round_plan, round_poses
+from edtk.design.exact.round_poses import LOSS_BY_ROUNDING, round_plan, round_poses
 from edtk.study.study import load_study
 
 # Best plans of three experiments before rounding: the wrist has a small torque of one sign in the
@@ -53,7 +53,7 @@ def test_small_differences_that_count(gantry, number):
     assert nearest > before * 1.001
     found, repeats = round_plan(space, criterion, x, REPEATS)
     assert repeats.sum() == REPEATS.sum()
-    assert cost(space, criterion, found, repeats) <= before * (1 + LOSS)
+    assert cost(space, criterion, found, repeats) <= before * (1 + LOSS_BY_ROUNDING)
     steps = np.rad2deg(found[:, space.free]) * 1000
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)
     assert space.at(found).feasible.all()
@@ -90,4 +90,4 @@ def test_ordinary_plans_take_the_nearest_steps():
     np.testing.assert_array_equal(found, nearest)
     np.testing.assert_array_equal(repeats, times)
     before = cost(KR270, criterion, x, np.ones(4))
-    assert abs(cost(KR270, criterion, found, repeats) / before - 1) < LOSS
+    assert abs(cost(KR270, criterion, found, repeats) / before - 1) < LOSS_BY_ROUNDING

@@ -19,7 +19,7 @@ CRITERION = criteria.create("D")
 @pytest.fixture(autouse=True)
 def few_passes(monkeypatch):
     """Starts here are far from optima, to which many passes would lead."""
-    monkeypatch.setattr("edtk.design.exact.spread.PASSES", 2)
+    monkeypatch.setattr("edtk.design.exact.spread.SPREADING_PASSES", 2)
 
 
 @pytest.mark.slow

@@ -17,7 +17,7 @@ from edtk.design.relaxation.proof import experiment_blocks
 @pytest.mark.parametrize("with_prior", [False, True])
 def test_formulas(monkeypatch, small, rows, with_prior):
     """Information, sensitivities and triangles are those of the matrices, the prior included."""
-    monkeypatch.setattr(active_information, "SMALL", small)
+    monkeypatch.setattr(active_information, "SMALL_ORDER", small)
     monkeypatch.setattr(active_information, "CHUNK", 40)
     rng = np.random.default_rng(rows)
     p = 4

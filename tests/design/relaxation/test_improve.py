@@ -12,7 +12,7 @@ from edtk.design.relaxation.relax import _most_sensitive, relax
 @pytest.fixture
 def short(monkeypatch):
     """Two thousand candidates are many."""
-    monkeypatch.setattr(improve, "LONG", 2000)
+    monkeypatch.setattr(improve, "LONG_LIST", 2000)
 
 
 @every_base
@@ -20,7 +20,7 @@ def test_same_optimum(name, monkeypatch):
     """The cost is that of the relaxation over all candidates at once, and the bound is valid."""
     problem = Problem(off_centre(4, 5000))
     whole = relax(problem, criterion_of(name))
-    monkeypatch.setattr(improve, "LONG", 2000)
+    monkeypatch.setattr(improve, "LONG_LIST", 2000)
     found = relax(problem, criterion_of(name))
     check(found, problem, name)
     assert found.gap <= GAP

@@ -306,7 +306,7 @@ def little_memory(monkeypatch):
     monkeypatch.setattr("edtk.design.relaxation.relax_poses.BASE_MB", 0.0)
     monkeypatch.setattr("edtk.design.relaxation.relax_poses.KEPT", 50)
     monkeypatch.setattr("edtk.design.relaxation.relax_poses.KEPT", 50)
-    monkeypatch.setattr("edtk.design.candidate_source.CHUNK", 1024)
+    monkeypatch.setattr("edtk.design.candidate_source.SAMPLES_AT_ONCE", 1024)
     held = []
     take = CandidateSource.take
 

@@ -15,7 +15,7 @@ from edtk.system.workers import Workers
 @pytest.mark.parametrize("keep", [10, 500])
 def test_the_same_as_all_at_once(name, keep, monkeypatch):
     """Chunk by chunk the largest sensitivities and the best candidates are those of all."""
-    monkeypatch.setattr("edtk.design.candidate_source.CHUNK", 512)
+    monkeypatch.setattr("edtk.design.candidate_source.SAMPLES_AT_ONCE", 512)
     criterion = create(name)
     source = CandidateSource(KR270, 3, workers=1)
     whole = source.take(3000)
@@ -46,7 +46,7 @@ def test_most_sensitive():
 @pytest.mark.parametrize("sampling", ["random", "sobol"])
 def test_stretches_are_the_same_candidates(sampling, monkeypatch):
     """What workers bring back of their stretches is, bit by bit, what one pass keeps of all."""
-    monkeypatch.setattr("edtk.design.candidate_source.CHUNK", 256)
+    monkeypatch.setattr("edtk.design.candidate_source.SAMPLES_AT_ONCE", 256)
     monkeypatch.setattr("edtk.design.relaxation.search_continuum.STRETCH", 3)
     monkeypatch.setattr(Workers, "_run_in_parallel", in_turn)
     criterion = create("D")

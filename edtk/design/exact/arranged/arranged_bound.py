@@ -24,7 +24,12 @@ from criteria import CriterionError, Relaxable
 from criteria.linalg.inverse import root
 from edtk.design.errors import RunErrors
 from edtk.design.exact.arranged.settings import Settings
-from edtk.design.exact.counts.blocks_bound import SAME, STARTS, BlockQuadratic, JoinedBlocks
+from edtk.design.exact.counts.blocks_bound import (
+    BLOCK_STARTS,
+    SAME_BLOCK,
+    BlockQuadratic,
+    JoinedBlocks,
+)
 from edtk.design.exact.counts.counts_bound import (
     Decomposition,
     RelaxedCounts,
@@ -36,8 +41,8 @@ from edtk.design.problem import Problem
 from edtk.design.relaxation.restricted_master import RelaxationError
 from edtk.system.typing import Array, Indices
 
-GAP = 1e-5  # relative gap between the best mixture and the bound at which to end
-NEAR = 1e-9  # relative distance of a bound to a plan's cost at which no sharper one is sought
+MIXTURE_GAP = 1e-5  # relative gap between the best mixture and the bound at which to end
+NEAR_BOUND = 1e-9  # relative distance of a bound to a plan's cost at which no sharper one is sought
 MOST_STEPS = 3e8  # of a dynamic program: steps times pairs of candidates
 MOST_NUISANCE = 40  # parameters of trends and effects beside those of the model
 BAND = 1e-9  # part of the diagonal of a precision up to which an entry is zero
@@ -95,7 +100,7 @@ class Group(Part):
         values = []
         for own in self.slices:
             quadratic = BlockQuadratic.of(self.rows[own], Z, self.size, self.share, None)
-            starts = rng.integers(len(own), size=(STARTS, self.size))
+            starts = rng.integers(len(own), size=(BLOCK_STARTS, self.size))
             inside = known[np.isin(known, own).all(axis=1)]
             starts = np.concatenate([np.searchsorted(own, inside), starts])
             blocks = np.unique(quadratic.improved(starts), axis=0)
@@ -166,7 +171,7 @@ class Series(Part):
         for t in range(self.size - 1, 0, -1):
             path[t - 1] = came[t, path[t]]
         top = float(score.max())
-        return top + SAME * abs(top), path[None]
+        return top + SAME_BLOCK * abs(top), path[None]
 
     def _rows(self, t: int) -> Array:
         """Rows (n, r, p + r e) of all candidates at a place of the series."""
@@ -239,7 +244,7 @@ class ArrangedBound:
         """The sharpest bound of all kinds; None where there is none."""
         best: RelaxedCounts | None = None
         for bound in (*self._of_strata(), self._of_series, self._of_independent):
-            if best is not None and best.cost >= self.cost * (1 - NEAR):
+            if best is not None and best.cost >= self.cost * (1 - NEAR_BOUND):
                 break
             found = bound()
             if found is not None and (best is None or found.cost > best.cost):
@@ -373,7 +378,7 @@ class ArrangedBound:
         search = Decomposition(plans, criterion, plans.enter(blocks), M)
         if criterion.smooth:
             search.prove(-criterion.gradient(M)[None], M)
-        search.run(GAP)
+        search.run(MIXTURE_GAP)
         names = list(dict.fromkeys(aside))
         basis = f"{words}, {' and '.join(names)} set aside" if names else words
         return RelaxedCounts(

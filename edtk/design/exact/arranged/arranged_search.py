@@ -18,25 +18,22 @@ import numpy as np
 
 from criteria import Criterion
 from edtk.design.exact.arranged.settings import NO_RUNS, Move, Settings
-from edtk.design.exact.counts.counts_search import FoundPlaces, Record
+from edtk.design.exact.counts.counts_search import RIDGE, FoundPlaces, Record
 from edtk.design.exact.counts.prices import GAIN, least_gain
 from edtk.design.exact.exchange_costs import exchange_costs
 from edtk.system.errors import UserError
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices, Mask
 
-# Part of the candidates' mean information that is added to every plan at first, so that a singular
-# start has prices: far below what a plan tells, far above rounding.
-RIDGE = 1e-6
-SWEEPS = 60  # over all moves, at most: some ten are usual
-AT_ONCE = 1_000_000  # entries of the matrices that are priced together
+MOVE_SWEEPS = 60  # over all moves, at most: some ten are usual
+ENTRIES_PRICED = 1_000_000  # entries of the matrices that are priced together
 WAVE = 24  # plans that are improved in step with each other
-KICKED = 0.15  # part of the moves of a plan that a kick draws anew; two at least
+KICKED_MOVES = 0.15  # part of the moves of a plan that a kick draws anew; two at least
 WAVES = 4  # without an improvement after which a search ends; and as many as it took besides
-MOST_WAVES = 512
-EFFORT = 6e9  # products that waves without an improvement may take
+MOST_ARRANGED_WAVES = 512
+ARRANGED_EFFORT = 6e9  # products that waves without an improvement may take
 DRAWS = 200  # of a start, before candidates count as too few
-ALIKE = 1e-12  # part of the largest entry of a precision up to which two entries are the same
+SAME_ENTRY = 1e-12  # part of the largest entry of a precision up to which two entries are the same
 MOST_SWAPPED = 80  # runs up to which pairs of them are swapped
 
 
@@ -111,7 +108,7 @@ class ArrangedSearch:
         """
         W = self.W
         found = np.zeros(W.shape, dtype=bool)
-        least = ALIKE * np.abs(W).max()
+        least = SAME_ENTRY * np.abs(W).max()
         for s in range(self.m):
             across = np.abs(W - W[s])
             across[:, s] = 0.0
@@ -137,7 +134,7 @@ class ArrangedSearch:
         """Search from so many starts, or until as many again as it took bring nothing better."""
         record = Record()
         ended = "starts"
-        most = MOST_WAVES * WAVE if starts is None else starts
+        most = MOST_ARRANGED_WAVES * WAVE if starts is None else starts
         try:
             while record.starts < most:
                 size = min(WAVE, most - record.starts)
@@ -171,7 +168,7 @@ class ArrangedSearch:
         p = self.base.shape[0]
         priced = sum(block.root.shape[1] * len(block.move.options) for block in self.blocks)
         effort = 10.0 * WAVE * priced * self.rows.shape[1] * p * p
-        return WAVE * int(np.clip(EFFORT / effort, 2, WAVES))
+        return WAVE * int(np.clip(ARRANGED_EFFORT / effort, 2, WAVES))
 
     def drawn(self, rng: np.random.Generator, number: int) -> Indices:
         """Plans (b, m) that are drawn at random.
@@ -197,7 +194,7 @@ class ArrangedSearch:
         assert record.places is not None
         places = np.tile(record.places, (number, 1))
         each = np.arange(number)
-        several = max(2, round(KICKED * len(self.blocks)))
+        several = max(2, round(KICKED_MOVES * len(self.blocks)))
         for _ in range(rng.integers(2, several + 1)):
             move = self.blocks[rng.integers(len(self.blocks))].move
             alternatives = self.settings.alternatives(move, places)
@@ -221,7 +218,7 @@ class ArrangedSearch:
         left = np.arange(len(places))
         beside = ridge * self.m * np.eye(self.base.shape[0])
         least = least_gain(ridge)
-        for _ in range(SWEEPS):
+        for _ in range(MOVE_SWEEPS):
             own = places[left]
             M = self.information(own) + beside
             costs = self.costs(M)
@@ -274,7 +271,7 @@ class ArrangedSearch:
         q = block.root.shape[1]
         center = block.inverse @ others
         found = np.empty((b, S))
-        pieces = max(1, -(-b * S * max(p * p, q * r * p) // AT_ONCE))
+        pieces = max(1, -(-b * S * max(p * p, q * r * p) // ENTRIES_PRICED))
         for part in np.array_split(np.arange(S), min(pieces, S)):
             Y = self.rows[alternatives[:, part]].reshape(b, len(part), k, r * p)
             F = (block.root.T @ Y + center[:, None]).reshape(b, len(part), q * r, p)

@@ -24,8 +24,8 @@ from edtk.design.relaxation.setting import OrderOne, Setting
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.typing import Array, Indices
 
-ROUNDED = 1e-12  # part of the squares of a column that a root of rounding leaves
-TRIED = 24  # random plans whose sum tells what no plan of this structure can tell
+LEFT_OF_SQUARES = 1e-12  # part of the squares of a column that a root of rounding leaves
+RANDOM_PLANS = 24  # random plans whose sum tells what no plan of this structure can tell
 
 
 def find_arranged(
@@ -179,13 +179,13 @@ def _require_told(search: ArrangedSearch, problem: Problem, criterion: Criterion
     Raises:
         RankDeficientError: It does not; the message names what.
     """
-    drawn = search.drawn(np.random.default_rng(0), TRIED)
+    drawn = search.drawn(np.random.default_rng(0), RANDOM_PLANS)
     X = problem.factors()[drawn]
     turned = np.einsum("st,btri->bsri", root(search.W), X).reshape(-1, problem.p)
     # What is left of a column that is all nuisance is rounding.
     whole = np.square(X).sum(axis=(0, 1, 2)) * np.abs(search.W).max()
-    turned[:, np.square(turned).sum(axis=0) <= ROUNDED * whole] = 0.0
-    plans = Rows(turned.reshape(TRIED, -1, problem.p))
+    turned[:, np.square(turned).sum(axis=0) <= LEFT_OF_SQUARES * whole] = 0.0
+    plans = Rows(turned.reshape(RANDOM_PLANS, -1, problem.p))
     prior = None if problem.prior is None else len(search.W) * problem.prior
     missing = missing_of(Problem.of_kept(plans, problem.parameters, prior), criterion)
     if missing:

@@ -12,7 +12,7 @@ from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Indices, Mask
 
 # Settings that are tried for a group at once; of more, one factor after the other is exchanged.
-TOGETHER = 600
+SETTINGS_TOGETHER = 600
 NO_RUNS = np.zeros(0, dtype=int)
 
 
@@ -162,7 +162,7 @@ class Settings:
     def _moves(self, runs: Indices, columns: Indices) -> list[Move]:
         """Moves of some factors together, or one after the other where settings are many."""
         options = np.unique(self.levels[:, columns], axis=0)
-        if len(options) <= TOGETHER or len(columns) == 1:
+        if len(options) <= SETTINGS_TOGETHER or len(columns) == 1:
             return [Move(runs, columns, options)]
         return [
             Move(runs, columns[i : i + 1], np.unique(self.levels[:, columns[i]])[:, None])

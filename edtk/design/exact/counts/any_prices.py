@@ -17,10 +17,11 @@ from edtk.design.exact.counts.prices import (
 from edtk.design.exact.exchange_costs import exchange_costs
 from edtk.system.typing import Array, Indices, Mask
 
-AT_ONCE = 400_000  # entries of matrices that are updated together
-MOST_AT_ONCE = 64  # plans
+ENTRIES_UPDATED = 400_000  # entries of matrices that are updated together
+PLANS_AT_ONCE = 64  # plans
 SHORTLISTS = (16, 64)  # numbers of candidates that are tried first, then next
-# Soft maximum whose gradient ranks the candidates for a criterion with kinks.
+# Soft maximum whose gradient ranks the candidates for a criterion with kinks. A subgradient of the
+# criterion itself would rank them by one of several equal eigenvalues alone.
 GUIDE_SHARPNESS = 30.0
 
 
@@ -63,7 +64,7 @@ class AnyPricing(Pricing):
     @property
     def batch(self) -> int:  # type: ignore[override]
         """Number of plans whose shortlists are priced together."""
-        return int(min(MOST_AT_ONCE, max(1, AT_ONCE // (SHORTLISTS[0] * self.entries))))
+        return int(min(PLANS_AT_ONCE, max(1, ENTRIES_UPDATED // (SHORTLISTS[0] * self.entries))))
 
     @property
     def rows(self) -> int:
@@ -138,7 +139,7 @@ class AnyPrices(Prices):
         They are computed plan by plan where that is enough, as each plan's rest is inverted.
         """
         b, k = candidates.shape
-        pieces = -(-self.pricing.entries * candidates.size // AT_ONCE)
+        pieces = -(-self.pricing.entries * candidates.size // ENTRIES_UPDATED)
         costs = np.empty((b, k))
         for plans in np.array_split(np.arange(b), min(b, pieces)):
             chosen = candidates[plans]

@@ -19,13 +19,13 @@ from edtk.design.exact.counts.counts_search import draw_places
 from edtk.design.exact.counts.limits import Limits
 from edtk.system.typing import Array, Indices
 
-STARTS = 16  # blocks from which the search for the best one starts
-SWEEPS = 30  # over the places of a block, at most
+BLOCK_STARTS = 16  # blocks from which the search for the best one starts
+BLOCK_SWEEPS = 30  # over the places of a block, at most
 JOINING = 6  # blocks of each size that join the mixture in a round
 # Numbers that a proof of the best block may look at: about a fifth of a second.
 WORK = 1e7
-SAME = 1e-10  # relative difference up to which two blocks are equally good
-GAP = 1e-6  # relative gap between the best mixture of blocks and the bound at which to end
+SAME_BLOCK = 1e-10  # relative difference up to which two blocks are equally good
+BLOCKS_GAP = 1e-6  # relative gap between the best mixture of blocks and the bound at which to end
 LIFTED = 400  # candidates up to which the eigenvalues of their products are worth their time
 
 
@@ -46,7 +46,7 @@ class BestBlock:
     @property
     def is_exact(self) -> bool:
         """Whether the best one that was found is the best."""
-        return self.upper - self.value <= 2 * SAME * abs(self.upper)
+        return self.upper - self.value <= 2 * SAME_BLOCK * abs(self.upper)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +116,7 @@ class BlockQuadratic:
         each = np.arange(len(places))
         total = self.vectors[places].sum(axis=1)
         own = self.gains - self.share * (self.vectors**2).sum(axis=1)
-        for _ in range(SWEEPS):
+        for _ in range(BLOCK_SWEEPS):
             before = places.copy()
             for place in range(self.size):
                 old = places[:, place].copy()
@@ -126,7 +126,9 @@ class BlockQuadratic:
                 price = own - 2 * self.share * (rest @ self.vectors.T) - 2 * self.lift * taken
                 price[taken >= self.most] = -np.inf
                 best = price.argmax(axis=1)
-                is_better = price[each, best] > price[each, old] + SAME * abs(price[each, old])
+                is_better = price[each, best] > price[each, old] + SAME_BLOCK * abs(
+                    price[each, old]
+                )
                 new = np.where(is_better, best, old)
                 places[:, place] = new
                 total = rest + self.vectors[new]
@@ -159,7 +161,7 @@ class BlockQuadratic:
         n, e = vectors.shape
         nodes = _Nodes.first(e)
         work = 0.0
-        slack = SAME * abs(known)
+        slack = SAME_BLOCK * abs(known)
         for left in range(self.size, 0, -1):
             work += 2.0 * len(nodes.places) * n * e
             if left < self.size and work > WORK:
@@ -247,7 +249,7 @@ def _without_least(w: Array) -> tuple[Array, float]:
     n = len(w)
     r, V = np.linalg.eigh(w @ w.T + np.ones((n, n)) * float((w**2).sum()))
     # The vector of ones has the largest eigenvalue by far, and is left out.
-    least = max(float(r[:-1].min()), 0.0) * (1 - SAME) if n > 1 else 0.0
+    least = max(float(r[:-1].min()), 0.0) * (1 - SAME_BLOCK) if n > 1 else 0.0
     return V[:, :-1] * np.sqrt(np.maximum(r[:-1] - least, 0.0)), least
 
 
@@ -265,7 +267,7 @@ class JoinedBlocks:
 
     def _joined(self, blocks: Sequence[Indices]) -> list[Indices]:
         """Plans of blocks (c, k) of each kind, the last ones of a kind as often as needed."""
-        self._known = [own[:STARTS] for own in blocks]
+        self._known = [own[:BLOCK_STARTS] for own in blocks]
         most = max(map(len, blocks))
         chosen = [own[np.minimum(np.arange(most), len(own) - 1)] for own in blocks]
         return list(np.concatenate(chosen, axis=1))
@@ -330,7 +332,7 @@ class BlockPlans(JoinedBlocks):
     def _drawn(self, size: int) -> Indices:
         """Random blocks (b, k), each candidate at most as often as it may be."""
         alone = Limits(size, self.scatter.limits.base, self.scatter.limits.most)
-        return draw_places(self._rng, alone, [np.ones(len(self.scatter.rows))] * STARTS)
+        return draw_places(self._rng, alone, [np.ones(len(self.scatter.rows))] * BLOCK_STARTS)
 
 
 def blocks_bound(
@@ -352,7 +354,7 @@ def blocks_bound(
     search = Decomposition(plans, criterion, plans.enter(places), M)
     if criterion.smooth:
         search.prove(-criterion.gradient(M)[None], M)
-    search.run(GAP)
+    search.run(BLOCKS_GAP)
     if not search.bound > relaxed.cost:
         return relaxed
     how = "exactly" if plans.is_exact else "from above"

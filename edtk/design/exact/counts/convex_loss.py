@@ -6,7 +6,7 @@ import numpy as np
 
 from criteria import Criterion
 from criteria.criterion import DeterminantCriterion
-from edtk.design.exact.exchange_costs import ACCURATE, constant_slope, exchange_costs
+from edtk.design.exact.exchange_costs import UPDATABLE, constant_slope, exchange_costs
 from edtk.system.typing import Array
 
 
@@ -144,4 +144,4 @@ def _accurate_inverse(rest: Array) -> Array | None:
     size = float(np.linalg.norm(inverse))
     # Of an indefinite matrix, which rounding may have left, the inverse has a negative entry here.
     positive = bool((np.diag(inverse) > 0).all())
-    return inverse / dd if positive and size * ACCURATE < 1.0 else None
+    return inverse / dd if positive and size * UPDATABLE < 1.0 else None

@@ -17,11 +17,11 @@ from edtk.design.relaxation.restricted_master import RelaxationError
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices
 
-EQUAL = 1e-9  # relative gap at which equal weights are the best
+EQUAL_WEIGHTS = 1e-9  # relative gap at which equal weights are the best
 WITHIN = 1e-6  # experiments by which counts may exceed a limit and count as within
-GAP = 1e-4  # relative gap at which the bound is good enough
+COUNTS_GAP = 1e-4  # relative gap at which the bound is good enough
 MASTER = 0.1  # of that gap, in the programs over some plans
-ROUNDS = 60
+BOUND_ROUNDS = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +168,7 @@ class RelaxedCounts:
 
     def is_near(self, cost: float) -> bool:
         """Whether a plan of this cost may well be the best."""
-        return self.cost >= cost * (1 - GAP)
+        return self.cost >= cost * (1 - COUNTS_GAP)
 
     def exceeds(self, limits: Limits) -> bool:
         """Whether these counts break a limit, so that a better bound may be proved."""
@@ -244,7 +244,7 @@ def _equal(problem: Problem, criterion: Relaxable) -> tuple[Array, Bound, Array]
     Z = -criterion.gradient(M)[None]
     largest = problem.sensitivities(Z).max(axis=-1)
     bound = criterion.lower_bound(Z, largest, M)
-    if not bound >= cost * (1 - EQUAL):
+    if not bound >= cost * (1 - EQUAL_WEIGHTS):
         return None
     proved = Bound.of(criterion, bound, cost, BoundKind.PROVED_ON_CANDIDATES)
     return np.full(problem.n, 1.0 / problem.n), proved, Z
@@ -398,7 +398,7 @@ class Decomposition:
         """Relative gap between the best bound and the best mixture."""
         return 1.0 - self.bound / self.cost
 
-    def run(self, gap: float = GAP, rounds: int = ROUNDS) -> None:
+    def run(self, gap: float = COUNTS_GAP, rounds: int = BOUND_ROUNDS) -> None:
         """Mix the plans, and let those join that the mixture asks for, until the gap is small."""
         for _ in range(rounds):
             known = len(self.plans)

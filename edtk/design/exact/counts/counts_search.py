@@ -22,21 +22,22 @@ from edtk.system.typing import Array, Indices, Mask
 
 KICKED = 0.2  # part of the places that a kick draws anew; two at least
 LEAST_KICKED = 2
-AT_ONCE = 200_000  # chances that are drawn from together; such arrays stay in a core's cache
+# Chances that are drawn from together; such arrays stay in a core's cache.
+CHANCES_AT_ONCE = 200_000
 SWEEPS = 100  # over all places, at most, in each round: some ten are usual
 SWAP_SWEEPS = 50  # over all places, at most
 # Part of the candidates' mean information that is added to every plan at first, so that a singular
 # start has prices: far below what a plan of so many places tells, far above rounding.
 RIDGE = 1e-6
 ACCURATE = 1e-8  # least eigenvalue at unit diagonal of a plan whose inverse has half its digits
-SAME = 1e-9  # relative difference of costs up to which two plans are equally good
+SAME_COST = 1e-9  # relative difference of costs up to which two plans are equally good
 PROVED = 1e-9  # relative distance to the bound at which nothing is left to find
 EFFORT = 1e10  # products that the starts may take which bring no improvement
 LEAST_STARTS = 4  # of them
 # Part of that effort after which a search ends whose starts have all led to a few optima.
 SETTLED = 0.1
 UNSEEN = 0.5  # optima that may be expected beyond those
-AROUND = 3  # places of the best plan that are drawn anew where it is a start
+DRAWN_ANEW = 3  # places of the best plan that are drawn anew where it is a start
 MOST_WAVES = 1024
 
 
@@ -100,7 +101,7 @@ def _redrawn(
 ) -> Indices:
     """Plans (b, m) with some places (b, k) of each drawn anew, in turn, within the limits."""
     n = len(chances[0])
-    together = max(1, AT_ONCE // n)
+    together = max(1, CHANCES_AT_ONCE // n)
     parts = [slice(first, first + together) for first in range(0, len(places), together)]
     drawn = [
         _redrawn_together(rng, limits, places[part], some[part], np.array(chances[part]))
@@ -366,7 +367,7 @@ class CountsSearch:
         """
         rng = np.random.default_rng((seed, number))
         n = self.pricing.candidates
-        few = None if around is None else AROUND
+        few = None if around is None else DRAWN_ANEW
         if around is None:
             starts = self._starts(rng, number == 0, size)
         else:
@@ -496,7 +497,7 @@ class Record:
     def optima(self) -> int:
         """How many costs the plans from drawn starts have."""
         ordered = np.sort(self.drawn[np.isfinite(self.drawn)])
-        return 1 + int((np.diff(ordered) > SAME * ordered[1:]).sum())
+        return 1 + int((np.diff(ordered) > SAME_COST * ordered[1:]).sum())
 
     def enter(self, found: tuple[Array, Indices], drawn: bool) -> None:
         """Enter costs (b,) and places (b, m) of a wave, and whether its starts were drawn anew."""
@@ -504,7 +505,7 @@ class Record:
         if drawn:
             self.drawn = np.append(self.drawn, costs)
         best = first_lowest(costs)
-        if not self.waves or costs[best] < self.cost * (1 - SAME):
+        if not self.waves or costs[best] < self.cost * (1 - SAME_COST):
             self.improved = self.starts + len(costs)
             self.found = 0
         if not self.waves or costs[best] < self.cost * (1 - GAIN):
@@ -513,5 +514,5 @@ class Record:
         self.waves += 1
         self.starts += len(costs)
         if np.isfinite(self.cost):
-            as_good = int((costs <= self.cost * (1 + SAME)).sum())
+            as_good = int((costs <= self.cost * (1 + SAME_COST)).sum())
             self.found = self.found + as_good if drawn else max(1, self.found)

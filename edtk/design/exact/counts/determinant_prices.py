@@ -7,8 +7,8 @@ from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.prices import GAIN, ROUNDINGS, Prices, Pricing, first_of_largest
 from edtk.system.typing import Array, Indices, Mask
 
-AT_ONCE = 60_000  # prices: a few such arrays stay in a core's cache
-MOST_AT_ONCE = 256  # plans
+PRICES_AT_ONCE = 60_000  # prices: a few such arrays stay in a core's cache
+DETERMINANTS_AT_ONCE = 256  # plans
 
 
 class DeterminantPricing(Pricing):
@@ -36,7 +36,7 @@ class DeterminantPricing(Pricing):
         self.turned = np.ascontiguousarray(rows.T)
         self.limits = limits
         self.candidates = len(rows) if limits.sized else len(rows) - 1
-        self.batch = int(min(MOST_AT_ONCE, max(1, AT_ONCE // len(rows))))
+        self.batch = int(min(DETERMINANTS_AT_ONCE, max(1, PRICES_AT_ONCE // len(rows))))
 
     def effort(self, limits: Limits) -> float:
         """Some thirty sweeps with one product of n times p, and as many updates, a place."""

@@ -15,7 +15,7 @@ from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices, Mask
 
 KINDS = 8  # kinds of candidates, the best one of each, that are tried at the first of two places
-SWEEPS = 20  # over all places, at most
+JOINT_SWEEPS = 20  # over all places, at most
 TRIES = 8  # second places that a random exchange tries
 REPAIRS = 4  # of counts that a solver takes for within limits
 TOLERANCE = 1e-5  # room, relative, that a sum beyond its limit loses
@@ -140,7 +140,7 @@ def exchange_jointly(pricing: Pricing, limits: Limits, places: Indices, ridge: f
     size = max(1, pricing.batch // KINDS)
     for first in range(0, len(places), size):
         part = slice(first, first + size)
-        for _ in range(SWEEPS):
+        for _ in range(JOINT_SWEEPS):
             moved = _swept(pricing, limits, places[part], ridge)
             if not moved or out_of_time():
                 break

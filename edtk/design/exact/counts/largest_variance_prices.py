@@ -8,7 +8,7 @@ from edtk.design.exact.counts.linear_prices import LEAST_RATIO
 from edtk.design.exact.counts.prices import first_of_largest
 from edtk.system.typing import Array, Indices, Mask
 
-AT_ONCE = 300_000  # variances
+VARIANCES_AT_ONCE = 300_000  # variances
 
 
 class LargestVariancePricing(DeterminantPricing):
@@ -32,7 +32,7 @@ class LargestVariancePricing(DeterminantPricing):
         super().__init__(rows, limits)
         self.targets = targets
         self.flat = targets.reshape(-1, targets.shape[-1])
-        self.batch = int(np.clip(AT_ONCE // (len(self.flat) * len(rows)), 1, self.batch))
+        self.batch = int(np.clip(VARIANCES_AT_ONCE // (len(self.flat) * len(rows)), 1, self.batch))
 
     def effort(self, limits: Limits) -> float:
         """As many products as rows of targets for each of a determinant."""

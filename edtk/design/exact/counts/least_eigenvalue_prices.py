@@ -3,12 +3,12 @@
 import numpy as np
 
 from criteria.linalg.inverse import EPS
-from edtk.design.exact.counts.determinant_prices import AT_ONCE, MOST_AT_ONCE
+from edtk.design.exact.counts.determinant_prices import DETERMINANTS_AT_ONCE, PRICES_AT_ONCE
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.prices import GAIN, ROUNDINGS, Prices, Pricing
 from edtk.system.typing import Array, Indices, Mask
 
-HALVINGS = 45  # of the interval of the best eigenvalue, at most
+EIGENVALUE_HALVINGS = 45  # of the interval of the best eigenvalue, at most
 # Where it is divided: of symmetric candidates the middle may be the eigenvalue of several, and
 # rounding would part them.
 DIVISION = np.sqrt(2) - 1
@@ -45,7 +45,7 @@ class LeastEigenvaluePricing(Pricing):
         self.mean = mean
         self.guide = guide
         self.candidates = len(rows) if limits.sized else len(rows) - 1
-        self.batch = int(np.clip(AT_ONCE // rows.size, 1, MOST_AT_ONCE))
+        self.batch = int(np.clip(PRICES_AT_ONCE // rows.size, 1, DETERMINANTS_AT_ONCE))
 
     def effort(self, limits: Limits) -> float:
         """Some sweeps of determinants, each with halvings for the plans that still improve."""
@@ -128,7 +128,7 @@ def _of_largest_root(squares: Array, d: Array, low: Array, left: Mask, part: Arr
     Their roots are above low (b,), and a part (b,) of them may be rounding.
     """
     high = d[:, 1].copy()
-    for _ in range(HALVINGS):
+    for _ in range(EIGENVALUE_HALVINGS):
         # What is left of the others differs by rounding.
         is_open = (high - low > part * high) & (left.sum(axis=1) > 1)
         if not is_open.any():

@@ -9,8 +9,8 @@ from edtk.design.linear_constraints import LinearConstraints
 from edtk.system.typing import Array, Indices, Mask
 
 # Part of the funds by which a sum of costs may exceed them: the rounding of such a sum.
-ROUNDING = 1e-12
-HALVINGS = 200  # of the interval of a multiplier, at most
+ROUNDING_OF_FUNDS = 1e-12
+MULTIPLIER_HALVINGS = 200  # of the interval of a multiplier, at most
 NARROW = 1e-12  # relative width of that interval at which to end
 
 
@@ -119,7 +119,7 @@ class Limits:
             mask[:, :n] &= self.counts(rest, n) < self.most
         if self.costs is not None:
             room = self.funds - self.spent(places) + self.prices[old]
-            mask[:, :n] &= self.costs <= room[:, None] + ROUNDING * abs(self.funds)
+            mask[:, :n] &= self.costs <= room[:, None] + ROUNDING_OF_FUNDS * abs(self.funds)
         if self.linear is not None:
             mask &= self._fitting(places, old)[:, : mask.shape[1]]
         return mask
@@ -148,7 +148,7 @@ class Limits:
         linear = self.linear
         assert linear is not None
         shape = (-1, *[1] * (sums.ndim - 1))
-        error = ROUNDING * self.m * np.abs(linear.C).max(axis=1, initial=1e-300)
+        error = ROUNDING_OF_FUNDS * self.m * np.abs(linear.C).max(axis=1, initial=1e-300)
         low = (linear.low - error).reshape(shape)
         high = (linear.high + error).reshape(shape)
         return np.asarray((sums >= low) & (sums <= high))
@@ -255,7 +255,7 @@ class Reachable:
         low, high = 0.0, 1.0
         while self._of_size(gains - high * costs)[1] @ costs > funds and high < 1e300:
             low, high = high, 4 * high * max(1.0, float(np.ptp(gains)))
-        for _ in range(HALVINGS):
+        for _ in range(MULTIPLIER_HALVINGS):
             middle = 0.5 * (low + high)
             if self._of_size(gains - middle * costs)[1] @ costs > funds:
                 low = middle

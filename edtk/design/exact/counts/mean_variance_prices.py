@@ -4,14 +4,15 @@ import numpy as np
 
 from criteria.linalg.models import taken
 from criteria.linalg.typing import triangle
+from edtk.design.exact.counts.any_prices import PLANS_AT_ONCE
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.linear_prices import LEAST_RATIO
 from edtk.design.exact.counts.models_prices import ModelScatter
 from edtk.design.exact.counts.prices import Prices, Pricing, first_of_largest, least_gain
 from edtk.system.typing import Array, Indices, Mask
 
-AT_ONCE = 150_000  # prices of all models: some ten such arrays stay in a core's larger cache
-MOST_AT_ONCE = 64  # plans
+# Prices of all models: some ten such arrays stay in a core's larger cache.
+MODEL_PRICES_AT_ONCE = 150_000
 
 
 class MeanVariancePricing(Pricing):
@@ -41,7 +42,7 @@ class MeanVariancePricing(Pricing):
         self.limits = scatter.limits
         n = scatter.n
         self.candidates = n if self.limits.sized else n - 1
-        self.batch = int(np.clip(AT_ONCE // (len(at) * n), 1, MOST_AT_ONCE))
+        self.batch = int(np.clip(MODEL_PRICES_AT_ONCE // (len(at) * n), 1, PLANS_AT_ONCE))
         i, j = triangle(self.rows.shape[-1])
         # Entries beside the diagonal stand twice in a sum over all.
         self.times = np.where(i == j, 1.0, 2.0)

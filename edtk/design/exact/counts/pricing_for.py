@@ -30,7 +30,8 @@ from edtk.design.problem import Problem
 from edtk.system.typing import Array
 
 MOST_VARIANCES = 2_000_000  # of a look at all candidates; beyond it short lists are quicker
-WELL = 1e8  # condition number of an order of matrices that keeps the digits of eigenvalues
+# Condition number of an order of matrices that keeps the digits of eigenvalues.
+KEEPS_EIGENVALUES = 1e8
 MANY_PRODUCTS = 3e4  # for a look at all candidates, from which on a bound that spares it pays
 FEWEST_CORNERS = 4096  # of a cube; all of fewer are priced as quickly as coordinates are exchanged
 
@@ -94,7 +95,7 @@ def _with_kinks(criterion: Criterion, rows: Array, limits: Limits, mean: Array) 
     if band is None or band.a or p == 1:
         return None
     values, V = np.linalg.eigh(band.floor)
-    if not values[0] * WELL > values[-1]:
+    if not values[0] * KEEPS_EIGENVALUES > values[-1]:
         return None
     # The least t with M >= t F is an eigenvalue in parameters in which F is the identity.
     T = V / np.sqrt(values)

@@ -19,8 +19,8 @@ from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
 from edtk.system.workers import one_thread
 
-GAP = 1e-6  # relative gap at which to stop
-ROUNDS = 1000  # master problems; a criterion with kinks takes some hundreds
+WITHIN_GAP = 1e-6  # relative gap at which to stop
+MASTER_ROUNDS = 1000  # master problems; a criterion with kinks takes some hundreds
 FADED = 1e-8  # part of the largest eigenvalue that a regular start has in every direction
 SOLVER = "mixtures of plans"
 
@@ -73,7 +73,7 @@ class PlansWithin:
 
 
 def relax_within(
-    problem: Problem, criterion: Criterion, limits: WeightLimits, gap: float = GAP
+    problem: Problem, criterion: Criterion, limits: WeightLimits, gap: float = WITHIN_GAP
 ) -> RelaxationWithin:
     """Find the weights within limits that minimise a criterion's cost, and prove a bound.
 
@@ -118,7 +118,7 @@ def _relaxed(
         words = " or ".join(missing) or "all parameters"
         raise RankDeficientError(f"within the limits no experiments tell {words}")
     search = Decomposition(plans, setting.criterion, [start], plans.information(start))
-    search.run(gap, ROUNDS)
+    search.run(gap, MASTER_ROUNDS)
     if not len(search.proof):
         raise RelaxationError("no solver found weights within the limits")
     counts = search.mixture

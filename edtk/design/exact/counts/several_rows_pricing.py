@@ -10,18 +10,17 @@ from numpy.typing import NDArray
 from criteria.linalg.inverse import guarded_inverse
 from edtk.design.exact.counts.any_prices import AnyPricing
 from edtk.design.exact.counts.convex_loss import ConvexLoss
-from edtk.design.exact.counts.counts_search import kicked
+from edtk.design.exact.counts.counts_search import ACCURATE, SWEEPS, kicked
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.prices import GAIN, first_few_largest, first_lowest
 from edtk.design.information import pack, sensitivity_rows
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array, Indices, Mask
 
-SWEEPS = 100  # over all places, at most: some five are usual
-TRIED = 32  # candidates whose costs are computed at a place
-AT_ONCE = 2000  # candidates whose matrices are formed together
-KEPT = 1_000_000_000  # bytes of packed matrices that are kept from one look to the next
-PLACES = 64  # of a plan, whose sensitivities are there together
+COSTED = 32  # candidates whose costs are computed at a place
+MATRICES_AT_ONCE = 2000  # candidates whose matrices are formed together
+BYTES_KEPT = 1_000_000_000  # bytes of packed matrices that are kept from one look to the next
+PLACES_TOGETHER = 64  # of a plan, whose sensitivities are there together
 UNIT = 2.0**-24  # rounding of a number of single precision
 SINGLE = 16 * UNIT  # part of a sum of such numbers that may be rounding
 LISTED = 32  # candidates of a shortlist for each place
@@ -29,12 +28,11 @@ PART = 512  # candidates that are priced together
 LOOKS = 100  # at all candidates, for one plan, at most: some five are usual
 # Places that a kick draws anew. Of 40 places and 10^5 candidates, kicks of 2, 3 and 4 places come
 # to plans of half the distance to the bound that kicks of 8 come to in the same time.
-KICKED = 3
+KICKED_PLACES = 3
 KICKS = 120  # of a plan, at most
 QUICK = 2e6  # products of a look at all candidates that allow of so many starts
 MOST_PATIENCE = 8
 IDLE_KICKS = 40  # in a row without an improvement, after which there are no more
-ACCURATE = 1e-8  # least eigenvalue at unit diagonal of a plan whose inverse has half its digits
 
 
 def place_tangent(
@@ -143,8 +141,8 @@ class Shortlist:
         some = np.flatnonzero(able)
         if not len(some):
             return None
-        if len(some) > TRIED:
-            some = some[first_few_largest(-bounds[None, some], TRIED, SINGLE)[0]]
+        if len(some) > COSTED:
+            some = some[first_few_largest(-bounds[None, some], COSTED, SINGLE)[0]]
         costs = self.loss.joined_costs(rest, self.rows[some])
         lowest = first_lowest(costs)
         now = float(self.loss.cost(np.array([value]))[0])
@@ -172,7 +170,7 @@ class FullLook:
         terms = p * (p + 1) // 2
         self.gamma = (terms + 2) * UNIT / (1.0 - (terms + 2) * UNIT)
         self.sizes = np.empty(n)
-        self._kept: list[SingleArray] | None = [] if 4 * n * terms <= KEPT else None
+        self._kept: list[SingleArray] | None = [] if 4 * n * terms <= BYTES_KEPT else None
         for part, packed in self._formed():
             self.sizes[part] = np.sqrt(np.einsum("ij,ij->j", packed, packed, dtype=float))
             if self._kept is not None:
@@ -181,8 +179,8 @@ class FullLook:
     def _formed(self) -> Iterator[tuple[slice, SingleArray]]:
         """Candidates, and their matrices ``U'U`` packed (p(p+1)/2, k) with norms as they were."""
         scale = self._scale
-        for first in range(0, len(self.rows), AT_ONCE):
-            part = slice(first, first + AT_ONCE)
+        for first in range(0, len(self.rows), MATRICES_AT_ONCE):
+            part = slice(first, first + MATRICES_AT_ONCE)
             U = self.rows[part]
             packed = scale[:, None] * pack(np.swapaxes(U, 1, 2) @ U)
             yield part, packed.astype(np.float32)
@@ -192,8 +190,10 @@ class FullLook:
         if self._kept is None:
             yield from self._formed()
             return
-        for first, packed in zip(range(0, len(self.rows), AT_ONCE), self._kept, strict=True):
-            yield slice(first, first + AT_ONCE), packed
+        for first, packed in zip(
+            range(0, len(self.rows), MATRICES_AT_ONCE), self._kept, strict=True
+        ):
+            yield slice(first, first + MATRICES_AT_ONCE), packed
 
     @property
     def _scale(self) -> Array:
@@ -208,8 +208,8 @@ class FullLook:
             ``|U'U| = 1`` may be wrong: see `sizes`.
         """
         slopes = (sensitivity_rows(Z) / self._scale).astype(np.float32)
-        for first in range(0, len(Z), PLACES):
-            some = slopes[first : first + PLACES]
+        for first in range(0, len(Z), PLACES_TOGETHER):
+            some = slopes[first : first + PLACES_TOGETHER]
             found = np.empty((len(some), len(self.rows)), dtype=np.float32)
             for part, packed in self._parts():
                 np.matmul(some, packed, out=found[:, part])
@@ -287,7 +287,7 @@ class SeveralRowsPricing(AnyPricing):
         some = self._shortlist(places, base)
         value = some.value(some.inside(places))
         idle = 0
-        few = min(KICKED, max(1, len(places) - 1))  # of all places it would be a new start
+        few = min(KICKED_PLACES, max(1, len(places) - 1))  # of all places it would be a new start
         for _ in range(KICKS):
             own = some.inside(places)[None]
             trial = kicked(rng, some.limits, own, some.number, few)[0]

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 import edtk
-from edtk.design.exact.arranged.arranged_search import SWEEPS, ArrangedSearch
+from edtk.design.exact.arranged.arranged_search import MOVE_SWEEPS, ArrangedSearch
 from edtk.design.problem import RankDeficientError
 from edtk.system.errors import UserError
 
@@ -273,7 +273,7 @@ def test_roundings_of_singular_plans_are_no_improvements(monkeypatch) -> None:
     with pytest.raises(UserError, match=r"no plan of 12 runs in 2 whole plots .* was found"):
         edtk.plan(problem, 12, errors=Errors.split_plot("w", 2), starts=24)
     moves = 2 + 12
-    assert len(swept) < 2 * moves * SWEEPS / 4
+    assert len(swept) < 2 * moves * MOVE_SWEEPS / 4
 
 
 def test_factorials_free_of_a_trend() -> None:

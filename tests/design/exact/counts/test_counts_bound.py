@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import criteria
-from edtk.design.exact.counts.counts_bound import GAP, counts_bound
+from edtk.design.exact.counts.counts_bound import COUNTS_GAP, counts_bound
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.problem import Problem
 
@@ -50,7 +50,7 @@ def test_the_bound_is_the_least_cost_of_weights_within_the_limits(name, priced):
     )
     least = least_cost(rows, name, costs, funds)
     assert found.cost <= least * (1 + 1e-6)
-    assert found.cost >= least * (1 - GAP - 1e-6)
-    assert found.gap <= GAP
+    assert found.cost >= least * (1 - COUNTS_GAP - 1e-6)
+    assert found.gap <= COUNTS_GAP
     assert found.counts.sum() == pytest.approx(SIZE)
     assert found.counts.max() <= 1 + 1e-9

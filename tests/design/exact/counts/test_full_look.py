@@ -19,10 +19,10 @@ EXACT = np.einsum("nri,zij,nrj->zn", ROWS, Z, ROWS)
 @pytest.fixture(params=["kept", "formed anew"])
 def look(request, monkeypatch):
     """Few candidates and few multipliers at a time, with matrices that are kept or are not."""
-    monkeypatch.setattr(module, "AT_ONCE", 40)
-    monkeypatch.setattr(module, "PLACES", 3)
+    monkeypatch.setattr(module, "MATRICES_AT_ONCE", 40)
+    monkeypatch.setattr(module, "PLACES_TOGETHER", 3)
     if request.param != "kept":
-        monkeypatch.setattr(module, "KEPT", 0)
+        monkeypatch.setattr(module, "BYTES_KEPT", 0)
     return FullLook(ROWS)
 
 
