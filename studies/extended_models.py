@@ -266,10 +266,10 @@ on 94.3 % (compensator, 30 visits) and 96.2 % (cubic spring, 30 visits). The res
 is that bands begin where the noise alone leaves the robot, and end with what a model may leave out:
 of these days 4.3 and 3.8 % are below their band, and 1.4 and 0 % above.
 
-The table is of before springs across could be at any choice of joints. After that, the first 40
-days of each case have 95.3 % coverage of all springs, a chi-square/dof of 1.012, and 0.99 for real
-/ promise, in cases 0.92 to 1.11, where chance makes a tenth; 96.1 % are in band, 93.3, 96.7 and
-98.3 % by model, and 98.9 % good."""
+The table was made before springs across could stand at any choice of joints. With them, of the
+first 40 days of each case, 95.3 % of all springs are covered, chi-square/dof is 1.012, and real /
+promise 0.99 (0.92 to 1.11 in single cases, where chance makes a tenth). The band holds the error on
+96.1 % of days (93.3, 96.7 and 98.3 % by model), and 98.9 % are good."""
 INSIDE = 1.959964  # standard deviations that hold 95 %
 
 
