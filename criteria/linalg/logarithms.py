@@ -14,25 +14,23 @@ WRITTEN_OUT = 3  # order up to which the sum of products is several times as fas
 
 
 def log_determinant(M: Array) -> Array:
-    """``log det M`` (...) of positive definite matrices (..., n, n), for n up to 3 written out.
+    """``log det M`` (...) of matrices (..., n, n) with det M > 0, for n up to 3 written out.
 
-    Written out, a determinant loses digits where M is near singular; use it for ``I + P`` with a
-    positive semidefinite P, as of the determinant lemma.
+    Written out, a determinant loses digits where M is near singular; use it for ``I + P``, as of
+    the determinant lemma, with a positive semidefinite P, or where the determinant is not small.
     """
     n = M.shape[-1]
     if n > WRITTEN_OUT:
         return np.asarray(np.linalg.slogdet(M).logabsdet)
     if n == 1:
         return np.asarray(np.log(M[..., 0, 0]))
-    a = M[..., 0, 0]
-    b = M[..., 0, 1]
-    d = M[..., 1, 1]
+    a, b = M[..., 0, 0], M[..., 0, 1]
+    d, e = M[..., 1, 0], M[..., 1, 1]
     if n == WRITTEN_OUT - 1:
-        return np.asarray(np.log(a * d - b * b))
-    c = M[..., 0, 2]
-    e = M[..., 1, 2]
-    f = M[..., 2, 2]
-    return np.asarray(np.log(a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)))
+        return np.asarray(np.log(a * e - b * d))
+    c, f = M[..., 0, 2], M[..., 1, 2]
+    g, h, i = M[..., 2, 0], M[..., 2, 1], M[..., 2, 2]
+    return np.asarray(np.log(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)))
 
 
 def log_of_inverse(

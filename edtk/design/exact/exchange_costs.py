@@ -53,19 +53,27 @@ def constant_slope(criterion: Criterion, mean: Array) -> Array | None:
     return np.asarray(L @ found[0] @ L.T)
 
 
-def exchange_costs(criterion: Criterion, rest: Array, factors: Array, times: Array) -> Array:
+def exchange_costs(
+    criterion: Criterion,
+    rest: Array,
+    factors: Array,
+    times: Array,
+    leaving: Array | None = None,
+) -> Array:
     """Compute the costs of ``R_i + r_i U_ij' U_ij``, by an update wherever it is accurate.
 
     ``det(R + r U' U) = det(R) det(I + r U R^-1 U')`` serves criteria of the determinant alone, and
     ``(R + r U' U)^-1 = R^-1 - R^-1 U' (I/r + U R^-1 U')^-1 U R^-1`` serves all others. Of a part of
-    the parameters only their covariance is updated. Where R is nearly singular, the sum is formed
-    and inverted itself.
+    the parameters only their covariance is updated. Where R is nearly singular, as without any
+    place of a saturated plan, the place's own rows are traded for others, see `trade_costs`; or, if
+    they are not given, the sum is formed and inverted itself.
 
     Args:
         criterion: The criterion.
         rest: Information R (k, p, p) of a plan without the measurements of one place.
         factors: Rows U (k, n, rows, p) of the candidates for that place.
         times: Repetitions r (k,) of the place.
+        leaving: Rows (k, rows, p) of the place, without which R is, where it has no repetitions.
 
     Returns:
         Costs (k, n).
@@ -79,8 +87,14 @@ def exchange_costs(criterion: Criterion, rest: Array, factors: Array, times: Arr
         return _updated_costs(criterion, rest, cov, factors, times)
     costs = np.empty(factors.shape[:2])
     direct = ~regular
-    joining = times[direct, None, None, None] * _squares(factors[direct])
-    costs[direct] = criterion.cost(rest[direct, None] + joining)
+    if leaving is None:
+        joining = times[direct, None, None, None] * _squares(factors[direct])
+        costs[direct] = criterion.cost(rest[direct, None] + joining)
+    else:
+        own = leaving[direct]
+        M = rest[direct] + _squares(own)
+        inverse = guarded_inverse(M, UPDATABLE)[1:]
+        costs[direct] = trade_costs(criterion, M, inverse, factors[direct], own[:, None])
     if regular.any():
         arrays = (array[regular] for array in (rest, cov, factors, times))
         costs[regular] = _updated_costs(criterion, *arrays)
@@ -101,8 +115,11 @@ def no_smaller_than_rounding(rest: Array, joining: Array) -> Mask:
 def _updated_costs(
     criterion: Criterion, rest: Array, cov: Array, factors: Array, times: Array
 ) -> Array:
-    """Costs (k, n) by the lemmas, where the inverses ``cov = R^-1`` (k, p, p) are accurate."""
-    r = times[:, None, None, None]
+    """Costs (k, n) by the lemmas, where the inverses ``cov = R^-1`` (k, p, p) are accurate.
+
+    The times are one for all rows (k,), or one for each (k, rows): rows of negative ones leave.
+    """
+    r = times.reshape(len(times), 1, -1, 1)
     if isinstance(criterion, Interest) and isinstance(criterion.base, DeterminantCriterion):
         return _determinants_of_interest(criterion, criterion.base, cov, factors, r)
     k, n, rows, p = factors.shape
@@ -118,12 +135,52 @@ def _updated_costs(
         fall = np.swapaxes(told, -1, -2) @ np.linalg.solve(eye / r + S, told)
         return criterion.cost_of_variance(criterion.variance(cov)[:, None] - fall)
     updated = cov[:, None] - np.swapaxes(W, -1, -2) @ np.linalg.solve(eye / r + S, W)
-    return criterion.cost_of_regular(rest[:, None] + r * _squares(factors), updated)
+    joining = np.swapaxes(factors, -1, -2) @ (r * factors)
+    return criterion.cost_of_regular(rest[:, None] + joining, updated)
 
 
 def _squares(factors: Array) -> Array:
     """Information ``U'U`` (..., p, p) of rows U (..., rows, p)."""
     return np.asarray(np.swapaxes(factors, -1, -2) @ factors)
+
+
+def trade_costs(
+    criterion: Criterion, M: Array, inverse: tuple[Array, Mask], joining: Array, leaving: Array
+) -> Array:
+    """Compute the costs of ``M_i + U_ij' U_ij - V_ij' V_ij``, by an update wherever it is accurate.
+
+    The rows F of U and V together, with the signs J of both, multiply the determinant by
+    ``det(I + J F M^-1 F')`` (Fedorov 1972, for one row each), and the lemmas of `exchange_costs`
+    hold with J for r. Where M is nearly singular, or this ratio is near zero, the sum is formed
+    and inverted itself.
+
+    Args:
+        criterion: The criterion.
+        M: Information (k, p, p) of plans.
+        inverse: Inverses (k, p, p), and where they are accurate (k,), see `UPDATABLE`.
+        joining: Rows U (k, n, rows, p), or (k, 1, rows, p) the same for all n.
+        leaving: Rows V (k, n, rows, p), or (k, 1, rows, p), of which M has information.
+
+    Returns:
+        Costs (k, n).
+    """
+    cov, accurate = inverse
+    rows = joining.shape[2]
+    largest = np.square(joining).sum(axis=2).max(axis=1)
+    accurate = accurate & no_smaller_than_rounding(M, largest)
+    F = np.concatenate(np.broadcast_arrays(joining, leaving), axis=2)
+    signs = np.repeat([1.0, -1.0], rows)
+    products = (F @ cov[:, None]) @ np.swapaxes(F, -1, -2)
+    ratio = np.linalg.det(np.eye(2 * rows) + signs[:, None] * products)
+    told = accurate[:, None] & (ratio > UPDATABLE)
+    times = np.tile(signs, (len(M), 1))
+    costs = _updated_costs(criterion, M, cov, np.where(told[:, :, None, None], F, 0.0), times)
+    plans, some = (~told).nonzero()
+    if len(plans):
+        own = F[plans, some]
+        change = np.swapaxes(own, 1, 2) @ (signs[:, None] * own)
+        costs[plans, some] = criterion.cost(M[plans] + change)
+    return costs
 
 
 def _determinants_of_interest(

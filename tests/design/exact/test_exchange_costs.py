@@ -83,3 +83,20 @@ def test_exchange_beside_the_rounding_of_nothing():
     criterion = criteria.create("A")
     costs = exchange_costs(criterion, rest[None], U[None], np.ones(1))[0]
     np.testing.assert_allclose(costs, criterion.cost(rest + np.swapaxes(U, -1, -2) @ U), rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", criteria.available())
+@pytest.mark.parametrize("rows", [1, 2])
+def test_rows_of_a_saturated_plan_are_traded(name, rows):
+    """Where all rows are needed, costs with others in place of some are those of the matrices."""
+    rng = np.random.default_rng(rows)
+    p = 4
+    B = rng.normal(size=(p, p))
+    U = rng.normal(size=(30, rows, p))
+    criterion = criteria.create(name, rng.normal(size=(2, p)))
+    R = B[rows:].T @ B[rows:]
+    joined = R + np.swapaxes(U, 1, 2) @ U
+    told = np.linalg.cond(joined) < 1e6
+    found = exchange_costs(criterion, R[None], U[None], np.ones(1), B[None, :rows])[0]
+    np.testing.assert_allclose(found[told], criterion.cost(joined)[told], rtol=1e-8)
+    assert told.sum() > 20

@@ -42,6 +42,7 @@ class AnyPricing(Pricing):
     scatter: Scatter
     mean: Array
     thorough: bool = field(default=True, kw_only=True)
+    guide: "AnyPricing | None" = field(default=None, kw_only=True)
     kicks = 2
     patience = 32
 
@@ -120,7 +121,7 @@ class AnyPrices(Prices):
         scatter = self.pricing.scatter
         rest, center, scale = scatter.without(self.M, self.places, place)
         candidates = self._candidates(center, allowed)
-        costs = self._costs_of(candidates, rest, center, scale)
+        costs = self._costs_of(candidates, rest, center, scale, self.places[:, place])
         if allowed is not None:
             costs[~np.take_along_axis(allowed, candidates, axis=1)] = np.inf
         each = np.arange(len(rest))
@@ -133,8 +134,10 @@ class AnyPrices(Prices):
             gain[finite] = 1.0 - least[finite] / self.costs[finite]
         return new, gain
 
-    def _costs_of(self, candidates: Indices, rest: Array, center: Array, scale: float) -> Array:
-        """Costs (b, k) of candidates (b, k); inf where rounding leaves none.
+    def _costs_of(
+        self, candidates: Indices, rest: Array, center: Array, scale: float, old: Indices
+    ) -> Array:
+        """Costs (b, k) of candidates (b, k) in place of old ones (b,); inf where rounding has none.
 
         They are computed plan by plan where that is enough, as each plan's rest is inverted.
         """
@@ -144,14 +147,21 @@ class AnyPrices(Prices):
         for plans in np.array_split(np.arange(b), min(b, pieces)):
             chosen = candidates[plans]
             parts = np.array_split(np.arange(k), -(-pieces // b))
-            own = rest[plans], center[plans], scale
+            own = rest[plans], center[plans], scale, old[plans]
             costs[plans] = np.hstack([self.joined_costs(*own, chosen[:, one]) for one in parts])
         return np.where(np.isnan(costs), np.inf, costs)
 
-    def joined_costs(self, rest: Array, center: Array, scale: float, some: Indices) -> Array:
-        """Costs (b, k) where candidates (b, k) join what `Scatter.without` left of plans."""
-        factors = np.sqrt(scale) * (self.pricing.scatter.rows[some] - center[:, None])
-        return exchange_costs(self.pricing.criterion, rest, factors, np.ones(len(rest)))
+    def joined_costs(
+        self, rest: Array, center: Array, scale: float, old: Indices, some: Indices
+    ) -> Array:
+        """Costs (b, k) where candidates (b, k) join what `Scatter.without` left of plans.
+
+        There they take the place of old ones (b,).
+        """
+        rows = self.pricing.scatter.rows
+        factors = np.sqrt(scale) * (rows[some] - center[:, None])
+        leaving = np.sqrt(scale) * (rows[old] - center)
+        return exchange_costs(self.pricing.criterion, rest, factors, np.ones(len(rest)), leaving)
 
     def sensitivities(self, G: Array, center: Array) -> Array:
         """``<G, (U - c)'(U - c)>`` (b, n) without the term that is the same for all candidates."""

@@ -132,7 +132,9 @@ class ModelsPrices(AnyPrices):
 
     pricing: ModelsPricing
 
-    def joined_costs(self, rest: Array, center: Array, scale: float, some: Indices) -> Array:
+    def joined_costs(
+        self, rest: Array, center: Array, scale: float, old: Indices, some: Indices
+    ) -> Array:
         """Costs (b, k) where candidates (b, k) join the rest of plans; there is no center."""
         criterion = self.pricing.criterion
         losses = np.empty((*some.shape, len(criterion.parts)))

@@ -48,6 +48,10 @@ def pricing_for(criterion: Criterion, scatter: Scatter, mean: Array) -> Pricing:
     limits = scatter.limits
     if isinstance(scatter, ModelScatter):
         return _of_models(criterion, scatter, mean)
+    if limits.blocks and not criterion.smooth:
+        # Where two eigenvalues are the least, no exchange of one place may be an improvement.
+        guide = AnyPricing(create("D").plan_criterion, scatter, mean)
+        return AnyPricing(criterion, scatter, mean, guide=guide)
     if scatter.rows.shape[1] > 1 or limits.blocks:
         return _of_several_rows(criterion, scatter, mean) or AnyPricing(criterion, scatter, mean)
     rows = scatter.rows[:, 0]
