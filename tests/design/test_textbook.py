@@ -69,7 +69,9 @@ def a_optimum(support, degree):
 @DEGREES
 def test_polynomial_regression_d(degree):
     """D-optimum: equal weights on the roots of (1 - x^2) P_d'(x); det M by Vandermonde."""
-    support = np.sort(np.concatenate([[-1, 1], legendre.Legendre.basis(degree).deriv().roots()]))
+    support = np.sort(
+        np.concatenate([[-1, 1], legendre.Legendre.basis(degree).deriv().roots().real])
+    )
     differences = [b - a for a, b in combinations(support, 2)]
     cost = (degree + 1) * np.prod(differences) ** (-2 / (degree + 1))
     x = candidates(support)

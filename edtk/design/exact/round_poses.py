@@ -205,7 +205,8 @@ def _improved(space: DesignSpace, criterion: Criterion, x: Array, repeats: Array
     for _ in range(ROUNDING_PASSES):
         before = cost
         for i in np.flatnonzero(repeats > 0).tolist():
-            if out_of_time():
+            # Without time one plan that tells all is enough.
+            if out_of_time() and np.isfinite(cost):
                 return x
             tried = steps_around(space, x[i], wider)
             if not len(tried):

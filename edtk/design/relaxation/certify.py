@@ -150,7 +150,10 @@ def _exact(
         return None
     if not np.array_equal(inner.outward(), Z) or np.linalg.matrix_rank(T, 0.0) < p:
         return None
-    found = Setting.by(problem, criterion, Whitened.by(problem, T))
+    try:
+        found = Setting.by(problem, criterion, Whitened.by(problem, T))
+    except np.linalg.LinAlgError:
+        return None  # a factorization calls it singular, which singular values do not
     return found if found is not None and _whitens(problem, found.problem) else None
 
 

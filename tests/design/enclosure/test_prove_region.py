@@ -65,7 +65,7 @@ def check(region, criterion, cost, points=None, eps=GAP):
 @pytest.mark.parametrize("degree", [2, 5])
 def test_d_optimal_polynomials(degree):
     """D on [-1, 1] rests on the roots of (1 - x^2) P'(x), of Legendre's polynomial (Guest 1958)."""
-    inner = legendre.Legendre.basis(degree).deriv().roots()
+    inner = legendre.Legendre.basis(degree).deriv().roots().real
     support = np.sort(np.concatenate([[-1, 1], inner]))
     log_det = 2 * np.linalg.slogdet(np.vander(support))[1] / (degree + 1)
     check(Region(powers(degree), -1, 1), "D", (degree + 1) * np.exp(-log_det), support)

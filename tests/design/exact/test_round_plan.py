@@ -4,12 +4,16 @@ import numpy as np
 import pytest
 from designs import KR270
 from gantry import ROBOT, STUDY
+from loaded_arm import STUDY as LOADED
 
 from criteria import create
+from edtk.calibration.evaluate_geometry import GeometryDesigns
 from edtk.design.candidate_source import sample_feasible
+from edtk.design.design_space import plan_costs
 from edtk.design.exact.refine import refine
 from edtk.design.exact.round_poses import LOSS_BY_ROUNDING, round_plan, round_poses
 from edtk.study.study import load_study
+from edtk.system.time_limit import time_limit
 
 # Best plans of three experiments before rounding: the wrist has a small torque of one sign in the
 # pose that is measured twice, and of the other sign in the second. So its compliance, which does
@@ -91,3 +95,22 @@ def test_ordinary_plans_take_the_nearest_steps():
     np.testing.assert_array_equal(repeats, times)
     before = cost(KR270, criterion, x, np.ones(4))
     assert abs(cost(KR270, criterion, found, repeats) / before - 1) < LOSS_BY_ROUNDING
+
+
+def test_without_time_a_plan_on_steps_tells_all():
+    """Visits whose second joint is at one step tell it no more; one of them moves, time or not."""
+    designs = GeometryDesigns.of(LOADED)
+    criterion, space = designs.criterion("rho0"), designs.space(6)
+    turned = [0.75812465, 0.27897028, 0.27879475, -1.05687726, 1.00012068, -0.13857653]
+    above = np.array([2.86, -2.57, -2.57, -1.96, 1.00, 3.23]) * 1e-6  # of -60 deg [rad]
+    x = np.column_stack([turned, np.deg2rad(-60.0) + above, [0, 1, 1, 1, 1, 0]])
+    repeats = np.ones(6)
+
+    def costs(*plan):
+        return plan_costs(criterion, space.at(plan[0][None]), plan[1][None])[0]
+
+    assert np.isfinite(costs(x, repeats))
+    assert np.isinf(costs(*round_poses(space, criterion, x, repeats)))
+    with time_limit(0.0):
+        found = round_plan(space, criterion, x, repeats)
+    assert costs(*found) < 1.1 * costs(x, repeats)
