@@ -77,6 +77,20 @@ def whitener(M: Array) -> Array:
     raise np.linalg.LinAlgError("the matrix is not positive definite")
 
 
+def whitener_of_regular(M: Array) -> Array | None:
+    """`whitener` of an M (p, p) that counts as regular in `guarded_inverse`; None of others.
+
+    With R = M at unit diagonal, ``sum_i M_ii (T T')_ii = trace(R^-1)`` is at least the inverse of
+    the least eigenvalue of R. So a Cholesky factor tells it, in a fraction of the time.
+    """
+    try:
+        T = whitener(M)
+    except np.linalg.LinAlgError:
+        return None
+    is_regular = len(M) * ROUNDING * (M.diagonal() @ np.square(T).sum(axis=1)) < 1
+    return T if is_regular else None
+
+
 def power_trace(Z: Array, power: float) -> float:
     """``trace(Z^power)`` of a positive semidefinite Z (p, p), never overestimated by rounding.
 

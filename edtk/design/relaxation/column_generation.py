@@ -217,7 +217,7 @@ class ColumnGeneration:
                 if can_end:
                     return
                 raise
-            cost = min(cost, float(self.criterion.cost(step.M)))
+            cost = min(cost, step.cost)
             gap = 1 - step.proof.lower_bound / cost
             is_last = gap <= self.gap and (self.gap >= COARSE or not effort.loose)
             yield self._masters.on_heavy(step) if is_last and not effort.loose else step
@@ -339,4 +339,6 @@ class ColumnGeneration:
             proof = before.proof
         carries = weights > 0
         last = WarmStart(active, weights, Z)
-        return Step(active[carries], weights[carries], M, proof, solver, last), sensitivities
+        cost = float(self.criterion.cost(M))
+        step = Step(active[carries], weights[carries], M, cost, proof, solver, last)
+        return step, sensitivities

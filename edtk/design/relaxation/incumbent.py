@@ -217,7 +217,9 @@ class Incumbent:
         """
         self.iterations += 1
         self.last = step.last
-        cost = float(self.criterion.cost(step.M))
+        # A step of a family's member tells neither cost nor bound of the family.
+        is_family = self.criterion.most_subproblems > 1
+        cost = float(self.criterion.cost(step.M)) if is_family else step.cost
         if cost < self.cost:
             self.cost = cost
             self.M = step.M
@@ -226,9 +228,8 @@ class Incumbent:
             self.solver = step.solver
         multipliers = np.concatenate([multipliers, step.proof.multiplier[None]])
         largest = np.append(largest, step.proof.largest)
-        # A proof that stands by itself has told its bound, for which some criteria search.
         lower_bound = step.proof.lower_bound
-        if self.criterion.most_subproblems > 1:
+        if is_family:
             lower_bound = self.criterion.lower_bound(multipliers, largest, step.M)
         if lower_bound >= self.lower_bound:
             self.multipliers = multipliers

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 
-from criteria.linalg.inverse import guarded_inverse
+from criteria.linalg.inverse import whitener_of_regular
 from criteria.linalg.models import Models
 from criteria.linalg.typing import triangle
 from criteria.relaxable import SpectralBand
@@ -203,10 +203,8 @@ def leverages(candidates: Priced, weights: Array, M: Array) -> Array:
     Returns:
         The leverages; zeros where M is singular to working precision.
     """
-    _, cov, is_regular = guarded_inverse(M)
-    if not is_regular:
-        return np.zeros(len(weights))
-    return weights * candidates.sensitivities(cov)
+    T = whitener_of_regular(M)
+    return np.zeros(len(weights)) if T is None else weights * candidates.sensitivities(T @ T.T)
 
 
 class ActiveInformation(ABC):

@@ -167,13 +167,14 @@ class Masters:
         if self.criterion.smooth or step.solver != NEWTON or len(heavy) == len(step.active):
             return step
         part = self.problem[heavy]
-        enough = float(self.criterion.cost(step.M)) * (1 + LIGHT_LOSS * self.gap)
+        enough = step.cost * (1 + LIGHT_LOSS * self.gap)
         weights = step.weights[np.isin(step.active, heavy)]
         weights = weights / weights.sum()
         M = part.information(weights)
         if not is_clearly_regular(M):
             return step
-        if not self.criterion.cost(M) <= enough:
+        cost = float(self.criterion.cost(M))
+        if not cost <= enough:
             try:
                 weights, _ = self._by_newton(
                     WarmStart(heavy, weights, step.last.multiplier), FINEST
@@ -181,11 +182,12 @@ class Masters:
             except RelaxationError:
                 return step
             M = part.information(weights)
-            if not self.criterion.cost(M) <= enough:
+            cost = float(self.criterion.cost(M))
+            if not cost <= enough:
                 return step
         # A bound is told again near the design that is given; it must not be lost by the change.
         Z = step.proof.multiplier[None]
         bound = self.criterion.lower_bound(Z, np.array([step.proof.largest]), M)
         if not bound >= step.proof.lower_bound * (1 - LIGHT_LOSS * self.gap):
             return step
-        return replace(step, active=heavy, weights=weights, M=M)
+        return replace(step, active=heavy, weights=weights, M=M, cost=cost)

@@ -7,7 +7,7 @@ import numpy as np
 
 from criteria import Relaxable
 from criteria.criterion import derivatives
-from criteria.linalg.inverse import EPS, whitener
+from criteria.linalg.inverse import EPS, whitener_of_regular
 from criteria.linalg.typing import triangle
 from edtk.design.relaxation.master_equations import (
     SHORTEST,
@@ -89,13 +89,25 @@ def newton_weights(
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """Weights and slacks (k,), and what the criterion says about them."""
+    """Weights and slacks (k,), and what the criterion says about them.
+
+    Attributes:
+        criterion: What is minimised.
+        active: Information of the candidates (k).
+        weights: Weights (k,).
+        slacks: Slacks (k,).
+        M: Their design (p, p).
+        T: Its whitener (p, p), from which its inverse, the gradient and the next step follow.
+        cost: The cost.
+        sensitivities: Those (k,) to minus the gradient of log cost.
+    """
 
     criterion: Relaxable
     active: ActiveInformation
     weights: Array
     slacks: Array
     M: Array
+    T: Array
     cost: float
     sensitivities: Array
 
@@ -103,20 +115,31 @@ class _Point:
     def at(
         cls, criterion: Relaxable, active: ActiveInformation, weights: Array, slacks: Array
     ) -> "_Point":
-        """A point, with cost and sensitivities computed."""
+        """A point, with cost and sensitivities computed.
+
+        The cost is that of its gradient G, ``-<G, M> / degree`` by homogeneity.
+
+        Raises:
+            NewtonError: The weights leave a direction open, to rounding.
+        """
         M = active.information(weights)
-        cost, G = criterion.cost_and_gradient(M)
-        if not np.isfinite(cost):
+        T = whitener_of_regular(M)
+        if T is None:
+            raise NewtonError("the weights leave a direction open")
+        G = criterion.gradient_of_regular(M, T @ T.T)
+        cost = -float(np.vdot(G, M)) / criterion.degree
+        if not 0 < cost < np.inf:
             raise NewtonError("the weights leave a direction open")
         found = active.sensitivities(G / -cost)
-        return cls(criterion, active, weights, slacks, M, float(cost), found)
+        return cls(criterion, active, weights, slacks, M, T, cost, found)
 
     @classmethod
     def first(cls, criterion: Relaxable, active: ActiveInformation, start: Array) -> "_Point":
         """A point near the central path, from weights (k,) some of which are zero."""
         d = criterion.degree
         begun = cls.at(criterion, active, start, np.full(len(start), FIRST_SLACK * d))
-        if abs(start @ begun.sensitivities - d) > HOMOGENEOUS * d:
+        cost = float(criterion.cost(begun.M))
+        if not abs(begun.cost - cost) <= HOMOGENEOUS * cost:
             raise NewtonError(f"criterion {criterion.name} is not homogeneous of degree {d:g}")
         carries = start > 0
         if carries.all() and np.ptp(start) <= EPS:
@@ -134,11 +157,6 @@ class _Point:
     def excess(self) -> float:
         """How far the largest sensitivity exceeds the mean one, relatively."""
         return float(self.sensitivities.max() * self.weights.sum() / self.criterion.degree - 1.0)
-
-    @cached_property
-    def T(self) -> Array:
-        """Whitener (p, p) of the design."""
-        return whitener(self.M)
 
     @cached_property
     def rounding(self) -> float:

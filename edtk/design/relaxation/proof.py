@@ -361,6 +361,7 @@ class Step:
         active: Indices (k,) of the candidates that carry weight.
         weights: Their weights (k,), positive, of sum one.
         M: Information matrix (p, p) of these weights.
+        cost: Their cost.
         proof: The best proof of this and all earlier steps.
         solver: The solver that found the weights.
         last: All candidates of the problem, with weight or without, and the solver's multiplier.
@@ -369,6 +370,7 @@ class Step:
     active: Indices
     weights: Array
     M: Array
+    cost: float
     proof: Proof
     solver: str
     last: WarmStart

@@ -135,10 +135,9 @@ def _improve_by_member(
     for step in generation.steps(incumbent.last):
         incumbent.update(step, Z, t)
         progress(incumbent.iterations, incumbent.gap)
-        if is_family:
-            cost = float(subproblem.cost(step.M))
-            if cost - step.proof.lower_bound <= LEFT_TO_MEMBER * (cost - known):
-                return
+        left = step.cost - step.proof.lower_bound
+        if is_family and left <= LEFT_TO_MEMBER * (step.cost - known):
+            return
 
 
 class RelaxationInterrupted(KeyboardInterrupt):

@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from criteria import Relaxable
-from criteria.linalg.inverse import guarded_inverse, whitener
+from criteria.linalg.inverse import guarded_inverse, whitener, whitener_of_regular
 from criteria.linalg.typing import triangle
 from edtk.design.relaxation.master_equations import ActiveInformation, leverages
 from edtk.design.relaxation.proof import Step, rounding_of_inverse
@@ -314,11 +314,12 @@ def is_clearly_regular(M: Array) -> bool:
 
 def _judged(criterion: Relaxable, M: Array) -> tuple[bool, float]:
     """Whether a design M (p, p) can whiten the next program, and its `rounding_of_inverse`."""
-    _, cov, is_regular = guarded_inverse(M)
-    if not is_regular:
+    T = whitener_of_regular(M)
+    if T is None:
         return False, np.inf
     # Other costs may be finite where M is singular, or too near to that to be whitened by.
-    return criterion.needs_all or is_clearly_regular(M), rounding_of_inverse(M, np.diag(cov))
+    is_regular = criterion.needs_all or is_clearly_regular(M)
+    return is_regular, rounding_of_inverse(M, np.square(T).sum(axis=1))
 
 
 class _Compiled(threading.local):

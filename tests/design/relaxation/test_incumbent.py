@@ -18,7 +18,8 @@ def step_of(weights, Z):
     bound = criterion_of("A").lower_bound(Z[None], np.array([largest]), M)
     active = np.flatnonzero(weights)
     last = WarmStart(active, weights[active], Z)
-    return Step(active, weights[active], M, Proof(Z, largest, bound), "some solver", last)
+    cost = float(criterion_of("A").cost(M))
+    return Step(active, weights[active], M, cost, Proof(Z, largest, bound), "some solver", last)
 
 
 def test_design_and_proof_are_kept_apart():
