@@ -52,39 +52,42 @@ class Formula:
     parameters: tuple[str, ...]
 
     @classmethod
-    def of(
-        cls, text: str, parameters: Sequence[str], variables: Sequence[str] | None = None
-    ) -> "Formula":
-        """Read a formula.
+    def of_each(
+        cls, texts: Sequence[str], parameters: Sequence[str], variables: Sequence[str] | None = None
+    ) -> "list[Formula]":
+        """Read a formula for each of several responses, which share parameters and variables.
 
         Powers are ``**`` or ``^``. Functions are those of numpy: exp, log, sqrt, sin and so on.
 
         Args:
-            text: The formula.
+            texts: The formulas.
             parameters: Names of the parameters, in the order of theta.
             variables: Names of the variables, in the order of the columns of the points. They are
                 needed only where there are several: all other names are variables.
 
         Raises:
-            ArgumentError: The text is no such formula, or a name is missing or unknown.
+            ArgumentError: A text is no such formula, or a name is missing or unknown.
         """
-        found = sorted(_names(_tree(text)))
+        if not texts or not all(isinstance(text, str) for text in texts):
+            message = "expected a function, a formula, or a list of formulas"
+            raise ArgumentError(message, argument="f")
+        found = sorted({name for text in texts for name in _names(_tree(text))})
+        shown = ", ".join(map(repr, texts))
         unused = [name for name in parameters if name not in found]
         if unused:
-            message = f"{text!r} has no parameter {unused[0]!r}; it has {', '.join(found)}"
+            message = f"{shown} has no parameter {unused[0]!r}; it has {', '.join(found)}"
             raise ArgumentError(message, argument="parameters")
         others = [name for name in found if name not in parameters and name not in CONSTANTS]
-        if variables is None:
-            if len(others) > 1:
-                known = ", ".join(others)
-                message = f"expected the order of {known}, unless theta has a value of one of them"
-                raise ArgumentError(message, argument="variables")
-            return cls(text, tuple(others), tuple(parameters))
-        unknown = [name for name in others if name not in variables]
+        if variables is None and len(others) > 1:
+            known = ", ".join(others)
+            message = f"expected the order of {known}, unless theta has a value of one of them"
+            raise ArgumentError(message, argument="variables")
+        columns = tuple(others) if variables is None else tuple(variables)
+        unknown = [name for name in others if name not in columns]
         if unknown:
-            message = f"{text!r} has {unknown[0]!r}; expected {', '.join(parameters)}"
-            raise ArgumentError(f"{message} and {', '.join(variables)}", argument="f")
-        return cls(text, tuple(variables), tuple(parameters))
+            message = f"{shown} has {unknown[0]!r}; expected {', '.join(parameters)}"
+            raise ArgumentError(f"{message} and {', '.join(columns)}", argument="f")
+        return [cls(text, columns, tuple(parameters)) for text in texts]
 
     def __call__(self, x: Array, theta: Array) -> Array:
         """Values (..., n) at points x (n, d) for theta (p,), or for k of them at once (p, k, 1)."""

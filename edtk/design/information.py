@@ -295,14 +295,14 @@ class Rows:
 
     @classmethod
     def of(cls, A: Array, sigma: ArrayLike = 1.0) -> "Rows":
-        """Keep regressors (n, rows, p) with the noise (rows,) of their rows.
+        """Keep regressors (n, rows, p) with their noise: a number, (rows,) or (n, rows).
 
         Rows are divided by sigma, and more than p of them are turned into p (QR). Both round each
         entry. Columns that are nearly dependent would lose all that tells them apart, so that they
         are kept as they were given until they are whitened.
         """
-        deviations = np.broadcast_to(sigma, A.shape[1:2])
-        divided = cls(A / deviations[:, None])
+        deviations = np.asarray(sigma, dtype=float)
+        divided = cls(A / deviations[..., None])
         _, rows, p = A.shape
         is_exact = bool((np.frexp(deviations)[0] == 0.5).all())  # powers of two
         if is_exact and rows <= p:

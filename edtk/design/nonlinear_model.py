@@ -1,5 +1,6 @@
 """A nonlinear model of experiments, linearised at parameters: its rows, by exact derivatives."""
 
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -21,7 +22,7 @@ from edtk.design.user_model import (
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
 
-Model = str | Callable[..., ArrayLike]
+Model = str | Sequence[str] | Callable[..., ArrayLike]
 
 MOST_COMPARED = 256  # points at which derivatives are compared with differences
 
@@ -179,10 +180,10 @@ def nonlinear_model(
     names, at = _named_theta(theta, parameters)
     response = Response.of(family, link)
     spread = trial[np.linspace(0, len(trial) - 1, min(len(trial), MOST_COMPARED)).astype(int)]
-    if isinstance(f, str):
-        told, variables = _of_formula(f, gradient, names, variables, trial.shape[1])
+    if not callable(f):
+        told, variables = _of_formulas(f, gradient, names, variables, trial.shape[1])
     variables = variable_names(variables, trial.shape[1])
-    if not isinstance(f, str):
+    if callable(f):
         told = slopes_of(f, gradient, at, spread, "f", names, variables)
     k = told.value(spread[:1], at).shape[1]
     deviation = None
@@ -229,24 +230,31 @@ def _named_theta(
     return names, at
 
 
-def _of_formula(
-    text: str, gradient: object, names: Sequence[str], variables: Sequence[str] | None, d: int
+def _of_formulas(
+    given: str | Sequence[str],
+    gradient: object,
+    names: Sequence[str],
+    variables: str | Sequence[str] | None,
+    d: int,
 ) -> tuple[Slopes, Sequence[str] | None]:
-    """A formula with its derivatives, and the names of its variables; None where it has none.
+    """A formula, or one of each response, with derivatives, and the names of the variables.
+
+    These are None where formulas have none.
 
     Raises:
         ArgumentError: It is none, a gradient stands beside it, or points have other columns.
     """
     if gradient is not None:
         raise ArgumentError("a formula has its own", argument="gradient")
-    formula = Formula.of(text, names, variables)
-    found = formula.variables
+    texts = [given] if isinstance(given, str) or not isinstance(given, Sequence) else given
+    formulas = Formula.of_each(texts, names, as_names(variables))
+    found = formulas[0].variables
     if found and len(found) != d:
         message = f"points have {d} columns; expected {len(found)}: {', '.join(found)}"
         raise ArgumentError(message, argument="candidates")
     told = Slopes(
-        lambda x, t: formula(x, t)[..., None],
-        lambda x, t: np.stack(formula.gradient(x, t), axis=-1)[..., None, :],
+        lambda x, t: np.stack([one(x, t) for one in formulas], axis=-1),
+        lambda x, t: np.stack([np.stack(one.gradient(x, t), -1) for one in formulas], axis=-2),
         takes_several=True,
     )
     return told, found or variables
@@ -266,7 +274,7 @@ def _whitener(sigma: Any, covariance: ArrayLike | None, k: int) -> Array:
         if given.shape not in ((), (k,)) or not (np.isfinite(given) & (given > 0)).all():
             message = (
                 f"expected a positive number, or one for each of {k} responses; noise of points is "
-                "a function of x and theta"
+                "a function of x, or of x and theta"
             )
             raise ArgumentError(message, argument="sigma")
         return np.diag(np.broadcast_to(1 / given, k))
@@ -283,6 +291,17 @@ def _whitener(sigma: Any, covariance: ArrayLike | None, k: int) -> Array:
         raise ArgumentError("is not positive definite", argument="covariance") from error
 
 
+def _of_both(sigma: Callable[..., ArrayLike]) -> Callable[..., ArrayLike]:
+    """A function of x and theta, of one that may be of x alone."""
+    try:
+        inspect.signature(sigma).bind(None, None)
+    except TypeError:
+        return lambda x, theta: sigma(x)
+    except ValueError:  # some functions of libraries do not tell
+        pass
+    return sigma
+
+
 def _log_deviation(
     sigma: Callable[..., ArrayLike],
     theta: Array,
@@ -295,7 +314,7 @@ def _log_deviation(
     Raises:
         ArgumentError: It is not positive, or has no derivative.
     """
-    value = as_called(sigma, theta, x, "sigma", variables)
+    value = as_called(_of_both(sigma), theta, x, "sigma", variables)
     values = value(x, theta)
     lost = np.flatnonzero(~(np.isfinite(values) & (np.real(values) > 0)).all(axis=1))
     if len(lost):

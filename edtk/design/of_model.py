@@ -19,6 +19,7 @@ ROBUST = ("bayes", "maximin")
 # Nodes of a rule of quadrature over ranges of theta: of one range, and of all together at most.
 NODES = 9
 MOST_NODES = 64
+EACH_OR_RANGE = "expected a number or (low, high), low below high, for each parameter by its name"
 
 
 def of_model(
@@ -31,6 +32,9 @@ def of_model(
     **options: Any,
 ) -> Made:
     """Make what `Problem.of_model` or `Region.of_model` describes, at its sites."""
+    if is_box(theta) and robust == "maximin" and sites.has_noise:
+        message = "of candidates it is not known beside ranges of theta; expected a function of x"
+        raise ArgumentError(message, argument="sigma")
     if is_box(theta):
         if robust != "bayes":
             _require_plain(robust, weights, prior)
@@ -63,7 +67,7 @@ def of_rivals(
     true = nonlinear_model(
         f, theta, points, parameters=parameters, variables=sites.variables, **options
     )
-    free, limits = _ranges(rival_theta, "rival_theta")
+    free, limits = _limits(rival_theta, "rival_theta")
     try:
         other = nonlinear_model(
             rival, _inside(free, limits), points, variables=true.variables, **options
@@ -83,7 +87,7 @@ def of_rivals(
     sites = replace(sites, variables=true.variables)
     box = RivalBox(rows, sites, limits, tuple(free), ("difference",))
     box.require_apart()
-    return box.first()
+    return box.first() if len(box.free) else box.listed([box.inside()])
 
 
 def _of_ranges(
@@ -159,17 +163,27 @@ def _ranges(theta: Any, argument: str) -> tuple[list[str], Array]:
     Raises:
         ArgumentError: They are no numbers and pairs by name, or none is a range.
     """
-    message = "expected a number or (low, high), low below high, for each parameter by its name"
-    if not isinstance(theta, Mapping):
-        raise ArgumentError(message, argument=argument)
+    names, limits = _limits(theta, argument)
+    if not is_box(theta):
+        raise ArgumentError(EACH_OR_RANGE, argument=argument)
+    return names, limits
+
+
+def _limits(theta: Any, argument: str) -> tuple[list[str], Array]:
+    """The same of parameters that may all be numbers.
+
+    Raises:
+        ArgumentError: They are no numbers and pairs by name.
+    """
+    if not isinstance(theta, Mapping) or not theta:
+        raise ArgumentError(EACH_OR_RANGE, argument=argument)
     try:
         pairs = np.array([np.broadcast_to(np.asarray(v, float), 2) for v in theta.values()])
     except (TypeError, ValueError, OverflowError) as error:
-        raise ArgumentError(message, argument=argument) from error
+        raise ArgumentError(EACH_OR_RANGE, argument=argument) from error
     is_range = np.array([np.ndim(value) > 0 for value in theta.values()], dtype=bool)
-    good = is_range.any() and np.isfinite(pairs).all()
-    if not good or not (pairs[is_range, 0] < pairs[is_range, 1]).all():
-        raise ArgumentError(message, argument=argument)
+    if not np.isfinite(pairs).all() or not (pairs[is_range, 0] < pairs[is_range, 1]).all():
+        raise ArgumentError(EACH_OR_RANGE, argument=argument)
     if is_range.sum() > MOST_RANGES:
         message = f"has {is_range.sum()} ranges; expected at most {MOST_RANGES}, and numbers"
         raise ArgumentError(message, argument=argument)

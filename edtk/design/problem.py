@@ -100,7 +100,7 @@ def rows_of_blocks(blocks: ArrayLike, sigma: ArrayLike) -> Rows:
 
     Args:
         blocks: Regressors A_i (n, rows, p).
-        sigma: Standard deviation of the noise, one number or one per row (rows,).
+        sigma: Standard deviation of the noise, see `Problem`.
 
     Raises:
         ValueError: The regressors do not have three axes, there are no candidates, an entry is not
@@ -114,18 +114,20 @@ def rows_of_blocks(blocks: ArrayLike, sigma: ArrayLike) -> Rows:
         raise UserError(
             f"blocks must be a non-empty array (n, rows, p), not of shape {A.shape}{hint}"
         )
-    given = real_numbers(sigma, "sigma")
-    if given.shape not in ((), (1,), A.shape[1:2]):
+    n, rows = A.shape[:2]
+    scale = real_numbers(sigma, "sigma")
+    if scale.shape == (n,) != (rows,):
+        scale = scale[:, None]
+    if scale.shape not in ((), (1,), (rows,), (n, 1), (n, rows)):
         raise UserError(
-            f"sigma must be one number, or one for each of {A.shape[1]} rows, not of shape "
-            f"{given.shape}"
+            f"sigma must be one number, or one for each of {rows} rows, or of {n} candidates, not "
+            f"of shape {scale.shape}"
         )
-    scale = np.broadcast_to(given, A.shape[1:2])
     if not (np.isfinite(scale) & (scale > 0)).all():
         raise UserError("sigma must be finite and positive")
     # A finite regressor may have a square that is not; it is named below without a warning.
     with np.errstate(over="ignore", invalid="ignore"):
-        whitened = A if (scale == 1.0).all() else A / scale[:, None]
+        whitened = A if (scale == 1.0).all() else A / scale[..., None]
         squares = np.einsum("irp,irp->i", whitened, whitened)
     if not np.isfinite(squares).all():
         _require_finite(np.asarray(np.isfinite(A).all(axis=(1, 2))))
@@ -177,7 +179,9 @@ class Problem(WeightedCandidates):
 
     Args:
         blocks: Regressors A_i (n, rows, p).
-        sigma: Standard deviation of the noise, one number or one per row (rows,).
+        sigma: Standard deviation of the noise: one number, one per row (rows,), one per candidate
+            (n,), or (n, rows). As many as both rows and candidates are those of rows; of candidates
+            they are (n, 1) then.
         parameters: Names (p,) for messages; they default to k1 .. kp.
         prior: Prior information M0 (p, p), positive semidefinite; by default there is none.
 
@@ -224,7 +228,7 @@ class Problem(WeightedCandidates):
         cls,
         frame: "pd.DataFrame",
         formula: str,
-        sigma: ArrayLike = 1.0,
+        sigma: "ArrayLike | str" = 1.0,
         prior: ArrayLike | None = None,
         experiment: str | None = None,
     ) -> "Problem":
@@ -237,7 +241,7 @@ class Problem(WeightedCandidates):
         Args:
             frame: The candidates.
             formula: The right-hand side of a formula.
-            sigma: Standard deviation of the noise, see `Problem`.
+            sigma: Standard deviation of the noise, see `Problem`; or the column that has it.
             prior: Prior information (p, p), see `Problem`.
             experiment: Column whose equal values join rows to one experiment of several
                 measurements; by default each row is an experiment.
@@ -265,7 +269,7 @@ class Problem(WeightedCandidates):
     @checked
     def of_model(
         cls,
-        f: str | Callable[..., ArrayLike],
+        f: str | Sequence[str] | Callable[..., ArrayLike],
         theta: Any,
         candidates: "ArrayLike | pd.DataFrame",
         family: str = "normal",
@@ -288,8 +292,8 @@ class Problem(WeightedCandidates):
 
         Args:
             f: The model: a function f(x, theta) of all points or of one, or a formula such as
-                "Vmax * x / (Km + x)". With a link it is what statisticians call the predictor:
-                the mean is the inverse of the link at f.
+                "Vmax * x / (Km + x)", or a list of formulas of several responses. With a link it
+                is what statisticians call the predictor: the mean is the inverse of the link at f.
             theta: Parameters (p,), as numbers or as a mapping with their names; several (k, p)
                 with `robust`. A mapping may then have ranges, such as
                 {"Vmax": 2.0, "Km": (0.5, 2.0)}: "maximin" searches for the worst theta in them,
@@ -299,9 +303,10 @@ class Problem(WeightedCandidates):
             link: Identity, log, inverse, logit, probit or cloglog; defaults to the identity for
                 normal, the logit for binomial and the log for Poisson and gamma. Where f is the
                 mean itself it is "identity".
-            sigma: Standard deviation of the noise: a number, one for each response, or a function
-                of x and theta. For other families it is a factor of the family's own deviation,
-                such as 1/sqrt(10) for the share of ten trials.
+            sigma: Standard deviation of the noise: a number, one for each response, one for each
+                candidate (n,), see `Problem`, or a function of x, or of x and theta. For other
+                families it is a factor of the family's own deviation, such as 1/sqrt(10) for the
+                share of ten trials.
             covariance: In its place, the covariance (k, k) of k responses.
             gradient: Derivatives of f by theta, (n, p) or (n, k, p), if you know them.
             parameters: Names (p,); a formula needs them unless theta is a mapping.
@@ -328,8 +333,9 @@ class Problem(WeightedCandidates):
         from edtk.design.of_model import of_model  # it makes objects of this class
         from edtk.design.sites import CandidateSites  # likewise
 
+        sites = CandidateSites.of(candidates, variables, sigma)
         return of_model(
-            CandidateSites.of(candidates, variables),
+            sites,
             f,
             theta,
             robust,
@@ -337,7 +343,7 @@ class Problem(WeightedCandidates):
             prior,
             family=family,
             link=link,
-            sigma=sigma,
+            sigma=1.0 if sites.has_noise else sigma,
             covariance=covariance,
             gradient=gradient,
             parameters=parameters,
@@ -347,9 +353,9 @@ class Problem(WeightedCandidates):
     @checked
     def of_rivals(
         cls,
-        f: str | Callable[..., ArrayLike],
+        f: str | Sequence[str] | Callable[..., ArrayLike],
         theta: Any,
-        rival: str | Callable[..., ArrayLike],
+        rival: str | Sequence[str] | Callable[..., ArrayLike],
         rival_theta: "Mapping[str, Any]",  # read below, in words of its own
         candidates: "ArrayLike | pd.DataFrame",
         family: str = "normal",
@@ -372,7 +378,8 @@ class Problem(WeightedCandidates):
             f: The model that is taken for true, see `of_model`.
             theta: Its parameters.
             rival: The other one, in the same variables and with the same family, link and noise.
-            rival_theta: Ranges (low, high) of its parameters by name, or numbers.
+            rival_theta: Ranges (low, high) of its parameters by name, or numbers. All numbers are
+                a rival without free parameters.
             candidates: See `of_model`.
             family: See `of_model`.
             link: See `of_model`.

@@ -148,7 +148,7 @@ class FrameProblem(DescribedProblem):
         self,
         frame: "pd.DataFrame",
         formula: str,
-        sigma: ArrayLike = 1.0,
+        sigma: ArrayLike | str = 1.0,
         prior: ArrayLike | None = None,
         experiment: str | None = None,
     ) -> None:
@@ -161,11 +161,14 @@ class FrameProblem(DescribedProblem):
         else:
             blocks, firsts = _stacked(rows, frame, experiment)
             told = frame.iloc[firsts].copy()
-        super().__init__(blocks, tuple(map(str, matrix.columns)), prior, told, sigma)
+        own = _noise(told, sigma)
+        super().__init__(blocks, tuple(map(str, matrix.columns)), prior, told, own)
         self.formula = formula
         self._spec = matrix.model_spec
-        if experiment is None:
-            self.rows_of = lambda other: self.regressors(other)[:, None, :] / np.asarray(sigma)
+        if experiment is None and (isinstance(sigma, str) or np.size(sigma) == 1):
+            self.rows_of = lambda other: (
+                self.regressors(other)[:, None, :] / np.asarray(_noise(other, sigma))[..., None]
+            )
 
     def regressors(self, frame: "pd.DataFrame") -> Array:
         """The model's regressors (k, p) at the rows of another data frame.
@@ -180,6 +183,20 @@ class FrameProblem(DescribedProblem):
         """
         _require_frame(frame)
         return _numbers(_by_formulaic(self._spec.get_model_matrix, frame))
+
+
+def _noise(frame: "pd.DataFrame", sigma: ArrayLike | str) -> ArrayLike:
+    """The noise of candidates: as it is given, or of a column (n, 1).
+
+    Raises:
+        ArgumentError: The frame has no such column.
+    """
+    if not isinstance(sigma, str):
+        return sigma
+    if sigma not in frame.columns:
+        message = f"{sigma!r} is no column; expected numbers, or one of {', '.join(frame.columns)}"
+        raise ArgumentError(message, argument="sigma")
+    return frame[sigma].to_numpy()[:, None]
 
 
 def _require_frame(frame: object) -> None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -70,6 +70,23 @@ class UserFunction:
             raise self.wrong_shape(values, f"{expected} for {len(x)} points")
         return values
 
+    def for_many(self, limits: Array) -> "UserFunction":
+        """The same function of many points in a box (2, d), of one that may take a single point.
+
+        Such a one fails for many points together, or has no value for each. A function that fails
+        both ways stays as it is, and says so when it is called.
+        """
+        x = _trial_points(limits)
+        by_number = replace(self, function=lambda x: _stacked(self.function, x[:, 0]))
+        by_point = replace(self, function=lambda x: _stacked(self.function, x))
+        for one in (self, by_number, by_point) if limits.shape[1] == 1 else (self, by_point):
+            try:
+                if one(x).shape[1:] == one(x[:1]).shape[1:]:
+                    return one
+            except ArgumentError:
+                continue
+        return self
+
     def wrong_shape(self, values: Array, expected: str) -> ArgumentError:
         """The error of values of a wrong shape."""
         message = f"values have the shape {values.shape}; expected {expected}"
@@ -111,8 +128,19 @@ class UserEnclosure:
         return ends
 
 
-def user_functions(given: object, name: str) -> tuple[UserFunction, ...]:
-    """One function or a list of them.
+def _stacked(function: Callable[[Any], ArrayLike], x: Array) -> Array:
+    """Values (n, ...) of a function of one point, at points x (n, d), or at numbers x (n,)."""
+    return np.stack([np.asarray(function(point), dtype=x.dtype) for point in x])
+
+
+def _trial_points(limits: Array) -> Array:
+    """Points (n, d) at which a model is tried before any work."""
+    low, high = limits
+    return np.array([low + part * (high - low) for part in TRIED])
+
+
+def user_functions(given: object, name: str, limits: Array) -> tuple[UserFunction, ...]:
+    """One function of points in a box (2, d), or a list of them.
 
     Raises:
         ArgumentError: It is neither.
@@ -121,7 +149,7 @@ def user_functions(given: object, name: str) -> tuple[UserFunction, ...]:
     functions = [function for function in each if callable(function)]
     if len(functions) < len(each):
         raise ArgumentError("expected a function of points, or a list of them", argument=name)
-    return tuple(UserFunction(function, name) for function in functions)
+    return tuple(UserFunction(function, name).for_many(limits) for function in functions)
 
 
 def box_limits(low: ArrayLike, high: ArrayLike) -> Array:
@@ -278,13 +306,15 @@ Model = Callable[[Array], ArrayLike]
 class Region(Presented):
     """Experiments ``y = A(x) k + noise`` at points x of a box, under smooth constraints.
 
-    The model is a function of many points at once. For a nonlinear model ``y = eta(x, k)`` its rows
-    are the derivatives of eta by the parameters, at a first guess of k. `edtk.relax` finds the best
-    weights over all points of the region, and `edtk.plan` the best plan of some experiments.
+    The model is a function of many points at once, or of one, which is called point by point. For a
+    nonlinear model ``y = eta(x, k)`` its rows are the derivatives of eta by the parameters, at a
+    first guess of k. `edtk.relax` finds the best weights over all points of the region, and
+    `edtk.plan` the best plan of some experiments.
 
     Args:
         rows: The model: points x (n, d) to regressors A (n, rows, p), or (n, p) where an experiment
-            measures one number.
+            measures one number; or one point (d,) to (rows, p) or (p,), where a single variable is
+            a number or (1,). Gradient and constraints may be of one point, too.
         low: Lower bounds (d,) of the variables; a number for a single variable.
         high: Upper bounds (d,).
         gradient: Derivatives of the rows by the variables: points (n, d) to (n, rows, p, d), or
@@ -342,9 +372,11 @@ class Region(Presented):
         self.variables = variable_names(variables, self.size)
         self._T: Array | None = None
         self._row_shape: tuple[int, ...] | None = None
-        self._rows = UserFunction(rows, "rows")
-        self._gradient = None if gradient is None else UserFunction(gradient, "gradient")
-        self._constraints = user_functions(constraints, "constraints")
+        self._rows = UserFunction(rows, "rows").for_many(self.limits)
+        self._gradient = None
+        if gradient is not None:
+            self._gradient = UserFunction(gradient, "gradient").for_many(self.limits)
+        self._constraints = user_functions(constraints, "constraints", self.limits)
         # A problem of one point checks names, noise and prior.
         one = self._middle()
         A = self._rows(one)
@@ -371,7 +403,7 @@ class Region(Presented):
     @checked
     def of_model(
         cls,
-        f: str | Callable[..., ArrayLike],
+        f: str | Sequence[str] | Callable[..., ArrayLike],
         theta: Any,
         box: Any,
         family: str = "normal",
@@ -437,9 +469,9 @@ class Region(Presented):
     @checked
     def of_rivals(
         cls,
-        f: str | Callable[..., ArrayLike],
+        f: str | Sequence[str] | Callable[..., ArrayLike],
         theta: Any,
-        rival: str | Callable[..., ArrayLike],
+        rival: str | Sequence[str] | Callable[..., ArrayLike],
         rival_theta: "Mapping[str, Any]",  # read below, likewise
         box: Any,
         family: str = "normal",
@@ -709,7 +741,7 @@ class Region(Presented):
         Raises:
             ArgumentError: It is not vectorised.
         """
-        x = self._trial_points()
+        x = _trial_points(self.limits)
         for name, function in (("rows", self.rows_at), ("constraints", self.slack_at)):
             together = function(x)
             single = np.concatenate([function(point[None]) for point in x])
@@ -727,7 +759,7 @@ class Region(Presented):
             ArgumentError: It is not the derivative of the rows in either form.
         """
         low, high = self.limits
-        x = self._trial_points()
+        x = _trial_points(self.limits)
         expected = inside_differences(self.rows_at, x, self.limits) * (high - low)
         wrong: ArgumentError | None = None
         for first in (False, True):
@@ -745,8 +777,3 @@ class Region(Presented):
             )
         assert wrong is not None
         raise wrong
-
-    def _trial_points(self) -> Array:
-        """Points (n, d) at which a model is tried before any work."""
-        low, high = self.limits
-        return np.array([low + part * (high - low) for part in TRIED])

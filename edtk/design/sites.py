@@ -14,7 +14,7 @@ from edtk.design.problem import Problem
 from edtk.design.problems import DescribedProblem, several_models
 from edtk.design.region import Region, UserFunction, user_functions
 from edtk.design.user_model import as_names
-from edtk.system.errors import ArgumentError
+from edtk.system.errors import ArgumentError, real_numbers
 from edtk.system.typing import Array, Mask
 
 if TYPE_CHECKING:
@@ -40,6 +40,11 @@ class Sites(ABC, Generic[Made]):
 
     trial: Array
     variables: tuple[str, ...] | None
+
+    @property
+    def has_noise(self) -> bool:
+        """Whether places have a noise of their own, besides that of the model."""
+        return False
 
     @abstractmethod
     def alone(self, rows: RowsAt, parameters: Sequence[str], prior: Any = None) -> Made:
@@ -67,13 +72,27 @@ class Sites(ABC, Generic[Made]):
 
 @dataclass(frozen=True, eq=False)
 class CandidateSites(Sites[Problem]):
-    """Candidates, at all of which a model is tried."""
+    """Candidates, at all of which a model is tried.
+
+    Attributes:
+        noise: Standard deviations of each candidate, see `Problem`; None for none.
+    """
+
+    noise: Array | None = None
 
     @classmethod
     def of(
-        cls, candidates: "ArrayLike | pd.DataFrame", variables: str | Sequence[str] | None
+        cls,
+        candidates: "ArrayLike | pd.DataFrame",
+        variables: str | Sequence[str] | None,
+        sigma: Any = None,
     ) -> "CandidateSites":
         """Points (n, d) or (n,), or a data frame whose columns are the variables.
+
+        Args:
+            candidates: The points.
+            variables: Names (d,).
+            sigma: Noise, which is kept here if there is one for each candidate.
 
         Raises:
             ArgumentError: They are no finite numbers.
@@ -90,7 +109,15 @@ class CandidateSites(Sites[Problem]):
         lost = np.flatnonzero(~np.isfinite(points).all(axis=1))
         if len(lost):
             raise ArgumentError(f"point {lost[0]} is not finite", argument="candidates")
-        return cls(points, _told(names, variables))
+        is_array = sigma is not None and not callable(sigma) and not isinstance(sigma, str)
+        noise = real_numbers(sigma, "sigma") if is_array else np.empty(())
+        is_of_each = len(points) > 1 and noise.shape[:1] == (len(points),)
+        return cls(points, _told(names, variables), noise if is_of_each else None)
+
+    @property
+    def has_noise(self) -> bool:
+        """Whether each has a standard deviation."""
+        return self.noise is not None
 
     @property
     def frame(self) -> "pd.DataFrame":
@@ -102,8 +129,10 @@ class CandidateSites(Sites[Problem]):
 
     def alone(self, rows: RowsAt, parameters: Sequence[str], prior: Any = None) -> DescribedProblem:
         """The candidates under one model."""
-        found = DescribedProblem(rows(self.trial), tuple(parameters), prior, self.frame)
-        found.rows_of = lambda other: np.asarray(rows(other.to_numpy(dtype=float)))
+        sigma = 1.0 if self.noise is None else self.noise
+        found = DescribedProblem(rows(self.trial), tuple(parameters), prior, self.frame, sigma)
+        if self.noise is None:
+            found.rows_of = lambda other: np.asarray(rows(other.to_numpy(dtype=float)))
         return found
 
     def together(self, models: Sequence[Problem], rows_of_each: RowsOfEach) -> DescribedProblem:
@@ -149,7 +178,7 @@ class BoxSites(Sites[Region]):
             message = "expected finite (low, high) of each variable, low below high"
             raise ArgumentError(message, argument="box")
         low, high = pairs.T
-        functions = user_functions(constraints, "constraints")
+        functions = user_functions(constraints, "constraints", pairs.T)
         halton = qmc.Halton(len(low), scramble=False).random(POINTS_TRIED)
         points = low + (high - low) * halton
         for constraint in functions:

@@ -319,12 +319,18 @@ class RivalBox(ThetaBox[Made]):
             ArgumentError: The rival can be what it is told from; its parameters are named.
         """
         even = Shares.of(self.sites.trial, np.ones(len(self.sites.trial)))
-        sizes = self._deviances(self.at(self.tried), even)
-        ends = [self._fitted(u, even) for u in self.tried[self.lowest(sizes)]]
-        for theta in self.at(np.array(ends)):
-            if self._deviances(theta[None], even)[0] <= SAME_MODEL * max(sizes):
+        near = self.inside()[None]
+        size = 0.0
+        if len(self.free):
+            sizes = self._deviances(self.at(self.tried), even)
+            size = max(sizes)
+            near = self.at(
+                np.array([self._fitted(u, even) for u in self.tried[self.lowest(sizes)]])
+            )
+        for theta in near:
+            if self._deviances(theta[None], even)[0] <= SAME_MODEL * size:
                 where = point_text(self.names, theta)
-                message = f"it is f at all points for {where}; expected ranges without that"
+                message = f"it is f at all points for {where}; expected parameters without that"
                 raise ArgumentError(message, argument="rival_theta")
 
     def _fitted(self, u: Array, design: Shares) -> Array:

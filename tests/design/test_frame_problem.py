@@ -143,3 +143,16 @@ def test_without_formulaic_one_line_says_what_to_install():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip().endswith("pip install 'edtk[frames]'")
+
+
+def test_a_column_has_the_noise():
+    """Each row has its own, and so have runs of another frame that are kept."""
+    frame = FRAME.assign(sd=np.linspace(1.0, 2.0, len(X)))
+    noisy = edtk.Problem.from_frame(frame, "1 + x", sigma="sd")
+    rows = np.vander(X, 2, increasing=True)[:, None, :]
+    np.testing.assert_allclose(noisy.factors(), rows / frame["sd"].to_numpy()[:, None, None])
+    kept = edtk.plan(noisy, size=3, keep=frame.iloc[[4]])
+    alike = edtk.plan(edtk.Problem(noisy.factors()), size=3, keep=[4])
+    assert kept.cost == pytest.approx(alike.cost, rel=1e-12)
+    with pytest.raises(UserError, match=r"^sigma: 'noise' is no column"):
+        edtk.Problem.from_frame(frame, "1 + x", sigma="noise")

@@ -21,7 +21,7 @@ AT = {"V": 2.0, "K": 1.0}
 @pytest.mark.parametrize("name", DERIVATIVES)
 def test_each_function_of_a_formula_has_its_derivative(name):
     """A complex step through numpy's own function says the same."""
-    formula = Formula.of(f"a + {name}(a * x / 3) ^ 2 * x", ("a",))
+    (formula,) = Formula.of_each([f"a + {name}(a * x / 3) ^ 2 * x"], ("a",))
     x = np.linspace(0.3, 1.2, 5)[:, None]
     theta = 1.3 + 1e-30j
     of_numpy = theta + getattr(np, name)(theta * x[:, 0] / 3) ** 2 * x[:, 0]
@@ -43,7 +43,7 @@ def test_a_formula_at_several_theta_is_that_at_each():
 
 def test_powers_quotients_and_signs_of_a_formula():
     """Exponents may be parameters; the constant pi is known, and a caret is a power."""
-    formula = Formula.of("-a ** 2 / x ^ b + pi * (a - b) * 3 - +x", ("a", "b"), ("x",))
+    (formula,) = Formula.of_each(["-a ** 2 / x ^ b + pi * (a - b) * 3 - +x"], ("a", "b"), ("x",))
     x, a, b = np.array([0.5, 2.0]), 1.7, 0.6
     gradient = formula.gradient(x[:, None], np.array([a, b]))
     np.testing.assert_allclose(gradient[0], -2 * a / x**b + 3 * np.pi, rtol=1e-14)
@@ -262,6 +262,53 @@ def test_the_bound_of_a_formula_is_proved():
     np.testing.assert_allclose(design.points[:, 0], [2 / 3, 4], atol=1e-4)
 
 
+NOISE = 0.1 + 0.05 * DOSE
+
+
+@pytest.mark.parametrize(
+    "sigma", [NOISE, lambda x: 0.1 + 0.05 * x, lambda x, t: 0.1 + 0.05 * x], ids=["n", "x", "both"]
+)
+def test_noise_of_candidates_scales_their_rows(sigma):
+    """One sigma for each candidate, a function of x, or of both: rows over sigma."""
+    noisy = edtk.Problem.of_model(ENZYME, AT, DOSE, sigma=sigma)
+    plain = edtk.Problem.of_model(ENZYME, AT, DOSE)
+    np.testing.assert_allclose(noisy.factors(), plain.factors() / NOISE[:, None, None], rtol=1e-14)
+
+
+def test_noise_of_candidates_is_a_factor_of_a_familys_own():
+    """Of shares of k trials it is 1/sqrt(k), which may differ; so it is of a list of theta."""
+    x = np.linspace(-2, 2, 5)
+    trials = np.array([1, 2, 3, 4, 5])
+    options = {"family": "binomial", "sigma": 1 / np.sqrt(trials)}
+    shares = edtk.Problem.of_model("a + b * x", {"a": 0.0, "b": 1.0}, x, **options)
+    one = edtk.Problem.of_model("a + b * x", {"a": 0.0, "b": 1.0}, x, family="binomial")
+    np.testing.assert_allclose(shares.blocks(), one.blocks() * trials[:, None, None], rtol=1e-14)
+    thetas = [{"a": 0.0, "b": 1.0}, {"a": 0.5, "b": 1.0}]
+    several = edtk.Problem.of_model("a + b * x", thetas, x, robust="bayes", **options)
+    np.testing.assert_allclose(several.blocks()[:, :2, :2], shares.blocks(), rtol=1e-14)
+
+
+def test_a_list_of_formulas_is_a_function_of_several_responses():
+    """As one that stacks them, with a covariance; parameters need not be in each of them."""
+    formulas = ["a * exp(-k * x)", "b * (1 - exp(-k * x))"]
+    theta = {"a": 1.0, "k": 0.5, "b": 2.0}
+    C = [[1.0, 0.3], [0.3, 2.0]]
+
+    def both(x, t):
+        fall = np.exp(-t[1] * x)
+        return np.stack([t[0] * fall, t[2] * (1 - fall)], axis=-1)
+
+    told = edtk.Problem.of_model(formulas, theta, DOSE, covariance=C)
+    expected = edtk.Problem.of_model(both, list(theta.values()), DOSE, covariance=C)
+    np.testing.assert_allclose(told.factors(), expected.factors(), rtol=1e-12, atol=1e-14)
+    region = edtk.Region.of_model(formulas, theta, (0, 4), covariance=C)
+    x = DOSE[::50, None]
+    np.testing.assert_allclose(region.rows_at(x), told.factors()[::50], rtol=1e-12, atol=1e-14)
+    thetas = [theta, theta | {"k": 1.0}]
+    several = edtk.Region.of_model(formulas, thetas, (0, 4), covariance=C, robust="bayes")
+    np.testing.assert_allclose(several.rows_at(x)[:, :2, :3], region.rows_at(x), rtol=1e-12)
+
+
 BAD = {
     "not finite": (lambda x, t: t[0] / x, [1.0], {}, r"^f: the value is not finite at x = 0$"),
     "kink": (lambda x, t: abs(x - t[0]), [2.0], {}, r"^f: no derivative by 'k1' at x = 2"),
@@ -304,7 +351,15 @@ BAD = {
     "mean": ("a * x", {"a": 1.0}, {"family": "gamma", "link": "identity"}, r"at x = 0$"),
     "sigma": ("a * x", {"a": 1.0}, {"sigma": -1.0}, r"^sigma: expected a positive number"),
     "sigmas": ("a * x", {"a": 1.0}, {"sigma": [1, 2, 3]}, r"; noise of points is a function of x"),
-    "list": (["a * x", "a"], {"a": 1.0}, {}, r"^f: expected text, or a function, not list$"),
+    "list": (["a * x", 3], {"a": 1.0}, {}, r"^f 2: expected text, not int$"),
+    "empty": ([], {"a": 1.0}, {}, r"^f: expected a function, a formula, or a list of formulas$"),
+    "short": ("a * x", {"a": 1.0}, {"sigma": np.ones(7)}, r"^sigma: expected a positive number"),
+    "noise beside ranges": (
+        "a * exp(-b * x)",
+        {"a": 1.0, "b": (0.5, 1.0)},
+        {"sigma": np.ones(len(DOSE)), "robust": "maximin"},
+        r"^sigma: of candidates it is not known beside ranges",
+    ),
     "no theta": ("x", {}, {}, r"^theta: .*, of which there is one at least$"),
     "noise": ("a * x", {"a": 1.0}, {"sigma": lambda x, t: x}, r"^sigma: is not positive at x = 0"),
     "shape": ("a * x", {"a": 1.0}, {"covariance": np.eye(2)}, r"^covariance: expected a symm"),

@@ -18,6 +18,19 @@ def blocks():
     return np.random.default_rng(0).normal(size=(7, 3, 4))
 
 
+def test_noise_of_candidates_is_that_of_their_rows(blocks):
+    """One number for each candidate, or for each of its rows; (n,) is of rows where both are n."""
+    of_each = np.arange(1.0, 8.0)
+    expected = blocks / of_each[:, None, None]
+    for sigma in (of_each, of_each[:, None], np.tile(of_each[:, None], 3)):
+        np.testing.assert_allclose(Problem(blocks, sigma).factors(), expected, rtol=1e-15)
+    square = blocks[:3]
+    by_row = np.array([1.0, 2.0, 5.0])
+    np.testing.assert_allclose(Problem(square, by_row).factors(), square / by_row[:, None])
+    own = Problem(square, by_row[:, None]).factors()
+    np.testing.assert_allclose(own, square / by_row[:, None, None])
+
+
 @pytest.mark.parametrize("sigma", [0.3, [0.1, 0.2, 0.7]], ids=["one", "per row"])
 def test_information_is_the_sum_of_outer_products(blocks, sigma):
     """M = sum w_i A_i' A_i / sigma^2, row by row."""
@@ -335,7 +348,10 @@ def test_example():
     [
         ({"blocks": np.ones((4, 2))}, r"not of shape \(4, 2\); X\[:, None, :\] has one row"),
         ({"blocks": np.ones((4, 1, 2), complex)}, "must be real numbers"),
-        ({"blocks": np.ones((4, 1, 2)), "sigma": [1, 2]}, "one for each of 1 rows, not of shape"),
+        (
+            {"blocks": np.ones((4, 1, 2)), "sigma": [1, 2]},
+            "for each of 1 rows, or of 4 candidates, not",
+        ),
         ({"blocks": np.ones((4, 1, 2)), "parameters": ("a", "a")}, "have the name 'a'"),
     ],
 )

@@ -110,18 +110,43 @@ def test_maxima_of_a_grid():
 
 
 @pytest.mark.parametrize(
+    ("one", "many", "low", "high"),
+    [
+        (lambda x: [1, x, x**2], lambda x: np.vander(x[:, 0], 3, increasing=True), 0, 2),
+        (lambda x: [1, x[0], x[0] ** 2], lambda x: np.vander(x[:, 0], 3, increasing=True), 0, 2),
+        (lambda x: waves(x[None])[0], waves, [0, 0], [1, 2]),
+    ],
+    ids=["number", "point", "rows"],
+)
+def test_a_function_of_one_point_is_called_point_by_point(one, many, low, high):
+    """Rows, gradient and constraints of one point are those of many."""
+    gradients = {"gradient": lambda x: waves_gradient(x[None])[0]} if np.ndim(low) else {}
+    single = Region(one, low, high, constraints=lambda x: 1.5 - np.sum(x), **gradients)
+    together = Region(many, low, high, constraints=lambda x: 1.5 - x.sum(axis=1))
+    x = np.random.default_rng(0).uniform(low, high, (7, np.size(low)))
+    np.testing.assert_array_equal(single.rows_at(x), together.rows_at(x))
+    np.testing.assert_array_equal(single.slack_at(x), together.slack_at(x))
+    np.testing.assert_allclose(single.derivative_at(x), together.derivative_at(x), atol=1e-8)
+
+
+def test_a_function_of_one_point_can_be_proved():
+    """It runs on polynomials as one of many points does."""
+    region = Region(lambda x: [1, x[0], x[1], x[0] * x[1]], [-1, -1], [1, 1])
+    assert edtk.relax(region, "D", prove=0.01).proved_bound.cost == pytest.approx(1.0, rel=0.01)
+
+
+@pytest.mark.parametrize(
     ("arguments", "message"),
     [
         ({"low": 1, "high": 1}, "low, high: bounds 1 and 1 of variable 1; expected low < high"),
         ({"low": 0, "high": np.inf}, "low, high: a bound is not finite"),
         ({"low": [0, 0], "high": 1}, "high: "),
         ({"rows": lambda x: x[:, 0]}, "rows: values have the shape"),
-        ({"rows": lambda x: np.ones((1, 2))}, "rows: values have the shape"),
+        ({"rows": lambda x: np.ones((2, 2, 2))}, "rows: values have the shape"),
         ({"rows": lambda x: 1 / (x - 0.5) * [1, 2]}, "rows: a value is not finite at x = 0.5"),
         ({"rows": lambda x: line(x) * len(x)}, "rows: values of many points differ"),
         ({"rows": lambda x: x @ np.ones(3)}, "rows: fails for points of shape"),
-        ({"constraints": lambda x: np.ones(2)}, "constraints: values have the shape"),
-        ({"constraints": lambda x: 1 - x.sum()}, "constraints: values have the shape"),
+        ({"constraints": lambda x: 1 - x[:, 1]}, "constraints: fails for points of shape"),
         ({"gradient": lambda x: np.zeros((len(x), 2))}, "gradient: values have the shape"),
         ({"variables": ("a", "b")}, "variables: a, b; expected 1 different names"),
         ({"parameters": ("a", "b", "c")}, "3 names for 2 parameters"),

@@ -322,6 +322,20 @@ def of_line(x=(0.0, 1.0, 2.0), **options):
     return edtk.Problem.of_rivals("a * x^2", candidates=list(x), **(given | options))
 
 
+def test_a_rival_without_free_parameters_is_told_where_it_differs_most():
+    """The deviance is linear in the weights, so that all experiments are at its largest value."""
+    x = np.linspace(-1, 1, 21)
+    rival = {"rival": "p + q * x", "rival_theta": {"p": 0.2, "q": 0.5}}
+    options = {"theta": {"a": 2.0}, "sigma": 0.5} | rival
+    most = np.square((2 * x**2 - 0.2 - 0.5 * x) / 0.5).max()
+    design = edtk.relax(edtk.Problem.of_rivals("a * x^2", candidates=x, **options))
+    assert 1 / design.cost == pytest.approx(most, rel=1e-9)
+    assert x[design.weights > 0] == [-1.0]
+    region = edtk.relax(edtk.Region.of_rivals("a * x^2", box=(-1, 1), **options))
+    assert 1 / region.cost == pytest.approx(most, rel=1e-9)
+    assert edtk.plan(edtk.Problem.of_rivals("a * x^2", candidates=x, **options), 3).counts[0] == 3
+
+
 BAD = {
     "robust": (
         lambda: edtk.Problem.of_model(ENZYME, {"V": 1, "K": (1, 2)}, [1, 2]),
@@ -360,7 +374,11 @@ BAD = {
         lambda: edtk.next(enzyme((1, 2)), [0], efficiency=0.9),
         r"^theta: has ranges, which edtk.relax and edtk.plan serve",
     ),
-    "no range": (lambda: of_line(rival_theta={"p": 1, "q": 1}), r"^rival_theta: expected a number"),
+    "empty": (lambda: of_line(rival_theta={}), r"^rival_theta: expected a number or"),
+    "itself": (
+        lambda: of_line(rival="p * x^2", rival_theta={"p": 1}),
+        r"^rival_theta: it is f at all points for p = 1; expected parameters without that$",
+    ),
     "names": (lambda: of_line(rival_theta=[(0, 1)]), r"^rival_theta: expected a number or"),
     "rival": (lambda: of_line(rival="p + q * y"), r"^rival: the rival: f: 'p \+ q \* y' has 'y'"),
     "same": (
