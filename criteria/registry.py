@@ -4,7 +4,7 @@ import importlib
 import inspect
 import pkgutil
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from reprlib import repr as shortened
@@ -186,7 +186,9 @@ def from_dict(data: Mapping[str, Any]) -> Criterion:
 
 
 def as_criterion(
-    given: Criterion | str | Mapping[str, Any], names: Sequence[str] = ()
+    given: Criterion | str | Mapping[str, Any],
+    names: Sequence[str] = (),
+    points: Callable[[], ArrayLike] | None = None,
 ) -> Criterion:
     """The criterion that somebody names: by itself, by its name, or by a table with its parameters.
 
@@ -199,12 +201,17 @@ def as_criterion(
     Args:
         given: The criterion.
         names: Names (p,) of the model's parameters, by which a table may name some of them.
+        points: Tells regressors (k, rows, p) of places, for a criterion about predictions that is
+            named without any.
 
     Raises:
         CriterionError: There is no such criterion, or its parameters are wrong.
     """
     if isinstance(given, Criterion):
         return given
+    name = given["name"] if isinstance(given, Mapping) and set(given) == {"name"} else given
+    if points is not None and isinstance(name, str) and "points" in parameters_of(name):
+        return create(name, points=points())
     if isinstance(given, str):
         return create(given)
     if isinstance(given, Mapping) and isinstance(given.get("name"), str):

@@ -49,6 +49,9 @@ def criterion_of(
       (Dette 1997).
     - "rivals": the least of the deviances, which are the information of models of one parameter.
 
+    Of a problem of one model the places of I and prediction_G default to all candidates, with
+    predictions in parts of the noise.
+
     Args:
         asked: The criterion, about the parameters of one model.
         question: The problem or the region.
@@ -59,7 +62,8 @@ def criterion_of(
     """
     robust = question.robust
     if robust is None:
-        return criteria.as_criterion(asked, question.parameters)
+        places = question.factors if isinstance(question, Problem) else None
+        return criteria.as_criterion(asked, question.parameters, places)
     names = robust.models[0].parameters
     own = criteria.as_criterion(asked, names)
     sizes = [model.p for model in robust.models]

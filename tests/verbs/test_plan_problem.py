@@ -485,3 +485,21 @@ def test_a_proof_that_time_has_ended_has_a_summary():
     found = edtk.plan(edtk.Problem(rows), 9, "A", prove=1e-3)
     assert found.ended == "budget"
     assert "the time was over" in found.summary()
+
+
+@pytest.mark.parametrize("name", ["I", "prediction_G"])
+def test_predictions_are_at_all_candidates_unless_places_are_stated(name):
+    """By the name alone, in plans, weights, comparisons and what comes next."""
+    x = np.linspace(-1, 1, 21)
+    problem = edtk.Problem(np.vander(x, 3)[:, None], sigma=0.5)
+    stated = criteria.create(name, points=problem.factors())
+    plan = edtk.plan(problem, size=6, criterion=name)
+    assert plan.value == edtk.plan(problem, size=6, criterion=stated).value
+    assert edtk.relax(problem, {"name": name}).value == edtk.relax(problem, stated).value
+    assert edtk.next(problem, [0, 10], criterion=name).value == pytest.approx(
+        edtk.next(problem, [0, 10], criterion=stated).value
+    )
+    table = edtk.compare({"one": plan}, problem, criteria=[name]).to_frame()
+    assert table[name]["one"] == pytest.approx(plan.value)
+    with pytest.raises(criteria.CriterionError, match="points"):
+        edtk.relax(edtk.Region(lambda x: [1, x], 0, 1), name)

@@ -315,7 +315,10 @@ class ModelDesign:
             ArgumentError: A criterion has no bound.
         """
         if names is not None:
-            found = [criteria.as_criterion(one, self.parameters) for one in names]
+            found = [
+                criteria.as_criterion(one, self.parameters, lambda: self.places.rows)
+                for one in names
+            ]
             if not found:
                 raise ArgumentError("expected at least one", argument="criteria")
             for one in found:

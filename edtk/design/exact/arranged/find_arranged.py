@@ -191,7 +191,8 @@ def _require_told(search: ArrangedSearch, problem: Problem, criterion: Criterion
     if missing:
         raise RankDeficientError(
             f"beside effects of which nothing is known, nothing tells {' or '.join(missing)}: "
-            "leave such parameters out of the model, or give the effects a variance"
+            "leave such parameters out of the model, name the others as interest, or give the "
+            "effects a variance"
         )
 
 

@@ -462,7 +462,8 @@ def _require_beside_blocks(question: Question | None, problem: Problem) -> None:
         constant = open_directions(np.einsum("nrp,nrq->pq", apart, apart), problem.parameters)
         raise RankDeficientError(
             f"beside fixed effects of blocks nothing tells {' or '.join(constant or missing)}: "
-            "leave such parameters out of the model, or give a block_variance"
+            "leave such parameters out of the model, name the others as interest, or give a "
+            "block_variance"
         )
 
 

@@ -136,10 +136,15 @@ def search_for(
     for each, at in zip(rows, places, strict=True):
         flat = each.reshape(-1, each.shape[-1])
         squares[at, at] = flat.T @ flat
-    mean = squares / bare.n + T.T @ limits.base @ T / limits.m
+    base = T.T @ limits.base @ T
+    # Beside blocks nothing tells a constant. What is asked for does not depend on it, whatever is
+    # known of it; with something known all plans can be regular.
+    silent = (np.diag(squares) == 0) & (np.diag(base) == 0)
+    base[silent, silent] = limits.m
+    mean = squares / bare.n + base / limits.m
     if not limits.sized:
         rows = [np.concatenate([each, np.zeros((1, *each.shape[1:]))]) for each in rows]
-    own = replace(limits, base=T.T @ limits.base @ T)
+    own = replace(limits, base=base)
     models = bare.models if len(problems) > 1 else None
     scatter = scatter_for(transformed.plan_criterion, rows, own, models)
     pricing = pricing_for(transformed.plan_criterion, scatter, mean)
@@ -196,9 +201,9 @@ def _of_each_model(bare: Problem, criterion: Criterion, limits: Limits) -> Array
 def working_parameters(criterion: Criterion, rows: Array, limits: Limits) -> Array:
     """T (p, p) for parameters k' with ``k = T k'``, in which a search works.
 
-    The mean information about k' is the identity. It comes from a QR of the rows (n, r, p), whose
-    condition number is the root of their information's. Corners of a cube are only scaled, so that
-    they remain corners.
+    The mean information about k' is the identity, but for parameters of which no row tells. It
+    comes from a QR of the rows (n, r, p), whose condition number is the root of their
+    information's. Corners of a cube are only scaled, so that they remain corners.
     """
     flat = rows.reshape(-1, rows.shape[-1])
     may_be = isinstance(criterion, DeterminantCriterion) and may_be_corners(flat, limits)
@@ -207,7 +212,11 @@ def working_parameters(criterion: Criterion, rows: Array, limits: Limits) -> Arr
     parts = [flat / np.sqrt(len(rows))]
     if limits.base.any():
         parts.append(root(limits.base / limits.m))
-    return np.asarray(np.linalg.inv(np.linalg.qr(np.vstack(parts), mode="r")))
+    told = np.vstack(parts)
+    R = np.linalg.qr(told, mode="r")
+    silent = ~told.any(axis=0)
+    R[silent, silent] = 1.0  # such a parameter stays as it is
+    return np.asarray(np.linalg.inv(R))
 
 
 def may_be_corners(rows: Array, limits: Limits) -> bool:

@@ -63,3 +63,24 @@ def test_ties_are_decided_by_order_and_not_by_last_digits(name, levels, factors,
     asked = {"criterion": name, "size": size, "seed": 1, "starts": 64}
     plans = [edtk.plan(edtk.Problem(each), **asked) for each in (rows, rounded)]
     np.testing.assert_array_equal(*[plan.counts for plan in plans])
+
+
+@pytest.mark.parametrize("name", ["D", "A", "E"])
+def test_what_blocks_leave_open_is_no_matter_for_an_interest(name):
+    """Contrasts of treatments beside a constant, in blocks of two: the plan without a constant."""
+    contrasts = np.eye(5)[:, 1:]
+    with_constant = edtk.Problem(np.column_stack([np.ones(5), contrasts])[:, None])
+    asked = {"name": name, "interest": list(with_constant.parameters[1:])}
+    found = edtk.plan(with_constant, criterion=asked, blocks=[2] * 5, starts=32)
+    alone = edtk.plan(edtk.Problem(contrasts[:, None]), criterion=name, blocks=[2] * 5, starts=32)
+    assert found.value == pytest.approx(alone.value, rel=1e-9)
+    assert found.efficiency == pytest.approx(alone.efficiency, rel=1e-6)
+
+
+def test_a_parameter_without_a_regressor_is_no_matter_for_an_interest():
+    """A column of zeros tells nothing, and nothing that is asked for needs it."""
+    x = np.linspace(-1, 1, 9)
+    line = np.column_stack([np.ones(9), x])
+    wide = edtk.Problem(np.column_stack([line, np.zeros(9)])[:, None], parameters=("a", "b", "z"))
+    found = edtk.plan(wide, 4, {"name": "A", "interest": ["a", "b"]})
+    assert found.value == pytest.approx(edtk.plan(edtk.Problem(line[:, None]), 4, "A").value)
