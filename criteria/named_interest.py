@@ -40,6 +40,8 @@ def named_parameters(
             found[key] = [factors.get(name, 0.0) for name in names]
     for key in LISTED:
         listed = found.get(key)
+        if isinstance(listed, np.ndarray) and listed.dtype.kind in "OU":
+            listed = listed.tolist()
         if isinstance(listed, list | tuple) and all(isinstance(name, str) for name in listed):
             _require_known(listed, names, kind)
             found[key] = np.array([[float(each == name) for name in listed] for each in names])

@@ -119,7 +119,10 @@ class WorstTaskAccuracy(KinkedCriterion, ConvexCriterion):
         whitened = T.T @ squares @ T
         worst = np.trace(whitened, axis1=1, axis2=2).argmax()
         F = lowered_root(Z)
-        starts = [_least_squares_weights(whitened, S @ Z @ S.T), np.eye(len(tasks))[worst]]
+        starts = [
+            _least_squares_weights(whitened, S @ Z @ S.T),
+            (np.arange(len(tasks)) == worst).astype(float),
+        ]
         best = starts[1]
         most = -1.0
         for weights in starts:

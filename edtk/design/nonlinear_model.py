@@ -34,7 +34,8 @@ class NonlinearModel:
     The rows of an experiment are the root of its Fisher information about theta,
     ``mu'/sqrt(V(mu)) df/dtheta / sigma``, one for each response. Where sigma depends on theta, as
     ``sigma(x, theta)`` of a normal response, its own rows ``sqrt(2) d log sigma / dtheta`` are
-    information, too (for example Atkinson and Cook, JASA 90, 1995).
+    information, too (for example Atkinson and Cook, JASA 90, 1995). Where it depends on x alone, it
+    is a factor of any family's own deviation.
 
     Attributes:
         predictor: Points and theta to predictors (n, k), with derivatives by theta.
@@ -188,10 +189,11 @@ def nonlinear_model(
     k = told.value(spread[:1], at).shape[1]
     deviation = None
     if callable(sigma):
-        if family.lower() != "normal" or covariance is not None:
-            message = "a function is for normal responses without a covariance"
+        both = _of_both(sigma)
+        if covariance is not None or (both is sigma and family.lower() != "normal"):
+            message = "a function is for responses without a covariance, of theta for normal ones"
             raise ArgumentError(message, argument="sigma")
-        deviation = _log_deviation(sigma, at, spread, names, variables)
+        deviation = _log_deviation(both, at, spread, names, variables)
     whitener = np.eye(k) if deviation is not None else _whitener(sigma, covariance, k)
     model = NonlinearModel(told, at, response, whitener, deviation, names, variables)
     model.require_told(trial)
@@ -292,7 +294,7 @@ def _whitener(sigma: Any, covariance: ArrayLike | None, k: int) -> Array:
 
 
 def _of_both(sigma: Callable[..., ArrayLike]) -> Callable[..., ArrayLike]:
-    """A function of x and theta, of one that may be of x alone."""
+    """A function of x and theta, of one that may be of x alone; else the same one."""
     try:
         inspect.signature(sigma).bind(None, None)
     except TypeError:
@@ -314,7 +316,7 @@ def _log_deviation(
     Raises:
         ArgumentError: It is not positive, or has no derivative.
     """
-    value = as_called(_of_both(sigma), theta, x, "sigma", variables)
+    value = as_called(sigma, theta, x, "sigma", variables)
     values = value(x, theta)
     lost = np.flatnonzero(~(np.isfinite(values) & (np.real(values) > 0)).all(axis=1))
     if len(lost):

@@ -1,5 +1,7 @@
 """rho_max, beyond the laws that it shares with all criteria: several tasks, and their weights."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from matrices import candidates, positive, sensitivities, slip
@@ -101,3 +103,15 @@ def test_relaxation_over_many_tasks_is_proved():
     T = whitener(M)
     errors = np.linalg.norm((c.targets @ T).reshape(200, -1), axis=1)
     assert errors[weights > 1e-6].min() >= (1 - 1e-4) * errors.max()
+
+
+def test_weights_of_many_tasks_take_memory_for_each_and_not_for_each_pair():
+    """Of 20,000 tasks a matrix of pairs would have three gigabytes."""
+    targets = np.random.default_rng(0).normal(size=(20_000, 1, 2))
+    c = criteria.create("rho_max", targets=targets)
+    tracemalloc.start()
+    weights = c.dual_weights(np.eye(2), np.eye(2))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1e8
+    assert weights.sum() == pytest.approx(1.0)

@@ -695,3 +695,26 @@ def test_efficiencies_are_those_of_ldod(model, points, weights, theirs):
     """To the five digits that its manual prints."""
     region, found = best_of_ldod(model)
     assert efficiency(region, found, points, weights) == pytest.approx(theirs, abs=0.51e-5)
+
+
+def test_an_engine_map_is_at_least_as_good_as_that_of_optex():
+    """SAS/QC User's Guide, example 10.5: 50 runs on four levels of three factors, in its coding."""
+    levels = ([15, 16, 17, 18], [0.020, 0.377, 0.566, 1.117], [10, 28, 34, 52])
+    runs = np.array(list(itertools.product(*levels)))
+    coded = 2 * (runs - runs.min(axis=0)) / np.ptp(runs, axis=0) - 1
+    plan = edtk.plan(edtk.Problem(quad(coded)[:, None]), size=50)
+    assert 100 * plan.value / 50 >= 46.5151 * (1 - TOLERANCE)
+
+
+def test_treatments_in_pairs_have_the_variances_of_optex():
+    """Six treatments in fifteen blocks of two, coded to sum to zero: 0.278 each."""
+    effects = np.vstack([np.eye(5), -np.ones(5)])
+    problem = edtk.Problem(np.column_stack([np.ones(6), effects])[:, None])
+    asked = {"name": "D", "interest": list(problem.parameters[1:])}
+    plan = edtk.plan(problem, criterion=asked, blocks=[2] * 15)
+    assert plan.efficiency == pytest.approx(1.0, abs=TOLERANCE)
+    assert plan.counts.tolist() == [5] * 6
+    # A balanced design has (I - 1/6) (lambda v / k) between treatments, lambda = 1, v = 6, k = 2.
+    M = effects.T @ (6 / 2 * (np.eye(6) - 1 / 6)) @ effects
+    assert np.linalg.inv(M)[0, 0] == pytest.approx(0.278, abs=5e-4)
+    assert plan.value == pytest.approx(np.linalg.det(M) ** (1 / 5), rel=TOLERANCE)

@@ -284,6 +284,9 @@ def test_noise_of_candidates_is_a_factor_of_a_familys_own():
     one = edtk.Problem.of_model("a + b * x", {"a": 0.0, "b": 1.0}, x, family="binomial")
     np.testing.assert_allclose(shares.blocks(), one.blocks() * trials[:, None, None], rtol=1e-14)
     thetas = [{"a": 0.0, "b": 1.0}, {"a": 0.5, "b": 1.0}]
+    of_x = options | {"sigma": lambda x: 1 / np.sqrt(x + 3)}
+    told = edtk.Problem.of_model("a + b * x", {"a": 0.0, "b": 1.0}, x, **of_x)
+    np.testing.assert_allclose(told.blocks(), shares.blocks(), rtol=1e-14)
     several = edtk.Problem.of_model("a + b * x", thetas, x, robust="bayes", **options)
     np.testing.assert_allclose(several.blocks()[:, :2, :2], shares.blocks(), rtol=1e-14)
 
@@ -352,6 +355,12 @@ BAD = {
     "sigma": ("a * x", {"a": 1.0}, {"sigma": -1.0}, r"^sigma: expected a positive number"),
     "sigmas": ("a * x", {"a": 1.0}, {"sigma": [1, 2, 3]}, r"; noise of points is a function of x"),
     "list": (["a * x", 3], {"a": 1.0}, {}, r"^f 2: expected text, not int$"),
+    "noise of theta": (
+        "a * x",
+        {"a": 1.0},
+        {"sigma": lambda x, t: 1 + t[0] * x, "family": "Poisson"},
+        r"^sigma: a function is for responses without a covariance, of theta for normal ones$",
+    ),
     "empty": ([], {"a": 1.0}, {}, r"^f: expected a function, a formula, or a list of formulas$"),
     "short": ("a * x", {"a": 1.0}, {"sigma": np.ones(7)}, r"^sigma: expected a positive number"),
     "noise beside ranges": (
