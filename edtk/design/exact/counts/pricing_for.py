@@ -213,7 +213,7 @@ def working_parameters(criterion: Criterion, rows: Array, limits: Limits) -> Arr
     if limits.base.any():
         parts.append(root(limits.base / limits.m))
     told = np.vstack(parts)
-    R = np.linalg.qr(told, mode="r")
+    R = np.asarray(np.linalg.qr(told, mode="r"))
     silent = ~told.any(axis=0)
     R[silent, silent] = 1.0  # such a parameter stays as it is
     return np.asarray(np.linalg.inv(R))
