@@ -24,6 +24,7 @@ from edtk.system.typing import Array
 
 Model = str | Sequence[str] | Callable[..., ArrayLike]
 
+BY_PLACE = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
 MOST_COMPARED = 256  # points at which derivatives are compared with differences
 
 
@@ -294,14 +295,14 @@ def _whitener(sigma: Any, covariance: ArrayLike | None, k: int) -> Array:
 
 
 def _of_both(sigma: Callable[..., ArrayLike]) -> Callable[..., ArrayLike]:
-    """A function of x and theta, of one that may be of x alone; else the same one."""
+    """A function of x and theta, of one that needs x alone; else the same one."""
     try:
-        inspect.signature(sigma).bind(None, None)
-    except TypeError:
-        return lambda x, theta: sigma(x)
+        asked = inspect.signature(sigma).parameters.values()
     except ValueError:  # some functions of libraries do not tell
-        pass
-    return sigma
+        return sigma
+    # Numpy's own have places for other things after x.
+    needed = [one for one in asked if one.kind in BY_PLACE and one.default is one.empty]
+    return (lambda x, theta: sigma(x)) if len(needed) == 1 else sigma
 
 
 def _log_deviation(

@@ -275,6 +275,13 @@ def test_noise_of_candidates_scales_their_rows(sigma):
     np.testing.assert_allclose(noisy.factors(), plain.factors() / NOISE[:, None, None], rtol=1e-14)
 
 
+def test_noise_may_be_a_function_of_numpy():
+    """It takes more than x, and needs no more."""
+    noisy = edtk.Problem.of_model(ENZYME, AT, DOSE, sigma=np.exp)
+    stated = edtk.Problem.of_model(ENZYME, AT, DOSE, sigma=np.exp(DOSE))
+    np.testing.assert_allclose(noisy.factors(), stated.factors(), rtol=1e-12)
+
+
 def test_noise_of_candidates_is_a_factor_of_a_familys_own():
     """Of shares of k trials it is 1/sqrt(k), which may differ; so it is of a list of theta."""
     x = np.linspace(-2, 2, 5)
