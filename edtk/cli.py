@@ -58,7 +58,7 @@ class _Group(OneLine, click.Group):
 )
 @click.version_option(__version__, prog_name="edtk")
 def main() -> None:
-    """Design calibration experiments, identify compliances, and say how good both are."""
+    """Plan the calibration of a robot, identify it from the sheet, and say how good both are."""
 
 
 for module in COMMANDS:

@@ -71,7 +71,7 @@ def command(
     figures: Path | None,
     as_json: bool,
 ) -> None:
-    """Simulate measurements of PLAN, sample their posterior, and compare it with Eq. (13).
+    """Simulate measurements of PLAN, sample their posterior, compare it with the promise.
 
     The [prior] of STUDY (TOML) says what is known before the measurements. A killed run with
     --chain goes on where it was when it is started again.

@@ -15,7 +15,7 @@ def command(study: Path, plan: Path, as_json: bool) -> None:
     """Tell how wrong the linear model makes the compliances that PLAN (CSV) identifies.
 
     The robot of the [simulation] of STUDY (TOML) comes to rest under each load of the plan, however
-    large; the linear model, Eq. (2), is fitted to its deflections.
+    large; the linear model is fitted to its deflections.
     """
     from edtk.verbs.evaluate import bias
 

@@ -14,7 +14,8 @@ from edtk.commands.shared import PARTIAL, FilePath, json_option, show
 def command(study: Path, plan: Path, as_json: bool) -> int:
     """Look at each pose of PLAN (CSV) in the cell of STUDY (TOML, with [scene]), and at the ways.
 
-    With [sight], or with it alone, the markers that are hidden in each pose are told with reasons.
+    Where STUDY has a [sight], beside a [scene] or alone, the markers that are hidden in each pose
+    are named, with reasons.
     The clearance is the least distance of two bodies, less the margin. The ways lead from pose to
     pose in the order of the plan's sheet, all joints in step, by via poses where that is not free.
     The exit code is 1 where something touches, or where no free way is found.

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 MOST_WITH_HINT = 220
 
 
-@click.command("identify", short_help="Find compliances from measurements.")
+@click.command("identify", short_help="Find compliances, or geometry, from measurements.")
 @click.argument("study", type=FilePath)
 @click.argument("measurements", type=FilePath)
 @click.option(
@@ -51,7 +51,7 @@ MOST_WITH_HINT = 220
 )
 @click.option("--extend", is_flag=True, help="Fit the richest model that the sheet supports.")
 @click.option(
-    "--bayes", is_flag=True, help="Sample the posterior too; the options that follow are for that."
+    "--bayes", is_flag=True, help="Sample the posterior too; --accuracy to --seed are for that."
 )
 @sampling_options
 @json_option

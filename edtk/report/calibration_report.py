@@ -223,9 +223,10 @@ def _compliances(found: Calibration) -> str:
     units = set(model.units)
     if len(units) > 1:
         rows = [[*row, unit] for row, unit in zip(rows, model.units, strict=True)]
-        return table([*header, "unit"], rows)
+        return table([*header, "unit"], rows, full=True)
     unit = f"[{units.pop()}]"
-    return table([name if name in UNITLESS else f"{name} {unit}" for name in header], rows)
+    named = [name if name in UNITLESS else f"{name} {unit}" for name in header]
+    return table(named, rows, full=True)
 
 
 def _interest(found: Calibration) -> list[str]:
@@ -268,7 +269,7 @@ def _left_out(found: Calibration) -> list[str]:
     if out is None or not np.isfinite(out.rms):
         return []
     sentence = left_out_sentence(out.share_with_model)
-    return [paragraph(f"{sentence} It is {1e3 * out.rms:.3g} mm (rms).")]
+    return [paragraph(f"{sentence} The error is {1e3 * out.rms:.3g} mm (root mean square).")]
 
 
 def _worst(found: Calibration) -> str:

@@ -49,20 +49,12 @@ EFFICIENCY = (
     "Efficiency against the bound over {poses} (searched, not proved): the bound "
     "divided by the plan's cost. Rows are plans, columns criteria.\n"
 )
-UNITS = (
-    "Each cell is the criterion's own value: rho0 and rho_max in um, the others in SI units. O1 to "
-    "O5 are those of A/sigma.\n"
-)
-UNITS_OF_GEOMETRY = (
-    "Each cell is the criterion's own value: rho0 and rho_max in um, the others for parameters in "
-    "mm, mrad and 1e-6 rad/(N m). O1 to O5 are those of A/sigma.\n"
-)
+VALUES = "### Values of the criteria\n\nrho0 and rho_max in um, the others {units}.\n"
 RELAXATION = (
     "Bounds come from the relaxation, which puts weights on poses instead of whole experiments; "
-    "its values are per experiment. The first bound is proved: "
-    "no plan over the candidates, and the poses found on the way, is better. The second speaks of "
-    "{poses}; it was searched by ascent from many starts, and is not proved. For O4, "
-    "which is not convex, the proof is by the least corner of a polygon that holds all designs.\n"
+    "its values are those of one experiment. The proved bound holds for all plans of candidates "
+    "and of poses that were added to them. The searched bound is about {poses}; it holds if the "
+    "search, from many starts, has found the most sensitive pose.\n"
 )
 PLATE = "poses.png"
 USUAL_LABEL = 20  # which have their place
@@ -99,7 +91,7 @@ def comparison_report(run: StudyRun, sizes: Iterable[Efficiencies]) -> str:
         "## All plans under all criteria\n",
         EFFICIENCY.format(poses=over(run)),
         *(efficiencies(found) for found in sizes),
-        chapters.units,
+        VALUES.format(units=chapters.units),
         all_values(run),
         "## How it was computed\n",
         chapters.search(),
@@ -120,7 +112,7 @@ class _Chapters:
     """
 
     run: StudyRun
-    units: ClassVar[str] = UNITS
+    units: ClassVar[str] = "in SI units"
 
     @staticmethod
     def of_run(run: StudyRun) -> "_Chapters":
@@ -165,11 +157,11 @@ class _Chapters:
         """How far plans were searched for."""
         specification = self.run.study.specification
         main = self.run.study.main_criterion
-        # Descents are made in batches: the last one is filled up.
+        # Starts are made in batches: the last one is filled up.
         least = BATCH_SIZE * -(-specification.starts // BATCH_SIZE)
         most = BATCH_SIZE * -(-specification.descents(main) // BATCH_SIZE)
         return (
-            f"{specification.candidates} candidate poses; at most {least} descents of the search "
+            f"{specification.candidates} candidate poses; at most {least} starts of the search "
             f"for each plan, {most} for {main}.\n"
         )
 
@@ -183,7 +175,7 @@ class _OfGeometry(_Chapters):
     """
 
     designs: GeometryDesigns
-    units: ClassVar[str] = UNITS_OF_GEOMETRY
+    units: ClassVar[str] = "for parameters in mm, mrad and 1e-6 rad/(N m)"
 
     def setting(self) -> str:
         """One paragraph on the question."""

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 WORTH = 0.01  # relative loss that fewer distinct poses are worth
 PICTURE = "tasks.png"
+SOLVERS = {"NEWTON": "Newton", "CLARABEL": "Clarabel"}  # as people write them
 
 
 def relative_loss(name: str, best: float, values: Any) -> Any:
@@ -71,10 +72,10 @@ def around_the_task(run: StudyRun) -> str:
     if len(run.study.tasks) > 1:
         header[2:4] = ["in the test poses", "root mean square around them"]
         sampled = "Each neighbourhood is sampled"
-    of_best = "" if run.expected is None else f"Largest plan, {run.expected}. "
+    size = "" if run.expected is None else f" within {np.rad2deg(run.expected.within):.3g} deg"
     text = (
-        f"{of_best}{sampled} at 255 poses, the test pose among them; "
-        "root mean square errors after compensation, by the noise of the measurements alone [um]:"
+        "Root mean square errors after compensation, by the noise of the measurements alone [um]. "
+        f"{sampled} at 255 poses{size}, the test pose among them:"
     )
     return f"{text}\n\n{markdown_table(header, rows)}"
 
@@ -97,7 +98,7 @@ def by_size(run: StudyRun) -> str:
             cells.append(number(factor * other[main].iloc[0]) if len(other) else "-")
         rows.append([row["experiments"], *cells])
     header = ["experiments", f"optimised for {main}", "efficiency", "bound", *others]
-    text = f"{main} ({unit}), and the bound over {over(run)}:"
+    text = f"{main} [{unit}], and the bound over {over(run)}:"
     return f"{text}\n\n{markdown_table(header, rows)}"
 
 
@@ -178,7 +179,7 @@ def fewer_poses(run: StudyRun) -> str:
         ]
         rows.append([m, *cells, number(factor * values.iloc[-1]), enough])
     text = (
-        f"{main} ({unit}) of m experiments in at most k distinct poses, each measured as often as "
+        f"{main} [{unit}] of m experiments in at most k distinct poses, each measured as often as "
         "is best, and the loss against any number of poses. "
         f"Enough for a loss below {100 * WORTH:.0f} %: {', '.join(advice)}.\n"
     )
@@ -210,7 +211,7 @@ def in_each_task(found: TaskAccuracy, of: str = TOOL_POINT) -> str:
     header, rows = task_table(found)
     return (
         f"![Error to expect {place}]({PICTURE})\n\n"
-        f"Largest plan. {task_sentence(found, of)}\n\n{markdown_table(header, rows)}"
+        f"The largest plan. {task_sentence(found, of)}\n\n{markdown_table(header, rows)}"
     )
 
 
@@ -276,7 +277,7 @@ def relaxation_table(run: StudyRun) -> str:
                 unit,
                 *(f"{gap:.1e}" for gap in gaps),
                 len(relaxed.x),
-                relaxed.solver,
+                SOLVERS.get(relaxed.solver, relaxed.solver),
             ]
         )
     header = ["criterion", "value", "bound, proved", "bound, searched", "unit", "gap, proved"]
@@ -360,7 +361,7 @@ def verdict(run: StudyRun) -> str:
     sentences += [*_seen(run, row), *_on_limits(run, row)]
     return f"""{" ".join(sentences)}
 {_total(run)}
-Write the sheet for the day in the lab, and read it when it is filled in, as far as it is:
+Write the sheet for the day in the lab; identify when it is filled in, or as far as it is:
 
     edtk template STUDY.toml {file} --out day1.csv
     edtk identify STUDY.toml day1.csv --out day1
@@ -374,7 +375,7 @@ def _promise(run: StudyRun, row: "pd.Series", file: str) -> list[str]:
     size = row["experiments"]
     plural = "s" if size > 1 else ""
     value = f"{factor * row[main]:.4g}"
-    reached = f"{main} = {value} ({unit})"
+    reached = f"{main} = {value} {unit}".rstrip()
     if main == "rho0":
         reached = (
             f"rho0 = {value} {unit}: the error to expect {run.study.tasks.place} after "
@@ -397,12 +398,12 @@ def _total(run: StudyRun) -> str:
     budget = budget_of_run(run)
     if budget is None:
         return ""
-    assumed = assumed_besides(budget)
+    assumed = assumed_besides(budget, isinstance(run.designs, GeometryDesigns))
     besides = f". {assumed}" if assumed else ""
     return (
         f"\nExpect a **total error of {1e3 * budget.total:.2g} mm** {run.study.tasks.place} after "
-        f"compensation, and {1e3 * budget.uncompensated:.2g} mm without. What is measured makes "
-        f"{1e3 * budget.measured:.2g} mm of it{besides}.\n"
+        f"compensation, and {1e3 * budget.uncompensated:.2g} mm without. The measurements, with "
+        f"their load and tool, make {1e3 * budget.measured:.2g} mm of it{besides}.\n"
     )
 
 
@@ -415,7 +416,7 @@ def _others(run: StudyRun, row: "pd.Series") -> list[str]:
         others = plans[plans["experiments"] == row["experiments"]]
         if len(others):
             ratio = float(others[main].iloc[0] / row[main])
-            found.append(f"For the {kind} plan {main} is {ratio:.3f} times that value{better}.")
+            found.append(f"{main} of the {kind} plan is {ratio:.3f} times as large{better}.")
     return found
 
 

@@ -121,7 +121,10 @@ def _verdict(found: GeometricCalibration) -> str:
         first = f"{first} {_expected(found)}"
     of_tasks = []
     if found.budget is not None:
-        of_tasks = [total_expected(found.budget, found.in_tasks), *of_the_total(found.budget)]
+        of_tasks = [
+            total_expected(found.budget, found.in_tasks),
+            *of_the_total(found.budget, of_visits=True),
+        ]
     lines = [sentence(one.words) for one in found.findings]
     lines += [sentence(f"the study: {warning}") for warning in found.study.warnings]
     if not lines:

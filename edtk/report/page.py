@@ -35,7 +35,7 @@ h3 { font-size: 1rem; margin: .5rem 0; }
 .usable { border-color: var(--usable); }
 .bad { border-color: var(--bad); }
 section { display: grid; gap: .75rem 1.5rem; align-items: start;
-  grid-template-columns: repeat(auto-fit, minmax(min(100%, 26rem), 1fr)); }
+  grid-template-columns: repeat(auto-fit, minmax(min(100%, 32rem), 1fr)); }
 section > * { min-width: 0; margin-bottom: 0; }
 h2, section > p, .full { grid-column: 1 / -1; }
 section > p { margin: 0; }

@@ -26,6 +26,13 @@ def text_table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     return "\n".join(GAP.join(_cells(line, widths)).rstrip() for line in lines)
 
 
+def left_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """Lines of a table whose columns are all aligned to the left."""
+    lines = [header, *rows]
+    widths = [name_width(column, 0) for column in zip(*lines, strict=True)]
+    return ["".join(map(str.ljust, line, widths)).rstrip() for line in lines]
+
+
 def name_width(names: Iterable[str], least: int) -> int:
     """Width of a column of names at the left: `least`, or more where a name would fill it."""
     return max(least, *(len(name) + len(GAP) for name in names))

@@ -333,7 +333,7 @@ def test_commands_bring_the_markers_where_the_drawing_has_them(study: Path, tmp_
     assert header[:6] == NAMES
     assert header[-6:-4] == ["uncompensated_mm", "remaining_rms_mm"]
     assert header[-4:] == [*BAND_COLUMNS, *PART_COLUMNS]
-    assert "error of the markers [mm]   remaining rms (95 % band) [mm]" in told.summary()
+    assert "error of the markers before [mm]  after, rms [mm]" in told.summary()
     low, high = told.band.T
     assert ((low < told.remaining) & (told.remaining < high)).all()
     assert json.loads(json.dumps(told.to_dict()))["remaining_band"] == told.band.tolist()

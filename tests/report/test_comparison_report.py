@@ -38,15 +38,15 @@ def test_verdict_where_the_criterion_is_minimised(tmp_path, relaxed):
     assert "**Measure the 3 experiments of `plans/optimised_m3.csv`.**" in text
     assert "They reach rho0 = 7 um: the error to expect in the test pose" in text
     assert "efficiency of 90.0 %" in text
-    assert "For the random plan rho0 is 2.000 times that value." in text
+    assert "rho0 of the random plan is 2.000 times as large." in text
 
 
 def test_verdict_is_on_a_criterion_that_was_optimised(tmp_path, relaxed):
     """A study that only compares rho0 and optimises E is judged by E, for which a plan exists."""
     text = text_of(two_sizes(tmp_path, relaxed, "E"))
-    assert "They reach E = 5e+14 (SI)." in text
+    assert "They reach E = 5e+14 (N m/rad)^2." in text
     assert "efficiency of 80.0 %" in text
-    assert "For the random plan E is 0.500 times that value (larger is better)." in text
+    assert "E of the random plan is 0.500 times as large (larger is better)." in text
 
 
 def test_verdict_where_no_size_suffices(tmp_path, relaxed):
@@ -66,7 +66,7 @@ def test_relaxation_table_has_value_and_bounds_of_every_criterion(tmp_path, rela
         values = [plan.value, plan.proved_bound.value, plan.best_bound.value]
         shown = [float(cell) for cell in rows[name][:3]]
         np.testing.assert_allclose(shown, np.multiply(factor, values), rtol=5e-6)  # six digits
-        assert rows[name][-2:] == [str(len(plan.x)), plan.solver]
+        assert rows[name][-2:] == [str(len(plan.x)), "Newton"]
 
 
 def test_report_states_its_figure_its_study_and_every_plan(tmp_path, relaxed):

@@ -250,8 +250,10 @@ def test_places_that_candidates_do_not_have(x, expected):
 def test_a_study_is_drawn_in_its_test_poses() -> None:
     """The arm stands in the first test pose, others are lines, and an arrow is the load."""
     ax = STUDY.plot()
-    assert ax.get_title() == "KUKA KR 270 in its test pose; the arrow is the load there, 333 N"
+    assert ax.get_title() == "KUKA KR 270 in its test pose; the arrow is the load there, 332.9 N"
     tool = STUDY.task.model.robot.forward(STUDY.task.q)[:3, 3]
+    front = max(ax.lines, key=lambda line: line.get_zorder())  # the link does not hide it
+    np.testing.assert_allclose(np.ravel(front.get_data_3d()), tool, atol=1e-12)
     lines = [np.array(line.get_data_3d()).T for line in ax.lines]
     assert any(np.allclose(line[0], tool, atol=1e-9) for line in lines)
     pose = STUDY.to_dict()["test_pose"]

@@ -106,10 +106,10 @@ def test_the_report_speaks_of_geometry(found: StudyRun) -> None:
     assert "unknown geometry (zeros), tool, compliances of q1, q2: 6 parameters" in report
     assert "without a load, or with load F = (0, 0, -100) N" in report
     assert "| plan             | poses | without a load | loaded |" in report
-    assert "D (own units), and the bound" in report
+    assert "D [own units], and the bound" in report
     assert "for parameters in mm, mrad and 1e-6 rad/(N m)" in report
     assert "SI" not in report
-    assert "error by the noise alone: " in report
+    assert "by the noise of the measurements alone [um]" in report
 
 
 def test_a_run_that_was_killed_goes_on(

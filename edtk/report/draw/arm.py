@@ -14,6 +14,7 @@ DRUM = (0.028, 0.05)  # radius and half length of a joint, over the size of the 
 SIDES = {"revolute": 24, "prismatic": 4}  # of a drum's outline
 TRIAD = ("#c0392b", "#27ae60", "#2c5fb3")  # x, y and z of the tool
 TRIAD_LENGTH = 0.1  # over the size
+FRONT = 1e3  # order of what is drawn last: before all faces, which matplotlib sorts by depth
 BAR = "#8d96a0"
 BASE = "#4a4f55"
 
@@ -106,4 +107,5 @@ def _tool(frames: Frames, size: float, ax: Any) -> None:
     for colour, axis in zip(TRIAD, frames.rotation, strict=True):
         line = np.array([frames.position, frames.position + TRIAD_LENGTH * size * axis])
         ax.plot(*line.T, color=colour, linewidth=2.0)
-    ax.plot(*frames.position[:, None], marker="o", markersize=4, color=ORANGE, linestyle="")
+    point = frames.position[:, None]
+    ax.plot(*point, marker="o", markersize=4, color=ORANGE, linestyle="", zorder=FRONT)

@@ -50,6 +50,9 @@ ADVICE = {
     "drift": "measure unloaded and loaded readings shortly after each other",
     "repeatability": "repeat the measurements",
 }
+# Where a study lists the joints whose compliances it asks for.
+SPRINGS = "joints.unknown"
+SPRINGS_OF_VISITS = "parameters.compliance"
 # Where nothing is known of what springs leave out.
 UNSTATED = "plan with [noise] model_error_percent = {percent:g}, which tells friction from springs"
 # What differs where visits tell geometry: nothing is linear, and joints miss the tasks themselves.
@@ -69,10 +72,10 @@ def error_budget(found: ErrorBudget, of_visits: bool = False, planned: bool = Tr
         advice = advice | {"model": UNSTATED.format(percent=100 * found.assumed_share)}
     by = "by the load, " if of_visits and planned else ""
     parts = ", ".join(
-        f"{name.replace('_', ' ')} {1e3 * part:.2g}" for name, part in found.parts.items()
+        f"{name.replace('_', ' ')} {1e3 * part:.2g}" for name, part in found.parts.items() if part
     )
     without = f"  not in it: {NOT_IN_IT}\n" if found.absolute else ""
-    joints = "".join(f"  {line}\n" for line in assumed_joints(found))
+    joints = "".join(f"  {line}\n" for line in assumed_joints(found, of_visits))
     return (
         f"total expected error {1e3 * found.total:.2g} mm (root mean square), "
         f"{1e3 * found.uncompensated:.2g} mm {by}without compensation\n"
@@ -88,9 +91,11 @@ def budget_lines(
     return [] if found is None else [error_budget(found, of_visits, planned)]
 
 
-def assumed_joints(found: ErrorBudget) -> list[str]:
+def assumed_joints(found: ErrorBudget, of_visits: bool) -> list[str]:
     """A sentence for each joint that is not identified, and for the model, with their parts."""
-    lines = [assumed_joint(part) for part in found.joints if part.error > SHARE * found.total]
+    key = SPRINGS_OF_VISITS if of_visits else SPRINGS
+    counted = [part for part in found.joints if part.error > SHARE * found.total]
+    lines = [assumed_joint(part, key) for part in counted]
     if found.assumed_share and found.model > SHARE * found.total:
         lines.append(
             f"{1e3 * found.model:.2g} mm by bearings, links and friction, which springs of joints "
@@ -100,10 +105,10 @@ def assumed_joints(found: ErrorBudget) -> list[str]:
     return lines
 
 
-def assumed_besides(found: ErrorBudget) -> str:
+def assumed_besides(found: ErrorBudget, of_visits: bool = False) -> str:
     """What a report says of these beside what was measured; empty without any."""
-    lines = assumed_joints(found)
-    return f"Besides, it counts what is assumed: {'; '.join(lines)}" if lines else ""
+    lines = assumed_joints(found, of_visits)
+    return f"The rest is assumed: {'; '.join(lines)}" if lines else ""
 
 
 def total_expected(found: ErrorBudget, tasks: Tasks) -> str:
@@ -114,21 +119,27 @@ def total_expected(found: ErrorBudget, tasks: Tasks) -> str:
     )
 
 
-def of_the_total(found: ErrorBudget) -> list[str]:
+def of_the_total(found: ErrorBudget, of_visits: bool = False) -> list[str]:
     """What of the total was measured, and what rests on joints that nobody measured."""
-    assumed = assumed_besides(found).replace("+-", "\N{PLUS-MINUS SIGN}")
+    assumed = assumed_besides(found, of_visits).replace("+-", "\N{PLUS-MINUS SIGN}")
     if not assumed:
         return []
-    return [f"Of the total, what was measured makes {1e3 * found.measured:.2g} mm. {assumed}."]
+    made = f"{1e3 * found.measured:.2g} mm"
+    return [f"The measurements, with their load and tool, make {made} of the total. {assumed}."]
 
 
-def assumed_joint(part: JointPart) -> str:
-    """What is assumed of a joint, and what that makes of the error."""
+def assumed_joint(part: JointPart, key: str = SPRINGS) -> str:
+    """What is assumed of a joint, and what that makes of the error.
+
+    Args:
+        part: The joint.
+        key: The key of a study that lists the joints to identify.
+    """
     joint = part.joint
     error = f"{1e3 * part.error:.2g} mm"
     told = ""
     if part.told < joint.std:
-        told = f"; the measurements tell it to {part.told:.1g}: list it in joints.unknown"
+        told = f"; the measurements tell it to {part.told:.1g}: list it in {key}"
     if joint.rigid:
         size = f"{joint.std:.2g} rad/(N m)"
         rigid = f"which counts as rigid: {size} assumed, {joint.source}"
@@ -144,7 +155,7 @@ def judged_show(found: Judged) -> ShownPage:
 
 def calibration_text(found: Calibration) -> str:
     """Compliances, how well they fit, the accuracy to expect, and the verdict."""
-    lines = [*_compliances(found), *_fit(found), *_accuracy(found), *_rows(found)]
+    lines = [*_compliances(found), *_fit(found), *_rows(found), *_accuracy(found)]
     lines += extension_lines(found.extension)
     if found.check is not None:
         lines += ["posterior", found.check.summary()]
@@ -218,7 +229,8 @@ def _accuracy(found: Calibration) -> list[str]:
     if found.study.target is not None:
         value, (low, high) = found.fitted.noise_fit.accuracy(found.study.target)
         interval = f", with 95 % between {1e3 * low:.5g} and {1e3 * high:.5g} mm"
-        lines.append(f"rho0 {1e3 * value:.5g} mm{'' if low == high else interval}")
+        by = f"by the noise alone, {found.study.tasks.place}"
+        lines.append(f"rho0 {1e3 * value:.5g} mm {by}{'' if low == high else interval}")
     if found.budget is not None:
         lines.append(error_budget(found.budget))
     if found.study.target is not None:

@@ -12,7 +12,7 @@ from edtk.measure.expected_error import JointPart
 from edtk.measure.pose_table import ROW_COLUMN, pose_columns, pose_factors
 from edtk.report.figures import BLUE, ORANGE, panels
 from edtk.report.shown import plain
-from edtk.report.tables import notebook_table, number_columns
+from edtk.report.tables import notebook_table, text_table
 from edtk.report.views.calibration import MOST_LINES, assumed_joint
 from edtk.robots.frames import MM
 from edtk.system.typing import Array
@@ -24,17 +24,15 @@ SHIFT = 0.2  # of the two bars of a pose, which are twice as wide
 def compensation_text(found: Compensation) -> str:
     """A line for each task pose: the command, and the errors before and after."""
     shown = found.robot.shown(found.command) / pose_factors(found.robot)
-    numbers = [[f"{x:.5f}" for x in row] for row in shown]
-    columns, *commands = number_columns(pose_columns(found.robot), numbers, 12)
     errors = _errors(found)
-    header = "".join(f"   {name}" for name, _ in errors)
-    of = "" if found.left is None else " of the markers"
-    lines = [f"{'pose':>4}  {columns}   error{of} [mm]{header}"]
-    for i, command in enumerate(commands[:MOST_LINES]):
-        line = f"{found.rows[i] + 1:4}  {command}{1e3 * found.uncompensated[i]:13.4f}"
-        lines.append(line + "".join(f"   {texts[i]}" for _, texts in errors))
-    if len(commands) > MOST_LINES:
-        lines.append(f"... and {len(commands) - MOST_LINES} more, in --json or --out")
+    header = ["pose", *pose_columns(found.robot), *errors]
+    rows = [
+        [f"{row + 1}", *(f"{x:.5f}" for x in command), *texts]
+        for row, command, *texts in zip(found.rows, shown, *errors.values(), strict=True)
+    ]
+    lines = [text_table(header, rows[:MOST_LINES])]
+    if len(rows) > MOST_LINES:
+        lines.append(f"... and {len(rows) - MOST_LINES} more, in --json or --out")
     if found.remaining is None:
         lines.append(
             "the compliances come without a covariance: what errors of theirs leave is not known"
@@ -65,8 +63,6 @@ def corrected_program_text(found: CorrectedProgram) -> str:
 
 def _targets(found: CorrectedProgram) -> list[str]:
     """The table of what moved by how much."""
-    names = [one.target.literal.name for one in found.targets]
-    width = max(6, *map(len, names))
     columns = {
         "moved [mm]": MM * found.moved,
         "turned [deg]": np.rad2deg(found.turned),
@@ -74,15 +70,15 @@ def _targets(found: CorrectedProgram) -> list[str]:
         "error before [mm]": MM * found.before,
     }
     if found.remaining is not None:
-        columns["remaining rms [mm]"] = MM * found.remaining
-    lines = ["  ".join([f"{'line':>6}  {'target':<{width}}  {'kind':<6}", *columns])]
-    for i, one in enumerate(found.targets[:MOST_LINES]):
-        literal = one.target.literal
-        kind = "joints" if literal.joints else "pose"
-        numbers = [f"{values[i]:{len(name)}.4f}" for name, values in columns.items()]
-        lines.append("  ".join([f"{literal.line:6}  {names[i]:<{width}}  {kind:<6}", *numbers]))
-    if len(found.targets) > MOST_LINES:
-        lines.append(f"... and {len(found.targets) - MOST_LINES} more, in --json or --table")
+        columns["after, rms [mm]"] = MM * found.remaining
+    literals = [one.target.literal for one in found.targets]
+    rows = [
+        [str(one.line), one.name, "joints" if one.joints else "pose", *(f"{x:.4f}" for x in row)]
+        for one, *row in zip(literals, *columns.values(), strict=True)
+    ]
+    lines = [text_table(["line", "target", "kind", *columns], rows[:MOST_LINES])]
+    if len(rows) > MOST_LINES:
+        lines.append(f"... and {len(rows) - MOST_LINES} more, in --json or --table")
     return lines
 
 
@@ -97,25 +93,23 @@ def corrected_program_notebook(found: CorrectedProgram) -> str:
     return notebook_table(found.headline(), list(table.columns), rows, notes)
 
 
-def _errors(found: Compensation) -> list[tuple[str, list[str]]]:
-    """Headers and texts (t,) of the errors that are known, beside those before."""
-    columns = []
+def _errors(found: Compensation) -> dict[str, list[str]]:
+    """Texts (t,) of the errors before, and of those after that are known, by header."""
+    of = "" if found.left is None else " of the markers"
+    columns = {f"error{of} before [mm]": [f"{1e3 * x:.4f}" for x in found.uncompensated]}
     if found.remaining is not None:
-        texts = [f"{1e3 * x:.4g}" for x in found.remaining]
-        header = "remaining rms [mm]"
+        columns["after, rms [mm]"] = [f"{1e3 * x:.4g}" for x in found.remaining]
         if found.band is not None:
-            header = "remaining rms (95 % band) [mm]"
-            ends = [f" ({low:.4g} .. {high:.4g})" for low, high in 1e3 * found.band]
-            texts = [x + band for x, band in zip(texts, ends, strict=True)]
-        columns.append((header, texts))
+            columns["95 % band [mm]"] = [f"{a:.4g} .. {b:.4g}" for a, b in 1e3 * found.band]
     turned = {
         "rotation before [deg]": found.rotation_before,
-        "rotation rms [deg]": found.rotation,
+        "rotation after, rms [deg]": found.rotation,
     }
-    for name, angles in turned.items():
-        if angles is not None:
-            columns.append((name, [f"{x:.4g}" for x in np.rad2deg(angles)]))
-    return columns
+    return columns | {
+        name: [f"{x:.4g}" for x in np.rad2deg(angles)]
+        for name, angles in turned.items()
+        if angles is not None
+    }
 
 
 def _parts(found: Compensation) -> list[str]:
@@ -123,7 +117,7 @@ def _parts(found: Compensation) -> list[str]:
     if found.by_noise is None or found.remaining is None:
         return []
     noise = f"{1e3 * found.by_noise.max():.2g} mm"
-    first = f"what remains is the total of all that is uncertain; of it at most {noise} by noise"
+    first = f"the error after counts all that is uncertain; the noise alone makes {noise} at most"
     parts = [JointPart(joint, float(error.max())) for joint, error in found.by_joints]
     least = SHARE * found.remaining.max()
     return [first, *(assumed_joint(one) for one in parts if one.error > least)]

@@ -9,8 +9,8 @@ import criteria
 from edtk.calibration.planned import PlanBias
 from edtk.report.draw.names import name_ticks
 from edtk.report.figures import BLUE, panels
-from edtk.report.shown import shown_value
-from edtk.report.tables import name_width, notebook_table
+from edtk.report.shown import criterion_unit
+from edtk.report.tables import left_table, name_width, notebook_table, text_table
 from edtk.report.views.calibration import budget_lines
 from edtk.study.evaluate import Evaluation
 
@@ -21,15 +21,9 @@ def criteria_table(rows: Iterable[Mapping[str, Any]]) -> str:
     Args:
         rows: The answers of `Criterion.describe()`.
     """
-    described = list(rows)
-    first = name_width((row["name"] for row in described), 6)
-    title = name_width((row["title"] for row in described), 32)
-    lines = [f"{'name':{first}}{'sense':6}{'convex':8}{'title':{title}}formula"]
-    for row in described:
-        convex = "yes" if row["convex"] else "no"
-        name = f"{row['name']:{first}}{row['sense']:6}{convex:8}"
-        lines.append(f"{name}{row['title']:{title}}{row['formula']}")
-    return "\n".join(lines)
+    keys = ["name", "sense", "convex", "title", "formula"]
+    shown = ({**row, "convex": "yes" if row["convex"] else "no"} for row in rows)
+    return "\n".join(left_table(keys, ([row[key] for key in keys] for row in shown)))
 
 
 def families_table(rows: Iterable[Mapping[str, Any]]) -> str:
@@ -38,14 +32,9 @@ def families_table(rows: Iterable[Mapping[str, Any]]) -> str:
     Args:
         rows: The answers of `Criterion.describe()`, with the names as `parameters`.
     """
-    described = [{**row, "parameters": ", ".join(row["parameters"])} for row in rows]
-    first = name_width((row["name"] for row in described), 6)
-    title = name_width((row["title"] for row in described), 32)
-    formula = name_width((row["formula"] for row in described), 24)
-    lines = [f"{'name':{first}}{'sense':6}{'title':{title}}{'formula':{formula}}parameters"]
-    for row in described:
-        name = f"{row['name']:{first}}{row['sense']:6}{row['title']:{title}}"
-        lines.append(f"{name}{row['formula']:{formula}}{row['parameters']}")
+    keys = ["name", "sense", "title", "formula"]
+    cells = ([*(row[key] for key in keys), ", ".join(row["parameters"])] for row in rows)
+    lines = left_table([*keys, "parameters"], cells)
     return "\n".join(["With parameters, see `criterion` of a study:", *lines])
 
 
@@ -65,16 +54,27 @@ def evaluation_text(found: Evaluation) -> str:
 
 
 def criteria_lines(found: Evaluation) -> list[str]:
-    """A line for each criterion."""
-    labels = [found.labels.get(name, name) for name in found.criteria]
-    width = name_width([*labels, ""], 6)
-    lines = []
-    for label, (name, value) in zip(labels, found.criteria.items(), strict=True):
-        criterion = criteria.get(name)
-        factor, unit = criterion.shown
-        shown = f"{factor * value:.6g} {unit}"
-        lines.append(f"  {label:{width}}{criterion.sense:5}{shown:18}{criterion.formula}")
-    return lines
+    """A header, and a line for each criterion."""
+    return [f"  {line}" for line in left_table(*_criteria_rows(found))]
+
+
+def _criteria_rows(found: Evaluation) -> tuple[list[str], list[list[str]]]:
+    """Header and rows of the criteria."""
+    rows = [
+        [
+            found.labels.get(name, name),
+            criteria.get(name).sense,
+            _with_unit(found, name, value),
+            criteria.get(name).formula,
+        ]
+        for name, value in found.criteria.items()
+    ]
+    return ["criterion", "sense", "value", "formula"], rows
+
+
+def _with_unit(found: Evaluation, name: str, value: float) -> str:
+    """A value in the unit of its criterion, or in that of the parameters."""
+    return f"{criteria.get(name).shown[0] * value:.6g} {criterion_unit(name, found.units)}".rstrip()
 
 
 def deviation_lines(found: Evaluation, words: Iterable[str] | None = None) -> list[str]:
@@ -93,23 +93,13 @@ def deviation_lines(found: Evaluation, words: Iterable[str] | None = None) -> li
 
 def evaluation_notebook(found: Evaluation) -> str:
     """A row for each criterion, then a row for each standard deviation."""
-    values = [
-        [
-            found.labels.get(name, name),
-            shown_value(name, value, 6),
-            criteria.get(name).sense,
-            criteria.get(name).formula,
-        ]
-        for name, value in found.criteria.items()
-    ]
     deviations = [
         [name, f"{std:.4g}", unit]
         for name, std, unit in zip(found.names, found.std, found.units, strict=True)
     ]
     notes = [] if found.expected is None else [str(found.expected)]
     notes += budget_lines(found.error_budget)
-    header = ["criterion", "value", "sense", "formula"]
-    first = notebook_table(found.headline(), header, values, notes)
+    first = notebook_table(found.headline(), *_criteria_rows(found), notes)
     second = notebook_table("standard deviations", ["parameter", "std", "unit"], deviations)
     return f"{first}\n{second}"
 
@@ -137,19 +127,12 @@ def evaluation_plot(found: Evaluation, ax: Any = None) -> Any:
 
 def plan_bias_text(found: PlanBias) -> str:
     """A line for each parameter, and the error in the test pose."""
-    b = found.bias
-    width = name_width(found.parameters, 7)
     lines = [
         f"{found.experiments} experiments on the loaded equilibrium, identified with the linear "
         "model",
-        f"{'param':{width}}{'true':>11} {'bias':>11} {'std':>10} {'bias/std':>10} {'bias %':>9}",
+        text_table(*_bias_rows(found)),
+        f"true, bias and std in {found.unit}",
     ]
-    rows = zip(found.parameters, b.true, b.bias, b.std, b.in_std, b.percent, strict=True)
-    for name, true, bias, std, in_std, percent in rows:
-        lines.append(
-            f"{name:{width}}{true:11.4g} {bias:+11.3g} {std:10.4g} {in_std:+10.4g} {percent:+9.4g}"
-        )
-    lines.append(f"compliances in {found.unit}")
     if found.rho0 is not None and found.rho0_bias is not None:
         both = float(np.hypot(found.rho0, found.rho0_bias))
         place = f"{found.poses} test poses" if found.poses > 1 else "test pose"
@@ -160,21 +143,22 @@ def plan_bias_text(found: PlanBias) -> str:
     return "\n".join(lines)
 
 
-def plan_bias_notebook(found: PlanBias) -> str:
-    """A row for each compliance."""
+def _bias_rows(found: PlanBias) -> tuple[list[str], list[list[str]]]:
+    """Header and a row for each compliance."""
+    b = found.bias
     rows = [
-        [name, f"{true:.4g}", f"{bias:+.3g}", f"{std:.3g}", f"{in_std:+.3g}"]
-        for name, true, bias, std, in_std in zip(
-            found.parameters,
-            found.bias.true,
-            found.bias.bias,
-            found.bias.std,
-            found.bias.in_std,
-            strict=True,
+        [name, f"{true:.4g}", f"{bias:+.3g}", f"{std:.4g}", f"{in_std:+.3g}", f"{percent:+.3g}"]
+        for name, true, bias, std, in_std, percent in zip(
+            found.parameters, b.true, b.bias, b.std, b.in_std, b.percent, strict=True
         )
     ]
-    header = ["parameter", f"true [{found.unit}]", "bias", "std", "bias/std"]
-    return notebook_table(found.headline(), header, rows)
+    return ["parameter", "true", "bias", "std", "bias/std", "bias [%]"], rows
+
+
+def plan_bias_notebook(found: PlanBias) -> str:
+    """The rows of the text."""
+    notes = [f"true, bias and std in {found.unit}"]
+    return notebook_table(found.headline(), *_bias_rows(found), notes)
 
 
 def plan_bias_plot(found: PlanBias, ax: Any = None) -> Any:

@@ -465,7 +465,7 @@ def exact_plan_notebook(found: ExactPlan) -> str:
     table = whole.to_frame(found.relaxed.space.workspace.robot)
     kept = 0 if found.kept is None else len(found.kept.q)
     rows = [
-        [i + 1, "kept" if i < kept else "new", *(f"{value:.6g}" for value in row)]
+        [f"{i + 1}{', kept' if i < kept else ''}", *(f"{value:.6g}" for value in row)]
         for i, row in enumerate(table.to_numpy())
     ]
     kind = found.lower_bound.kind.value
@@ -477,7 +477,7 @@ def exact_plan_notebook(found: ExactPlan) -> str:
     notes += [line.strip() for line in (*seen(found), *placed(found), *on_candidates(found))]
     if found.expected is not None:
         notes.append(str(found.expected))
-    return notebook_table(found.headline(), ["pose", "", *table.columns], rows, notes)
+    return notebook_table(found.headline(), ["pose", *table.columns], rows, notes)
 
 
 def exact_plan_plot(found: ExactPlan, ax: Any = None) -> Any:

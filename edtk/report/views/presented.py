@@ -12,8 +12,10 @@ def presented_text(result: Presented) -> str:
 
 
 def presented_notebook(result: Presented) -> str:
-    """The headline, and the text for terminals in a fixed-width font."""
-    return f"<p><b>{escape(result.headline())}</b></p>\n<pre>{escape(result.summary())}</pre>"
+    """The headline, and what else the text for terminals says in a fixed-width font."""
+    head, text = result.headline(), result.summary()
+    rest = "" if text == head else f"\n<pre>{escape(text)}</pre>"
+    return f"<p><b>{escape(head)}</b></p>{rest}"
 
 
 def presented_plot(result: Presented, ax: Any = None, **options: Any) -> NoReturn:

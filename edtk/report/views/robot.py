@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from edtk.fit.controller.find_controller import FoundController
 from edtk.fit.controller.ways_to_count import Counted
 from edtk.measure.pose_table import pose_factors
-from edtk.report.draw.arm import COLOURS, arm
+from edtk.report.draw.arm import COLOURS, TRIAD, arm
 from edtk.report.draw.names import joint_labels
 from edtk.report.figures import BLUE, GREY, ORANGE
 from edtk.report.show.page import ShownPage
@@ -25,6 +25,7 @@ from edtk.system.typing import Array
 MARGIN = 0.12  # around the arm, over its size
 VIEW = (22.0, -58.0)  # elevation and azimuth from which it is seen [deg]
 SIZE = (10.0, 5.6)  # [inch]
+ROUND = 0.8  # ratio of the ways to both sides from which a reach looks alike from each
 ARM = "#30343a"
 QUARTER = 90.0  # [deg]
 NEAR_QUARTER = 1.0  # [deg]: a zero so near to a quarter turn may be meant as that
@@ -132,6 +133,7 @@ def _legend(result: Robot, ax: Any) -> None:
     }
     if result.tied:
         entries["follows another joint"] = ("o", GREY)
+    entries |= {f"{name} of the tool": ("_", c) for name, c in zip("xyz", TRIAD, strict=True)}
     entries["tool point"] = ("o", ORANGE)
     handles = [
         Line2D([], [], marker=marker, color=colour, linestyle="", label=label)
@@ -141,12 +143,13 @@ def _legend(result: Robot, ax: Any) -> None:
 
 
 SOURCES = {"URDF": "URDF", "typed": "the robot's file", "default": "default, about"}
+LEVERS = "levers: the largest of a force at the tool point, in any direction and vertical"
 
 
 def robot_overview_text(found: RobotOverview) -> str:
     """The joints, a line each, and sentences about reach, mass and loads."""
     robot = found.robot
-    lines = [robot.name, text_table(*overview_rows(found)), ""]
+    lines = [robot.name, text_table(*overview_rows(found)), LEVERS, ""]
     lines += motors_in_words(robot)
     lines += [f"{tied.name} {_tie(found, tied.name)}" for tied in robot.tied]
     limits = {joint.name: joint.limits for joint in robot.joints}
@@ -165,7 +168,7 @@ def overview_rows(found: RobotOverview) -> tuple[list[str], list[list[str]]]:
     The lever is that of a force at the tool point; a joint that slides takes a share of the force.
     """
     robot = found.robot
-    header = ["joint", "type", "axis at zero", "limits", "lever of a load", "of a vertical one"]
+    header = ["joint", "type", "axis at zero", "limits", "lever, any load", "vertical load"]
     factors = pose_factors(robot)
     rows = []
     axes = robot.frames([0.0] * robot.n).axes
@@ -186,7 +189,7 @@ def overview_rows(found: RobotOverview) -> tuple[list[str], list[list[str]]]:
             row.append(_lever(lever, joint.kind) if lever > least else "none")
         rows.append(row)
     if found.own_weight is not None:
-        header += ["own weight", "mass"]
+        header += ["by own weight", "mass"]
         masses = dict(zip(robot.body_names, robot.links, strict=True))
         for row, weight, joint in zip(rows, found.own_weight, robot.joints, strict=True):
             unit = "N" if joint.kind == "prismatic" else "N m"
@@ -314,8 +317,11 @@ def robot_overview_plot(found: RobotOverview, ax: Any = None) -> Any:
     side = figure.add_subplot(grid[0, 1])
     above = figure.add_subplot(grid[1, 1])
     points = found.tool_points
-    # The side from which the tool point is seen to move more.
-    widest = int(np.ptp(points[:, :2], axis=0).round(6).argmax())
+    # The side from which the tool point is seen to move more, or else the arm is seen.
+    spread = np.ptp(points[:, :2], axis=0)
+    if spread.min() > ROUND * spread.max():
+        spread = np.ptp(_chain(found.robot)[:, :2], axis=0)
+    widest = int(spread.round(6).argmax())
     _view(found, (widest, 2), side)
     _view(found, (0, 1), above)
     side.set(xlabel=f"{'xy'[widest]} [m]", ylabel="z [m]")
@@ -325,11 +331,15 @@ def robot_overview_plot(found: RobotOverview, ax: Any = None) -> Any:
     return np.array([space, side, above])
 
 
+def _chain(arm: Robot) -> Array:
+    """Points (n + 2, 3) from the base to the tool, at zero or the limits nearest to it [m]."""
+    frames = arm.frames(np.clip(0.0, *arm.limits))
+    return np.vstack([arm.base[:3, 3], frames.origins, frames.position])
+
+
 def _view(found: RobotOverview, axes: tuple[int, int], ax: Any) -> None:
     """Tool points of all poses as two of the world's axes show them, before them the arm."""
-    arm = found.robot
-    frames = arm.frames(np.clip(0.0, *arm.limits))
-    chain = np.vstack([arm.base[:3, 3], frames.origins, frames.position])[:, list(axes)]
+    chain = _chain(found.robot)[:, list(axes)]
     ax.plot(
         *found.tool_points[:, list(axes)].T,
         ".",

@@ -7,11 +7,11 @@ import numpy as np
 from edtk.measure.expected_error import ErrorBudget
 from edtk.measure.task import Task
 from edtk.report.draw.plans import criterion_by_size
-from edtk.report.figures import BLUE, GREY, ORANGE, panels
+from edtk.report.figures import GREY, ORANGE, panels
 from edtk.report.shown import plain, shown_value
 from edtk.report.tables import notebook_table, percent, text_table
 from edtk.report.views.calibration import error_budget
-from edtk.report.views.robot import fit_axes, robot_plot
+from edtk.report.views.robot import ARM, fit_axes, robot_plot
 from edtk.robots.robot import motors_in_words
 from edtk.study.schema import describe_noise
 from edtk.study.study import Study
@@ -130,8 +130,8 @@ def study_plot(result: Study, ax: Any = None) -> Any:
     arrow = _arrow(first, size)
     load = ""
     if arrow is not None:
-        load = f"; the arrow is the load there, {np.linalg.norm(first.wrench[:3]):.3g} N"
-        ax.quiver(*points[0][-1], *arrow, color=BLUE, linewidth=2.0)
+        load = f"; the arrow is the load there, {np.linalg.norm(first.wrench[:3]):.4g} N"
+        ax.quiver(*points[0][-1], *arrow, color=ARM, linewidth=2.0)
         every = np.vstack([every, points[0][-1] + arrow])
     fit_axes(every, ax)
     several = "" if len(tasks) == 1 else f", {len(tasks)} of them"
