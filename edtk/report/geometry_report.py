@@ -230,11 +230,15 @@ def _noise(found: GeometricCalibration) -> str:
     )
     if not joints and not noise.model_white and not noise.model_turn:
         return f"{text} The residuals show nothing beyond that."
-    also = f" and {_degrees(noise.model_turn)}" if noise.model_turn else ""
+    sizes = {
+        f"joints erred by up to {joints:.2g} mrad": joints,
+        f"each coordinate by {noise.model_white:.2g} mm": noise.model_white,
+        f"orientations by {_degrees(noise.model_turn or 0.0)}": noise.model_turn,
+    }
     return (
-        f"{text} The model leaves out more: it is as if joints erred by up to {joints:.2g} mrad "
-        f"and each coordinate by {noise.model_white:.2g} mm{also}, differently in each pose. Bands "
-        "of predictions include it."
+        f"{text} The model leaves out more: it is as if "
+        f"{' and '.join(words for words, size in sizes.items() if size)}, differently in each "
+        "pose. Bands of predictions include it."
     )
 
 
