@@ -90,7 +90,7 @@ def by_size(run: StudyRun) -> str:
         bound = run.bound(row["experiments"])
         cells = [
             number(factor * row[main]),
-            percent(row[f"efficiency_{main}"]),
+            "-" if row["reason"] else percent(row[f"efficiency_{main}"]),
             "-" if bound is None else number(factor * bound.value),
         ]
         for plans in others.values():
@@ -162,9 +162,12 @@ def fewer_poses(run: StudyRun) -> str:
     """A table of the loss by the number of distinct poses, and the number that suffices."""
     main = run.study.main_criterion
     factor, unit = run_unit(run, main)
-    some = run.table[(run.table["kind"] == "distinct") & run.table[main].notna()]
+    asked = run.table[run.table["kind"] == "distinct"]
+    some = asked[asked[main].notna()]
     if some.empty:
-        return "No size allows fewer distinct poses.\n"
+        return (
+            f"{'No size allows' if asked.empty else 'No plan was found of'} fewer distinct poses.\n"
+        )
     numbers = sorted(some["distinct_at_most"].unique())
     rows = []
     advice = []

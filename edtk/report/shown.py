@@ -148,7 +148,7 @@ def other_plans(table: "pd.DataFrame") -> dict[str, "pd.DataFrame"]:
     labels = [_label(row["plan"], row["experiments"]) for _, row in published.iterrows()]
     groups = {
         label: published[np.array([other == label for other in labels], dtype=bool)]
-        for label in dict.fromkeys(labels or ["published"])
+        for label in dict.fromkeys(labels)
     }
     return groups | {"random": plans_of(table, "random")}
 

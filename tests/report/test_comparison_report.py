@@ -116,3 +116,16 @@ def test_a_title_brings_no_html(tmp_path, relaxed):
     text = text_of(replace(run, study=run.study.replace(title=odd)))
     assert "<" not in text
     assert text.startswith("# &lt;script>alert(1)&lt;/script> !\\[x](http://a.b) \\`c\\`\n")
+
+
+def test_a_plan_that_was_not_begun_has_no_efficiency(tmp_path, relaxed):
+    """Where the time was over, cells are dashes, and nobody is told that sizes allow nothing."""
+    run = other_criteria(tmp_path, relaxed)
+    table = run.table.copy()
+    gone = (table["kind"] == "distinct") | (table["plan"] == "plan_1")
+    table.loc[gone, "reason"] = "the time was over before it was searched for"
+    table.loc[gone, ["rho0", "E"]] = np.nan
+    text = text_of(replace(run, table=table))
+    best = rows_of(text.split("## Which plan is best")[1].split("##")[0])
+    assert best["4"][:2] == ["-", "-"]
+    assert "No plan was found of fewer distinct poses." in text
