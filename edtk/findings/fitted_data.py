@@ -37,7 +37,7 @@ from edtk.fit.correlated_noise import (
     whiten_columns,
     whole_groups,
 )
-from edtk.fit.distributions import student_quantile
+from edtk.fit.distributions import chi_square_tail, student_quantile
 from edtk.fit.equilibrium import LinearisedData, NoFitError, fit_equilibrium, linearise
 from edtk.fit.estimate_noise import NoiseEstimate, estimate_noise, visit_residuals
 from edtk.fit.fit_huber import huber_weights
@@ -550,6 +550,30 @@ class FittedData:
     def structural_causes(self) -> tuple[Cause, ...]:
         """The causes without that of a noise of another size."""
         return tuple(cause for cause in self.causes if cause.cause != NOISE)
+
+    @cached_property
+    def as_doubted(self) -> float:
+        """Probability that noise leaves such residuals beside what the study doubts.
+
+        It doubts the direction of loads, the tool point and a drift, each by a standard deviation,
+        and so do the readings by columns K of unit variance. What is left of the whitened residuals
+        is ``min_k,u |z - A k - K u|^2 + |u|^2``, of as many degrees of freedom as without K
+        (Henderson 1950). Zero where that is not known, or noise was taken into account that
+        repetitions share.
+        """
+        if self.model_error is None or self.common_noise or not self.fit.dof:
+            return 0.0
+        known = self.model_error.shown.known
+        columns = whiten_columns(np.concatenate([self.A, known], axis=-1), self.noise)
+        X = columns.reshape(-1, columns.shape[-1])
+        z = whiten(self.measured - self.A @ self.fit.unbounded, self.noise).ravel()
+        p, doubts = self.A.shape[-1], known.shape[-1]
+        size = np.linalg.norm(X[:, :p], axis=0)
+        X[:, :p] /= np.where(size > 0, size, 1.0)
+        given = np.eye(doubts, p + doubts, p)
+        solved, *_ = np.linalg.lstsq(np.vstack([X, given]), np.append(z, np.zeros(doubts)))
+        left = np.sum((z - X @ solved) ** 2) + np.sum(solved[p:] ** 2)
+        return float(chi_square_tail(left, self.fit.dof))
 
     @cached_property
     def linear_regressor(self) -> Array:

@@ -70,7 +70,7 @@ def cause_findings(fitted: FittedData) -> Iterator[Finding]:
 
 def no_cause_findings(fitted: FittedData) -> Iterator[Finding]:
     """A misfit that no fault explains, with what was not measured that would tell more of it."""
-    if not fitted.found_causes.unexplained:
+    if not fitted.found_causes.unexplained or _is_as_doubted(fitted):
         return
     data = fitted.data
     repeated = len(np.unique(data.places)) < len(data)
@@ -243,6 +243,8 @@ def noise_findings(fitted: FittedData) -> Iterator[Finding]:
     caused = bool(fitted.structural_causes or found.outliers or found.unexplained)
     counted = _is_counted(fitted)
     data = {"scale": scale, "p": p, "unexplained": unexplained, "caused": caused}
+    if _is_as_doubted(fitted):
+        data["doubted"] = fitted.as_doubted
     large = p < UNLIKELY_NOISE if fit.known else p < IMPOSSIBLE
     small = p > 1 - IMPOSSIBLE
     if large and fit.known:
@@ -262,9 +264,12 @@ def _is_counted(fitted: FittedData) -> bool:
     """Whether what explains the misfit counts in what is expected of commands.
 
     It is the robot's own, which expected error and bands have as an error of the model; or a load
-    or tool that is off by no more than the study says that it may be. Then the result can be used
-    as far as it promises. A sheet that is wrong itself has another cause, or none.
+    or tool that is off by no more than the study says that it may be, by themselves or together.
+    Then the result can be used as far as it promises. A sheet that is wrong itself has another
+    cause, or none.
     """
+    if _is_as_doubted(fitted):
+        return True
     first = next(iter(fitted.structural_causes), fitted.found_causes.possible)
     if first is None or first.explained < MOSTLY:
         return False
@@ -272,6 +277,11 @@ def _is_counted(fitted: FittedData) -> bool:
         stated = getattr(fitted.study.specification.uncertainty, STATED[first.cause])
         return first.size <= AS_STATED * stated
     return fitted.model_error is not None and FAULTS[first.cause].in_tasks
+
+
+def _is_as_doubted(fitted: FittedData) -> bool:
+    """Whether noise and what the study doubts leave such residuals."""
+    return fitted.as_doubted > UNLIKELY_NOISE
 
 
 def left_out_findings(
@@ -316,6 +326,12 @@ def _noise_above_sigma(data: Data) -> str:
     p = data["p"]
     likely = f"p {shown_probability(p, 1)}"
     scale = f"{data['scale']:.3g}"
+    if "doubted" in data:
+        return (
+            f"the residuals are {scale} times what the stated noise allows ({likely}), and what it "
+            "allows beside load direction, tool and drift that are as uncertain as the study says "
+            f"(p {shown_probability(data['doubted'], 1)}): the expected error counts these"
+        )
     if data.get("counted"):
         return (
             f"the residuals are {scale} times what the stated noise allows ({likely}); the "
