@@ -6,11 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from readings import PLAN, STUDY, measured, readings_of
+from scipy.spatial.transform import Rotation
 from scipy.stats import binom
 
+from edtk.design.candidate_source import sample_feasible
 from edtk.design.plan import Plan
 from edtk.findings.finding import Severity
 from edtk.findings.fitted_data import FittedData, HowFitted
+from edtk.findings.noise import UNLIKELY_NOISE
 from edtk.findings.springs import spring_findings
 from edtk.fit.least_squares import estimate
 from edtk.fit.measurements import Measurements, simulate
@@ -365,3 +368,30 @@ def test_too_much_is_no_noise(size, severity):
     (one,) = [d for d in told if d.kind == "lack_of_fit"]
     assert one.severity is severity
     assert ("too much for noise" in one.words) is (severity is ALARM)
+
+
+def turned_load(seed, deg):
+    """Readings of twelve poses under a load that is turned by some degrees about each axis."""
+    u = sample_feasible(STUDY.space, 12, (seed, 1))
+    q, wrench = u[:, : STUDY.robot.n], np.array(STUDY.space.load.wrench(u[:, STUDY.robot.n :]))
+    R = Rotation.from_rotvec(np.deg2rad(deg) * np.random.default_rng(seed).standard_normal(3))
+    acts = np.hstack([R.apply(wrench[:, :3]), R.apply(wrench[:, 3:])])
+    return replace(readings_of(q, acts, seed), wrench=wrench)
+
+
+def test_a_load_as_uncertain_as_stated_is_no_fault():
+    """A load that is turned as the study doubts makes no result bad; one turned by far is said.
+
+    What is left beside what the study doubts has uniform probabilities.
+    """
+    stated = STUDY.specification.uncertainty.load_direction_deg
+    as_doubted = [FittedData.of(STUDY, turned_load(seed, stated)) for seed in range(12)]
+    assert min(one.as_doubted for one in as_doubted) > UNLIKELY_NOISE / 12
+    assert 0.25 < np.mean([one.as_doubted for one in as_doubted]) < 0.75
+    counted = [one for one in as_doubted if one.as_doubted > UNLIKELY_NOISE]
+    assert any(one.fit.scale > 1.5 for one in counted)
+    worst = [said.severity for one in counted for said in spring_findings(one)]
+    assert ALARM not in worst
+    far = FittedData.of(STUDY, turned_load(3, 10 * stated))
+    assert far.as_doubted < 1e-9
+    assert any(one.severity == ALARM for one in spring_findings(far))
