@@ -1,6 +1,6 @@
 """Readings that are off by more than noise and the errors of a model that the others show."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -28,6 +28,9 @@ class BesideModel:
     noise: RowNoise
     columns: MissingColumns
     usual: float
+    _inverses: dict[float, list[tuple[Indices, Array]]] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     def __getitem__(self, rows: Indices) -> "BesideModel":
         """Some of the measurements."""
@@ -51,10 +54,11 @@ class BesideModel:
         best = np.array([posterior.likeliest])
         sizes, scales = posterior.sizes[best][0], posterior.scales(best)[0]
         y = self._less_means(sizes, scales)
-        own, BX, gain, By = self._weighed(sizes, scales, y[..., None])
-        P = own - np.einsum("mrc,cms->mrs", BX, gain)
-        Py = By[..., 0] - np.einsum("mrc,c->mr", BX, np.einsum("cmr,mr->c", gain, y))
-        return int(_chances(P, Py, self._std).argmin())
+        own, BX, gain, By = self._weighed(sizes, scales, y.reshape(-1, 1))
+        of_row = np.moveaxis(gain.reshape(-1, *y.shape), 0, 1)
+        P = own - BX.reshape(*y.shape, -1) @ of_row
+        Py = By[:, 0] - BX @ (gain @ y.ravel())
+        return int(_chances(P, Py.reshape(y.shape), self._std).argmin())
 
     def chances(self, rows: Indices, posterior: SizePosterior) -> Array:
         """Probabilities (a,) of readings as far from what the rest predicts, without all of them.
@@ -72,13 +76,12 @@ class BesideModel:
         m, rows = self.measured.shape
         units = np.zeros((m, rows, len(aside), rows))
         units[aside, :, range(len(aside))] = self._std[aside, :, None] * np.eye(rows)
-        E = units.reshape(m, rows, -1)
+        E = units.reshape(m * rows, -1)
         _, BX, gain, BE = self._weighed(sizes, scales, E)
-        P = np.einsum("mra,mrb->ab", E, BE)
-        P -= np.einsum("mra,mrc->ac", E, BX) @ np.einsum("cmr,mrb->cb", gain, E)
-        measured = self._less_means(sizes, scales)
-        y = np.einsum("mra,mr->a", BE, measured)
-        y -= np.einsum("mra,mrc->ac", E, BX) @ np.einsum("cmr,mr->c", gain, measured)
+        measured = self._less_means(sizes, scales).ravel()
+        shown = E.T @ BX
+        P = E.T @ BE - shown @ (gain @ E)
+        y = BE.T @ measured - shown @ (gain @ measured)
         inverse = np.linalg.pinv(P, rcond=DETERMINED, hermitian=True)
         of_row = np.einsum("aras->ars", inverse.reshape(len(aside), rows, len(aside), rows))
         own = np.linalg.pinv(of_row, rcond=DETERMINED, hermitian=True)
@@ -100,34 +103,52 @@ class BesideModel:
     ) -> tuple[Array, Array, Array, Array]:
         """What readings weigh where pieces are of some sizes (3,), shared columns of some (c,).
 
+        Args:
+            sizes: Those of the pieces.
+            scales: Those of the shared columns.
+            others: Other columns (m rows, c).
+
         Returns:
-            Inverse covariances B (m, rows, rows) of readings; ``B X`` (m, rows, w) of the columns X
-            of pieces and springs; ``(X'BX)^-1 X'B`` (w, m, rows), with the prior of the pieces; and
-            ``B`` times other columns (m, rows, c).
+            Inverse covariances B (m, rows, rows) of readings; ``B X`` (m rows, w) of the columns X
+            of pieces and springs; ``(X'BX)^-1 X'B`` (w, m rows), with the prior of the pieces; and
+            ``B`` times other columns (m rows, c).
         """
         m, rows, p = self.A.shape
-        pieces = self.columns.pieces
-        shared = pieces.shared(sizes[1]) * scales
+        shared = self.columns.pieces.shared(sizes[1]) * scales
         scale = np.sqrt(np.square(self.A).sum(axis=(0, 1)))
         X = np.concatenate([shared, self.columns.known, self.A / scale], axis=-1)
-        every = np.concatenate([X, others], axis=-1)
-        noise = CorrelatedNoise.of_any(self.noise, (m, rows))
+        X = X.reshape(m * rows, -1)
+        every = np.concatenate([X, others], axis=1).reshape(m, rows, -1)
         own = np.empty((m, rows, rows))
         weighed = np.empty(every.shape)
-        for members in groups_by_size(self.columns.pose):
+        for members, B in self._inverse_noise(float(sizes[2])):
             g, s = members.shape
-            T = sizes[2] * pieces.turns[members].reshape(g, s * rows, -1)
-            V = noise.among(members).reshape(g, s * rows, -1) + T @ np.swapaxes(T, 1, 2)
-            B = np.linalg.inv(V)
             here = B @ every[members].reshape(g, s * rows, -1)
             weighed[members] = here.reshape(g, s, rows, -1)
             own[members] = np.einsum("girit->girt", B.reshape(g, s, rows, s, rows))
-        w = X.shape[-1]
-        M = np.einsum("mrc,mrd->cd", X, weighed[..., :w])
+        w = X.shape[1]
+        weighed = weighed.reshape(m * rows, -1)
+        M = X.T @ weighed[:, :w]
         of_pieces = range(w - p)
         M[of_pieces, of_pieces] += 1.0
-        gain = np.linalg.solve(M, np.moveaxis(weighed[..., :w], -1, 0).reshape(w, -1))
-        return own, weighed[..., :w], gain.reshape(w, m, rows), weighed[..., w:]
+        return own, weighed[:, :w], np.linalg.solve(M, weighed[:, :w].T), weighed[:, w:]
+
+    def _inverse_noise(self, turn: float) -> list[tuple[Indices, Array]]:
+        """Rows (g, s) of poses, and inverse covariances (g, s rows, s rows) of these rows.
+
+        They are of noise and of turns of one size, which many possibilities share.
+        """
+        if turn not in self._inverses:
+            rows = self.measured.shape[1]
+            noise = CorrelatedNoise.of_any(self.noise, self.measured.shape)
+            found = []
+            for members in groups_by_size(self.columns.pose):
+                g, s = members.shape
+                T = turn * self.columns.pieces.turns[members].reshape(g, s * rows, -1)
+                V = noise.among(members).reshape(g, s * rows, -1) + T @ np.swapaxes(T, 1, 2)
+                found.append((members, np.linalg.inv(V)))
+            self._inverses[turn] = found
+        return self._inverses[turn]
 
 
 def _chances(P: Array, Py: Array, std: Array) -> Array:
