@@ -152,14 +152,13 @@ class ErringChain:
 
     def by_each(self, placed: PlacedChain, points: Array) -> Array:
         """Derivatives (m, k, 3, N) of points on the tool by each joint [m/rad, or 1]."""
-        m, k = points.shape[:2]
-        D = np.empty((self.n, m, k, 3))
-        for j, joint in enumerate(self.robot.chain):
-            axis = placed.turned[j] @ joint.axis
-            if self.slides[j]:
-                D[j] = axis[:, None]
-            else:
-                D[j] = vector_product(axis[:, None], points - placed.origins[j][:, None])
+        along = [
+            turned @ joint.axis
+            for turned, joint in zip(placed.turned, self.robot.chain, strict=True)
+        ]
+        axes = np.stack(along)[:, :, None]
+        D = vector_product(axes, points - placed.origins[:, :, None])
+        D[self.slides] = axes[self.slides]
         return np.moveaxis(D, 0, -1)
 
     def turns_by_each(self, placed: PlacedChain) -> Array:
@@ -626,9 +625,8 @@ class MeasuredModel:
         """Motions of the base (6,), before the joints (N, 6) and of the tools (k, 6)."""
         sizes = {"base": 1, "joint": self.chain.n, "tool": len(self.markers)}
         motions = {place: np.zeros(6 * size) for place, size in sizes.items()}
-        for one, value in zip(self.parameters, theta, strict=True):
-            if one.is_motion:
-                motions[one.place][self._place_of(one)] = value
+        for place, (own, at) in self._moving.items():
+            motions[place][at] = theta[own]
         tools = motions["tool"].reshape(-1, 6)[list(self.places)]
         return motions["base"], motions["joint"].reshape(-1, 6), tools
 
@@ -664,11 +662,20 @@ class MeasuredModel:
         bends = R @ left_jacobian(base[3:])
         D = np.zeros((*levers.shape[:2], self.row_count, 6))
         D[..., :3, :3] = R
-        for c in range(3):
-            D[..., :3, 3 + c] = vector_product(bends[:, c], levers)
+        D[..., :3, 3:] = np.swapaxes(vector_product(bends.T, levers[:, :, None]), 2, 3)
         if self.row_count == 6:
             D[..., 3:, 3:] = bends
         return D
+
+    @cached_property
+    def _moving(self) -> dict[str, tuple[Indices, Indices]]:
+        """Parameters that are motions of base, joints or tools, and where each is among these."""
+        found = {}
+        for place in ("base", "joint", "tool"):
+            own = [i for i, one in enumerate(self.parameters) if one.place == place]
+            at = [self._place_of(self.parameters[i]) for i in own]
+            found[place] = (np.array(own, dtype=int), np.array(at, dtype=int))
+        return found
 
     @cached_property
     def _columns_of_all(self) -> Indices:
@@ -691,10 +698,9 @@ class MeasuredModel:
         some = np.flatnonzero((tools < self.p).any(axis=0))
         shape = moved["joint"].shape[:3]
         part = np.zeros((*shape, len(every) + len(some)))
-        for at, i in enumerate(every):
-            one = self.parameters[i]
-            if one.is_motion:
-                part[..., at] = moved[one.place][..., self._place_of(one)]
+        for place in ("base", "joint"):
+            own, at = self._moving[place]
+            part[..., np.searchsorted(every, own)] = moved[place][..., at]
         # A place that is no parameter moves nothing here.
         of_tools = moved["tool"][..., some] * (tools[:, None, some] < self.p)
         part[..., len(every) :] = of_tools
