@@ -8,7 +8,7 @@ import numpy as np
 from edtk.findings.gross_errors import DEGREE, FAR, distances, points_at
 from edtk.fit.controller.find_controller import MOST_JOINTS
 from edtk.fit.marker_positions import MarkerPositions
-from edtk.fit.place_robot import LinearStart, linear_start, rigid_motion
+from edtk.fit.place_robot import LinearStart, linear_misfits, linear_start, rigid_motion
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array
 
@@ -21,6 +21,9 @@ BEYOND_FIT = 10.0  # times the distance of the best way: a visit farther off doe
 KEPT_VISITS = 0.75  # of the visits place the robot where a few may be wrong
 PLACING_TURNS = 5  # of placing it and of choosing these visits
 MOST_WAYS = 24  # ways to count that are looked at with a part of the visits
+AT_ONCE = 100  # of all ways: more are no faster, and take their memory
+# Of the size of all positions: two misfits by normal equations that differ by less may be alike.
+MISFIT_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +75,7 @@ def placed_by_most(robot: Robot, data: MarkerPositions, matrix: Array | None = N
         local = flange[:, None, :3, 3] + np.einsum("mij,kj->mki", flange[:, :3, :3], start.tools)
         x = data.measured / start.scale
         apart = x - local @ start.base[:3, :3].T
-        squares = ((apart - np.nanmedian(apart, axis=(0, 1))) ** 2).sum(axis=-1)
+        squares = ((apart - np.median(apart[data.seen], axis=0)) ** 2).sum(axis=-1)
         size = np.nanmax(np.where(data.seen, squares, -1.0), axis=1)
         chosen = np.sort(np.argsort(size, kind="stable")[:count])
         again = linear_start(flange[chosen], data.measured[chosen], data.seen[chosen])
@@ -84,9 +87,8 @@ def placed_by_most(robot: Robot, data: MarkerPositions, matrix: Array | None = N
 
 def far_off(start: LinearStart, data: MarkerPositions) -> bool:
     """Whether the drawing is so far from the positions that something else is wrong."""
-    spread = float(np.sqrt(((data.measured[data.seen] - _center(data)) ** 2).sum(axis=-1).mean()))
     size = start.rms * (start.scale if np.isfinite(start.scale) else 1.0)
-    return size > FAR * spread or (start.whole and (start.mirrored or start.distorted))
+    return size > FAR * _spread(data) or (start.whole and (start.mirrored or start.distorted))
 
 
 def find_counting(
@@ -112,10 +114,20 @@ def find_counting(
         return None
     few = _thinned(data)
     still = placed_by_most(robot, few)
-    best: list[tuple[float, int, Counting]] = []
+    found = _least(robot, few, still, _likely(robot, few, _ways(robot, few)))
+    if found is None or places is None or not places.any():
+        return found
+    here, there = (_off_places(robot, few, places, C) for C in (np.eye(n), found.matrix))
+    return found if there < here else None
+
+
+def _ways(robot: Robot, few: MarkerPositions) -> list[tuple[int, Counting]]:
+    """All ways that are tried: signs, a joint that follows, two columns; with their changes."""
+    n = robot.n
     names = robot.joint_names
     moving = np.ptp(few.q, axis=0) > DEGREE / 10
     choices = [(1, -1) if one else (1,) for one in moving]
+    ways = []
     for signs in product(*choices):
         for follower, by in [(0, 0), *((j, s) for j in range(1, n) for s in (1, -1))]:
             if follower and not (moving[follower] and moving[follower - 1] and n > 3):
@@ -123,19 +135,35 @@ def find_counting(
             matrix = np.diag(np.array(signs, dtype=float))
             if follower:
                 matrix[follower] += by * matrix[follower - 1]
-            start = placed(robot, few, matrix)
-            if start.mirrored or not start.whole:
-                continue
             turned = [name for name, sign in zip(names, signs, strict=True) if sign < 0]
-            words = _words(turned, names, follower, by)
             changes = len(turned) + 2 * bool(follower)
-            best.append((start.rms, changes, Counting(matrix, words)))
-    best += [(placed(robot, few, one.matrix).rms, 3, one) for one in _exchanges(names, moving)]
-    found = _least(robot, few, still, best)
-    if found is None or places is None or not places.any():
-        return found
-    here, there = (_off_places(robot, few, places, C) for C in (np.eye(n), found.matrix))
-    return found if there < here else None
+            ways.append((changes, Counting(matrix, _words(turned, names, follower, by))))
+    return ways + [(3, one) for one in _exchanges(names, moving)]
+
+
+def _likely(
+    robot: Robot, few: MarkerPositions, ways: list[tuple[int, Counting]]
+) -> list[tuple[float, int, Counting]]:
+    """The ways that fit best, with how well they do: `MOST_WAYS`, and those that fit alike."""
+    turned = np.array([way.matrix.T for _, way in ways])
+    rough = np.concatenate(
+        [
+            linear_misfits(robot.forward(few.q @ some), few.measured, few.seen)
+            for some in np.split(turned, range(AT_ONCE, len(turned), AT_ONCE))
+        ]
+    )
+    found: list[tuple[float, int, Counting]] = []
+    limit = np.inf
+    for i in np.argsort(rough, kind="stable"):
+        if rough[i] > limit:
+            break
+        changes, way = ways[i]
+        start = placed(robot, few, way.matrix)
+        if way.exchanged or (start.whole and not start.mirrored):
+            found.append((start.rms, changes, way))
+        if len(found) == MOST_WAYS:
+            limit = (1 + MISFIT_ROUNDING) * rough[i] + MISFIT_ROUNDING * _spread(few)
+    return found
 
 
 def _off_places(robot: Robot, few: MarkerPositions, places: Array, matrix: Array) -> float:
@@ -257,6 +285,7 @@ def _thinned(data: MarkerPositions) -> MarkerPositions:
     return data[chosen]
 
 
-def _center(data: MarkerPositions) -> Array:
-    """The mean (3,) of all positions [m]."""
-    return np.asarray(data.measured[data.seen].mean(axis=0))
+def _spread(data: MarkerPositions) -> float:
+    """Root mean square distance of all positions from their mean [m]."""
+    x = data.measured[data.seen]
+    return float(np.sqrt(((x - x.mean(axis=0)) ** 2).sum(axis=-1).mean()))

@@ -91,14 +91,8 @@ def linear_start(
     pose, marker = np.nonzero(seen)
     frames = carried[:, None] if carried.ndim == 3 else carried
     frames = np.broadcast_to(frames, (*seen.shape, 4, 4))
-    center = measured[seen].mean(axis=0)
-    size = max(float(np.sqrt(((measured[seen] - center) ** 2).mean())), 1e-12)
-    x = (measured[pose, marker] - center) / size
+    A, size = _shared_columns(measured[seen])
     turn = frames[pose, marker, :3, :3]
-    A = np.zeros((len(pose), 3, 12))
-    for axis in range(3):
-        A[:, axis, 3 * axis : 3 * axis + 3] = x
-        A[:, axis, 9 + axis] = 1.0
     y = frames[pose, marker, :3, 3]
     alone = _Alone.of(turn, marker, seen.shape[1])
     found, rank, whole = alone.solved(A, y, guess)
@@ -120,6 +114,55 @@ def linear_start(
         rms=float(np.sqrt((left**2).sum(axis=-1).mean())),
         whole=whole and y.size >= rank + 3,
     )
+
+
+def linear_misfits(carried: Array, measured: Array, seen: Mask) -> Array:
+    """What `linear_start` leaves (w,) of many chains at once, root mean square [m].
+
+    By normal equations: rounding is some 1e-8 of the size of all positions.
+
+    Args:
+        carried: Transforms (w, m, 4, 4) of the tool frame [m].
+        measured: Positions (m, k, 3) [m].
+        seen: Which of them (m, k) there are.
+    """
+    pose, marker = np.nonzero(seen)
+    A, _ = _shared_columns(measured[seen])
+    flat = A.reshape(-1, 12)
+    w = len(carried)
+    frames = carried[:, pose]
+    turned = np.swapaxes(frames[..., :3, :3], 2, 3)
+    y = frames[..., :3, 3]
+    # What the places of markers take up, by means of each marker over the root of their number.
+    own = marker == np.arange(seen.shape[1])[:, None]
+    share = own / np.sqrt(np.maximum(own.sum(axis=1), 1))[:, None]
+    of_each = (share.T[:, None, :, None] * A[:, :, None]).reshape(len(flat), -1)
+    taken = np.empty((w, 3, seen.shape[1], 13))
+    by_axis = np.swapaxes(turned, 1, 2).reshape(3 * w, -1)
+    taken[..., :12] = (by_axis @ of_each).reshape(w, 3, -1, 12)
+    taken[..., 12] = np.swapaxes(share @ (turned @ y[..., None])[..., 0], 1, 2)
+    taken = taken.reshape(w, -1, 13)
+    G = np.empty((w, 13, 13))
+    G[:, :12, :12] = flat.T @ flat
+    G[:, 12, :12] = G[:, :12, 12] = y.reshape(w, -1) @ flat
+    G[:, 12, 12] = np.square(y).sum(axis=(1, 2))
+    G -= np.swapaxes(taken, 1, 2) @ taken
+    values, axes = np.linalg.eigh(G[:, :12, :12])
+    kept = values > OPEN**2 * values[:, -1:]
+    along = (np.swapaxes(axes, 1, 2) @ G[:, :12, 12:])[..., 0]
+    told = np.where(kept, along**2 / np.where(kept, values, 1.0), 0.0).sum(axis=1)
+    return np.asarray(np.sqrt(np.maximum(G[:, 12, 12] - told, 0.0) / len(pose)))
+
+
+def _shared_columns(x: Array) -> tuple[Array, float]:
+    """Columns (N, 3, 12) of S and c, for positions (N, 3) that are centred, and over their size."""
+    center = x.mean(axis=0)
+    size = max(float(np.sqrt(((x - center) ** 2).mean())), 1e-12)
+    A = np.zeros((len(x), 3, 12))
+    for axis in range(3):
+        A[:, axis, 3 * axis : 3 * axis + 3] = (x - center) / size
+        A[:, axis, 9 + axis] = 1.0
+    return A, size
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from edtk.fit.place_robot import linear_start
+from edtk.fit.place_robot import linear_misfits, linear_start
 
 
 def scene(poses: int, markers: int, seed: int = 0) -> tuple[np.ndarray, ...]:
@@ -62,3 +62,17 @@ def test_too_few_poses_tell_no_place() -> None:
     """Three poses of one marker have nine coordinates for fifteen unknowns."""
     flange, x, _, _ = scene(3, 1)
     assert not linear_start(flange, x, np.ones((3, 1), dtype=bool)).whole
+
+
+def test_misfits_of_many_chains_are_those_of_each() -> None:
+    """With a marker that nobody saw, axes that are all upright, and too few poses too."""
+    for poses in (3, 30):
+        chains = np.stack([scene(poses, 3, seed)[0] for seed in range(6)])
+        turn = np.random.default_rng(1).uniform(-3, 3, (2, poses, 1)) * [0, 0, 1]
+        for chain, turns in zip(chains[:2], turn, strict=True):
+            chain[:, :3, :3] = Rotation.from_rotvec(turns).as_matrix()
+        seen = np.random.default_rng(2).random((poses, 3)) < 0.8
+        seen[:, 2] = False
+        x = np.where(seen[..., None], scene(poses, 3)[1], np.nan)
+        each = [linear_start(chain, x, seen).rms for chain in chains]
+        np.testing.assert_allclose(linear_misfits(chains, x, seen), each, atol=1e-7)
