@@ -37,8 +37,7 @@ def identified(
     return edtk.identify(study, by_pose(path / "day.csv", np.rad2deg(q), 1e3 * scale * x))
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-@pytest.mark.parametrize("size", [2e-3, -2e-3])
+@pytest.mark.parametrize(("seed", "size"), [(0, 2e-3), (1, -2e-3)])
 def test_a_scale_is_named_with_its_size(seed: int, size: float, tmp_path: Path) -> None:
     """All lengths share it, and errors of a drawing share nothing."""
     found = identified(tmp_path, seed, 1 + size)
@@ -77,8 +76,7 @@ def test_known_lengths_tell_a_scale_that_errors_of_the_drawing_hide(
     assert found.verdict == ("usable" if size else "good")
 
 
-@pytest.mark.parametrize("built_mm", [3.0, 30.0])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("seed", "built_mm"), [(0, 3.0), (1, 30.0), (2, 3.0), (2, 30.0)])
 def test_none_is_named_where_the_robot_is_another_one(
     seed: int, built_mm: float, tmp_path: Path
 ) -> None:
