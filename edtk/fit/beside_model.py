@@ -120,18 +120,18 @@ class BesideModel:
         X = X.reshape(m * rows, -1)
         every = np.concatenate([X, others], axis=1).reshape(m, rows, -1)
         own = np.empty((m, rows, rows))
-        weighed = np.empty(every.shape)
+        of_row = np.empty(every.shape)
         for members, B in self._inverse_noise(float(sizes[2])):
             g, s = members.shape
             here = B @ every[members].reshape(g, s * rows, -1)
-            weighed[members] = here.reshape(g, s, rows, -1)
+            of_row[members] = here.reshape(g, s, rows, -1)
             own[members] = np.einsum("girit->girt", B.reshape(g, s, rows, s, rows))
         w = X.shape[1]
-        weighed = weighed.reshape(m * rows, -1)
-        M = X.T @ weighed[:, :w]
+        BX, weighed = np.split(of_row.reshape(m * rows, -1), [w], axis=1)
+        M = X.T @ BX
         of_pieces = range(w - p)
         M[of_pieces, of_pieces] += 1.0
-        return own, weighed[:, :w], np.linalg.solve(M, weighed[:, :w].T), weighed[:, w:]
+        return own, BX, np.asarray(np.linalg.solve(M, BX.T)), weighed
 
     def _inverse_noise(self, turn: float) -> list[tuple[Indices, Array]]:
         """Rows (g, s) of poses, and inverse covariances (g, s rows, s rows) of these rows.
@@ -141,12 +141,12 @@ class BesideModel:
         if turn not in self._inverses:
             rows = self.measured.shape[1]
             noise = CorrelatedNoise.of_any(self.noise, self.measured.shape)
-            found = []
+            found: list[tuple[Indices, Array]] = []
             for members in groups_by_size(self.columns.pose):
                 g, s = members.shape
                 T = turn * self.columns.pieces.turns[members].reshape(g, s * rows, -1)
                 V = noise.among(members).reshape(g, s * rows, -1) + T @ np.swapaxes(T, 1, 2)
-                found.append((members, np.linalg.inv(V)))
+                found.append((members, np.asarray(np.linalg.inv(V))))
             self._inverses[turn] = found
         return self._inverses[turn]
 

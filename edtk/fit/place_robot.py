@@ -141,12 +141,12 @@ def linear_misfits(carried: Array, measured: Array, seen: Mask) -> Array:
     by_axis = np.swapaxes(turned, 1, 2).reshape(3 * w, -1)
     taken[..., :12] = (by_axis @ of_each).reshape(w, 3, -1, 12)
     taken[..., 12] = np.swapaxes(share @ (turned @ y[..., None])[..., 0], 1, 2)
-    taken = taken.reshape(w, -1, 13)
     G = np.empty((w, 13, 13))
     G[:, :12, :12] = flat.T @ flat
     G[:, 12, :12] = G[:, :12, 12] = y.reshape(w, -1) @ flat
     G[:, 12, 12] = np.square(y).sum(axis=(1, 2))
-    G -= np.swapaxes(taken, 1, 2) @ taken
+    by_place = taken.reshape(w, -1, 13)
+    G -= np.swapaxes(by_place, 1, 2) @ by_place
     values, axes = np.linalg.eigh(G[:, :12, :12])
     kept = values > OPEN**2 * values[:, -1:]
     along = (np.swapaxes(axes, 1, 2) @ G[:, :12, 12:])[..., 0]
