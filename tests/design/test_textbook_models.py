@@ -167,6 +167,7 @@ def test_designs_are_those_in_print(name):
     assert len(found.points) == len(printed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "value"), [(area, 2193.9), (time_of_the_peak, 0.02814), (peak, 1.0)]
 )

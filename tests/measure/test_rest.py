@@ -63,6 +63,7 @@ def test_springs_of_both_kinds_of_studies_rest_in_the_same_place() -> None:
     assert not no_rest(bending, Q, WRENCH, setting.loads).any()
 
 
+@pytest.mark.slow
 def test_a_soft_arm_is_followed_to_where_it_hangs() -> None:
     """Springs that become soft step by step end where all at once they do, on the same branch."""
     setting = setting_of(["joints"])
@@ -72,7 +73,7 @@ def test_a_soft_arm_is_followed_to_where_it_hangs() -> None:
     assert load is not None
     assert load.near is not None
     turn = np.zeros_like(Q)
-    for part in np.linspace(0, 1, 2001)[1:]:
+    for part in np.linspace(0, 1, 401)[1:]:
         softer = soft.scaled(float(part))
         for _ in range(3):
             torque, H = setting.loads.with_derivative(Q + turn, WRENCH)

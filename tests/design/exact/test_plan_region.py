@@ -86,6 +86,7 @@ def test_a_plan_for_one_prediction_measures_there():
     assert found.value == pytest.approx(1 / 4, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_points_stay_inside():
     """On the disc a plan reaches its bound where weights are multiples of 1/m, and stays inside."""
 
