@@ -107,7 +107,9 @@ def calibrate_geometry(
         raise UserError(
             f"no geometry near the drawing fits: {IS_IT_THIS_ROBOT}", where=where
         ) from error
-    propagation = fit_propagation(setting, fit)
+    pieces = PiecesLeft.of(setting, fit)
+    apart = fit.fitted if pieces is None else pieces.apart(fit.fitted)
+    propagation = fit_propagation(setting, fit, apart)
     circumstances = circumstances_of(propagation, setting)
     fit = replace(fit, fitted=replace(fit.fitted, circumstances=circumstances))
     findings = [
@@ -117,7 +119,6 @@ def calibrate_geometry(
         *gross_findings(sound.data, gross),
         *geometric_findings(fit, setting, partial(_fit, setting, how)),
     ]
-    pieces = PiecesLeft.of(setting, fit)
     left = None if pieces is None else pieces.in_tasks(setting, fit.fitted)
     if pieces is not None and left is not None:
         findings += left.findings(pieces.shares, pieces.counts)

@@ -391,10 +391,16 @@ class GeometryWithTool(Commanded):
             rotation_left=None if rotation is None else angle,
         )
 
+    @cached_property
+    def apart(self) -> FittedGeometry:
+        """The same robot without what its springs lack, where that is known apart."""
+        pieces = self.calibrated.pieces
+        return self.fitted if pieces is None else pieces.apart(self.fitted)
+
     def _by_noise(self, q: Array, wrench: Array) -> Array:
         """Root mean square errors (t,) by what the fit leaves of the parameters [m]."""
         J = self._lengths(self.fitted.columns(q, wrench, self.loads))
-        return compensation_accuracy(J, self.fitted.covariance)
+        return compensation_accuracy(J, self.apart.covariance)
 
     def _by_rigid(self, q: Array, wrench: Array) -> tuple[tuple[AssumedJoint, Array], ...]:
         """Joints that count as rigid, and what each that bends as is assumed makes (t,) [m]."""
@@ -448,7 +454,7 @@ class GeometryWithTool(Commanded):
             Those by all that is uncertain. Where pieces that the springs lack are possible, also
             those by the noise of the calibration alone: the robot may as well lack none.
         """
-        fitted, pieces = self.fitted, self.calibrated.pieces
+        fitted, pieces = self.apart, self.calibrated.pieces
         root = np.sqrt(off.shape[1])
         if pieces is None or self.loads is None:
             still = np.where(np.abs(off) < SETTLED, 0.0, off).reshape(len(q), -1)

@@ -14,7 +14,7 @@ from edtk.fit.correlated_noise import CorrelatedNoise
 from edtk.fit.distributions import NormalMixture, weighted_median
 from edtk.fit.fitted_geometry import FittedGeometry, GeometricFit, loading_of
 from edtk.fit.measurements import Measurements
-from edtk.fit.missing import MissingColumns, SizeLikelihood
+from edtk.fit.missing import MissingColumns, SizeLikelihood, SizePosterior
 from edtk.fit.pose_rows import PoseRows, known_before
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.expected_error import ErrorBudget
@@ -25,12 +25,16 @@ from edtk.measure.instruments.pose_marker import PoseMarker
 from edtk.measure.instruments.sensor import Sensor
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.missing_pieces import MissingPieces, PossibleSprings
+from edtk.measure.position_noise import PositionNoise
 from edtk.measure.task import Task, Tasks
 from edtk.robots.frames import MM, BodyPoint, load_turns
-from edtk.study.study_geometry import StudyGeometry
+from edtk.study.study_geometry import StudyGeometry, StudyLoads
 from edtk.system.parsing import not_negative_of, numbers_of
 from edtk.system.typing import Array, Mask
 
+# Of the model's error of absolute readings, as a fit without pieces estimates it: what of it the
+# drawing may be. Of the sheet alone nothing tells how springs and drawing share it.
+OF_DRAWING = (0.0, 0.125, 0.25, 0.5, 1.0)
 ROWS = 3  # of a position, ahead of a rotation
 TOLD_CHANCE = 0.975  # of chances: an error that is larger is told
 # Of a single normal error 5 % is beyond twice its size. Where chances are twice that, what the
@@ -185,12 +189,18 @@ class PiecesLeft:
         pieces: What may be missing.
         possible: Their sizes, and errors of the parameters in their units, true less identified.
         shares: The likeliest shares of the pieces, by name [%].
+        drawing: What share of the model's error, as the fit has it, is the drawing's: it comes anew
+            in each pose, whatever loads it.
+        noise: Covariance (p, p) of the parameters in their units by readings and drawing alone;
+            None of a file of before, which had that of the fit.
     """
 
     names: tuple[str, ...]
     pieces: MissingPieces
     possible: PossibleSprings
     shares: Mapping[str, float] = field(default_factory=dict)
+    drawing: float = 1.0
+    noise: Array | None = None
 
     @property
     def counts(self) -> bool:
@@ -199,55 +209,45 @@ class PiecesLeft:
 
     @classmethod
     def of(cls, setting: StudyGeometry, fit: GeometricFit) -> "PiecesLeft | None":
-        """Tell them from the residuals of differences of readings, and what else is known.
+        """Tell them from the residuals of readings under loads, and what else is known.
 
-        Absolute readings have a random error of the model in each pose instead, as what bends the
-        arm without a load is in them, too.
+        A difference of two readings shows pieces and noise. In an absolute one there are errors of
+        the drawing, too, which no load changes. The fit took all that is left for such errors.
+        Beside the pieces they are of the size at which the residuals are likeliest.
 
         Returns:
-            What is left; None where nothing is read as a difference, or other springs than those of
-            the joints are among the parameters, or the study says that its model is exact.
+            What is left; None where no load bends the robot, or other springs than those of the
+            joints are among the parameters, or the study says that its model is exact.
         """
-        fitted, means, loads = fit.fitted, fit.data.means, setting.loads
-        differs = means.is_difference
+        fitted = fit.fitted
         told = not fitted.noise.unknown and not fitted.open_parameters
-        k = fitted.compliances
         usual = usual_share(setting.study)
-        if loads is None or setting.elastic or not usual:
+        if setting.loads is None or setting.elastic or not usual or not told:
             return None
-        if not (differs.any() and told and k.any()):
+        seen = _Loaded.of(setting, setting.loads, fit)
+        if seen is None:
             return None
-        before = None
-        if fit.told_before is not None:
-            before = known_before(fit.told_before.prior, fitted.model, fitted.theta)
-        torque = loading_of(fitted.bending, means, loads)
-        rows = PoseRows.of(fitted.model, fitted.theta, means, torque, before)
-        noise = replace(fitted.noise, model_change=(0.0, 0.0))
-        worth = rows.worth(fit.data)
-        V = noise.of_pose(rows.motion, rows.places, worth, rows.differs(means)).dense
-        # What is known besides has rows of no pose behind those that are read, see `PoseRows`.
-        q, wrench = (_with_none(one, rows.beside) for one in (means.q, means.wrench))
-        seen = _with_none(means.rows_seen & differs[:, None, None], rows.beside)
-        model = replace(loads.by_wrench, sensors=_instruments(fitted.model))
-        loaded = model.torque_of(model.frames(means.q[differs]), means.wrench[differs])
-        pieces = MissingPieces.of(model.robot, k, loaded.T)
-
-        def as_read(columns: Array) -> Array:
-            return MM * _as_read(fitted.model, columns) * seen.reshape(len(V), -1, 1)
-
-        shown = pieces.columns(model, q, wrench).mapped(as_read)
-        tilt = np.deg2rad(setting.study.specification.uncertainty.load_direction_deg)
-        tilted = tilt * as_read(np.moveaxis(_tilted(model, q, wrench) @ k, 0, -1))
-        columns = MissingColumns(shown, np.arange(len(V)), tilted)
-        likelihood = SizeLikelihood.of(
-            rows.design, rows.residual, CorrelatedNoise.by_row(V), columns, usual
-        )
-        posterior = likelihood.posterior
-        if posterior is None:
+        shares = (1.0,) if fit.data.means.is_difference.all() else OF_DRAWING
+        every = [(seen.posterior(share, usual), share) for share in shares]
+        likely = [(*found, share) for found, share in every if found is not None]
+        if not likely:
             return None
+        posterior, _, drawing = max(likely, key=lambda one: one[1])
         possible = posterior.possible(np.zeros(fitted.model.p))
         names = tuple(one.name for one in fitted.model.parameters)
-        return cls(names, pieces, possible, posterior.shares)
+        return cls(names, seen.pieces, possible, posterior.shares, drawing, posterior.alone)
+
+    def apart(self, fitted: FittedGeometry) -> FittedGeometry:
+        """The identified robot, which errs by readings and the drawing alone."""
+        noise = fitted.noise.of_drawing(self.drawing)
+        if self.noise is None:
+            return replace(fitted, noise=noise)
+        kept = self._own(fitted)
+        return replace(fitted, noise=noise, covariance=self.noise[np.ix_(kept, kept)])
+
+    def _own(self, fitted: FittedGeometry) -> list[int]:
+        """Which of the parameters a robot has, that may lack those of markers."""
+        return [self.names.index(one.name) for one in fitted.model.parameters]
 
     def mixture(
         self, fitted: FittedGeometry, model: ElastostaticModel, q: Array, wrench: Array, J: Array
@@ -261,9 +261,8 @@ class PiecesLeft:
             wrench: Loads (t, 6) [N, N m].
             J: Columns (t, r, p) of its parameters [mm a unit].
         """
-        kept = [self.names.index(one.name) for one in fitted.model.parameters]
         c = self.pieces.count
-        some = [*range(c), *(c + i for i in kept)]
+        some = [*range(c), *(c + i for i in self._own(fitted))]
         own = replace(
             self.possible,
             mean=self.possible.mean[:, some],
@@ -292,7 +291,7 @@ class PiecesLeft:
         for task in tasks:
             assert task.tool is not None
             loads = setting.every_load_of(task)
-            robot = fitted.at_tool(task.tool).under(loads, setting.untold(loads))
+            robot = self.apart(fitted.at_tool(task.tool)).under(loads, setting.untold(loads))
             q = np.atleast_2d(task.q)
             wrench = np.tile(task.wrench, (len(q), 1))
             moves = robot.moves(q, wrench, loads)
@@ -312,7 +311,8 @@ class PiecesLeft:
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers; parameters in their units."""
         table = possible_to_dict(self.pieces, self.possible)
-        return {"names": list(self.names), **table}
+        noise = {} if self.noise is None else {"noise": [_short(row) for row in self.noise]}
+        return {"names": list(self.names), "drawing": self.drawing, **noise, **table}
 
     @classmethod
     def from_dict(cls, given: Mapping[str, Any], names: tuple[str, ...], n: int) -> "PiecesLeft":
@@ -329,7 +329,71 @@ class PiecesLeft:
         if given.get("names") != list(names):
             raise ValueError("names: expected those of the parameters")
         pieces, possible = possible_from_dict(given, len(names), n)
-        return cls(names, pieces, possible)
+        # Files of before had pieces of differences alone, of which the drawing is no part.
+        drawing = float(not_negative_of({"drawing": 1.0, **given}, "drawing", ()))
+        p = len(names)
+        noise = numbers_of(given, "noise", (p, p)) if "noise" in given else None
+        return cls(names, pieces, possible, drawing=drawing, noise=noise)
+
+
+@dataclass(frozen=True, eq=False)
+class _Loaded:
+    """What the readings of a sheet show of pieces.
+
+    Attributes:
+        noise: The errors of a pose, as they were fitted.
+        rows: Residuals and columns of the parameters.
+        worth: What the readings of each row are worth (m, k, rows).
+        differs: Which blocks (m,) are differences.
+        pieces: What may be missing.
+        columns: What they show.
+    """
+
+    noise: PositionNoise
+    rows: PoseRows
+    worth: Array
+    differs: Mask
+    pieces: MissingPieces
+    columns: MissingColumns
+
+    @classmethod
+    def of(cls, setting: StudyGeometry, loads: StudyLoads, fit: GeometricFit) -> "_Loaded | None":
+        """Of a fit; None where no wrench turns a spring."""
+        fitted, means = fit.fitted, fit.data.means
+        before = None
+        if fit.told_before is not None:
+            before = known_before(fit.told_before.prior, fitted.model, fitted.theta)
+        torque = loading_of(fitted.bending, means, loads)
+        rows = PoseRows.of(fitted.model, fitted.theta, means, torque, before)
+        # What is known besides has rows of no pose behind those that are read, see `PoseRows`.
+        q, wrench = (_with_none(one, rows.beside) for one in (means.q, means.wrench))
+        there = _with_none(means.rows_seen, rows.beside).reshape(len(q), -1, 1)
+        model = replace(loads.by_wrench, sensors=_instruments(fitted.model))
+        loaded = np.flatnonzero(means.wrench.any(axis=1))
+        turned = model.torque_of(model.frames(means.q[loaded]), means.wrench[loaded])
+        if not (fitted.compliances[:, None] * turned).any():
+            return None
+        pieces = MissingPieces.of(model.robot, fitted.compliances, turned.T)
+
+        def as_read(columns: Array) -> Array:
+            return MM * _as_read(fitted.model, columns) * there
+
+        shown = pieces.columns(model, q, wrench).mapped(as_read)
+        tilt = np.deg2rad(setting.study.specification.uncertainty.load_direction_deg)
+        moved = np.moveaxis(_tilted(model, q, wrench) @ fitted.compliances, 0, -1)
+        columns = MissingColumns(shown, np.arange(len(q)), tilt * as_read(moved))
+        worth, differs = rows.worth(fit.data), rows.differs(means)
+        return cls(fitted.noise, rows, worth, differs, pieces, columns)
+
+    def posterior(self, drawing: float, usual: float) -> "tuple[SizePosterior, float] | None":
+        """Pieces beside errors of the drawing of a share, and the logarithm of its likelihood."""
+        rows = self.rows
+        given = (rows.motion, rows.places, self.worth, self.differs)
+        V = self.noise.of_drawing(drawing).of_pose(*given)
+        noise = CorrelatedNoise.by_row(V.dense)
+        design, residual = rows.design, rows.residual
+        found = SizeLikelihood.of(design, residual, noise, self.columns, usual).posterior
+        return None if found is None else (found, found.evidence - V.inverse.log_det / 2)
 
 
 @dataclass(frozen=True, eq=False)

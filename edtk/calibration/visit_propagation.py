@@ -282,9 +282,17 @@ def at_task(fitted: FittedGeometry, task: Task) -> FittedGeometry:
     return fitted.of_markers(np.flatnonzero(fitted.model.on_tool))
 
 
-def fit_propagation(setting: StudyGeometry, fit: GeometricFit) -> Propagation:
-    """Propagate the circumstances of a sheet to what was fitted, see `propagated`."""
-    fitted, means = fit.fitted, fit.data.means
+def fit_propagation(
+    setting: StudyGeometry, fit: GeometricFit, fitted: FittedGeometry
+) -> Propagation:
+    """Propagate the circumstances of a sheet to what was fitted, see `propagated`.
+
+    Args:
+        setting: The study.
+        fit: The fit, by whose weights estimates follow readings.
+        fitted: What was found, with the errors that it has without what springs lack.
+    """
+    means = fit.data.means
     model = fitted.model
     there = means.rows_seen.reshape(len(means), -1, 1)
 

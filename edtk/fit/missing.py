@@ -207,7 +207,8 @@ class SizeLikelihood:
         with np.errstate(divide="ignore"):
             log = np.log(known) + self._log_likelihoods(places.masks)
         weights = np.exp(log - log.max())
-        return SizePosterior(self, places, weights / weights.sum())
+        total = float(weights.sum())
+        return SizePosterior(self, places, weights / total, float(log.max() + np.log(total)))
 
     def _log_likelihoods(self, masks: Mask) -> Array:
         """Those (turns, held, across, places) of all sizes, with springs in places (places, a).
@@ -356,11 +357,14 @@ class SizePosterior:
         given: The likelihood.
         places: Where springs across may be.
         by_size: Probabilities (turns, held, across, places) of all sizes of `SIZES`.
+        evidence: Logarithm of the likelihood over all sizes, up to half that of the determinant of
+            the noise.
     """
 
     given: SizeLikelihood
     places: Places
     by_size: Array
+    evidence: float
 
     @property
     def weights(self) -> Array:
@@ -430,6 +434,13 @@ class SizePosterior:
     def solved(self, which: Indices) -> tuple[Array, Array]:
         """Shares and springs (s, c + p) for some possibilities, and their covariances."""
         return self.given.solved(self.sizes[which], self.scales(which))
+
+    @cached_property
+    def alone(self) -> Array:
+        """Covariance (p, p) of the springs where nothing is missing."""
+        c, p = len(self.given.pieces.kinds), len(self.given.scale)
+        _, covariance = self.given.solved(np.zeros((1, 3)), np.zeros((1, c)))
+        return np.asarray(covariance[0, -p:, -p:])
 
     @cached_property
     def springs(self) -> tuple[Array, Array]:

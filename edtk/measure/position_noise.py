@@ -170,6 +170,19 @@ class PositionNoise:
             return self
         return replace(self, tracker=self.tracker.seen_from(frame))
 
+    def of_drawing(self, share: float) -> "PositionNoise":
+        """The same, whose model leaves out errors of the drawing alone, of such a share of its own.
+
+        Differences of two readings have none: the drawing errs by the same in both.
+        """
+        return replace(
+            self,
+            model_white=share * self.model_white,
+            model_joints=share * np.asarray(self.model_joints),
+            model_turn=share * self.model_turn,
+            model_change=(0.0, 0.0),
+        )
+
     def with_place_of(self, other: "PositionNoise") -> "PositionNoise":
         """The same, whose tracker stands where another one does."""
         if self.tracker is None or other.tracker is None:

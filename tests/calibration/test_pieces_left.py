@@ -1,10 +1,10 @@
-"""What springs leave out of readings that are differences: the same pieces for any instrument."""
+"""What springs leave out of readings under loads: the same pieces for any instrument."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from mixed_sheets import MIXED, SPRINGS, K, readings, sheet, study_of, truth_of
+from mixed_sheets import LOAD, MIXED, SPRINGS, TOOL, K, readings, sheet, study_of, truth_of
 
 import edtk
 from edtk.calibration.model_left import _as_read, _instruments
@@ -14,7 +14,6 @@ from edtk.measure.missing_pieces import MissingPieces
 from edtk.study.study_geometry import StudyGeometry
 
 VISITS = 16
-EVERY = np.ones(VISITS, dtype=bool)
 UNLOADED = {"reference": "unloaded"}
 KNOWN = {"load_direction_deg": 0}
 KINDS = {
@@ -29,9 +28,14 @@ def study(kind="positions", **keys):
     return study_of(SPRINGS, **changes)
 
 
-def data_of(one, sigma=0.02, across=0.0):
-    """What is read of it; springs across all joints are of a share of these."""
-    data = readings(one, truth_of(one, 0.0), VISITS, EVERY, EVERY, sigma_mm=sigma, seed=3)
+def data_of(one, sigma=0.02, across=0.0, visits=VISITS, differs=True):
+    """What is read of it; springs across all joints are of a share of these.
+
+    Of absolute readings each second one is under the load.
+    """
+    loaded = (np.arange(visits) % 2 == 0) | differs
+    every = np.full(visits, differs)
+    data = readings(one, truth_of(one, 0.0), visits, every, loaded, sigma_mm=sigma, seed=3)
     setting = StudyGeometry.of(one)
     columns = pieces_of(setting, data)[1].across[..., :12] @ np.full(12, across)
     moved = _as_read(setting.model, columns[..., None]).reshape(*data.seen.shape, -1)
@@ -95,3 +99,33 @@ def test_what_is_known_of_a_spring_is_a_row_of_no_pose():
         else:
             unit = StudyGeometry.of(one).model.scales[i]
             np.testing.assert_allclose(unit * errors, std, rtol=1e-6)
+
+
+@pytest.mark.parametrize("drawing_mm", [0.0, 0.3])
+def test_absolute_readings_tell_pieces_from_the_drawing(drawing_mm):
+    """What springs lack grows with the load, and errors of the drawing do not; one error is said.
+
+    The budget of the calibration and the compensation of the test pose name the same size.
+    """
+    asked = SPRINGS | {"base": True, "tool": True}
+    goal = {"q_deg": [10, -50, 60, 20, 40, 0], "tool": TOOL, "load": {"F_N": LOAD}}
+    one = study_of(asked, uncertainty=KNOWN, test_pose=goal)
+    across = 0.2 if drawing_mm == 0 else 0.0
+    data = data_of(one, across=across, visits=2 * VISITS, differs=False)
+    rng = np.random.default_rng(4)
+    data = replace(data, measured=data.measured + 1e-3 * drawing_mm * _shifts(rng, data))
+    found = edtk.identify(one, sheet(data))
+    shares = found.to_dict()["model_error"]
+    if across:
+        assert found.pieces.drawing == 0
+        assert 10 < shares["across_percent"] < 40
+    else:
+        assert found.pieces.drawing >= 0.5
+        assert not any(shares.values())
+    left = edtk.compensate(one, found).remaining
+    np.testing.assert_allclose(left[0], found.budget.total, rtol=1e-2)
+
+
+def _shifts(rng, data):
+    """Errors (m, k, 3) of a pose that its markers share, of size one."""
+    return np.repeat(rng.normal(size=(len(data), 1, 3)), data.seen.shape[1], axis=1)
