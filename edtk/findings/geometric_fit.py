@@ -25,9 +25,11 @@ from edtk.findings.match_plan import COARSE_DEG, like_rounding, steps_of
 from edtk.findings.moved_frame import (
     MOST_OF_MISFIT,
     MovedFrame,
+    SlippedJoint,
     UntoldLoad,
     moved_frame,
     other_causes,
+    slipped_joint,
     untold_load,
 )
 from edtk.findings.noise import left_out_findings
@@ -71,8 +73,10 @@ BY_PERCENT = 1e-3  # [m/m] a scale that is known no better is said in percent
 # Times as likely with a cause as without any: of sound days at most one in so many shows as much
 # (Markov's inequality), if they err as is assumed.
 LIKELIER = 300.0
-EXPLAINED = ("outliers", "frame_moved", "rough")  # these leave many outside by themselves
-LEAVES = ("frame_moved", "rough", "rounded")  # and these explain what a fit leaves
+# These leave many outside by themselves.
+EXPLAINED = ("outliers", "frame_moved", "joint_slipped", "rough")
+# And these explain what a fit leaves.
+LEAVES = ("frame_moved", "joint_slipped", "rough", "rounded")
 IS_IT_THIS_ROBOT = (
     "is it this robot, are angles in degrees, and does the controller count joints as the study "
     "says? See edtk controller"
@@ -346,6 +350,9 @@ def _causes(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     moved = moved_frame(rows)
     if moved is not None:
         found.append((moved, partial(_moved, fit, moved)))
+    slipped = slipped_joint(rows)
+    if slipped is not None:
+        found.append((slipped, partial(_slipped, fit, slipped)))
     found += [(trend, partial(_trend, fit, trend)) for trend in day_trends(rows)]
     rigid = not any(one.is_spring for one in fit.fitted.model.parameters)
     if fit.fitted.noise.model_fit is not None:
@@ -404,6 +411,15 @@ def _moved(fit: GeometricFit, moved: MovedFrame) -> Finding:
     last = fit.data.rows_of_pose(moved.end - 1)[-1] if is_back else None
     data = {"shift": moved.shift, "explained": moved.explained}
     return _say(severity, "frame_moved", rows=(rows[0],), last=last, **data)
+
+
+def _slipped(fit: GeometricFit, slipped: SlippedJoint) -> Finding:
+    """The zero of a joint changed between two poses, so that the fit is of neither."""
+    rows = fit.data.rows_of_pose(slipped.first)
+    data = {"joint": slipped.joint, "size": slipped.size, "unit": slipped.unit}
+    more = {"also": slipped.also, "explained": slipped.explained}
+    severity = Severity.ALARM if slipped.explained >= HALF else Severity.WARNING
+    return _say(severity, "joint_slipped", rows=(rows[0],), **data, **more)
 
 
 def _trend(fit: GeometricFit, trend: DayTrend) -> Finding:
@@ -606,6 +622,20 @@ def _frame_moved(data: Data) -> str:
     )
 
 
+def _joint_slipped(data: Data) -> str:
+    """A joint that slipped, and what looks the same."""
+    moved = "turned about" if data["unit"] == "deg" else "moved along"
+    also = {"frame": f"; a base or a frame that {moved} its axis looks the same"}
+    also["tool"] = f"; a tool that {moved} its axis looks the same"
+    side = "further than" if data["size"] > 0 else "short of"
+    return (
+        f"row {data['rows'][0] + 1}: from here on joint {data['joint']} is "
+        f"{abs(data['size']):.3g} {data['unit']} {side} what is written, as if its encoder or "
+        f"belt had slipped{also.get(data['also'], '')}; {_explains(data)}. Master the joint, and "
+        "fit the rows before and after this one apart"
+    )
+
+
 def _growth(data: Data) -> str:
     """Links that grow in the course of the day."""
     verb = "grown" if data["size"] > 0 else "shrunk"
@@ -710,6 +740,7 @@ WORDING: Wording = {
     "outliers": _outliers_words,
     "cause": _cause,
     "frame_moved": _frame_moved,
+    "joint_slipped": _joint_slipped,
     "growth": _growth,
     "drift": lambda data: (
         f"from the first row to the last positions drift by {MM * data['size']:.3g} mm, as if the "

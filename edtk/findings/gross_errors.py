@@ -10,6 +10,7 @@ from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_word
 from edtk.findings.sound_rows import EXPLAINED, MOST_MARKERS, RigidTool
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.place_robot import LinearStart, linear_start, rigid_motion
+from edtk.robots.joint import Joint
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array, Indices
 
@@ -34,7 +35,8 @@ REFINED = 5  # times the grid about the best value is made ten times finer
 MUCH_FARTHER = 6.0  # times the typical distance: no pose of a sound sheet is as far off
 LEAST_DISTANCE = 2e-3  # [m] below it a distance is left to the fit
 # What visits of which the others say something else look like, see `WrongVisit`.
-WRONG = ("gross", "frame_moved", "unit", "radians", "shifted", "coordinates", "typed")
+OF_THE_REST = ("frame_moved", "joint_slipped")  # of these the others are no more right than they
+WRONG = ("gross", *OF_THE_REST, "unit", "radians", "shifted", "coordinates", "typed")
 FEW_LEFT = 0.6  # share of the visits that count, below which these may be the wrong ones
 
 
@@ -147,7 +149,8 @@ def explain_visits(
 ) -> tuple[WrongVisit, ...]:
     """Find for each visit what would bring it where the others say.
 
-    A motion of the frame is tried for visits one after the other. Then units, the pose of the row
+    A motion of the frame, and then one joint that is as much further than written in all, is tried
+    for visits one after the other. Then units, the pose of the row
     before or after, exchanged coordinates, and one joint that was typed wrongly.
 
     Args:
@@ -186,10 +189,41 @@ def _moved(
         T = rigid_motion(measured, predicted)
         left = measured @ T[:3, :3].T + T[:3, 3] - predicted
         size = float(np.sqrt((left**2).sum(axis=-1).mean()))
-        if size < min(near, EXPLAINED * float(agreed.distance[run].min())):
+        limit = min(near, EXPLAINED * float(agreed.distance[run].min()))
+        if size < limit:
             words = "as if the instrument's frame or the robot's base had moved"
             found |= dict.fromkeys(run.tolist(), ("frame_moved", words))
+        elif words := _slipped(agreed, data, run, limit):
+            found |= dict.fromkeys(run.tolist(), ("joint_slipped", words))
     return found
+
+
+def _slipped(agreed: Consensus, data: MarkerPositions, run: Indices, limit: float) -> str:
+    """One joint that is as much further than written in all visits of a run; empty for none.
+
+    By how much the middle visit tells, and all others have to agree with it.
+    """
+    middle = run[len(run) // 2]
+    runs = data[run]
+    left = _left(agreed, data, middle)
+    for j, off, _ in _others(agreed, left, data.measured[middle], data.q[middle]):
+        q = runs.q.copy()
+        q[:, j] -= off
+        if np.sqrt(np.mean(distances(runs, agreed.predict(q)) ** 2)) < limit:
+            joint = agreed.robot.joints[j]
+            return f"as if the zero of {joint.name} had slipped by {_in_words(joint, -off)}"
+    return ""
+
+
+def _left(agreed: Consensus, data: MarkerPositions, visit: int) -> Left:
+    """How far positions of a visit are off in other poses, or others in its own."""
+    seen = data.seen[visit]
+
+    def left(measured: Array, poses: Array) -> Array:
+        apart = (measured - agreed.predict(poses))[:, seen]
+        return np.asarray(np.sqrt((apart**2).sum(axis=-1).mean(axis=-1)))
+
+    return left
 
 
 def _causes(
@@ -199,12 +233,7 @@ def _causes(
     robot = agreed.robot
     q = data.q[visit]
     x = data.measured[visit]
-    seen = data.seen[visit]
-
-    def left(measured: Array, poses: Array) -> Array:
-        apart = (measured - agreed.predict(poses))[:, seen]
-        return np.asarray(np.sqrt((apart**2).sum(axis=-1).mean(axis=-1)))
-
+    left = _left(agreed, data, visit)
     for unit, scale in SCALES.items():
         yield "unit", f"as if in {unit}", float(left(x / scale, q[None])[0])
     slides = np.array([joint.kind == "prismatic" for joint in robot.joints])
@@ -232,11 +261,21 @@ def _coordinates(left: Left, x: Array, q: Array) -> Iterator[tuple[str, str, flo
 
 
 def _typed(agreed: Consensus, left: Left, x: Array, q: Array) -> Iterator[tuple[str, str, float]]:
-    """One joint with another value: the best of a grid that becomes finer."""
-    robot = agreed.robot
-    for j, joint in enumerate(robot.joints):
-        slides = joint.kind == "prismatic"
-        low, high = joint.limits if slides else (-np.pi, np.pi)
+    """One joint with another value."""
+    for j, off, size in _others(agreed, left, x, q):
+        joint = agreed.robot.joints[j]
+        yield "typed", f"as if {joint.name} were typed wrongly, by {_in_words(joint, off)}", size
+
+
+def _others(
+    agreed: Consensus, left: Left, x: Array, q: Array
+) -> Iterator[tuple[int, float, float]]:
+    """Of each joint by how much it is further than a value that fits, and what that leaves [m].
+
+    It is the best value of a grid that becomes finer.
+    """
+    for j, joint in enumerate(agreed.robot.joints):
+        low, high = joint.limits if joint.kind == "prismatic" else (-np.pi, np.pi)
         best = q[j]
         size = np.inf
         for _ in range(REFINED):
@@ -247,8 +286,14 @@ def _typed(agreed: Consensus, left: Left, x: Array, q: Array) -> Iterator[tuple[
             best = float(values[errors.argmin()])
             size = float(errors.min())
             low, high = best - (high - low) / 20, best + (high - low) / 20
-        off = f"{1e3 * (q[j] - best):.3g} mm" if slides else f"{(q[j] - best) / DEGREE:.3g} deg"
-        yield "typed", f"as if {joint.name} were typed wrongly, by {off}", size
+        yield j, float(q[j] - best), size
+
+
+def _in_words(joint: Joint, size: float) -> str:
+    """A motion of a joint [rad or m], for people."""
+    if joint.kind == "prismatic":
+        return f"{1e3 * size:.3g} mm"
+    return f"{size / DEGREE:.3g} deg"
 
 
 @dataclass(frozen=True, eq=False)
@@ -362,7 +407,7 @@ def _wrong(data: MarkerPositions, visits: list[WrongVisit], severity: Severity) 
     rows = _rows(data, [one.visit for one in visits])
     off = max(one.distance for one in visits)
     kind = visits[0].kind
-    worst = Severity.ALARM if kind == "frame_moved" else severity
+    worst = Severity.ALARM if kind in OF_THE_REST else severity
     return Finding.of(worst, WORDING, kind, rows=rows, off=off, why=visits[0].words)
 
 

@@ -1,4 +1,4 @@
-"""Whether the frame moved, or a weight hangs that nobody told, by the residuals of a fit."""
+"""Whether the frame moved, a joint slipped or a weight hangs that nobody told, by residuals."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from edtk.findings.causes.family import Cause, Family
-from edtk.findings.causes.faults import FAULTS, USUAL_MOVE
+from edtk.findings.causes.faults import FAULTS, OF_KIND, USUAL_MOVE, USUAL_SLIP
 from edtk.findings.fit_rows import (
     FitRows,
     NamedCause,
@@ -37,7 +37,7 @@ CHOSEN_EXPLAINS = 0.8
 LOAD_COORDINATES = 3.0  # of a pose that err together
 USUAL_BEND = 3.0  # of a joint under a weight, by a lever of a metre [mrad]
 # Causes that have names of their own above, whatever part of the day they are in.
-OF_THE_DAY = ("frame_moved", "drift", "growth")
+OF_THE_DAY = ("frame_moved", "drift", "growth", "joint_slipped")
 MOST_OF_MISFIT = 0.7  # of the misfit, at least, that a fault explains which is there all day
 # Of the length of what a fault adds, that the parameters of the fit have to leave.
 SEEN_BESIDE = 1e-4
@@ -83,14 +83,75 @@ def moved_frame(rows: FitRows) -> MovedFrame | None:
     Args:
         rows: Of a sheet whose poses are in the order in which they were measured.
     """
-    day = _Day(rows, rows.frame)
-    found = [*(_best(day, white) for white in (False, True)), _beside_noise(day)]
-    told = [one for one in found if one is not None]
-    return max(told, key=lambda one: one.explained, default=None)
+    step = _Day(rows, rows.frame).step()
+    if step is None:
+        return None
+    m = len(rows.residual)
+    seen = rows.fit.data.means.seen[step.first : step.end].reshape(-1)
+    off = step.added[step.first : step.end].reshape(-1, 3)[seen]
+    shift = float(np.sqrt((off**2).sum(axis=-1).mean())) / MM
+    ends = 1 if step.end == m else 2
+    log_tries = ends * float(np.log(m))
+    between = (step.first, step.end)
+    return MovedFrame(step.columns, USUAL_MOVE * MM, log_tries, *between, shift, step.explained)
 
 
-def _best(day: "_Day", white: bool) -> MovedFrame | None:
-    """The motion that lowers the squares most, where chance does not explain it."""
+@dataclass(frozen=True, eq=False)
+class SlippedJoint(SizedColumns):
+    """A joint whose zero is another one from some pose on, which explains much of the residuals.
+
+    Attributes:
+        joint: Its name.
+        first: The first pose (of the means, in order of the file) after it.
+        size: By how much it is further than written then, in `unit`.
+        unit: Unit of the size.
+        explained: Share of the squared residuals that it explains.
+        also: What looks the same: "frame" of the first joint, "tool" of the last; or nothing.
+    """
+
+    joint: str
+    first: int
+    size: float
+    unit: str
+    explained: float
+    also: str
+
+
+def slipped_joint(rows: FitRows) -> SlippedJoint | None:
+    """Try another zero of each joint from each pose on, as `moved_frame` tries motions, and test.
+
+    Args:
+        rows: Of a sheet whose poses are in the order in which they were measured.
+    """
+    joints = rows.scene.robot.joints
+    steps = [_Day(rows, rows.motion[..., [j]]).step(back=False) for j in range(len(joints))]
+    told = [(step, j) for j, step in enumerate(steps) if step is not None]
+    if not told:
+        return None
+    step, j = max(told, key=lambda one: one[0].explained)
+    joint = joints[j]
+    unit, per_unit = OF_KIND[joint.kind]
+    return SlippedJoint(
+        step.columns,
+        USUAL_SLIP[joint.kind] * MM,
+        float(np.log(len(joints) * len(rows.residual))),
+        joint.name,
+        step.first,
+        float(step.motion[0]) * per_unit / MM,
+        unit,
+        step.explained,
+        "frame" if j == 0 else "tool" if j == len(joints) - 1 else "",
+    )
+
+
+def _best(day: "_Day", white: bool, back: bool) -> "_Step | None":
+    """The motion that lowers the squares most, where chance does not explain it.
+
+    Args:
+        day: The poses.
+        white: Whether all coordinates count alike.
+        back: Whether it may be taken back.
+    """
     m = len(day)
     dof = day.dof
     if m < 2 * FEWEST_IN_FRAME or dof < 4:
@@ -98,21 +159,23 @@ def _best(day: "_Day", white: bool) -> MovedFrame | None:
     sums = day.sums(None if white else day.rows.noise)
     total = sums.total
     best = sums.best([(s, m) for s in range(FEWEST_IN_FRAME, m - FEWEST_IN_FRAME + 1)])
-    pairs = _pairs(m)
-    between = sums.best(pairs) if pairs else best
-    between = sums.best(_near(between[1], between[2], m))
+    tried = [(best, m)]
+    if back:
+        pairs = _pairs(m)
+        between = sums.best(pairs) if pairs else best
+        tried.append((sums.best(_near(between[1], between[2], m)), m * m))
     independent = max(dof / FRAME_COORDINATES[white], 1.0)
     judged = [
-        (_probability(fall, total, independent) * count, fall, s, t)
-        for (fall, s, t), count in ((best, m), (between, m * m))
+        (day.probability(fall, total, independent) * count, fall, s, t)
+        for (fall, s, t), count in tried
     ]
     probability, fall, s, t = min(judged)
     if probability > UNLIKELY_FRAME or fall < FRAME_EXPLAINS[white] * total:
         return None
-    return day.moved_between(s, t, sums.motion(s, t), fall / total)
+    return day.between(s, t, sums.motion(s, t), fall / total)
 
 
-def _beside_noise(day: "_Day") -> MovedFrame | None:
+def _beside_noise(day: "_Day") -> "_Step | None":
     """The motion to the end of the day, where it is large beside the noise that it leaves.
 
     A motion of half a millimetre amid errors of a robot of a third is fitted as noise, which then
@@ -127,11 +190,11 @@ def _beside_noise(day: "_Day") -> MovedFrame | None:
     fall, _, _ = after.best([(s, m)])
     independent = max(day.dof / FRAME_COORDINATES[False], 1.0)
     if (
-        _probability(fall, total, independent) * m > RARE_MOTION
+        day.probability(fall, total, independent) * m > RARE_MOTION
         or fall < FRAME_EXPLAINS[False] * total
     ):
         return None
-    return day.moved_between(s, m, after.motion(s, m), fall / total)
+    return day.between(s, m, after.motion(s, m), fall / total)
 
 
 def _pairs(m: int) -> list[tuple[int, int]]:
@@ -150,23 +213,15 @@ def _near(s: int, t: int, m: int) -> list[tuple[int, int]]:
     return sorted(pairs)
 
 
-def _probability(fall: float, total: float, dof: float) -> float:
-    """How likely chance lowers the squares as much between two given poses."""
-    from scipy.stats import f
-
-    share = fall / max(total, 1e-300)
-    return float(f.sf(share / max(1 - share, 1e-12) * dof / 6, 6, dof))
-
-
 @dataclass(frozen=True, eq=False)
 class _Sums:
     """Running sums over the poses, each before its pose.
 
     Attributes:
         total: The squares of the residuals, without what the columns explain.
-        gradient: Sums of B'Wz (m + 1, 6).
-        square: Sums of B'WB (m + 1, 6, 6).
-        along: Sums of what the columns take of B (m + 1, p, 6), see `Beside.along`.
+        gradient: Sums of B'Wz (m + 1, c).
+        square: Sums of B'WB (m + 1, c, c).
+        along: Sums of what the columns take of B (m + 1, p, c), see `Beside.along`.
     """
 
     total: float
@@ -176,7 +231,7 @@ class _Sums:
 
     @classmethod
     def of(cls, by: Beside, residual: Array, B: Array) -> "_Sums":
-        """Of residuals (m, r) and motions B (m, r, 6)."""
+        """Of residuals (m, r) and motions B (m, r, c)."""
         # The fit has other weights, so that something is left along its own columns.
         z = by.left(residual[..., None])
         Wz = by.weights.times(z)
@@ -189,13 +244,13 @@ class _Sums:
         )
 
     def _motions(self, s: Indices, t: Indices) -> tuple[Array, Array]:
-        """Motions (k, 6) from poses s to t (k,) that lower the squares most, and how much (k,)."""
+        """Motions (k, c) from poses s to t (k,) that lower the squares most, and how much (k,)."""
         gradient = self.gradient[t] - self.gradient[s]
         square = self.square[t] - self.square[s]
         return lowered(gradient, square, self.along[t] - self.along[s])
 
     def motion(self, s: int, t: int) -> Array:
-        """The motion (6,) from pose s to pose t that lowers the squares most."""
+        """The motion (c,) from pose s to pose t that lowers the squares most."""
         return self._motions(np.array([s]), np.array([t]))[0][0]
 
     def best(self, pairs: Sequence[tuple[int, int]]) -> tuple[float, int, int]:
@@ -205,12 +260,36 @@ class _Sums:
 
 
 @dataclass(frozen=True, eq=False)
+class _Step:
+    """What moved at one pose, and perhaps back at another.
+
+    Attributes:
+        first: The first pose after it.
+        end: The pose at which it was taken back; the number of poses where it was not.
+        columns: Its columns (m, 3k, c), zero in all other poses.
+        motion: Its size (c,).
+        explained: Share of the squared residuals that it explains.
+    """
+
+    first: int
+    end: int
+    columns: Array
+    motion: Array
+    explained: float
+
+    @property
+    def added(self) -> Array:
+        """What it adds (m, 3k) [mm]."""
+        return self.columns @ self.motion
+
+
+@dataclass(frozen=True, eq=False)
 class _Day:
     """The poses of a day, in their order.
 
     Attributes:
         rows: Their residuals and columns.
-        moved: Columns (m, 3k, 6) of motions of the frame [mm].
+        moved: Columns (m, 3k, c) of motions, of the frame or of a joint [mm a mm, mm a mrad].
     """
 
     rows: FitRows
@@ -219,10 +298,25 @@ class _Day:
     def __len__(self) -> int:
         return len(self.moved)
 
+    def step(self, back: bool = True) -> _Step | None:
+        """The motion that explains most, where chance does not.
+
+        Args:
+            back: Whether it may be taken back.
+        """
+        found = [*(_best(self, white, back) for white in (False, True)), _beside_noise(self)]
+        told = [one for one in found if one is not None]
+        return max(told, key=lambda one: one.explained, default=None)
+
     @property
     def dof(self) -> int:
         """Coordinates that neither the fit nor a motion takes."""
-        return self.rows.dof(6)
+        return self.rows.dof(self.moved.shape[2])
+
+    def probability(self, fall: float, total: float, dof: float) -> float:
+        """How likely chance lowers the squares as much between two given poses."""
+        share = fall / max(total, 1e-300)
+        return float(np.exp(log_chance(share, self.moved.shape[2], dof)))
 
     def noise_beside(self, s: int) -> PositionNoise:
         """The noise, fitted beside a motion from pose s on."""
@@ -232,16 +326,11 @@ class _Day:
         """Running sums of all, weighted by a noise, or equally where there is none."""
         return _Sums.of(self.rows.weighed(noise), self.rows.residual, self.moved)
 
-    def moved_between(self, s: int, t: int, motion: Array, explained: float) -> MovedFrame:
-        """A motion (6,) from pose s to pose t, with how far it carries the markers there."""
-        seen = self.rows.fit.data.means.seen[s:t].reshape(-1)
-        off = (self.moved[s:t] @ motion).reshape(-1, 3)[seen]
-        shift = float(np.sqrt((off**2).sum(axis=-1).mean())) / MM
+    def between(self, s: int, t: int, motion: Array, explained: float) -> _Step:
+        """A motion (c,) from pose s to pose t."""
         pose = np.arange(len(self))
         columns = self.moved * ((pose >= s) & (pose < t))[:, None, None]
-        ends = 1 if t == len(self) else 2
-        log_tries = ends * float(np.log(len(self)))
-        return MovedFrame(columns, USUAL_MOVE * MM, log_tries, s, t, shift, explained)
+        return _Step(s, t, columns, motion, explained)
 
 
 def _before(terms: Array) -> Array:

@@ -7,9 +7,10 @@ from itertools import chain, combinations, permutations, product
 import numpy as np
 
 from edtk.findings.causes.scene import AXES
-from edtk.findings.finding import Data, Finding, Severity, Wording
+from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
 from edtk.findings.match_plan import some_rows
 from edtk.findings.nonlinear_part import known_part, nonlinear_part
+from edtk.findings.parts_of_sheet import parts_in_other_units
 from edtk.fit.correlated_noise import row_numbers
 from edtk.fit.distributions import chi_square_tail
 from edtk.fit.identify import Identification
@@ -50,10 +51,13 @@ class Reading:
     Attributes:
         finding: The error of the columns that it assumes.
         data: The measurements, read so.
+        density: Twice the logarithm of the density of the numbers read so, over that of the
+            written ones; not zero where they are multiplied.
     """
 
     finding: Finding
     data: Measurements
+    density: float = 0.0
 
 
 def readings(study: Study, data: Measurements, only_signs: bool = False) -> Iterator[Reading]:
@@ -255,6 +259,21 @@ def _turn(T: Array) -> str:
     return f"turned by {angle} degrees about {about}"
 
 
+def _parts(study: Study, data: Measurements, kept: Indices) -> Iterator[Reading]:
+    """Some rows, or one column, are in another unit.
+
+    Args:
+        study: The model.
+        data: The measurements as the columns are headed.
+        kept: Their rows of the file (m,).
+    """
+    for part in parts_in_other_units(study, data):
+        named = {"what": part.what, "unit": part.unit, "rows": part.numbers(kept)}
+        columns = (part.column,) if part.column else ()
+        finding = Finding.of(Severity.ALARM, WORDING, "part_unit", columns=columns, **named)
+        yield Reading(finding, part.data, part.density)
+
+
 def _free(study: Study) -> list[int]:
     """The joints that the file must have."""
     return [j for j in range(study.robot.n) if j not in study.fixed]
@@ -360,7 +379,7 @@ class Refit:
 
         The costs of two readings differ by the logarithm of their likelihood ratio, twice.
         """
-        return self.chi2 + OUTLIER * self.left_out
+        return self.chi2 + OUTLIER * self.left_out - self.reading.density
 
     @property
     def size(self) -> float:
@@ -424,15 +443,18 @@ def explanation(study: Study, data: Measurements, fit: Identification) -> Explan
     only_signs = fit.dof < LEAST_FREEDOM
     if only_signs and not (fit.unbounded < BY_FAR * fit.std).all():
         return None
-    if len(data) > ENOUGH_ROWS:
-        data = data[some_rows(len(data), ENOUGH_ROWS)]
+    kept = some_rows(len(data), ENOUGH_ROWS)
+    if len(kept) < len(data):
+        data = data[kept]
     given = Refit.of(study, Reading(Finding.of(Severity.ALARM, WORDING, "as_given"), data))
     if not SUSPECT < given.size < np.inf:
         return None
     given = given.corrected(study)
     if not given.size > SUSPECT:
         return None
-    tried = [Refit.of(study, reading) for reading in readings(study, data, only_signs)]
+    parts = [] if only_signs else _parts(study, data, kept)
+    every = chain(readings(study, data, only_signs), parts)
+    tried = [Refit.of(study, reading) for reading in every]
     return Explanation(given, _equally_good(study, tried, given.size / BETTER_READING))
 
 
@@ -494,6 +516,16 @@ def _marker_unit(data: Data) -> str:
     return f"columns {columns} look as if they were in metres; expected millimetres"
 
 
+def _part_unit(data: Data) -> str:
+    """Rows, or a column, in another unit."""
+    where = f"column {data['columns'][0]}" if data["columns"] else rows_in_words(data["rows"])
+    meant = {"displacements": "millimetres", "forces": "newtons", "angles": "degrees"}
+    return (
+        f"{where}: the {data['what']} look as if they were in {data['unit']}; expected "
+        f"{meant[data['what']]}, as in the rest of the sheet"
+    )
+
+
 def _swapped_markers_words(data: Data) -> str:
     """Two markers that were exchanged in all rows."""
     return f"the markers {' and '.join(data['columns'])} look swapped in all rows"
@@ -546,6 +578,7 @@ _CLAUSES: Wording = {
     "opposite_sign": _opposite_sign,
     "joint_offset": _joint_offset,
     "marker_unit": _marker_unit,
+    "part_unit": _part_unit,
     "swapped_markers": _swapped_markers_words,
     "other_axes": _other_axes_words,
     "several_readings": _several_readings,

@@ -25,6 +25,8 @@ from edtk.system.errors import UserError
 from edtk.system.fields import ZERO, Finite, Line, Vector3, first_error
 from edtk.system.typing import Array
 
+# As large numbers as the same per millimetre, a thousand times.
+StiffnessPerMetre = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1e9)]
 ROUNDED = 1e-3  # deviation of a rotation whose entries were typed to three decimals
 # Decimals of an angle [deg] in a file that a person wrote: what is beyond them is rounding.
 DECIMALS = 12
@@ -405,7 +407,7 @@ class CompensatorTable(BaseModel):
     stiffness_N_per_mm: Annotated[Finite, Field(ge=0)] | None = Field(
         None, description="By how much the force grows with the distance, at zero [N/mm]"
     )
-    stiffness_N_per_m: Annotated[float, Field(allow_inf_nan=False, ge=0, le=1e9)] | None = Field(
+    stiffness_N_per_m: StiffnessPerMetre | None = Field(
         None, description="The same per metre, instead of stiffness_N_per_mm [N/m]"
     )
     preload_N: Finite = Field(

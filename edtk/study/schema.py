@@ -46,7 +46,7 @@ from edtk.study.tables_of_task import (
     payload_stands_in,
 )
 from edtk.system.errors import UserError
-from edtk.system.fields import ZERO, Count, Line, Table, first_error
+from edtk.system.fields import ZERO, Count, Line, Table, Whole, first_error
 
 # The criterion that a study is about gets more descents: its plans are those that people carry out.
 MORE_DESCENTS = 4
@@ -163,7 +163,7 @@ class Specification(Table):
     sizes: Annotated[tuple[Count, ...], Field(min_length=1)] = Field(
         (4,), description="Numbers of experiments for which plans are searched"
     )
-    candidates: Annotated[int, Field(ge=1, le=MOST_CANDIDATES)] = Field(
+    candidates: Annotated[Whole, Field(ge=1, le=MOST_CANDIDATES)] = Field(
         2000, description="Number of feasible poses that a relaxation begins with"
     )
     sampling: Literal["random", "sobol"] = Field(
@@ -174,7 +174,7 @@ class Specification(Table):
         description="Descents of `edtk run` per plan, at most; four times as many for the "
         "criterion that the study is about",
     )
-    seed: Annotated[int, Field(ge=0)] = Field(0, description="Seed of everything that is drawn")
+    seed: Annotated[Whole, Field(ge=0)] = Field(0, description="Seed of everything that is drawn")
     published: tuple[str, ...] = Field(
         (), description="Plans (CSV) to compare with; paths beside the study"
     )

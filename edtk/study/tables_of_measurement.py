@@ -184,7 +184,7 @@ class NoiseTable(Table):
         description="What along and across are: largest permissible errors of a data sheet, whose "
         "standard deviation is MPE/sqrt(3), or standard deviations",
     )
-    repeatability_deg: tuple[float, ...] = Field(
+    repeatability_deg: tuple[Finite, ...] = Field(
         (0.0,),
         description="Standard deviation with which a joint comes back, one for all or one per "
         "joint [deg; mm for a prismatic joint]",
@@ -583,6 +583,7 @@ class PriorTable(Table):
     )
     sigma_factor: float = Field(
         1.0,
+        strict=True,
         description="Factor within which sigma is known: 1 exactly, inf not at all, else one "
         "standard deviation of its logarithm [-]",
     )

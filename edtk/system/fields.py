@@ -4,8 +4,15 @@ import difflib
 import reprlib
 from typing import Annotated, Any, get_args
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
-from pydantic_core import PydanticCustomError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+)
+from pydantic_core import PydanticCustomError, PydanticKnownError
 
 # A kilometre in millimetres, a hundred tonnes in newtons. Fourth powers of such numbers over the
 # least sigma, and their products over all parameters, are still far from an overflow.
@@ -37,8 +44,18 @@ Sigma = Annotated[Finite, Field(ge=1e-9)]
 # Compliances beyond these bounds [rad/(N m)] are slips of the pen.
 Compliance = Annotated[Finite, Field(ge=1e-15, le=1e3)]
 
+
+def _no_switch(value: object) -> object:
+    """Neither texts nor `true`; 1e4 is a whole number."""
+    if isinstance(value, bool | str):
+        raise PydanticKnownError("int_type")
+    return value
+
+
+Whole = Annotated[int, BeforeValidator(_no_switch)]
+
 # Each one takes memory, and some of them time.
-Count = Annotated[int, Field(ge=1, le=int(LARGEST))]
+Count = Annotated[Whole, Field(ge=1, le=int(LARGEST))]
 
 
 def _on_one_line(text: str) -> str:

@@ -40,6 +40,7 @@ USUAL_TILT = np.deg2rad(3.0)  # of a load that hangs or pushes askew
 USUAL_TOOL = (2e-3, 2e-3, 10e-3)
 USUAL_TURN = np.deg2rad(2.0)  # of a frame that was not aligned
 USUAL_MOVE = 0.5e-3  # by which a tripod is pushed [m]
+MID_DAY = 0.5  # of the day: when something slips or moves, as plans are asked to notice it
 USUAL_DRIFT = 0.05e-3  # motion of a tracker or a foundation within a few minutes [m]
 # Three of four drifts are a step that all readings share; the others grow, see `since_first`.
 DRIFTS_ALIKE = 4 / 3
@@ -58,6 +59,8 @@ VARYING_RARELY = 4.0  # gears are as stiff in all positions: it takes so many ti
 USUAL_LOSS = 0.1  # of a joint's load, which friction holds: gears lose so much
 # Of the zero of a joint: a mark that was not met, a mastering by another convention [rad, m].
 USUAL_ZERO = {"revolute": np.deg2rad(1.0), "prismatic": 1e-3}
+# The same, in the middle of a day: a belt or an encoder that slips, a joint that is mastered anew.
+USUAL_SLIP = {"revolute": np.deg2rad(0.3), "prismatic": 0.5e-3}
 USUAL_LINK = 0.1  # by which links of robots of one family differ [m]
 # SI units per unit of the sizes that plans are asked for.
 UNITS_OF_SIZES = {"mm": 1e-3, "deg": np.pi / 180, "%": 1e-2, "Nm": 1.0, "um/m": 1e-6}
@@ -197,7 +200,7 @@ def _frame_rotation_words(cause: Cause) -> str:
 def _frame_moved(scene: Scene) -> Iterator[Family]:
     """The measuring frame moves in the middle of the day."""
     if scene.in_frame:
-        late = (scene.time > 0.5)[:, None, None]
+        late = (scene.time > MID_DAY)[:, None, None]
         yield Family("frame_moved", "mm", MM, 3, USUAL_MOVE, added(scene, late * scene.shift))
 
 
@@ -544,6 +547,22 @@ def _joint_zero_words(cause: Cause) -> str:
     return f"the zero of joint {cause.joint} looks off: it is {size} {which} what is written"
 
 
+def _joint_slipped(scene: Scene) -> Iterator[Family]:
+    """The zero of one joint is another one from the middle of the day on."""
+    if scene.in_frame:
+        late = (scene.time > MID_DAY).astype(float)
+        for j, joint in enumerate(scene.robot.joints):
+            predict = grown(scene, scene.counted(j), late)
+            usual = USUAL_SLIP[joint.kind]
+            scale = OF_KIND[joint.kind]
+            yield Family("joint_slipped", *scale, 1, usual, predict, scene.robot.n, joint.name)
+
+
+def _joint_slipped_words(cause: Cause) -> str:
+    size = _size(replace(cause, size=abs(cause.size)))
+    return f"the zero of joint {cause.joint} looks slipped by {size} in mid-day"
+
+
 def is_one_of(columns: Array, column: Array) -> bool:
     """Whether some changes (m, rows, c) of the measurements can make another one (m, rows, 1)."""
     other = column.ravel()
@@ -615,11 +634,11 @@ def cause_of(finding: Finding) -> Cause | None:
         return cause_of(finding.data["readings"][0])
     p = float(finding.data.get("p", 0.0))
     explained = float(finding.data.get("explained", 1.0))
-    if kind in ("rotation_unit", "angle_unit"):
+    if kind in ("rotation_unit", "angle_unit") or finding.data.get("unit") == "radians":
         return Cause("unit", *RADIANS, None, p, explained)
     if kind == "marker_unit":
         return Cause("unit", *UNITS["metres"], None, p, explained)
-    if kind in ("force_unit", "length_unit") and finding.data["unit"]:
+    if kind in ("force_unit", "length_unit", "part_unit") and finding.data["unit"] in UNITS:
         return Cause("unit", *UNITS[finding.data["unit"]], None, p, explained)
     if kind in FRAMES:
         return Cause("frame_axes", float(len(finding.columns) or 3), "axes", None, p, explained)
@@ -673,6 +692,7 @@ FAULTS = _by_name(
         "um/m",
         in_positions=True,
     ),
+    Fault("joint_slipped", _joint_slipped_words, _joint_slipped, "deg", in_positions=True),
     Fault("torque_sign", _torque_sign_words, _torque_sign, "%", True, True, in_tasks=True),
     Fault(
         "backlash",
