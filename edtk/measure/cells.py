@@ -141,6 +141,11 @@ def _as_text(cell: Any) -> Any:
 NAMED_SEPARATOR = re.compile(r"\s*\"?sep=([,;\t])\"?[ \r]*\n")  # a first line for spreadsheets
 COMMA = re.compile(r"^[^#\n]*,", re.MULTILINE)  # outside comments
 POINT = re.compile(r"\d\.\d")
+# What a spreadsheet writes where a formula fails: no comment, with which the row would be gone.
+SPREADSHEET_ERROR = re.compile(
+    r"(?:^|[,;\t]) *\"?(?P<cell>#(?:N/A|REF!|DIV/0!|VALUE!|NAME\?|NUM!|NULL!|SPILL!))",
+    re.MULTILINE,
+)
 
 
 class PoseFileError(UserError):
@@ -165,6 +170,11 @@ def read_cells(text: str, path: Path) -> Union["pd.DataFrame", dict[str, Array]]
     Raises:
         PoseFileError: The header or a row is not that of a table; names it.
     """
+    failed = SPREADSHEET_ERROR.search(text)
+    if failed is not None:
+        line = text.count("\n", 0, failed.start("cell")) + 1
+        message = f"'{failed['cell']}' is an error of a spreadsheet; expected a number"
+        raise PoseFileError(message, where=path, key=f"line {line}")
     columns = plain_numbers(text)
     if columns is not None:
         return columns

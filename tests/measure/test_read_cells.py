@@ -78,3 +78,12 @@ def test_cells_that_are_no_finite_numbers(cell, others):
     row = 2 if others else 1
     with pytest.raises(PoseFileError, match=f"^table.csv: row {row}, column a: .* finite number"):
         table.numbers("a")
+
+
+@pytest.mark.parametrize("cell", ["#N/A", "#REF!", "#DIV/0!", "#VALUE!", "#NAME?", "#NUM!"])
+@pytest.mark.parametrize("row", ["{},2", "1,{}", '"{}",2', " {},2"])
+def test_a_formula_that_failed_is_no_comment(cell: str, row: str) -> None:
+    """Its row would be gone without a word; comments may say anything else."""
+    with pytest.raises(PoseFileError, match=r"line 3.*is an error of a spreadsheet"):
+        read_cells(f"a,b\n3,4\n{row.format(cell)}\n5,6\n", PATH)
+    assert len(read_cells("a,b # 1\n3,4 # N/A\n# note: #N/A means none\n5,6\n", PATH)["a"]) == 2
