@@ -172,9 +172,9 @@ def read_cells(text: str, path: Path) -> Union["pd.DataFrame", dict[str, Array]]
     """
     failed = SPREADSHEET_ERROR.search(text)
     if failed is not None:
-        line = text.count("\n", 0, failed.start("cell")) + 1
+        row = text.count("\n", 0, failed.start("cell")) + 1
         message = f"'{failed['cell']}' is an error of a spreadsheet; expected a number"
-        raise PoseFileError(message, where=path, key=f"line {line}")
+        raise PoseFileError(message, where=path, key=f"line {row}")
     columns = plain_numbers(text)
     if columns is not None:
         return columns
