@@ -143,10 +143,11 @@ WRONG = [
 
 
 @pytest.mark.parametrize("change", WRONG, ids=str)
-def test_messages_are_those_of_a_file(tmp_path, change):
+def test_messages_are_those_of_a_file(tmp_path, monkeypatch, change):
     """A wrong key gives the line that a file gives, with "Study" in place of the file's name."""
     keys = {key: value for key, value in (REQUIRED | change).items() if value is not None}
-    path = written(keys, tmp_path / "study.toml")
+    monkeypatch.chdir(tmp_path)  # of a long path a message is shortened
+    path = written(keys, Path("study.toml"))
     with pytest.raises(UserError) as in_file:
         load_study(path)
     with pytest.raises(UserError) as in_python:
