@@ -9,11 +9,12 @@ The robots have springs about axes that are none of their joints', links that be
 varies, and friction. What else the promise counts is drawn: size and direction of the load, the
 tool point, and the noise. With `--exact` the noise alone is drawn, and the study says that the rest
 is as stated. Springs differ from day to day. With `--visits` springs are parameters of a study with
-[parameters], read loaded minus unloaded.
+[parameters], read loaded minus unloaded; with `--absolute` they are, beside base and tool, and
+positions are read in the frame of a tracker, in each pose without the load and with it.
 
 FOLDER keeps plans and days, so that a run goes on where it was stopped. One table a run is printed,
 and written to FOLDER/table.md; `--page` writes kept_promises.md beside this file, of the days in
-FOLDER/drawn, FOLDER/exact and FOLDER/visits.
+FOLDER/drawn, FOLDER/exact, FOLDER/visits and FOLDER/absolute.
 """
 
 import json
@@ -63,6 +64,8 @@ SIZE = 12
 DAYS = 20
 SPREAD = 0.2  # of the springs from day to day, relative
 POSES = 20  # of tasks beside the test pose, all under its load
+POSITION_COLUMNS = ("Ax_mm", "Ay_mm", "Az_mm")
+AROUND = (-2.0, 2.0)  # [rad] joint 1 where positions are read
 SEARCHES = 4  # for optimal plans: equally good ones differ in what they tell of friction
 
 LATERAL = (0.1, 0.3)  # of the joint's own compliance, about each axis across it
@@ -97,34 +100,42 @@ class Scene:
         arm: The simulated robot of the drawing, with springs in its joints alone.
         held: Share of each joint's mean load in calibration that friction holds.
         asked: The study that is asked, the same or another one of this robot.
+        absolute: Whether positions are read, without the load and with it, and no displacements.
     """
 
     study: edtk.Study
     arm: SimulatedArm
     held: float
     asked: edtk.Study
+    absolute: bool = False
 
     @classmethod
     def of(cls, study: edtk.Study, held: float) -> "Scene":
         """The robot of a study, whose compliances are those of [simulation]."""
         return cls(study, arm_of(study.robot, np.array(study.compliances)), held, study)
 
-    @property
-    def by_visits(self) -> "Scene":
-        """The same, asked as a study with [parameters]."""
-        reading = 1e3 * float(self.study.sigma[0]) / np.sqrt(2)
+    def by_readings(self, absolute: bool) -> "Scene":
+        """The same, asked as a study with [parameters]: of displacements, or of positions."""
         asked = self.study.replace(
-            joints={"fixed_deg": {"q1": 0}},
+            joints={} if absolute else {"fixed_deg": {"q1": 0}},
             parameters={
                 "compliance": list(self.study.robot.joint_names),
                 "geometry": [],
-                "base": False,
-                "tool": False,
+                "base": absolute,
+                "tool": absolute,
             },
             marker=[{"name": "A"}],
-            measurement={"sigma_mm": reading, "reference": "unloaded"},
+            measurement={
+                "sigma_mm": 1e3 * self.reading,
+                "reference": "instrument" if absolute else "unloaded",
+            },
         )
-        return replace(self, asked=asked)
+        return replace(self, asked=asked, absolute=absolute)
+
+    @property
+    def reading(self) -> float:
+        """Standard deviation of one reading [m]; a displacement is the difference of two."""
+        return float(self.study.sigma[0]) / np.sqrt(2)
 
     @property
     def sure(self) -> "Scene":
@@ -297,8 +308,18 @@ def sheet(
     tool = arm.tool.copy()
     tool[:3, 3] += tool[:3, :3] @ (drawn * 1e-3 * given.tool_mm * rng.standard_normal(3))
     seen = arm.replace(tool=tool)
-    d = moved(seen, q, acts) + study.sigma[:3] * rng.standard_normal((len(q), 3))
-    names = [*pose_columns(study.robot), *WRENCH_COLUMNS, *DEFLECTION_COLUMNS]
+    columns = DEFLECTION_COLUMNS
+    if scene.absolute:
+        columns = POSITION_COLUMNS
+        q, written, acts = (np.repeat(one, 2, axis=0) for one in (q, written, acts))
+        written[::2] = acts[::2] = 0.0
+        # Positions in several directions from the base tell where it stands.
+        q[:, 0] = np.repeat(rng.uniform(*AROUND, len(q) // 2), 2)
+        d = seen.points(q, [seen.at], seen.rest(q, acts))[:, 0]
+        d = d + scene.reading * rng.standard_normal(d.shape)
+    else:
+        d = moved(seen, q, acts) + study.sigma[:3] * rng.standard_normal((len(q), 3))
+    names = [*pose_columns(study.robot), *WRENCH_COLUMNS, *columns]
     cells = np.hstack([q / pose_factors(study.robot), written, 1e3 * d])
     return pd.DataFrame(cells, columns=names), arm
 
@@ -345,7 +366,10 @@ def one_day(scene: Scene, plan: edtk.Plan, case: Case, exact: bool) -> dict[str,
     seconds = time.process_time() - start
     rows = commands.rows
     there = arm.points(commands.command, [arm.at], arm.rest(commands.command, wrench[rows]))
-    error = np.linalg.norm((there - arm.points(q[rows], [arm.at]))[:, 0], axis=-1)
+    # Commands are for where the robot of the drawing fits the positions best.
+    frame = found.fit.fitted.model.start if scene.absolute else np.eye(4)
+    goal = arm.points(q[rows], [arm.at]) @ frame[:3, :3].T + frame[:3, 3]
+    error = np.linalg.norm((there - goal)[:, 0], axis=-1)
     inside = within(error, commands.band)
     remaining = commands.remaining
     assert rows[0] == 0
@@ -467,13 +491,13 @@ def share(told: pd.Series) -> str:
     return "-" if np.isnan(mean) else f"{100 * mean:.0f} %"
 
 
-def all_cases(days: int, only: Sequence[str]) -> list[Case]:
+def all_cases(days: int, only: Sequence[str], plans: Sequence[str] = PLANS) -> list[Case]:
     """The cases whose name contains one of some words, or all."""
     every = [
         Case(robot, truth, poses, day)
         for robot in scenes()
         for truth in TRUTHS
-        for poses in PLANS
+        for poses in plans
         for day in range(days)
     ]
     return [case for case in every if not only or any(word in case.name for word in only)]
@@ -486,19 +510,31 @@ class Way:
     Attributes:
         exact: Whether the noise alone is drawn, as the study then says.
         visits: Whether springs are parameters of a study with [parameters].
+        absolute: Whether positions are read then, and no displacements.
     """
 
     exact: bool = False
     visits: bool = False
+    absolute: bool = False
 
     def asks(self, scene: Scene) -> Scene:
         """A scene whose study knows this."""
-        scene = scene.by_visits if self.visits else scene
-        return scene.sure if self.exact else scene
+        scene = scene.by_readings(self.absolute) if self.visits or self.absolute else scene
+        return scene.sure if self.exact or self.absolute else scene
+
+    @property
+    def plans(self) -> Sequence[str]:
+        """Ways to choose poses that are simulated."""
+        return ("random",) if self.absolute else PLANS
 
     @property
     def words(self) -> str:
         """For people."""
+        if self.absolute:
+            return (
+                "Studies with `[parameters]` of springs, base and tool, by positions without the "
+                "load and with it"
+            )
         if self.visits:
             return "Studies with `[parameters]`, whose circumstances are exact, as they say"
         if self.exact:
@@ -512,6 +548,7 @@ WAYS = {
     "drawn": Way(),
     "exact": Way(exact=True),
     "visits": Way(exact=True, visits=True),
+    "absolute": Way(exact=True, absolute=True),
 }
 
 
@@ -544,7 +581,7 @@ def page(folder: Path) -> str:
         found = read_days(folder / name / "days.jsonl")
         if found:
             most = 1 + max(int(key.rsplit("/", 1)[1]) for key in found)
-            rows = markdown_table(HEAD, list(rows_of(found, all_cases(most, ()))))
+            rows = markdown_table(HEAD, list(rows_of(found, all_cases(most, (), way.plans))))
             each = pd.Series([key.rsplit("/", 1)[0] for key in found]).value_counts()
             few = "" if each.min() == each.max() else f"{each.min()} to "
             days = f"{few}{each.max()} days of each"
@@ -557,8 +594,8 @@ def page(folder: Path) -> str:
 
 INTRODUCTION = """# Promises, kept and broken
 
-Written by `python studies/kept_promises.py FOLDER --page` of days in FOLDER/drawn, FOLDER/exact and
-FOLDER/visits.
+Written by `python studies/kept_promises.py FOLDER --page` of days in FOLDER/drawn, FOLDER/exact,
+FOLDER/visits and FOLDER/absolute.
 
 A robot is calibrated with a model of six springs, and is not six springs: joints 2 and 3 give way
 about the axes across their own too, by a share of their own compliance; links bend and twist;
@@ -614,16 +651,24 @@ APART = (
 @click.option("--only", multiple=True, help="Part of the names of cases to look at; repeat it.")
 @click.option("--exact", is_flag=True, help="Draw the noise alone, and say so.")
 @click.option("--visits", is_flag=True, help="Ask studies with [parameters].")
+@click.option("--absolute", is_flag=True, help="Ask them for base and tool, too, by positions.")
 @click.option("--page", "whole", is_flag=True, help="Write kept_promises.md, of days at hand.")
 def main(
-    folder: Path, days: int, only: Sequence[str], exact: bool, visits: bool, whole: bool
+    folder: Path,
+    days: int,
+    only: Sequence[str],
+    exact: bool,
+    visits: bool,
+    absolute: bool,
+    whole: bool,
 ) -> None:
     """Simulate what is missing, and print the table."""
     os.nice(10)
     if whole:
         write_text(HERE / "kept_promises.md", page(folder))
         return
-    click.echo(table(folder, all_cases(days, only), Way(exact, visits)))
+    way = Way(exact, visits, absolute)
+    click.echo(table(folder, all_cases(days, only, way.plans), way))
 
 
 if __name__ == "__main__":
