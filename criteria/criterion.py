@@ -1,7 +1,7 @@
 """The abstract criterion, the laws that every criterion obeys, and its plainest kinds."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from typing import Any, Literal, Self, final
 
@@ -30,6 +30,7 @@ DESCRIBED = (
 STEP = 1e-6
 # Least eigenvalue of M at unit diagonal from which on costs have nine digits.
 LOSES_DIGITS = 1e-6
+RECIPROCAL = {"rad/(N m)": "N m/rad", "m/N": "N/m"}  # of units of compliance, as people write them
 
 
 Sense = Literal["min", "max"]
@@ -477,6 +478,40 @@ def _by_differences(criterion: Criterion, safe: Array, cov: Array) -> tuple[Arra
     weight = np.where(i == j, 1.0, 2.0)
     K = difference * weight / (STEP * d[:, i] * d[:, j])[..., None]
     return G[:, 0], 0.5 * (K + np.swapaxes(K, 1, 2))
+
+
+def unit_of(criterion: Criterion | type[Criterion], units: Iterable[str]) -> str:
+    """Unit of a criterion's values; empty where parameters have several, or its own have some.
+
+    A cost of degree d has the unit of the parameters to the power 2 d, as M has it to the power -2.
+
+    Args:
+        criterion: The criterion, or its class.
+        units: Units of the parameters.
+    """
+    own = sorted(set(units))
+    if criterion.shown[1] or criterion.needs_parameters or len(own) != 1:
+        return criterion.shown[1]
+    power = round(2 * criterion.degree)
+    unit = own[0] if criterion.sense == "min" else RECIPROCAL.get(own[0], f"1/({own[0]})")
+    return "" if power == 0 else unit if power == 1 else f"({unit})^{power}"
+
+
+def printed(
+    criterion: Criterion | type[Criterion],
+    value: float,
+    units: Iterable[str] = (),
+    digits: int = 6,
+) -> str:
+    """A criterion's value as people read it: "0.00659 mm".
+
+    Args:
+        criterion: The criterion, or its class.
+        value: The value, of parameters in their units.
+        units: Units of the parameters.
+        digits: Number of digits.
+    """
+    return f"{criterion.shown[0] * value:.{digits}g} {unit_of(criterion, units)}".rstrip()
 
 
 class CovarianceCriterion(Criterion):

@@ -80,7 +80,7 @@ def judged(fault: Fault, scene: Scene, answer: Answer) -> Judged:
     """Compare an answer with the fault.
 
     Noise that repetitions share, and outliers, have tests and lines of their own: of these it is
-    right to name no other cause.
+    right to name no other cause. A pose of one row that is off is an outlier as well.
     """
     first = answer.causes[0] if answer.causes else None
     if fault.cause == "common":
@@ -89,6 +89,8 @@ def judged(fault: Fault, scene: Scene, answer: Answer) -> Judged:
         is_right = [first is None and set(scene.rows) <= set(answer.outliers)]
     elif fault.cause == "pose":
         is_right = [one.cause == "pose" and one.rows == scene.rows for one in answer.causes]
+        if first is None and len(scene.rows) == 1:
+            is_right = [answer.outliers == scene.rows]
     else:
         is_right = [one.cause == fault.cause for one in answer.causes]
     right = is_right[:1] == [True]

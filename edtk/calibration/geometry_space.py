@@ -358,6 +358,11 @@ class GeometrySpace(DesignSpace):
         return tuple(one.name for one in self.geometry.parameters)
 
     @property
+    def units(self) -> tuple[str, ...]:
+        """Their units (p,)."""
+        return tuple(one.unit for one in self.geometry.parameters)
+
+    @property
     def doubles(self) -> int:
         """Numbers that say what a candidate tells: those of its rows."""
         return self.geometry.row_count * len(self.geometry.markers) * self.p

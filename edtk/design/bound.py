@@ -18,6 +18,7 @@ from edtk.system.typing import Array, Indices
 # the gap that a relaxation is asked for.
 BLURRED = 1e-6
 VISIBLE = 1e-8  # a relative error above this is told beside the gap
+HEADLINE = 4  # digits of a value in a headline
 
 
 class BoundKind(Enum):

@@ -421,6 +421,11 @@ class DesignSpace:
         return self.model.parameters
 
     @property
+    def units(self) -> tuple[str, ...]:
+        """Their units (p,)."""
+        return self.model.units
+
+    @property
     def doubles(self) -> int:
         """Numbers that say what a candidate tells: those of its packed information."""
         return self.p * (self.p + 1) // 2

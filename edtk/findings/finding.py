@@ -106,6 +106,11 @@ def notes(findings: Iterable[Finding]) -> list[str]:
     return [f"note: {one.words}" for one in findings if one.severity is Severity.NOTE]
 
 
+def leading_digit(value: float) -> str:
+    """A standard deviation by its leading digit, without a power of ten: 60, 0.01."""
+    return f"{float(f'{value:.1g}'):g}"
+
+
 def shown_probability(p: float, digits: int = 2) -> str:
     """Write "= 0.015", or "< 1e-300" where a double would show a zero."""
     return f"= {p:.{digits}g}" if p > LEAST else f"< {LEAST:g}"

@@ -9,7 +9,15 @@ from edtk.findings.causes.faults import FAULTS, cause_wording
 from edtk.findings.causes.find_causes import MOSTLY, UNEXPLAINED
 from edtk.findings.causes.try_faults import NO_NOISE
 from edtk.findings.causes.wrong_pose import FITS
-from edtk.findings.finding import Data, Finding, Severity, Wording, row_names, shown_probability
+from edtk.findings.finding import (
+    Data,
+    Finding,
+    Severity,
+    Wording,
+    leading_digit,
+    row_names,
+    shown_probability,
+)
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.moving_joints import asked_of_sheets, stated_repeatability
 from edtk.fit.distributions import chi_square_tail
@@ -437,7 +445,7 @@ def _moving_joints_words(data: Data) -> str:
 
 def _repeatability_words(data: Data) -> str:
     """Joints that return better or worse than the study states."""
-    size = f"{data['joints']:.2g} +- {data['std']:.1g} deg"
+    size = f"{data['joints']:.2g} +- {leading_digit(data['std'])} deg"
     return (
         f"visits say that joints return within {size}, stated {data['stated']:.3g} deg "
         f"(p {shown_probability(data['p'], 1)}): repeatability_deg in the study's [noise] is "

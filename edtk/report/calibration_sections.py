@@ -6,7 +6,7 @@ import numpy as np
 
 from edtk.calibration.calibration import Calibration, Judged
 from edtk.findings.causes.family import NOISE, Cause
-from edtk.findings.finding import row_names, shown_probability
+from edtk.findings.finding import leading_digit, row_names, shown_probability
 from edtk.findings.noise import UNLIKELY_NOISE
 from edtk.fit.estimate_noise import NoiseEstimate
 from edtk.fit.measurements import Measurements
@@ -373,7 +373,7 @@ def _number(noise: NoiseEstimate, i: int, value: float, factor: float) -> tuple[
     if not noise.told[i]:
         return "not told apart", "-"
     std = noise.std[i]
-    return f"{factor * value:.3g}", f"{factor * std:.1g}" if np.isfinite(std) else "-"
+    return f"{factor * value:.3g}", leading_digit(factor * std) if np.isfinite(std) else "-"
 
 
 def residual_causes(found: Calibration) -> list[str]:
@@ -429,7 +429,7 @@ def _row(cause: Cause) -> list[str]:
     return [
         "noise of another size" if cause.cause == NOISE else cause.cause.replace("_", " "),
         f"{cause.size:.3g}",
-        "-" if cause.std is None else f"{float(f'{cause.std:.1g}'):g}",
+        "-" if cause.std is None else leading_digit(cause.std),
         cause.unit or "-",
         cause.joint or "-",
         row_names(cause.rows).partition(" ")[2] if cause.rows else "all",

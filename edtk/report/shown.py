@@ -1,12 +1,12 @@
 """Numbers as a person reads them, texts in pictures, and the plans that a picture compares."""
 
 import math
-from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 import criteria
+from criteria.criterion import unit_of
 from edtk.measure.task import Tasks
 from edtk.study.study_run import StudyRun
 from edtk.system.typing import Array
@@ -19,7 +19,6 @@ MOST_FIGURES = 6
 LEAST_PLACES = 2  # behind the point: three digits
 SMALL = 1e-5  # standard deviation below which numbers are written with powers of ten
 MOST_PLACES = 15  # a double has no more
-RECIPROCAL = {"rad/(N m)": "N m/rad", "m/N": "N/m"}
 
 
 def plain(text: str) -> str:
@@ -82,43 +81,13 @@ def shown_unit(name: str) -> tuple[float, str]:
     return (factor, unit) if unit else (factor, "SI")
 
 
-def shown_value(name: str, value: float, digits: int = 4) -> str:
-    """A value in the criterion's unit: "0.006588 mm".
-
-    Args:
-        name: Name of the criterion.
-        value: Its value, SI.
-        digits: Number of digits.
-    """
-    factor, unit = criteria.get(name).shown
-    return f"{factor * value:.{digits}g} {unit}".rstrip()
-
-
 def run_unit(run: StudyRun, name: str) -> tuple[float, str]:
     """Factor and unit for a criterion's values; where it names none, those of the parameters."""
     factor, unit = shown_unit(name)
     if unit != "SI" or not criteria.get(name).degree:
         return factor, unit.removeprefix("SI")  # a ratio has none
     units = run.study.model.units if run.designs.unit == unit else ()
-    return factor, criterion_unit(name, units) or run.designs.unit
-
-
-def criterion_unit(name: str, units: Iterable[str]) -> str:
-    """Unit of a criterion's values; empty where parameters have several, or its own have some.
-
-    A cost of degree d has the unit of the parameters to the power 2 d, as M has it to the power -2.
-
-    Args:
-        name: Name of the criterion.
-        units: Units of the parameters.
-    """
-    criterion = criteria.get(name)
-    own = sorted(set(units))
-    if criterion.shown[1] or criterion.needs_parameters or len(own) != 1:
-        return criterion.shown[1]
-    power = round(2 * criterion.degree)
-    unit = own[0] if criterion.sense == "min" else RECIPROCAL.get(own[0], f"1/({own[0]})")
-    return "" if power == 0 else unit if power == 1 else f"({unit})^{power}"
+    return factor, unit_of(criteria.get(name), units) or run.designs.unit
 
 
 def plans_of(

@@ -2,7 +2,7 @@
 
 import pytest
 
-from edtk.report.shown import criterion_unit, digits
+from edtk.report.shown import digits
 
 
 @pytest.mark.parametrize(
@@ -29,22 +29,3 @@ def test_ends_of_an_interval_have_the_same_digits():
     assert digits(9.361e-7, 7.1e-8, 9.361e-7) == "9.361e-07"
     assert digits(6.56e-8, 7.1e-8, 9.361e-7) == "6.56e-08"
     assert digits(0.0, 7.1e-8, 9.361e-7) == "0.00e+00"
-
-
-@pytest.mark.parametrize(
-    ("name", "units", "unit"),
-    [
-        ("A", ("rad/(N m)", "rad/(N m)"), "(rad/(N m))^2"),
-        ("D", ("rad/(N m)",), "(N m/rad)^2"),
-        ("O3", ("m/N",), "N/m"),
-        ("O5", ("rad/(N m)",), "rad/(N m)"),
-        ("O2", ("rad/(N m)",), ""),
-        ("A", ("rad/(N m)", "m/N"), ""),
-        ("rho0", ("rad/(N m)",), "mm"),
-    ],
-)
-def test_a_criterion_has_the_unit_of_the_parameters_to_its_power(
-    name: str, units: tuple[str, ...], unit: str
-) -> None:
-    """Units of parameters that are c times as large make the cost ``c**(2 degree)`` times so."""
-    assert criterion_unit(name, units) == unit

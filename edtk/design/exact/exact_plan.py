@@ -7,10 +7,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from criteria import Criterion
+from criteria.criterion import printed
 from criteria.linalg.estimable import range_whitener
 from criteria.linalg.inverse import whitener
 from edtk.cell.plan_check import PlanCheck, Seen
-from edtk.design.bound import Bound, BoundedDesign, BoundKind, printed_bounds, printed_form
+from edtk.design.bound import (
+    HEADLINE,
+    Bound,
+    BoundedDesign,
+    BoundKind,
+    printed_bounds,
+    printed_form,
+)
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.design.detection import Detection, Separation
@@ -465,8 +473,7 @@ class ExactPlan(BoundedDesign):
 
     def headline(self) -> str:
         """Criterion, value, size and efficiency."""
-        factor, unit = self.relaxed.criterion.shown
-        value = f"{factor * self.value:.4g} {unit}".rstrip()
+        value = printed(self.relaxed.criterion, self.value, self.relaxed.space.units, HEADLINE)
         return (
             f"{self.relaxed.criterion.label} = {value} with {self.whole.experiments} experiments, "
             f"efficiency {100 * self.efficiency:.2f} %"

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from criteria import Relaxable
-from edtk.design.bound import Bound, BoundKind, RelaxedDesign, printed_bounds
+from criteria.criterion import printed
+from edtk.design.bound import HEADLINE, Bound, BoundKind, RelaxedDesign, printed_bounds
 from edtk.design.candidate_source import Candidates, CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.design.plan import Plan
@@ -56,8 +57,7 @@ class RelaxedPlan(RelaxedDesign):
 
     def headline(self) -> str:
         """Criterion, value, number of poses and proved gap."""
-        factor, unit = self.criterion.shown
-        value = f"{factor * self.value:.4g} {unit}".rstrip()
+        value = printed(self.criterion, self.value, self.space.units, HEADLINE)
         proved = "gap by a solver's word" if self.rests_on_solver else "proved gap"
         return (
             f"{self.criterion.label} = {value} with weights on {len(self.x)} poses, "

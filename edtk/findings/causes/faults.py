@@ -21,7 +21,7 @@ from edtk.findings.causes.scene import (
     play,
     turned_by,
 )
-from edtk.findings.finding import Finding, row_names
+from edtk.findings.finding import Finding, leading_digit, row_names
 from edtk.measure.parameters import ALONG
 from edtk.robots.frames import MM, shared_load
 from edtk.robots.joint import Joint
@@ -124,7 +124,7 @@ def _size(cause: Cause) -> str:
     """A fault's size with its standard deviation and unit."""
     if cause.std is None:
         return f"{cause.size:.3g} {cause.unit}"
-    return f"{cause.size:.3g} +- {cause.std:.1g} {cause.unit}"
+    return f"{cause.size:.3g} +- {leading_digit(cause.std)} {cause.unit}"
 
 
 def _signed(cause: Cause, more: str, less: str) -> tuple[str, str]:

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 import criteria
+from criteria.criterion import printed
 from edtk.calibration.planned import PlanBias
 from edtk.report.draw.names import name_ticks
 from edtk.report.figures import BLUE, panels
-from edtk.report.shown import criterion_unit
 from edtk.report.tables import left_table, name_width, notebook_table, text_table
 from edtk.report.views.calibration import budget_lines
 from edtk.study.evaluate import Evaluation
@@ -74,7 +74,7 @@ def _criteria_rows(found: Evaluation) -> tuple[list[str], list[list[str]]]:
 
 def _with_unit(found: Evaluation, name: str, value: float) -> str:
     """A value in the unit of its criterion, or in that of the parameters."""
-    return f"{criteria.get(name).shown[0] * value:.6g} {criterion_unit(name, found.units)}".rstrip()
+    return printed(criteria.get(name), value, found.units)
 
 
 def deviation_lines(found: Evaluation, words: Iterable[str] | None = None) -> list[str]:

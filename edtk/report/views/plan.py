@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from criteria.criterion import printed
 from edtk.design.bound import BoundKind, printed_form
 from edtk.design.detection import ENOUGH, Detection, Separation
 from edtk.design.exact.day import DayPlan
@@ -190,14 +191,12 @@ def search_lines(
         unknown: What faults are told apart from.
     """
     criterion = found.relaxed.criterion
-    factor = criterion.shown[0]
-    unit = f" {criterion.shown[1]}".rstrip()
     kept = "" if found.kept is None else f", {found.kept.experiments} of them there already"
     beside = f", beside what {known}" if found.with_prior else ""
     return [
         f"{criterion.name}, {criterion.title}; {made}{kept}{beside}",
-        f"  value       {factor * found.value:.6g}{unit}",
-        f"  bound       {factor * found.bound:.6g}{unit}  ({reach(found)})",
+        f"  value       {_printed(found, found.value)}",
+        f"  bound       {_printed(found, found.bound)}  ({reach(found)})",
         f"  efficiency  {100 * found.efficiency:.2f} %{among(found)}",
         *without_cell(found),
         *seen(found),
@@ -213,14 +212,18 @@ def search_lines(
     ]
 
 
+def _printed(found: ExactPlan, value: float) -> str:
+    """A value of the criterion with its unit."""
+    return printed(found.relaxed.criterion, value, found.relaxed.space.units)
+
+
 def without_cell(found: ExactPlan) -> list[str]:
     """The bound over all poses, free or not, and how free the plan is; nothing without a cell."""
     check = found.in_cell
     if check is None or check.cell is None:
         return []
     beyond = found.certified
-    factor, unit = found.relaxed.criterion.shown
-    bound = f"{factor * beyond.bound:.6g} {unit}".rstrip()
+    bound = _printed(found, beyond.bound)
     lines = [
         f"  without the cell the bound is {bound} ({reach(beyond)}), the efficiency "
         f"{100 * beyond.efficiency:.2f} %"
@@ -252,7 +255,6 @@ def placed(found: ExactPlan) -> list[str]:
     one = found.placement
     if one is None:
         return []
-    factor, unit = found.relaxed.criterion.shown
     place = f"  {'mounts' if one.position is None else 'tracker':10}  {_set_up(one)}"
     number = len(one.tried)
     kind = "setup" if one.normals else "place"
@@ -267,7 +269,7 @@ def placed(found: ExactPlan) -> list[str]:
         searched = ", and of a search in the box" * bool(one.looked)
         lines = [f"{place}, the best of {listed}{searched}"]
     if one.bound is not None:
-        bound = f"{factor * one.bound.value:.6g} {unit}".rstrip()
+        bound = _printed(found, one.bound.value)
         share = 100 * one.bound.efficiency(found.cost)
         lines += [
             f"              {bound} bounds plans at any listed {kind}: the best of the bounds of "
@@ -292,16 +294,14 @@ def _numbers(vector: Array) -> str:
 def _listed_places(found: ExactPlan) -> list[str]:
     """A line for each listed place: the value of the best plan there, and its bound."""
     assert found.placement is not None
-    factor, unit = found.relaxed.criterion.shown
     lines = []
     for one in found.placement.tried:
         where = f"              {_set_up(one)}"
         if one.bound is None or one.cost is None:
             lines.append(f"{where}: no plan, {one.why}")
             continue
-        value = printed_form(one.cost, one.bound.sense)
-        numbers = f"{factor * value:.6g}, bound {factor * one.bound.value:.6g} {unit}".rstrip()
-        lines.append(f"{where}: {numbers}")
+        value = _printed(found, printed_form(one.cost, one.bound.sense))
+        lines.append(f"{where}: {value}, bound {_printed(found, one.bound.value)}")
     return lines
 
 
@@ -310,8 +310,7 @@ def on_candidates(found: ExactPlan) -> list[str]:
     one = found.on_candidates
     if one is None:
         return []
-    factor, unit = found.relaxed.criterion.shown
-    best, bound = (f"{factor * x:.6g} {unit}".rstrip() for x in (one.value, one.bound.value))
+    best, bound = (_printed(found, x) for x in (one.value, one.bound.value))
     free = "" if found.in_cell is None else "free "
     plans = (
         f"all plans of {found.plan.experiments} experiments on these {one.candidates:,} "
@@ -337,9 +336,8 @@ def exchanged(found: ExactPlan) -> list[str]:
     one = found.compromise
     if one is None:
         return []
-    first, unit = found.relaxed.criterion.shown
     factor, other = one.shown
-    without = f"{first * one.value_alone:.6g} {unit}".rstrip()
+    without = _printed(found, one.value_alone)
     values = f"{factor * one.second_value:.4g} {other}".rstrip()
     before = f"{factor * one.second_alone:.4g} {other}".rstrip()
     allowed = f"{100 * one.allowed:g} %"
@@ -469,10 +467,7 @@ def exact_plan_notebook(found: ExactPlan) -> str:
         for i, row in enumerate(table.to_numpy())
     ]
     kind = found.lower_bound.kind.value
-    factor, unit = found.relaxed.criterion.shown
-    value, bound = (
-        f"{factor * number:.6g} {unit}".strip() for number in (found.value, found.bound)
-    )
+    value, bound = (_printed(found, number) for number in (found.value, found.bound))
     notes = [f"value {value}, and no plan of as many is better than {bound} ({kind})"]
     notes += [line.strip() for line in (*seen(found), *placed(found), *on_candidates(found))]
     if found.expected is not None:

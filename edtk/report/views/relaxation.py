@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from criteria.criterion import printed
 from edtk.design.bound import VISIBLE
 from edtk.design.enclosure.prove_continuum import ProvedPlan
 from edtk.design.problem import Problem
@@ -17,7 +18,7 @@ from edtk.report.draw.bars import weight_bars
 from edtk.report.draw.designs import draw
 from edtk.report.draw.plans import design_stems
 from edtk.report.figures import BLUE, panels
-from edtk.report.shown import plain, shown_value
+from edtk.report.shown import plain
 from edtk.report.tables import notebook_table, number_columns, text_table
 from edtk.report.views.problem import candidate_columns
 from edtk.system.errors import ArgumentError
@@ -170,8 +171,6 @@ def _thinned(at: Array, shown: Array) -> tuple[Array, Array]:
 def relaxed_plan_text(plan: RelaxedPlan) -> str:
     """Value, bounds and poses."""
     criterion = plan.criterion
-    factor = criterion.shown[0]
-    unit = f" {criterion.shown[1]}".rstrip()
     plural = "" if plan.candidates == 1 else "s"
     cell = "" if plan.without_cell is None else " with the cell"
     free = "free " if cell else ""
@@ -192,12 +191,17 @@ def relaxed_plan_text(plan: RelaxedPlan) -> str:
     lines = [
         f"{criterion.name}, {criterion.title}, for a single experiment's worth of weight"
         f"{_among(plan)}; {criterion.sense}imised",
-        f"  {'value':{width}}  {factor * plan.value:.7g}{unit}",
+        f"  {'value':{width}}  {_printed(plan, plan.value)}",
     ]
     for label, bound, proof in bounds:
-        number = f"{factor * bound.value:.7g}{unit}"
+        number = _printed(plan, bound.value)
         lines.append(f"  {label:{width}}  {number}  (relative gap {bound.gap:.1e}{proof})")
     return "\n".join([*lines, *_poses(plan)])
+
+
+def _printed(plan: RelaxedPlan, value: float, digits: int = 7) -> str:
+    """A value of the criterion with its unit."""
+    return printed(plan.criterion, value, plan.space.units, digits)
 
 
 def _among(plan: RelaxedPlan) -> str:
@@ -228,7 +232,7 @@ def relaxed_plan_notebook(plan: RelaxedPlan) -> str:
     if isinstance(plan, ProvedPlan):
         bounds.append(plan.continuum_bound)
     notes = [
-        f"bound {bound.value:.6g} ({bound.kind.value}), relative gap {bound.gap:.1e}"
+        f"bound {_printed(plan, bound.value)} ({bound.kind.value}), relative gap {bound.gap:.1e}"
         for bound in bounds
     ]
     return notebook_table(plan.headline(), ["pose", *table.columns], rows, notes)
@@ -246,8 +250,8 @@ def relaxed_plan_plot(plan: RelaxedPlan, ax: Any = None) -> Any:
     name = plan.criterion.label
     bound = plan.best_bound
     ax.set_title(
-        f"{plain(name)} = {shown_value(name, plan.value, 5)} per experiment, "
-        f"bound {shown_value(name, bound.value, 5)} ({bound.kind.value})",
+        f"{plain(name)} = {_printed(plan, plan.value, 5)} per experiment, "
+        f"bound {_printed(plan, bound.value, 5)} ({bound.kind.value})",
         fontsize=10,
     )
     return ax

@@ -4,11 +4,14 @@ from typing import Any
 
 import numpy as np
 
+import criteria
+from criteria.criterion import printed
+from edtk.design.bound import HEADLINE
 from edtk.measure.expected_error import ErrorBudget
 from edtk.measure.task import Task
 from edtk.report.draw.plans import criterion_by_size
 from edtk.report.figures import GREY, ORANGE, panels
-from edtk.report.shown import plain, shown_value
+from edtk.report.shown import plain
 from edtk.report.tables import notebook_table, percent, text_table
 from edtk.report.views.calibration import error_budget
 from edtk.report.views.robot import ARM, fit_axes, robot_plot
@@ -180,7 +183,10 @@ def study_run_rows(run: StudyRun) -> tuple[list[str], list[list[str]]]:
     for _, row in run.table.iterrows():
         cells = [row["reason"], ""]
         if not row["reason"]:
-            cells = [shown_value(main, row[main]), percent(row[f"efficiency_{main}"])]
+            cells = [
+                printed(criteria.get(main), row[main], run.study.model.units, HEADLINE),
+                percent(row[f"efficiency_{main}"]),
+            ]
         rows.append([row["plan"], str(row["experiments"]), str(row["poses"]), *cells])
     return ["plan", "experiments", "poses", main, "efficiency"], rows
 

@@ -3,6 +3,7 @@
 import math
 
 import criteria
+from criteria.criterion import printed
 from criteria.registry import BUILTINS
 from edtk.certificate.verify_certificate import Claim, Verification
 
@@ -96,8 +97,7 @@ def _shown(found: Verification, claim: Claim, number: float | None) -> str:
     if number is None:
         return "-"
     if claim.claim in IN_UNITS and found.criterion in BUILTINS:
-        factor, unit = criteria.get(found.criterion).shown
-        return f"{factor * number:.{DIGITS}g} {unit}".rstrip()
+        return printed(criteria.get(found.criterion), number, digits=DIGITS)
     if claim.claim in EXCESS:
         return EXCESS[claim.claim].format(number)
     return f"{number:.3g}" if claim.claim == "gap" else f"{number:.{DIGITS}g}"

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from criteria.criterion import printed
 from criteria.linalg.inverse import root
-from edtk.design.bound import VISIBLE
+from edtk.design.bound import HEADLINE, VISIBLE
 from edtk.design.errors import RunErrors
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.problems import DescribedProblem
@@ -33,8 +34,7 @@ class ArrangedPlan(ProblemPlan):
 
     def headline(self) -> str:
         """Criterion, value, size, structure of errors and efficiency."""
-        factor, unit = self.criterion.shown
-        value = f"{factor * self.value:.4g} {unit}".rstrip()
+        value = printed(self.criterion, self.value, digits=HEADLINE)
         words = self.structure.errors.headline()
         digits = f", numbers to {self.accuracy:.0e}" if self.accuracy > VISIBLE else ""
         return (

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria import Criterion
-from edtk.design.bound import VISIBLE, Bound, BoundedDesign, BoundKind
+from criteria.criterion import printed
+from edtk.design.bound import HEADLINE, VISIBLE, Bound, BoundedDesign, BoundKind
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.problem import Problem
 from edtk.design.problems import DescribedProblem
@@ -75,8 +76,7 @@ class ProblemPlan(BoundedDesign):
 
     def headline(self) -> str:
         """Criterion, value, size and efficiency."""
-        factor, unit = self.criterion.shown
-        value = f"{factor * self.value:.4g} {unit}".rstrip()
+        value = printed(self.criterion, self.value, digits=HEADLINE)
         experiments = f"{self.size} experiment{'' if self.size == 1 else 's'}"
         digits = f", numbers to {self.accuracy:.0e}" if self.accuracy > VISIBLE else ""
         worst = "" if self.worst is None else f", {self.worst}"
