@@ -26,8 +26,7 @@ def construct(
             criterion of a third party has another degree than it declares.
     """
     if parameters or cls.needs_parameters:
-        given = _with_tasks(parameters, target, targets)
-        return _with_parameters(cls, given, known_parameters(cls))
+        return _with_parameters(cls, parameters, known_parameters(cls))
     return _create(cls, target, targets)
 
 
@@ -59,25 +58,6 @@ def _with_parameters(
         words = " ".join(str(error).split())
         raise CriterionError(f"criterion {cls.name!r}: wrong parameters: {words}") from error
     return _sound(made, 3)
-
-
-def _with_tasks(
-    parameters: Mapping[str, Any], target: ArrayLike | None, targets: ArrayLike | None
-) -> Mapping[str, Any]:
-    """Parameters whose parts that are called by a name, such as "rho0", are about the tasks."""
-    parts = parameters.get("criteria")
-    if target is None or not isinstance(parts, list | tuple):
-        return parameters
-    # Imported late: the registry constructs by this module.
-    from criteria.registry import get
-
-    made = [
-        _create(get(part), target, targets)
-        if isinstance(part, str) and get(part).needs_target
-        else part
-        for part in parts
-    ]
-    return {**parameters, "criteria": made}
 
 
 def _create(cls: type[Criterion], target: ArrayLike | None, targets: ArrayLike | None) -> Criterion:

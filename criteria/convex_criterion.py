@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from criteria.criterion import Criterion
 from criteria.errors import CriterionError
 from criteria.linalg.inverse import whitener
 from criteria.linalg.spectrum import is_semidefinite
 from criteria.linalg.typing import Array
-from criteria.relaxable import Formulation, Relaxable
+from criteria.relaxable import Formulation, Relaxable, Transformed
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -93,21 +94,6 @@ class ConvexCriterion(Relaxable):
             least = self._least_expression(direction, T * cost ** (-0.5 / self.degree))
         return float(cost * least ** (1.0 / self.expression_power) * size**self.degree)
 
-    def polar_of_root(self, B: Array, W: Array) -> float:
-        """`polar` of ``Z = B B'``, for a criterion of parameters in which Z would lose digits.
-
-        Args:
-            B: A root (p, q) of the multiplier.
-            W: Whitens a design near which the bound shall be tight (p, p): ``W' M W = I``.
-        """
-        S = np.linalg.inv(W)
-        return self.polar(B @ B.T, S.T @ S)
-
-    def dual_weights_of_root(self, B: Array, W: Array) -> Array | None:
-        """The weights that `polar_of_root` takes, see `dual_weights`."""
-        S = np.linalg.inv(W)
-        return self.dual_weights(B @ B.T, S.T @ S)
-
     def lower_bound(self, Z: Array, t: Array, M: Array) -> float:
         """The best of ``polar(Z_j) t_j^-degree``, which follows from homogeneity.
 
@@ -119,11 +105,16 @@ class ConvexCriterion(Relaxable):
             for z, top, proved in zip(Z, t, proves, strict=True)
         )
 
+    @property
+    def bounds_by_polars(self) -> bool:
+        """Unless the class has a bound of its own."""
+        return type(self).lower_bound is ConvexCriterion.lower_bound
+
     def rests_on_solver(self, Z: Array, M: Array) -> bool:
         """Unless the class has a polar of its own, or each Z is minus the gradient at M."""
         cls = type(self)
         has_form = cls.polar is not ConvexCriterion.polar
-        if has_form or cls.lower_bound is not ConvexCriterion.lower_bound:
+        if has_form or not self.bounds_by_polars:
             return False
         return not (self.smooth and self._are_gradients(Z, M))
 
@@ -132,6 +123,14 @@ class ConvexCriterion(Relaxable):
         S = np.linalg.inv(whitener(M))
         G = S @ self.gradient(M) @ S.T
         return all(_is_parallel(z / np.trace(z), G) for z in S @ Z @ S.T)
+
+    def transformed(self, T: Array) -> Criterion | None:
+        """This criterion of other parameters; what it has no closed form of, by its expression."""
+        found = super().transformed(T)
+        has_form = type(self).polar is not ConvexCriterion.polar
+        if has_form or found is None or type(found) is not Transformed:
+            return found
+        return TransformedExpression(self, found.T)
 
     def formulation(
         self, M: "cp.Expression", total: "cp.Expression", T: Array, unit: float
@@ -197,6 +196,35 @@ class ConvexCriterion(Relaxable):
             if program.status == cp.OPTIMAL:
                 return (1 - SAFETY) * float(program.value)
         return 0.0
+
+
+class TransformedExpression(Transformed, ConvexCriterion):
+    """The same of a criterion that writes no closed form of its cost, or of its polar.
+
+    What is read off its expression is read off it with T, so that nothing is squared.
+    """
+
+    def polar(self, Z: Array, M: Array) -> float:
+        """A solver's answer in these parameters, unless the base has a closed form."""
+        if type(self.base).polar is ConvexCriterion.polar:
+            return ConvexCriterion.polar(self, Z, M)
+        return super().polar(Z, M)
+
+    def rests_on_solver(self, Z: Array, M: Array) -> bool:
+        """Unless the base has a closed form, or each Z is minus the gradient at M."""
+        if type(self.base).polar is not ConvexCriterion.polar:
+            return False
+        return not (self.smooth and self._are_gradients(Z, M))
+
+    def _cost(self, M: Array, cov: Array) -> Array:
+        if type(self.base)._cost is ConvexCriterion._cost:
+            return ConvexCriterion._cost(self, M, cov)
+        return super()._cost(M, cov)
+
+    def _gradient(self, M: Array, cov: Array) -> Array:
+        if type(self.base)._gradient is ConvexCriterion._gradient:
+            return ConvexCriterion._gradient(self, M, cov)
+        return super()._gradient(M, cov)
 
 
 def _is_parallel(direction: Array, G: Array) -> bool:

@@ -15,8 +15,7 @@ from criteria.linalg.inverse import guarded_inverse, power_trace, power_trace_of
 from criteria.linalg.spectrum import conjugate, sharp_variances
 from criteria.linalg.typing import Array
 from criteria.registry import register
-from criteria.relaxable import Formulation
-from criteria.transformed import TransformedByFactor
+from criteria.relaxable import Formulation, TransformedByFactor
 
 if TYPE_CHECKING:
     import cvxpy as cp

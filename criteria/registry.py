@@ -172,8 +172,24 @@ def create(
     if interest is not None and "interest" in known_parameters(cls):
         parameters = {**parameters, "interest": interest}
         interest = None
-    made = construct(cls, target, targets, parameters)
+    made = construct(cls, target, targets, _with_tasks(parameters, target, targets))
     return made if interest is None else Interest(made, interest)
+
+
+def _with_tasks(
+    parameters: Mapping[str, Any], target: ArrayLike | None, targets: ArrayLike | None
+) -> Mapping[str, Any]:
+    """Parameters whose parts that are called by a name, such as "rho0", are about the tasks."""
+    parts = parameters.get("criteria")
+    if target is None or not isinstance(parts, list | tuple):
+        return parameters
+    made = [
+        construct(get(part), target, targets, {})
+        if isinstance(part, str) and get(part).needs_target
+        else part
+        for part in parts
+    ]
+    return {**parameters, "criteria": made}
 
 
 def from_dict(data: Mapping[str, Any]) -> Criterion:

@@ -6,7 +6,7 @@ from matrices import positive
 
 import criteria
 from criteria.linalg.inverse import whitener
-from criteria.transformed import TransformedByFactor
+from criteria.relaxable import TransformedByFactor
 from edtk.certificate.recompute.values import cost, value
 
 NAMES = ("A", "D", "E", "G", "O1", "O2", "O3", "O4", "O5", "rho0", "rho_max")
