@@ -12,7 +12,6 @@ from edtk.certificate.verify_problem import verify_problem
 from edtk.design.information import ModelRows, Rows
 from edtk.design.problem import Problem
 from edtk.design.problems import several_models
-from edtk.design.relaxation.certify import store
 from edtk.design.relaxation.relax import relax
 from edtk.system.errors import ArgumentError
 
@@ -166,9 +165,9 @@ def test_bounds_of_many_models_hold_in_the_second_implementation(kind):
             models.append(Problem(rows[:, None, :]))
     problem = several_models(models)
     criterion = criteria.create(kind, criteria=["D"] * 9, sizes=[2] * 9)
-    found = relax(problem, criterion)
+    found = edtk.relax(problem, criterion)
     assert found.proved_bound.gap <= 1e-6
-    assert verify_problem(json.loads(json.dumps(store(found, problem))), problem).valid
+    assert verify_problem(json.loads(json.dumps(found.to_dict())), problem).valid
 
 
 @pytest.mark.slow

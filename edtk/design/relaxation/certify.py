@@ -1,30 +1,22 @@
-"""What a stored relaxation proves, judged as if an enemy had written it."""
-
-from collections.abc import Mapping
-from typing import Any
+"""What weights and multipliers prove, judged as if an enemy had written them."""
 
 import numpy as np
 
-import criteria
 from criteria import Relaxable
 from criteria.linalg.inverse import EPS
 from criteria.linalg.spectrum import least_scaled_eigenvalue
-from edtk.design.bound import Bound, BoundKind, printed_form
 from edtk.design.conditioning import Conditioning
-from edtk.design.problem import SYMMETRIC, Problem, problem_digest
+from edtk.design.problem import SYMMETRIC, Problem
 from edtk.design.problems import Whitened, absorb_prior
 from edtk.design.relaxation.proof import InnerProof, normalised
-from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.setting import OrderOne, Setting
-from edtk.design.relaxation.weight_limits import RelaxationWithin, WeightLimits
+from edtk.design.relaxation.weight_limits import WeightLimits
 from edtk.system.typing import Array
 
 SUM = 1e-9  # difference of a sum of weights from one that is rounding
 # Negative eigenvalue at unit diagonal that may be rounding. The multiplier is lifted by as much, so
 # that nothing is gained by it.
 NEGATIVE = 1e-9
-CERTIFICATE = "relaxation of a problem"  # the kind of the certificates that are made here
-SOLVER = "from a certificate"
 
 
 def certify(
@@ -73,9 +65,9 @@ def certify(
         setting = exact
         Z = inner.Z
     else:
-        inside = setting.inward(Z)
-        assert inside is not None
-        Z = inside
+        own_multipliers = setting.inward(Z)
+        assert own_multipliers is not None
+        Z = own_multipliers
     near = own if np.isfinite(cost) else np.full(plain.n, 1.0 / plain.n)
     bound = _bound(setting, Z, near, limits)
     return sized.cost(cost, base), sized.cost(bound, base)
@@ -200,157 +192,20 @@ def _multipliers(multipliers: Array, p: int) -> Array:
     return 0.5 * (Z + transposed)
 
 
-def store(found: Relaxation, problem: Problem) -> dict[str, Any]:
-    """The certificate of a relaxation, as plain data for JSON.
-
-    Value and bound are those that `certify` finds from the rest.
-
-    Args:
-        found: The relaxation.
-        problem: Its candidates.
-    """
-    # The two triangles of a product differ by rounding; a certificate has one matrix.
-    multipliers = 0.5 * (found.multipliers + np.swapaxes(found.multipliers, 1, 2))
-    within = found if isinstance(found, RelaxationWithin) else None
-    beside = () if within is None else (within.limits, within.experiments)
-    cost, bound = certify(
-        problem, found.criterion, found.weights, multipliers, found.inner, *beside
-    )
-    inside = _inside(found, problem, multipliers)
-    duals = _dual_weights(found.weights, *inside)
-    content = {
-        "kind": CERTIFICATE,
-        "criterion": found.criterion.to_dict(),
-        "candidates": {
-            "number": problem.n,
-            "parameters": list(problem.parameters),
-            "sha256": problem_digest(problem),
-        },
-        "weights": {
-            "candidate": found.support.tolist(),
-            "weight": found.weights[found.support].tolist(),
-        },
-        "value": printed_form(cost, found.criterion.sense),
-        # JSON knows no infinity, as which a maximised criterion prints a bound that says nothing.
-        "bound": printed_form(bound, found.criterion.sense) if bound else None,
-        "gap": 1 - bound / cost,
-        "multipliers": multipliers.tolist(),
-    }
-    if any(u is not None for u in duals):
-        content["dual_weights"] = [u.tolist() for u in duals if u is not None]
-    if found.inner is not None:
-        content["inner"] = {"T": found.inner.T.tolist(), "Z": found.inner.Z.tolist()}
-    if within is not None:
-        content["limits"] = within.limits.to_dict()
-        content["experiments"] = within.experiments
-        content["limit_multipliers"] = _of_limits(within.limits, inside[0], inside[2])
-    return content
-
-
-def _inside(
-    found: Relaxation, problem: Problem, multipliers: Array
+def inside(
+    problem: Problem, criterion: Relaxable, multipliers: Array, inner: InnerProof | None
 ) -> tuple[Problem, Relaxable, Array]:
     """The problem, the criterion and the multipliers (r, p, p) with all their digits.
 
     What else a certificate holds does not depend on the parameters; the digits from which it
     follows do. Nor does it depend on the length of a multiplier, whose squares may leave doubles.
     """
-    plain, criterion = absorb_prior(problem, found.criterion)
-    assert isinstance(criterion, Relaxable)
+    plain, base = absorb_prior(problem, criterion)
+    assert isinstance(base, Relaxable)
     plain = OrderOne.of(plain).problem
-    setting = _exact(plain, criterion, multipliers, found.inner)
+    setting = _exact(plain, base, multipliers, inner)
     Z = multipliers
-    if setting is not None and found.inner is not None:
-        plain, criterion, Z = setting.problem, setting.criterion, found.inner.Z
+    if setting is not None and inner is not None:
+        plain, base, Z = setting.problem, setting.criterion, inner.Z
     length = np.abs(Z).max(axis=(1, 2), keepdims=True)
-    return plain, criterion, Z / np.where(length > 0, length, 1.0)
-
-
-def _dual_weights(
-    weights: Array, problem: Problem, criterion: Relaxable, multipliers: Array
-) -> list[Array | None]:
-    """The shares that go with each of the multipliers (r, p, p), see `Relaxable.dual_weights`."""
-    M = problem.information(weights)
-    try:
-        return [criterion.dual_weights(Z, M) for Z in multipliers]
-    except np.linalg.LinAlgError:
-        # The design is all but singular: the check finds its own, or none.
-        return []
-
-
-def _of_limits(limits: WeightLimits, problem: Problem, multipliers: Array) -> list[list[float]]:
-    """Multipliers (r, k) of the limits' constraints, where the largest sensitivity is one."""
-    each = problem.sensitivities(multipliers)
-    return [limits.largest(gains / (gains.max() or 1.0))[1].tolist() for gains in each]
-
-
-def restore(data: Mapping[str, Any], problem: Problem) -> Relaxation:
-    """The relaxation that a certificate is about; cost and bound are computed anew.
-
-    Args:
-        data: What `store` made.
-        problem: Its candidates.
-
-    Raises:
-        ValueError: The candidates are others, weights or multipliers do not fit them, or the data
-            are not those of a certificate.
-    """
-    try:
-        return _restored(data, problem)
-    except ValueError:
-        raise
-    # Whatever an enemy, or a disk, has put in the place of numbers, tables and names.
-    except (LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
-        words = " ".join(f"{type(error).__name__}: {error}".split())
-        raise ValueError(f"this is no certificate of a relaxation ({words})") from error
-
-
-def _restored(data: Mapping[str, Any], problem: Problem) -> Relaxation:
-    """The relaxation of a certificate, of which nothing is believed."""
-    if data["candidates"]["sha256"] != problem_digest(problem):
-        raise ValueError("the certificate is about other candidates than those of this problem")
-    criterion = criteria.from_dict(data["criterion"])
-    if not isinstance(criterion, criteria.Relaxable):
-        raise ValueError(f"criterion {criterion.name!r} cannot be relaxed")
-    weights = _read_weights(data["weights"], problem.n)
-    multipliers = np.array(data["multipliers"], dtype=float)
-    kept = data.get("inner")
-    inner = None if kept is None else InnerProof(np.array(kept["T"]), np.array(kept["Z"]))
-    limits = None if "limits" not in data else WeightLimits.from_dict(data["limits"])
-    experiments = 1.0 if limits is None else float(data["experiments"])
-    cost, bound = certify(problem, criterion, weights, multipliers, inner, limits, experiments)
-    believes = np.isfinite(cost) and criterion.rests_on_solver(
-        multipliers, problem.information(weights)
-    )
-    kind = BoundKind.SOLVED if believes else BoundKind.PROVED_ON_CANDIDATES
-    found = Relaxation(
-        criterion=criterion,
-        weights=weights,
-        cost=cost,
-        proved_bound=Bound.of(criterion, bound, cost, kind),
-        multipliers=multipliers,
-        solver=SOLVER,
-        iterations=0,
-        rests_on_solver=bool(believes),
-        inner=inner,
-        problem=problem,
-    )
-    return found if limits is None else RelaxationWithin.of(found, limits, experiments)
-
-
-def _read_weights(data: Mapping[str, Any], n: int) -> Array:
-    """Weights (n,) of the candidates that are listed with theirs.
-
-    Raises:
-        ValueError: The lists are not of the same length, or name a candidate that is none or twice.
-    """
-    chosen = data["candidate"]
-    listed = np.array(data["weight"], dtype=float)
-    are_indices = all(type(i) is int and 0 <= i < n for i in chosen)
-    if not are_indices or len(set(chosen)) < len(chosen) or listed.shape != (len(chosen),):
-        raise ValueError(
-            f"weights: expected a weight for each of some candidates, from 0 to {n - 1}, once each"
-        )
-    weights = np.zeros(n)
-    weights[np.array(chosen, dtype=int)] = listed
-    return weights
+    return plain, base, Z / np.where(length > 0, length, 1.0)

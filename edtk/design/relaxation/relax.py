@@ -14,7 +14,7 @@ from edtk.design.relaxation.incumbent import Incumbent
 from edtk.design.relaxation.proof import normalised
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.restricted_master import NEWTON, RelaxationError, SolverOptions
-from edtk.design.relaxation.setting import OrderOne, Setting, proved_on, solvable
+from edtk.design.relaxation.setting import OrderOne, Setting, solvable
 from edtk.system.time_limit import no_progress, out_of_time, time_limit
 from edtk.system.typing import Array, Indices
 from edtk.system.workers import one_thread
@@ -189,7 +189,7 @@ def relax(
         # Products with small matrices gain nothing by threads, which wait for each other, spinning.
         with one_thread():
             found = _relax(sized.problem, criterion, gap, options, progress, multipliers)
-        return sized.outward(found)
+        return found.in_given_unit(sized)
     except np.linalg.LinAlgError as error:
         raise RankDeficientError(
             f"criterion {criterion.label}: the candidates do not tell what it needs to working "
@@ -197,7 +197,7 @@ def relax(
             "scale the regressors"
         ) from error
     except RelaxationInterrupted as interrupt:
-        raise RelaxationInterrupted(sized.outward(interrupt.best)) from interrupt
+        raise RelaxationInterrupted(interrupt.best.in_given_unit(sized)) from interrupt
 
 
 def _relax(
@@ -231,8 +231,8 @@ def _result(
     """The relaxation of the candidates as they were given."""
     found = incumbent.relaxation(setting.problem, gap, few)
     if closed is not setting.problem:
-        found = proved_on(setting.problem, found)
-    return setting.outward(found)
+        found = found.opened(setting.problem)
+    return found.outward(setting)
 
 
 def require_relaxable(criterion: Criterion) -> Relaxable:

@@ -1,6 +1,6 @@
-"""What a relaxation solves instead of the problem as it was given, and the way back."""
+"""What a relaxation solves instead of the problem as it was given."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,12 +9,10 @@ from criteria.interest import DEPENDENT
 from criteria.linalg.estimable import open_subspace, range_whitener
 from criteria.linalg.inverse import EPS, root
 from criteria.plugins import require_homogeneous
-from edtk.design.bound import BLURRED, Bound, BoundKind
 from edtk.design.information import Known, Rows
 from edtk.design.problem import Problem
 from edtk.design.problems import Whitened
-from edtk.design.relaxation.proof import InnerProof, errors
-from edtk.design.relaxation.relaxation import Relaxation
+from edtk.design.relaxation.proof import errors
 from edtk.system.errors import UserError
 from edtk.system.typing import Array
 
@@ -84,18 +82,6 @@ class OrderOne:
             )
         return found
 
-    def outward(self, found: Relaxation) -> Relaxation:
-        """The result for the candidates as given."""
-        if not self.power:
-            return found
-        criterion = found.criterion
-        bound = found.proved_bound
-        return replace(
-            found,
-            cost=self.cost(found.cost, criterion),
-            proved_bound=replace(bound, cost=self.cost(bound.cost, criterion)),
-        )
-
 
 def _extreme_columns(problem: Problem) -> tuple[float, float]:
     """The sizes of the smallest and of the largest column that is not zero; one without any.
@@ -144,25 +130,8 @@ def without_open_directions(problem: Problem) -> Problem:
     return problem.with_prior(prior)
 
 
-def proved_on(problem: Problem, found: Relaxation) -> Relaxation:
-    """The relaxation of a closed problem as one of the problem itself.
-
-    With the projection ``P = I - U W'`` the multiplier ``P Z P'`` has the same sensitivities to the
-    candidates and the same ``K'Z K`` as Z, and none to W W'.
-
-    Args:
-        problem: The problem as it was given.
-        found: The relaxation of `without_open_directions`, with costs of the problem as given.
-    """
-    Z = opened(problem, found.multipliers)
-    largest = problem.sensitivities(Z).max(axis=-1)
-    cost = found.criterion.lower_bound(Z, largest, problem.information(found.weights))
-    bound = Bound.of(found.criterion, cost, found.cost, BoundKind.PROVED_ON_CANDIDATES)
-    return replace(found, multipliers=Z, proved_bound=bound)
-
-
 def opened(problem: Problem, multipliers: Array) -> Array:
-    """``P Z P'`` (r, p, p) of the multipliers of a closed problem, see `proved_on`."""
+    """``P Z P'`` (r, p, p) of the multipliers of a closed problem, see `Relaxation.opened`."""
     found_open = [open_subspace(one.mean) for one in problem.each]
     U = problem.models.diagonal([left for left, _ in found_open])
     W = problem.models.diagonal([closing for _, closing in found_open])
@@ -271,30 +240,6 @@ class Setting:
             return multipliers
         S = np.linalg.inv(self.whitened.T)
         return np.asarray(S @ multipliers @ S.T)
-
-    def outward(self, found: "Relaxation") -> "Relaxation":
-        """The result as one of the problem as it was given, with its accuracy."""
-        of_cost, of_bound = self.errors(found.weights, found.multipliers)
-        M = self.problem.information(found.weights)
-        believes = self.criterion.rests_on_solver(found.multipliers, M)
-        bound = Bound.of(
-            self.given,
-            found.proved_bound.cost,
-            found.cost,
-            BoundKind.SOLVED if believes else found.proved_bound.kind,
-            of_bound,
-            max(of_cost, BLURRED),
-        )
-        found = replace(
-            found,
-            accuracy=of_cost + of_bound,
-            rests_on_solver=believes,
-            proved_bound=bound,
-        )
-        if self.whitened is None:
-            return found
-        inner = InnerProof(self.whitened.T, found.multipliers)
-        return replace(found, criterion=self.given, multipliers=inner.outward(), inner=inner)
 
 
 def solvable(problem: Problem, criterion: Relaxable) -> tuple[Setting, Problem]:

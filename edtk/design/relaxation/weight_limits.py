@@ -1,19 +1,14 @@
-"""Limits on the weights of a relaxation, and relaxations within them."""
+"""Limits on the weights of a relaxation."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from criteria.linalg.inverse import EPS
 from edtk.design.linear_constraints import LinearConstraints
-from edtk.design.problem import Problem
-from edtk.design.relaxation.relaxation import Relaxation
 from edtk.system.typing import Array
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,48 +114,3 @@ class WeightLimits:
 def _finite(limit: float) -> float | None:
     """A limit; None for an infinite one."""
     return float(limit) if np.isfinite(limit) else None
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class RelaxationWithin(Relaxation):
-    """A relaxed design whose counts ``experiments * weights`` obey limits.
-
-    Value and bound are those of one experiment, or of all of them where no size is given.
-
-    Attributes:
-        limits: The limits.
-        experiments: Number of experiments, not whole where budgets decide it.
-    """
-
-    limits: WeightLimits
-    experiments: float
-
-    @classmethod
-    def of(cls, found: Relaxation, limits: WeightLimits, experiments: float) -> "RelaxationWithin":
-        """A relaxation whose counts obey limits."""
-        parts: dict[str, Any] = {field.name: getattr(found, field.name) for field in fields(found)}
-        return cls(**parts, limits=limits, experiments=experiments)
-
-    @property
-    def counts(self) -> Array:
-        """Counts (n,) of the candidates, not whole."""
-        return self.experiments * self.weights
-
-    def headline(self) -> str:
-        """That of a relaxation, and that it is within limits."""
-        free = self.limits.size is None
-        number = f", {self.experiments:.4g} experiments" if free else ""
-        return f"{super().headline()}, within the limits{number}"
-
-    def certify(self, problem: Problem) -> tuple[float, float]:
-        """Cost and bound computed anew within the limits, see `Relaxation.certify`."""
-        from edtk.design.relaxation.certify import certify  # it makes results of this kind
-
-        beside = (self.inner, self.limits, self.experiments)
-        return certify(problem, self.criterion, self.weights, self.multipliers, *beside)
-
-    def to_frame(self) -> "pd.DataFrame":
-        """The candidates that carry weight, with their weights and counts."""
-        frame = super().to_frame()
-        frame["count"] = self.experiments * frame["weight"]
-        return frame

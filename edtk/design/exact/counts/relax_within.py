@@ -11,10 +11,10 @@ from edtk.design.exact.counts.counts_bound import Decomposition
 from edtk.design.problem import Problem, RankDeficientError
 from edtk.design.problems import absorb_prior
 from edtk.design.relaxation.relax import require_relaxable
-from edtk.design.relaxation.relaxation import Relaxation
+from edtk.design.relaxation.relaxation import Relaxation, RelaxationWithin
 from edtk.design.relaxation.restricted_master import RelaxationError
 from edtk.design.relaxation.setting import OrderOne, opened, solvable
-from edtk.design.relaxation.weight_limits import RelaxationWithin, WeightLimits
+from edtk.design.relaxation.weight_limits import WeightLimits
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
 from edtk.system.workers import one_thread
@@ -102,7 +102,7 @@ def relax_within(
     sized = OrderOne.of(plain)
     with one_thread():
         found, counts = _relaxed(sized.problem, require_relaxable(base), limits, gap)
-    told = replace(sized.outward(found), criterion=criterion, problem=problem)
+    told = replace(found.in_given_unit(sized), criterion=criterion, problem=problem)
     return RelaxationWithin.of(told, limits, float(counts.sum()))
 
 
@@ -138,4 +138,4 @@ def _relaxed(
         solver=SOLVER,
         iterations=len(search.plans),
     )
-    return setting.outward(found), counts
+    return found.outward(setting), counts
