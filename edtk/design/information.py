@@ -421,7 +421,8 @@ class Rows:
 
     def largest(self) -> Array:
         """The largest diagonal entries (p,) of ``A_i' A_i`` over all candidates."""
-        return np.asarray(self.diagonals().max(axis=0))
+        # A maximum over long rows takes a tenth of the time of one over many short ones.
+        return np.asarray(np.ascontiguousarray(self.diagonals().T).max(axis=1))
 
     def scaled(self, factor: Array) -> "Rows":
         """The same candidates with so many times the information (n,)."""
@@ -502,6 +503,8 @@ class Rows:
         step = max(ROWS_AT_ONCE // self.p, 1)
         for start in range(0, len(flat), step):
             found[start : start + step] = of_rows(flat[start : start + step])
+        if len(found) == self.n:
+            return found  # of one row each, which a sum would copy
         return np.asarray(found.reshape(self.n, -1).sum(axis=1))
 
 

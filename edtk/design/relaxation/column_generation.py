@@ -271,15 +271,15 @@ class ColumnGeneration:
         return Effort(solvers, INNER if loose else FINEST)
 
     def _first_active(self) -> Indices:
-        """The candidates to begin with: some that tell all parameters, and the most sensitive."""
-        # A choice one after another takes its time; as many as there are parameters will do.
-        chosen = first_active_set(self.problem, self.problem.width)
-        missing = self._batch - len(chosen)
-        if missing <= 0 or len(chosen) == self.problem.n:
-            return chosen
+        """The candidates to begin with: the most sensitive, and others if these leave some open."""
         T = range_whitener(self.problem.mean)
         sensitivities = self.problem.sensitivities(T @ T.T)
-        return np.concatenate([chosen, entering_candidates(sensitivities, chosen, missing)])
+        most = entering_candidates(sensitivities, np.empty(0, dtype=int), self._batch)
+        if is_clearly_regular(self.problem[most].mean):
+            return most
+        # A choice one after another takes its time; as many as there are parameters will do.
+        chosen = first_active_set(self.problem, self.problem.width)
+        return np.concatenate([chosen, most[~np.isin(most, chosen)]])
 
     def _kept(
         self, step: Step, sensitivities: Array, gap: float, least: float
@@ -334,11 +334,18 @@ class ColumnGeneration:
         weights, Z, solver = self._masters.solve(start, effort)
         active = start.candidates
         M = self.problem[active].information(weights)
-        proof, sensitivities = Proof.of(self.problem, self.criterion, M, Z)
+        tried = [] if Z is None else [Z]
+        if Z is None or self.criterion.smooth:
+            found, G = self.criterion.cost_and_gradient(M)
+            tried.insert(0, -G)
+        else:
+            found = self.criterion.cost(M)
+        cost = float(found)
+        enough = cost * (1 - FINEST)
+        proof, sensitivities = Proof.of(self.problem, self.criterion, M, tried, enough)
         if before is not None and not proof.lower_bound > before.proof.lower_bound:
             proof = before.proof
         carries = weights > 0
         last = WarmStart(active, weights, Z)
-        cost = float(self.criterion.cost(M))
         step = Step(active[carries], weights[carries], M, cost, proof, solver, last)
         return step, sensitivities

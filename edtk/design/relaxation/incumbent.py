@@ -100,6 +100,8 @@ def first_as_good(
         others: Weights that are as good but for rounding, which near a singular design is large.
         loss: Part of the cost that may be lost.
     """
+    if all(each is weights for each in others):
+        return weights
     M = np.tensordot(weights, blocks, axes=1)
     rounding = rounding_of_inverse(M, np.square(range_whitener(M)).sum(axis=1))
     enough = safe_cost(criterion, M) * (1 + max(loss, rounding))

@@ -274,7 +274,9 @@ class _Blocks(ActiveInformation):
     def _triangles(self, T: Array, rows: Indices, columns: Indices, scale: Array) -> Array:
         # vec(T' M T) is linear in vec(M): one product for all candidates.
         of_rows, of_columns = self.models.entries
-        change = T[of_rows][:, rows] * T[of_columns][:, columns] * scale
+        change = T.take(rows, axis=1).take(of_rows, axis=0)
+        change *= T.take(columns, axis=1).take(of_columns, axis=0)
+        change *= scale
         return np.asarray(change.T @ self.flat.T)
 
     def told_triangles(self, T: Array, scale: Array) -> Array:
@@ -364,10 +366,15 @@ def _solver(P: Array, D: Array, most: float) -> Solve:
     k = P.shape[1]
     if k <= most * len(P):
         return _few(P, D)
+    scaled = P / np.sqrt(D)
+    K = scaled @ scaled.T
+    diagonal = K.reshape(-1)[:: len(K) + 1]
     # Near the optimum D vanishes on the support, and Woodbury's identity is a difference of large
     # numbers.
-    lost = k <= MOST_FEW and (P * P / D).sum(axis=1).max() > LARGEST
-    return _few(P, D) if lost else _many(P, D)
+    if k <= MOST_FEW and diagonal.max() > LARGEST:
+        return _few(P, D)
+    diagonal += 1.0
+    return _many(P, D, K)
 
 
 def _few(P: Array, D: Array) -> Solve:
@@ -387,11 +394,8 @@ def _few(P: Array, D: Array) -> Solve:
     return solve
 
 
-def _many(P: Array, D: Array) -> Solve:
-    """By the matrix of the entries (q, q)."""
-    scaled = P / np.sqrt(D)
-    K = scaled @ scaled.T
-    K.reshape(-1)[:: len(K) + 1] += 1.0
+def _many(P: Array, D: Array, K: Array) -> Solve:
+    """By the matrix ``K = I + P D^-1 P'`` of the entries (q, q), which is overwritten."""
     by_factors = _factorized(K)
 
     def solve(b: Array) -> Array:

@@ -24,8 +24,6 @@ NEWTON_STEPS = 60
 FIRST_TOWARDS_BOUNDARY = 0.9
 # Slacks of the first weights, in parts of the degree: those of weights that are all alike.
 FIRST_SLACK = 0.3
-# How far below the central path a slack of a start may be.
-OFF_CENTRE = 0.1
 LEAST_SHRINKING = 1e-4  # of the product of weights and slacks in one step
 # Slacks further than so many gaps from the gradient are brought back to it before the next step:
 # near a singular optimum the gradient changes fast.
@@ -135,22 +133,23 @@ class _Point:
 
     @classmethod
     def first(cls, criterion: Relaxable, active: ActiveInformation, start: Array) -> "_Point":
-        """A point near the central path, from weights (k,) some of which are zero."""
+        """A point near the central path, from weights (k,) some of which are zero.
+
+        It is the mean of these weights and of equal ones, which are well inside: the further the
+        new candidates exceed the old ones, the further away the optimum is, and the more it has of
+        the equal ones.
+        """
         d = criterion.degree
         begun = cls.at(criterion, active, start, np.full(len(start), FIRST_SLACK * d))
-        cost = float(criterion.cost(begun.M))
+        cost = float(criterion.cost_of_regular(begun.M, begun.T @ begun.T.T))
         if not abs(begun.cost - cost) <= HOMOGENEOUS * cost:
             raise NewtonError(f"criterion {criterion.name} is not homogeneous of degree {d:g}")
-        carries = start > 0
-        if carries.all() and np.ptp(start) <= EPS:
+        if np.ptp(start) <= EPS:
             return begun
         slack = d - begun.sensitivities
-        # How far the new candidates exceed the old ones says how far away the optimum is.
-        away = max(-slack.min() / d, EPS)
-        mu = FIRST_SLACK * away * d / len(start)
-        size = np.maximum(np.abs(slack), FIRST_SLACK * away * d)
-        weights = np.where(carries, start, mu / size)
-        slacks = np.maximum(np.where(carries, slack, 0.0), OFF_CENTRE * mu / weights)
+        away = min(max(-slack.min() / d, EPS), 1.0)
+        weights = (1 - away) * start + away / len(start)
+        slacks = np.maximum(slack, FIRST_SLACK * away * d / (len(start) * weights))
         return cls.at(criterion, active, weights, slacks)
 
     @cached_property

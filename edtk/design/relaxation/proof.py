@@ -1,5 +1,6 @@
 """Why no weights have a lower cost: multipliers, and the digits that rounding leaves."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -123,49 +124,50 @@ class Proof:
 
     @classmethod
     def of(
-        cls, problem: Problem, criterion: Relaxable, M: Array, Z: Array | None
+        cls,
+        problem: Problem,
+        criterion: Relaxable,
+        M: Array,
+        tried: Sequence[Array],
+        enough: float = np.inf,
     ) -> "tuple[Proof, Array]":
-        """Find what a solver's multiplier proves near a design.
+        """Find what multipliers prove near a design.
 
         Args:
             problem: The candidates (n).
             criterion: What is minimised.
             M: The design (p, p).
-            Z: The multiplier (p, p); without one minus the gradient is one.
+            tried: Multipliers (p, p): minus the gradient at M of a smooth cost, and a solver's.
+            enough: A bound with which no other multiplier is tried.
 
         Returns:
             The best proof, and the sensitivities (n,) of all candidates to its multiplier.
         """
-        trials = _trial_multipliers(criterion, M, Z)
-        sensitivities = problem.sensitivities(trials)
-        largest = sensitivities.max(axis=-1)
-        found = [
-            criterion.lower_bound(trials[i : i + 1], largest[i : i + 1], M)
-            for i in range(len(trials))
-        ]
-        # A solver's multiplier may be so far off that its bound is negative or not a number.
-        bounds = np.where(np.isfinite(found), np.maximum(found, 0.0), 0.0)
-        best = int(np.argmax(bounds))
-        proof = cls(trials[best], float(largest[best]), float(bounds[best]))
-        return proof, sensitivities[best]
+        found: list[tuple[Proof, Array]] = []
+        for Z in _trial_multipliers(criterion, M, tried):
+            sensitivities = problem.sensitivities(Z)
+            largest = sensitivities.max(keepdims=True)
+            bound = criterion.lower_bound(Z[None], largest, M)
+            # A solver's multiplier may be so far off that its bound is negative or not a number.
+            bound = max(bound, 0.0) if np.isfinite(bound) else 0.0
+            found.append((cls(Z, float(largest[0]), float(bound)), sensitivities))
+            if bound >= enough:
+                break
+        return max(found, key=lambda each: each[0].lower_bound)
 
 
-def _trial_multipliers(criterion: Relaxable, M: Array, Z: Array | None) -> Array:
-    """Multipliers to try (r, p, p): the solver's, and minus the gradient at M of a smooth cost.
+def _trial_multipliers(criterion: Relaxable, M: Array, tried: Sequence[Array]) -> Iterator[Array]:
+    """Those of multipliers (p, p) that are numbers, as what they should be but for rounding.
 
     A gradient may be no number where M is all but singular, as the best design for a part of the
     parameters may be. Without another one the inverse is tried: any multiplier proves something.
     """
-    trials = [] if Z is None else [Z]
-    if Z is None or criterion.smooth:
-        trials.append(-criterion.gradient(M))
-    trials = [trial for trial in trials if np.isfinite(trial).all()]
-    # A small difference of large parts may be symmetric only to the rounding of the parts.
-    trials = [0.5 * (trial + trial.T) for trial in trials]
     T = whitener(M)
-    if criterion.monotone:
-        trials = [_semidefinite(trial, T) for trial in trials]
-    return np.stack(trials or [T @ T.T])
+    trials = [trial for trial in tried if np.isfinite(trial).all()]
+    for trial in trials or [T @ T.T]:
+        # A small difference of large parts may be symmetric only to the rounding of the parts.
+        Z = 0.5 * (trial + trial.T)
+        yield _semidefinite(Z, T) if criterion.monotone else Z
 
 
 def _semidefinite(Z: Array, T: Array) -> Array:

@@ -229,7 +229,7 @@ class Setting:
             lost = (1 + self.criterion.degree) * (given + by_cov)
             return of_cost + lost, of_bound + lost
         by_Z = by_cov
-        if len(multipliers):
+        if by_cov and len(multipliers):
             by_Z = min(by_cov, max(self._lost_by_combining(root(Z).T) for Z in multipliers))
         degree = self.criterion.degree
         return of_cost + degree * (given + by_cov), of_bound + degree * (given + by_Z)

@@ -13,9 +13,9 @@ def test_gradient_of_a_smooth_criterion():
     """Without a multiplier minus the gradient proves the bound of the equivalence theorem."""
     problem = Problem(off_centre(8, 50))
     M = problem.mean
-    proof, sensitivities = Proof.of(problem, criteria.create("D"), M, None)
+    cost, G = criteria.create("D").cost_and_gradient(M)
+    proof, sensitivities = Proof.of(problem, criteria.create("D"), M, [-G])
     own = problem.sensitivities(np.linalg.inv(M))
-    cost = float(criteria.create("D").cost(M))
     assert proof.lower_bound == pytest.approx(cost * 4 / own.max())
     np.testing.assert_allclose(sensitivities / sensitivities.max(), own / own.max())
 
@@ -24,9 +24,10 @@ def test_worthless_multiplier():
     """A solver's multiplier that proves nothing has the bound zero, or the gradient's."""
     problem = Problem(off_centre(8, 50))
     Z = -np.eye(4)
-    assert Proof.of(problem, criteria.create("E"), problem.mean, Z)[0].lower_bound == 0.0
-    alone, _ = Proof.of(problem, criteria.create("A"), problem.mean, None)
-    both, _ = Proof.of(problem, criteria.create("A"), problem.mean, Z)
+    assert Proof.of(problem, criteria.create("E"), problem.mean, [Z])[0].lower_bound == 0.0
+    G = criteria.create("A").gradient(problem.mean)
+    alone, _ = Proof.of(problem, criteria.create("A"), problem.mean, [-G])
+    both, _ = Proof.of(problem, criteria.create("A"), problem.mean, [Z, -G])
     assert both.lower_bound == alone.lower_bound > 0
 
 
@@ -37,7 +38,7 @@ def test_rounding_of_a_parameter_without_sensitivity():
     z = np.array([0.0, 3.0, -4.0])
     Z = np.outer(z, z) + 1e-16 * np.diag([1.0, 0, 0])
     Z[0, 1] = Z[1, 0] = 1e-15
-    proof, _ = Proof.of(problem, criteria.create("E"), problem.mean, Z)
+    proof, _ = Proof.of(problem, criteria.create("E"), problem.mean, [Z])
     assert (proof.multiplier[0] == 0).all()
     assert (proof.multiplier[:, 0] == 0).all()
     np.testing.assert_allclose(proof.multiplier, np.outer(z, z), atol=1e-14)
@@ -50,7 +51,8 @@ def test_a_design_without_a_gradient():
     M = problem.mean / np.sqrt(np.outer(problem.mean.diagonal(), problem.mean.diagonal()))
     M[-1, :-1] = M[:-1, -1] = M[0, :-1]
     M[-1, -1] = 1.0 + 1e-15
-    assert np.isnan(criterion.gradient(M)).all()
-    proof, sensitivities = Proof.of(problem, criterion, M, None)
+    G = criterion.gradient(M)
+    assert np.isnan(G).all()
+    proof, sensitivities = Proof.of(problem, criterion, M, [-G])
     assert np.isfinite(sensitivities).all()
     assert 0 < proof.lower_bound <= criterion.cost(problem.mean)
