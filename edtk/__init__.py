@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from edtk.design.exact.plan_region import RegionPlan as RegionPlan
     from edtk.design.plan import Plan as Plan
     from edtk.design.problem import Problem as Problem
-    from edtk.design.problems import several_models as several_models
+    from edtk.design.problem import several_models as several_models
     from edtk.design.region import Region as Region
     from edtk.design.relaxation.relax_poses import PlanInterrupted as PlanInterrupted
     from edtk.design.relaxation.relaxation import Relaxation as Relaxation
@@ -142,7 +142,7 @@ _HOME = {
     "Problem": "edtk.design.problem",
     "Region": "edtk.design.region",
     "Errors": "edtk.design.errors",
-    "several_models": "edtk.design.problems",
+    "several_models": "edtk.design.problem",
     "Relaxation": "edtk.design.relaxation.relaxation",
     "ArrangedPlan": "edtk.design.exact.arranged.arranged_plan",
     "Comparison": "edtk.design.exact.comparison",

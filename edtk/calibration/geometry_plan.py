@@ -23,7 +23,8 @@ from edtk.design.exact.exact_plan import (
     require_enough,
 )
 from edtk.design.plan import Plan
-from edtk.design.problem import Problem, rows_of_blocks
+from edtk.design.problem import Problem
+from edtk.design.weighted_candidates import rows_of_blocks
 from edtk.findings.causes.scene import Positions
 from edtk.fit.fit_geometry import RANDOM_POSES, stages, told_apart
 from edtk.fit.prior import PriorRows

@@ -11,7 +11,8 @@ from edtk.design.design_space import DesignSpace, Experiments
 from edtk.design.enclosure.polynomial import NotEnclosedError
 from edtk.design.enclosure.robot_polynomials import RowPolynomials
 from edtk.design.plan import Plan
-from edtk.design.problem import Problem, rows_of_blocks
+from edtk.design.problem import Problem
+from edtk.design.weighted_candidates import rows_of_blocks
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.noise import VisitNoise, shared_visits
 from edtk.measure.nominal_columns import NominalColumns, PlacedColumns

@@ -13,7 +13,8 @@ from edtk.cell.cell import Clear
 from edtk.cell.sight import AllSeen, Sight
 from edtk.design.information import pack_gram
 from edtk.design.plan import Plan
-from edtk.design.problem import Problem, packed_information
+from edtk.design.problem import Problem
+from edtk.design.weighted_candidates import packed_information
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.noise import VisitNoise, shared_visits
 from edtk.measure.whitening import Whitener, WhiteRows, read_alone

@@ -15,6 +15,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
 from criteria.linalg.inverse import EPS
+from edtk.system.errors import ArgumentError, whole_number
 from edtk.system.typing import Array
 
 Exponents = tuple[int, ...]
@@ -376,3 +377,16 @@ def _differences(found: Expansion, function: Function) -> Array:
             x[worst],
         )
     return np.asarray(away.max(axis=0).reshape(found.errors.shape))
+
+
+def degrees_of(given: int | Sequence[int], d: int) -> tuple[int, ...]:
+    """The degree by each of d variables, from one for all or from as many.
+
+    Raises:
+        ArgumentError: It is neither.
+    """
+    each = [given] * d if np.ndim(given) == 0 else list(given)  # type: ignore[arg-type]
+    if len(each) != d:
+        message = f"{len(each)} numbers; expected one, or one for each of {d} variables"
+        raise ArgumentError(message, argument="degree")
+    return tuple(whole_number(one, "degree", 0) for one in each)

@@ -1,4 +1,8 @@
-"""A model as a text, such as "Vmax * x / (Km + x)": a small grammar that runs no code."""
+"""A model as a text: a nonlinear one of numbers, or a linear one of a data frame's columns.
+
+The first, such as "Vmax * x / (Km + x)", has a small grammar that runs no code. The second, such as
+"1 + x + C(group)", is that of the package formulaic.
+"""
 
 import ast
 import re
@@ -6,12 +10,16 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from edtk.system.errors import ArgumentError
+from edtk.system.errors import ArgumentError, UserError
 from edtk.system.typing import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MOST_CHARACTERS = 2000
 CONSTANTS = {"pi": np.pi}
@@ -34,6 +42,8 @@ DERIVATIVES: dict[str, Callable[[Any, Any], Any]] = {
     "arccos": lambda u, f: -1 / np.sqrt(1 - u**2),
     "arctan": lambda u, f: 1 / (1 + u**2),
 }
+PARENTHESES = re.compile(r"\([^()]*\)")
+POWER = re.compile(r"\b[^\W\d]\w*\s*(\*\*|\^)\s*\d+")
 SIGNS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow, ast.UAdd, ast.USub)
 
 
@@ -248,3 +258,173 @@ def _by_exponent(u: Any, v: Any, power: Any) -> Any:
     if isinstance(u, np.ndarray) and u.dtype.kind == "f":
         return np.where((u == 0) & (v > 0), 0.0, found)
     return found
+
+
+@dataclass(frozen=True, eq=False)
+class LinearFormula:
+    """A linear model of a data frame's columns, by formulaic, at the rows of the frame.
+
+    Attributes:
+        text: As it was given.
+        blocks: Regressors (n, r, p) of experiments.
+        parameters: Names (p,) of the columns of the model matrix.
+        frame: A copy of the data frame, or of its first row of each experiment.
+        spec: What makes the model matrix of other frames.
+    """
+
+    text: str
+    blocks: Array
+    parameters: tuple[str, ...]
+    frame: "pd.DataFrame"
+    spec: Any
+
+    @classmethod
+    def of(cls, frame: "pd.DataFrame", text: str, experiment: str | None) -> "LinearFormula":
+        """Read a formula, see `Problem.from_frame`.
+
+        Raises:
+            UserError: The package formulaic is not there, or formula and frame do not fit.
+        """
+        _require_frame(frame)
+        matrix = _model_matrix(text, frame)
+        blocks = _numbers(matrix)[:, None, :]
+        told = frame.copy()
+        if experiment is not None:
+            blocks, firsts = _stacked(blocks[:, 0], frame, experiment)
+            told = frame.iloc[firsts].copy()
+        return cls(text, blocks, tuple(map(str, matrix.columns)), told, matrix.model_spec)
+
+    def regressors(self, frame: "pd.DataFrame") -> Array:
+        """Regressors (k, p) at the rows of another data frame.
+
+        Raises:
+            ArgumentError: A column is missing, or a value is.
+        """
+        _require_frame(frame)
+        return _numbers(_by_formulaic(self.spec.get_model_matrix, frame))
+
+
+def noise_of_frame(frame: "pd.DataFrame", sigma: ArrayLike | str) -> ArrayLike:
+    """The noise of candidates: as it is given, or of a column (n, 1).
+
+    Raises:
+        ArgumentError: The frame has no such column.
+    """
+    if not isinstance(sigma, str):
+        return sigma
+    if sigma not in frame.columns:
+        message = f"{sigma!r} is no column; expected numbers, or one of {', '.join(frame.columns)}"
+        raise ArgumentError(message, argument="sigma")
+    return frame[sigma].to_numpy()[:, None]
+
+
+def _require_frame(frame: object) -> None:
+    """Reject what is no data frame, or has no rows."""
+    import pandas as pd
+
+    if not isinstance(frame, pd.DataFrame) or not len(frame):
+        what = "an empty one" if isinstance(frame, pd.DataFrame) else type(frame).__name__
+        raise ArgumentError(f"expected a data frame with rows, not {what}", argument="frame")
+    twice = frame.columns[frame.columns.duplicated()]
+    if len(twice):
+        message = f"column {twice[0]!r} is there twice; expected each once"
+        raise ArgumentError(message, argument="frame")
+
+
+def _model_matrix(formula: str, frame: "pd.DataFrame") -> Any:
+    """The model matrix of a formula.
+
+    Raises:
+        UserError: The package formulaic is not there, or the formula does not fit the frame.
+    """
+    try:
+        import formulaic
+    except ImportError as error:
+        raise UserError(
+            "a formula needs the package formulaic; install it with: pip install 'edtk[frames]'"
+        ) from error
+    if not isinstance(formula, str) or "~" in formula or not formula.strip():
+        raise ArgumentError(
+            "expected the right-hand side of a formula alone, such as '1 + x + I(x**2)'",
+            argument="formula",
+            given=repr(formula),
+        )
+    power = _lost_power(formula)
+    if power:
+        raise ArgumentError(
+            f"{power} is crossing in a formula, and leaves the column as it is; a power is "
+            f"I({power.replace('^', '**')})",
+            argument="formula",
+            given=repr(formula),
+        )
+    # Names in a formula are columns; those of the calling code would change what it means.
+    return _by_formulaic(
+        lambda data: formulaic.model_matrix(formula, data, context={}, na_action="raise"), frame
+    )
+
+
+def _lost_power(formula: str) -> str | None:
+    """The first power of a single name that a formula crosses with itself, such as x^2.
+
+    Outside of parentheses `x^2` and `x**2` mean x alone, as in R; nobody wants that.
+    """
+    outside = formula
+    nested = 1
+    while nested:
+        outside, nested = PARENTHESES.subn("", outside)
+    found = POWER.search(outside)
+    return None if found is None else found[0].replace(" ", "")
+
+
+def _by_formulaic(make: Any, frame: "pd.DataFrame") -> Any:
+    """What a function of formulaic makes of a frame; its errors become one line."""
+    try:
+        return make(frame)
+    except Exception as error:  # a formula is Python, which may raise anything
+        first = next(iter(str(error).splitlines()), type(error).__name__)
+        columns = ", ".join(map(str, frame.columns))
+        raise ArgumentError(f"{first} The frame has {columns}", argument="formula") from error
+
+
+def _numbers(matrix: "pd.DataFrame") -> Array:
+    """The entries (n, p) of a model matrix.
+
+    Raises:
+        ArgumentError: The matrix has no columns, or an entry is not finite.
+    """
+    if not matrix.shape[1]:
+        raise ArgumentError(
+            "the formula has no terms; expected one, such as '1'", argument="formula"
+        )
+    found = matrix.to_numpy(dtype=float)
+    wrong = np.argwhere(~np.isfinite(found))
+    if len(wrong):
+        row, column = wrong[0]
+        raise ArgumentError(
+            f"{matrix.columns[column]} is not finite in row {matrix.index[row]}", argument="frame"
+        )
+    return found
+
+
+def _stacked(rows: Array, frame: "pd.DataFrame", experiment: str) -> tuple[Array, list[int]]:
+    """Rows (n, p) as blocks (e, r, p) of experiments, filled with zeros, and each one's first row.
+
+    Raises:
+        ArgumentError: There is no such column, or it has no value in some row.
+    """
+    try:
+        hash(experiment)
+    except TypeError as error:
+        message = f"expected the name of a column, not {type(experiment).__name__}"
+        raise ArgumentError(message, argument="experiment") from error
+    if experiment not in frame.columns or frame[experiment].isna().any():
+        raise ArgumentError(
+            f"expected a column without gaps; the frame has {', '.join(map(str, frame.columns))}",
+            argument="experiment",
+            given=repr(experiment),
+        )
+    numbers = frame.groupby(experiment, sort=False).ngroup().to_numpy()
+    places = frame.groupby(experiment, sort=False).cumcount().to_numpy()
+    blocks = np.zeros((numbers.max() + 1, places.max() + 1, rows.shape[1]))
+    blocks[numbers, places] = rows
+    return blocks, np.flatnonzero(places == 0).tolist()

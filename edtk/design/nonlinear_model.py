@@ -132,24 +132,6 @@ def of_each(
     return [told(model, x) for model in models]
 
 
-@dataclass(frozen=True, eq=False)
-class Robust:
-    """Several models, of which one design is to be good for each.
-
-    Attributes:
-        kind: "bayes", the mean over the models, "maximin", the worst of them against the best
-            design of each, or "rivals", the worst of them as it is.
-        models: The problem or the region of each alone.
-        weights: How much each counts in the mean (k,), of sum one.
-        box: The `ThetaBox` that the models begin to stand in for; None of a plain list.
-    """
-
-    kind: str
-    models: tuple[Any, ...]
-    weights: Array
-    box: Any = None
-
-
 def nonlinear_model(
     f: Model,
     theta: ArrayLike | Mapping[str, float],

@@ -8,9 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from edtk.design.nonlinear_model import Model, NonlinearModel, Robust, nonlinear_model, of_each
-from edtk.design.sites import Made, Sites
-from edtk.design.theta_box import MOST_RANGES, OFF_MIDDLE, ROUNDING_OF_ROOT, EfficiencyBox, RivalBox
+from edtk.design.nonlinear_model import Model, NonlinearModel, nonlinear_model, of_each
+from edtk.design.theta_box import (
+    MOST_RANGES,
+    OFF_MIDDLE,
+    ROUNDING_OF_ROOT,
+    EfficiencyBox,
+    Made,
+    RivalBox,
+    Robust,
+    Sites,
+)
 from edtk.design.user_model import as_names
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array

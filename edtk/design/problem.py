@@ -1,31 +1,31 @@
-"""A design problem as arrays: the information of candidate experiments. It knows no robot."""
+"""A design problem: candidate experiments, of arrays, tables or models. It knows no robot."""
 
 import hashlib
-import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria import Criterion
-from criteria.linalg.models import Models
 from criteria.linalg.spectrum import is_semidefinite
-from edtk.design.conditioning import Conditioning, ConditioningOfModels
-from edtk.design.information import Known, ModelRows, PackedInformation, Rows, nearly_equal
-from edtk.design.weighted_candidates import WeightedCandidates
+from edtk.design.formula import LinearFormula, noise_of_frame
+from edtk.design.information import ModelRows, Rows, nearly_equal
+from edtk.design.theta_box import Robust, RowsAt, RowsOfEach, Sites, told_names
+from edtk.design.weighted_candidates import (
+    WeightedCandidates,
+    packed_information,
+    rows_of_blocks,
+)
 from edtk.system.arguments import checked
-from edtk.system.errors import UserError, real_numbers
+from edtk.system.errors import ArgumentError, UserError, real_numbers
 from edtk.system.typing import Array, Indices, Mask
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from edtk.design.nonlinear_model import Robust
-
 SYMMETRIC = 1e-9  # difference across the diagonal that is rounding
-DISTANT = 1e-24  # ratio of squares: of units that are twelve decades apart
 
 
 class RankDeficientError(ValueError):
@@ -95,62 +95,6 @@ def missing_of(problem: "Problem", criterion: Criterion) -> tuple[str, ...]:
     return criterion.in_units(np.diag(1.0 / found.scale)).missing(M, problem.parameters)
 
 
-def rows_of_blocks(blocks: ArrayLike, sigma: ArrayLike) -> Rows:
-    """Keep regressors (n, rows, p), each row divided by its sigma.
-
-    Args:
-        blocks: Regressors A_i (n, rows, p).
-        sigma: Standard deviation of the noise, see `Problem`.
-
-    Raises:
-        ValueError: The regressors do not have three axes, there are no candidates, an entry is not
-            finite (its candidate is named), or sigma is not positive.
-    """
-    if isinstance(blocks, np.ndarray) and np.iscomplexobj(blocks):
-        raise UserError("blocks must be real numbers; give real and imaginary parts as two rows")
-    A = real_numbers(blocks, "blocks")
-    if A.ndim != 3 or 0 in A.shape:
-        hint = "; X[:, None, :] has one row a candidate" if A.ndim == 2 and A.size else ""
-        raise UserError(
-            f"blocks must be a non-empty array (n, rows, p), not of shape {A.shape}{hint}"
-        )
-    n, rows = A.shape[:2]
-    scale = real_numbers(sigma, "sigma")
-    if scale.shape == (n,) != (rows,):
-        scale = scale[:, None]
-    if scale.shape not in ((), (1,), (rows,), (n, 1), (n, rows)):
-        raise UserError(
-            f"sigma must be one number, or one for each of {rows} rows, or of {n} candidates, not "
-            f"of shape {scale.shape}"
-        )
-    if not (np.isfinite(scale) & (scale > 0)).all():
-        raise UserError("sigma must be finite and positive")
-    # A finite regressor may have a square that is not; it is named below without a warning.
-    with np.errstate(over="ignore", invalid="ignore"):
-        whitened = A if (scale == 1.0).all() else A / scale[..., None]
-        squares = np.einsum("irp,irp->i", whitened, whitened)
-    if not np.isfinite(squares).all():
-        _require_finite(np.asarray(np.isfinite(A).all(axis=(1, 2))))
-        _require_finite(np.isfinite(squares), "an entry that is too large to be squared")
-    return Rows.of(A, scale)
-
-
-def packed_information(packed: Array) -> PackedInformation:
-    """Keep the upper triangles (p(p+1)/2, n) of the information of candidates, without a copy.
-
-    Raises:
-        ValueError: There are no candidates, or an entry is not finite (its candidate is named).
-    """
-    packed = real_numbers(packed, "packed")
-    if packed.ndim != 2 or 0 in packed.shape:
-        raise UserError(
-            f"packed information must be a non-empty array (p(p+1)/2, n), not {packed.shape}"
-        )
-    # A sum is finite only if all its terms are, and needs no mask of the size of the input.
-    _require_finite(np.isfinite(packed.sum(axis=0)))
-    return PackedInformation(packed)
-
-
 def require_information(prior: Array | None) -> None:
     """Refuse a prior that no measurements can have.
 
@@ -159,12 +103,6 @@ def require_information(prior: Array | None) -> None:
     """
     if prior is not None and not is_information(prior):
         raise UserError("the prior must be finite, symmetric and positive semidefinite")
-
-
-def _require_finite(finite: Mask, what: str = "an entry that is not finite") -> None:
-    """Name the first candidate that has an entry which is not finite, or has no finite square."""
-    if not finite.all():
-        raise UserError(f"block {np.flatnonzero(~finite)[0]} has {what}")
 
 
 class Problem(WeightedCandidates):
@@ -199,13 +137,11 @@ class Problem(WeightedCandidates):
                [0., 8.]])
     """
 
-    parameters: tuple[str, ...]
-    robust: "Robust | None" = None  # several models side by side, and what a design is for
-    # Entries of arrays are what they are; where a model has computed rows, one far below the others
-    # may be the rounding of a zero.
-    is_exact: bool = False
-    # What the prior is made of: it has the digits that squares may have lost.
-    known: Known | None = None
+    robust: Robust | None = None  # several models side by side, and what a design is for
+    frame: "pd.DataFrame | None" = None  # whose rows are the candidates
+    # Whitened rows (k, r, p) of other frames with the same columns; None where they are not known.
+    rows_of: "Callable[[pd.DataFrame], Array] | None" = None
+    _linear: LinearFormula | None = None
 
     @checked
     def __init__(
@@ -261,9 +197,17 @@ class Problem(WeightedCandidates):
             2  0.0  0.3333
             4  1.0  0.3333
         """
-        from edtk.design.problems import FrameProblem  # it derives from this class
-
-        return FrameProblem(frame, formula, sigma, prior, experiment)
+        linear = LinearFormula.of(frame, formula, experiment)
+        own = noise_of_frame(linear.frame, sigma)
+        found = cls(linear.blocks, own, linear.parameters, prior)
+        found.frame = linear.frame
+        found._linear = linear
+        if experiment is None and (isinstance(sigma, str) or np.size(sigma) == 1):
+            found.rows_of = lambda other: (
+                linear.regressors(other)[:, None, :]
+                / np.asarray(noise_of_frame(other, sigma))[..., None]
+            )
+        return found
 
     @classmethod
     @checked
@@ -330,8 +274,7 @@ class Problem(WeightedCandidates):
             67   0.67     0.5
             400  4.00     0.5
         """
-        from edtk.design.of_model import of_model  # it makes objects of this class
-        from edtk.design.sites import CandidateSites  # likewise
+        from edtk.design.of_model import of_model  # it loads scipy
 
         sites = CandidateSites.of(candidates, variables, sigma)
         return of_model(
@@ -402,8 +345,7 @@ class Problem(WeightedCandidates):
             >>> round(design.worst.value, 4)
             0.25
         """
-        from edtk.design.of_model import of_rivals  # it makes objects of this class
-        from edtk.design.sites import CandidateSites  # likewise
+        from edtk.design.of_model import of_rivals  # it loads scipy
 
         return of_rivals(
             CandidateSites.of(candidates, variables),
@@ -442,140 +384,58 @@ class Problem(WeightedCandidates):
         problem.is_exact = True
         return problem
 
-    @classmethod
-    def of_kept(
-        cls,
-        kept: Rows | PackedInformation,
-        parameters: tuple[str, ...] | None,
-        prior: ArrayLike | Known | None,
-    ) -> "Problem":
-        """Make a problem of candidates that are kept in some form, and are known to be sound."""
-        problem = cls.__new__(cls)
-        problem._set(kept, parameters, prior)
-        return problem
-
-    def _set(
-        self,
-        kept: Rows | PackedInformation,
-        parameters: tuple[str, ...] | None,
-        prior: ArrayLike | Known | None,
-    ) -> None:
-        self.kept = kept
-        self.p = kept.p
-        default = tuple(f"k{i + 1}" for i in range(self.p))
-        self.parameters = default if parameters is None else tuple(parameters)
-        if len(self.parameters) != self.p:
-            raise UserError(f"{len(self.parameters)} names for {self.p} parameters")
-        # None instead of zeros: without a prior nothing is added, and no last digit changes.
-        known = prior
-        if known is not None and not isinstance(known, Known):
-            squares = real_numbers(known, "prior")
-            if squares.shape != (self.p, self.p):
-                raise UserError(f"the prior must be ({self.p}, {self.p}), not {squares.shape}")
-            known = Known.of(squares)
-        self.known = known
-        self.prior = None if known is None else known.information
-
     def headline(self) -> str:
         """Number of candidates and of parameters."""
         candidates = "1 candidate" if self.n == 1 else f"{self.n} candidates"
         parameters = "1 parameter" if self.p == 1 else f"{self.p} parameters"
         return f"{candidates}, {parameters} ({', '.join(self.parameters)})"
 
-    def __getitem__(self, chosen: Indices) -> "Problem":
-        """The same problem with some of its candidates."""
-        return self.of_candidates(self.kept[chosen])
-
-    def __add__(self, others: "Problem") -> "Problem":
-        """The same problem with the candidates of another one besides its own."""
-        kept: Rows | PackedInformation
-        if isinstance(self.kept, Rows) and isinstance(others.kept, Rows):
-            kept = self.kept + others.kept
-        else:
-            kept = PackedInformation(np.concatenate([self.packed, others.packed], axis=1))
-        found = self.of_candidates(kept)
-        found.is_exact = self.is_exact and others.is_exact
-        return found
-
-    def with_prior(self, prior: Array | Known | None) -> "Problem":
-        """The same candidates with other prior information (p, p), or without any."""
-        return self._with(self.kept, prior)
-
-    def in_unit(self, power: int) -> "Problem":
-        """The same problem in a unit in which rows are ``2^power`` times as large."""
-        known = None if self.known is None else self.known.in_unit(power)
-        return self._with(self.kept.in_unit(power), known)
-
-    def of_candidates(self, kept: Rows | PackedInformation) -> "Problem":
-        """The same problem with other candidates in place of its own."""
-        return self._with(kept, self.known)
-
-    def _with(self, kept: Rows | PackedInformation, prior: Array | Known | None) -> "Problem":
-        """Other candidates about the same parameters, whose entries are as exact as these."""
-        found = Problem.of_kept(kept, self.parameters, prior)
-        found.is_exact = self.is_exact
-        return found
-
     @property
-    def has_distant_units(self) -> bool:
-        """Whether the parameters' units are so far apart that one looks like rounding.
+    def formula(self) -> str | None:
+        """The formula of a data frame's columns, as it was given; None where there is none."""
+        return None if self._linear is None else self._linear.text
 
-        Of rows that a model has computed it is taken for that.
-        """
-        largest = np.diag(self.mean)
-        told = largest[largest > 0]
-        return bool(self.is_exact and len(told) and told.min() <= DISTANT * told.max())
+    def regressors(self, frame: "pd.DataFrame") -> Array:
+        """The regressors (k, p) of a formula at the rows of another data frame.
 
-    @cached_property
-    def models(self) -> Models:
-        """Where the blocks of the information stand: one, unless there are several models."""
-        return self.kept.models
-
-    @property
-    def width(self) -> int:
-        """The order of a matrix with as many entries as the blocks have: p of a single model."""
-        return math.ceil(np.sqrt(np.square(self.models.sizes).sum()))
-
-    @property
-    def _is_apart(self) -> bool:
-        """Whether the prior mixes no models."""
-        return self.prior is None or self.models.are_apart(self.prior)
-
-    @cached_property
-    def each(self) -> "list[Problem]":
-        """The problem of each of several models alone."""
-        kept = self.kept
-        parts = kept.parts if isinstance(kept, ModelRows) else (kept,)
-        found = []
-        for part, at in zip(parts, self.models.parts, strict=True):
-            known = None if self.known is None else self.known.part(at)
-            found.append(Problem.of_kept(part, self.parameters[at], known))
-        return found
-
-    @cached_property
-    def conditioning(self) -> Conditioning:
-        """How well the candidates, and the prior, tell all parameters apart.
-
-        Of rows whose squares have lost too many digits it comes from a QR factorization.
-        """
-        if isinstance(self.kept, ModelRows) and self._is_apart:
-            return ConditioningOfModels.joined(self.models, [one.conditioning for one in self.each])
-        found = Conditioning.of_information(self.mean)
-        if not isinstance(self.kept, Rows) or found.keeps_digits:
-            return found
-        parts = [self.kept.flat / np.sqrt(self.n)]
-        if self.known is not None:
-            parts.append(self.known.root)
-        return Conditioning.of_rows(parts, self.mean)
-
-    def in_units(self, T: Array) -> "Problem":
-        """The same candidates for parameters k' with ``k = T k'``; they have default names.
+        They are what `criteria.create("I", points=...)` takes: the places to predict at.
 
         Args:
-            T: Regular matrix (p, p).
+            frame: A data frame with the columns of the formula.
+
+        Raises:
+            ArgumentError: A column is missing, or a value is.
+            UserError: The problem is none of `from_frame`.
         """
-        prior = None if self.known is None else self.known.times(T)
-        return Problem.of_kept(self.kept.times(T), None, prior)
+        if self._linear is None:
+            raise UserError("a problem without a formula has no regressors at other places")
+        return self._linear.regressors(frame)
+
+    def settings(self, chosen: Indices) -> "pd.DataFrame":
+        """A table with a row for each of chosen candidates (k,): that of the frame, or a number."""
+        import pandas as pd
+
+        if self.frame is None:
+            return pd.DataFrame({"candidate": chosen})
+        return self.frame.iloc[chosen].reset_index(drop=True)
+
+    def to_frame(self, design: ArrayLike, name: str = "weight") -> "pd.DataFrame":
+        """The candidates of a design, with a column for their weights or numbers of repetitions.
+
+        Args:
+            design: Weights or counts of the candidates (n,).
+            name: What the column is called; where the frame has such a column, an underscore is
+                added.
+        """
+        import pandas as pd
+
+        found = np.asarray(design)
+        if self.frame is None:
+            index = pd.Index(np.flatnonzero(found), name="candidate")
+            return pd.DataFrame({name: found[index]}, index=index)
+        while name in self.frame.columns:
+            name += "_"
+        return self.frame.assign(**{name: found})[found > 0]
 
     def require_identifiable(self, criterion: Criterion | None = None) -> None:
         """Check that the candidates and the prior together excite all that has to be known.
@@ -592,29 +452,147 @@ class Problem(WeightedCandidates):
             criterion.require_order(self.p)
         require_identifiable(self, criterion)
 
-    def with_unit_trace(self, root: Array | None = None) -> "Problem":
-        """The same candidates, each scaled to information of trace one.
 
-        A candidate absorbs the prior before it is scaled, so that the result has no prior. One
-        without any information stays as it is. The result is computed once and kept.
+@checked
+def several_models(problems: Sequence[Problem]) -> Problem:
+    """Put the models of the same candidates side by side.
+
+    The information matrix is block diagonal, ``diag(M_1, .., M_k)`` with a block a model. Criteria
+    with `sizes`, such as `criteria.create("minimax", criteria=["D", "D"], sizes=[2, 3])`, are about
+    one block each.
+
+    Args:
+        problems: The same n candidates under each model, in the same order.
+
+    Returns:
+        A problem of ``p_1 + .. + p_k`` parameters, named as in the models; a name that several
+        models use is followed by the number of its model, as in "k1 (2)".
+
+    Raises:
+        ArgumentError: There is no model, or the numbers of candidates differ.
+
+    Example:
+        >>> import numpy as np, edtk
+        >>> x = np.linspace(-1, 1, 41)
+        >>> line, parabola = (np.vander(x, p, increasing=True)[:, None, :] for p in (2, 3))
+        >>> both = edtk.several_models([edtk.Problem(line), edtk.Problem(parabola)])
+        >>> worst = edtk.criteria.create("minimax", criteria=["D", "D"], sizes=[2, 3])
+        >>> x[edtk.relax(both, worst).weights > 0.1].tolist()
+        [-1.0, 0.0, 1.0]
+    """
+    from scipy.linalg import block_diag
+
+    if not len(problems):
+        raise ArgumentError("expected at least one model", argument="problems")
+    counts = [problem.n for problem in problems]
+    if len(set(counts)) > 1:
+        raise ArgumentError(
+            f"the models have {', '.join(map(str, counts))} candidates; expected as many of each",
+            argument="problems",
+        )
+    has_prior = any(problem.prior is not None for problem in problems)
+    prior = block_diag(*(_prior_of(problem) for problem in problems)) if has_prior else None
+    kept = ModelRows([_rows_of(problem) for problem in problems])
+    found = Problem.of_kept(kept, _names(problems), prior)
+    found.is_exact = all(problem.is_exact for problem in problems)
+    return found
+
+
+def _rows_of(problem: Problem) -> Rows:
+    """The rows of a problem, or factors of its information."""
+    return problem.kept if isinstance(problem.kept, Rows) else Rows(problem.factors())
+
+
+def _prior_of(problem: Problem) -> Array:
+    """Prior information (p, p), zeros where there is none."""
+    return np.zeros((problem.p, problem.p)) if problem.prior is None else problem.prior
+
+
+def _names(problems: Sequence[Problem]) -> tuple[str, ...]:
+    """The parameters' names, made different."""
+    every = [name for problem in problems for name in problem.parameters]
+    return tuple(
+        f"{name} ({i})" if every.count(name) > 1 else name
+        for i, problem in enumerate(problems, start=1)
+        for name in problem.parameters
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateSites(Sites[Problem]):
+    """Candidates, at all of which a model is tried.
+
+    Attributes:
+        noise: Standard deviations of each candidate, see `Problem`; None for none.
+    """
+
+    noise: Array | None = None
+
+    @classmethod
+    def of(
+        cls,
+        candidates: "ArrayLike | pd.DataFrame",
+        variables: str | Sequence[str] | None,
+        sigma: Any = None,
+    ) -> "CandidateSites":
+        """Points (n, d) or (n,), or a data frame whose columns are the variables.
 
         Args:
-            root: See `traces`.
+            candidates: The points.
+            variables: Names (d,).
+            sigma: Noise, which is kept here if there is one for each candidate.
+
+        Raises:
+            ArgumentError: They are no finite numbers.
         """
-        return self._unit_trace if root is None else self._scaled_by(self.traces(root))
+        names = tuple(map(str, candidates.columns)) if hasattr(candidates, "columns") else None
+        try:
+            points = np.asarray(candidates, dtype=float)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise ArgumentError("expected numbers", argument="candidates") from error
+        points = points[:, None] if points.ndim == 1 else points
+        if points.ndim != 2 or 0 in points.shape:
+            message = f"expected points (n, d) or (n,), not of shape {points.shape}"
+            raise ArgumentError(message, argument="candidates")
+        lost = np.flatnonzero(~np.isfinite(points).all(axis=1))
+        if len(lost):
+            raise ArgumentError(f"point {lost[0]} is not finite", argument="candidates")
+        is_array = sigma is not None and not callable(sigma) and not isinstance(sigma, str)
+        noise = real_numbers(sigma, "sigma") if is_array else np.empty(())
+        is_of_each = len(points) > 1 and noise.shape[:1] == (len(points),)
+        return cls(points, told_names(names, variables), noise if is_of_each else None)
 
-    @cached_property
-    def _unit_trace(self) -> "Problem":
-        return self._scaled_by(self.traces())
+    @property
+    def has_noise(self) -> bool:
+        """Whether each has a standard deviation."""
+        return self.noise is not None
 
-    def _scaled_by(self, trace: Array) -> "Problem":
-        """The candidates with the prior, each divided by its trace (n,)."""
-        kept = self.kept
-        if self.prior is not None:
-            kept = PackedInformation(self.packed).plus(self.prior)
-        return Problem.of_kept(
-            kept.scaled(1.0 / np.where(trace > 0, trace, 1.0)), self.parameters, None
-        )
+    @property
+    def frame(self) -> "pd.DataFrame":
+        """The candidates as a table."""
+        import pandas as pd
+
+        assert self.variables is not None
+        return pd.DataFrame(self.trial, columns=list(self.variables))
+
+    def alone(self, rows: RowsAt, parameters: Sequence[str], prior: Any = None) -> Problem:
+        """The candidates under one model."""
+        sigma = 1.0 if self.noise is None else self.noise
+        found = Problem(rows(self.trial), sigma, tuple(parameters), prior)
+        found.frame = self.frame
+        if self.noise is None:
+            found.rows_of = lambda other: np.asarray(rows(other.to_numpy(dtype=float)))
+        return found
+
+    def together(self, models: Sequence[Problem], rows_of_each: RowsOfEach) -> Problem:
+        """The candidates under several models."""
+        found = several_models(models)
+        found.frame = self.frame
+        return found
+
+    def allowed(self, x: Array) -> Mask:
+        """All are."""
+        return np.ones(len(x), dtype=bool)
 
 
 def problem_digest(problem: Problem) -> str:

@@ -1,155 +1,47 @@
 """A region where experiments may lie: a model as a function of its points. It knows no robot."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.cell.sight import Sight
 from edtk.design.design_space import weighted_information
-from edtk.design.expansion import Expansion, NotPolynomialError, expand
-from edtk.design.information import Known, ModelRows, Rows, nearly_equal, pack_gram
-from edtk.design.problem import Problem
-from edtk.design.user_model import ALIKE, as_names, point_text, variable_names
+from edtk.design.expansion import Expansion, NotPolynomialError, degrees_of, expand
+from edtk.design.information import (
+    Known,
+    ModelRows,
+    Rows,
+    nearly_equal,
+    pack_gram,
+    side_by_side,
+)
+from edtk.design.problem import Problem, several_models
+from edtk.design.theta_box import Robust, RowsAt, RowsOfEach, Sites, told_names
+from edtk.design.user_model import (
+    ALIKE,
+    UserEnclosure,
+    UserFunction,
+    as_names,
+    inside_differences,
+    point_text,
+    trial_points,
+    user_functions,
+    variable_names,
+)
 from edtk.system.arguments import checked
-from edtk.system.errors import ArgumentError, whole_number
+from edtk.system.errors import ArgumentError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Mask
 
-if TYPE_CHECKING:
-    from edtk.design.nonlinear_model import Robust
-
 FEASIBLE = 1e-10  # by which rounding may carry a point over a constraint, in the constraint's units
-# Points at which a model is tried before any work: parts of the range of each variable.
-TRIED = (0.5, 0.3179, 0.7311)
 # Relative difference of a gradient from the difference of rows, beyond which it is another one.
 GRADIENT_ALIKE = 1e-5
-
-
-@dataclass(frozen=True, eq=False)
-class UserFunction:
-    """A function of points (n, d), with one value or array of values for each.
-
-    Args:
-        function: The function.
-        name: The argument by which it came, for messages.
-    """
-
-    function: Callable[[Array], ArrayLike]
-    name: str
-
-    def __call__(self, x: Array, shape: tuple[int, ...] | None = None) -> Array:
-        """Values (n, ...) at points (n, d), which may be not finite.
-
-        Args:
-            x: The points.
-            shape: Shape of the values of one point; None for any.
-
-        Raises:
-            ArgumentError: The function fails, or its values have another shape.
-        """
-        try:
-            with np.errstate(all="ignore"):  # what is not finite is judged by the caller
-                values = np.asarray(self.function(x.copy()))
-                if np.iscomplexobj(values):
-                    raise TypeError("values are complex; expected real ones")
-                # What runs on polynomials has them as its values, see `expand`.
-                values = values.astype(x.dtype)
-        except ArgumentError:  # of a model, which says where
-            raise
-        except Exception as error:  # a user's function may raise anything
-            why = str(error) or type(error).__name__
-            message = f"fails for points of shape {x.shape}, each a row: {why}"
-            raise ArgumentError(message, argument=self.name) from error
-        if values.shape[:1] != (len(x),) or (shape is not None and values.shape[1:] != shape):
-            expected = "one entry a point" if shape is None else f"{(len(x), *shape)}"
-            raise self.wrong_shape(values, f"{expected} for {len(x)} points")
-        return values
-
-    def for_many(self, limits: Array) -> "UserFunction":
-        """The same function of many points in a box (2, d), of one that may take a single point.
-
-        Such a one fails for many points together, or has no value for each. A function that fails
-        both ways stays as it is, and says so when it is called.
-        """
-        x = _trial_points(limits)
-        by_number = replace(self, function=lambda x: _stacked(self.function, x[:, 0]))
-        by_point = replace(self, function=lambda x: _stacked(self.function, x))
-        for one in (self, by_number, by_point) if limits.shape[1] == 1 else (self, by_point):
-            try:
-                if one(x).shape[1:] == one(x[:1]).shape[1:]:
-                    return one
-            except ArgumentError:
-                continue
-        return self
-
-    def wrong_shape(self, values: Array, expected: str) -> ArgumentError:
-        """The error of values of a wrong shape."""
-        message = f"values have the shape {values.shape}; expected {expected}"
-        return ArgumentError(message, argument=self.name)
-
-
-@dataclass(frozen=True, eq=False)
-class UserEnclosure:
-    """Bounds of a model's rows over boxes, as a user's function gives them.
-
-    Args:
-        function: Maps lower and upper ends (b, d) of boxes to two arrays (b, ...).
-        shape: Shape of the rows of one point.
-    """
-
-    function: Callable[[Array, Array], tuple[ArrayLike, ArrayLike]]
-    shape: tuple[int, ...]
-
-    def __call__(self, low: Array, high: Array) -> Array:
-        """Least and largest rows (2, b, ...) over boxes (b, d).
-
-        Raises:
-            ArgumentError: The function fails, or its values are none.
-        """
-        try:
-            least, most = self.function(low.copy(), high.copy())
-            ends = np.stack([np.asarray(least, dtype=float), np.asarray(most, dtype=float)])
-        except Exception as error:  # likewise
-            why = str(error) or type(error).__name__
-            message = f"fails for boxes of shape {low.shape}: {why}"
-            raise ArgumentError(message, argument="enclosure") from error
-        expected = (2, len(low), *self.shape)
-        if ends.shape != expected:
-            message = f"values have the shape {ends.shape}; expected two of {expected[1:]}"
-            raise ArgumentError(message, argument="enclosure")
-        if not (ends[0] <= ends[1]).all():  # also where one is not a number
-            message = "a least value is above the largest one, or not a number"
-            raise ArgumentError(message, argument="enclosure")
-        return ends
-
-
-def _stacked(function: Callable[[Any], ArrayLike], x: Array) -> Array:
-    """Values (n, ...) of a function of one point, at points x (n, d), or at numbers x (n,)."""
-    return np.stack([np.asarray(function(point), dtype=x.dtype) for point in x])
-
-
-def _trial_points(limits: Array) -> Array:
-    """Points (n, d) at which a model is tried before any work."""
-    low, high = limits
-    return np.array([low + part * (high - low) for part in TRIED])
-
-
-def user_functions(given: object, name: str, limits: Array) -> tuple[UserFunction, ...]:
-    """One function of points in a box (2, d), or a list of them.
-
-    Raises:
-        ArgumentError: It is neither.
-    """
-    each = [given] if callable(given) or not isinstance(given, Iterable) else list(given)
-    functions = [function for function in each if callable(function)]
-    if len(functions) < len(each):
-        raise ArgumentError("expected a function of points, or a list of them", argument=name)
-    return tuple(UserFunction(function, name).for_many(limits) for function in functions)
+POINTS_TRIED = 128  # points of a box at which a nonlinear model is tried
 
 
 def box_limits(low: ArrayLike, high: ArrayLike) -> Array:
@@ -183,58 +75,6 @@ def box_limits(low: ArrayLike, high: ArrayLike) -> Array:
             argument="low, high",
         )
     return limits
-
-
-def degrees_of(given: int | Sequence[int], d: int) -> tuple[int, ...]:
-    """The degree by each of d variables, from one for all or from as many.
-
-    Raises:
-        ArgumentError: It is neither.
-    """
-    each = [given] * d if np.ndim(given) == 0 else list(given)  # type: ignore[arg-type]
-    if len(each) != d:
-        message = f"{len(each)} numbers; expected one, or one for each of {d} variables"
-        raise ArgumentError(message, argument="degree")
-    return tuple(whole_number(one, "degree", 0) for one in each)
-
-
-# Distance of the nodes in parts of a variable's range. A second-order difference errs by its square
-# (truncation) and by eps over it (rounding): about 4e-11 each, of the change over a whole range of
-# a function that is as smooth as a wave of that range.
-STEP = float(np.finfo(float).eps ** (1 / 3))
-
-
-def inside_differences(function: Callable[[Array], Array], x: Array, limits: Array) -> Array:
-    """Differentiate by each variable: the slope at x of a parabola through three nodes.
-
-    The nodes c - h, c, c + h lie in the box, with c as close to x as that allows. With
-    ``u = (x - c)/h`` the slope is ``((2u - 1) f_- - 4u f_0 + (2u + 1) f_+)/(2h)``: the central
-    difference where x is away from the bounds, the one-sided one of second order on a bound.
-
-    Args:
-        function: Maps points (m, d) of the box to values (m, ...).
-        x: Points (n, d) of the box.
-        limits: Bounds (2, d).
-
-    Returns:
-        Derivatives (n, ..., d). Ten digits of them are good, see `STEP`.
-    """
-    n, d = x.shape
-    low, high = limits
-    h = STEP * (high - low)
-    centre = np.clip(x, low + h, high - h)
-    nodes = np.broadcast_to(x, (3, d, n, d)).copy()
-    each = np.arange(d)
-    for place in range(3):
-        # Rounding may carry a node over the bound by a last digit.
-        moved = np.clip(centre + (place - 1) * h, low, high)
-        nodes[place, each, :, each] = moved.T
-    values = function(nodes.reshape(-1, d))
-    values = values.reshape(3, d, n, *values.shape[1:])
-    u = ((x - centre) / h).T.reshape(d, n, *[1] * (values.ndim - 3))
-    width = 2 * h.reshape(d, *[1] * (values.ndim - 2))
-    slopes = ((2 * u - 1) * values[0] - 4 * u * values[1] + (2 * u + 1) * values[2]) / width
-    return np.asarray(np.moveaxis(slopes, 0, -1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -351,7 +191,7 @@ class Region(Presented):
     parameters: tuple[str, ...]
     variables: tuple[str, ...]
     known: Known | None
-    robust: "Robust | None" = None  # several models side by side, and what a design is for
+    robust: Robust | None = None  # several models side by side, and what a design is for
 
     @checked
     def __init__(
@@ -447,8 +287,7 @@ class Region(Presented):
             >>> edtk.relax(answers, "D").points.round(4).tolist()
             [[-1.5434], [1.5434]]
         """
-        from edtk.design.of_model import of_model  # it makes objects of this class
-        from edtk.design.sites import BoxSites  # likewise
+        from edtk.design.of_model import of_model  # it loads scipy
 
         return of_model(
             BoxSites.of(box, variables, constraints),
@@ -511,8 +350,7 @@ class Region(Presented):
             >>> round(edtk.relax(rivals).worst.value, 4)
             0.25
         """
-        from edtk.design.of_model import of_rivals  # it makes objects of this class
-        from edtk.design.sites import BoxSites  # likewise
+        from edtk.design.of_model import of_rivals  # it loads scipy
 
         return of_rivals(
             BoxSites.of(box, variables, constraints),
@@ -741,7 +579,7 @@ class Region(Presented):
         Raises:
             ArgumentError: It is not vectorised.
         """
-        x = _trial_points(self.limits)
+        x = trial_points(self.limits)
         for name, function in (("rows", self.rows_at), ("constraints", self.slack_at)):
             together = function(x)
             single = np.concatenate([function(point[None]) for point in x])
@@ -759,7 +597,7 @@ class Region(Presented):
             ArgumentError: It is not the derivative of the rows in either form.
         """
         low, high = self.limits
-        x = _trial_points(self.limits)
+        x = trial_points(self.limits)
         expected = inside_differences(self.rows_at, x, self.limits) * (high - low)
         wrong: ArgumentError | None = None
         for first in (False, True):
@@ -777,3 +615,70 @@ class Region(Presented):
             )
         assert wrong is not None
         raise wrong
+
+
+@dataclass(frozen=True, eq=False)
+class BoxSites(Sites[Region]):
+    """A box under constraints, of which a model is tried at some points.
+
+    Attributes:
+        low: Lower bounds (d,).
+        high: Upper bounds (d,).
+        constraints: Functions of points whose values are zero or positive where one is allowed.
+    """
+
+    low: Array
+    high: Array
+    constraints: tuple[UserFunction, ...]
+
+    @classmethod
+    def of(cls, box: Any, variables: str | Sequence[str] | None, constraints: Any) -> "BoxSites":
+        """(low, high) of one variable or of each, or a mapping with names.
+
+        Raises:
+            ArgumentError: They are no such pairs, or constraints are no functions.
+        """
+        from scipy.stats import qmc
+
+        names = None
+        if isinstance(box, Mapping):
+            names = tuple(box)
+            box = list(box.values())
+        try:
+            pairs = np.atleast_2d(np.asarray(box, dtype=float))
+        except (TypeError, ValueError, OverflowError) as error:
+            raise ArgumentError("expected (low, high) of each variable", argument="box") from error
+        fits = pairs.ndim == 2 and pairs.shape[1] == 2 and np.isfinite(pairs).all()
+        if not fits or not (pairs[:, 0] < pairs[:, 1]).all():
+            message = "expected finite (low, high) of each variable, low below high"
+            raise ArgumentError(message, argument="box")
+        low, high = pairs.T
+        functions = user_functions(constraints, "constraints", pairs.T)
+        halton = qmc.Halton(len(low), scramble=False).random(POINTS_TRIED)
+        points = low + (high - low) * halton
+        for constraint in functions:
+            kept = constraint(points).reshape(len(points), -1).min(axis=1) >= 0
+            points = points[kept] if kept.any() else points
+        return cls(points, told_names(names, variables), low, high, functions)
+
+    def alone(self, rows: RowsAt, parameters: Sequence[str], prior: Any = None) -> Region:
+        """The box under one model."""
+        return Region(
+            rows,
+            self.low,
+            self.high,
+            constraints=[one.function for one in self.constraints],
+            parameters=parameters,
+            prior=prior,
+            variables=self.variables,
+        )
+
+    def together(self, models: Sequence[Region], rows_of_each: RowsOfEach) -> Region:
+        """The box under several models."""
+        beside = several_models([model.problem(self.trial[:1]) for model in models])
+        return self.alone(lambda x: side_by_side(rows_of_each(x)), beside.parameters, beside.prior)
+
+    def allowed(self, x: Array) -> Mask:
+        """Those that obey the constraints."""
+        slacks = [constraint(x).reshape(len(x), -1) for constraint in self.constraints]
+        return np.concatenate([np.zeros((len(x), 1)), *slacks], axis=1).min(axis=1) >= 0

@@ -10,19 +10,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Generic, cast
+from typing import Any, Generic, Protocol, TypeVar, cast
 
 import numpy as np
-from scipy.ndimage import minimum_filter
-from scipy.optimize import least_squares, minimize
 
 from criteria import Criterion
-from edtk.design.nonlinear_model import Robust
-from edtk.design.problem import Problem
-from edtk.design.sites import CandidateSites, Made, Sites
-from edtk.design.user_model import point_text
+from edtk.design.user_model import as_names, point_text
 from edtk.system.errors import ArgumentError
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
 
 # A place within ranges, in parts of them: not the middle, where symmetric ranges have a zero, at
 # which a model may lose a parameter.
@@ -37,6 +32,86 @@ NO_EFFICIENCY = 1e-300  # efficiency of a design that does not tell all that is 
 SAME_MODEL = 1e-20
 THETA_STEP = 1e-5  # of central differences, in parts of a range
 SAME_THETA = 1e-6  # parts of the ranges up to which two theta are one
+
+
+@dataclass(frozen=True, eq=False)
+class Robust:
+    """Several models, of which one design is to be good for each.
+
+    Attributes:
+        kind: "bayes", the mean over the models, "maximin", the worst of them against the best
+            design of each, or "rivals", the worst of them as it is.
+        models: The problem or the region of each alone.
+        weights: How much each counts in the mean (k,), of sum one.
+        box: The `ThetaBox` that the models begin to stand in for; None of a plain list.
+    """
+
+    kind: str
+    models: tuple[Any, ...]
+    weights: Array
+    box: "ThetaBox[Any] | None" = None
+
+
+class Served(Protocol):
+    """What is made of several models: a problem, or a region."""
+
+    robust: Robust | None
+
+
+# What a model is made of at these sites.
+Made = TypeVar("Made", bound=Served)
+Other = TypeVar("Other", bound=Served)
+# Points (n, d) to whitened rows (n, r, p).
+RowsAt = Callable[[Any], Any]
+RowsOfEach = Callable[[Any], Sequence[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Sites(ABC, Generic[Made]):
+    """Where experiments may lie.
+
+    Attributes:
+        trial: Points (n, d) at which a model is tried before any work.
+        variables: Names (d,); None as long as nobody has told them.
+    """
+
+    trial: Array
+    variables: tuple[str, ...] | None
+
+    @property
+    def has_noise(self) -> bool:
+        """Whether places have a noise of their own, besides that of the model."""
+        return False
+
+    @abstractmethod
+    def alone(self, rows: RowsAt, parameters: Sequence[str], prior: Any = None) -> Made:
+        """The problem or the region of one model.
+
+        Args:
+            rows: Points (n, d) to whitened rows (n, r, p).
+            parameters: Names (p,).
+            prior: Prior information (p, p); None for none.
+        """
+
+    @abstractmethod
+    def together(self, models: Sequence[Made], rows_of_each: RowsOfEach) -> Made:
+        """Several models side by side, each with parameters of its own.
+
+        Args:
+            models: The problem or the region of each.
+            rows_of_each: Points (n, d) to the whitened rows (n, r, p) of each.
+        """
+
+    @abstractmethod
+    def allowed(self, x: Array) -> Mask:
+        """Which points (n, d) an experiment may have; elsewhere a model need not be defined."""
+
+
+def told_names(
+    names: tuple[str, ...] | None, variables: str | Sequence[str] | None
+) -> tuple[str, ...] | None:
+    """Names of variables: those that are stated, before those of a table."""
+    return names if variables is None else as_names(variables)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,10 +200,10 @@ class ThetaBox(ABC, Generic[Made]):
         theta[..., self.free] += np.clip(u, 0, 1) * (high - low)[self.free]
         return np.clip(theta, low, high)
 
-    def among(self, x: Array) -> "ThetaBox[Problem]":
-        """The same ranges for candidates x (n, d)."""
+    def among(self, sites: Sites[Other]) -> "ThetaBox[Other]":
+        """The same ranges for other sites."""
         same = cast("ThetaBox[Any]", self)
-        return replace(same, sites=CandidateSites(x, self.sites.variables), _models={})
+        return replace(same, sites=sites, _models={})
 
     def model(self, theta: Array) -> Made:
         """The problem or the region of one theta alone, once."""
@@ -194,6 +269,8 @@ class ThetaBox(ABC, Generic[Made]):
 
     def lowest(self, values: Array) -> Indices:
         """The lowest of those of the grid (t,) that no neighbour is below."""
+        from scipy.ndimage import minimum_filter
+
         cube = values.reshape([self._levels] * len(self.free))
         is_low = (minimum_filter(cube, size=3, mode="nearest") == cube).ravel()
         order = np.argsort(values, kind="stable")
@@ -270,6 +347,7 @@ class EfficiencyBox(ThetaBox[Made]):
 
         The slope of the best cost is that of the cost of the best weights, held fixed (Danskin).
         """
+        from scipy.optimize import minimize
 
         def logarithm(v: Array) -> float:
             (value,) = self.values(self.at(v)[None], design, own, optimum)
@@ -334,6 +412,8 @@ class RivalBox(ThetaBox[Made]):
                 raise ArgumentError(message, argument="rival_theta")
 
     def _fitted(self, u: Array, design: Shares) -> Array:
+        from scipy.optimize import least_squares
+
         found = least_squares(
             lambda v: self._residuals(self.at(v)[None], design)[0],
             np.clip(u, THETA_STEP, 1 - THETA_STEP),

@@ -1,12 +1,12 @@
-"""A user's function of points and parameters: how it is called, its derivatives, and its names.
+"""A user's function of points, or of points and parameters: how it is called, and its derivatives.
 
-They are taken by complex steps where the function runs on complex parameters, else by differences,
-and both are compared before any work.
+Those by parameters are taken by complex steps where the function runs on complex ones, else by
+differences, and both are compared before any work.
 """
 
 import warnings
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from time import perf_counter
 from typing import Any
@@ -34,6 +34,8 @@ ROUGH = 0.01  # of the largest derivative, by which differences may be off besid
 # difference falls with the step: ten times from one to the other.
 SIDES = (1e-4, 1e-5)
 KINK = 1e-3
+# Points at which a model is tried before any work: parts of the range of each variable.
+TRIED = (0.5, 0.3179, 0.7311)
 
 
 @dataclass(frozen=True, eq=False)
@@ -440,3 +442,164 @@ def as_names(given: str | Sequence[str] | None) -> tuple[str, ...] | None:
 def point_text(variables: Sequence[str], x: Array) -> str:
     """A point (d,) in words, for messages."""
     return ", ".join(f"{name} = {value:.6g}" for name, value in zip(variables, x, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class UserFunction:
+    """A function of points (n, d), with one value or array of values for each.
+
+    Args:
+        function: The function.
+        name: The argument by which it came, for messages.
+    """
+
+    function: Callable[[Array], ArrayLike]
+    name: str
+
+    def __call__(self, x: Array, shape: tuple[int, ...] | None = None) -> Array:
+        """Values (n, ...) at points (n, d), which may be not finite.
+
+        Args:
+            x: The points.
+            shape: Shape of the values of one point; None for any.
+
+        Raises:
+            ArgumentError: The function fails, or its values have another shape.
+        """
+        try:
+            with np.errstate(all="ignore"):  # what is not finite is judged by the caller
+                values = np.asarray(self.function(x.copy()))
+                if np.iscomplexobj(values):
+                    raise TypeError("values are complex; expected real ones")
+                # What runs on polynomials has them as its values, see `expand`.
+                values = values.astype(x.dtype)
+        except ArgumentError:  # of a model, which says where
+            raise
+        except Exception as error:  # a user's function may raise anything
+            why = str(error) or type(error).__name__
+            message = f"fails for points of shape {x.shape}, each a row: {why}"
+            raise ArgumentError(message, argument=self.name) from error
+        if values.shape[:1] != (len(x),) or (shape is not None and values.shape[1:] != shape):
+            expected = "one entry a point" if shape is None else f"{(len(x), *shape)}"
+            raise self.wrong_shape(values, f"{expected} for {len(x)} points")
+        return values
+
+    def for_many(self, limits: Array) -> "UserFunction":
+        """The same function of many points in a box (2, d), of one that may take a single point.
+
+        Such a one fails for many points together, or has no value for each. A function that fails
+        both ways stays as it is, and says so when it is called.
+        """
+        x = trial_points(limits)
+        by_number = replace(self, function=lambda x: _stacked(self.function, x[:, 0]))
+        by_point = replace(self, function=lambda x: _stacked(self.function, x))
+        for one in (self, by_number, by_point) if limits.shape[1] == 1 else (self, by_point):
+            try:
+                if one(x).shape[1:] == one(x[:1]).shape[1:]:
+                    return one
+            except ArgumentError:
+                continue
+        return self
+
+    def wrong_shape(self, values: Array, expected: str) -> ArgumentError:
+        """The error of values of a wrong shape."""
+        message = f"values have the shape {values.shape}; expected {expected}"
+        return ArgumentError(message, argument=self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class UserEnclosure:
+    """Bounds of a model's rows over boxes, as a user's function gives them.
+
+    Args:
+        function: Maps lower and upper ends (b, d) of boxes to two arrays (b, ...).
+        shape: Shape of the rows of one point.
+    """
+
+    function: Callable[[Array, Array], tuple[ArrayLike, ArrayLike]]
+    shape: tuple[int, ...]
+
+    def __call__(self, low: Array, high: Array) -> Array:
+        """Least and largest rows (2, b, ...) over boxes (b, d).
+
+        Raises:
+            ArgumentError: The function fails, or its values are none.
+        """
+        try:
+            least, most = self.function(low.copy(), high.copy())
+            ends = np.stack([np.asarray(least, dtype=float), np.asarray(most, dtype=float)])
+        except Exception as error:  # likewise
+            why = str(error) or type(error).__name__
+            message = f"fails for boxes of shape {low.shape}: {why}"
+            raise ArgumentError(message, argument="enclosure") from error
+        expected = (2, len(low), *self.shape)
+        if ends.shape != expected:
+            message = f"values have the shape {ends.shape}; expected two of {expected[1:]}"
+            raise ArgumentError(message, argument="enclosure")
+        if not (ends[0] <= ends[1]).all():  # also where one is not a number
+            message = "a least value is above the largest one, or not a number"
+            raise ArgumentError(message, argument="enclosure")
+        return ends
+
+
+def _stacked(function: Callable[[Any], ArrayLike], x: Array) -> Array:
+    """Values (n, ...) of a function of one point, at points x (n, d), or at numbers x (n,)."""
+    return np.stack([np.asarray(function(point), dtype=x.dtype) for point in x])
+
+
+def trial_points(limits: Array) -> Array:
+    """Points (n, d) at which a model is tried before any work."""
+    low, high = limits
+    return np.array([low + part * (high - low) for part in TRIED])
+
+
+def user_functions(given: object, name: str, limits: Array) -> tuple[UserFunction, ...]:
+    """One function of points in a box (2, d), or a list of them.
+
+    Raises:
+        ArgumentError: It is neither.
+    """
+    each = [given] if callable(given) or not isinstance(given, Iterable) else list(given)
+    functions = [function for function in each if callable(function)]
+    if len(functions) < len(each):
+        raise ArgumentError("expected a function of points, or a list of them", argument=name)
+    return tuple(UserFunction(function, name).for_many(limits) for function in functions)
+
+
+# Distance of the nodes in parts of a variable's range. A second-order difference errs by its square
+# (truncation) and by eps over it (rounding): about 4e-11 each, of the change over a whole range of
+# a function that is as smooth as a wave of that range.
+STEP = float(np.finfo(float).eps ** (1 / 3))
+
+
+def inside_differences(function: Callable[[Array], Array], x: Array, limits: Array) -> Array:
+    """Differentiate by each variable: the slope at x of a parabola through three nodes.
+
+    The nodes c - h, c, c + h lie in the box, with c as close to x as that allows. With
+    ``u = (x - c)/h`` the slope is ``((2u - 1) f_- - 4u f_0 + (2u + 1) f_+)/(2h)``: the central
+    difference where x is away from the bounds, the one-sided one of second order on a bound.
+
+    Args:
+        function: Maps points (m, d) of the box to values (m, ...).
+        x: Points (n, d) of the box.
+        limits: Bounds (2, d).
+
+    Returns:
+        Derivatives (n, ..., d). Ten digits of them are good, see `STEP`.
+    """
+    n, d = x.shape
+    low, high = limits
+    h = STEP * (high - low)
+    centre = np.clip(x, low + h, high - h)
+    nodes = np.broadcast_to(x, (3, d, n, d)).copy()
+    each = np.arange(d)
+    for place in range(3):
+        # Rounding may carry a node over the bound by a last digit.
+        moved = np.clip(centre + (place - 1) * h, low, high)
+        nodes[place, each, :, each] = moved.T
+    values = function(nodes.reshape(-1, d))
+    values = values.reshape(3, d, n, *values.shape[1:])
+    u = ((x - centre) / h).T.reshape(d, n, *[1] * (values.ndim - 3))
+    width = 2 * h.reshape(d, *[1] * (values.ndim - 2))
+    slopes = ((2 * u - 1) * values[0] - 4 * u * values[1] + (2 * u + 1) * values[2]) / width
+    return np.asarray(np.moveaxis(slopes, 0, -1))

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from edtk.design.linear_constraints import Linear, LinearConstraints, with_triple
 from edtk.design.problem import Problem
-from edtk.design.problems import DescribedProblem
 from edtk.design.relaxation.weight_limits import WeightLimits
 from edtk.system.errors import ArgumentError, finite_numbers
 from edtk.system.typing import Array, Indices, Mask
@@ -233,7 +232,7 @@ def _of_levels(given: Mapping[str, Any], problem: Problem, where: str) -> list[A
 
 def _frame(problem: Problem, where: str) -> Any:
     """The data frame of the candidates."""
-    if not isinstance(problem, DescribedProblem):
+    if problem.frame is None:
         message = "columns need a problem of a data frame; give coefficients as numbers"
         raise ArgumentError(message, argument=where)
     return problem.frame

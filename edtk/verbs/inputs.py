@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeGuard, runtime_checkable
 import criteria
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem
-from edtk.design.problems import DescribedProblem
 from edtk.design.region import Region
 from edtk.measure.pose_table import Table, path_of
 from edtk.study.study import Study
@@ -416,7 +415,7 @@ def at_hand(question: Problem | Region, keep: Any) -> Any:
         return question.problem(points)
     if not isinstance(keep, pd.DataFrame):
         return keep
-    if not isinstance(question, DescribedProblem) or question.rows_of is None:
+    if question.rows_of is None or question.frame is None:
         message = "a data frame needs one model of a data frame; expected indices or a Problem"
         raise ArgumentError(message, argument="keep")
     rows = question.rows_of(_columns(keep, tuple(question.frame.columns)))

@@ -10,15 +10,14 @@ import criteria
 from edtk.design.bound import RelaxedDesign
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.plan_region import RegionPlan
-from edtk.design.nonlinear_model import Robust
-from edtk.design.problem import Problem
+from edtk.design.problem import CandidateSites, Problem
 from edtk.design.region import Region
 from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.relax_region import relax_region
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.relaxed_region import RelaxedRegion
 from edtk.design.relaxation.search_region import RegionGrid
-from edtk.design.theta_box import Shares, ThetaBox, WorstTheta
+from edtk.design.theta_box import Robust, Shares, ThetaBox, WorstTheta
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
 from edtk.verbs.inputs import CriterionLike
@@ -122,12 +121,12 @@ def over_ranges(
         rounds: Designs at most. If they end before the worst theta is one of the list, it is the
             best of these designs, beside the bound of its list.
     """
-    assert question.robust is not None
-    box: ThetaBox[Any] = question.robust.box
+    assert question.robust is not None and question.robust.box is not None
+    box = question.robust.box
     own = criteria.as_criterion(asked, box.parameters)
     grid: ThetaBox[Any] | None = None
     if not first and isinstance(question, Region):
-        grid = box.among(RegionGrid.of(question, GRID).x)
+        grid = box.among(CandidateSites(RegionGrid.of(question, GRID).x, question.variables))
         first = _of_grid(grid, asked)
     known: dict[Any, RelaxedDesign] = {}
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import edtk
-from edtk.design.region import Region, inside_differences
+from edtk.design.region import Region
 from edtk.design.relaxation.search_region import RegionGrid
+from edtk.design.user_model import inside_differences
 from edtk.system.errors import ArgumentError, UserError
 
 

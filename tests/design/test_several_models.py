@@ -10,8 +10,7 @@ import criteria
 import edtk
 from edtk.certificate.verify_problem import verify_problem
 from edtk.design.information import ModelRows, Rows
-from edtk.design.problem import Problem
-from edtk.design.problems import several_models
+from edtk.design.problem import Problem, several_models
 from edtk.design.relaxation.relax import relax
 from edtk.system.errors import ArgumentError
 

@@ -7,8 +7,9 @@ import numpy as np
 
 from criteria import Criterion
 from edtk.design.enclosure.intervals import Range, run_on_boxes
-from edtk.design.region import FEASIBLE, Region, UserFunction
+from edtk.design.region import FEASIBLE, Region
 from edtk.design.relaxation.proof import is_normalised, trace_matrix
+from edtk.design.user_model import UserFunction
 from edtk.system.errors import ArgumentError
 from edtk.system.time_limit import out_of_time
 from edtk.system.typing import Array

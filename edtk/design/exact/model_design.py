@@ -17,7 +17,6 @@ from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.plan_region import RegionPlan
 from edtk.design.information import Known
 from edtk.design.problem import Problem
-from edtk.design.problems import DescribedProblem
 from edtk.design.region import Region
 from edtk.design.relaxation.relax import relax
 from edtk.design.relaxation.relax_region import relax_region
@@ -54,7 +53,7 @@ class Places:
     def of_problem(cls, problem: Problem, chosen: Any = slice(None)) -> "Places":
         """Candidates; those without a frame have their number as the only variable."""
         rows = problem.factors(chosen)
-        if not isinstance(problem, DescribedProblem):
+        if problem.frame is None:
             return cls(rows, ("candidate",), np.arange(float(problem.n))[chosen][:, None])
         numbers = problem.frame.select_dtypes("number")
         values = numbers.to_numpy(dtype=float)[chosen]
@@ -355,7 +354,7 @@ class ModelDesign:
 
     def _products(self, X: Array, r: int) -> tuple[tuple[str, ...], Array]:
         """Products of two variables that the model does not have already."""
-        described = not isinstance(self.model, Problem) or isinstance(self.model, DescribedProblem)
+        described = not isinstance(self.model, Problem) or self.model.frame is not None
         names = self.support.names if described else self.parameters
         own = np.repeat(self.support.values, r, axis=0) if described else X
         pairs = list(combinations(range(len(names)), 2))

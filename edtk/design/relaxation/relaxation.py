@@ -10,7 +10,6 @@ import criteria
 from criteria import Relaxable
 from edtk.design.bound import BLURRED, VISIBLE, Bound, BoundKind, RelaxedDesign, printed_form
 from edtk.design.problem import Problem, problem_digest
-from edtk.design.problems import DescribedProblem
 from edtk.design.relaxation.certify import certify, inside
 from edtk.design.relaxation.proof import InnerProof, normalised
 from edtk.design.relaxation.setting import OrderOne, Setting, opened
@@ -74,7 +73,7 @@ class Relaxation(RelaxedDesign):
         """
         import pandas as pd
 
-        if isinstance(self.problem, DescribedProblem):
+        if self.problem is not None:
             return self.problem.to_frame(self.weights)
         index = pd.Index(self.support, name="candidate")
         return pd.DataFrame({"weight": self.weights[self.support]}, index=index)

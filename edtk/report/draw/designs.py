@@ -13,7 +13,6 @@ from edtk.design.bound import printed_form
 from edtk.design.exact.model_design import TEST_LEVEL, Design, ModelDesign, Places
 from edtk.design.exact.size_curve import SizeCurve, size_curve
 from edtk.design.problem import Problem
-from edtk.design.problems import DescribedProblem
 from edtk.design.region import Region
 from edtk.report.draw.names import name_ticks, short_names
 from edtk.report.figures import BLUE, COLOURS, GREY, ORANGE, panels
@@ -177,7 +176,7 @@ def _others(
         ArgumentError: There are no such variables.
     """
     if isinstance(model, Problem):
-        if not isinstance(model, DescribedProblem) or model.rows_of is None:
+        if model.rows_of is None or model.frame is None:
             if at:
                 message = "the model is known at its candidates alone; expected none"
                 raise ArgumentError(message, argument="at")
@@ -206,7 +205,7 @@ def _evaluation(
     """
     model = design.model
     if isinstance(model, Problem):
-        if not isinstance(model, DescribedProblem) or model.rows_of is None:
+        if model.rows_of is None:
             return None
         return partial(_of_frame, design, model, others, names)
     region = model
@@ -227,15 +226,15 @@ def _evaluation(
 
 def _of_frame(
     design: ModelDesign,
-    model: DescribedProblem,
+    model: Problem,
     others: Mapping[str, Any],
     names: tuple[str, ...],
     values: Array,
 ) -> Array:
     """The same for candidates of a data frame."""
+    assert model.rows_of is not None and model.frame is not None
     # The first row brings the type of each column, as of categories.
     table = model.frame.iloc[np.zeros(len(values), dtype=int)].reset_index(drop=True)
-    assert model.rows_of is not None
     given = {name: values[:, i] for i, name in enumerate(names)}
     return design.variances(model.rows_of(table.assign(**others, **given)))
 

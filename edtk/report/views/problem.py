@@ -9,7 +9,6 @@ from edtk.design.exact.arranged.arranged_plan import ArrangedPlan
 from edtk.design.exact.comparison import Comparison
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.problem import Problem
-from edtk.design.problems import DescribedProblem
 from edtk.report.draw.bars import heat_map
 from edtk.report.draw.designs import draw
 from edtk.report.figures import COLOURS, new_figure, panels
@@ -42,7 +41,7 @@ def candidate_columns(problem: Problem | None, chosen: Indices) -> dict[str, lis
         chosen: Those (k,) that are shown.
     """
     columns = {"candidate": [str(i) for i in chosen]}
-    if not isinstance(problem, DescribedProblem):
+    if problem is None or problem.frame is None:
         return columns
     rows = problem.frame.iloc[chosen]
     for name in rows.columns[:MOST_COLUMNS]:

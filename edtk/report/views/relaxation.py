@@ -10,7 +10,6 @@ from criteria.criterion import printed
 from edtk.design.bound import VISIBLE
 from edtk.design.enclosure.prove_continuum import ProvedPlan
 from edtk.design.problem import Problem
-from edtk.design.problems import DescribedProblem
 from edtk.design.relaxation.proof import is_normalised
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
@@ -141,7 +140,7 @@ def _places(problem: Problem, x: ArrayLike | str | None) -> tuple[Array, str]:
                 f"expected a number for each of {problem.n} candidates", argument="x"
             )
         return at, "x"
-    if not isinstance(problem, DescribedProblem):
+    if problem is None or problem.frame is None:
         if x is not None:
             message = "the candidates do not come from a data frame; expected numbers"
             raise ArgumentError(message, argument="x", given=repr(x))

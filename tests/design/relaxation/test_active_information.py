@@ -5,8 +5,7 @@ import pytest
 from scipy.linalg import block_diag
 
 from criteria.linalg.typing import triangle
-from edtk.design.problem import Problem
-from edtk.design.problems import several_models
+from edtk.design.problem import Problem, several_models
 from edtk.design.relaxation import master_equations as active_information
 from edtk.design.relaxation.master_equations import ActiveInformation
 from edtk.design.relaxation.proof import experiment_blocks

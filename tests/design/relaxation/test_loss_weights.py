@@ -5,8 +5,7 @@ import pytest
 from relaxations import off_centre
 
 import criteria
-from edtk.design.problem import Problem
-from edtk.design.problems import several_models
+from edtk.design.problem import Problem, several_models
 from edtk.design.relaxation.loss_weights import loss_weights
 from edtk.design.relaxation.master_equations import ActiveInformation
 from edtk.design.relaxation.relax import relax

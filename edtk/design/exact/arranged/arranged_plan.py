@@ -10,7 +10,6 @@ from criteria.linalg.inverse import root
 from edtk.design.bound import HEADLINE, VISIBLE
 from edtk.design.errors import RunErrors
 from edtk.design.exact.counts.problem_plan import ProblemPlan
-from edtk.design.problems import DescribedProblem
 from edtk.system.errors import UserError
 from edtk.system.typing import Array, Indices
 
@@ -84,10 +83,7 @@ class ArrangedPlan(ProblemPlan):
         """
         import pandas as pd
 
-        if isinstance(self.problem, DescribedProblem):
-            settings = self.problem.frame.iloc[self.places].reset_index(drop=True)
-        else:
-            settings = pd.DataFrame({"candidate": self.places})
+        settings = self.problem.settings(self.places)
         taken = set(map(str, settings.columns))
         for i, (name, labels) in enumerate(self.groups.items()):
             column = name

@@ -7,7 +7,6 @@ import numpy as np
 
 from edtk.design.errors import RunErrors, Stratum, hard_names
 from edtk.design.problem import Problem
-from edtk.design.problems import DescribedProblem
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array, Indices, Mask
 
@@ -53,7 +52,7 @@ class Settings:
             ArgumentError: There is no such factor, or several strata keep it.
         """
         named: dict[str, Indices] = {}
-        if isinstance(problem, DescribedProblem):
+        if problem.frame is not None:
             for name in problem.frame.columns:
                 named[str(name)] = _numbered(problem.frame[name].to_numpy())
         hard: list[tuple[str, ...]] = []
@@ -64,7 +63,7 @@ class Settings:
         if twice:
             message = f"two strata keep {twice[0]!r}; groups inside one that keeps it do so anyway"
             raise ArgumentError(message, argument="hard")
-        if not isinstance(problem, DescribedProblem):
+        if problem.frame is None:
             named["candidate"] = _ranks(list(named.values()), problem.n)
         names = list(named)
         columns = tuple(np.array([names.index(name) for name in own], dtype=int) for own in hard)

@@ -1,6 +1,6 @@
 """Orders of a plan's experiments in which little has to be changed from one to the next."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.design.problem import Problem
-from edtk.design.problems import DescribedProblem
 from edtk.design.tours import BEST_UP_TO, cheap_tour, cheapest_possible
 from edtk.system.errors import ArgumentError, finite_numbers, whole_number
 from edtk.system.presented import Presented
@@ -16,8 +15,6 @@ from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from edtk.design.exact.counts.problem_plan import ProblemPlan
 
 # Costs (n, n) of the way from each candidate to each other one; a function of two candidates; or,
 # for columns of a data frame, the cost of any change, or a function of two levels.
@@ -61,10 +58,7 @@ class PlanOrder(Presented):
         """
         import pandas as pd
 
-        if isinstance(self.problem, DescribedProblem):
-            frame = self.problem.frame.iloc[self.experiments].reset_index(drop=True)
-        else:
-            frame = pd.DataFrame({"candidate": self.experiments})
+        frame = self.problem.settings(self.experiments)
         name = "change"
         while name in frame.columns:
             name += "_"
@@ -73,25 +67,23 @@ class PlanOrder(Presented):
         return frame
 
 
-def order_plan(plan: "ProblemPlan", transition: Transition, begin: int | None) -> PlanOrder:
-    """Put the new experiments of a plan in a cheap order; blocks stay one after another.
+def order_plan(
+    problem: Problem, blocks: Sequence[Indices], transition: Transition, begin: int | None
+) -> PlanOrder:
+    """Put experiments in a cheap order; blocks stay one after another.
 
     Repeats of a candidate follow each other where nothing is cheaper by way of others, which is so
     if costs obey the triangle inequality.
 
     Args:
-        plan: The plan.
+        problem: The candidates.
+        blocks: Candidates of the experiments of each block, each as often as it is measured.
         transition: What changes cost, see `Transition`.
         begin: The candidate that is set before the first experiment; None for none.
 
     Raises:
         ArgumentError: Costs or the candidate are none.
     """
-    problem = plan.problem
-    blocks = [plan.new]
-    if plan.block_counts is not None:
-        numbers = np.arange(problem.n)
-        blocks = [np.repeat(numbers, counts) for counts in plan.block_counts]
     support = np.unique(np.concatenate(blocks))
     if begin is not None:
         support = np.append(support, _candidate(begin, problem.n))
@@ -157,7 +149,7 @@ def transition_costs(transition: Transition, problem: Problem, chosen: Indices) 
         found = _of_columns(transition, problem, chosen)
     elif callable(transition):
         candidates: list[Any] = chosen.tolist()
-        if isinstance(problem, DescribedProblem):
+        if problem.frame is not None:
             candidates = problem.frame.iloc[chosen].to_dict("records")
         found = _of_pairs(transition, candidates, "transition")
     else:
@@ -175,7 +167,7 @@ def transition_costs(transition: Transition, problem: Problem, chosen: Indices) 
 
 def _of_columns(transition: Mapping[str, Any], problem: Problem, chosen: Indices) -> Array:
     """The sum of what changes of columns cost."""
-    if not isinstance(problem, DescribedProblem):
+    if problem.frame is None:
         message = "columns need a problem of a data frame; give costs (n, n), or a function"
         raise ArgumentError(message, argument="transition")
     frame = problem.frame.iloc[chosen]

@@ -1,5 +1,6 @@
 """A plan of whole experiments on the candidates of a problem, and how far it is from the bound."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -9,14 +10,13 @@ from criteria import Criterion
 from criteria.criterion import printed
 from edtk.design.bound import HEADLINE, VISIBLE, Bound, BoundedDesign, BoundKind
 from edtk.design.exact.counts.limits import Limits
+from edtk.design.exact.counts.plan_order import PlanOrder, Transition, order_plan
 from edtk.design.problem import Problem
-from edtk.design.problems import DescribedProblem
 from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from edtk.design.exact.counts.plan_order import PlanOrder, Transition
     from edtk.design.exact.prove_exact import ExactProof
     from edtk.design.theta_box import WorstTheta
 
@@ -131,14 +131,18 @@ class ProblemPlan(BoundedDesign):
     def experiments(self) -> Indices:
         """Indices (size,) of the candidates, each as often as it is measured; blocks in order."""
         each = self.counts[None] if self.block_counts is None else self.block_counts
-        return np.concatenate([np.repeat(np.arange(self.problem.n), counts) for counts in each])
+        return np.concatenate(self._repeated(each))
 
     @property
     def new(self) -> Indices:
         """Indices (k,) of the candidates of new experiments, each as often as it is measured."""
-        return np.repeat(np.arange(self.problem.n), self.counts - self.kept)
+        return self._repeated([self.counts - self.kept])[0]
 
-    def order(self, transition: "Transition", begin: int | None = None) -> "PlanOrder":
+    def _repeated(self, counts: Iterable[Indices]) -> list[Indices]:
+        """Candidates as often as each of several counts (n,) says."""
+        return [np.repeat(np.arange(self.problem.n), own) for own in counts]
+
+    def order(self, transition: Transition, begin: int | None = None) -> PlanOrder:
         """Put the new experiments in an order in which the changes between them cost little.
 
         Up to eleven different experiments it is the cheapest order; of more, `.bound` says how much
@@ -158,22 +162,15 @@ class ProblemPlan(BoundedDesign):
         Raises:
             ArgumentError: The costs are none, or do not fit the candidates.
         """
-        from edtk.design.exact.counts.plan_order import order_plan  # it loads scipy for large ones
-
-        return order_plan(self, transition, begin)
+        new = [self.counts - self.kept] if self.block_counts is None else self.block_counts
+        return order_plan(self.problem, self._repeated(new), transition, begin)
 
     def to_frame(self) -> "pd.DataFrame":
         """Make a table with a candidate a row: its count, kept ones, and its count by block.
 
         Candidates from a data frame are its rows; others are numbers from zero.
         """
-        import pandas as pd
-
-        if isinstance(self.problem, DescribedProblem):
-            frame = self.problem.to_frame(self.counts, "count")
-        else:
-            index = pd.Index(self.support, name="candidate")
-            frame = pd.DataFrame({"count": self.counts[self.support]}, index=index)
+        frame = self.problem.to_frame(self.counts, "count")
         return frame.assign(**{name: own[self.support] for name, own in self.parts.items()})
 
     @property
