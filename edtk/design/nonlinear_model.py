@@ -75,7 +75,7 @@ class NonlinearModel:
         return self.predictor.value(x, self.theta)
 
     def lacking(self, x: Array, mean: Array) -> Array:
-        """Roots (n, k) of the deviance of this model, of sigma one, where others are the means.
+        """Roots (n, k) of the deviance of this model where others are the means.
 
         With the sign of what it lacks, so that they are smooth where it lacks nothing.
 
@@ -85,7 +85,10 @@ class NonlinearModel:
         """
         own = self.predicted(x)
         plain = self.response.is_plain
-        return (mean - own if plain else self.response.deviance_roots(mean, own)) @ self.whitener.T
+        roots = (mean - own if plain else self.response.deviance_roots(mean, own)) @ self.whitener.T
+        if self.deviation is None:
+            return roots
+        return roots / np.exp(self.deviation.value(x, self.theta))
 
     @cached_property
     def _is_unit(self) -> bool:
@@ -172,7 +175,7 @@ def nonlinear_model(
     k = told.value(spread[:1], at).shape[1]
     deviation = None
     if callable(sigma):
-        both = _of_both(sigma)
+        both = sigma if takes_theta(sigma) else lambda x, theta: sigma(x)
         if covariance is not None or (both is sigma and family.lower() != "normal"):
             message = "a function is for responses without a covariance, of theta for normal ones"
             raise ArgumentError(message, argument="sigma")
@@ -276,15 +279,16 @@ def _whitener(sigma: Any, covariance: ArrayLike | None, k: int) -> Array:
         raise ArgumentError("is not positive definite", argument="covariance") from error
 
 
-def _of_both(sigma: Callable[..., ArrayLike]) -> Callable[..., ArrayLike]:
-    """A function of x and theta, of one that needs x alone; else the same one."""
+def takes_theta(sigma: Callable[..., ArrayLike]) -> bool:
+    """Whether a function of noise needs more than x."""
     try:
-        asked = inspect.signature(sigma).parameters.values()
+        # What numpy has vectorised tells nothing itself.
+        asked = inspect.signature(getattr(sigma, "pyfunc", sigma)).parameters.values()
     except ValueError:  # some functions of libraries do not tell
-        return sigma
+        return True
     # Numpy's own have places for other things after x.
     needed = [one for one in asked if one.kind in BY_PLACE and one.default is one.empty]
-    return (lambda x, theta: sigma(x)) if len(needed) == 1 else sigma
+    return len(needed) != 1
 
 
 def _log_deviation(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from edtk.design.nonlinear_model import Model, NonlinearModel, nonlinear_model, of_each
+from edtk.design.nonlinear_model import Model, NonlinearModel, nonlinear_model, of_each, takes_theta
 from edtk.design.theta_box import (
     MOST_RANGES,
     OFF_MIDDLE,
@@ -40,9 +40,6 @@ def of_model(
     **options: Any,
 ) -> Made:
     """Make what `Problem.of_model` or `Region.of_model` describes, at its sites."""
-    if is_box(theta) and robust == "maximin" and sites.has_noise:
-        message = "of candidates it is not known beside ranges of theta; expected a function of x"
-        raise ArgumentError(message, argument="sigma")
     if is_box(theta):
         if robust != "bayes":
             _require_plain(robust, weights, prior)
@@ -68,8 +65,8 @@ def of_rivals(
     **options: Any,
 ) -> Made:
     """Make what `Problem.of_rivals` or `Region.of_rivals` describes, at its sites."""
-    if callable(options["sigma"]):
-        message = "expected numbers, which both models have"
+    if callable(options["sigma"]) and takes_theta(options["sigma"]):
+        message = "expected numbers or a function of x alone, which both models have"
         raise ArgumentError(message, argument="sigma")
     points = sites.trial
     true = nonlinear_model(

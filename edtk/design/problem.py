@@ -248,7 +248,8 @@ class Problem(WeightedCandidates):
                 normal, the logit for binomial and the log for Poisson and gamma. Where f is the
                 mean itself it is "identity".
             sigma: Standard deviation of the noise: a number, one for each response, one for each
-                candidate (n,), see `Problem`, or a function of x, or of x and theta. For other
+                candidate (n,) or (n, k), the column of a data frame that has it, or a function of
+                x, or of x and theta. For other
                 families it is a factor of the family's own deviation, such as 1/sqrt(10) for the
                 share of ten trials.
             covariance: In its place, the covariance (k, k) of k responses.
@@ -276,7 +277,7 @@ class Problem(WeightedCandidates):
         """
         from edtk.design.of_model import of_model  # it loads scipy
 
-        sites = CandidateSites.of(candidates, variables, sigma)
+        sites, own = CandidateSites.of(candidates, variables, sigma)
         return of_model(
             sites,
             f,
@@ -286,7 +287,7 @@ class Problem(WeightedCandidates):
             prior,
             family=family,
             link=link,
-            sigma=1.0 if sites.has_noise else sigma,
+            sigma=own,
             covariance=covariance,
             gradient=gradient,
             parameters=parameters,
@@ -304,7 +305,7 @@ class Problem(WeightedCandidates):
         family: str = "normal",
         *,
         link: str | None = None,
-        sigma: ArrayLike = 1.0,
+        sigma: ArrayLike | Callable[..., ArrayLike] = 1.0,
         covariance: ArrayLike | None = None,
         parameters: str | Sequence[str] | None = None,
         variables: str | Sequence[str] | None = None,
@@ -326,7 +327,7 @@ class Problem(WeightedCandidates):
             candidates: See `of_model`.
             family: See `of_model`.
             link: See `of_model`.
-            sigma: See `of_model`; no function.
+            sigma: See `of_model`; a function is one of x alone.
             covariance: See `of_model`.
             parameters: Names of theta.
             variables: See `of_model`.
@@ -347,8 +348,9 @@ class Problem(WeightedCandidates):
         """
         from edtk.design.of_model import of_rivals  # it loads scipy
 
+        sites, own = CandidateSites.of(candidates, variables, sigma)
         return of_rivals(
-            CandidateSites.of(candidates, variables),
+            sites,
             f,
             theta,
             rival,
@@ -356,7 +358,7 @@ class Problem(WeightedCandidates):
             parameters,
             family=family,
             link=link,
-            sigma=sigma,
+            sigma=own,
             covariance=covariance,
         )
 
@@ -520,31 +522,31 @@ def _names(problems: Sequence[Problem]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class CandidateSites(Sites[Problem]):
-    """Candidates, at all of which a model is tried.
-
-    Attributes:
-        noise: Standard deviations of each candidate, see `Problem`; None for none.
-    """
-
-    noise: Array | None = None
+    """Candidates, at all of which a model is tried."""
 
     @classmethod
     def of(
         cls,
-        candidates: "ArrayLike | pd.DataFrame",
+        candidates: Any,
         variables: str | Sequence[str] | None,
-        sigma: Any = None,
-    ) -> "CandidateSites":
+        sigma: Any,
+    ) -> tuple["CandidateSites", Any]:
         """Points (n, d) or (n,), or a data frame whose columns are the variables.
 
         Args:
             candidates: The points.
             variables: Names (d,).
-            sigma: Noise, which is kept here if there is one for each candidate.
+            sigma: Noise; the name of a column that has it is none of a variable.
+
+        Returns:
+            The sites, with the noise if there is one for each candidate, and that of the model.
 
         Raises:
-            ArgumentError: They are no finite numbers.
+            ArgumentError: They are no finite numbers, or there is no such column.
         """
+        if isinstance(sigma, str) and hasattr(candidates, "columns"):
+            column, sigma = sigma, noise_of_frame(candidates, sigma)
+            candidates = candidates.drop(columns=column)
         names = tuple(map(str, candidates.columns)) if hasattr(candidates, "columns") else None
         try:
             points = np.asarray(candidates, dtype=float)
@@ -559,13 +561,10 @@ class CandidateSites(Sites[Problem]):
             raise ArgumentError(f"point {lost[0]} is not finite", argument="candidates")
         is_array = sigma is not None and not callable(sigma) and not isinstance(sigma, str)
         noise = real_numbers(sigma, "sigma") if is_array else np.empty(())
-        is_of_each = len(points) > 1 and noise.shape[:1] == (len(points),)
-        return cls(points, told_names(names, variables), noise if is_of_each else None)
-
-    @property
-    def has_noise(self) -> bool:
-        """Whether each has a standard deviation."""
-        return self.noise is not None
+        named = told_names(names, variables)
+        if noise.shape[:1] != (len(points),) or noise.shape == (1,):
+            return cls(points, named, None), sigma
+        return cls(points, named, noise[:, None] if noise.ndim == 1 else noise), 1.0
 
     @property
     def frame(self) -> "pd.DataFrame":

@@ -42,6 +42,12 @@ FEASIBLE = 1e-10  # by which rounding may carry a point over a constraint, in th
 # Relative difference of a gradient from the difference of rows, beyond which it is another one.
 GRADIENT_ALIKE = 1e-5
 POINTS_TRIED = 128  # points of a box at which a nonlinear model is tried
+# Means over a box: nodes of a rule at most, in all and by each variable; relative difference of two
+# rules that are both exact; and points where none is.
+MOST_NODES = 100_000
+MOST_OF_EACH = 150
+EXACT = 1e-11
+EVEN_POINTS = 65_536
 
 
 def box_limits(low: ArrayLike, high: ArrayLike) -> Array:
@@ -316,7 +322,7 @@ class Region(Presented):
         family: str = "normal",
         *,
         link: str | None = None,
-        sigma: ArrayLike = 1.0,
+        sigma: ArrayLike | Callable[..., ArrayLike] = 1.0,
         covariance: ArrayLike | None = None,
         parameters: str | Sequence[str] | None = None,
         variables: str | Sequence[str] | None = None,
@@ -471,6 +477,50 @@ class Region(Presented):
             return np.zeros((*x.shape[:-1], 0, self.size))
         G = inside_differences(self.slack_at, self._inside(x), self.limits)
         return np.asarray(G.reshape(x.shape[:-1] + G.shape[1:]))
+
+    def mean_over_points(self) -> tuple[Array, Array]:
+        """Rows (k, rows, p) and weights (k,), whose mean is that over all points of the region.
+
+        In a box they are at the nodes of a product of Gauss and Legendre's rules, with more and
+        more of them until the mean of ``A'A`` is the same: that of polynomials is exact. Under
+        constraints, or where no rule settles, they are those of 65,536 points of Halton's sequence
+        that are feasible, which count alike.
+        """
+        last = None
+        n = 2
+        while not self._constraints and n <= MOST_OF_EACH and n**self.size <= MOST_NODES:
+            A, weights = self._gauss_legendre(n)
+            M = np.einsum("k,krp,krq->pq", weights, A, A)
+            if last is not None and nearly_equal(M, last, EXACT):
+                return A, weights
+            last = M
+            n += n // 2
+        return self._even()
+
+    def _gauss_legendre(self, n: int) -> tuple[Array, Array]:
+        """Rows at a product of rules of n nodes for each variable, and their weights."""
+        nodes, weights = np.polynomial.legendre.leggauss(n)
+        axes = np.meshgrid(*[0.5 + 0.5 * nodes] * self.size, indexing="ij")
+        shares = np.meshgrid(*[0.5 * weights] * self.size, indexing="ij")
+        low, high = self.limits
+        x = low + (high - low) * np.stack(axes, axis=-1).reshape(-1, self.size)
+        return self.rows_at(x), np.prod(shares, axis=0).ravel()
+
+    def _even(self) -> tuple[Array, Array]:
+        """Rows at many points that lie evenly, and equal weights.
+
+        Raises:
+            ArgumentError: None of the points is feasible.
+        """
+        from scipy.stats import qmc
+
+        low, high = self.limits
+        x = low + (high - low) * qmc.Halton(self.size, scramble=False).random(EVEN_POINTS)
+        x = x[self.at(x).feasible]
+        if not len(x):
+            message = "leave so little room that no mean over the region is known; expected points"
+            raise ArgumentError(message, argument="constraints")
+        return self.rows_at(x), np.full(len(x), 1 / len(x))
 
     @property
     def functions(self) -> tuple[UserFunction, ...]:
@@ -659,7 +709,7 @@ class BoxSites(Sites[Region]):
         for constraint in functions:
             kept = constraint(points).reshape(len(points), -1).min(axis=1) >= 0
             points = points[kept] if kept.any() else points
-        return cls(points, told_names(names, variables), low, high, functions)
+        return cls(points, told_names(names, variables), None, low, high, functions)
 
     def alone(self, rows: RowsAt, parameters: Sequence[str], prior: Any = None) -> Region:
         """The box under one model."""

@@ -73,15 +73,13 @@ class Sites(ABC, Generic[Made]):
     Attributes:
         trial: Points (n, d) at which a model is tried before any work.
         variables: Names (d,); None as long as nobody has told them.
+        noise: Standard deviations (n, 1) or (n, r) that each candidate has besides those of the
+            model; None for ones.
     """
 
     trial: Array
     variables: tuple[str, ...] | None
-
-    @property
-    def has_noise(self) -> bool:
-        """Whether places have a noise of their own, besides that of the model."""
-        return False
+    noise: Array | None
 
     @abstractmethod
     def alone(self, rows: RowsAt, parameters: Sequence[str], prior: Any = None) -> Made:
@@ -120,17 +118,25 @@ class Shares:
 
     Attributes:
         x: Points (k, d).
-        weights: Weights (k,) of sum one.
+        weights: Weights of rows (k, r), or of points (k, 1): parts of sum one, over the squares of
+            the noise that a point has besides that of its model.
     """
 
     x: Array
     weights: Array
 
     @classmethod
-    def of(cls, x: Array, numbers: Array) -> "Shares":
-        """Points (n, d) with weights or counts (n,), of which those without any are left out."""
+    def of(cls, x: Array, numbers: Array, noise: Array | None = None) -> "Shares":
+        """Points (n, d) with weights or counts (n,), of which those without any are left out.
+
+        Args:
+            x: The points.
+            numbers: Weights or counts.
+            noise: Standard deviations (n, 1) or (n, r) of each point; None for ones.
+        """
         has = numbers > 0
-        return cls(x[has], np.asarray(numbers[has] / numbers.sum()))
+        weights = np.asarray(numbers[has] / numbers.sum())[:, None]
+        return cls(x[has], weights if noise is None else weights / noise[has] ** 2)
 
     def mixed(self, other: "Shares", part: float) -> "Shares":
         """These to a part, and the others to the rest."""
@@ -369,7 +375,8 @@ class EfficiencyBox(ThetaBox[Made]):
     def _costs(self, thetas: Array, own: Criterion, design: Shares) -> Array:
         """Costs (t,) of a design at theta (t, p), of which nothing is kept."""
         rows = np.asarray(self.finite_rows(thetas, design.x))
-        return own.cost(np.einsum("n,tnrp,tnrq->tpq", design.weights, rows, rows))
+        weights = np.broadcast_to(design.weights, rows.shape[1:3])
+        return own.cost(np.einsum("nr,tnrp,tnrq->tpq", weights, rows, rows))
 
 
 class RivalBox(ThetaBox[Made]):
@@ -431,4 +438,4 @@ class RivalBox(ThetaBox[Made]):
     def _residuals(self, thetas: Array, design: Shares) -> Array:
         """Roots (t, n r) of the parts of the deviance at each theta (t, p)."""
         rows = np.asarray(self.finite_rows(thetas, design.x))[..., 0]
-        return np.asarray((np.sqrt(design.weights)[:, None] * rows).reshape(len(rows), -1))
+        return np.asarray((np.sqrt(design.weights) * rows).reshape(len(rows), -1))

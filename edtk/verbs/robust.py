@@ -48,8 +48,9 @@ def criterion_of(
       (Dette 1997).
     - "rivals": the least of the deviances, which are the information of models of one parameter.
 
-    Of a problem of one model the places of I and prediction_G default to all candidates, with
-    predictions in parts of the noise.
+    Of one model the places of I and prediction_G default to all candidates of a problem, and those
+    of I to all points of a region, see `Region.mean_over_points`; predictions are in parts of the
+    noise.
 
     Args:
         asked: The criterion, about the parameters of one model.
@@ -60,6 +61,9 @@ def criterion_of(
         ArgumentError: The criterion has no such form.
     """
     robust = question.robust
+    if robust is None and isinstance(question, Region) and asked in ("I", {"name": "I"}):
+        rows, weights = question.mean_over_points()
+        return criteria.create("I", points=rows, weights=weights)
     if robust is None:
         places = question.factors if isinstance(question, Problem) else None
         return criteria.as_criterion(asked, question.parameters, places)
@@ -121,12 +125,14 @@ def over_ranges(
         rounds: Designs at most. If they end before the worst theta is one of the list, it is the
             best of these designs, beside the bound of its list.
     """
-    assert question.robust is not None and question.robust.box is not None
+    assert question.robust is not None
+    assert question.robust.box is not None
     box = question.robust.box
     own = criteria.as_criterion(asked, box.parameters)
     grid: ThetaBox[Any] | None = None
     if not first and isinstance(question, Region):
-        grid = box.among(CandidateSites(RegionGrid.of(question, GRID).x, question.variables))
+        points = RegionGrid.of(question, GRID).x
+        grid = box.among(CandidateSites(points, question.variables, None))
         first = _of_grid(grid, asked)
     known: dict[Any, RelaxedDesign] = {}
 
@@ -195,4 +201,6 @@ def _shares(design: Any, box: ThetaBox[Any]) -> Shares:
     is_whole = isinstance(design, ProblemPlan | RegionPlan)
     numbers = design.counts if is_whole else design.weights
     in_region = isinstance(design, RegionPlan | RelaxedRegion)
-    return Shares.of(design.points if in_region else box.sites.trial, numbers)
+    if in_region:
+        return Shares.of(design.points, numbers)
+    return Shares.of(box.sites.trial, numbers, box.sites.noise)

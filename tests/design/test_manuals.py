@@ -436,7 +436,7 @@ def test_designs_that_tell_rivals_are_at_least_as_good_as_those_of_optedr(name):
     region = edtk.Region.of_rivals(*models, box, family)
     found = edtk.relax(region)
     ranges = region.robust.box
-    design = Shares(np.array(points, dtype=float), np.array(weights) / np.sum(weights))
+    design = Shares.of(np.array(points, dtype=float), np.array(weights, dtype=float))
     least = minimize(
         lambda u: ranges.values(ranges.at(u)[None], design, None, None)[0],
         np.full(len(ranges.free), 0.5),

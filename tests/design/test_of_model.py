@@ -4,6 +4,7 @@ import math
 import time
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import edtk
@@ -275,11 +276,25 @@ def test_noise_of_candidates_scales_their_rows(sigma):
     np.testing.assert_allclose(noisy.factors(), plain.factors() / NOISE[:, None, None], rtol=1e-14)
 
 
-def test_noise_may_be_a_function_of_numpy():
-    """It takes more than x, and needs no more."""
-    noisy = edtk.Problem.of_model(ENZYME, AT, DOSE, sigma=np.exp)
+@pytest.mark.parametrize("sigma", [np.exp, np.vectorize(np.exp), np.vectorize(lambda x: np.exp(x))])
+def test_noise_may_be_a_function_of_numpy(sigma):
+    """It takes more than x, and needs no more; one that is vectorised needs what it is made of."""
+    noisy = edtk.Problem.of_model(ENZYME, AT, DOSE, sigma=sigma)
     stated = edtk.Problem.of_model(ENZYME, AT, DOSE, sigma=np.exp(DOSE))
     np.testing.assert_allclose(noisy.factors(), stated.factors(), rtol=1e-12)
+
+
+def test_noise_may_be_a_column_of_the_candidates():
+    """It is no variable of the model then, and has to be there."""
+    frame = pd.DataFrame({"s": NOISE, "x": DOSE})
+    stated = edtk.Problem.of_model(ENZYME, AT, DOSE, sigma=NOISE)
+    np.testing.assert_array_equal(
+        edtk.Problem.of_model(ENZYME, AT, frame, sigma="s").factors(), stated.factors()
+    )
+    one = edtk.Problem.of_model(ENZYME, AT, frame.iloc[[9]], sigma="s")
+    np.testing.assert_array_equal(one.factors(), stated.factors()[[9]])
+    with pytest.raises(edtk.UserError, match=r"^sigma: 'noise' is no column"):
+        edtk.Problem.of_model(ENZYME, AT, frame, sigma="noise")
 
 
 def test_noise_of_candidates_is_a_factor_of_a_familys_own():
@@ -370,12 +385,7 @@ BAD = {
     ),
     "empty": ([], {"a": 1.0}, {}, r"^f: expected a function, a formula, or a list of formulas$"),
     "short": ("a * x", {"a": 1.0}, {"sigma": np.ones(7)}, r"^sigma: expected a positive number"),
-    "noise beside ranges": (
-        "a * exp(-b * x)",
-        {"a": 1.0, "b": (0.5, 1.0)},
-        {"sigma": np.ones(len(DOSE)), "robust": "maximin"},
-        r"^sigma: of candidates it is not known beside ranges",
-    ),
+    "no column": ("a * x", {"a": 1.0}, {"sigma": "s"}, r"^sigma: expected numbers or a function"),
     "no theta": ("x", {}, {}, r"^theta: .*, of which there is one at least$"),
     "noise": ("a * x", {"a": 1.0}, {"sigma": lambda x, t: x}, r"^sigma: is not positive at x = 0"),
     "shape": ("a * x", {"a": 1.0}, {"covariance": np.eye(2)}, r"^covariance: expected a symm"),

@@ -1,6 +1,7 @@
 """Ranges of theta and rivals: published optima, brute force over the ranges, bounds, bad input."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.optimize import linprog, minimize_scalar
 from scipy.stats import binom, gamma, norm, poisson
@@ -8,6 +9,7 @@ from scipy.stats import binom, gamma, norm, poisson
 import edtk
 from edtk.design.bound import BoundKind
 from edtk.design.families import FAMILIES, Response
+from edtk.design.theta_box import Shares
 from edtk.system.errors import ArgumentError
 
 ENZYME = "V * x / (K + x)"
@@ -47,6 +49,97 @@ def test_a_narrow_range_has_the_design_of_two_points():
     assert design.weights[design.weights > 1e-4] == pytest.approx([0.5, 0.5], abs=1e-4)
     efficiency = 4 * low * (low + 1) * best * (1 - best) / (low + best) ** 2
     assert design.worst.value == pytest.approx(efficiency, rel=1e-5)
+
+
+X = np.linspace(0.05, 1, 20)
+SIGMA = 0.2 + X**2
+OF_COLUMN = pd.DataFrame({"x": X, "s": SIGMA})
+RIVAL = ("a + b * x + x^3", {"a": 1.0, "b": 1.0}, "p + q * x", LINE)
+
+
+def ranged(formula, places, **options):
+    """Michaelis and Menten's model with a range of K."""
+    theta = {"V": 2.0, "K": (0.2, 1.0)}
+    return edtk.Problem.of_model(formula, theta, places, robust="maximin", **options)
+
+
+def rivals(formula, places, **options):
+    """A cubic and a line, each in the place of V * x / (K + x) in a formula."""
+    f, theta, g, limits = RIVAL
+    f, g = (formula.replace(ENZYME, f"({one})") for one in (f, g))
+    return edtk.Problem.of_rivals(f, theta, g, limits, places, **options)
+
+
+OF_CANDIDATES = pytest.mark.parametrize(
+    ("places", "sigma"),
+    [(X, SIGMA), (X, SIGMA[:, None]), (OF_COLUMN, "s"), (X, lambda x: 0.2 + x**2)],
+    ids=["n", "n, 1", "column", "function"],
+)
+
+
+@OF_CANDIDATES
+def test_noise_of_candidates_divides_a_model_with_ranges(places, sigma):
+    """Weights and plan are those of the model in parts of a variable sigma."""
+    noisy = ranged(ENZYME, places, sigma=sigma)
+    divided = ranged(f"({ENZYME}) / s", OF_COLUMN)
+    found, expected = edtk.relax(noisy), edtk.relax(divided)
+    assert found.worst.value == pytest.approx(expected.worst.value, rel=1e-6)
+    assert found.weights == pytest.approx(expected.weights, abs=2e-3)
+    assert edtk.plan(noisy, 6).worst.value == pytest.approx(
+        edtk.plan(divided, 6).worst.value, rel=1e-6
+    )
+
+
+@OF_CANDIDATES
+def test_noise_of_candidates_divides_the_difference_of_rivals(places, sigma):
+    """The deviances of points are those of both models in parts of a variable sigma."""
+    noisy, divided = rivals(ENZYME, places, sigma=sigma), rivals(f"({ENZYME}) / s", OF_COLUMN)
+    boxes = [problem.robust.box for problem in (noisy, divided)]
+    thetas = boxes[0].at(boxes[0].tried[:9])
+    even = np.ones(len(X))
+    values = [
+        box.values(thetas, Shares.of(box.sites.trial, even, box.sites.noise), None, None)
+        for box in boxes
+    ]
+    np.testing.assert_allclose(*values, rtol=1e-12)
+    listed = [box.listed(list(thetas)) for box in boxes]
+    np.testing.assert_allclose(*(one.factors() for one in listed), rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_noise_of_candidates_finds_the_design_of_rivals():
+    """The worst rival is that of the models in parts of the noise."""
+    found = edtk.relax(rivals(ENZYME, X, sigma=SIGMA))
+    expected = edtk.relax(rivals(f"({ENZYME}) / s", OF_COLUMN))
+    assert found.worst.value == pytest.approx(expected.worst.value, rel=1e-6)
+    assert found.weights == pytest.approx(expected.weights, abs=2e-3)
+
+
+def test_constant_noise_of_candidates_is_one_number():
+    """The same sigma everywhere, as a number and for each candidate, has the same design."""
+    number, each = (edtk.relax(ranged(ENZYME, X, sigma=s)) for s in (0.5, np.full(len(X), 0.5)))
+    assert each.worst.value == pytest.approx(number.worst.value, rel=1e-6)
+    assert each.weights == pytest.approx(number.weights, abs=2e-3)
+
+
+def test_noise_of_candidates_may_be_one_for_each_response():
+    """Two responses of ranged models, each in parts of its own sigma at each candidate."""
+    both = [ENZYME, "V * x / (K + x)^2"]
+    noise = np.stack([SIGMA, 0.5 - 0.2 * X], axis=1)
+    table = pd.DataFrame({"x": X, "s": noise[:, 0], "t": noise[:, 1]})
+    noisy = edtk.relax(ranged(both, X, sigma=noise))
+    divided = [f"({one}) / {name}" for one, name in zip(both, "st", strict=True)]
+    expected = edtk.relax(ranged(divided, table, variables=("x", "s", "t")))
+    assert noisy.worst.value == pytest.approx(expected.worst.value, rel=1e-6)
+
+
+def test_rivals_of_a_region_may_have_a_noise_of_points():
+    """A function of x: the rows are those of the same rivals in parts of it."""
+    f, theta, g, limits = RIVAL
+    noisy = edtk.Region.of_rivals(f, theta, g, limits, (-1, 1), sigma=lambda x: 1 + 0.5 * x**2)
+    f, g = (f"({one}) / (1 + 0.5 * x^2)" for one in (f, g))
+    divided = edtk.Region.of_rivals(f, theta, g, limits, (-1, 1))
+    np.testing.assert_allclose(noisy.rows_at(X[:, None]), divided.rows_at(X[:, None]), rtol=1e-12)
 
 
 @pytest.mark.slow
@@ -385,7 +478,10 @@ BAD = {
         lambda: of_line(rival="p + q * x^2"),
         r"^rival_theta: it is f at all points for",
     ),
-    "sigma": (lambda: of_line(sigma=lambda x, t: x), r"^sigma: expected numbers, which both"),
+    "sigma": (
+        lambda: of_line(sigma=lambda x, t: x),
+        r"^sigma: .*a function of x alone, which both",
+    ),
     "mean": (
         lambda: edtk.relax(of_line(x=(1.0, 2.0), family="gamma", link="identity")),
         r"^rival.*gamma means are positive, and not at x = 1|^theta: at p = .* is not finite",

@@ -232,7 +232,8 @@ def _of_frame(
     values: Array,
 ) -> Array:
     """The same for candidates of a data frame."""
-    assert model.rows_of is not None and model.frame is not None
+    assert model.rows_of is not None
+    assert model.frame is not None
     # The first row brings the type of each column, as of categories.
     table = model.frame.iloc[np.zeros(len(values), dtype=int)].reset_index(drop=True)
     given = {name: values[:, i] for i, name in enumerate(names)}

@@ -201,3 +201,72 @@ def test_it_can_be_read_and_drawn():
     cube = Region(lambda x: np.column_stack([np.ones(len(x)), x]), [0] * 3, [1] * 3)
     with pytest.raises(UserError, match="3 variables has no picture"):
         edtk.relax(cube).plot()
+
+
+def powers(degree):
+    """A polynomial of one variable."""
+    return lambda x: x ** np.arange(degree + 1)
+
+
+def test_predictions_over_a_region_default_to_all_of_its_points():
+    """I of a parabola on [-1, 1] is the published 1/4, 1/2, 1/4, as its moments are 1, 1/3, 1/5."""
+    design = edtk.relax(edtk.Region(powers(2), -1, 1), "I")
+    np.testing.assert_allclose(design.points[:, 0], [-1, 0, 1], atol=1e-5)
+    np.testing.assert_allclose(design.weights, [0.25, 0.5, 0.25], atol=1e-5)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 5, 11])
+def test_means_over_a_box_are_exact_for_polynomials(degree):
+    """Moments of powers over [0, 2] x [1, 3], whatever the degree, and in parts of the noise."""
+
+    def rows(x):
+        return np.concatenate([powers(degree)(x[:, :1]), powers(degree)(x[:, 1:])], axis=1)
+
+    A, weights = edtk.Region(rows, [0, 1], [2, 3], sigma=0.5).mean_over_points()
+    M = 4 * np.einsum("k,krp,krq->pq", weights, A, A) / 16
+    k = np.arange(degree + 1)
+    first, second = 2.0**k / (k + 1), (3.0 ** (k + 1) - 1) / (k + 1) / 2
+    np.testing.assert_allclose(M[: degree + 1, degree + 1 :], np.outer(first, second), rtol=1e-12)
+    squares = np.add.outer(k, k)
+    np.testing.assert_allclose(
+        M[: degree + 1, : degree + 1], 2.0**squares / (squares + 1), rtol=1e-12
+    )
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_means_over_a_constrained_region_are_those_of_even_points(size):
+    """Over a simplex the mean of a variable is 1/(d + 1), of its square 2/((d + 1)(d + 2))."""
+
+    def rows(x):
+        return np.column_stack([np.ones(len(x)), x])
+
+    low, high = np.zeros(size), np.ones(size)
+    region = edtk.Region(rows, low, high, constraints=lambda x: 1 - x.sum(axis=1))
+    A, weights = region.mean_over_points()
+    M = np.einsum("k,krp,krq->pq", weights, A, A)
+    np.testing.assert_allclose(M[0, 1:], 1 / (size + 1), rtol=3e-3)
+    np.testing.assert_allclose(np.diag(M)[1:], 2 / ((size + 1) * (size + 2)), rtol=3e-3)
+
+
+def test_a_region_without_room_has_no_mean():
+    """One line says what to give."""
+    narrow = edtk.Region(powers(1), 0, 1, constraints=lambda x: 1e-6 - abs(x[:, 0] - 0.3))
+    with pytest.raises(edtk.UserError, match=r"^constraints: leave so little room .*points$"):
+        edtk.relax(narrow, "I")
+
+
+@pytest.mark.parametrize(
+    ("f", "digits"),
+    [("V * x / (K + x)", 1e-9), (lambda x, t: t[0] * abs(x - 0.3) + t[1], 1e-4)],
+    ids=["smooth", "kink"],
+)
+def test_means_of_a_nonlinear_model_are_those_of_many_places(f, digits):
+    """A smooth one and one with a kink: the mean is that of 200,001 places."""
+    region = edtk.Region.of_model(f, [2.0, 0.5], (0, 1), parameters=("V", "K"))
+    A, weights = region.mean_over_points()
+    x = np.linspace(0, 1, 200_001)
+    ends = np.full(len(x), 1.0)
+    ends[[0, -1]] = 0.5
+    rows = region.rows_at(x[:, None])
+    expected = np.einsum("k,krp,krq->pq", ends / ends.sum(), rows, rows)
+    np.testing.assert_allclose(np.einsum("k,krp,krq->pq", weights, A, A), expected, rtol=digits)
