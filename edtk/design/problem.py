@@ -40,47 +40,6 @@ class RankDeficientError(ValueError):
         self.of_interest = of_interest
 
 
-def is_information(M: Array) -> bool:
-    """Whether a matrix (p, p) may be information."""
-    if not np.isfinite(M).all() or not nearly_equal(M, M.T, SYMMETRIC):
-        return False
-    return bool(is_semidefinite(M))
-
-
-def require_identifiable(problem: "Problem", criterion: Criterion | None) -> None:
-    """Check that the candidates and the prior together excite all that has to be known.
-
-    Args:
-        problem: The candidates.
-        criterion: Tells what that is; None for all directions of the parameters.
-
-    Raises:
-        RankDeficientError: Some directions are open, or parameters can hardly be told apart.
-    """
-    if problem.conditioning.fades:
-        how = "" if isinstance(problem.kept, Rows) else ", or give rows instead of information"
-        raise RankDeficientError(
-            "the candidates together do not identify all parameters to working precision: "
-            f"their condition number is {problem.conditioning.number:.1e}; centre or scale the "
-            f"regressors{how}"
-        )
-    if criterion is not None and not criterion.needs_all:
-        missing = missing_of(problem, criterion)
-        if missing:
-            raise RankDeficientError(
-                "the candidates together cannot identify what is of interest: no candidate "
-                f"tells {' or '.join(missing)}",
-                of_interest=True,
-            )
-        return
-    if problem.conditioning.is_open.any():
-        directions = problem.conditioning.directions(problem.parameters)
-        raise RankDeficientError(
-            "the candidates together cannot identify all parameters: no candidate excites "
-            f"{' or '.join(directions)}"
-        )
-
-
 def missing_of(problem: "Problem", criterion: Criterion) -> tuple[str, ...]:
     """What the candidates leave open of all that a criterion needs, in words.
 
@@ -101,7 +60,10 @@ def require_information(prior: Array | None) -> None:
     Raises:
         ValueError: It is not finite, symmetric and positive semidefinite.
     """
-    if prior is not None and not is_information(prior):
+    if prior is None:
+        return
+    is_even = np.isfinite(prior).all() and nearly_equal(prior, prior.T, SYMMETRIC)
+    if not is_even or not is_semidefinite(prior):
         raise UserError("the prior must be finite, symmetric and positive semidefinite")
 
 
@@ -452,7 +414,27 @@ class Problem(WeightedCandidates):
         """
         if criterion is not None:
             criterion.require_order(self.p)
-        require_identifiable(self, criterion)
+        found = self.conditioning
+        if found.fades:
+            how = "" if isinstance(self.kept, Rows) else ", or give rows instead of information"
+            raise RankDeficientError(
+                "the candidates together do not identify all parameters to working precision: "
+                f"their condition number is {found.number:.1e}; centre or scale the "
+                f"regressors{how}"
+            )
+        if criterion is not None and not criterion.needs_all:
+            missing = missing_of(self, criterion)
+            if missing:
+                raise RankDeficientError(
+                    "the candidates together cannot identify what is of interest: no candidate "
+                    f"tells {' or '.join(missing)}",
+                    of_interest=True,
+                )
+        elif found.is_open.any():
+            raise RankDeficientError(
+                "the candidates together cannot identify all parameters: no candidate excites "
+                f"{' or '.join(found.directions(self.parameters))}"
+            )
 
 
 @checked

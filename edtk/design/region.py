@@ -44,7 +44,7 @@ GRADIENT_ALIKE = 1e-5
 POINTS_TRIED = 128  # points of a box at which a nonlinear model is tried
 # Means over a box: nodes of a rule at most, in all and by each variable; relative difference of two
 # rules that are both exact; and points where none is.
-MOST_NODES = 100_000
+RULE_NODES = 100_000
 MOST_OF_EACH = 150
 EXACT = 1e-11
 EVEN_POINTS = 65_536
@@ -488,7 +488,7 @@ class Region(Presented):
         """
         last = None
         n = 2
-        while not self._constraints and n <= MOST_OF_EACH and n**self.size <= MOST_NODES:
+        while not self._constraints and n <= MOST_OF_EACH and n**self.size <= RULE_NODES:
             A, weights = self._gauss_legendre(n)
             M = np.einsum("k,krp,krq->pq", weights, A, A)
             if last is not None and nearly_equal(M, last, EXACT):

@@ -60,7 +60,6 @@ class Served(Protocol):
 
 # What a model is made of at these sites.
 Made = TypeVar("Made", bound=Served)
-Other = TypeVar("Other", bound=Served)
 # Points (n, d) to whitened rows (n, r, p).
 RowsAt = Callable[[Any], Any]
 RowsOfEach = Callable[[Any], Sequence[Any]]
@@ -206,10 +205,9 @@ class ThetaBox(ABC, Generic[Made]):
         theta[..., self.free] += np.clip(u, 0, 1) * (high - low)[self.free]
         return np.clip(theta, low, high)
 
-    def among(self, sites: Sites[Other]) -> "ThetaBox[Other]":
+    def among(self, sites: Sites[Any]) -> "ThetaBox[Any]":
         """The same ranges for other sites."""
-        same = cast("ThetaBox[Any]", self)
-        return replace(same, sites=sites, _models={})
+        return cast("ThetaBox[Any]", replace(self, sites=sites, _models={}))
 
     def model(self, theta: Array) -> Made:
         """The problem or the region of one theta alone, once."""
