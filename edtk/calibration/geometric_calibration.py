@@ -25,7 +25,7 @@ from edtk.fit.geometry_posterior import (
 )
 from edtk.fit.least_squares import Estimate
 from edtk.fit.noise import Noise
-from edtk.fit.pose_rows import PoseRows
+from edtk.fit.pose_rows import columns_of, measured_less_seen
 from edtk.fit.posterior import Posterior, SamplingOptions
 from edtk.fit.prior import Flat
 from edtk.measure.expected_error import (
@@ -405,12 +405,13 @@ def _check(
 ) -> PosteriorCheck:
     """A posterior beside the fit, with what was measured [m, rad]."""
     means = density.means
-    rows = PoseRows.of(fitted.model, fitted.theta, means, density.torque)
+    seen = fitted.model.see(fitted.theta, means.q, density.torque)
     measured = means.measured
     if means.turns is not None:
         turns = np.where(means.rows_seen[..., 3:, None], means.turns, np.eye(3))
         measured = np.concatenate([measured, rotation_vectors(turns)], axis=-1)
-    measured = np.where(means.rows_seen, measured, np.nan).reshape(rows.residual.shape)
+    measured = np.where(means.rows_seen, measured, np.nan).reshape(len(means), -1)
+    apart = measured_less_seen(means, seen).reshape(measured.shape)
     there = means.present.ravel()
     names = [
         f"{marker} {name}" if count > 1 else marker
@@ -421,12 +422,12 @@ def _check(
         table=compared_with_fit(posterior, fitted.values, fitted.std),
         reference="identified",
         posterior=posterior,
-        A=rows.design[:, there] / MM,
+        A=columns_of(fitted.model, means, seen).dense[:, there] / MM,
         measured=measured[:, there],
         sigma=density.std[:, there] / MM,
         noise=Noise(nu=np.inf if density.nu is None else density.nu),
         pose=None,
         coordinates=tuple(names),
-        expected=(measured - rows.residual / MM)[:, there],
+        expected=(measured - apart)[:, there],
         remark=OWN_WEIGHTS,
     )

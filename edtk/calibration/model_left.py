@@ -10,12 +10,13 @@ import numpy as np
 from edtk.findings.finding import Data, Finding, Severity, Wording
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.model_error import usual_share
-from edtk.fit.correlated_noise import CorrelatedNoise
+from edtk.fit.correlated_noise import CorrelatedNoise, NoiseBlocks
 from edtk.fit.distributions import NormalMixture, weighted_median
 from edtk.fit.fitted_geometry import FittedGeometry, GeometricFit, loading_of
 from edtk.fit.measurements import Measurements
 from edtk.fit.missing import MissingColumns, SizeLikelihood, SizePosterior
 from edtk.fit.pose_rows import PoseRows, known_before
+from edtk.fit.same_poses import SamePoses
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.expected_error import ErrorBudget
 from edtk.measure.friction import GIVES
@@ -343,6 +344,7 @@ class _Loaded:
     Attributes:
         noise: The errors of a pose, as they were fitted.
         rows: Residuals and columns of the parameters.
+        same: Of which visits these are.
         worth: What the readings of each row are worth (m, k, rows).
         differs: Which blocks (m,) are differences.
         pieces: What may be missing.
@@ -351,6 +353,7 @@ class _Loaded:
 
     noise: PositionNoise
     rows: PoseRows
+    same: SamePoses
     worth: Array
     differs: Mask
     pieces: MissingPieces
@@ -381,19 +384,39 @@ class _Loaded:
         shown = pieces.columns(model, q, wrench).mapped(as_read)
         tilt = np.deg2rad(setting.study.specification.uncertainty.load_direction_deg)
         moved = np.moveaxis(_tilted(model, q, wrench) @ fitted.compliances, 0, -1)
-        columns = MissingColumns(shown, np.arange(len(q)), tilt * as_read(moved))
+        same = means.same_poses
+        pose = np.append(same.pose, 1 + same.pose.max() + np.arange(rows.beside))
+        columns = MissingColumns(shown, pose, tilt * as_read(moved))
         worth, differs = rows.worth(fit.data), rows.differs(means)
-        return cls(fitted.noise, rows, worth, differs, pieces, columns)
+        return cls(fitted.noise, rows, same, worth, differs, pieces, columns)
 
     def posterior(self, drawing: float, usual: float) -> "tuple[SizePosterior, float] | None":
         """Pieces beside errors of the drawing of a share, and the logarithm of its likelihood."""
         rows = self.rows
         given = (rows.motion, rows.places, self.worth, self.differs)
         V = self.noise.of_drawing(drawing).of_pose(*given)
-        noise = CorrelatedNoise.by_row(V.dense)
-        design, residual = rows.design, rows.residual
-        found = SizeLikelihood.of(design, residual, noise, self.columns, usual).posterior
+        noise = self._of_visits(V.dense)
+        found = SizeLikelihood.of(*self._visits, noise, self.columns, usual).posterior
         return None if found is None else (found, found.evidence - V.inverse.log_det / 2)
+
+    @cached_property
+    def _visits(self) -> tuple[Array, Array]:
+        """Columns (m, r, p) and residuals (m, r) of the visits: friction holds a part in each."""
+        m = len(self.same.pose)
+        rows = np.concatenate([self.rows.design, self.rows.residual[..., None]], axis=-1)
+        by_marker = rows[:m].reshape(*self.same.worth.shape, -1)
+        rows[:m] = self.same.back(by_marker).reshape(rows[:m].shape)
+        return rows[..., :-1], rows[..., -1]
+
+    def _of_visits(self, V: Array) -> CorrelatedNoise:
+        """Their errors, of covariances (m, r, r) of independent rows."""
+        m = len(self.same.pose)
+        blocks = [NoiseBlocks(np.arange(m, len(V))[:, None], V[m:])] if len(V) > m else []
+        for visits, together in self.same.together(V):
+            unread = np.einsum("gii->gi", together) == 0
+            read = together + unread[..., None] * np.eye(unread.shape[1])
+            blocks.append(NoiseBlocks(visits, read))
+        return CorrelatedNoise.of(blocks, V.shape[:2])
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,6 +30,7 @@ from edtk.fit.fitted_geometry import (
     loading_of,
 )
 from edtk.fit.pose_rows import PoseRows, known_before
+from edtk.fit.same_poses import SamePoses
 from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.few_columns import Beside
 from edtk.measure.measured_model import Load, MeasuredModel, Seen
@@ -183,11 +184,13 @@ class FitInverse(Inverse):
         beside: Design and weights of the fit, perhaps with rows of what was known before.
         work: The covariances that the weights are the inverse of.
         scales: Units (p,) of the parameters.
+        same: Which rows of the visits these are of.
     """
 
     beside: Beside
     work: Scatter
     scales: Array
+    same: SamePoses
 
     @classmethod
     def of(cls, setting: StudyGeometry, fit: GeometricFit) -> "FitInverse":
@@ -202,7 +205,7 @@ class FitInverse(Inverse):
             rows.motion, rows.places, rows.worth(fit.data), rows.differs(means)
         )
         work = rows.working(V, means).over(rows.weights(fit.weights))
-        return cls(Beside.of(rows.columns, work), work, fitted.model.scales)
+        return cls(Beside.of(rows.columns, work), work, fitted.model.scales, means.same_poses)
 
     @property
     def p(self) -> int:
@@ -232,6 +235,8 @@ class FitInverse(Inverse):
 
     def _below(self, rows: Array) -> Array:
         """Rows (m, r, c), and zeros for what was known before."""
+        apart = self.same.apart(rows.reshape(*self.same.worth.shape, -1))
+        rows = apart.reshape(*rows.shape[:2], -1)
         more = len(self.beside.design.part) - len(rows)
         return np.concatenate([rows, np.zeros((more, *rows.shape[1:]))])
 

@@ -485,5 +485,6 @@ def _slides(model: MeasuredModel) -> Mask:
 def _trusted(residual: Array, V: Scatter, means: MarkerPositions) -> Array:
     """Weights (m,) of poses with multivariate t errors, one at most (Lange et al. 1989)."""
     z2 = np.einsum("mr,mr->m", residual, V.inverse.times(residual[..., None])[..., 0])
-    weights = (NU + means.rows_seen.sum(axis=(1, 2))) / (NU + z2)
+    told = (means.same_poses.worth > 0).sum(axis=(1, 2))
+    weights = (NU + told) / (NU + z2)
     return np.minimum(weights, 1.0)

@@ -167,8 +167,9 @@ class GeometryDensity:
         means = fit.data.means
         torque = loading_of(fitted.bending, means, loads)
         rows = PoseRows.of(model, fitted.theta, means, torque)
-        V = fitted.noise.of_pose(rows.motion, rows.places, fit.data.worth, means.is_difference)
-        there = means.rows_seen.reshape(len(means), -1)[:, :, None]
+        given = (rows.motion, rows.places)
+        V = fitted.noise.of_pose(*given, rows.worth(fit.data), rows.differs(means))
+        there = (rows.worth(fit.data) > 0).reshape(len(means), -1)[:, :, None]
         whitening = np.linalg.inv(np.linalg.cholesky(V.dense)) * there
         weights = np.sqrt(fit.weights)[:, None, None]
         prior = None if fit.told_before is None else fit.told_before.prior
@@ -182,7 +183,8 @@ class GeometryDensity:
         R = np.linalg.qr(np.concatenate([X, before.rows]), mode="r")
         root = np.linalg.inv(R)
         nu = NU if robust else None
-        std = np.sqrt(V.variances)
+        each = means.same_poses.variances(V.variances.reshape(means.rows_seen.shape))
+        std = np.sqrt(np.where(means.rows_seen, each, 1.0)).reshape(len(means), -1)
         return cls(model, theta / model.scales, root, means, torque, whitening, std, nu, prior)
 
     @property
@@ -226,14 +228,15 @@ class GeometryDensity:
             before = self.prior.log_density(self.parameters(x) * self.model.scales)
         if self.nu is None:
             return np.asarray(before - 0.5 * squares.sum(axis=1))
-        d = self.means.rows_seen.sum(axis=(1, 2))
+        d = (self.means.same_poses.worth > 0).sum(axis=(1, 2))
         return np.asarray(before - 0.5 * ((self.nu + d) * np.log1p(squares / self.nu)).sum(axis=1))
 
     def _squares(self, x: Array) -> Array:
         """Squared sizes (n, m) of the errors of the poses."""
         theta = self.parameters(x) * self.model.scales
         seen = many_seen(self.model, theta, self.means.q, self.torque)
-        apart = MM * measured_less_seen(self.means, seen)
+        apart = np.moveaxis(MM * measured_less_seen(self.means, seen), 0, -1)
+        apart = np.moveaxis(self.means.same_poses.apart(apart), -1, 0)
         z = np.einsum("mrs,nms->nmr", self.whitening, apart.reshape(len(x), len(self.means), -1))
         return np.asarray((z**2).sum(axis=-1))
 

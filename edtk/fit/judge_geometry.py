@@ -25,7 +25,7 @@ from edtk.measure.position_noise import PositionNoise
 from edtk.measure.rest import Loads
 from edtk.measure.whitening import Precision, Scatter
 from edtk.robots.frames import MM
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Mask
 
 IN_CACHE = 1_000_000  # numbers of a matrix for each of some poses
 # Of a direction of the prior, that its own rows leave: all else tells it a thousand times worse.
@@ -82,11 +82,12 @@ def judge_fit(
         placed=placed,
         placed_turns=placed_turns,
     )
-    of_errors = out.covariance_of_errors
+    left = _LeftOutVisits.of(out, means, weights)
     dof = fitted.dof(rows.motion[: len(means)], rows.places[: len(means)])
-    half = np.sqrt(np.maximum(np.einsum("mrr->mr", of_errors), 0.0)) * student_quantile(dof)
+    half = left.std * _by_marker(student_quantile(dof), means)
+    residual = means.same_poses.back(_by_marker(rows.residual, means))
     residual, left_out, left_out_half = parts = [
-        _by_marker(part, means) for part in (rows.residual, out.errors, half)
+        part / MM + np.where(means.rows_seen, 0.0, np.nan) for part in (residual, left.errors, half)
     ]
     turns = [part[..., 3:] for part in parts]
     return GeometricFit(
@@ -100,23 +101,16 @@ def judge_fit(
         left_out=left_out[..., :3],
         left_out_half=left_out_half[..., :3],
         turns=None if means.turns is None else TurnResiduals(*turns),
-        # A pose that a robust loss trusts less surprises all the same.
-        surprise=out.surprise / weights,
-        independent=independent_coordinates(
-            of_errors,
-            means.rows_seen.reshape(len(means), -1),
-            noise.model_fit is not None,
-        ),
+        surprise=left.surprise,
+        independent=left.independent(noise.model_fit is not None),
         weights=weights,
         told_before=_told_before(out, prior, before, model, theta, float(np.median(dof))),
     )
 
 
 def _by_marker(rows: Array, means: MarkerPositions) -> Array:
-    """Rows of poses, and of what was known behind them, as (m, k, rows) [m, rad]; NaN unread."""
-    shape = (len(means), len(means.markers), means.rows)
-    blank = np.where(means.rows_seen, 0.0, np.nan)
-    return np.asarray(rows[: len(means)].reshape(shape) / MM + blank)
+    """Rows of poses, and of what was known behind them, as those of the poses (m, k, rows)."""
+    return rows[: len(means)].reshape(means.rows_seen.shape)
 
 
 def _told_before(
@@ -316,3 +310,59 @@ class _LeftOutPoses:
         hidden = (U[:, told] / left[told]) @ U[:, told].T
         of_residual = V - P @ V - V @ P + own @ self.covariance @ own.T / size
         return hidden @ apart, size * hidden @ of_residual @ hidden, int(told.sum())
+
+
+@dataclass(frozen=True, eq=False)
+class _LeftOutVisits:
+    """Visits as they are predicted without any of their pose.
+
+    Attributes:
+        errors: Measured less predicted coordinates (m, k, rows) [mm].
+        std: Their standard deviations (m, k, rows).
+        surprise: Squared sizes (m,) over covariances: of what visits of a pose have in common, or
+            of one beside all others, whichever is larger.
+        together: Covariances (G, s r, s r) of the coordinates of poses that were visited s times,
+            and which of these (G, s r) were read.
+    """
+
+    errors: Array
+    std: Array
+    surprise: Array
+    together: list[tuple[Array, Mask]]
+
+    @classmethod
+    def of(cls, out: _LeftOutPoses, means: MarkerPositions, weights: Array) -> "_LeftOutVisits":
+        """Of rows that are independent, see `SamePoses`, and the weights (m,) of a robust loss."""
+        same, there = means.same_poses, means.rows_seen
+        errors = same.back(_by_marker(out.errors, means))
+        # A pose that a robust loss trusts less surprises all the same.
+        surprise = out.surprise / weights
+        variances, together = np.empty_like(out.errors), []
+        for members, V in same.together(out.covariance_of_errors):
+            own = np.einsum("gii->gi", V)
+            variances[members] = own.reshape(*members.shape, variances.shape[1])
+            together.append((V, there[members].reshape(own.shape)))
+        for one, V in same.of_several(out.covariance_of_errors * weights[:, None, None]):
+            alone = _beside_others(errors[one].reshape(len(V), -1), V, one.shape[1])
+            surprise[one] = np.maximum(surprise[one[:, :1]], alone)
+        std = np.sqrt(np.maximum(_by_marker(variances, means), 0.0))
+        return cls(errors, std, surprise, together)
+
+    def independent(self, scaled: bool) -> float:
+        """As many independent coordinates tell as much, see `independent_coordinates`."""
+        read = np.array([there.sum() for _, there in self.together], dtype=float)
+        each = [independent_coordinates(V, there, scaled) for V, there in self.together]
+        own = read > 0
+        return float(read.sum() ** 2 / (read[own] ** 2 / np.array(each)[own]).sum())
+
+
+def _beside_others(errors: Array, V: Array, s: int) -> Array:
+    """Squared sizes (G, s) of errors (G, s r) of visits of a pose where all its others are known.
+
+    With ``P = V^-1`` and the rows i of a visit it is ``(P e)_i' (P_ii)^-1 (P e)_i``.
+    """
+    P = np.linalg.pinv(V, rcond=SINGULAR, hermitian=True)
+    y = (P @ errors[..., None]).reshape(len(V), s, -1)
+    own = np.einsum("girik->girk", P.reshape(len(V), *[s, y.shape[-1]] * 2))
+    inverse = np.linalg.pinv(own, rcond=SINGULAR, hermitian=True)
+    return np.asarray(np.einsum("gir,girk,gik->gi", y, inverse, y))

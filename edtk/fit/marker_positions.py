@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from edtk.fit.correlated_noise import occurrence, row_numbers
+from edtk.fit.same_poses import SamePoses
 from edtk.fit.sheet import (
     QUATERNION,
     VECTOR,
@@ -69,6 +70,7 @@ class MarkerPositions(Presented):
         differs: Which visits (v,) are differences of a loaded and an unloaded reading; None where
             all are absolute.
         kinds: What is read of each (k,); by default positions, or poses where there are turns.
+        readings: Of how many readings (v, k) each is the mean; None for one.
     """
 
     q: Array
@@ -79,6 +81,7 @@ class MarkerPositions(Presented):
     turns: Array | None = None
     differs: Mask | None = None
     kinds: tuple[Kind, ...] = ()
+    readings: Indices | None = None
 
     def __len__(self) -> int:
         return len(self.q)
@@ -86,7 +89,8 @@ class MarkerPositions(Presented):
     def __getitem__(self, chosen: Indices | slice | Mask) -> "MarkerPositions":
         """Some of the visits."""
         names = ["q", "wrench", "measured", "row"]
-        names += [name for name in ("turns", "differs") if getattr(self, name) is not None]
+        others = ("turns", "differs", "readings")
+        names += [name for name in others if getattr(self, name) is not None]
         return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
     def of_markers(self, chosen: Indices | list[int] | slice) -> "MarkerPositions":
@@ -208,13 +212,11 @@ class MarkerPositions(Presented):
         return found
 
     @cached_property
-    def worth(self) -> Array:
-        """As many absolute readings say as much of each row, by their noise (poses, k, rows).
-
-        A difference has the noise of two readings, and counts as half of one.
-        """
-        each = np.where(self.means.is_difference, 0.5, 1.0)
-        return np.asarray((self.counts * each[:, None])[..., None] * self.present)
+    def same_poses(self) -> SamePoses:
+        """Which visits are of one pose, and their rows as independent ones."""
+        counts = self.seen if self.readings is None else self.readings
+        each = (counts[..., None] * self.present).astype(float)
+        return SamePoses.of(self.q, each, self.is_difference)
 
     @cached_property
     def means(self) -> "MarkerPositions":
@@ -233,6 +235,7 @@ class MarkerPositions(Presented):
             None if self.turns is None else self._mean_turns(self.turns),
             None if self.differs is None else self.differs[first],
             self.kinds,
+            self.counts,
         )
 
     def _mean_turns(self, turns: Array) -> Array:

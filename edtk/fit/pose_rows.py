@@ -8,6 +8,7 @@ import numpy as np
 
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.prior import Prior, PriorRows
+from edtk.fit.same_poses import SamePoses
 from edtk.measure.few_columns import FewColumns
 from edtk.measure.measured_model import MeasuredModel, Seen, Torque
 from edtk.measure.position_noise import white_kinds
@@ -39,7 +40,7 @@ class PoseRows:
 
     They are zero where nothing was seen. What is known besides the poses has rows below theirs, as
     of further poses in which no marker was seen: their errors are independent and of size one, and
-    no variance of the noise moves them.
+    no variance of the noise moves them. Those of visits of a pose are independent, see `SamePoses`.
 
     Attributes:
         residual: Residuals (m, r).
@@ -70,8 +71,8 @@ class PoseRows:
         m, k = means.seen.shape
         width = means.rows * k
         found = cls(
-            MM * measured_less_seen(means, seen).reshape(m, width),
-            columns_of(model, means, seen),
+            MM * means.same_poses.apart(measured_less_seen(means, seen)).reshape(m, width),
+            columns_of(model, means, seen, means.same_poses),
             seen.by_joints.reshape(m, width, -1),
             seen.places,
         )
@@ -91,11 +92,12 @@ class PoseRows:
 
     def worth(self, data: MarkerPositions) -> Array:
         """What the readings of each row are worth (m, k, rows); nothing in blocks of no pose."""
-        return np.concatenate([data.worth, np.zeros((self.beside, *data.worth.shape[1:]))])
+        worth = data.means.same_poses.worth
+        return np.concatenate([worth, np.zeros((self.beside, *worth.shape[1:]))])
 
     def differs(self, means: MarkerPositions) -> Mask:
         """Which of the blocks (m,) are differences of two readings."""
-        return np.concatenate([means.is_difference, np.zeros(self.beside, dtype=bool)])
+        return np.concatenate([means.same_poses.differs, np.zeros(self.beside, dtype=bool)])
 
     @cached_property
     def design(self) -> Array:
@@ -152,7 +154,7 @@ def working(V: Scatter, means: MarkerPositions) -> Scatter:
 def _sizes(V: Scatter, means: MarkerPositions) -> Array:
     """Mean variances (m, r) of what was read in a pose, of positions and of orientations."""
     own = V.variances
-    there = means.rows_seen.reshape(own.shape)
+    there = means.same_poses.worth.reshape(own.shape) > 0
     white = np.zeros_like(own)
     for kind in white_kinds(means.rows, own.shape[1]):
         counted = kind * there
@@ -290,6 +292,11 @@ class _Squares:
     weights: Precision | None
     known: PriorRows
 
+    @property
+    def same(self) -> SamePoses | None:
+        """The rows that weights are of; None where all visits count alike."""
+        return None if self.weights is None else self.means.same_poses
+
     @cached_property
     def rounding(self) -> float:
         """Half the squares of what rounding makes of the positions: no fall is told below it."""
@@ -311,6 +318,7 @@ class _Squares:
     def at(self, u: Array) -> _Apart:
         """At parameters u (p,) in their units."""
         apart = MM * measured_less_seen(self.means, self._seen(u, False)) * self.means.rows_seen
+        apart = apart if self.same is None else self.same.apart(apart)
         weighted = self._weighted(apart)
         known = self.known.values - self.known.rows @ u
         squares = float((apart.reshape(weighted.shape) * weighted).sum() + known @ known)
@@ -329,16 +337,19 @@ class _Squares:
 
     def _columns(self, u: Array) -> FewColumns:
         """Columns of the poses [mm a unit]."""
-        return columns_of(self.model, self.means, self._seen(u, True))
+        return columns_of(self.model, self.means, self._seen(u, True), self.same)
 
 
-def columns_of(model: MeasuredModel, means: MarkerPositions, seen: Seen) -> FewColumns:
+def columns_of(
+    model: MeasuredModel, means: MarkerPositions, seen: Seen, same: SamePoses | None = None
+) -> FewColumns:
     """Columns X (m, r, p) of what is seen in the poses by parameters in their units [mm, mrad].
 
-    Rows of what was not read are zero.
+    Rows of what was not read are zero; they are independent ones where `same` says which these are.
     """
     assert seen.columns is not None
-    return seen.columns.in_units(MM * model.scales).scaled(means.rows_seen)
+    found = seen.columns.in_units(MM * model.scales).scaled(means.rows_seen)
+    return found if same is None else replace(found, part=same.apart(found.part))
 
 
 def known_before(

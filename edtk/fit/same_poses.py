@@ -1,0 +1,136 @@
+"""Visits of one pose, which share what the drawing errs by, as rows that err independently."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from edtk.fit.correlated_noise import groups_by_size, row_numbers
+from edtk.system.typing import Array, Indices, Mask
+
+# Joints nearer than a hundredth of a degree are where they were [rad, m]: controllers show no more,
+# and what a drawing errs by changes over degrees.
+STILL = float(np.deg2rad(0.01))
+
+
+@dataclass(frozen=True, eq=False)
+class _Groups:
+    """Groups of s visits of a pose each.
+
+    Attributes:
+        members: The visits (G, s).
+        apart: A (G, s, s, k, rows): the mean of a group's visits, and what tells them apart.
+        back: Its inverse, where something was read.
+        worth: Readings (G, s, k, rows) that say as much as each of these.
+    """
+
+    members: Indices
+    apart: Array
+    back: Array
+    worth: Array
+
+    @classmethod
+    def of(cls, members: Indices, worth: Array) -> "_Groups":
+        """Of visits that are worth so many readings (m, k, rows)."""
+        n = worth[members]
+        s = members.shape[1]
+        A, told = np.zeros((len(n), s, *n.shape[1:])), np.zeros_like(n)
+        mean, so_far = np.zeros_like(n), np.zeros_like(n[:, 0])
+        for i in range(s):
+            total = so_far + n[:, i]
+            rest, told[:, i] = (
+                np.divide(one, total, out=np.zeros_like(total), where=total > 0)
+                for one in (so_far, so_far * n[:, i])
+            )
+            A[:, i] = -mean
+            A[:, i, i] += 1.0
+            A[:, i] *= (told[:, i] > 0)[:, None]
+            mean = mean * rest[:, None]
+            mean[:, i] += 1 - rest
+            so_far = total
+        A[:, 0], told[:, 0] = mean, so_far
+        # Errors of visits have the variances 1 / n, and their rows 1 / told.
+        each = np.divide(1.0, n, out=np.zeros_like(n), where=n > 0)
+        back = np.swapaxes(A, 1, 2) * each[:, :, None] * told[:, None]
+        return cls(members, A, back, told)
+
+
+@dataclass(frozen=True, eq=False)
+class SamePoses:
+    """Means of readings in m visits as rows that err independently, and how to go back.
+
+    What the drawing errs by is the same in all visits of a pose, whatever loads it. Visits i of a
+    pose, each the mean of n_i readings with the covariance R, have ``R / n_i + D``, and D between
+    them. Their mean ``sum n_i y_i / N`` has ``R / N + D``, and a visit less the mean of those
+    before it, of N_i readings, ``R (1 / n_i + 1 / N_i)`` without any D: it is a difference, as if
+    that had been read. All these are independent. The mean stands where the first of the visits
+    was, and each difference where its visit was.
+
+    Attributes:
+        pose: Number (m,) of each visit's pose, counted from 0.
+        worth: As many absolute readings say as much of each row (m, k, rows).
+        differs: Which (m,) are differences of two readings.
+        groups: Visits that share a pose, by their number.
+    """
+
+    pose: Indices
+    worth: Array
+    differs: Mask
+    groups: tuple[_Groups, ...]
+
+    @classmethod
+    def of(cls, q: Array, counts: Array, differs: Mask) -> "SamePoses":
+        """Find those that share a pose.
+
+        Args:
+            q: Joint variables (m, n) [rad or m].
+            counts: Readings (m, k, rows) of each row.
+            differs: Which visits (m,) are differences, that share nothing with others.
+        """
+        each = np.arange(1, len(q) + 1) * differs
+        pose = row_numbers(np.rint(q / STILL), each[:, None])
+        # A difference has the noise of two readings, and counts as half of one.
+        worth = counts * np.where(differs, 0.5, 1.0)[:, None, None]
+        several = (one for one in groups_by_size(pose) if one.shape[1] > 1)
+        groups = tuple(_Groups.of(members, worth) for members in several)
+        told = differs.copy()
+        for one in groups:
+            worth[one.members] = one.worth
+            told[one.members[:, 1:]] = True
+        return cls(pose, worth, told, groups)
+
+    def apart(self, visits: Array) -> Array:
+        """The independent rows of what visits (m, k, rows, ...) are."""
+        return self._changed(visits, [one.apart for one in self.groups])
+
+    def back(self, rows: Array) -> Array:
+        """Visits of independent rows (m, k, rows, ...); zero where nothing was read."""
+        return self._changed(rows, [one.back for one in self.groups])
+
+    def variances(self, rows: Array) -> Array:
+        """Variances of visits, of those (m, k, rows) of independent rows."""
+        return self._changed(rows, [one.back**2 for one in self.groups])
+
+    def _changed(self, each: Array, matrices: list[Array]) -> Array:
+        """Numbers of which those of a group are sums of all of its own."""
+        found = each.copy() if matrices else each
+        for one, A in zip(self.groups, matrices, strict=True):
+            found[one.members] = np.einsum("gijkr,gjkr...->gikr...", A, each[one.members])
+        return found
+
+    def together(self, covariances: Array) -> Iterator[tuple[Indices, Array]]:
+        """Covariances (G, s r, s r) of visits (G, s) of a pose, of those (m, r, r) of the rows."""
+        alone = np.ones(len(self.pose), dtype=bool)
+        for one in self.groups:
+            alone[one.members] = False
+        if alone.any():
+            yield np.flatnonzero(alone)[:, None], covariances[: len(alone)][alone]
+        yield from self.of_several(covariances)
+
+    def of_several(self, covariances: Array) -> Iterator[tuple[Indices, Array]]:
+        """The same of poses that were visited more than once."""
+        for one in self.groups:
+            G, s = one.members.shape
+            B = one.back.reshape(G, s, s, -1)
+            V = np.einsum("giar,garq,gjaq->girjq", B, covariances[one.members], B, optimize=True)
+            yield one.members, V.reshape(G, s * B.shape[-1], -1)

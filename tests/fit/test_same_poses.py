@@ -1,0 +1,152 @@
+"""Visits of a pose share what the drawing errs by: two readings say what their difference does."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from test_fit_geometry import OFFSETS, SIX, AtTool, white
+
+from edtk.fit.fit_geometry import fit_geometry
+from edtk.fit.fitted_geometry import GeometricFit
+from edtk.fit.marker_positions import MarkerPositions
+from edtk.fit.same_poses import STILL, SamePoses
+from edtk.measure.measured_model import MeasuredModel
+from edtk.measure.parameters import all_parameters
+from edtk.measure.rest import loading_in
+
+Array = NDArray[np.float64]
+K = np.array([2e-6, 3e-6, 5e-6, 2e-5, 2e-5, 4e-5])
+SIGMA = 0.005  # [mm]
+MARKERS = ("A", "B", "C")
+
+
+def test_rows_are_independent_and_lead_back() -> None:
+    """Covariances of visits become those of a mean and of differences, and back."""
+    n = np.array([[1, 2], [3, 1], [2, 0], [4, 2]])[:, :, None]
+    q = STILL * np.array([[500], [4000], [500.2], [499.8]])
+    same = SamePoses.of(q, n.astype(float), np.zeros(4, dtype=bool))
+    assert same.pose.tolist() == [0, 1, 0, 0]
+    assert same.differs.tolist() == [False, False, True, True]
+    assert same.worth[0, :, 0] == pytest.approx([7, 4])
+    assert same.worth[1, :, 0] == pytest.approx([3, 1])
+    assert same.worth[2, :, 0] == pytest.approx([2 / 3, 0])
+    R, D = 0.3, 5.0
+    told = np.where(n > 0, 1 / np.maximum(n, 1), 0.0)[:, :, 0]
+    for marker in range(2):
+        V = np.zeros((4, 4))
+        V[np.ix_([0, 2, 3], [0, 2, 3])] = D
+        V[1, 1] = D
+        read = n[:, marker, 0] > 0
+        V = (V + np.diag(R * told[:, marker])) * np.outer(read, read)
+        root = np.linalg.cholesky(V + 1e-12 * np.eye(4))
+        each = np.zeros((4, 2, 1, 4))
+        each[:, marker, 0] = root
+        rows = same.apart(each)[:, marker, 0]
+        worth = same.worth[:, marker, 0]
+        expected = np.where(worth > 0, R / np.where(worth > 0, worth, 1) + D * ~same.differs, 0)
+        assert rows @ rows.T == pytest.approx(np.diag(expected), abs=1e-9)
+        back = same.back(same.apart(each))[:, marker, 0]
+        assert back[read] == pytest.approx(root[read], abs=1e-9)
+        variances = np.zeros((4, 2, 1))
+        variances[:, marker, 0] = expected
+        assert same.variances(variances)[:, marker, 0] == pytest.approx(np.diag(V), abs=1e-9)
+    blocks = dict(
+        zip(("alone", "three"), same.together(np.tile(np.eye(2), (4, 1, 1))), strict=True)
+    )
+    assert blocks["alone"][0].tolist() == [[1]]
+    assert blocks["three"][1].shape == (1, 6, 6)
+
+
+def day(drawing_mm: float, moved: float = 0.0) -> tuple[MeasuredModel, MarkerPositions]:
+    """Positions of markers without a load and with it, of a robot that errs anew in each pose.
+
+    Args:
+        drawing_mm: By how much.
+        moved: How far the joints move between the two [rad].
+    """
+    rng, poses = np.random.default_rng(1), 16
+    parameters = all_parameters(SIX, MARKERS, (), SIX.joint_names, base=False, tool=False)
+    model = MeasuredModel(SIX, OFFSETS, MARKERS, parameters)
+    q = np.repeat(rng.uniform(*SIX.limits, (poses, 6)), 2, axis=0)
+    q[1::2] += moved
+    wrench = np.zeros((2 * poses, 6))
+    wrench[1::2, :3] = 300 * rng.normal(size=(poses, 3))
+    differs = np.zeros(2 * poses, dtype=bool)
+    torque = loading_in(model.bending(K), q, wrench, AtTool(), differs)
+    x = model.see(K, q, torque, derivatives=False).points
+    x = x + np.repeat(1e-3 * drawing_mm * rng.standard_normal((poses, 3, 3)), 2, axis=0)
+    x = x + 1e-3 * SIGMA * rng.standard_normal(x.shape)
+    row = np.repeat(np.arange(2 * poses)[:, None], 3, axis=1)
+    return model, MarkerPositions(q, wrench, x, row, MARKERS)
+
+
+def differences(data: MarkerPositions) -> MarkerPositions:
+    """The same day, written as loaded readings less unloaded ones."""
+    loaded = data[1::2]
+    every = np.ones(len(loaded), dtype=bool)
+    return replace(loaded, measured=loaded.measured - data.measured[::2], differs=every)
+
+
+def fit_of(model: MeasuredModel, data: MarkerPositions, robust: bool = False) -> GeometricFit:
+    """A fit by readings whose noise is known."""
+    return fit_geometry(model, data, white(SIX, SIGMA), AtTool(), robust)
+
+
+def springs(fit: GeometricFit) -> tuple[Array, Array]:
+    """Compliances and their standard deviations, of the last parameters: forces tell three."""
+    return fit.fitted.values[-3:], fit.fitted.std[-3:]
+
+
+@pytest.mark.parametrize("base", [False, True])
+def test_two_readings_tell_springs_as_their_difference_does(base: bool) -> None:
+    """Where the drawing errs by much, base and tool known or told by the positions."""
+    model, data = day(drawing_mm=0.5)
+    told, std = springs(fit_of(model, differences(data)))
+    if base:
+        model = model.with_parameters(all_parameters(SIX, MARKERS, (), SIX.joint_names))
+    both = fit_of(model, data)
+    k, spread = springs(both)
+    # The rest is what the means say, and where the base is.
+    assert k == pytest.approx(told, abs=0.2 * std.min())
+    assert spread == pytest.approx(std, rel=0.02)
+    assert both.fitted.noise.model_white == pytest.approx(0.5, rel=0.2)
+
+
+def test_where_the_drawing_is_exact_nothing_changes() -> None:
+    """Positions that err by readings alone tell as much one by one."""
+    model, data = day(drawing_mm=0.0)
+    k, std = springs(fit_of(model, data))
+    model, apart = day(drawing_mm=0.0, moved=2 * STILL)
+    assert data.same_poses.groups
+    assert not apart.same_poses.groups
+    assert std == pytest.approx(springs(fit_of(model, apart))[1], rel=0.02)
+    assert np.abs(k - K[:3] / 1e-6) == pytest.approx(0 * k, abs=5 * std.max())
+
+
+def test_a_pose_is_left_out_with_all_its_visits() -> None:
+    """Bands are those of a pose that nobody visited, and coordinates of visits count once."""
+    model, data = day(drawing_mm=0.5)
+    fit = fit_of(model, data)
+    half = fit.left_out_half * 1e3
+    assert half == pytest.approx(np.full_like(half, 2 * 0.5), rel=0.35)
+    of_base = model.with_parameters(all_parameters(SIX, MARKERS, ()))
+    alone = fit_of(of_base, data[::2])
+    assert fit.independent == pytest.approx(alone.independent, rel=0.05)
+    others = fit_of(model, data[2:]).fitted.predict(data.q[:2], data.wrench[:2], AtTool())
+    apart = data.measured[:2] - others.points
+    assert fit.left_out[:2] == pytest.approx(apart, abs=2e-6)
+
+
+def test_a_wrong_visit_stands_out_of_its_pose() -> None:
+    """Though the drawing errs by as much, and a robust fit trusts it less."""
+    model, data = day(drawing_mm=0.5)
+    sound = fit_of(model, data)
+    assert sound.surprise.max() < 9 + 5 * np.sqrt(18)
+    wrong = np.where(np.arange(len(data)) == 5, 0.3e-3, 0.0)[:, None, None]
+    fit = fit_of(model, replace(data, measured=data.measured + wrong), robust=True)
+    assert set(np.argsort(fit.surprise)[-2:]) == {4, 5}
+    assert fit.surprise[5] > 1000
+    assert fit.weights.argmin() == 5
+    k, std = springs(fit)
+    assert (np.abs(k - K[:3] / 1e-6) < 4 * std).all()
