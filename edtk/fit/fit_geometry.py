@@ -11,7 +11,7 @@ from edtk.fit.fitted_geometry import (
     loading_of,
     root_mean_square,
 )
-from edtk.fit.judge_geometry import judge_fit
+from edtk.fit.judge_geometry import judge_fit, left_out_alone
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.place_robot import place_robot
 from edtk.fit.pose_rows import (
@@ -115,7 +115,7 @@ def fit_geometry(
         placed_turns(placed, start),
     )
     fit = judge_fit(kept, theta, shown, (common, weights), data, loads, beside, before)
-    return replace(
+    found = replace(
         fit,
         structural=choice.minimal.p,
         redundant=choice.possible.words,
@@ -124,6 +124,9 @@ def fit_geometry(
         beyond=choice.beyond,
         placed=root_mean_square(alone),
     )
+    if not found.worse_than_placed:
+        return found
+    return replace(found, placed_apart=root_mean_square(left_out_alone(placed, start, absolute)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -596,17 +596,21 @@ class GeometricFit:
         placed: Root mean square distance [m] with base and tools fitted alone.
         residual: Measured less fitted positions of the poses' means (m, k, 3) [m]; NaN where a
             marker was not seen.
-        left_out: The same for each pose predicted without it (m, k, 3).
+        left_out: The same for each pose predicted without any visit of it (m, k, 3).
         left_out_half: Half the widths of the 95 % bands of those (m, k, 3) [m].
         surprise: Squared size (m,) of each pose's error left out, over its covariance: chi-square
-            with as many degrees of freedom as coordinates.
+            with as many degrees of freedom as coordinates. Of visits of one pose the larger of
+            that of their mean, and of the visit's where the others are known.
         independent: As many independent coordinates tell as much by how many are inside their
             bands, see `independent_coordinates`.
-        weights: Weights (m,) of the poses: one, or less where a robust loss trusts them less.
+        weights: Weights (m,) of the poses' rows: one, or less where a robust loss trusts them less;
+            of visits of one pose, those of their mean and of differences, see `SamePoses`.
         turns: The residuals of orientations; None where these were not measured.
         told_before: What was known before the poses, beside what these say; None where nothing was.
         rescued: Identified parameters that these poses alone do not tell, though others would.
         beyond: Identified parameters that no poses alone would tell from others.
+        placed_apart: The same as `placed`, of poses that are left out [m]; zero where poses left
+            out are nearer than `placed`.
     """
 
     fitted: FittedGeometry
@@ -625,6 +629,7 @@ class GeometricFit:
     told_before: ToldBefore | None = None
     rescued: tuple[Parameter, ...] = ()
     beyond: tuple[Parameter, ...] = ()
+    placed_apart: float = 0.0
 
     @property
     def rank(self) -> int:
@@ -694,7 +699,7 @@ class GeometricFit:
         """
         fitted = self.fitted.model.parameters
         more = any(one.place in ("joint", "compliance") for one in fitted)
-        return more and self.loo_rms > self.placed
+        return more and self.loo_rms > max(self.placed, self.placed_apart)
 
     @cached_property
     def share_inside(self) -> float:

@@ -23,7 +23,7 @@ from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import Parameter
 from edtk.measure.position_noise import PositionNoise
 from edtk.measure.rest import Loads
-from edtk.measure.whitening import Precision, Scatter
+from edtk.measure.whitening import Precision, Scatter, diagonal_blocks
 from edtk.robots.frames import MM
 from edtk.system.typing import Array, Mask
 
@@ -106,6 +106,28 @@ def judge_fit(
         weights=weights,
         told_before=_told_before(out, prior, before, model, theta, float(np.median(dof))),
     )
+
+
+def left_out_alone(model: MeasuredModel, theta: Array, means: MarkerPositions) -> Array:
+    """Measured less predicted (m, k, 3) [m] of poses that are left out, of base and tools alone.
+
+    All readings have equal weights, as where a robot is placed.
+
+    Args:
+        model: The drawing.
+        theta: Its parameters (p,), of base and tools where they fit best.
+        means: Absolute readings, a visit a pose.
+    """
+    own = [i for i, one in enumerate(model.parameters) if one.place in ("base", "tool")]
+    some = model.with_parameters(tuple(model.parameters[i] for i in own))
+    rows = PoseRows.of(some, theta[own], means, None)
+    worth = means.same_poses.worth.reshape(rows.residual.shape)
+    still = Scatter(diagonal_blocks(0.0 * means.same_poses.worth), rows.motion[..., :0])
+    V = still.with_white(1 / np.where(worth > 0, worth, 1.0))
+    told = _Told(Beside.of(rows.columns.independent(), V), rows.residual, V, len(means))
+    errors = [(poses.without @ poses.residual[..., None])[..., 0] for _, poses in told.parts]
+    each = means.same_poses.back(_by_marker(np.concatenate(errors), means)) / MM
+    return np.where(means.rows_seen, each, np.nan)[..., :3]
 
 
 def _by_marker(rows: Array, means: MarkerPositions) -> Array:

@@ -9,7 +9,9 @@ from test_fit_geometry import OFFSETS, SIX, AtTool, white
 
 from edtk.fit.fit_geometry import fit_geometry
 from edtk.fit.fitted_geometry import GeometricFit
+from edtk.fit.judge_geometry import left_out_alone
 from edtk.fit.marker_positions import MarkerPositions
+from edtk.fit.place_robot import place_robot
 from edtk.fit.same_poses import STILL, SamePoses
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import all_parameters
@@ -150,3 +152,14 @@ def test_a_wrong_visit_stands_out_of_its_pose() -> None:
     assert fit.weights.argmin() == 5
     k, std = springs(fit)
     assert (np.abs(k - K[:3] / 1e-6) < 4 * std).all()
+
+
+def test_base_and_tool_alone_are_compared_by_poses_left_out_too() -> None:
+    """Poses predict another one worse than those that were fitted, with springs or without."""
+    model, data = day(drawing_mm=0.5)
+    every = model.with_parameters(all_parameters(SIX, MARKERS, (), SIX.joint_names))
+    placed, start = place_robot(every, data)
+    errors = left_out_alone(placed, start, data)
+    others, there = place_robot(every, data[2:])
+    expected = data[:2].measured - others.see(there, data.q[:2], derivatives=False).points
+    assert errors[:2] == pytest.approx(expected, abs=2e-6)
