@@ -229,6 +229,8 @@ class PiecesLeft:
         if seen is None:
             return None
         shares = (1.0,) if fit.data.means.is_difference.all() else OF_DRAWING
+        if not fitted.noise.draws:
+            shares = shares[:1]
         every = [(seen.posterior(share, usual), share) for share in shares]
         likely = [(*found, share) for found, share in every if found is not None]
         if not likely:

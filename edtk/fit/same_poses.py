@@ -10,7 +10,7 @@ from edtk.system.typing import Array, Indices, Mask
 
 # Joints nearer than a hundredth of a degree are where they were [rad, m]: controllers show no more,
 # and what a drawing errs by changes over degrees.
-STILL = float(np.deg2rad(0.01))
+SAME_ANGLES = float(np.deg2rad(0.01))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ class SamePoses:
             differs: Which visits (m,) are differences, that share nothing with others.
         """
         each = np.arange(1, len(q) + 1) * differs
-        pose = row_numbers(np.rint(q / STILL), each[:, None])
+        pose = row_numbers(np.rint(q / SAME_ANGLES), each[:, None])
         # A difference has the noise of two readings, and counts as half of one.
         worth = counts * np.where(differs, 0.5, 1.0)[:, None, None]
         several = (one for one in groups_by_size(pose) if one.shape[1] > 1)

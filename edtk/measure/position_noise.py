@@ -183,6 +183,11 @@ class PositionNoise:
             model_change=(0.0, 0.0),
         )
 
+    @property
+    def draws(self) -> bool:
+        """Whether the model leaves out anything of absolute readings."""
+        return bool(self.model_white or self.model_turn or np.any(self.model_joints))
+
     def with_place_of(self, other: "PositionNoise") -> "PositionNoise":
         """The same, whose tracker stands where another one does."""
         if self.tracker is None or other.tracker is None:

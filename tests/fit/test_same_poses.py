@@ -12,7 +12,7 @@ from edtk.fit.fitted_geometry import GeometricFit
 from edtk.fit.judge_geometry import left_out_alone
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.place_robot import place_robot
-from edtk.fit.same_poses import STILL, SamePoses
+from edtk.fit.same_poses import SAME_ANGLES, SamePoses
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import all_parameters
 from edtk.measure.rest import loading_in
@@ -26,7 +26,7 @@ MARKERS = ("A", "B", "C")
 def test_rows_are_independent_and_lead_back() -> None:
     """Covariances of visits become those of a mean and of differences, and back."""
     n = np.array([[1, 2], [3, 1], [2, 0], [4, 2]])[:, :, None]
-    q = STILL * np.array([[500], [4000], [500.2], [499.8]])
+    q = SAME_ANGLES * np.array([[500], [4000], [500.2], [499.8]])
     same = SamePoses.of(q, n.astype(float), np.zeros(4, dtype=bool))
     assert same.pose.tolist() == [0, 1, 0, 0]
     assert same.differs.tolist() == [False, False, True, True]
@@ -119,7 +119,7 @@ def test_where_the_drawing_is_exact_nothing_changes() -> None:
     """Positions that err by readings alone tell as much one by one."""
     model, data = day(drawing_mm=0.0)
     k, std = springs(fit_of(model, data))
-    model, apart = day(drawing_mm=0.0, moved=2 * STILL)
+    model, apart = day(drawing_mm=0.0, moved=2 * SAME_ANGLES)
     assert data.same_poses.groups
     assert not apart.same_poses.groups
     assert std == pytest.approx(springs(fit_of(model, apart))[1], rel=0.02)
