@@ -1,7 +1,7 @@
 """Faults of one kind and any size, as models of the measurements with parameters of their own."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -167,35 +167,44 @@ class FamilyFit:
     chi2: float
 
 
-def fit_family(
-    family: Family, whitened: Whitened, measured: Array, sigma: RowNoise, k: Array
-) -> FamilyFit | None:
-    """Fit parameters and the size of a fault to measurements (m, rows).
+def fit_families(
+    families: Sequence[Family], whitened: Whitened, measured: Array, sigma: RowNoise, k: Array
+) -> list[FamilyFit | None]:
+    """Fit parameters and the size of each of some faults to measurements (m, rows).
 
-    Gauss-Newton from no fault: each step solves the least-squares problem of the parameters and of
-    the change of size together. Most faults end at the first one, which lowers the sum of squares
-    by too little.
+    Most faults end at their first step, which is one for all of them, see `_first_steps`.
 
     Args:
-        family: The fault.
+        families: The faults.
         whitened: The regressors without a fault, factored.
         measured: Readings (m, rows) [m, rad].
         sigma: Noise (m, rows) [m, rad], or correlated noise.
         k: Parameters (p,) of the fit without the fault.
 
     Returns:
-        The fit; None where the measurements cannot tell the fault from the compliances, or the
-        steps do not settle.
+        The fits; None where the measurements cannot tell a fault from the compliances, or the steps
+        do not settle.
     """
-    first = _first_step(family, whitened, measured, k)
-    if first is not None:
-        return first
+    first = _first_steps(families, whitened, measured, k)
+    return [
+        first[i] if i in first else _fit_family(family, measured, sigma, k)
+        for i, family in enumerate(families)
+    ]
+
+
+def _fit_family(family: Family, measured: Array, sigma: RowNoise, k: Array) -> FamilyFit | None:
+    """Gauss-Newton from no fault.
+
+    Each step solves the least-squares problem of the parameters and of the change of size together.
+    A fault ends at a step that lowers the sum of squares by too little.
+    """
     c = np.zeros(family.dims)
     p = len(k)
     A, b = family.predict(c)
+    by_size = family.derivative_at_zero(k)
     without = float((whiten(measured - b - A @ k, sigma) ** 2).sum())
     for _ in range(ITERATIONS):
-        columns = np.concatenate([A, family.derivative(c, k)], axis=-1)
+        columns = np.concatenate([A, by_size], axis=-1)
         solved = _solved(columns, measured - b, sigma)
         if solved is None:
             return None
@@ -209,6 +218,7 @@ def fit_family(
         if without - left < UNREMARKABLE:
             return FamilyFit(c, covariance, left)
         A, b = family.predict(c)
+        by_size = family.derivative(c, k)
     z = whiten(measured - b - A @ k, sigma)
     return FamilyFit(c, covariance, float((z**2).sum()))
 
@@ -232,35 +242,51 @@ def _solved(columns: Array, measured: Array, sigma: RowNoise) -> tuple[Array, Ar
     return root @ (U.T @ whiten(measured, sigma).ravel()), root
 
 
-def _first_step(family: Family, whitened: Whitened, measured: Array, k: Array) -> FamilyFit | None:
-    """The first step from no fault, if the fault is clearly seen and no other step is needed.
+def _first_steps(
+    families: Sequence[Family], whitened: Whitened, measured: Array, k: Array
+) -> dict[int, FamilyFit]:
+    """The first steps from no fault, where one is clearly seen and no other step is needed.
 
     With whitened regressors ``Q R`` and columns D of the fault, what the parameters leave of these
     is ``E = (I - Q Q') D``, and the size ``c = (E'E)^-1 E'z`` with the covariance ``(E'E)^-1``
-    (Frisch and Waugh 1933). That spares a factorization for each fault.
+    (Frisch and Waugh 1933). That spares a factorization for each fault, and one product leaves the
+    columns of all of them.
+
+    Returns:
+        The fits by the faults' places.
     """
-    columns = np.moveaxis(family.derivative_at_zero(k), -1, 0)
-    D = whitened.in_sigma(columns).reshape(family.dims, -1)
+    dims = np.array([family.dims for family in families], dtype=int)
+    first = np.cumsum(dims) - dims
+    columns = [np.moveaxis(family.derivative_at_zero(k), -1, 0) for family in families]
+    D = whitened.in_sigma(np.concatenate(columns)).reshape(int(dims.sum()), -1)
     Q = whitened.Q.reshape(-1, len(k))
     E = D - (D @ Q) @ Q.T
     E = E - (E @ Q) @ Q.T  # once more, against rounding
     length = np.linalg.norm(D, axis=1)
-    if not length.all():
-        return None
-    E = E / length[:, None]
-    gram = E @ E.T
-    if not np.linalg.eigvalsh(gram)[0] > CLEAR**2:
-        return None
     z = whitened.residual(measured).ravel()
-    inverse = np.linalg.inv(gram)
-    c = inverse @ (E @ z)
-    left = float(np.square(z - c @ E).sum())
-    settled = np.abs(c / np.sqrt(np.diag(inverse))).max() < CONVERGED
-    remarkable = float(z @ z) - left >= UNREMARKABLE
-    # Of what is added to the readings, whatever its size, the first step is the last one.
-    if settled or (remarkable and not isinstance(family.predict, Added)):
-        return None
-    return FamilyFit(c / length, inverse / np.outer(length, length), left)
+    added = np.array([isinstance(family.predict, Added) for family in families])
+    found = {}
+    for size in np.unique(dims):
+        at = np.flatnonzero(dims == size)
+        own = first[at, None] + np.arange(size)
+        seen = length[own].all(axis=1)
+        at, own = at[seen], own[seen]
+        parts = E[own] / length[own][..., None]
+        gram = parts @ np.swapaxes(parts, 1, 2)
+        clear = np.linalg.eigvalsh(gram)[:, 0] > CLEAR**2
+        at, own, parts = at[clear], own[clear], parts[clear]
+        inverse = np.linalg.inv(gram[clear])
+        c = (inverse @ (parts @ z)[..., None])[..., 0]
+        left = np.square(z - (c[:, None] @ parts)[:, 0]).sum(axis=1)
+        std = np.sqrt(np.diagonal(inverse, axis1=1, axis2=2))
+        settled = np.abs(c / std).max(axis=1) < CONVERGED
+        remarkable = z @ z - left >= UNREMARKABLE
+        # Of what is added to the readings, whatever its size, the first step is the last one.
+        ends = ~settled & (~remarkable | added[at])
+        covariance = inverse / (length[own][:, :, None] * length[own][:, None])
+        for i in np.flatnonzero(ends):
+            found[int(at[i])] = FamilyFit(c[i] / length[own[i]], covariance[i], float(left[i]))
+    return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,11 +4,12 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from criteria.linalg.inverse import TINY
 from edtk.fit.distributions import log_normal_below
 from edtk.fit.estimate_noise import Stratum
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Mask
 
 # Student's distribution with so many degrees of freedom, of the usual width, is the one of a
 # fault's size beforehand: mostly within a factor of two, rarely five times as large.
@@ -24,8 +25,10 @@ WEIGHTS = WEIGHTS / WEIGHTS.sum()
 SMALLER = 4.0 ** -np.arange(3)  # sizes of disturbed readings over that of mistyped ones
 
 
-def rarity(c: Array, covariance: Array, usual: float, only_positive: bool = False) -> float:
-    """Twice the negative logarithm of the share of the likelihood that a fault's sizes have.
+def rarity(
+    c: Array, covariance: Array, usual: ArrayLike, only_positive: ArrayLike = False
+) -> Array:
+    """Twice the negative logarithms of the share of the likelihood that faults' sizes have.
 
     The likelihood of a size x is ``exp(-(x - c)' C^-1 (x - c) / 2)`` of its maximum. Its mean over
     normal sizes of covariance ``t^2 I`` is
@@ -41,12 +44,12 @@ def rarity(c: Array, covariance: Array, usual: float, only_positive: bool = Fals
     against it.
 
     Args:
-        c: Size of the fault (dims,) at the maximum of the likelihood, SI.
-        covariance: Its covariance C (dims, dims).
-        usual: Length that such a size usually has, in SI units.
-        only_positive: Whether a negative size is none; with one parameter.
+        c: Sizes of faults (..., dims) at the maximum of the likelihood, SI.
+        covariance: Their covariances C (..., dims, dims).
+        usual: Lengths (...) that such sizes usually have, in SI units.
+        only_positive: Whether (...) a negative size is none; with one parameter.
     """
-    return float(_mixed(_costs(c, covariance, np.array(usual), only_positive)))
+    return _mixed(_costs(c, covariance, np.asarray(usual), np.asarray(only_positive)))
 
 
 def _mixed(cost: Array) -> Array:
@@ -62,32 +65,35 @@ def reading_rarity(c: Array, covariance: Array, usual: float) -> float:
     of any order of magnitude.
     """
     sizes = np.asarray(usual * SMALLER, dtype=np.float64)
-    each = _mixed(_costs(c, covariance, sizes, only_positive=False))
+    each = _mixed(_costs(c, covariance, sizes, np.array(False)))
     return float(-2 * (np.logaddexp.reduce(-each / 2) - math.log(len(each))))
 
 
-def likely_size(c: Array, covariance: Array, usual: float) -> tuple[Array, Array]:
-    """Mean (dims,) and covariance (dims, dims) of a fault's size, with what is usual.
+def likely_size(c: Array, covariance: Array, usual: ArrayLike) -> tuple[Array, Array]:
+    """Means (..., dims) and covariances (..., dims, dims) of faults' sizes, with what is usual.
 
     The maximum of the likelihood c is far off along directions that measurements hardly show; there
     the usual size tells more.
 
     Args:
-        c: Size of the fault (dims,) at the maximum of the likelihood, SI.
-        covariance: Its covariance C (dims, dims).
-        usual: Length that such a size usually has, in SI units.
+        c: Sizes of faults (..., dims) at the maximum of the likelihood, SI.
+        covariance: Their covariances C (..., dims, dims).
+        usual: Lengths (...) that such sizes usually have, in SI units.
     """
-    cost = _costs(c, covariance, np.array(usual), only_positive=False)
-    weights = WEIGHTS * np.exp(-(cost - cost.min()) / 2)
-    weights = weights / weights.sum()
+    usual = np.asarray(usual)
+    cost = _costs(c, covariance, usual, np.array(False))
+    weights = WEIGHTS * np.exp(-(cost - cost.min(axis=-1, keepdims=True)) / 2)
+    weights = (weights / weights.sum(axis=-1, keepdims=True))[..., None]
     values, vectors = np.linalg.eigh(covariance)
-    t2 = _variances(np.array(usual), len(c))
-    kept = t2 / (np.maximum(values, 0.0)[:, None] + t2)
-    means = (vectors.T @ c)[:, None] * kept
-    mean = means @ weights
-    within = np.diag((values[:, None] * kept) @ weights)
-    off = means - mean[:, None]
-    return vectors @ mean, vectors @ (within + (off * weights) @ off.T) @ vectors.T
+    t2 = _variances(usual, c.shape[-1])[..., None]
+    kept = t2 / (np.maximum(values, 0.0)[..., None, :] + t2)
+    means = (c[..., None, :] @ vectors) * kept
+    mean = (weights * means).sum(axis=-2)
+    off = means - mean[..., None, :]
+    within = np.eye(c.shape[-1]) * (values * (weights * kept).sum(axis=-2))[..., None]
+    spread = within + np.swapaxes(off, -1, -2) @ (off * weights)
+    likely = (vectors @ mean[..., None])[..., 0]
+    return likely, np.asarray(vectors @ spread @ np.swapaxes(vectors, -1, -2))
 
 
 def _variances(usual: Array, dims: int) -> Array:
@@ -95,19 +101,19 @@ def _variances(usual: Array, dims: int) -> Array:
     return np.asarray((usual[..., None] * FACTORS) ** 2 / dims)
 
 
-def _costs(c: Array, covariance: Array, usual: Array, only_positive: bool) -> Array:
+def _costs(c: Array, covariance: Array, usual: Array, only_positive: Mask) -> Array:
     """Twice the negative logarithms (..., factors) of the shares over normal sizes."""
-    t2 = _variances(usual, len(c))
-    each = (len(c), *[1] * t2.ndim)
+    t2 = _variances(usual, c.shape[-1])[..., None]
     values, vectors = np.linalg.eigh(covariance)
-    values = np.maximum(values, np.finfo(float).tiny).reshape(each)
-    along = (vectors.T @ c).reshape(each) ** 2
     # Rounding may leave no variance at all, and then a quotient by it would overflow.
-    cost = (along / (values + t2) + np.log(values + t2) - np.log(values)).sum(axis=0)
-    if only_positive:
+    values = np.maximum(values, np.finfo(float).tiny)[..., None, :]
+    along = (c[..., None, :] @ vectors) ** 2
+    cost = (along / (values + t2) + np.log(values + t2) - np.log(values)).sum(axis=-1)
+    if only_positive.any():
         # The share of the likelihood over positive sizes, which have twice the density.
-        z = float(c[0]) * np.sqrt(t2 / (values + t2)) / np.sqrt(values)
-        cost = cost - 2 * (math.log(2) + log_normal_below(z[0]))
+        z = (c[..., None, :] * np.sqrt(t2 / (values + t2)) / np.sqrt(values))[..., 0]
+        above = 2 * (math.log(2) + log_normal_below(z))
+        cost = cost - np.where(only_positive[..., None], above, 0.0)
     return np.asarray(cost)
 
 

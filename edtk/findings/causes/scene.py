@@ -5,7 +5,7 @@ tool, a joint or a link is another one, and the scene answers for its own kind.
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -208,6 +208,7 @@ class Displacements:
     told: bool = False
     assumed: tuple[AssumedJoint, ...] = ()
     counted_by: "Displacements | None" = None
+    _across: dict[tuple[int, int], Array] = field(default_factory=dict, init=False, repr=False)
     in_frame = False
 
     @property
@@ -403,10 +404,13 @@ class Displacements:
 
     def across(self, joint: int, axis: int) -> Array:
         """The column of a spring that nobody drives: ``dy/de tau_e`` of its axis e."""
-        model, data = self.model, self.data
-        frames = turning_about(model.robot, self.frames, joint, axis)
-        torque = model.torque_of(frames, data.wrench)[joint]
-        return np.asarray((data.motion_of(model, frames)[joint] * torque).T)
+        if (joint, axis) not in self._across:
+            model, data = self.model, self.data
+            frames = turning_about(model.robot, self.frames, joint, axis)
+            torque = model.torque_of(frames, data.wrench)[joint]
+            column = np.asarray((data.motion_of(model, frames)[joint] * torque).T)
+            self._across[joint, axis] = column
+        return self._across[joint, axis]
 
     def law(self, one: int, b: Callable[[Array], Array]) -> Array:
         """Of displacements, the difference of both readings."""
@@ -588,6 +592,7 @@ class Positions:
     loads: JointLoads | None
     assumed: tuple[AssumedJoint, ...] = ()
     counted_by: "Positions | None" = None
+    _by_joint: dict[str, Array] = field(default_factory=dict, init=False, repr=False)
     in_frame = True
     absolute = True
     shows_load = True
@@ -657,7 +662,9 @@ class Positions:
 
     def _before(self, joint: Joint) -> Array:
         """Columns (m, rows, 6) of shifts and turns of the frame before a joint."""
-        return self.columns(self._of((joint.name,)), self.wrench)
+        if joint.name not in self._by_joint:
+            self._by_joint[joint.name] = self.columns(self._of((joint.name,)), self.wrench)
+        return self._by_joint[joint.name]
 
     def counted(self, joint: int) -> Predict:
         """A motion about, or along, the axes of all joints that one drive moves."""

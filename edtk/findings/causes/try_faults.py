@@ -22,8 +22,9 @@ from edtk.findings.causes.family import (
     PRIOR,
     Cause,
     Family,
+    FamilyFit,
     Tried,
-    fit_family,
+    fit_families,
 )
 from edtk.findings.causes.faults import families
 from edtk.findings.causes.rarity import likely_size, noise_rarity, rarity, reading_rarity
@@ -347,16 +348,13 @@ def _moved(plain: PlainFit) -> Array | None:
     return np.moveaxis(plain.prior.zeros_below(np.moveaxis(moved, -1, 0)), 0, -1)
 
 
-def _smooth(plain: PlainFit) -> Iterator[Tried]:
+def _smooth(plain: PlainFit) -> list[Tried]:
     """Faults of any size."""
-    tried = [
-        try_family(
-            plain.below(family), plain.whitened, plain.measured, plain.noise, plain.k, plain.chi2
-        )
-        for family in families(plain.scene)
-    ]
-    found = [one for one in tried if one is not None]
-    yield from beside_error(plain, found) if plain.misfits else found
+    every = [plain.below(family) for family in families(plain.scene)]
+    fits = fit_families(every, plain.whitened, plain.measured, plain.noise, plain.k)
+    fitted = [(family, fit) for family, fit in zip(every, fits, strict=True) if fit is not None]
+    found = _as_tried(fitted, plain.chi2)
+    return beside_error(plain, found) if plain.misfits else found
 
 
 def beside_error(plain: PlainFit, found: Sequence[Tried]) -> list[Tried]:
@@ -416,33 +414,39 @@ def _as_weighed(plain: PlainFit, found: Tried, weighed: Weighed) -> Tried:
     return replace(found, cause=cause, rarity=cost, size=size, share=weighed.share)
 
 
-def try_family(
-    family: Family, whitened: Whitened, measured: Array, noise: RowNoise, k: Array, chi2: float
-) -> Tried | None:
-    """Fit a fault of any size.
+def _as_tried(fitted: Sequence[tuple[Family, FamilyFit]], chi2: float) -> list[Tried]:
+    """Faults with their likely sizes, those of as many parameters at once.
 
     Args:
-        family: The fault.
-        whitened: The regressors without a fault, factored.
-        measured: Readings (m, rows) [m, rad].
-        noise: Their noise.
-        k: Parameters (p,) of the fit without a fault.
-        chi2: Its sum of squares.
-
-    Returns:
-        The fault with its likely size; None where the readings cannot tell it from the parameters.
+        fitted: The faults, each with its fit.
+        chi2: Sum of squares of the fit without a fault.
     """
-    fit = fit_family(family, whitened, measured, noise, k)
-    if fit is None:
-        return None
-    c, covariance = likely_size(fit.c, fit.covariance, family.usual)
+    found: dict[int, Tried] = {}
+    dims = np.array([family.dims for family, _ in fitted], dtype=int)
+    for number in np.unique(dims):
+        at = np.flatnonzero(dims == number).tolist()
+        c = np.stack([fitted[i][1].c for i in at])
+        covariance = np.stack([fitted[i][1].covariance for i in at])
+        usual = np.array([fitted[i][0].usual for i in at])
+        positive = np.array([fitted[i][0].only_positive for i in at])
+        cost = rarity(c, covariance, usual, positive)
+        sizes, covariances = likely_size(c, covariance, usual)
+        for i, size, of_size, own in zip(at, sizes, covariances, cost.tolist(), strict=True):
+            family, fit = fitted[i]
+            cause = _sized_cause(family, size, of_size, chi2 - fit.chi2)
+            found[i] = Tried(cause, fit.chi2, family.dims, family.tries, own, family, size)
+    return [found[i] for i in range(len(fitted))]
+
+
+def _sized_cause(family: Family, c: Array, covariance: Array, drop: float) -> Cause:
+    """A fault of a size c (dims,), which lowers the sum of squares so much."""
     size = float(np.linalg.norm(c)) if family.dims > 1 else float(c[0])
     along = c / max(float(np.linalg.norm(c)), 1e-300)
     std = math.sqrt(float(along @ covariance @ along))
-    p = float(chi_square_tail(max(chi2 - fit.chi2, 0.0), family.dims))
+    p = float(chi_square_tail(max(drop, 0.0), family.dims))
     if family.only_positive:
         p = p / 2 if size > 0 else 1.0
-    cause = Cause(
+    return Cause(
         family.cause,
         size * family.per_unit,
         family.unit,
@@ -452,8 +456,6 @@ def try_family(
         rows=family.rows,
         grows=family.grows,
     )
-    cost = rarity(fit.c, fit.covariance, family.usual, family.only_positive)
-    return Tried(cause, fit.chi2, family.dims, family.tries, cost, family, c)
 
 
 def _outliers(plain: PlainFit) -> Iterator[Tried]:

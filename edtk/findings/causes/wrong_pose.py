@@ -184,7 +184,7 @@ def wrong_pose(
         name = model.robot.joint_names[found.joint]
         size = float(np.rad2deg(found.change))
         cause = replace(cause, size=size, unit="deg", joint=name)
-    cost = rarity(np.array([found.change]), np.array([[found.std**2]]), USUAL_CHANGE)
+    cost = float(rarity(np.array([found.change]), np.array([[found.std**2]]), USUAL_CHANGE))
     return Tried(cause, deviance, 1, tried.tries * len(typed), cost)
 
 
@@ -226,7 +226,7 @@ def shifted(
         size = 1e3 * float(np.linalg.norm(shifts[i, :3]))
         found = Cause(cause, size, "mm", None, float(tails[i]), rows=tuple(at.tolist()))
         cost_of = rarity if len(at) > 1 else reading_rarity
-        cost = cost_of(back[i, shown], np.diag(1 / values[i, shown]), float(np.sqrt(dims)))
+        cost = float(cost_of(back[i, shown], np.diag(1 / values[i, shown]), float(np.sqrt(dims))))
         yield Tried(found, chi2 - float(drops[i]), dims, len(numbers), cost)
 
 
