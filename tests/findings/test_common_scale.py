@@ -48,10 +48,9 @@ def test_a_scale_is_named_with_its_size(seed: int, size: float, tmp_path: Path) 
     assert found.verdict == "usable"
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_none_is_named_where_lengths_err_alone(seed: int, tmp_path: Path) -> None:
+def test_none_is_named_where_lengths_err_alone(tmp_path: Path) -> None:
     """Then the scale is said to be assumed, with what it would cost."""
-    found = identified(tmp_path, seed, 1.0)
+    found = identified(tmp_path, 0, 1.0)
     assert not [doubt for doubt in found.findings if doubt.kind == "scale"]
     (said,) = found.assumed
     assert "for each 100 um/m" in said
@@ -59,13 +58,12 @@ def test_none_is_named_where_lengths_err_alone(seed: int, tmp_path: Path) -> Non
     assert found.to_dict()["assumed"] == [said]
 
 
-@pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("size", [0.0, 3e-4])
 def test_known_lengths_tell_a_scale_that_errors_of_the_drawing_hide(
-    size: float, seed: int, tmp_path: Path
+    size: float, tmp_path: Path
 ) -> None:
     """They do not grow with it, whatever the arm's own lengths are."""
-    found = identified(tmp_path, seed, 1 + size, KNOWN)
+    found = identified(tmp_path, 0, 1 + size, KNOWN)
     said = [one for one in found.findings if one.kind == "scale"]
     assert bool(said) == bool(size)
     (line,) = found.assumed
@@ -76,7 +74,7 @@ def test_known_lengths_tell_a_scale_that_errors_of_the_drawing_hide(
     assert found.verdict == ("usable" if size else "good")
 
 
-@pytest.mark.parametrize(("seed", "built_mm"), [(0, 3.0), (1, 30.0), (2, 3.0), (2, 30.0)])
+@pytest.mark.parametrize(("seed", "built_mm"), [(0, 3.0), (1, 30.0)])
 def test_none_is_named_where_the_robot_is_another_one(
     seed: int, built_mm: float, tmp_path: Path
 ) -> None:

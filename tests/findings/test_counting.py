@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from geometry_sheets import OFFSETS, PLACE, STUDY
 
 from edtk.findings.counting import find_counting
@@ -12,10 +11,9 @@ from edtk.robots.load_robot import load_robot
 from edtk.study.study_geometry import StudyGeometry
 
 
-@pytest.mark.parametrize("seed", [0, 3])
-def test_three_visits_in_which_a_joint_moves_count(seed: int) -> None:
+def test_three_visits_in_which_a_joint_moves_count() -> None:
     """q1 stands still in 21 of 24 visits: a way that fits these alone leaves three sound ones."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     model = replace(StudyGeometry.of(STUDY).model, offsets=OFFSETS, start=PLACE)
     theta = rng.normal(0, 2.0, model.p) * model.scales
     q = rng.uniform(-1.2, 1.2, (24, 6))
@@ -30,10 +28,9 @@ def test_three_visits_in_which_a_joint_moves_count(seed: int) -> None:
     assert found.words == "q1, q2 count the other way"
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_link_of_another_length_is_no_other_counting_where_markers_are_known(seed: int) -> None:
+def test_a_link_of_another_length_is_no_other_counting_where_markers_are_known() -> None:
     """45 mm for -55 mm at the elbow fits better if four joints turn, with markers elsewhere."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     robot = load_robot("kuka_kr270")
     joints = list(robot.joints)
     origin = joints[3].origin.copy()

@@ -47,7 +47,7 @@ def test_links_of_another_length_are_a_finding(links, longer, named):
         assert "mm (root mean square) from where the study's robot has it" in said[0].words
 
 
-@pytest.mark.parametrize("name", ["table_4_2", "table_4_3", "table_4_4", "table_4_6"])
+@pytest.mark.parametrize("name", ["table_4_2", "table_4_6"])
 def test_few_poses_suffice(name):
     """Two poses have a distance; no place of the base brings a robot of other links there."""
     plan = STUDY.published_plans()[name]

