@@ -25,7 +25,7 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
 PAPER = load_study(ROOT / "studies" / "kr270_milling.toml").replace(candidates=150)
-CASES = 200
+CASES = 100
 SEED = 3
 Content = dict[str, Any]
 Keys = tuple[str | int, ...]

@@ -240,7 +240,7 @@ def is_lower(one, other, name):
     return one < other if criteria.get(name).sense == "min" else one > other
 
 
-@pytest.mark.parametrize("i", range(60))
+@pytest.mark.parametrize("i", range(30))
 def test_hard_problems_agree_with_the_search(i):
     """Nearly dependent columns, distant units, priors, packed information: all agree with it."""
     candidates, spec = hard_problem(i)
@@ -525,7 +525,7 @@ def far_units(name, rng):
     return A, criteria.create(name)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("name", ["D", "O1", "Ds", "c", "I"])
 def test_units_cost_no_digits(name, seed):
     """In whatever units, a certificate is confirmed, and none whose numbers are 1e-6 better."""

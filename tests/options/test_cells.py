@@ -57,7 +57,6 @@ PARAMETERS = Study(
 )
 STUDIES = {"springs": (SPRINGS, "D", 5), "parameters": (PARAMETERS, "D", 8)}
 both = pytest.mark.parametrize("kind", list(STUDIES))
-pytestmark = pytest.mark.usefixtures("sharp_bounds")
 
 
 @cache

@@ -13,6 +13,7 @@ from exact_costs import (
     excess,
     rows_of,
 )
+from pairs import some_pairs
 
 import criteria
 import edtk
@@ -30,7 +31,6 @@ CASES = [
     (6, 4, 1e6, 1.0, "a prior and kept candidates"),
 ]
 MOST = {"O2": 2, "O4": 2}  # parameters, where a family of programs takes long
-every = pytest.mark.parametrize("name", COSTS)
 
 
 def question(name, kind, case):
@@ -58,8 +58,7 @@ def question(name, kind, case):
     return rows, criterion, beside, {"size": size, "keep": keep}, prior
 
 
-@every
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("name", "kind"), some_pairs(list(COSTS), KINDS, 2))
 def test_value_and_bound_of_plans_are_right_in_fifty_digits(name, kind):
     """A plan's cost is wrong by less than is told, and no bound is above its exact cost.
 
@@ -67,8 +66,8 @@ def test_value_and_bound_of_plans_are_right_in_fifty_digits(name, kind):
     number is up to 1e12. What doubles cannot hold is refused in words.
     """
     checked = 0
-    # Each kind has its own half of the cases, and a criterion two kinds.
-    for case in CASES[KINDS.index(kind) % 2 :: 2]:
+    # Two kinds have the one half of the cases, and two the other; a criterion has one of each.
+    for case in CASES[KINDS.index(kind) // 2 :: 2]:
         rows, given, beside, asked, prior = question(name, kind, case)
         problem = edtk.Problem(rows, prior=prior)
         try:
@@ -85,8 +84,14 @@ def test_value_and_bound_of_plans_are_right_in_fifty_digits(name, kind):
     assert checked
 
 
-@pytest.mark.parametrize("name", ["A", "D", "E", "G", "O5"])
-@pytest.mark.parametrize("limits", [{}, {"most": 2}, {"costs": np.ones(21), "cost_budget": 8.5}])
+@pytest.mark.parametrize(
+    ("name", "limits"),
+    [
+        *((name, {}) for name in ("A", "D", "E", "G", "O5")),
+        ("D", {"most": 2}),
+        ("A", {"costs": np.ones(21), "cost_budget": 8.5}),
+    ],
+)
 def test_experiments_that_were_made_far_from_the_origin(name, limits):
     """A line at x = 1e7 is told as well as one at zero, though experiments are kept."""
     u = np.linspace(-1, 1, 21)
@@ -103,8 +108,9 @@ def test_experiments_that_were_made_far_from_the_origin(name, limits):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scale", [1e-100, 1e-30, 1.0, 1e30, 1e100])
-@pytest.mark.parametrize("name", ["A", "D", "E", "rho_max"])
+@pytest.mark.parametrize(
+    ("name", "scale"), some_pairs(["A", "D", "E", "rho_max"], [1e-100, 1.0, 1e-30, 1e100])
+)
 def test_blocks_far_from_the_origin(name, scale):
     """What all experiments of a block share costs no digits, and no unit hides their effects."""
     rng = np.random.default_rng(1)
@@ -119,8 +125,9 @@ def test_blocks_far_from_the_origin(name, scale):
     assert excess(found.told_bound.cost, exact) <= 0
 
 
-@pytest.mark.parametrize("name", ["D", "G", "Ds", "rho_max", "I"])
-@pytest.mark.parametrize("sigma", [1.0, 0.3])
+@pytest.mark.parametrize(
+    ("name", "sigma"), some_pairs(["D", "G", "Ds", "rho_max", "I"], [1.0, 0.3])
+)
 def test_blocks_of_nearly_dependent_columns(name, sigma):
     """Neither taking the middle out nor dividing by the noise rounds what tells columns apart."""
     rng = np.random.default_rng(9)
@@ -135,8 +142,10 @@ def test_blocks_of_nearly_dependent_columns(name, sigma):
     assert excess(found.told_bound.cost, exact) <= 0
 
 
-@pytest.mark.parametrize("name", ["A", "c", "I", "Ds", "D"])
-@pytest.mark.parametrize("besides", ["nothing", "kept candidates", "a prior"])
+@pytest.mark.parametrize(
+    ("name", "besides"),
+    some_pairs(["A", "c", "I", "Ds", "D"], ["nothing", "kept candidates", "a prior"]),
+)
 def test_parameters_whose_units_are_fifteen_decades_apart(name, besides):
     """A plan is judged from its own rows, of which none is taken for rounding.
 
@@ -180,8 +189,9 @@ def test_kept_experiments_with_a_noise_of_their_own(name):
     assert excess(found.told_bound.cost, exact) <= 0
 
 
-@pytest.mark.parametrize("name", ["A", "D", "E", "G", "rho0"])
-@pytest.mark.parametrize("scale", [1e-100, 1e-12, 1.0, 1e100])
+@pytest.mark.parametrize(
+    ("name", "scale"), some_pairs(["A", "D", "E", "G", "rho0"], [1e-100, 1.0, 1e-12, 1e100])
+)
 def test_proved_plans_in_any_unit(name, scale):
     """The bound of a proof of whole plans is not above the exact cost of the best plan."""
     rng = np.random.default_rng(5)
@@ -196,10 +206,12 @@ def test_proved_plans_in_any_unit(name, scale):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["A", "D", "E", "G", "I"])
-@pytest.mark.parametrize(("far", "p"), [(3e7, 2), (2e3, 3)])
-def test_plans_of_a_region_far_from_the_origin(name, far, p):
+@pytest.mark.parametrize(
+    ("name", "far"), some_pairs(["A", "D", "E", "G", "I"], [(3e7, 2), (2e3, 3)])
+)
+def test_plans_of_a_region_far_from_the_origin(name, far):
     """Kept experiments count with all their digits, also where all points move together."""
+    far, p = far
     shifts = np.array([0.0, 0.3])
 
     def rows(x):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from designs import DESIGNS, LOADED, STUDY, log_cost_slope
 from designs import KR270 as DESIGN
+from pairs import some_pairs
 from scipy.optimize import minimize, nnls
 
 import criteria
@@ -33,8 +34,7 @@ def cost(criterion, x, repeats, space=DESIGN):
     return criterion.cost(space.at(x).information(repeats))
 
 
-@every
-@pytest.mark.parametrize("iterations", [1, 25])
+@pytest.mark.parametrize(("name", "iterations"), some_pairs(criteria.available(), [25, 1]))
 def test_never_worse_and_feasible(name, iterations):
     """Plans from feasible starts are feasible and no worse; fixed joints are kept."""
     criterion = STUDY.criterion(name)
@@ -48,8 +48,10 @@ def test_never_worse_and_feasible(name, iterations):
     np.testing.assert_array_equal(x[..., 0], start[..., 0])
 
 
-@every
-@pytest.mark.parametrize("space", ["kr270 free", "odd fixed", "odd free"])
+@pytest.mark.parametrize(
+    ("name", "space"),
+    some_pairs(criteria.available(), ["kr270 free", "odd fixed", "odd free"]),
+)
 def test_every_criterion_improves(name, space):
     """All random plans get better by a tenth, under every criterion, on any robot and load."""
     space = LOADED[space]

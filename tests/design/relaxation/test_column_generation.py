@@ -6,6 +6,7 @@ import cvxpy as cp
 import numpy as np
 import pytest
 from cvxpy.reductions.solvers.solving_chain import SolvingChain
+from pairs import some_pairs
 from relaxations import (
     BADLY,
     BASES,
@@ -84,8 +85,9 @@ def test_batch(name, batch):
     assert r.cost == pytest.approx(cost_of(name), rel=GAP)
 
 
-@pytest.mark.parametrize("case", ["cubic", "off-centre", "uneven", *BADLY])
-@every_base
+@pytest.mark.parametrize(
+    ("name", "case"), some_pairs(BASES, ["cubic", "off-centre", "uneven", *BADLY], 2)
+)
 def test_all_problems(name, case):
     """All solvers in turn tell the truth, and reach the gap of 1e-6 in good units.
 
@@ -96,16 +98,16 @@ def test_all_problems(name, case):
     assert r.gap <= GAP or (units_of(case) != 1).any()
 
 
-@pytest.mark.parametrize(
-    ("solver", "case"),
-    [
-        ("SCS", "uneven"),  # CLARABEL is the first of all solvers, and answers there
-        *((solver, case) for solver in (*SOLVERS, NEWTON) for case in list(BADLY)[::2]),
-    ],
-)
-@every_base
-def test_one_solver(name, case, solver):
+ALONE = [
+    ("SCS", "uneven"),  # CLARABEL is the first of all solvers, and answers there
+    *((solver, case) for solver in (*SOLVERS, NEWTON) for case in list(BADLY)[::2]),
+]
+
+
+@pytest.mark.parametrize(("name", "alone"), some_pairs(BASES, ALONE, 2))
+def test_one_solver(name, alone):
     """A single solver tells the truth about its design, or fails honestly, in any units."""
+    solver, case = alone
     problem = Problem(CASES[case])
     units = units_of(case)
     criterion = criterion_of(name, units)
@@ -189,7 +191,7 @@ def noise(program):
 DROPPED = (fail, no_answer, not_a_number, nothing)
 MISLEADING = (silence, equal_weights, noise)
 UNUSABLE = [(name, fail) for name in ("O4", "E", "O2")] + [("A", change) for change in DROPPED]
-USABLE = [(name, change) for name in (*KINDS, "G", "rho0") for change in MISLEADING]
+USABLE = some_pairs((*KINDS, "G", "rho0"), MISLEADING)
 
 
 @pytest.mark.parametrize(
@@ -209,19 +211,23 @@ def test_broken_first_solver(monkeypatch, name, change):
     assert r.solver in CHAIN[1:] or change is silence
 
 
+EARLY = {
+    "short": {"max_iter": 3},
+    "loose": {"tol_gap_rel": 0.1, "tol_gap_abs": 0.1, "tol_feas": 0.1},
+}
+
+
 @pytest.mark.parametrize(
-    ("name", "n"),
-    [*((name, 30) for name in BASES if name != "O4"), *((name, 300) for name in KINDS)],
+    ("name", "early", "n"),
+    [
+        *((name, early, 30) for name, early in some_pairs(BASES, list(EARLY)) if name != "O4"),
+        *((name, early, 300) for name, early in some_pairs(KINDS, list(EARLY))),
+    ],
 )
-@pytest.mark.parametrize(
-    "options",
-    [{"max_iter": 3}, {"tol_gap_rel": 0.1, "tol_gap_abs": 0.1, "tol_feas": 0.1}],
-    ids=["short", "loose"],
-)
-def test_inaccurate_first_solver(monkeypatch, name, options, n):
+def test_inaccurate_first_solver(monkeypatch, name, early, n):
     """A first solver that stops early is followed by the next, however few are active."""
     problem = Problem(off_centre(13, n))
-    monkeypatch.setitem(SOLVERS, "CLARABEL", options)
+    monkeypatch.setitem(SOLVERS, "CLARABEL", EARLY[early])
     r = relax(problem, criterion_of(name), options=SolverOptions(solvers=CHAIN))
     check(r, problem, name)
     assert r.gap <= GAP
@@ -248,8 +254,10 @@ def test_no_solver_at_all(monkeypatch, name):
             relax(problem, criterion_of(name), options=SolverOptions(solvers=CHAIN))
 
 
-@pytest.mark.parametrize("case", ["many rows", "cubic"])
-@pytest.mark.parametrize("name", [name for name in SMOOTH if name in BASES])
+@pytest.mark.parametrize(
+    ("name", "case"),
+    some_pairs([name for name in SMOOTH if name in BASES], ["many rows", "cubic"]),
+)
 def test_polish_alone(name, case):
     """Quadratic programming alone, from equal weights, solves smooth criteria to the gap."""
     problem = Problem(WELL[case][:: len(WELL[case]) // 12])

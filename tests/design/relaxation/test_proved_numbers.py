@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from exact_costs import COSTS, KINDS, arguments, exact_cost, excess, rows_of
+from pairs import some_pairs
 
 import criteria
 import edtk
@@ -16,7 +17,6 @@ GAP = 1e-6
 LARGE = 1e11  # condition number from which a model may be refused
 SCALES = (1.0, 1e-100, 1e-30, 1e-12, 1e12, 1e17, 1e100)
 MOST = {"O4": 3}  # parameters, where a family of programs takes long
-every = pytest.mark.parametrize("name", COSTS)
 
 
 CASES = [
@@ -33,8 +33,7 @@ CASES = [
 ]
 
 
-@every
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("name", "kind"), some_pairs(list(COSTS), KINDS, 2))
 def test_cost_and_bound_are_right_in_fifty_digits(name, kind):
     """Costs are wrong by less than is told, and no bound is above the cost of its own weights.
 
@@ -65,12 +64,12 @@ def test_cost_and_bound_are_right_in_fifty_digits(name, kind):
     assert checked >= 3
 
 
-@every
 @pytest.mark.parametrize(
-    ("kind", "condition", "r", "p"), [(KINDS[0], 1e8, 6, 3), (KINDS[3], 1e6, 2, 3)]
+    ("name", "kind"), some_pairs(list(COSTS), [(KINDS[0], 1e8, 6, 3), (KINDS[3], 1e6, 2, 3)])
 )
-def test_rows_are_whitened_before_they_are_divided_by_their_noise(name, kind, condition, r, p):
+def test_rows_are_whitened_before_they_are_divided_by_their_noise(name, kind):
     """Division rounds entry by entry, and would hide what tells nearly dependent columns apart."""
+    kind, condition, r, p = kind
     rng = np.random.default_rng([r, p])
     p = min(p, MOST.get(name, p))
     rows = rows_of(kind, rng, r, p, condition)
@@ -96,8 +95,7 @@ SEVERAL = {
 }
 
 
-@pytest.mark.parametrize("name", [*COSTS, *SEVERAL])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("name", "kind"), some_pairs([*COSTS, *SEVERAL], KINDS, 2))
 def test_true_proofs_are_confirmed_and_no_bound_above_the_cost(name, kind):
     """The second implementation has the digits that a proof needs, whatever the units.
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from cvxpy.reductions.solvers.solving_chain import SolvingChain
 from designs import KR270, STUDY
+from pairs import some_pairs
 from relaxations import (
     BASES,
     CASES,
@@ -62,9 +63,13 @@ def trial_information(case):
 
 
 @pytest.mark.parametrize(
-    "case", ["blocks of two", "cubic", "off-centre", "parameters x 1e-7 .. 1e4", "all x 1e-9"]
+    ("name", "case"),
+    some_pairs(
+        BASES,
+        ["blocks of two", "cubic", "off-centre", "parameters x 1e-7 .. 1e4", "all x 1e-9"],
+        2,
+    ),
 )
-@every_base
 def test_no_design_beats_the_bound(name, case):
     """Neither random designs nor steps from the optimum towards any design cost less."""
     problem = Problem(CASES[case])
@@ -90,7 +95,7 @@ def test_any_multiplier_proves_a_bound(name):
     r = solved(name, "off-centre")
     rng = np.random.default_rng(1)
     found = []
-    for rank in (1, 2, 4) * 20:
+    for rank in (1, 2, 4) * 7:
         size = 10 ** rng.uniform(-1, 1, size=(2, 1, 4, 1))
         B = rng.normal(size=(2, len(r.multipliers), 4, rank)) * size
         Z = B[0] @ B[0].swapaxes(1, 2)
@@ -104,8 +109,7 @@ def test_any_multiplier_proves_a_bound(name):
     assert min(found) < 0.95 * r.cost  # and some little
 
 
-@pytest.mark.parametrize("case", [*WELL, "all x 1e-9"])
-@pytest.mark.parametrize("name", MONOTONE)
+@pytest.mark.parametrize(("name", "case"), some_pairs(MONOTONE, [*WELL, "all x 1e-9"], 2))
 def test_weight_rests_on_the_largest_sensitivities(name, case):
     """The equivalence theorem with a gap g.
 
@@ -120,8 +124,7 @@ def test_weight_rests_on_the_largest_sensitivities(name, case):
     assert shortfall <= allowed + 2 * slip(problem.information(r.weights))
 
 
-@pytest.mark.parametrize("factor", [1e-20, 1e-8, 1e9])
-@every_base
+@pytest.mark.parametrize(("name", "factor"), some_pairs(BASES, [1e-20, 1e-8, 1e9]))
 def test_unit_of_the_regressors(name, factor):
     """Regressors times c have the cost times c^(-2 degree), whatever the unit, and a true bound."""
     blocks = WELL["off-centre"]
@@ -176,8 +179,7 @@ def test_duplicate_candidates(name, case):
         assert costs(name, M, TARGET) == pytest.approx(s.cost, rel=slip(M))
 
 
-@pytest.mark.parametrize("case", ["many rows", "cubic"])
-@every_base
+@pytest.mark.parametrize(("name", "case"), some_pairs(BASES, ["many rows", "cubic"]))
 def test_order_of_the_candidates(name, case):
     """A permutation of the candidates permutes a design, and changes no cost and no bound."""
     blocks = WELL[case]
@@ -248,8 +250,7 @@ def test_direction_that_one_candidate_in_ten_thousand_excites():
     assert r.cost == pytest.approx(2, rel=GAP)
 
 
-@pytest.mark.parametrize("factor", [100, 1e6])
-@pytest.mark.parametrize("name", ["D", "E", "G", "rho0"])
+@pytest.mark.parametrize(("name", "factor"), some_pairs(["D", "E", "G", "rho0"], [100, 1e6]))
 def test_strong_candidates_that_no_sample_holds(name, factor):
     """Eight of 20,000 candidates are far stronger, and only sensitivities can find them."""
     blocks = off_centre(1, 20_000)
@@ -477,12 +478,17 @@ class ExpressionRho(ConvexCriterion):
         return cp.matrix_frac((TARGET if T is None else TARGET @ T).T, M)
 
 
-@pytest.mark.parametrize("case", ["blocks of two", "many rows", "cubic", "all x 1e-9"])
 @pytest.mark.parametrize(
-    ("mine", "name"), [(ExpressionA, "A"), (ExpressionG, "G"), (ExpressionRho, "rho0")]
+    ("mine", "case"),
+    some_pairs(
+        [(ExpressionA, "A"), (ExpressionG, "G"), (ExpressionRho, "rho0")],
+        ["blocks of two", "many rows", "cubic", "all x 1e-9"],
+        2,
+    ),
 )
-def test_criterion_known_by_its_expression(mine, name, case):
+def test_criterion_known_by_its_expression(mine, case):
     """A criterion with a cvxpy expression and nothing else is as good as the built-in one."""
+    mine, name = mine
     problem = Problem(CASES[case])
     r = relax(problem, mine(), options=SolverOptions(batch=10))
     native = solved(name, case)
