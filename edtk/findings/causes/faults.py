@@ -550,17 +550,29 @@ def _joint_zero_words(cause: Cause) -> str:
 def _joint_slipped(scene: Scene) -> Iterator[Family]:
     """The zero of one joint is another one from the middle of the day on."""
     if scene.in_frame:
-        late = (scene.time > MID_DAY).astype(float)
-        for j, joint in enumerate(scene.robot.joints):
-            predict = grown(scene, scene.counted(j), late)
-            usual = USUAL_SLIP[joint.kind]
-            scale = OF_KIND[joint.kind]
-            yield Family("joint_slipped", *scale, 1, usual, predict, scene.robot.n, joint.name)
+        late = scene.time > MID_DAY
+        for j in range(scene.robot.n):
+            yield slipped_at(scene, j, late)
+
+
+def slipped_at(scene: Scene, j: int, late: Mask) -> Family:
+    """The zero of a joint is another one in some readings (m,), those after it slipped."""
+    joint = scene.robot.joints[j]
+    predict = grown(scene, scene.counted(j), late.astype(float))
+    scale = OF_KIND[joint.kind]
+    return Family(
+        "joint_slipped", *scale, 1, USUAL_SLIP[joint.kind], predict, scene.robot.n, joint.name
+    )
 
 
 def _joint_slipped_words(cause: Cause) -> str:
-    size = _size(replace(cause, size=abs(cause.size)))
-    return f"the zero of joint {cause.joint} looks slipped by {size} in mid-day"
+    size, which = _signed(cause, "further than", "short of")
+    if not cause.rows:
+        return f"the zero of joint {cause.joint} looks slipped by {size} in mid-day"
+    return (
+        f"the zero of joint {cause.joint} looks slipped: from row {cause.rows[0] + 1} on it is "
+        f"{size} {which} what is written"
+    )
 
 
 def is_one_of(columns: Array, column: Array) -> bool:

@@ -26,10 +26,10 @@ from edtk.findings.causes.family import (
     Tried,
     fit_families,
 )
-from edtk.findings.causes.faults import families
+from edtk.findings.causes.faults import families, slipped_at
 from edtk.findings.causes.rarity import likely_size, noise_rarity, rarity, reading_rarity
 from edtk.findings.causes.scene import Displacements
-from edtk.findings.causes.wrong_pose import SEEN, shifted
+from edtk.findings.causes.wrong_pose import SEEN, by_shifts, shifted
 from edtk.fit.correlated_noise import RowNoise, whiten, whiten_columns
 from edtk.fit.distributions import chi_square_tail, fisher_tail
 from edtk.fit.estimate_noise import ErrorStrata, Stratum, visit_residuals, yardstick
@@ -51,6 +51,7 @@ LOUDEST = 4.0  # noise over the stated one, beyond which rather something unknow
 # Noise that repetitions share, over their own or the stated one: beyond it is a fault of the model.
 NO_NOISE = 6.0
 BESIDE_ERROR = 8.0  # fall of the sum of squares, below which no error of the model hides a fault
+BESIDE_SLIP = 2  # readings before a joint slipped, and after: one that is off is a wrong pose
 AS_MUCH = 0.5  # scatter of repetitions over that of all residuals, from which it confirms this one
 
 
@@ -350,11 +351,33 @@ def _moved(plain: PlainFit) -> Array | None:
 
 def _smooth(plain: PlainFit) -> list[Tried]:
     """Faults of any size."""
-    every = [plain.below(family) for family in families(plain.scene)]
+    every = [plain.below(family) for family in (*families(plain.scene), *_slips(plain))]
     fits = fit_families(every, plain.whitened, plain.measured, plain.noise, plain.k)
     fitted = [(family, fit) for family, fit in zip(every, fits, strict=True) if fit is not None]
     found = _as_tried(fitted, plain.chi2)
     return beside_error(plain, found) if plain.misfits else found
+
+
+def _slips(plain: PlainFit) -> Iterator[Family]:
+    """Joints whose zeros change at a reading, each at the one where that explains most.
+
+    Positions show it, counted from the rigid robot; displacements are read on one side of it.
+    """
+    m, n = len(plain.data), plain.model.robot.n
+    ways = range(BESIDE_SLIP, m - BESIDE_SLIP + 1)
+    if not (plain.data.absolute and ways):
+        return
+    later = [np.arange(s, m) for s in ways]
+    residual = plain.whitened.residual(plain.measured)
+    for j in range(n):
+        whole = plain.below(slipped_at(plain.scene, j, np.ones(m, dtype=bool)))
+        units = whole.derivative_at_zero(plain.k)
+        gram, along = by_shifts(plain.whitened, residual, later, units)
+        left, seen = gram[:, 0, 0], (units**2).sum()
+        drops = np.divide(along[:, 0] ** 2, left, out=np.zeros(len(left)), where=left > SEEN * seen)
+        rows = later[int(drops.argmax())]
+        family = slipped_at(plain.scene, j, np.arange(m) >= rows[0])
+        yield replace(family, tries=n * len(ways), rows=tuple(rows.tolist()))
 
 
 def beside_error(plain: PlainFit, found: Sequence[Tried]) -> list[Tried]:

@@ -211,7 +211,7 @@ def shifted(
     """
     numbers = np.unique(group)
     rows = [np.flatnonzero(group == number) for number in numbers]
-    gram, along = _by_shifts(whitened, whitened.residual(measured), rows, units)
+    gram, along = by_shifts(whitened, whitened.residual(measured), rows, units)
     # In usual sizes; what springs take up of a shift, nobody sees.
     values, vectors = np.linalg.eigh(gram * np.outer(usual, usual))
     seen = values > SEEN * values.sum(axis=1, keepdims=True)
@@ -230,7 +230,7 @@ def shifted(
         yield Tried(found, chi2 - float(drops[i]), dims, len(numbers), cost)
 
 
-def _by_shifts(
+def by_shifts(
     whitened: Whitened, residual: Array, groups: Sequence[Indices], units: Array | None
 ) -> tuple[Array, Array]:
     """What the parameters leave of each group's shift.
