@@ -15,7 +15,8 @@ from edtk.findings.finding import Finding
 from edtk.measure.cells import csv_text
 from edtk.measure.pose_table import pose_columns, pose_factors
 from edtk.programs.program import Axis, axes_of
-from edtk.programs.targets.brand import MARK, Brand, brand_of
+from edtk.programs.targets.brand import MARK, Brand
+from edtk.programs.targets.brands import brand_of
 from edtk.programs.targets.reading import (
     Frames,
     Left,

@@ -20,6 +20,9 @@ from edtk.certificate.recompute.plain_data import numbers, rows, table, text, wh
 from edtk.certificate.recompute.setting import Setting
 from edtk.system.typing import Array, Mask
 
+# A certificate has some hundred lines; one of 20,000 experiments has 20 MB. A larger file is
+# rejected before it fills the memory.
+MOST_MB = 30.0
 MOST_EXPERIMENTS = 20_000  # experiments that a certificate may list
 MOST_SEEDS = 16  # numbers that a seed may consist of
 LARGEST = 2**128  # number in a seed, and number of candidates: far more than anybody can draw

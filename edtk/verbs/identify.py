@@ -13,7 +13,7 @@ from edtk.calibration.geometric_calibration import GeometricCalibration
 from edtk.calibration.prediction import Prediction
 from edtk.findings.fitted_data import HowFitted
 from edtk.measure.pose_table import Table
-from edtk.programs.targets.brand import brand_of
+from edtk.programs.targets.brands import brand_of
 from edtk.system.arguments import checked
 from edtk.system.errors import ArgumentError, whole_number
 from edtk.verbs.bayes import Sampling

@@ -7,6 +7,7 @@ from typing import Any
 
 import criteria
 from edtk.certificate.problem_proofs import region_certificate, require_checkable, store_exact
+from edtk.certificate.proof import MOST_MB
 from edtk.certificate.verify_exact import has_whole_plans
 from edtk.certificate.verify_problem import verify_problem
 from edtk.design.enclosure.prove_region import prove_region
@@ -27,7 +28,6 @@ from edtk.verbs.inputs import CriterionLike, TableAndCertificate, at_hand, given
 from edtk.verbs.plan_problem import plan_arranged, plan_problem, plan_region
 from edtk.verbs.question import OF_PROBLEMS, OF_WEIGHTS, PlanCall, Question, RelaxCall
 from edtk.verbs.robust import Design, best_weights, criterion_of, has_ranges, over_ranges
-from edtk.verbs.verify import MOST_MB
 
 PLANS = 4  # plans over ranges of theta: each is a search of its own
 

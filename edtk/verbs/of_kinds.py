@@ -1,4 +1,4 @@
-"""Studies of compliances by displacements, and of geometry by positions, as questions."""
+"""What is asked as a question: studies of compliances and of geometry, problems and regions."""
 
 from collections.abc import Mapping
 from functools import cached_property
@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import criteria
+from edtk.design.problem import Problem
+from edtk.design.region import Region
 from edtk.measure.compliances import Compliances, compliances_file
 from edtk.measure.pose_table import Table
 from edtk.study import kinds
@@ -18,6 +20,7 @@ from edtk.verbs.inputs import (
     name_of,
 )
 from edtk.verbs.of_studies import OfStudy
+from edtk.verbs.question import Question
 
 if TYPE_CHECKING:
     from edtk.calibration.calibration import Calibration
@@ -169,6 +172,19 @@ QUESTIONS: Mapping[type, type[OfStudy]] = {
     kinds.Compliances: OfCompliances,
     kinds.Geometry: OfGeometry,
 }
+
+
+def question_of(asked: StudyLike | Problem | Region) -> Question:
+    """The question that a study, its file, a problem or a region asks.
+
+    Raises:
+        UserError: It is none of these, or the file is not a valid study.
+    """
+    if isinstance(asked, Problem | Region):
+        from edtk.verbs.of_arrays import OfProblem, OfRegion  # as studies do not wait for it
+
+        return OfProblem(asked) if isinstance(asked, Problem) else OfRegion(asked)
+    return of_study(asked)
 
 
 def of_study(study: StudyLike) -> OfStudy:

@@ -13,7 +13,8 @@ from edtk.study.plan_study import Progress
 from edtk.system.arguments import checked
 from edtk.system.time_limit import no_progress
 from edtk.verbs.inputs import CriterionLike, PlanLike, StudyLike
-from edtk.verbs.question import FIXED, PlanCall, Question
+from edtk.verbs.of_kinds import question_of
+from edtk.verbs.question import FIXED, PlanCall
 
 if TYPE_CHECKING:
     from edtk.design.errors import Errors
@@ -226,7 +227,7 @@ def plan(
         >>> edtk.plan(parabola, size=6, criterion="D").counts
         array([2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2])
     """
-    question = Question.of(study)
+    question = question_of(study)
     call = PlanCall(
         size=size,
         criterion=criterion,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import inf
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Union
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from edtk.system.errors import ArgumentError
 
@@ -18,12 +18,10 @@ if TYPE_CHECKING:
     from edtk.design.exact.counts.problem_plan import ProblemPlan
     from edtk.design.exact.exact_plan import ExactPlan
     from edtk.design.exact.plan_region import RegionPlan
-    from edtk.design.problem import Problem
-    from edtk.design.region import Region
     from edtk.design.relaxation.relaxation import Relaxation
     from edtk.design.relaxation.relaxed_plan import RelaxedPlan
     from edtk.design.relaxation.relaxed_region import RelaxedRegion
-    from edtk.verbs.inputs import CriterionLike, StudyLike
+    from edtk.verbs.inputs import CriterionLike
 
 FIXED = float("inf")  # variance of effects of blocks of which nothing is known
 OF_PROBLEMS = (
@@ -186,28 +184,6 @@ class Question(ABC):
     """
 
     kind: ClassVar[str]
-
-    @staticmethod
-    def of(asked: Union["StudyLike", "Problem", "Region"]) -> "Question":
-        """The question that a study, its file, a problem or a region asks.
-
-        Raises:
-            UserError: It is none of these, or the file is not a valid study.
-        """
-        from edtk.design.problem import Problem
-        from edtk.design.region import Region
-
-        if isinstance(asked, Problem):
-            from edtk.verbs.of_arrays import OfProblem
-
-            return OfProblem(asked)
-        if isinstance(asked, Region):
-            from edtk.verbs.of_arrays import OfRegion
-
-            return OfRegion(asked)
-        from edtk.verbs.of_kinds import of_study
-
-        return of_study(asked)
 
     def require(self, verb: str, **options: object) -> None:
         """Check that no option is given that questions of this kind do not answer.

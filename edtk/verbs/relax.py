@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
 from edtk.system.arguments import checked
-from edtk.verbs.question import Question, RelaxCall
+from edtk.verbs.of_kinds import question_of
+from edtk.verbs.question import RelaxCall
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -146,7 +147,7 @@ def relax(
         >>> x[design.weights > 0.1].round(2).tolist()
         [-1.0, 0.0, 1.0]
     """
-    asked = Question.of(question)
+    asked = question_of(question)
     call = RelaxCall(
         criterion=criterion,
         candidates=candidates,

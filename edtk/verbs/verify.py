@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from edtk.certificate.proof import MOST_MB
 from edtk.certificate.verify_certificate import Claim, Verification, verify_certificate
 from edtk.certificate.verify_exact import KIND as OF_PLAN
 from edtk.certificate.verify_exact import verify_exact
@@ -18,15 +19,13 @@ from edtk.system.arguments import checked
 from edtk.system.errors import ArgumentError, UserError, whole_number
 from edtk.system.files import read_text
 from edtk.system.parsing import parse_json
+from edtk.verbs.of_kinds import of_study
 
 if TYPE_CHECKING:
     from edtk.design.exact.day import DayCosts
     from edtk.study.study import Study
     from edtk.verbs.inputs import PlanLike, StudyLike
 
-# A certificate has some hundred lines; one of 20,000 experiments has 20 MB. A larger file is
-# rejected before it fills the memory.
-MOST_MB = 30.0
 OF_PROBLEMS = {KIND: verify_problem, OF_PLAN: verify_exact}
 
 
@@ -144,7 +143,6 @@ def _beside_study(
     from edtk.design.exact.day import DayCosts
     from edtk.study.plan_study import day_costs
     from edtk.verbs.inputs import as_plan
-    from edtk.verbs.of_kinds import of_study
 
     question = of_study(study)
     known = question.study

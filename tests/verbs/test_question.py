@@ -11,7 +11,8 @@ import edtk
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError
 from edtk.verbs.bayes import Sampling
-from edtk.verbs.question import REFUSED, Question
+from edtk.verbs.of_kinds import question_of
+from edtk.verbs.question import REFUSED
 
 MEASURED = {"robot": ROBOT, "measurement": {"sigma_mm": 0.05}, "load": {"F_N": [0, 0, -100]}}
 MARKER = {"name": "A", "position_mm": [90, 10, 50]}
@@ -49,7 +50,7 @@ NEEDED["predict"] = {"result": {}, "poses": "no.csv"}
 @pytest.mark.parametrize("kind", ASKED)
 def test_each_kind_asks_its_own_question(kind):
     """Whatever is asked, the question knows its row of the table."""
-    assert Question.of(ASKED[kind]).kind == kind
+    assert question_of(ASKED[kind]).kind == kind
     assert set(ASKED) == set(REFUSED)
 
 

@@ -3,7 +3,6 @@
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from pathlib import PurePath
 from typing import ClassVar
 
 import numpy as np
@@ -168,19 +167,3 @@ def vector_of(place: Array, near: Sequence[float]) -> Array:
         return vector
     others = [vector * (1 + turn * 2 * np.pi / angle) for turn in (-1, 0, 1)]
     return min(others, key=lambda one: float(np.linalg.norm(one - np.array(near))))
-
-
-def brands() -> tuple[Brand, ...]:
-    """All readers."""
-    from edtk.programs.targets.fanuc_ls_targets import FanucTargets
-    from edtk.programs.targets.krl_targets import KrlTargets
-    from edtk.programs.targets.rapid_targets import RapidTargets
-    from edtk.programs.targets.urscript_targets import UrTargets
-
-    return (KrlTargets(), RapidTargets(), UrTargets(), FanucTargets())
-
-
-def brand_of(name: str) -> Brand | None:
-    """The reader of files of such a name; None of a table of poses."""
-    suffix = PurePath(name).suffix.lower()
-    return next((brand for brand in brands() if suffix in brand.suffixes), None)
