@@ -10,6 +10,7 @@ from edtk.design.enclosure.boxes import Covering, Grid, Leaves, Reason, coeffici
 from edtk.design.enclosure.polynomial import Polynomial
 from edtk.design.enclosure.space_polynomials import SpacePolynomials
 from edtk.design.enclosure.symmetry import TURN, Halving
+from edtk.design.enclosure.tracked import TrackedObjective
 from edtk.robots.constraints.constraint import Constraint
 from edtk.robots.constraints.height import Height
 from edtk.robots.constraints.joint_limits import CoupledLimits
@@ -43,10 +44,14 @@ def coverings_to_list(robot: SpacePolynomials, covering: Covering) -> list[dict[
         "slacks": slacks,
     }
     found = []
-    for leaves in covering.leaves:
+    for leaves, objective in zip(covering.leaves, covering.enclosed.objectives, strict=True):
         letters = _reasons(leaves, covering, slacks)
         tree, combined = tree_of(leaves, letters, covering.grid.parts)
-        of_one = {"tree": tree, "factors": leaves.penalties[combined].tolist()}
+        factors = leaves.penalties[combined]
+        if isinstance(objective, TrackedObjective):
+            # The check's rows are in metres.
+            factors = factors * objective.growth.least
+        of_one = {"tree": tree, "factors": factors.tolist()}
         found.append({"limit": float(leaves.bound.max())} | of_all | of_one)
     return found
 

@@ -12,7 +12,7 @@ for a proof, which then has what it reached.
 import fcntl
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -104,17 +104,26 @@ def cases() -> dict[str, tuple[Callable[[], Study], tuple[str, ...], tuple[float
             ("rho0",),
             (1e-2, 1e-4),
         ),
-        "KR 270, seen by a tracker": (tracked, ("rho0",), (1e-1,)),
+        "KR 270, seen by a tracker": (tracked, ("rho0",), (1e-1, 3e-2, 1e-2)),
+        "KR 270, a tracker that errs across its beam": (
+            partial(tracked, along=[2, 1]),
+            ("rho0",),
+            (1e-1, 3e-2),
+        ),
         "KR 270, geometry": (geometry, ("D",), (5e-2,)),
         "KR 270, force aside, six free joints": (aside, ("rho0", "D"), (5e-2,)),
         "7R arm": (partial(of_faults, "7R arm, 14 kg"), ("D",), (0.3, 0.2)),
     }
 
 
-def tracked() -> Study:
-    """The paper's study, whose readings err by the distance from a tracker, all ways alike."""
+def tracked(along: Sequence[float] = (10, 5)) -> Study:
+    """The paper's study, whose readings err by the distance from a tracker, all ways alike or not.
+
+    Args:
+        along: A millionth of a metre, and of a distance, along the beam; across it 10 and 5.
+    """
     where = {"tracker_position_mm": [4000, 1000, 1000]}
-    return kr270(noise=where | {"along": [10, 5], "across": [10, 5]})
+    return kr270(noise=where | {"along": list(along), "across": [10, 5]})
 
 
 def geometry() -> Study:

@@ -432,3 +432,81 @@ def test_bounds_by_indefinite_multipliers_are_confirmed(tmp_path: Path) -> None:
     for one in content["proof"]["continuum"]["coverings"]:
         one["limit"] *= 1 - 4e-6
     assert "boxes are open" in failure(content)
+
+
+TRACKERS = {
+    "alike": {"tracker_position_mm": [1400, 600, 600], "along": [20, 10], "across": [20, 10]},
+    "less along": {"tracker_position_mm": [1400, 600, 600], "along": [4, 1], "across": [20, 10]},
+    "joints scatter": {
+        "tracker_position_mm": [1400, 600, 600],
+        "along": [20, 10],
+        "across": [20, 10],
+        "repeatability_deg": 1e-4,
+    },
+}
+
+
+@pytest.mark.parametrize("noise", TRACKERS)
+def test_bounds_under_a_tracker_are_confirmed(noise: str, tmp_path: Path) -> None:
+    """A true bound holds; with a leaf less, a lower limit, or another tracker it does not."""
+    path = tmp_path / "proof.json"
+    study = Study(**THREE | {"measurement": {"sigma_mm": 0.01}, "noise": TRACKERS[noise]})
+    found = edtk.relax(study, "D", prove=0.2, certificate=path)
+    assert found.continuum_bound.gap <= 0.2
+    content = json.loads(path.read_text(encoding="utf-8"))
+    assert not failure(content)
+    given = content["proof"]["continuum"]["coverings"][0]
+    assert "boxes are open" in failure(changed(content, limit=given["limit"] / 2))
+    assert "a leaf is missing" in failure(changed(content, tree=given["tree"][:-1]))
+    better = copy.deepcopy(content)
+    better["claims"]["bound_proved"] *= 1 + 1e-6
+    assert failure(better) == "the recomputed number differs"
+    for key, value in (
+        ("across", [1e-5, 1e-5]),
+        ("along", [1e-6, 1e-6]),
+        ("position", [0.7, 0.3, 0.6]),
+        (None, None),
+    ):
+        enemy = copy.deepcopy(content)
+        if key is None:
+            enemy["setting"]["noise"]["tracker"] = None
+        else:
+            enemy["setting"]["noise"]["tracker"][key] = value
+        assert failure(enemy), key
+
+
+@pytest.mark.parametrize("noise", ["alike", "less along"])
+def test_boxes_say_what_a_tracker_tells(noise: str) -> None:
+    """The check's own polynomials are no lower than sensitivities anywhere in a box."""
+    study = Study(**THREE | {"measurement": {"sigma_mm": 0.01}, "noise": TRACKERS[noise]})
+    content = json.loads(json.dumps(certificate(study, relax_study(study, "D", candidates=50))))
+    setting = Setting.from_dict(content["setting"])
+    found = about(setting, content["proof"]["multipliers"])
+    Z = Multipliers.from_list(content["proof"]["multipliers"], "D", setting.p)
+    assert found.beam is not None
+    rng = np.random.default_rng(2)
+    middle = rng.uniform(*found.domain.limits)
+    q = np.tile(setting.fixed, (400, 1))
+    for half, loose in ((0.3, 0.5), (0.02, 0.01)):
+        x = middle + rng.uniform(-half, half, (400, 3))
+        q[:, found.domain.joints] = x
+        wrench = np.broadcast_to(setting.load.wrench(np.zeros((1, 0)))[0], (400, 9))
+        own = Z.sensitivities(setting.whitened_rows(q, wrench), np.zeros((3, 3)), False)[0].max()
+        low, high = middle - half, middle + half
+        most = closed_at(found, low, high)
+        assert own <= most <= own * (1 + loose)
+
+
+def closed_at(found: Polynomials, low: Array, high: Array) -> float:
+    """The least limit to which a box is closed."""
+    v = len(low)
+    one = np.zeros((1, v), dtype=int)
+    box = Covering(
+        *(0.0, list(range(v)), [], [], low, high, np.ones(v, dtype=int), one, one),
+        *(np.array(["."]), np.zeros((1, 0)), ""),
+    )
+    least, most = 0.0, 1e12
+    for _ in range(100):
+        limit = (least + most) / 2
+        least, most = (limit, most) if box.open_leaves(found, limit) else (least, limit)
+    return most

@@ -149,11 +149,8 @@ class Covering:
         missing = set(self.slacks) - set(about.slacks)
         if missing or set(self.reasons) - {BOUNDED, COMBINED} - set(about.slacks):
             raise ValueError("a leaf rests on a constraint that the setting does not have")
-        tested = about.tested(limit)
-        none = np.flatnonzero(self.reasons == BOUNDED)
-        # Factors of an enemy overflow: what is no number closes nothing.
-        top = self._largest(about.domain, [tested], none, np.ones((len(none), 1)))
-        count = int((~(top <= 0)).sum())
+        bounded = np.flatnonzero(self.reasons == BOUNDED)
+        count = self._open(about, limit, bounded, [], np.empty((len(bounded), 0)))
         for letter in set(self.reasons) - {BOUNDED, COMBINED}:
             some = np.flatnonzero(self.reasons == letter)
             slack = about.slacks[letter]
@@ -163,17 +160,43 @@ class Covering:
         used = self.factors > 0
         for pattern in np.unique(used[combined], axis=0):
             some = np.flatnonzero(combined & (used == pattern).all(axis=1))
-            forms = [tested, *(about.slacks[self.slacks[i]] for i in np.flatnonzero(pattern))]
-            mu = np.concatenate([np.ones((len(some), 1)), self.factors[some][:, pattern]], axis=1)
-            top = self._largest(about.domain, forms, some, mu)
-            count += int((~(top <= 0)).sum())
+            forms = [about.slacks[self.slacks[i]] for i in np.flatnonzero(pattern)]
+            count += self._open(about, limit, some, forms, self.factors[some][:, pattern])
         return count
+
+    def _open(
+        self, about: Polynomials, limit: float, leaves: Indices, slacks: list[Form], mu: Array
+    ) -> int:
+        """How many leaves a sensitivity and factors mu (L, c) of slacks do not close."""
+        if about.beam is None:
+            mu = np.concatenate([np.ones((len(leaves), 1)), mu], axis=1)
+            top = self._largest(about.domain, [about.tested(limit), *slacks], leaves, mu)
+            # Factors of an enemy overflow: what is no number closes nothing.
+            return int((~(top <= 0)).sum())
+        beam = about.beam
+        one = Form(np.ones((1,) * len(self.joints)), 0.0)
+        forms = [about.sensitivity, beam.squared, beam.inline, one, *slacks]
+        rest = limit - beam.prior - 4 * U * (abs(limit) + abs(beam.prior))
+        for near in (False, True):
+            # Closed by the sensitivity of either kind; the second one is for few.
+            ends = [
+                self._largest(about.domain, [f], leaves, np.full((len(leaves), 1), sign))
+                for f, sign in ((beam.squared, -1.0), (beam.squared, 1.0), (beam.inline, -1.0))
+            ]
+            s = np.maximum([-ends[0], ends[1]], 0.0)
+            own = beam.growth.factors(rest, s, -ends[2], near)
+            top = self._largest(about.domain, forms, leaves, np.concatenate([own, mu], axis=1))
+            still = ~(top <= 0)
+            leaves, mu = leaves[still], mu[still]
+            if beam.growth.is_round:
+                break
+        return len(leaves)
 
     def _largest(self, domain: Domain, forms: list[Form], leaves: Indices, mu: Array) -> Array:
         """The largest coefficient (L,) on each leaf of ``sum_f mu_f f``, rounded up.
 
         Leaves with the same intervals along the first joints share the work for these. A sum of
-        products is off by Theorem 3 (b), where sums of forms count like one product more.
+        products is off by Theorem 4 (b), where sums of forms count like one product more.
         """
         shape = tuple(int(n) for n in np.max([one.values.shape for one in forms], axis=0))
         tensor = np.stack([one.padded(shape) for one in forms])
@@ -205,7 +228,7 @@ class Covering:
         tau = prod(float(np.abs(one).max()) for one in matrices)
         rounds = sum(n + OF_ENTRY for n in shape) + len(forms)
         each = np.array([one.error + 1.01 * rounds * U * tau * one.size for one in forms])
-        return np.asarray(top + mu @ each)
+        return np.asarray(top + np.abs(mu) @ each)
 
     def _unit(self, domain: Domain, j: int) -> tuple[float, float]:
         """Middle and half width of the interval on which lengths count."""

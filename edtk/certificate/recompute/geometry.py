@@ -213,7 +213,7 @@ class Geometry:
             turns = [self._turn(one, end, chain, q, place) for end in _ends(one)]
             pairs = zip(turns, answer, strict=True)
             moved = np.sum([turn * own[:, None] for turn, own in pairs], axis=0)
-            columns.append(_unit(one) * moved)
+            columns.append(unit_of(one) * moved)
         return np.stack(columns, axis=-1)
 
     def _answers(
@@ -279,14 +279,14 @@ class Geometry:
         if not self.brought:
             rest[:, spring.of] += gives * torque
         loads = [
-            pull.changed(one.component, steps * ANCHOR_STEP * _unit(one)).on(chain, rest)[0][
+            pull.changed(one.component, steps * ANCHOR_STEP * unit_of(one)).on(chain, rest)[0][
                 :, spring.of
             ]
             for steps in (1, -1, 2, -2)
         ]
         slope = 8 * (loads[0] - loads[1]) - (loads[2] - loads[3])
         k = self.gives.compliances[spring.of]
-        return np.asarray(k * slope / (12 * ANCHOR_STEP * _unit(one)))
+        return np.asarray(k * slope / (12 * ANCHOR_STEP * unit_of(one)))
 
 
 def _own_joint(one: Parameter, end: int | None, chain: Chain) -> int | None:
@@ -299,7 +299,7 @@ def _own_joint(one: Parameter, end: int | None, chain: Chain) -> int | None:
     return chain.free.index(one.of) if end is None or along else None
 
 
-def _unit(one: Parameter) -> float:
+def unit_of(one: Parameter) -> float:
     """The unit of a spring, or of a compensator's number, in SI units."""
     if one.place != "compensator":
         return LAWS[one.law][1]

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from edtk.certificate.recompute.chain import Chain
 from edtk.certificate.recompute.compensator import Pull
+from edtk.certificate.recompute.geometry import UNIT, Geometry, unit_of
 from edtk.certificate.recompute.lower_bound import Multipliers
 from edtk.certificate.recompute.physics import GRAVITY
 from edtk.certificate.recompute.plain_data import number, rows, table, whole
 from edtk.certificate.recompute.setting import Setting
 from edtk.certificate.recompute.tasks import EPS
+from edtk.certificate.recompute.tracked_forms import Growth
 from edtk.system.typing import Array, Indices, Mask
 
 U = EPS / 2  # of one operation
@@ -31,6 +33,8 @@ OF_JOINT = 96.0
 OF_ANGLE = 13.0
 COUPLED = "ABCEFG"  # letters of the limits of coupled joints
 OF_LINKS = "KLMNP"  # and of the limits of joints whose angles are no variables, see `Link`
+BENDING = ("compliance", "spring")  # parameters that load turns
+POSES_AT_ONCE = 1 << 15
 DROPPED = 1e-13  # sum of coefficients beside all of them, that is dropped and counted as error
 
 
@@ -358,20 +362,40 @@ def _analysis(degree: int, slides: bool) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
+class Beam:
+    """What the sensitivity to readings of a tracker is made of besides.
+
+    Attributes:
+        growth: How errors grow.
+        squared: The squared distance s [m^2].
+        inline: ``Q = <Z, A'b b'A>`` of the beam b.
+        prior: ``<Z, M0>``, which is in no form.
+    """
+
+    growth: Growth
+    squared: Form
+    inline: Form
+    prior: float
+
+
+@dataclass(frozen=True, eq=False)
 class Polynomials:
     """What a covering of one multiplier and one load is about.
 
     Attributes:
         domain: The joints.
-        sensitivity: d, or ``<Z, M>`` where it counts per trace.
+        sensitivity: d; or ``<Z, M>`` where it counts per trace; or ``<Z, A'A>`` of rows that are
+            not whitened where a tracker reads them.
         trace: The trace of M then; None where it does not.
         slacks: Feasible poses have none below zero; by their letter in `SLACKS`.
+        beam: How the tracker's errors grow; None where errors are white.
     """
 
     domain: Domain
     sensitivity: Form
     trace: Form | None
     slacks: dict[str, Form]
+    beam: Beam | None = None
 
     @classmethod
     def of(
@@ -384,21 +408,28 @@ class Polynomials:
         """
         require_checkable(setting)
         domain = Domain.of(setting)
-        q = _poses(setting, domain, DEGREE)
-        A = setting.whitened_rows(q, np.broadcast_to(wrench, (len(q), 9)))
-        error, most = _rounding(setting, Z.scale[0], A, wrench)
-        found = np.einsum("kra,ab,krb->k", A, Z.Z[0], A) + float((Z.Z[0] * prior).sum())
-        # A multiplier that is not semidefinite by rounding is lifted; that adds so much at most.
-        lifted = float(Z.lift[0]) * (most + float(Z.scale[0] @ np.sqrt(np.diag(prior))) ** 2)
+        noise, growth, setting = setting.noise, _growth(setting), _white(setting)
+        if noise is not None and per_trace:
+            raise ValueError("noise that is not white has no sensitivities per trace")
+        order = _order(setting)
+        q = _poses(setting, domain, order)
+        found, error, most = _told(setting, Z.Z[0], Z.scale[0], q, wrench)
+        known = float((Z.Z[0] * prior).sum())
         own = 8 * U * float(np.abs(Z.Z[0] * prior).sum())
-        d = domain.form(found, DEGREE, error + lifted + own)
+        # A multiplier that is not semidefinite by rounding is lifted; that adds so much at most.
+        lift = float(Z.lift[0])
+        own += lift * float(Z.scale[0] @ np.sqrt(np.diag(prior))) ** 2
+        if growth is not None and noise is not None and noise.tracker is not None:
+            d = domain.form(found, order, error + lift * most)
+            beam = _beam(setting, growth, noise.tracker[0], domain, Z, wrench)
+            return cls(domain, d, None, _slacks(setting, domain), replace(beam, prior=known + own))
+        d = domain.form(found + known, order, error + lift * most + own)
         trace = None
         if per_trace:
             ones = np.ones(setting.p)
-            error, _ = _rounding(setting, ones, A, wrench)
-            squares = np.einsum("kra,kra->k", A, A) + np.trace(prior)
-            own = 8 * U * np.trace(prior)
-            trace = domain.form(squares, DEGREE, error + float(own))
+            squares, error, _ = _told(setting, np.eye(setting.p), ones, q, wrench)
+            own = 8 * U * float(np.trace(prior))
+            trace = domain.form(squares + np.trace(prior), order, error + own)
         return cls(domain, d, trace, _slacks(setting, domain))
 
     def seen(self, joints: list[int], links: list[Link], motions: list[Motion]) -> "Polynomials":
@@ -417,17 +448,24 @@ class Polynomials:
             self.domain.degrees[joints],
         )
         trace = None if self.trace is None else one(self.trace)
+        beam = self.beam
+        if beam is not None:
+            beam = replace(beam, squared=one(beam.squared), inline=one(beam.inline))
         limits = [self.domain.within(joints[link.second]) for link in links]
         own = zip(OF_LINKS, (form for form in limits if form is not None), strict=False)
         slacks = {letter: one(form) for letter, form in (self.slacks | dict(own)).items()}
-        return Polynomials(kept, one(self.sensitivity), trace, slacks)
+        return Polynomials(kept, one(self.sensitivity), trace, slacks, beam)
 
     def blur(self, limit: float) -> float:
         """About how far rounding moves a sensitivity near a limit.
 
         It is what is held against boxes, so that those of an honest file close at a limit that is
-        lifted by it. Per trace it is more where the trace is below its mean: twice is a guess.
+        lifted by it. Per trace it is more where the trace is below its mean: twice is a guess. Of a
+        tracker it is that at the mean distance.
         """
+        if self.beam is not None:
+            distance = np.abs(self.beam.squared.values.flat[:1])
+            return self.sensitivity.error / float(self.beam.growth.variance(distance)[0])
         if self.trace is None:
             return self.sensitivity.error
         mean = float(self.trace.values.flat[0])
@@ -450,19 +488,20 @@ def require_checkable(setting: Setting) -> None:
     """Refuse a setting whose sensitivity has not been shown to be of degree four in each joint.
 
     Columns of the Jacobian are of degree one in each joint, and so are loads of wrenches and
-    weights: their product is of degree two. Where a drive turns several joints, each adds its own
-    turns, see `_degrees`.
+    weights: their product is of degree two. A column of geometry is one axis of a frame, or its
+    product with the way from there to a marker, which joints before the frame turn together: of
+    degree one as well. Where a drive turns several joints, each adds its own turns, see `_degrees`.
 
     Raises:
         ValueError: It has noise of another kind, compensators, friction, wires, or joints that
             follow others by parts of a turn.
     """
     physics = setting.physics
+    geometry = setting.geometry
     wires = physics is not None and any(kind == "distance" for kind, _, _ in physics.sensors)
     pulls = physics is not None and any(isinstance(one, Pull) for one in physics.weights)
     for given, what in (
-        (setting.geometry is not None, "parameters of geometry"),
-        (setting.noise is not None, "noise that is not white"),
+        (geometry is not None and not _is_linear(geometry), "springs of other laws"),
         (setting.gives is not None or pulls, "compensators"),
         (setting.friction is not None, "friction"),
         (setting.price is not None, "costs"),
@@ -476,7 +515,108 @@ def require_checkable(setting: Setting) -> None:
     ):
         if given:
             raise ValueError(f"a covering of poses is not checked here with {what}")
+    _growth(setting)
     _degrees(setting.chain)
+
+
+def _is_linear(geometry: Geometry) -> bool:
+    """Whether all parameters are errors of frames, or springs that turn as their load does."""
+    each = geometry.parameters
+    pulls = any(isinstance(one, Pull) for one in geometry.payload)
+    return not pulls and all(not one.law and one.place != "compensator" for one in each)
+
+
+def _order(setting: Setting) -> int:
+    """How many vectors of the chain a sensitivity multiplies."""
+    geometry = setting.geometry
+    bends = geometry is None or any(one.place in BENDING for one in geometry.parameters)
+    return DEGREE if bends else DEGREE // 2
+
+
+def _told(
+    setting: Setting, Z: Array, scale: Array, q: Array, wrench: Array
+) -> tuple[Array, float, float]:
+    """``sum_r A_r'Z A_r`` (k,) of rows A in poses q (k, n), and what `_rounding` says of it."""
+    found = []
+    error = most = 0.0
+    for first in range(0, len(q), POSES_AT_ONCE):
+        some = q[first : first + POSES_AT_ONCE]
+        A = setting.whitened_rows(some, np.broadcast_to(wrench, (len(some), 9)))
+        found.append(np.einsum("kra,kra->k", A @ Z, A))
+        off, most = _rounding(setting, scale, A, wrench)
+        error = max(error, off)
+    return np.concatenate(found), error, most
+
+
+def _growth(setting: Setting) -> Growth | None:
+    """How errors grow with the distance of a tracker, which are no larger than the noise.
+
+    What the joints scatter, and what the model leaves out with the load, only add to a covariance.
+    None where errors are white but for these.
+
+    Raises:
+        ValueError: The tracker sees several markers, of which there is no polynomial, or errors
+            vanish. Along its beam they may be smaller where no joint slides: then ``b'dp/dq_j`` is
+            half the slope of ``b'b``, of degree one in each joint, and Q is of degree four.
+    """
+    noise = setting.noise
+    if noise is None:
+        return None
+    white = setting.sigma**2 + noise.discrepancy**2
+    geometry = setting.geometry
+    if geometry is not None and (noise.tracker is not None or geometry.changes):
+        raise ValueError("a covering of poses is not checked here with such a noise of positions")
+    if noise.tracker is None:
+        if not (white > 0).all():
+            raise ValueError("a covering of poses is not checked here with errors that vanish")
+        return None
+    physics = setting.physics
+    if physics is None or [kind for kind, _, _ in physics.sensors] != ["position"]:
+        raise ValueError("a covering of poses is not checked here with a tracker's other readings")
+    growth = Growth.of(noise, float(white[0]))
+    slides = setting.chain.slides.any() and not growth.is_round
+    if np.ptp(white) or slides or not growth.white + growth.readings * growth.along[0] ** 2 > 0:
+        raise ValueError("a covering of poses is not checked here with such a tracker")
+    return growth
+
+
+def _white(setting: Setting) -> Setting:
+    """The same with white errors that are no larger; of one metre where a tracker adds to them."""
+    noise = setting.noise
+    if noise is None:
+        return setting
+    sizes = np.sqrt(setting.sigma**2 + noise.discrepancy**2) * (1 - 4 * U)
+    return replace(setting, noise=None, sigma=sizes if noise.tracker is None else np.ones(3))
+
+
+def _beam(
+    setting: Setting, growth: Growth, tracker: Array, domain: Domain, Z: Multipliers, wrench: Array
+) -> Beam:
+    """The forms of a tracker (3,) that sees one marker, of errors of one metre in the setting.
+
+    A beam is off by what its end is, and its product with a column by the errors of both.
+    """
+    assert setting.physics is not None
+    ((_, place, _),) = setting.physics.sensors
+    off = _roundings(setting) * float(_lengths(setting)[0]) + 4 * U * float(np.abs(tracker).sum())
+    b = setting.chain.point(_poses(setting, domain, 2), place.offset, place.joint) - tracker
+    s = np.square(b).sum(axis=1)
+    error = 2 * float(np.sqrt(s.max())) * off + off**2 + 8 * U * float(s.max())
+    squared = domain.form(s, 2, error)
+    if growth.is_round:
+        return Beam(growth, squared, Form(np.zeros((1,) * len(domain.joints)), 0.0), 0.0)
+    q = _poses(setting, domain, DEGREE)
+    b = setting.chain.point(q, place.offset, place.joint) - tracker
+    A = setting.whitened_rows(q, np.broadcast_to(wrench, (len(q), 9)))
+    y = np.einsum("kr,kra->ka", b, A)
+    wrong, bound = (float(one.max()) for one in _of_columns(setting, Z.scale[0], wrench))
+    length = np.abs(b).sum(axis=1)
+    each = length * (wrong + 4 * U * (bound + wrong)) + 3 * off * (bound + wrong)
+    computed = np.abs(y) @ Z.scale[0]
+    errors = 2 * computed * each + each**2 + (4 * setting.p + 12) * U * computed**2
+    lifted = float(Z.lift[0]) * float(np.square(computed + each).max())
+    found = np.einsum("ka,ab,kb->k", y, Z.Z[0], y)
+    return Beam(growth, squared, domain.form(found, DEGREE, float(errors.max()) + lifted), 0.0)
 
 
 def _degrees(chain: Chain) -> Indices:
@@ -569,12 +709,23 @@ def _rounding(setting: Setting, scale: Array, A: Array, wrench: Array) -> tuple[
         A: Whitened rows (k, rows, p) that were computed.
         wrench: The load (9,).
     """
+    off, bound = _of_columns(setting, scale, wrench)
+    computed = np.abs(A) @ scale
+    own = (4 * setting.p + len(setting.sigma) + 8) * U * np.square(computed).sum(axis=1)
+    error = 2 * (computed * off).sum(axis=1) + own
+    return float(error.max() + 2 * np.square(off).sum()), float(np.square(bound + off).sum())
+
+
+def _of_columns(setting: Setting, scale: Array, wrench: Array) -> tuple[Array, Array]:
+    """Roundings of ``sum_a s_a |A_ra|`` (rows,), and bounds on it, see `_rounding`."""
     force, moment, lever = (float(np.linalg.norm(part)) for part in wrench.reshape(3, 3))
     if setting.physics is not None:
         force += GRAVITY * sum(
             one[0] for one in setting.physics.weights if not isinstance(one, Pull)
         )
     lengths = _lengths(setting) + lever
+    if setting.geometry is not None:
+        return _of_geometry(setting, setting.geometry, scale, force, moment, lengths[0])
     torques = force * lengths + moment
     turns = np.abs(setting.chain.ties[0])[:, setting.unknown].T
     of_each, loads = turns @ lengths[1:], turns @ torques[1:]
@@ -582,11 +733,27 @@ def _rounding(setting: Setting, scale: Array, A: Array, wrench: Array) -> tuple[
     units = _roundings(setting)
     sums = count * (lengths[0] * loads + of_each * torques[0])
     off = units * float(scale @ sums) / setting.sigma
-    bound = float(scale @ (of_each * loads)) / setting.sigma
-    computed = np.abs(A) @ scale
-    own = (4 * setting.p + len(setting.sigma) + 8) * U * np.square(computed).sum(axis=1)
-    error = 2 * (computed * off).sum(axis=1) + own
-    return float(error.max() + 2 * np.square(off).sum()), float(np.square(bound + off).sum())
+    return off, float(scale @ (of_each * loads)) / setting.sigma
+
+
+def _of_geometry(
+    setting: Setting, geometry: Geometry, scale: Array, force: float, moment: float, length: float
+) -> tuple[Array, Array]:
+    """Those of columns of geometry, none of which has a longer lever than the whole arm.
+
+    A spring has the product of a column and a load for each of its ends, which is off as both are.
+    """
+    force += GRAVITY * sum(one[0] for one in geometry.payload if not isinstance(one, Pull))
+    load = force * length + moment
+    sizes, off = np.zeros((2, setting.p))
+    for a, one in enumerate(geometry.parameters):
+        springs = one.place in BENDING
+        sizes[a] = length * (load * unit_of(one) * max(len(one.ends), 1) if springs else UNIT)
+        off[a] = sizes[a] * (2 if springs else 1)
+    # Loaded less unloaded: the errors of both.
+    twice = 2.0 if geometry.changes else 1.0
+    bound = twice * float(scale @ sizes) / setting.sigma
+    return twice * _roundings(setting) * float(scale @ off) / setting.sigma, bound
 
 
 def _slacks(setting: Setting, domain: Domain) -> dict[str, Form]:

@@ -8,6 +8,8 @@ basis of `basis.py`, to a level u:
 - *penalised*: those of ``N - u D + sum_i mu_i c_i`` are at most zero, for some ``mu >= 0``: where
   the box is feasible, ``c_i >= 0``.
 
+Where D is that of `tracked.py`, what is above ``N - u D`` is another polynomial on each box.
+
 Then no feasible place of the box has an objective above u. Levels fall from far above the largest
 value that is known towards it; each begins with the boxes that the last one has closed, so that a
 run that is stopped keeps the bound of all that was closed.
@@ -37,7 +39,8 @@ from edtk.design.enclosure.boxes import (
     rounding_of_halves,
     rounding_of_slack,
 )
-from edtk.design.enclosure.polynomial import Enclosed, Objective
+from edtk.design.enclosure.polynomial import ROUNDOFF, Enclosed, Objective, Polynomial
+from edtk.design.enclosure.tracked import TrackedObjective
 from edtk.system.time_limit import no_progress, out_of_time
 from edtk.system.typing import Array, Indices, Mask
 
@@ -61,6 +64,7 @@ PART_OF_GAP = 0.25
 # the gap closes them: a quarter of it, which takes four times as many boxes for each two joints.
 FINE = 0.75
 FRESH = 4  # roundings, or least errors, up to which making a tensor anew gains little
+UNDIVIDED = (1.0, 1.0)  # limits of a denominator that there is none of
 SMALL_DENOMINATOR = 1e-3  # part of the largest denominator
 STRIDE = 2  # places of a tensor that are left out where an axis is chosen
 # A search for a large value that begins nowhere: places that are drawn, and rounds around the best.
@@ -84,6 +88,7 @@ class _Chunk:
         error: By how much these may be off (b,).
         rounding: How much of that each halving adds (b,).
         slacks: Coefficients (b, ...) of each slack.
+        forms: Those of what else an objective is made of on each box; none of most.
     """
 
     boxes: Boxes
@@ -93,6 +98,7 @@ class _Chunk:
     error: Array
     rounding: Array
     slacks: tuple[Array, ...]
+    forms: tuple[Array, ...]
 
     @property
     def leaves(self) -> Leaves:
@@ -113,6 +119,7 @@ class _Chunk:
             self.error[which],
             self.rounding[which],
             tuple(slack[which] for slack in self.slacks),
+            tuple(form[which] for form in self.forms),
         )
 
 
@@ -136,16 +143,16 @@ class _Stage:
         self.enclosed = enclosed
         self.grid = grid
         self.level = level
-        D = objective.denominator
-        tested = objective.numerator - (level if D is None else level * D)
-        degrees = np.max([tested.degrees, *(c.degrees for c in enclosed.slacks)], axis=0)
-        self.tested = tested.raised(degrees.tolist())
-        self.least = self.most = 1.0
-        if D is not None:
-            self.least, self.most = limits_on(D, grid)
+        self.objective = objective
+        self.forms = objective.forms if isinstance(objective, TrackedObjective) else ()
+        tested = objective.tested(level)
+        others = [f.degrees for f in (*enclosed.slacks, *self.forms)]
+        self.tested = tested.raised(np.max([tested.degrees, *others], axis=0).tolist())
+        self.least, self.most = _scale(objective, grid)
         self.degrees = self.tested.degrees
         self.chunk = at_once(self.tested)
         self.least_error = 0.0  # of coefficients that are made anew
+        self.off = np.zeros(len(self.forms))  # by which those of forms are lifted at most
 
     def opened(self, leaves: Leaves) -> _Chunk:
         """Boxes with their coefficients, made from the polynomials."""
@@ -154,10 +161,13 @@ class _Stage:
         values, error = coefficients(self.tested, middles, halves)
         largest = np.abs(values).reshape(len(values), -1).max(axis=1)
         self.least_error = error
-        slacks = []
-        for slack in self.enclosed.slacks:
-            found, wrong = coefficients(slack, middles, halves)
-            slacks.append(found + wrong + rounding_of_slack(slack))
+        lifted, by = [], []
+        for form in (*self.enclosed.slacks, *self.forms):
+            found, wrong = coefficients(form, middles, halves)
+            by.append(wrong + rounding_of_slack(form))
+            lifted.append(found + by[-1])
+        count = len(self.enclosed.slacks)
+        self.off = np.maximum(self.off, by[count:])
         return _Chunk(
             leaves.boxes,
             leaves.bound,
@@ -165,7 +175,8 @@ class _Stage:
             values.astype(SINGLE),
             error + UNIT * largest,
             rounding_of_halves(self.tested, UNIT) * largest,
-            tuple(slacks),
+            tuple(lifted[:count]),
+            tuple(lifted[count:]),
         )
 
     def bound(self, top: Array) -> Array:
@@ -195,7 +206,38 @@ class _Stage:
                 cut(values, slack.degrees[axis])
                 for values, slack in zip(chunk.slacks, self.enclosed.slacks, strict=True)
             ),
+            tuple(
+                cut(values, form.degrees[axis])
+                for values, form in zip(chunk.forms, self.forms, strict=True)
+            ),
         )
+
+    def above(self, chunk: _Chunk) -> _Chunk:
+        """Boxes with the coefficients of what is above ``N - u D`` there, in double precision.
+
+        Forms stand too high by as much as they may be off, and twice that is taken from their least
+        coefficients. A sum of products rounds by few units of each, and by those of raised forms.
+        """
+        if not isinstance(self.objective, TrackedObjective):
+            return chunk
+        b = len(chunk)
+        depth = chunk.boxes.depth
+        flat = [form.reshape(b, -1) for form in chunk.forms]
+        low = np.stack([own.min(axis=1) for own in flat]) - 2 * self.off[:, None]
+        (own, *factors), constant, error = self.objective.weights(
+            self.level, low, flat[0].max(axis=1)
+        )
+        tested = chunk.values.reshape(b, -1)
+        values = own[:, None] * tested + constant[:, None]
+        size = own * np.abs(tested).max(axis=1) + np.abs(constant)
+        error += own * chunk.error
+        for i, (factor, form) in enumerate(zip(factors, self.forms, strict=True)):
+            raised = self.elevated(chunk.forms[i], form.degrees, depth)
+            values += factor[:, None] * raised.reshape(b, -1)
+            size += np.abs(factor) * np.abs(flat[i]).max(axis=1) * self.rounds(form)
+            error += 2 * np.abs(factor) * self.off[i]
+        error += 8 * ROUNDOFF * size
+        return replace(chunk, values=values.reshape(chunk.values.shape), error=error)
 
     def elevated(self, values: Array, degrees: tuple[int, ...], depth: Indices) -> Array:
         """Coefficients (b, ...) of a slack in the degrees of the objective."""
@@ -209,6 +251,16 @@ class _Stage:
             )
             values = along(E[depth[:, j]].astype(values.dtype), values, j)
         return values
+
+    def rounds(self, form: Polynomial) -> float:
+        """Roundings of a form's product with a factor in a sum, over eight.
+
+        Each axis along which it is raised adds a sum of products; averages are not larger than what
+        they are of.
+        """
+        raised = [j for j, n in enumerate(form.degrees) if n != self.degrees[j]]
+        rounds = 12 + sum(form.coefficients.shape[j] + 3 for j in raised)
+        return rounds / 8
 
     def close(self, chunk: _Chunk, shift: float, gap: float) -> tuple[Leaves, Mask, Array]:
         """What is known of open boxes at ``level + shift``, and which of them are closed.
@@ -380,14 +432,11 @@ class _Penalised:
         """How large a slack is on each box (b,), times its roundings over eight.
 
         A slack is rounded to single precision, and three terms, none above f, the sum or the slack,
-        by three operations. Each axis along which it is raised adds a sum of products; averages are
-        not larger than what they are of.
+        by three operations.
         """
-        slack = self.stage.enclosed.slacks[i]
-        raised = [j for j, n in enumerate(slack.degrees) if n != self.stage.degrees[j]]
-        rounds = 12 + sum(slack.coefficients.shape[j] + 3 for j in raised)
         own = self.chunk.slacks[i][which].reshape(len(which), -1)
-        return np.asarray(np.abs(own).max(axis=1) * rounds / 8)
+        rounds = self.stage.rounds(self.stage.enclosed.slacks[i])
+        return np.asarray(np.abs(own).max(axis=1) * rounds)
 
 
 def _slopes(corners: Array) -> Array:
@@ -536,15 +585,7 @@ class _Search:
         """Open boxes that cover the domain, with the bound that follows from the first of all."""
         objective = self.enclosed.objectives[index]
         slacks = len(self.enclosed.slacks)
-        D = objective.denominator
-        bound = limits_on(objective.numerator, self.grid)[1]
-        if D is not None:
-            least, most = limits_on(D, self.grid)
-            if least <= 0:
-                bound = np.inf
-            else:
-                bound /= least if bound > 0 else most
-        bound = min(bound, ceiling)
+        bound = min(_most(objective, self.grid), ceiling)
         if earlier is None:
             boxes = self.grid.first()
             return Leaves.unknown(boxes, np.full(len(boxes), bound), slacks)
@@ -565,7 +606,7 @@ class _Search:
             _Stopped: Time is up, or Ctrl-C; the exception has the leaves so far.
         """
         objective = self.enclosed.objectives[index]
-        is_quotient = objective.denominator is not None
+        is_quotient = _scale(objective, self.grid) != UNDIVIDED
         first, next_level = OF_QUOTIENT if is_quotient else (FIRST_LEVEL, NEXT_LEVEL)
         for above in _levels(first, next_level, self.tolerance):
             level = self.lower + above * self.unit
@@ -599,12 +640,13 @@ class _Search:
                 shift = max(0.0, self.lower + above * self.unit - stage.level) * max(
                     stage.least, 0.0
                 )
-                known, is_closed, values = stage.close(item, shift, gap)
+                above_all = stage.above(item)
+                known, is_closed, values = stage.close(above_all, shift, gap)
                 self.boxes += len(item)
                 rest = np.flatnonzero(~is_closed)
                 parts: list[_Chunk | Leaves] = []
                 if len(rest):
-                    self._see_corners(stage, item, rest, shift)
+                    self._see_corners(stage, above_all, rest, shift)
                     own = replace(
                         item[rest], bound=known.bound[rest], penalties=known.penalties[rest]
                     )
@@ -643,6 +685,25 @@ class _Search:
         own = chunk.boxes[which[box : box + 1]]
         side = np.array(np.unravel_index(corner, (2,) * own.depth.shape[1]))
         self.see(self.grid.middles(own) + (2 * side - 1) * self.grid.halves(own))
+
+
+def _scale(objective: Objective, grid: Grid) -> tuple[float, float]:
+    """A lower and an upper bound of an objective's denominator."""
+    if isinstance(objective, TrackedObjective):
+        return objective.scale
+    D = objective.denominator
+    return UNDIVIDED if D is None else limits_on(D, grid)
+
+
+def _most(objective: Objective, grid: Grid) -> float:
+    """What no place has an objective above."""
+    if isinstance(objective, TrackedObjective):
+        return objective.most
+    least, most = _scale(objective, grid)
+    if least <= 0:
+        return np.inf
+    bound = limits_on(objective.numerator, grid)[1]
+    return bound / (least if bound > 0 else most)
 
 
 def _levels(first: float, ratio: float, last: float) -> list[float]:

@@ -446,6 +446,17 @@ class Objective:
         above = self.numerator(places)
         return above if self.denominator is None else above / self.denominator(places)
 
+    def plus(self, constant: float) -> "Objective":
+        """The objective and a number: ``N/D + c`` as ``(N + c D)/D``."""
+        if self.denominator is None:
+            return Objective(self.numerator + constant)
+        return Objective(self.numerator + constant * self.denominator, self.denominator)
+
+    def tested(self, level: float) -> Polynomial:
+        """``N - u D``, at most zero where the objective is at most u."""
+        D = self.denominator
+        return self.numerator - (level if D is None else level * D)
+
 
 @dataclass(frozen=True, eq=False)
 class Enclosed:

@@ -223,7 +223,7 @@ def enclosed(polynomials: SpacePolynomials, criterion: Criterion, Z: Array) -> E
     question = polynomials.enclosed(Z)
     prior = polynomials.space.prior
     M0 = np.zeros_like(Z) if prior is None else prior
-    above = [_with_constant(f, float(np.sum(Z * M0))) for f in question.objectives]
+    above = [f.plus(float(np.sum(Z * M0))) for f in question.objectives]
     if not is_normalised(criterion):
         return replace(question, objectives=tuple(above))
     if not polynomials.is_exact:
@@ -233,20 +233,13 @@ def enclosed(polynomials: SpacePolynomials, criterion: Criterion, Z: Array) -> E
         )
     traced = trace_matrix(criterion, len(Z))
     constant = float(np.sum(traced * M0))
-    below = [_with_constant(f, constant) for f in polynomials.enclosed(traced).objectives]
+    below = [f.plus(constant) for f in polynomials.enclosed(traced).objectives]
     return replace(
         question,
         objectives=tuple(
             Objective(f.numerator, g.numerator) for f, g in zip(above, below, strict=True)
         ),
     )
-
-
-def _with_constant(f: Objective, constant: float) -> Objective:
-    """``N/D + c``, as ``(N + c D)/D``."""
-    if f.denominator is None:
-        return Objective(f.numerator + constant)
-    return Objective(f.numerator + constant * f.denominator, f.denominator)
 
 
 class _Attempt:

@@ -16,7 +16,6 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from edtk.design.design_space import DesignSpace
-from edtk.design.enclosure.boxes import Grid, limits_on
 from edtk.design.enclosure.polynomial import (
     ROUNDOFF,
     NotEnclosedError,
@@ -24,7 +23,8 @@ from edtk.design.enclosure.polynomial import (
     sum_of_products,
     sum_of_squares,
 )
-from edtk.design.enclosure.space_polynomials import SpacePolynomials, require_few
+from edtk.design.enclosure.space_polynomials import Beam, SpacePolynomials, require_few
+from edtk.design.enclosure.tracked import Growth
 from edtk.measure.instruments.distance import Distance
 from edtk.robots.frames import dot, force_and_torque
 from edtk.robots.rotations import ROUNDING
@@ -82,37 +82,36 @@ class RobotPolynomials(SpacePolynomials):
         return max(map(model.reach_of, points)) + farthest
 
     @cached_property
-    def denominator(self) -> Polynomial | None:
-        """Of one marker that a tracker sees, the variance over its least one.
+    def beam(self) -> Beam | None:
+        """That of the one marker that a tracker sees, of white errors that are alike in its rows.
 
-        The standard deviation along the shorter axis is ``c + e r`` at the distance r, and r is
-        above its chord over r^2, ``r (n + f) >= r^2 + n f`` between the nearest and the farthest
-        distance n and f. So the variance is at least ``c^2 + e^2 r^2 + 2 c e (r^2 + n f)/(n + f)``,
-        a polynomial. None where it would need one more variable.
+        None for several markers, and for an instrument that reads turns, too: then errors are
+        counted as small as they are anywhere.
         """
         noise = self.space.noise
-        model = self.space.model
-        if noise is None or noise.tracker is None or model.row_count != 3 or not noise.tracked:
+        if noise is None or noise.tracker is None or self.space.model.row_count != 3:
             return None
         white = np.square(noise.white) + np.square(noise.discrepancy)
-        if np.ptp(white):
+        if not noise.tracked or np.ptp(white):
             return None
-        point = model.whole_instruments[0].point
-        away = point.position(self.frames) - noise.tracker.position[:, None]
-        far = float(np.linalg.norm(noise.tracker.position))
-        reach = model.reach_of(point)
-        error = self.steps * (far + reach)
-        squared = sum_of_squares([self.chart.polynomial(one, error) for one in away]).trimmed()
-        depends = np.flatnonzero(np.array(squared.degrees) > self.told)
-        if any(self.told[j] == 0 for j in depends):
-            return None
-        low, high = limits_on(squared, Grid(self.chart.axes))
-        nearest = max(0.0, far - reach, max(low, 0.0) ** 0.5)
-        farthest = min(far + reach, high**0.5)
-        least, slope = np.minimum(noise.tracker.along, noise.tracker.across).tolist()
-        chord = 2 * least * slope / (nearest + farthest)
-        grows = (slope**2 + chord) * squared + (least**2 + chord * nearest * farthest)
-        return (noise.readings * grows + float(white[0])) * float(1 / self._variances.min())
+        along, across = noise.tracker.along, noise.tracker.across
+        least = (min(along[0], across[0]), min(along[1], across[1]))
+        readings = float(noise.readings)
+        growth = Growth(float(white[0]), readings, least, across, float(self._variances.min()))
+        squared = sum_of_squares(self._away).trimmed()
+        inline = None if least == across else self._inline
+        return Beam(growth, squared, inline, len(self.chart.bases))
+
+    @cached_property
+    def _away(self) -> list[Polynomial]:
+        """The beam (3,) of the tracker [m]."""
+        assert self.space.noise is not None
+        tracker = self.space.noise.tracker
+        assert tracker is not None
+        point = self.space.model.whole_instruments[0].point
+        away = point.position(self.frames) - tracker.position[:, None]
+        far = float(np.linalg.norm(tracker.position)) + self.space.model.reach_of(point)
+        return [self.chart.polynomial(one, self.steps * far) for one in away]
 
     @cached_property
     def _variances(self) -> Array:
@@ -151,14 +150,13 @@ class RobotPolynomials(SpacePolynomials):
     @cached_property
     def gram(self) -> dict[tuple[int, int], Polynomial]:
         """``G_jk = v_j' Sigma^-1 v_k`` of parameters j <= k."""
-        rows = self._motion
-        pairs = [(j, k) for j in range(len(rows)) for k in range(j, len(rows))]
-        return {
-            (j, k): sum_of_products(
-                [(1.0, f, g) for f, g in zip(rows[j], rows[k], strict=True)]
-            ).trimmed()
-            for j, k in pairs
-        }
+        return _products(self._motion)
+
+    @cached_property
+    def _inline_gram(self) -> dict[tuple[int, int], Polynomial]:
+        """``b'v_j b'v_k`` of the beam b and whitened motions v_j, as those of `gram`."""
+        along = [_dot(self._away, v).trimmed() for v in self._motion]
+        return _products([[one] for one in along])
 
     @cached_property
     def loads(self) -> list[dict[tuple[int, int], Polynomial]]:
@@ -195,17 +193,33 @@ class RobotPolynomials(SpacePolynomials):
 
     @cached_property
     def told(self) -> Indices:
-        """The largest degrees of a ``G_jk T_jk``."""
-        every = [_degrees(f, T[pair]) for T in self.loads for pair, f in self.gram.items()]
+        """The largest degrees of a ``G_jk T_jk``, and of what a beam adds to them."""
+        grams = [self.gram]
+        every = []
+        if self.beam is not None:
+            every.append(self.beam.squared.degrees)
+            grams += [] if self.beam.inline is None else [self._inline_gram]
+        pairs = [(G[pair], T[pair]) for G in grams for T in self.loads for pair in G]
+        every += [tuple(_degrees(f, g)) for f, g in pairs]
         return np.asarray(np.max(every, axis=0))
 
     def sensitivity(self, Z: Array, objective: int = 0) -> Polynomial:
         """``tr(Z A' Sigma^-1 A)`` in all variables of the chart, Z (p, p) symmetric."""
+        return self._information(self.gram, Z, objective)
+
+    def _inline(self, Z: Array, objective: int) -> Polynomial:
+        """``<Z, A'b b'A>`` of the beam b."""
+        return self._information(self._inline_gram, Z, objective)
+
+    def _information(
+        self, gram: dict[tuple[int, int], Polynomial], Z: Array, objective: int
+    ) -> Polynomial:
+        """``sum_jk Z_jk G_jk T_jk``."""
         T = self.loads[objective]
         share = self.space.shares(self.chart.bases[objective]) ** 2
         terms = [
             (float(share) * float(Z[j, k]) * (1.0 if j == k else 2.0), G, T[j, k])
-            for (j, k), G in self.gram.items()
+            for (j, k), G in gram.items()
             if Z[j, k] and G.coefficients.any() and T[j, k].coefficients.any()
         ]
         if not terms:
@@ -222,6 +236,17 @@ class RobotPolynomials(SpacePolynomials):
             for j in range(self.space.p)
         ]
         return np.array(found)
+
+
+def _dot(one: list[Polynomial], other: list[Polynomial]) -> Polynomial:
+    """``one'other`` of vectors."""
+    return sum_of_products([(1.0, f, g) for f, g in zip(one, other, strict=True)])
+
+
+def _products(vectors: list[list[Polynomial]]) -> dict[tuple[int, int], Polynomial]:
+    """``v_j'v_k`` of vectors j <= k."""
+    each = range(len(vectors))
+    return {(j, k): _dot(vectors[j], vectors[k]).trimmed() for j in each for k in each if j <= k}
 
 
 def _degrees(f: Polynomial, g: Polynomial) -> Indices:

@@ -1,10 +1,10 @@
 """Design spaces of robots as polynomials: variables, constraints, and what of the box is needed."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from edtk.design.enclosure.polynomial import (
     sum_of_squares,
 )
 from edtk.design.enclosure.symmetry import TURN, Halving, Link, direction_of, halved, within
+from edtk.design.enclosure.tracked import Growth, TrackedObjective
 from edtk.robots.constraints.constraint import Constraint
 from edtk.robots.constraints.excluded import Excluded
 from edtk.robots.constraints.height import Height
@@ -171,6 +172,30 @@ def _load_settings(
 
 
 @dataclass(frozen=True, eq=False)
+class Beam:
+    """From a tracker to the one marker that it sees.
+
+    Attributes:
+        growth: How errors grow along it.
+        squared: Its squared length, in the variables of the chart [m^2].
+        inline: What is read along it times its length, squared, of a multiplier and an objective;
+            None where errors are alike along the beam and across it. See `tracked`.
+        objectives: Number of objectives.
+    """
+
+    growth: Growth
+    squared: Polynomial
+    inline: Callable[[Array, int], Polynomial] | None
+    objectives: int
+
+    def forms(self, Z: Array) -> list[Polynomial]:
+        """The squared length, and `inline` of each objective where errors differ."""
+        own = self.inline
+        every = range(self.objectives)
+        return [self.squared] if own is None else [self.squared, *(own(Z, k) for k in every)]
+
+
+@dataclass(frozen=True, eq=False)
 class SpacePolynomials(ABC):
     """Sensitivities and slacks of a design space, from which those of each multiplier follow.
 
@@ -209,12 +234,12 @@ class SpacePolynomials(ABC):
     def sensitivity(self, Z: Array, objective: int = 0) -> Polynomial:
         """``tr(Z A' Sigma^-1 A)`` in all variables of the chart, Z (p, p) symmetric.
 
-        Where errors grow with the pose it is this times `denominator`.
+        Where a beam is, it is that of errors that are all as large as the least of `Beam.growth`.
         """
 
     @property
-    def denominator(self) -> Polynomial | None:
-        """By how much errors are larger than their least, in the variables of the chart."""
+    def beam(self) -> Beam | None:
+        """The beam along which errors grow; None where they are alike in all poses."""
         return None
 
     @cached_property
@@ -354,10 +379,10 @@ class SpacePolynomials(ABC):
     @cached_property
     def halving(self) -> Halving:
         """The part of the box that stands for all of it, whatever the multiplier."""
-        every = self.in_kept(self._generic)
-        if self.denominator is not None:
-            every.append(self.own(self.denominator))
-        return halved(self.own_axes, [*every, *self._own_slacks[0]])
+        beam = self.beam
+        every = [] if beam is None else [self.own(f) for f in beam.forms(self._generic)]
+        every += [*self.in_kept(self._generic), *self._own_slacks[0]]
+        return halved(self.own_axes, every)
 
     @property
     def _generic(self) -> Array:
@@ -387,11 +412,17 @@ class SpacePolynomials(ABC):
         middles = np.array([self.chart.axes[j].middle for j in dropped])
         bases += self.chart.matrix[:, dropped] @ middles
         part = self.halving
-        D = self.denominator
-        below = None if D is None else part.of(self.own(D))
+        objectives = [Objective(part.of(f)) for f in self.in_kept(Z)]
+        if self.beam is not None:
+            squared, *inline = [part.of(self.own(f)) for f in self.beam.forms(Z)]
+            growth = self.beam.growth
+            objectives = [
+                TrackedObjective(f.numerator, growth=growth, squared=squared, inline=own)
+                for f, own in zip_longest(objectives, inline)
+            ]
         return Enclosed(
             axes=part.axes,
-            objectives=tuple(Objective(part.of(f), below) for f in self.in_kept(Z)),
+            objectives=tuple(objectives),
             slacks=tuple(part.of(f) for f in slacks),
             base=bases,
             matrix=self.matrix,

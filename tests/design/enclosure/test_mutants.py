@@ -17,6 +17,7 @@ import edtk.design.enclosure.basis as basis_module
 import edtk.design.enclosure.boxes as boxes_module
 import edtk.design.enclosure.cover as cover_module
 import edtk.design.enclosure.polynomial as polynomial_module
+import edtk.design.enclosure.tracked as tracked_module
 
 U = 2.0**-53
 SINGLE = 2.0**-24
@@ -168,12 +169,52 @@ def laws_of_polynomials(polynomial: ModuleType) -> None:
         )
 
 
+def laws_of_a_tracker(tracked: ModuleType) -> None:
+    """What is above a sensitivity under a tracker is so, and meets it at ends of a box."""
+    axes = (polynomial_module.Axis("angle", -1.0, 1.2),)
+    s, N, Q = (
+        polynomial_module.Polynomial(axes, np.array(c))
+        for c in ([5.0, 2.0, 1.0], [3.0, 0.5, 0.2], [4.0, 1.0, -0.5])
+    )
+    growth = tracked.Growth(1e-10, 2.0, (1e-6, 2e-6), (8e-6, 5e-6), 2e-10)
+    objective = tracked.TrackedObjective(N, growth=growth, squared=s, inline=Q)
+    t = np.linspace(-1.0, 1.2, 201)[:, None]
+    S, r, u = s(t), np.sqrt(s(t)), 2.0
+    aside, inline = (
+        (1e-10 + 2 * (a + b * r) ** 2) / 2e-10 for a, b in (growth.across, growth.along)
+    )
+    told = N(t) / aside + (1 / inline - 1 / aside) * Q(t) / S
+    assert np.allclose(objective(t), told, rtol=1e-13)
+    assert objective.plus(0.5)(t[:1]) == pytest.approx(told[:1] + 0.5, rel=1e-13)
+    assert objective.scale[0] <= aside.min() <= aside.max() <= objective.scale[1]
+    assert objective.most >= told.max()
+    for least in (S.min(), S.min() / tracked.NEAR):
+        low = np.array([[least], [Q(t).min()]])
+        factors, constant, error = objective.weights(u, low, np.array([S.max()]))
+        parts = [objective.tested(u)(t), S, Q(t)]
+        above = sum(f * part for f, part in zip(factors[:, 0], parts, strict=True)) + constant
+        own = aside * (told - u)
+        assert (above + error >= own).all()
+        assert error[0] >= 60 * U * 2 * u * aside.max()
+        if least == S.min():
+            assert (above - own)[S.argmin()] == pytest.approx(0, abs=1e-12)
+    # Where Q is its least value everywhere, both chords meet what they are of at both ends.
+    flat = cover_module.replace(objective, inline=polynomial_module.Polynomial.constant(axes, 4.0))
+    low = np.array([[S.min()], [4.0]])
+    factors, constant, _ = flat.weights(u, low, np.array([S.max()]))
+    parts = [flat.tested(u)(t), S, np.full(len(t), 4.0)]
+    above = sum(f * part for f, part in zip(factors[:, 0], parts, strict=True)) + constant
+    own = aside * (flat(t) - u)
+    assert (above - own)[[S.argmin(), S.argmax()]] == pytest.approx(0, abs=1e-12)
+
+
 Laws = Callable[[ModuleType], None]
 MODULES: dict[str, tuple[ModuleType, Laws]] = {
     "basis": (basis_module, laws_of_the_basis),
     "boxes": (boxes_module, laws_of_boxes),
     "cover": (cover_module, laws_of_covering),
     "polynomial": (polynomial_module, laws_of_polynomials),
+    "tracked": (tracked_module, laws_of_a_tracker),
 }
 MUTANTS = [
     ("basis", "WIDEST = np.pi / 2", "WIDEST = np.pi / 4"),
@@ -239,6 +280,13 @@ MUTANTS = [
     ),
     ("polynomial", "self.error + _total(rest)", "self.error + _total(rest) / 2"),
     ("polynomial", "* slack + self.error", "* slack + self.error / 2"),
+    ("tracked", "64 * ROUNDOFF", "32 * ROUNDOFF"),
+    ("tracked", "self.readings * sizes", "0.5 * self.readings * sizes"),
+    ("tracked", "self.readings / self.least", "0.5 * self.readings / self.least"),
+    ("tracked", "[first, least * falling]", "[first, 0.5 * least * falling]"),
+    ("tracked", "[first, least * falling]", "[0.5 * first, least * falling]"),
+    ("tracked", "rise - slope)", "rise - 0.5 * slope)"),
+    ("tracked", "- more[1] * s\n", "- 0.5 * more[1] * s\n"),
 ]
 
 

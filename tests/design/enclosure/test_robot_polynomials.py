@@ -1,15 +1,20 @@
 """Sensitivities and slacks of robots as polynomials: those of the design space, at any pose."""
 
 from dataclasses import replace
+from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
 
 import criteria
 from edtk.design.design_space import DesignSpace
+from edtk.design.enclosure.boxes import Boxes, Grid, Leaves
+from edtk.design.enclosure.cover import _Stage
 from edtk.design.enclosure.polynomial import NotEnclosedError
 from edtk.design.enclosure.prove_continuum import enclosed as with_criterion
 from edtk.design.enclosure.robot_polynomials import RobotPolynomials
+from edtk.design.enclosure.tracked import TrackedObjective
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.friction import Friction
 from edtk.measure.instruments.marker import Marker
@@ -212,28 +217,83 @@ def test_a_distance_from_excluded_poses_holds_no_more_than_it_says() -> None:
     assert (slack(places[~kept]) < 0).mean() > 0.9
 
 
-def test_a_looser_noise_counts_more() -> None:
-    """Errors that depend on the pose are counted no larger than they are anywhere."""
-    tracker = Tracker(np.array([5.0, 1.0, 1.0]), (1e-5, 6e-6), (1e-5, 6e-6))
-    noise = VisitNoise(
-        tracker, ((0, 0),), np.full(6, 1e-6), white=np.full(3, 1e-5), discrepancy=np.zeros(3)
-    )
-    space = replace(KR270, noise=noise)
+BEAMS = {
+    "alike": Tracker(np.array([5.0, 1.0, 1.0]), (1e-5, 6e-6), (1e-5, 6e-6)),
+    "less along": Tracker(np.array([5.0, 1.0, 1.0]), (2e-6, 1e-6), (1e-5, 6e-6)),
+    "less across": Tracker(np.array([5.0, 1.0, 1.0]), (1e-5, 6e-6), (4e-6, 6e-6)),
+    "within reach": Tracker(np.array([1.5, 0.0, 1.5]), (2e-6, 1e-6), (1e-5, 6e-6)),
+}
+
+
+def seen_by(tracker: Tracker, **changes: Any) -> DesignSpace:
+    """The robot whose marker a tracker sees."""
+    white = np.full(3, 1e-5)
+    noise = VisitNoise(tracker, ((0, 0),), np.zeros(6), white=white, discrepancy=np.zeros(3))
+    return replace(KR270, noise=replace(noise, **changes))
+
+
+def told_and_enclosed(space: DesignSpace) -> tuple[Array, Array, RobotPolynomials]:
+    """Sensitivities of poses, and what their enclosure says."""
     x = drawn(space)
     Z = multiplier(space, x)
     robot = RobotPolynomials(space)
     enclosed = robot.enclosed(Z)
-    found = space.at(x)
-    exact = np.einsum("ij,mri,mrj->m", Z, found.regressor, found.regressor)
-    assert robot.denominator is not None
-    t = x[:, space.free]
-    bound = robot.sensitivity(Z)(t) / robot.denominator(t)
-    assert (bound >= exact).all()
-    assert (bound / exact).max() < 1.3
+    (objective,) = enclosed.objectives
+    A = space.at(x).regressor
+    t = (x - enclosed.base[0]) @ np.linalg.pinv(enclosed.matrix).T
+    told = np.einsum("ij,mri,mrj->m", Z, A, A)
+    return told, objective(robot.halving.inside(t)), robot
+
+
+@pytest.mark.parametrize("beam", BEAMS)
+def test_a_tracker_counts_as_it_errs(beam: str) -> None:
+    """Where errors along the beam are the smaller ones, the sensitivity is that of the poses."""
+    told, found, robot = told_and_enclosed(seen_by(BEAMS[beam]))
+    assert (found >= told * (1 - 1e-10)).all()
+    assert found == pytest.approx(told, rel=0.6 if beam == "less across" else 1e-10)
+    assert robot.beam is not None
+    assert (robot.beam.inline is None) == (beam in ("alike", "less across"))
+
+
+def test_a_looser_noise_counts_more() -> None:
+    """Joints that scatter add to a tracker's errors, which alone are enclosed."""
+    space = seen_by(BEAMS["alike"], repeatability=np.full(6, 1e-6))
+    told, found, robot = told_and_enclosed(space)
+    assert (found >= told).all()
+    assert (found / told).max() < 1.3
     assert not robot.is_exact
-    for objective in enclosed.objectives:
-        assert objective.denominator is not None
-        assert (objective.denominator(moved_inside(t, robot)) > 0).all()
+
+
+@pytest.mark.parametrize("beam", BEAMS)
+def test_boxes_bound_what_a_tracker_tells(beam: str) -> None:
+    """No place of a box has more than its coefficients say, whose excess falls by its square."""
+    space = seen_by(BEAMS[beam])
+    enclosed = RobotPolynomials(space).enclosed(multiplier(space, drawn(space)))
+    (objective,) = enclosed.objectives
+    assert isinstance(objective, TrackedObjective)
+    grid = Grid(enclosed.axes)
+    rng = np.random.default_rng(6)
+    corners = np.array(list(product((-1.0, 1.0), repeat=len(enclosed.axes))))
+    excess = []
+    for depth in (1, 4, 6):
+        places = np.stack([rng.integers(0, n << depth, size=40) for n in grid.parts], axis=1)
+        boxes = Boxes(np.full_like(places, depth), places)
+        inside = np.concatenate([corners, rng.uniform(-1, 1, (100, places.shape[1]))])
+        t = grid.middles(boxes)[:, None] + grid.halves(boxes)[:, None] * inside
+        t = t.reshape(-1, t.shape[2])
+        values = objective(t)
+        level = float(np.median(values))
+        stage = _Stage(enclosed, objective, grid, level)
+        leaves = Leaves.unknown(boxes, np.full(40, np.inf), len(enclosed.slacks))
+        above = stage.above(stage.opened(leaves))
+        top = above.values.reshape(40, -1).max(axis=1) + above.error
+        own = (values - level) * objective.growth.aside(objective.squared(t))
+        largest = own.reshape(40, -1).max(axis=1)
+        assert (top >= largest).all()
+        assert (stage.bound(top) >= values.reshape(40, -1).max(axis=1)).all()
+        assert objective.most >= values.max()
+        excess.append(float(np.median(top - largest)) / level)
+    assert excess[2] < excess[1] / 6 < excess[0] / 36
 
 
 def test_parts_are_not_compared_where_each_is_only_bounded() -> None:
@@ -253,15 +313,11 @@ def test_parts_are_not_compared_where_each_is_only_bounded() -> None:
     assert after == pytest.approx(before + np.trace(Z), rel=1e-12)
 
 
-def test_where_errors_grow_with_an_idle_joint_they_are_the_least_of_all() -> None:
-    """A tracker that sees the arm turn about its base adds no variable to the polynomials."""
-    tracker = Tracker(np.array([5.0, 1.0, 1.0]), (1e-5, 1e-6), (1e-5, 1e-6))
-    noise = VisitNoise(
-        tracker, ((0, 0),), np.zeros(6), white=np.full(3, 1e-5), discrepancy=np.zeros(3)
-    )
-    robot = RobotPolynomials(replace(KR270, noise=noise, free=list(range(6))))
-    assert robot.denominator is None
-    assert robot.kept == [1, 2, 3, 4, 5]
+def test_where_errors_grow_with_an_idle_joint_it_is_a_variable() -> None:
+    """A tracker sees the arm turn about its base, which changes nothing else."""
+    space = replace(seen_by(BEAMS["alike"]), free=list(range(6)))
+    assert RobotPolynomials(space).kept == [0, 1, 2, 3, 4, 5]
+    assert RobotPolynomials(replace(space, noise=None)).kept == [1, 2, 3, 4, 5]
 
 
 @pytest.mark.parametrize(
