@@ -484,6 +484,9 @@ def test_boxes_say_what_a_tracker_tells(noise: str) -> None:
     found = about(setting, content["proof"]["multipliers"])
     Z = Multipliers.from_list(content["proof"]["multipliers"], "D", setting.p)
     assert found.beam is not None
+    indefinite = Multipliers.of(Z.Z, True)
+    with pytest.raises(ValueError, match="only bounds what a pose tells from above"):
+        Polynomials.of(setting, indefinite, np.zeros((3, 3)), np.zeros(9), False)
     rng = np.random.default_rng(2)
     middle = rng.uniform(*found.domain.limits)
     q = np.tile(setting.fixed, (400, 1))
@@ -510,3 +513,52 @@ def closed_at(found: Polynomials, low: Array, high: Array) -> float:
         limit = (least + most) / 2
         least, most = (limit, most) if box.open_leaves(found, limit) else (least, limit)
     return most
+
+
+GEOMETRY = {key: value for key, value in THREE.items() if key not in ("load", "joints")} | {
+    "parameters": {"geometry": "all"}
+}
+SPRINGY = GEOMETRY | {
+    "parameters": {"geometry": "all", "compliance": ["q2", "q3"]},
+    "load": THREE["load"],
+}
+
+
+@pytest.mark.parametrize("study", [GEOMETRY, SPRINGY], ids=["geometry", "springs too"])
+def test_bounds_of_geometry_are_confirmed(study: Content, tmp_path: Path) -> None:
+    """A true bound holds; with a leaf less, a lower limit, or another arm it does not."""
+    path = tmp_path / "proof.json"
+    found = edtk.relax(Study(**study), "D", prove=0.3, certificate=path)
+    assert found.continuum_bound.gap <= 0.3
+    content = json.loads(path.read_text(encoding="utf-8"))
+    assert not failure(content)
+    given = content["proof"]["continuum"]["coverings"]
+    for one in given:
+        one["limit"] /= 2
+    assert "boxes are open" in failure(content)
+    for one in given:
+        one["limit"] *= 2
+    assert "a leaf is missing" in failure(changed(content, tree=given[0]["tree"][:-1]))
+    better = copy.deepcopy(content)
+    better["claims"]["bound_proved"] *= 1 + 1e-6
+    assert failure(better) == "the recomputed number differs"
+    enemy = copy.deepcopy(content)
+    enemy["setting"]["robot"]["joints"][2]["origin"][0][3] *= 1.3
+    assert failure(enemy)
+
+
+def test_polynomials_of_geometry_are_what_poses_say(tmp_path: Path) -> None:
+    """Errors of frames and springs: values are within the rounding that is counted."""
+    path = tmp_path / "proof.json"
+    edtk.relax(Study(**SPRINGY), "D", prove=0.9, certificate=path)
+    content = json.loads(path.read_text(encoding="utf-8"))
+    setting = Setting.from_dict(content["setting"])
+    Z = Multipliers.from_list(content["proof"]["multipliers"], "D", setting.p)
+    for wrench in setting.load.listed if setting.load.listed is not None else []:
+        found = Polynomials.of(setting, Z, np.zeros((setting.p, setting.p)), wrench, False)
+        rng = np.random.default_rng(4)
+        q = rng.uniform(*found.domain.limits, (200, 3))
+        A = setting.whitened_rows(q, np.broadcast_to(wrench, (200, 9)))
+        own = np.einsum("kra,ab,krb->k", A, Z.Z[0], A)
+        away = np.abs(values(found.sensitivity, found, q) - own).max()
+        assert away <= found.sensitivity.error <= 1e-6 * own.max()

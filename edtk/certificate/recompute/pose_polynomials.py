@@ -409,8 +409,8 @@ class Polynomials:
         require_checkable(setting)
         domain = Domain.of(setting)
         noise, growth, setting = setting.noise, _growth(setting), _white(setting)
-        if noise is not None and per_trace:
-            raise ValueError("noise that is not white has no sensitivities per trace")
+        if noise is not None and (per_trace or Z.indefinite):
+            raise ValueError("noise that is not white only bounds what a pose tells from above")
         order = _order(setting)
         q = _poses(setting, domain, order)
         found, error, most = _told(setting, Z.Z[0], Z.scale[0], q, wrench)
@@ -683,7 +683,10 @@ def _lengths(setting: Setting) -> Array:
     places = []
     if setting.physics is not None:
         places = [place for _, place, _ in setting.physics.sensors]
-        places += [one[1] for one in setting.physics.weights if not isinstance(one, Pull)]
+        weights = [*setting.physics.weights]
+        if setting.geometry is not None:
+            weights += setting.geometry.payload
+        places += [one[1] for one in weights if not isinstance(one, Pull)]
         places.append(setting.physics.load_point)
     tool += max((float(np.linalg.norm(place.offset)) for place in places), default=0.0)
     return (
@@ -741,14 +744,17 @@ def _of_geometry(
 ) -> tuple[Array, Array]:
     """Those of columns of geometry, none of which has a longer lever than the whole arm.
 
-    A spring has the product of a column and a load for each of its ends, which is off as both are.
+    A spring has the product of a column and a load for each of its ends, which is off as both are,
+    and each may be a sum over the joints that its drive turns.
     """
+    turned = float(np.abs(setting.chain.ties[0]).sum(axis=0).max()) ** 2
     force += GRAVITY * sum(one[0] for one in geometry.payload if not isinstance(one, Pull))
     load = force * length + moment
     sizes, off = np.zeros((2, setting.p))
     for a, one in enumerate(geometry.parameters):
         springs = one.place in BENDING
-        sizes[a] = length * (load * unit_of(one) * max(len(one.ends), 1) if springs else UNIT)
+        answer = turned * load * unit_of(one) * max(len(one.ends), 1)
+        sizes[a] = length * (answer if springs else UNIT)
         off[a] = sizes[a] * (2 if springs else 1)
     # Loaded less unloaded: the errors of both.
     twice = 2.0 if geometry.changes else 1.0

@@ -14,9 +14,7 @@ from edtk.certificate.recompute.tasks import EPS
 from edtk.system.typing import Array
 
 OF_FACTORS = 50 * EPS  # of a factor, beside the sizes of what it is made of
-DISTANT = (
-    4.0  # the largest squared distance of a box, over its least one, where Q is counted by itself
-)
+DISTANT = 4.0  # of a box: its largest squared distance over its least one is no more
 
 
 @dataclass(frozen=True, eq=False)
