@@ -14,10 +14,11 @@ from edtk.fit.fitted_geometry import (
     loading_of,
     student_quantile,
 )
-from edtk.fit.least_squares import ALONE, independent_coordinates
+from edtk.fit.least_squares import ALONE, alike
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.pose_rows import WHITE_SHARE, PoseRows, known_before
 from edtk.fit.prior import Prior, PriorRows
+from edtk.fit.same_poses import SINGULAR
 from edtk.measure.few_columns import Beside, sandwich
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import Parameter
@@ -25,12 +26,11 @@ from edtk.measure.position_noise import PositionNoise
 from edtk.measure.rest import Loads
 from edtk.measure.whitening import Precision, Scatter, diagonal_blocks
 from edtk.robots.frames import MM
-from edtk.system.typing import Array, Mask
+from edtk.system.typing import Array
 
 IN_CACHE = 1_000_000  # numbers of a matrix for each of some poses
 # Of a direction of the prior, that its own rows leave: all else tells it a thousand times worse.
 UNTOLD = 1e-6
-SINGULAR = 1e-9  # relative variance of a sum of residuals that rounding makes of none
 
 
 def judge_fit(
@@ -82,7 +82,7 @@ def judge_fit(
         placed=placed,
         placed_turns=placed_turns,
     )
-    left = _LeftOutVisits.of(out, means, weights)
+    left = _LeftOutVisits.of(out, means, weights, noise.model_fit is not None)
     dof = fitted.dof(rows.motion[: len(means)], rows.places[: len(means)])
     half = left.std * _by_marker(student_quantile(dof), means)
     residual = means.same_poses.back(_by_marker(rows.residual, means))
@@ -102,7 +102,7 @@ def judge_fit(
         left_out_half=left_out_half[..., :3],
         turns=None if means.turns is None else TurnResiduals(*turns),
         surprise=left.surprise,
-        independent=left.independent(noise.model_fit is not None),
+        independent=left.independent,
         weights=weights,
         told_before=_told_before(out, prior, before, model, theta, float(np.median(dof))),
     )
@@ -343,48 +343,37 @@ class _LeftOutVisits:
         std: Their standard deviations (m, k, rows).
         surprise: Squared sizes (m,) over covariances: of what visits of a pose have in common, or
             of one beside all others, whichever is larger.
-        together: Covariances (G, s r, s r) of the coordinates of poses that were visited s times,
-            and which of these (G, s r) were read.
+        independent: As many independent coordinates tell as much, see `independent_coordinates`.
     """
 
     errors: Array
     std: Array
     surprise: Array
-    together: list[tuple[Array, Mask]]
+    independent: float
 
     @classmethod
-    def of(cls, out: _LeftOutPoses, means: MarkerPositions, weights: Array) -> "_LeftOutVisits":
-        """Of rows that are independent, see `SamePoses`, and the weights (m,) of a robust loss."""
-        same, there = means.same_poses, means.rows_seen
-        errors = same.back(_by_marker(out.errors, means))
+    def of(
+        cls, out: _LeftOutPoses, means: MarkerPositions, weights: Array, scaled: bool
+    ) -> "_LeftOutVisits":
+        """Of rows that are independent, see `SamePoses`.
+
+        Args:
+            out: These.
+            means: The visits.
+            weights: Weights (m,) of a robust loss.
+            scaled: Whether the size of the errors was fitted.
+        """
+        same, C = means.same_poses, out.covariance_of_errors
+        own = _by_marker(np.einsum("mrr->mr", C), means)
+        std = np.sqrt(np.maximum(same.variances(own), 0.0))
         # A pose that a robust loss trusts less surprises all the same.
         surprise = out.surprise / weights
-        variances, together = np.empty_like(out.errors), []
-        for members, V in same.together(out.covariance_of_errors):
-            own = np.einsum("gii->gi", V)
-            variances[members] = own.reshape(*members.shape, variances.shape[1])
-            together.append((V, there[members].reshape(own.shape)))
-        for one, V in same.of_several(out.covariance_of_errors * weights[:, None, None]):
-            alone = _beside_others(errors[one].reshape(len(V), -1), V, one.shape[1])
-            surprise[one] = np.maximum(surprise[one[:, :1]], alone)
-        std = np.sqrt(np.maximum(_by_marker(variances, means), 0.0))
-        return cls(errors, std, surprise, together)
-
-    def independent(self, scaled: bool) -> float:
-        """As many independent coordinates tell as much, see `independent_coordinates`."""
-        read = np.array([there.sum() for _, there in self.together], dtype=float)
-        each = [independent_coordinates(V, there, scaled) for V, there in self.together]
-        own = read > 0
-        return float(read.sum() ** 2 / (read[own] ** 2 / np.array(each)[own]).sum())
-
-
-def _beside_others(errors: Array, V: Array, s: int) -> Array:
-    """Squared sizes (G, s) of errors (G, s r) of visits of a pose where all its others are known.
-
-    With ``P = V^-1`` and the rows i of a visit it is ``(P e)_i' (P_ii)^-1 (P e)_i``.
-    """
-    P = np.linalg.pinv(V, rcond=SINGULAR, hermitian=True)
-    y = (P @ errors[..., None]).reshape(len(V), s, -1)
-    own = np.einsum("girik->girk", P.reshape(len(V), *[s, y.shape[-1]] * 2))
-    inverse = np.linalg.pinv(own, rcond=SINGULAR, hermitian=True)
-    return np.asarray(np.einsum("gir,girk,gik->gi", y, inverse, y))
+        for visits, alone in same.beside_others(C * weights[:, None, None], out.errors):
+            surprise[visits] = np.maximum(surprise[visits[:, :1]], alone)
+        read = std.reshape(len(C), -1) > 0
+        read &= means.rows_seen.reshape(read.shape)
+        unit = np.divide(1.0, std.reshape(read.shape), out=np.zeros(read.shape), where=read)
+        pairs = same.of_pairs(C)
+        total = sum(alike(V * unit[i, :, None] * unit[j, None], scaled) for i, j, V in pairs)
+        count = float(means.rows_seen.sum()) ** 2 / total if total > 0 else 0.0
+        return cls(same.back(_by_marker(out.errors, means)), std, surprise, count)

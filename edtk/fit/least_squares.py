@@ -357,7 +357,12 @@ def independent_coordinates(covariance: Array, seen: Mask, scaled: bool) -> floa
     """
     variance = np.einsum("mrr->mr", covariance)
     root = np.sqrt(np.where(seen & (variance > 0), variance, np.inf))
-    squares = (covariance / root[:, :, None] / root[:, None]) ** 2
-    second = 0.0 if scaled else OF_SQUARE
-    total = float((second * squares + (1 - OF_SQUARE) * squares**2).sum())
+    total = alike(covariance / root[:, :, None] / root[:, None], scaled)
     return float(seen.sum()) ** 2 / total if total > 0 else 0.0
+
+
+def alike(correlations: Array, scaled: bool) -> float:
+    """Sum over pairs of coordinates of the covariances of being outside, see above."""
+    squares = correlations**2
+    second = 0.0 if scaled else OF_SQUARE
+    return float((second * squares + (1 - OF_SQUARE) * squares**2).sum())

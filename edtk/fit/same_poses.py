@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from edtk.system.typing import Array, Indices, Mask
 # Joints nearer than a hundredth of a degree are where they were [rad, m]: controllers show no more,
 # and what a drawing errs by changes over degrees.
 SAME_ANGLES = float(np.deg2rad(0.01))
+SINGULAR = 1e-9  # relative variance of a sum of errors that rounding makes of none
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,19 +120,50 @@ class SamePoses:
             found[one.members] = np.einsum("gijkr,gjkr...->gikr...", A, each[one.members])
         return found
 
+    @property
+    def alone(self) -> Indices:
+        """The visits that share a pose with no other one."""
+        several = [one.members.ravel() for one in self.groups]
+        return np.setdiff1d(np.arange(len(self.pose)), np.concatenate([[], *several]))
+
     def together(self, covariances: Array) -> Iterator[tuple[Indices, Array]]:
         """Covariances (G, s r, s r) of visits (G, s) of a pose, of those (m, r, r) of the rows."""
-        alone = np.ones(len(self.pose), dtype=bool)
-        for one in self.groups:
-            alone[one.members] = False
-        if alone.any():
-            yield np.flatnonzero(alone)[:, None], covariances[: len(alone)][alone]
-        yield from self.of_several(covariances)
-
-    def of_several(self, covariances: Array) -> Iterator[tuple[Indices, Array]]:
-        """The same of poses that were visited more than once."""
+        yield self.alone[:, None], covariances[self.alone]
         for one in self.groups:
             G, s = one.members.shape
             B = one.back.reshape(G, s, s, -1)
             V = np.einsum("giar,garq,gjaq->girjq", B, covariances[one.members], B, optimize=True)
             yield one.members, V.reshape(G, s * B.shape[-1], -1)
+
+    def of_pairs(self, covariances: Array) -> Iterator[tuple[Indices, Indices, Array]]:
+        """Covariances (n, r, r) of visits (n,) and visits (n,) of their poses, themselves included.
+
+        Args:
+            covariances: Those (m, r, r) of the rows.
+        """
+        yield self.alone, self.alone, covariances[self.alone]
+        for one in self.groups:
+            G, s = one.members.shape
+            B, C = one.back.reshape(G, s, s, -1), covariances[one.members]
+            for i, j in product(range(s), repeat=2):
+                V = (B[:, i, :, :, None] * C * B[:, j, :, None]).sum(axis=1)
+                yield one.members[:, i], one.members[:, j], V
+
+    def beside_others(self, covariances: Array, errors: Array) -> Iterator[tuple[Indices, Array]]:
+        """Squared sizes (G, s) of errors of visits (G, s) of a pose where all its others are known.
+
+        With the inverse P of the covariance of all visits, and the rows i of one, it is
+        ``(P e)_i' (P_ii)^-1 (P e)_i``.
+
+        Args:
+            covariances: Those (m, r, r) of the rows.
+            errors: Errors (m, r) of the rows.
+        """
+        for one in self.groups:
+            A = one.apart.reshape(*one.apart.shape[:3], -1)
+            C, e = covariances[one.members], errors[one.members]
+            inverse = np.linalg.pinv(C, rcond=SINGULAR, hermitian=True)
+            Pe = np.einsum("gbir,gbrq,gbq->gir", A, inverse, e)
+            P = np.einsum("gbir,gbrq,gbiq->girq", A, inverse, A)
+            own = np.linalg.pinv(P, rcond=SINGULAR, hermitian=True)
+            yield one.members, np.einsum("gir,girq,giq->gi", Pe, own, Pe)

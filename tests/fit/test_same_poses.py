@@ -53,11 +53,13 @@ def test_rows_are_independent_and_lead_back() -> None:
         variances = np.zeros((4, 2, 1))
         variances[:, marker, 0] = expected
         assert same.variances(variances)[:, marker, 0] == pytest.approx(np.diag(V), abs=1e-9)
-    blocks = dict(
-        zip(("alone", "three"), same.together(np.tile(np.eye(2), (4, 1, 1))), strict=True)
-    )
-    assert blocks["alone"][0].tolist() == [[1]]
-    assert blocks["three"][1].shape == (1, 6, 6)
+    (once, _), (thrice, together) = same.together(np.tile(np.eye(2), (4, 1, 1)))
+    assert (once.tolist(), thrice.tolist()) == ([[1]], [[0, 2, 3]])
+    pairs = list(same.of_pairs(np.tile(np.eye(2), (4, 1, 1))))
+    assert len(pairs) == 10
+    for i, j, V in pairs[1:]:
+        a, b = ([0, 2, 3].index(int(one[0])) for one in (i, j))
+        assert pytest.approx(together.reshape(1, 3, 2, 3, 2)[:, a, :, b]) == V
 
 
 def day(drawing_mm: float, moved: float = 0.0) -> tuple[MeasuredModel, MarkerPositions]:
