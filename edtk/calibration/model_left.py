@@ -387,6 +387,7 @@ class _Loaded:
         tilt = np.deg2rad(setting.study.specification.uncertainty.load_direction_deg)
         moved = np.moveaxis(_tilted(model, q, wrench) @ fitted.compliances, 0, -1)
         same = means.same_poses
+        # A stiffness that varies with the position is the same under all loads of a pose.
         pose = np.append(same.pose, 1 + same.pose.max() + np.arange(rows.beside))
         columns = MissingColumns(shown, pose, tilt * as_read(moved))
         worth, differs = rows.worth(fit.data), rows.differs(means)
