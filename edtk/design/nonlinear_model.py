@@ -180,6 +180,12 @@ def nonlinear_model(
             message = "a function is for responses without a covariance, of theta for normal ones"
             raise ArgumentError(message, argument="sigma")
         deviation = _log_deviation(both, at, spread, names, variables)
+        columns = deviation.value(spread[:1], at).shape[1]
+        if columns not in (1, k):
+            message = (
+                f"has {columns} values at a point; expected one, or one for each of {k} responses"
+            )
+            raise ArgumentError(message, argument="sigma")
     whitener = np.eye(k) if deviation is not None else _whitener(sigma, covariance, k)
     model = NonlinearModel(told, at, response, whitener, deviation, names, variables)
     model.require_told(trial)

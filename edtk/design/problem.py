@@ -533,7 +533,11 @@ class CandidateSites(Sites[Problem]):
         try:
             points = np.asarray(candidates, dtype=float)
         except (TypeError, ValueError, OverflowError) as error:
-            raise ArgumentError("expected numbers", argument="candidates") from error
+            texts = () if names is None else candidates.select_dtypes(exclude="number").columns
+            message = "expected numbers"
+            if len(texts):
+                message = f"column {texts[0]!r} has no numbers; leave it out"
+            raise ArgumentError(message, argument="candidates") from error
         points = points[:, None] if points.ndim == 1 else points
         if points.ndim != 2 or 0 in points.shape:
             message = f"expected points (n, d) or (n,), not of shape {points.shape}"

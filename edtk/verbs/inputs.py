@@ -416,7 +416,10 @@ def at_hand(question: Problem | Region, keep: Any) -> Any:
     if not isinstance(keep, pd.DataFrame):
         return keep
     if question.rows_of is None or question.frame is None:
-        message = "a data frame needs one model of a data frame; expected indices or a Problem"
+        message = (
+            "a data frame needs one model of a data frame, with a noise that is known elsewhere; "
+            "expected indices or a Problem"
+        )
         raise ArgumentError(message, argument="keep")
     rows = question.rows_of(_columns(keep, tuple(question.frame.columns)))
     return Problem(rows, parameters=question.parameters)

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
+from scipy.linalg import block_diag
 
 import criteria
 from edtk.design.bound import RelaxedDesign
@@ -32,6 +33,7 @@ NEAR = 0.3
 GRID = 600  # points of a region where the first list of theta is found
 PART = 1e-3  # of the largest part in a proof, below which a theta has none
 VARIANCES = ("A", "I", "c")  # criteria that are sums of variances, with what each sums
+OF_ALL_PLACES = ("I", {"name": "I"})  # what asks for predictions, and does not say where
 
 
 def criterion_of(
@@ -48,9 +50,9 @@ def criterion_of(
       (Dette 1997).
     - "rivals": the least of the deviances, which are the information of models of one parameter.
 
-    Of one model the places of I and prediction_G default to all candidates of a problem, and those
-    of I to all points of a region, see `Region.mean_over_points`; predictions are in parts of the
-    noise.
+    The places of I default to all candidates of a problem, and to all points of a region, see
+    `Region.mean_over_points`, and those of prediction_G to the candidates of one model; predictions
+    are in parts of the noise.
 
     Args:
         asked: The criterion, about the parameters of one model.
@@ -61,45 +63,41 @@ def criterion_of(
         ArgumentError: The criterion has no such form.
     """
     robust = question.robust
-    if robust is None and isinstance(question, Region) and asked in ("I", {"name": "I"}):
+    if robust is None and isinstance(question, Region) and asked in OF_ALL_PLACES:
         rows, weights = question.mean_over_points()
         return criteria.create("I", points=rows, weights=weights)
     if robust is None:
         places = question.factors if isinstance(question, Problem) else None
         return criteria.as_criterion(asked, question.parameters, places)
-    names = robust.models[0].parameters
-    own = criteria.as_criterion(asked, names)
-    sizes = [model.p for model in robust.models]
     if has_ranges(question):
         message = "has ranges, which edtk.relax and edtk.plan serve; expected a list of theta"
         raise ArgumentError(message, argument="theta")
+    models = robust.models
+    if asked in OF_ALL_PLACES:
+        each = [criterion_of(asked, model, best) for model in models]
+    else:
+        each = [criteria.as_criterion(asked, models[0].parameters)] * len(models)
+    sizes = [model.p for model in models]
     if robust.kind in ("maximin", "rivals"):
         values = None
         if robust.kind == "maximin":
-            values = [best(model, own) for model in robust.models]
-        return criteria.create("minimax", criteria=[own] * len(sizes), best=values, sizes=sizes)
-    if own.name == "D":
+            values = [best(model, own) for model, own in zip(models, each, strict=True)]
+        return criteria.create("minimax", criteria=each, best=values, sizes=sizes)
+    name = each[0].name
+    if name == "D":
         weights = robust.weights.tolist()
-        return criteria.create(
-            "compound", criteria=[own] * len(sizes), weights=weights, sizes=sizes
-        )
-    if own.name in VARIANCES:
-        return criteria.create("I", root=_mean_root(own, robust))
-    message = (
-        f"the mean over several theta is known of D, {', '.join(VARIANCES)}; not of {own.name}"
-    )
+        return criteria.create("compound", criteria=each, weights=weights, sizes=sizes)
+    if name in VARIANCES:
+        return criteria.create("I", root=_mean_root(each, robust))
+    message = f"the mean over several theta is known of D, {', '.join(VARIANCES)}; not of {name}"
     raise ArgumentError(message, argument="criterion")
 
 
-def _mean_root(own: criteria.Criterion, robust: Robust) -> Array:
-    """K with ``mean trace(W M_j^-1) = trace(K K' M^-1)`` of the block diagonal M."""
-    K = own.K if hasattr(own, "K") else np.eye(robust.models[0].p)
-    p, s = K.shape
-    k = len(robust.models)
-    found = np.zeros((k * p, k * s))
-    for j, weight in enumerate(robust.weights):
-        found[j * p : (j + 1) * p, j * s : (j + 1) * s] = np.sqrt(weight) * K
-    return found
+def _mean_root(each: Sequence[criteria.Criterion], robust: Robust) -> Array:
+    """K with ``mean trace(W_j M_j^-1) = trace(K K' M^-1)`` of the block diagonal M."""
+    roots = [getattr(one, "K", np.eye(robust.models[0].p)) for one in each]
+    parts = zip(np.sqrt(robust.weights), roots, strict=True)
+    return np.asarray(block_diag(*(weight * K for weight, K in parts)))
 
 
 def has_ranges(question: Problem | Region) -> bool:

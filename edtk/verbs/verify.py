@@ -114,7 +114,7 @@ def _of_problem(content: dict[str, Any], problem: object, where: str) -> Verific
     if not isinstance(problem, Problem):
         raise UserError(
             "this is a certificate of a problem of arrays; expected that problem beside it, in "
-            "Python: edtk.verify(certificate, problem)",
+            "Python: edtk.verify(certificate, problem); of a region it is design.on_grid().problem",
             where=where,
         )
     try:

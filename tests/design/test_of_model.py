@@ -295,6 +295,8 @@ def test_noise_may_be_a_column_of_the_candidates():
     np.testing.assert_array_equal(one.factors(), stated.factors()[[9]])
     with pytest.raises(edtk.UserError, match=r"^sigma: 'noise' is no column"):
         edtk.Problem.of_model(ENZYME, AT, frame, sigma="noise")
+    with pytest.raises(edtk.UserError, match=r"^candidates: column 'lot' has no numbers"):
+        edtk.Problem.of_model(ENZYME, AT, frame.assign(lot="a"), sigma="s")
 
 
 def test_noise_of_candidates_is_a_factor_of_a_familys_own():
@@ -332,6 +334,36 @@ def test_a_list_of_formulas_is_a_function_of_several_responses():
     thetas = [theta, theta | {"k": 1.0}]
     several = edtk.Region.of_model(formulas, thetas, (0, 4), covariance=C, robust="bayes")
     np.testing.assert_allclose(several.rows_at(x)[:, :2, :3], region.rows_at(x), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda theta, **options: edtk.Problem.of_model(ENZYME, theta, DOSE[::20], **options),
+        lambda theta, **options: edtk.Region.of_model(ENZYME, theta, (0, 4), **options),
+    ],
+    ids=["problem", "region"],
+)
+def test_predictions_of_several_theta_are_about_the_places_of_each(make):
+    """I of a list: the mean of the variances, or the worst efficiency, of theta by theta."""
+    thetas, weights = [{"V": 2.0, "K": K} for K in (0.5, 2.0)], np.array([0.3, 0.7])
+    each = [edtk.relax(make(theta), "I") for theta in thetas]
+    mean = edtk.relax(make(thetas, robust="bayes", weights=weights), "I")
+    worst = edtk.relax(make(thetas, robust="maximin"), "I")
+
+    def costs(design):
+        places = design.points if hasattr(design, "points") else None
+        blocks = [one.problem if places is None else one.region.problem(places) for one in each]
+        costs = [
+            one.criterion.cost(problem.information(design.weights))
+            for one, problem in zip(each, blocks, strict=True)
+        ]
+        return np.array(costs)
+
+    assert mean.value == pytest.approx(weights @ costs(mean), rel=1e-9)
+    best = np.array([one.value for one in each])
+    assert 1 / worst.value == pytest.approx((best / costs(worst)).min(), rel=1e-6)
+    assert mean.value <= weights @ costs(worst)
 
 
 BAD = {
@@ -385,6 +417,12 @@ BAD = {
     ),
     "empty": ([], {"a": 1.0}, {}, r"^f: expected a function, a formula, or a list of formulas$"),
     "short": ("a * x", {"a": 1.0}, {"sigma": np.ones(7)}, r"^sigma: expected a positive number"),
+    "two columns": (
+        "a * x",
+        {"a": 1.0},
+        {"sigma": lambda x: np.ones((len(x), 2))},
+        r"^sigma: has 2 values at a point; expected one, or one for each of 1 responses$",
+    ),
     "no column": ("a * x", {"a": 1.0}, {"sigma": "s"}, r"^sigma: expected numbers or a function"),
     "no theta": ("x", {}, {}, r"^theta: .*, of which there is one at least$"),
     "noise": ("a * x", {"a": 1.0}, {"sigma": lambda x, t: x}, r"^sigma: is not positive at x = 0"),
