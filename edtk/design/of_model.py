@@ -46,7 +46,7 @@ def of_model(
             return _of_ranges(sites, f, theta, options)
         theta, weights = _uniform(theta, weights)
     models = _models(f, _thetas(theta, robust, weights), sites, options)
-    sites = replace(sites, variables=models[0].variables)
+    sites = _told(sites, models[0])
     each = [sites.alone(model.rows, model.parameters, prior) for model in models]
     if robust is None:
         return each[0]
@@ -89,7 +89,7 @@ def of_rivals(
         rivals = [replace(other, theta=theta) for theta in thetas]
         return of_each(rivals, x, lambda one, x: one.lacking(x, means)[..., None])
 
-    sites = replace(sites, variables=true.variables)
+    sites = _told(sites, true)
     box = RivalBox(rows, sites, limits, tuple(free), ("difference",))
     box.require_apart()
     return box.first() if len(box.free) else box.listed([box.inside()])
@@ -110,8 +110,20 @@ def _of_ranges(
         models = [replace(model, theta=theta) for theta in thetas]
         return of_each(models, x, NonlinearModel.rows)
 
-    sites = replace(sites, variables=model.variables)
+    sites = _told(sites, model)
     return EfficiencyBox(rows, sites, limits, names, names).first()
+
+
+def _told(sites: Sites[Made], model: NonlinearModel) -> Sites[Made]:
+    """Sites with the variables of a model, and noise of which it is known what it is of.
+
+    One number for each of as many candidates as responses is of these, as in `Problem`.
+    """
+    noise = sites.noise
+    if noise is not None and noise.ndim == 1:
+        n, k = len(noise), model.predicted(sites.trial[:1]).shape[1]
+        noise = np.tile(noise, (n, 1)) if n == k else noise[:, None]
+    return replace(sites, variables=model.variables, noise=noise)
 
 
 def is_box(theta: Any) -> bool:

@@ -533,9 +533,9 @@ class CandidateSites(Sites[Problem]):
         try:
             points = np.asarray(candidates, dtype=float)
         except (TypeError, ValueError, OverflowError) as error:
-            texts = () if names is None else candidates.select_dtypes(exclude="number").columns
             message = "expected numbers"
-            if len(texts):
+            if names is not None:
+                texts = candidates.select_dtypes(exclude=["number", "bool"]).columns
                 message = f"column {texts[0]!r} has no numbers; leave it out"
             raise ArgumentError(message, argument="candidates") from error
         points = points[:, None] if points.ndim == 1 else points
@@ -550,7 +550,7 @@ class CandidateSites(Sites[Problem]):
         named = told_names(names, variables)
         if noise.shape[:1] != (len(points),) or noise.shape == (1,):
             return cls(points, named, None), sigma
-        return cls(points, named, noise[:, None] if noise.ndim == 1 else noise), 1.0
+        return cls(points, named, noise), 1.0
 
     @property
     def frame(self) -> "pd.DataFrame":

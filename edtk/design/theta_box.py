@@ -72,8 +72,8 @@ class Sites(ABC, Generic[Made]):
     Attributes:
         trial: Points (n, d) at which a model is tried before any work.
         variables: Names (d,); None as long as nobody has told them.
-        noise: Standard deviations (n, 1) or (n, r) that each candidate has besides those of the
-            model; None for ones.
+        noise: Standard deviations (n,), (n, 1) or (n, r) that each candidate has besides those of
+            the model; None for ones.
     """
 
     trial: Array
@@ -373,8 +373,7 @@ class EfficiencyBox(ThetaBox[Made]):
     def _costs(self, thetas: Array, own: Criterion, design: Shares) -> Array:
         """Costs (t,) of a design at theta (t, p), of which nothing is kept."""
         rows = np.asarray(self.finite_rows(thetas, design.x))
-        weights = np.broadcast_to(design.weights, rows.shape[1:3])
-        return own.cost(np.einsum("nr,tnrp,tnrq->tpq", weights, rows, rows))
+        return own.cost(np.einsum("nr,tnrp,tnrq->tpq", design.weights, rows, rows))
 
 
 class RivalBox(ThetaBox[Made]):

@@ -284,6 +284,14 @@ def test_noise_may_be_a_function_of_numpy(sigma):
     np.testing.assert_allclose(noisy.factors(), stated.factors(), rtol=1e-12)
 
 
+def test_as_many_numbers_as_responses_are_of_responses():
+    """Also where there are as many candidates, as in a problem of arrays."""
+    formulas = ["V * x / (K + x)", "V * x"]
+    two = edtk.Problem.of_model(formulas, AT, [1.0, 2.0], sigma=[1.0, 2.0])
+    three = edtk.Problem.of_model(formulas, AT, [1.0, 2.0, 3.0], sigma=[1.0, 2.0])
+    np.testing.assert_array_equal(two.factors(), three.factors()[:2])
+
+
 def test_noise_may_be_a_column_of_the_candidates():
     """It is no variable of the model then, and has to be there."""
     frame = pd.DataFrame({"s": NOISE, "x": DOSE})
