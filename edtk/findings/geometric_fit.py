@@ -364,9 +364,41 @@ def _causes(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
         found += [(one, partial(_other, one, alone, setting)) for one in others]
     if not found:
         return []
-    likelier = LikePoses.of(rows).likelier([one for one, _ in found])
+    causes = [one for one, _ in found]
+    if slipped is not None and slipped.explained >= HALF:
+        rows, columns = _about(slipped, rows, setting)
+        causes[causes.index(slipped)] = replace(slipped, columns=columns)
+    likelier = LikePoses.of(rows).likelier(causes)
     best = int(np.argmax(likelier))
     return [found[best][1]()] if likelier[best] > np.log(LIKELIER) else []
+
+
+def _about(slipped: SlippedJoint, rows: FitRows, setting: StudyGeometry) -> tuple[FitRows, Array]:
+    """The residuals of a day to first order about a fit without a slip, and columns of the slip.
+
+    A joint that turns by 3 deg moves a marker by an arc, which at half a metre is 0.7 mm off its
+    tangent, and a fit that knows no slip shifts all else: what that leaves looks like other causes.
+    """
+    data = rows.fit.data
+    joint = rows.scene.robot.joint_names.index(slipped.joint)
+    own = np.arange(data.q.shape[1]) == joint
+    there = replace(data, q=data.q + np.outer(slipped.by_pose(data.pose), own))
+    about = FitRows.of(_refitted(rows, there, setting), setting.loads)
+    about = about.beside(setting.taken_as_drawn)
+    by = MM * slipped.by_pose(np.arange(len(about.residual)))
+    added = about.motion[..., joint] * by[:, None]
+    # Errors of poses are as they were fitted without a slip, which they would explain in its stead.
+    rows = replace(about, residual=about.residual + added, noise=rows.noise)
+    return rows, added[..., None] / (MM * slipped.by)
+
+
+def _refitted(rows: FitRows, data: MarkerPositions, setting: StudyGeometry) -> GeometricFit:
+    """The fit of other positions in the way of this one."""
+    fit = rows.fit
+    prior = None if fit.told_before is None else fit.told_before.prior
+    stated = replace(setting.noise, unknown=fit.fitted.noise.unknown)
+    is_robust = bool((fit.weights < 1).any())
+    return fit_geometry(setting.model, data, stated, setting.loads, is_robust, prior)
 
 
 def _other(found: NamedCause, rows: FitRows, setting: StudyGeometry) -> Finding:
@@ -385,11 +417,7 @@ def _effect(found: NamedCause, rows: FitRows, setting: StudyGeometry) -> float |
     alone = fit.turns is None and not fit.data.is_difference.any()
     if not (tasks and alone and all(task.tool is not None for task in tasks)):
         return None
-    prior = None if fit.told_before is None else fit.told_before.prior
-    stated = replace(setting.noise, unknown=fit.fitted.noise.unknown)
-    is_robust = bool((fit.weights < 1).any())
-    given = (setting.model, rows.without(found.added), stated, setting.loads, is_robust, prior)
-    cleared = fit_geometry(*given).fitted
+    cleared = _refitted(rows, rows.without(found.added), setting).fitted
     each = [rows.off_in(task, setting.every_load_of(task), found, cleared) for task in tasks]
     return float(np.sqrt(tasks.shares @ np.square(each).sum(axis=-1))) / MM
 

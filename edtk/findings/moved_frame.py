@@ -106,6 +106,7 @@ class SlippedJoint(SizedColumns):
         size: By how much it is further than written then, in `unit`.
         unit: Unit of the size.
         explained: Share of the squared residuals that it explains.
+        by: The same size [rad or m].
         also: What looks the same: "frame" of the first joint, "tool" of the last; or nothing.
     """
 
@@ -114,7 +115,12 @@ class SlippedJoint(SizedColumns):
     size: float
     unit: str
     explained: float
+    by: float
     also: str
+
+    def by_pose(self, pose: Indices) -> Array:
+        """By how much it is further than written in poses of these numbers (k,) [rad or m]."""
+        return np.where(pose >= self.first, self.by, 0.0)
 
 
 def slipped_joint(rows: FitRows) -> SlippedJoint | None:
@@ -140,6 +146,7 @@ def slipped_joint(rows: FitRows) -> SlippedJoint | None:
         float(step.motion[0]) * per_unit / MM,
         unit,
         step.explained,
+        float(step.motion[0]) / MM,
         "frame" if j == 0 else "tool" if j == len(joints) - 1 else "",
     )
 

@@ -4,11 +4,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from geometry_sheets import OFFSETS, PLACE, STUDY, by_pose
 
 import edtk
 from edtk.findings.finding import Finding, Severity
+from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry
 
 POSES = 30
@@ -66,3 +68,52 @@ def test_a_joint_that_slips_by_far_is_named_for_the_rows_that_do_not_count(tmp_p
     assert slipped.severity is Severity.ALARM
     assert slipped.rows == tuple(range(20, POSES))
     assert "as if the zero of q2 had slipped by" in slipped.words
+
+
+TURNS = {"axis": [0, 0, 1], "limits_deg": [-130, 130]}
+SCARA = Study(
+    robot={
+        "name": "a SCARA",
+        "source": "tests",
+        "joints": [
+            TURNS | {"name": "q1", "origin_m": [0, 0, 0.4]},
+            TURNS | {"name": "q2", "origin_m": [0.45, 0, 0.05]},
+            {
+                "name": "q3",
+                "kind": "prismatic",
+                "axis": [0, 0, 1],
+                "origin_m": [0.35, 0, 0.1],
+                "limits_m": [-0.35, 0.05],
+            },
+            TURNS | {"name": "q4", "origin_m": [0, 0, -0.1]},
+        ],
+    },
+    parameters={"geometry": "all", "base": True, "tool": True},
+    measurement={"sigma_mm": 0.02},
+    marker=[
+        {"name": "A", "position_mm": [160, 20, -60]},
+        {"name": "B", "position_mm": [30, 80, -70]},
+        {"name": "C", "position_mm": [80, -50, -30]},
+    ],
+)
+
+
+def test_a_slip_so_large_that_arcs_are_no_tangents_is_named(tmp_path: Path) -> None:
+    """By 3 deg at a lever of 0.4 m; chords are shorter than arcs, which looks like a scale."""
+    rng = np.random.default_rng(6)
+    model = StudyGeometry.of(SCARA).model
+    q = rng.uniform(*SCARA.robot.limits, (36, 4))
+    slip = np.deg2rad(3.0) * (np.arange(36) >= 18)
+    theta = rng.normal(0, 0.3, model.p) * model.scales
+    x = model.see(theta, q + slip[:, None] * np.eye(4)[1], derivatives=False).points
+    x = 1e3 * x + rng.normal(0, 0.02, x.shape)
+    units = np.array([*np.rad2deg([1.0, 1.0]), 1e3, np.rad2deg(1.0)])
+    names = [f"{marker}{axis}_mm" for marker in model.markers for axis in "xyz"]
+    columns = ["q1_deg", "q2_deg", "q3_mm", "q4_deg", *names]
+    sheet = pd.DataFrame(np.hstack([units * q, x.reshape(36, -1)]), columns=columns)
+    sheet.to_csv(tmp_path / "day.csv", index=False)
+    found = edtk.identify(SCARA, tmp_path / "day.csv")
+    (slipped,) = (one for one in found.findings if one.kind == "joint_slipped")
+    assert (slipped.rows, slipped.data["joint"]) == ((18,), "q2")
+    assert slipped.data["size"] == pytest.approx(3.0, rel=0.01)
+    assert found.verdict == "bad"
