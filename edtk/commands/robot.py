@@ -10,7 +10,7 @@ from edtk.commands.shared import FilePath, json_option, show
 @click.command("robot", short_help="Show a robot: joints, reach, what loads them.")
 @click.argument("robot", metavar="ROBOT")
 @click.option("--base", help="Link of a URDF that stands in the world [default: its root].")
-@click.option("--tip", help="Link of a URDF that carries the tool [default: its only leaf].")
+@click.option("--tip", help="Link of a URDF with the tool [default: its only leaf but grippers].")
 @click.option("--plot", type=FilePath, help="Picture to write (.png, .svg or .pdf).")
 @json_option
 def command(

@@ -6,6 +6,7 @@ from html import escape
 
 GAP = "  "
 SHOWN = 30  # rows; a notebook is for looking, and to_frame() has them all
+MOST_LINES = 60  # of a table for a terminal, of which --json and --out have all
 LEAST_WIDTH = 3  # of a column; a rule needs three characters
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from edtk.robots.robot import Robot
 from edtk.robots.robot_file import RobotFileError, robot_from_dict
-from edtk.robots.urdf.load_urdf import XACRO, load_urdf
+from edtk.robots.urdf.load_urdf import XACRO, arm_in, load_urdf
 from edtk.system.arguments import checked
 from edtk.system.errors import UserError
 from edtk.system.files import read_text
@@ -57,6 +57,19 @@ def load_robot(
             raise RobotFileError(message, where=f"robot {name}", key=key)
     content = robot_content(name, folder)
     return _limited(robot_from_dict(content, where=f"robot {name}"), limits)
+
+
+def end_of_arm(name: str, base: str | None = None) -> tuple[str | None, tuple[str, ...]]:
+    """The link at which the arm of a URDF ends, and the joints of its end effector beyond it.
+
+    Args:
+        name: The robot's path.
+        base: Name of the base link; defaults to the root.
+
+    Returns:
+        None and no joints where there is no such link, and of other files, see `arm_of`.
+    """
+    return arm_in(Path(name), base, name) if name.endswith((URDF, XACRO)) else (None, ())
 
 
 def robot_content(name: str, folder: Path | None = None) -> dict[str, Any]:

@@ -75,11 +75,13 @@ class RobotOverview(Presented):
         open: Names of joints whose limits the robot's file leaves open; those of the robot are
             then one turn, or a metre to either side, and a study has to give them.
         parts: Its bodies; None where nobody asked for them.
+        left_out: Joints of the end effector of a URDF, which the chain ends before.
     """
 
     robot: Robot
     open: tuple[str, ...] = ()
     parts: Parts | None = None
+    left_out: tuple[str, ...] = ()
 
     def headline(self) -> str:
         """Name, number of joints and reach."""
@@ -157,6 +159,7 @@ class RobotOverview(Presented):
         return {
             "robot": robot_to_dict(self.robot),
             "open_limits": list(self.open),
+            "left_out": list(self.left_out),
             "reach": self.reach,
             "mass": self.mass,
             "lever": dict(zip(names, self.lever.tolist(), strict=True)),

@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
-from edtk.robots.load_robot import URDF, builtin_robots, load_robot
+from edtk.robots.load_robot import builtin_robots, end_of_arm, load_robot
 from edtk.robots.robot import Robot
 from edtk.robots.robot_file import ControllerTable
-from edtk.robots.urdf.load_urdf import XACRO, arm_in
 from edtk.study.new_study import first_choices, new_study_text
 from edtk.study.study import Study, load_study
 from edtk.study.study_toml import read_toml, relative_path
@@ -75,7 +74,7 @@ def new(
         if payload is not None and not LEAST_KG <= payload <= MOST_KG:
             message = f"expected a mass from {LEAST_KG:g} to {MOST_KG:g} kg"
             raise ArgumentError(message, argument="payload", given=payload)
-        tip, left_out = (tip, ()) if tip is not None else _arm(Path(robot), base)
+        tip, left_out = (tip, ()) if tip is not None else end_of_arm(str(robot), base)
         arm = _load(str(robot), base, tip, given)
         if controller is not None:
             arm = replace(arm, controller=_controller(Path(controller)).build(arm, str(controller)))
@@ -97,11 +96,6 @@ def new(
         Study(folder=path.parent, **parse_toml(text))  # nothing is written that does not run
         write_text(path, text)
     return load_study(path)
-
-
-def _arm(path: Path, base: str | None) -> tuple[str | None, tuple[str, ...]]:
-    """Where the arm of a URDF ends, and the joints of its end effector; nothing of other files."""
-    return arm_in(path, base, str(path)) if path.name.endswith((URDF, XACRO)) else (None, ())
 
 
 def _in_a_comment(name: str) -> str:

@@ -9,7 +9,7 @@ from edtk.fit.controller.find_controller import FoundController, find_controller
 from edtk.fit.controller.fits import Positions
 from edtk.fit.marker_positions import MarkerPositions, read_positions
 from edtk.measure.pose_table import Table
-from edtk.robots.load_robot import load_robot
+from edtk.robots.load_robot import end_of_arm, load_robot
 from edtk.robots.robot import Robot
 from edtk.robots.robot_overview import Parts, RobotOverview
 from edtk.robots.urdf.load_urdf import OpenLimitsError
@@ -35,11 +35,13 @@ def robot(
     Args:
         name: Name of a built-in robot, or the path of a robot's file (TOML or URDF).
         base: Link of a URDF that stands in the world; defaults to its root.
-        tip: Link of a URDF that carries the tool; defaults to its leaf, where it has one only.
+        tip: Link of a URDF that carries the tool; defaults to its leaf, where it has one only. The
+            joints of a gripper are left out.
         plot: Picture to write (PNG, SVG or PDF, by its ending).
 
     Returns:
-        Joints, reach, loads and bodies. Joints whose limits a file leaves open are in `open`.
+        Joints, reach, loads and bodies. Joints whose limits a file leaves open are in `open`, those
+        of a gripper in `left_out`.
 
     Raises:
         UserError: The robot or the picture's name is not valid.
@@ -52,12 +54,13 @@ def robot(
         require_output(plot, name)
     try:
         with links_by_flags():
+            tip, left_out = (tip, ()) if tip is not None else end_of_arm(str(name), base)
             arm = load_robot(name, base=base, tip=tip)
-        found = RobotOverview(arm, parts=_parts(arm, name, base, tip))
+        found = RobotOverview(arm, (), _parts(arm, name, base, tip), left_out)
     except OpenLimitsError as error:
         limits = {joint: STAND_IN[kind] for joint, kind in error.joints.items()}
         arm = load_robot(name, base=base, tip=tip, limits=limits)
-        found = RobotOverview(arm, tuple(limits), _parts(arm, name, base, tip))
+        found = RobotOverview(arm, tuple(limits), _parts(arm, name, base, tip), left_out)
     if plot is not None:
         picture_file(found, plot)
     return found

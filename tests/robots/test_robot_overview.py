@@ -93,3 +93,20 @@ def test_a_picture_does_not_replace_the_robot(tmp_path):
     path = tmp_path / "arm.svg"
     with pytest.raises(edtk.UserError, match="is read by this command"):
         edtk.robot(path, plot=path)
+
+
+def test_the_chain_ends_before_a_gripper_as_in_a_new_study(tmp_path):
+    """The only leaf is a finger: its joint is none of the arm's, here as in `edtk.new`."""
+    links = "".join(f'<link name="{name}"/>' for name in ("base", "arm", "hand", "finger"))
+    joint = '<joint name="{}" type="{}"><parent link="{}"/><child link="{}"/>{}</joint>'
+    limit = '<axis xyz="0 1 0"/><limit lower="-1" upper="1"/><origin xyz="0.3 0 0.2"/>'
+    joints = [("q1", "base", "arm"), ("q2", "arm", "hand"), ("grip", "hand", "finger")]
+    turning = [joint.format(name, "revolute", *ends, limit) for name, *ends in joints]
+    path = tmp_path / "arm.urdf"
+    path.write_text(f'<robot name="a">{links}{"".join(turning)}</robot>')
+    found = edtk.robot(path)
+    new = edtk.new(path, tmp_path / "study.toml")
+    assert found.robot.joint_names == new.robot.joint_names == ("q1", "q2")
+    assert found.left_out == ("grip",)
+    assert "The chain ends before grip: joints of the end effector." in found.summary()
+    assert edtk.robot(path, tip="finger").robot.joint_names == ("q1", "q2", "grip")

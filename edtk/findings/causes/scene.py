@@ -22,6 +22,7 @@ from edtk.robots.elastic_robot import turning_about
 from edtk.robots.frames import Frames
 from edtk.robots.joint import Joint
 from edtk.robots.robot import Robot
+from edtk.robots.rotations import rotation
 from edtk.system.typing import Array
 
 AXES = "xyz"
@@ -533,9 +534,7 @@ def _of_unknown(family: Family, whole: Array, values: Array) -> Family:
 
 def turned_by(turn: Array, vectors: Array) -> Array:
     """Vectors (..., 3) turned by a rotation vector (3,), or one by several (m, 3) [rad]."""
-    from scipy.spatial.transform import Rotation
-
-    return vectors @ np.swapaxes(Rotation.from_rotvec(turn).as_matrix(), -1, -2)
+    return vectors @ np.swapaxes(rotation(turn), -1, -2)
 
 
 def link_length(joint: Joint) -> float:

@@ -29,13 +29,12 @@ from edtk.report.shown import (
     places_of,
     with_digits,
 )
-from edtk.report.tables import name_width, notebook_table
+from edtk.report.tables import MOST_LINES, name_width, notebook_table
 
 if TYPE_CHECKING:
     from edtk.calibration.prediction import Prediction
 
 
-MOST_LINES = 60  # of readings that are predicted
 ERRORS = ("error_mm", "error_deg")
 # What the parts leave out where displacements are counted from the rigid robot.
 NOT_IN_IT = "errors of the robot's geometry, and of its place in the measuring frame"

@@ -12,8 +12,8 @@ from edtk.measure.expected_error import JointPart
 from edtk.measure.pose_table import ROW_COLUMN, pose_columns, pose_factors
 from edtk.report.figures import BLUE, ORANGE, panels
 from edtk.report.shown import plain
-from edtk.report.tables import notebook_table, text_table
-from edtk.report.views.calibration import MOST_LINES, assumed_joint
+from edtk.report.tables import MOST_LINES, notebook_table, text_table
+from edtk.report.views.calibration import assumed_joint
 from edtk.robots.frames import MM
 from edtk.system.typing import Array
 

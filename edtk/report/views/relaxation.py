@@ -18,7 +18,7 @@ from edtk.report.draw.designs import draw
 from edtk.report.draw.plans import design_stems
 from edtk.report.figures import BLUE, panels
 from edtk.report.shown import plain
-from edtk.report.tables import notebook_table, number_columns, text_table
+from edtk.report.tables import MOST_LINES, notebook_table, number_columns, text_table
 from edtk.report.views.problem import candidate_columns
 from edtk.system.errors import ArgumentError
 from edtk.system.typing import Array
@@ -212,12 +212,16 @@ def _among(plan: RelaxedPlan) -> str:
 
 
 def _poses(plan: RelaxedPlan) -> list[str]:
-    """A header, and a line for each pose, the heaviest first."""
+    """A header, and a line for each pose, the heaviest first; what was cut off has many."""
     table = plan.to_frame()
+    rest = table[table.columns[-1]][MOST_LINES:]
+    table = table[:MOST_LINES]
     weights = table.pop(table.columns[-1])
     numbers = [[f"{x:.3f}" for x in row] for row in table.to_numpy()]
     header, *rows = number_columns(list(table.columns), numbers, 10)
-    lines = (f"{weight:.5f} {row}" for weight, row in zip(weights, rows, strict=True))
+    lines = [f"{weight:.5f} {row}" for weight, row in zip(weights, rows, strict=True)]
+    if len(rest):
+        lines.append(f"... and {len(rest)} more, {rest.sum():.2f} together, in --json or --out")
     return [f"weight  {header}", *lines]
 
 

@@ -215,6 +215,11 @@ def overview_sentences(found: RobotOverview) -> list[str]:
             f"No load at the tool point turns {_listed(never)}: {_whose(never)} needs a tool point "
             "beside the axis."
         )
+    if found.left_out:
+        lines.append(
+            f"The chain ends before {_listed(list(found.left_out))}: joints of the end effector. "
+            "--tip names another end."
+        )
     if found.open:
         lines.append(
             f"The file has no limits for {_listed(list(found.open))}; a study gives them in "
