@@ -83,6 +83,7 @@ class Verification(Presented):
             nothing is said of them.
         of_study: Whether a study stood beside the certificate, so that its setting is not the
             file's own word.
+        other_seed: Whether the candidates have another seed than the study's, as `--seed` asks for.
     """
 
     criterion: str
@@ -102,6 +103,7 @@ class Verification(Presented):
     sized: bool = False
     exact: str = ""
     of_study: bool = False
+    other_seed: bool = False
 
     @property
     def label(self) -> str:
@@ -123,7 +125,12 @@ class Verification(Presented):
         """What is proved, and on what: a sentence that cannot be read as more."""
         if not self.valid:
             return "nothing is proved"
-        return f"{self._of_weights}; {self.exact}" if self.exact else self._of_weights
+        return f"{self._of_weights}; {self.exact}{self._seed}" if self.exact else self._of_weights
+
+    @property
+    def _seed(self) -> str:
+        """That candidates are not those of the study: of many seeds one has the poorest."""
+        return " of another seed than the study's" if self.other_seed else ""
 
     @property
     def _of_weights(self) -> str:
@@ -135,7 +142,7 @@ class Verification(Presented):
         if self.kind == "plan" and self.searched:
             return f"{where}; its efficiency beside {self._plans} is {searched}"
         plural = "" if self.candidates == 1 else "s"
-        drawn = f"{self.candidates:,} {self.sampling} candidate pose{plural} alone"
+        drawn = f"{self.candidates:,} {self.sampling} candidate pose{plural}{self._seed} alone"
         of = f" on {self._plans}" if self.kind == "plan" else ""
         beyond = "other poses may be better"
         if self.searched:

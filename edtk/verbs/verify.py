@@ -106,7 +106,12 @@ def verify(
         asked = asked.excluding(exclude)
     questions = _other_size(content, found, asked, size)
     beside = _beside_study(content, asked, keep, cost_budget, questions)
-    return replace(found, claims=(*beside, *found.claims), of_study=True)
+    return replace(
+        found,
+        claims=(*beside, *found.claims),
+        of_study=True,
+        other_seed=_other_seed(content, asked),
+    )
 
 
 def _of_problem(content: dict[str, Any], problem: object, where: str) -> Verification:
@@ -179,7 +184,7 @@ def _other_costs(content: dict[str, Any], costs: "DayCosts") -> list[str]:
 def _other_candidates(content: dict[str, Any], study: "Study") -> list[str]:
     """How the candidates are fewer, or drawn in another way, than the study says."""
     keys = study.specification
-    proofs = content["proof"] if isinstance(content["proof"], list) else [content["proof"]]
+    proofs = _proofs(content)
     fewest = min(proof["candidates"] for proof in proofs)
     found = []
     if fewest < keys.candidates:
@@ -187,6 +192,19 @@ def _other_candidates(content: dict[str, Any], study: "Study") -> list[str]:
     if any(proof["sampling"] != keys.sampling for proof in proofs):
         found.append(f"the study's candidates are {keys.sampling}")
     return found
+
+
+def _other_seed(content: dict[str, Any], study: "Study") -> bool:
+    """Whether candidates are drawn by another seed, which is no other question."""
+    from edtk.study.plan_study import CANDIDATE_STREAM
+
+    own = [study.specification.seed, CANDIDATE_STREAM]
+    return any(proof["seed"] != own for proof in _proofs(content))
+
+
+def _proofs(content: dict[str, Any]) -> list[dict[str, Any]]:
+    """The proof, or one for each set of loads."""
+    return content["proof"] if isinstance(content["proof"], list) else [content["proof"]]
 
 
 def _other_size(

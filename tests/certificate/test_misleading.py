@@ -76,6 +76,17 @@ def test_candidates_of_another_kind(honest: Content) -> None:
     assert "the study's candidates are random" in found.summary()
 
 
+def test_candidates_of_another_seed_are_said(tmp_path: Path) -> None:
+    """`--seed` may ask for them; of many seeds one has the poorest, with the best bound."""
+    for seed, words in ((0, "poses alone"), (7, "poses of another seed than the study's alone")):
+        edtk.relax(STUDY, certificate=tmp_path / "c.json", seed=seed)
+        found = edtk.verify(tmp_path / "c.json", STUDY)
+        assert found.valid
+        assert f"the bound is proved on 100 random candidate {words}: other" in found.proved
+        # Without the study nobody knows its seed.
+        assert "seed" not in edtk.verify(tmp_path / "c.json").proved
+
+
 def test_a_plan_that_beats_its_bound_is_a_contradiction(honest: Content) -> None:
     """A few poor candidates give a poor bound: an efficiency above one is no praise."""
     content = copy.deepcopy(honest)
