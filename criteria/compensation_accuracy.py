@@ -77,7 +77,7 @@ class CompensationAccuracy(ConvexCriterion):
 
     def rounding(self, W: Array) -> float:
         """That of the target's rows together."""
-        return rounding_of_rows(self.target, W)
+        return float(rounding_of_rows(self.target, W))
 
     def polar(self, Z: Array, M: Array) -> float:
         """``trace (A0 Z A0')^(1/2)``, as of a weighted A-criterion."""

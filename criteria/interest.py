@@ -228,7 +228,7 @@ class Interest(Relaxable):
 
     def rounding(self, W: Array) -> float:
         """That of the least exact of the combinations."""
-        return max(rounding_of_rows(column[None], W) for column in self.K.T)
+        return float(rounding_of_rows(self.K.T[:, None], W).max())
 
     def side(self, cov: Array) -> Array:
         """``cov K`` (..., p, s); any rows (..., n, p) may stand for cov."""

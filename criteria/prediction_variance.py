@@ -76,7 +76,7 @@ class PredictionVariance(SumOfVariances):
 
     def rounding(self, W: Array) -> float:
         """That of the combinations together, and of W itself where its squares were given."""
-        found = rounding_of_rows(self.K.T, W)
+        found = float(rounding_of_rows(self.K.T, W))
         if not self._of_squares:
             return found
         # Entries of W are roundings, and its root leaves out what may be nothing else.

@@ -89,7 +89,7 @@ class WorstTaskAccuracy(KinkedCriterion, ConvexCriterion):
 
     def rounding(self, W: Array) -> float:
         """That of the least exact of the tasks."""
-        return max(rounding_of_rows(rows, W) for rows in self.targets)
+        return float(rounding_of_rows(self.targets, W).max())
 
     def polar(self, Z: Array, M: Array) -> float:
         """``trace (B Z B')^(1/2)``, ``B'B = sum l_i L_i``, for weights l of the tasks of sum one.

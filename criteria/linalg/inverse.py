@@ -207,19 +207,25 @@ def long_product(rows: Array, T: Array) -> Array:
     return np.asarray((rows.astype(np.longdouble) @ T.astype(np.longdouble)).astype(float))
 
 
-def rounding_of_rows(rows: Array, W: Array) -> float:
+def rounding_of_rows(rows: Array, W: Array) -> Array:
     """Bound the relative error of ``sum_j |a_j W|^2`` where products of a_j and W cancel.
 
     A product of p terms is wrong by ``p eps`` times the sum of their sizes; with ``|w_i|`` the
     length of a row of W, ``|a_j W|`` is wrong by ``p eps sum_i |a_ji| |w_i|`` at most.
 
     Args:
-        rows: Rows a_j (k, p).
+        rows: Rows a_j (..., k, p) of one sum, or of many.
         W: Matrix (p, r), such as a root of a covariance.
+
+    Returns:
+        The bounds (...); zero for a sum that is zero.
     """
     # The units of both do not matter; squares in far ones are no doubles.
-    rows, W = (each / (np.abs(each).max(initial=0.0) or 1.0) for each in (rows, W))
-    lengths = np.linalg.norm(rows @ W, axis=1)
+    largest = np.abs(rows).max(axis=(-2, -1), initial=0.0, keepdims=True)
+    rows = rows / np.where(largest > 0, largest, 1.0)
+    W = W / (np.abs(W).max(initial=0.0) or 1.0)
+    lengths = np.linalg.norm(rows @ W, axis=-1)
     sizes = np.abs(rows) @ np.linalg.norm(W, axis=1)
-    total = float(lengths @ lengths)
-    return float(2 * rows.shape[1] * EPS * (lengths @ sizes) / total) if total > 0 else 0.0
+    total = np.square(lengths).sum(axis=-1)
+    lost = 2 * rows.shape[-1] * EPS * (lengths * sizes).sum(axis=-1)
+    return np.divide(lost, total, out=np.zeros_like(total), where=total > 0)

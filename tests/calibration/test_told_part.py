@@ -105,6 +105,7 @@ def test_what_is_of_interest_must_be_told(tmp_path):
     assert (content["rank"], content["not_told"]) == (5, ["q1"])
 
 
+@pytest.mark.slow
 def test_what_is_of_interest_is_told_beside_the_rest(tmp_path):
     """Where all compliances are told, combinations of interest have lines of their own."""
     keys = OPEN | {"joints": {"unknown": NAMES[1:]}}

@@ -120,6 +120,7 @@ def test_numbers_of_a_million_digits(honest: Content, tmp_path: Any) -> None:
     assert time.process_time() - since < MOST_S
 
 
+@pytest.mark.slow
 def test_a_criterion_of_few_parameters_beside_many_rows(honest: Content) -> None:
     """Rows of 20,000 experiments are decomposed without a matrix of their square."""
     content = copy.deepcopy(honest)

@@ -59,6 +59,7 @@ def test_models_side_by_side(kind):
 
 
 @pytest.mark.parametrize("kind", ["compound", "minimax"])
+@pytest.mark.slow
 def test_bound_of_any_parts_and_design(kind):
     """Near any M, and for any multiplier, the bound is below the cost of every design."""
     rng = np.random.default_rng(3)

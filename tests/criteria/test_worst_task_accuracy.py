@@ -105,6 +105,7 @@ def test_relaxation_over_many_tasks_is_proved():
     assert errors[weights > 1e-6].min() >= (1 - 1e-4) * errors.max()
 
 
+@pytest.mark.slow
 def test_weights_of_many_tasks_take_memory_for_each_and_not_for_each_pair():
     """Of 20,000 tasks a matrix of pairs would have three gigabytes."""
     targets = np.random.default_rng(0).normal(size=(20_000, 1, 2))

@@ -255,6 +255,7 @@ def test_a_maximin_design_of_a_region_has_few_points():
     assert design.gap < 1e-7
 
 
+@pytest.mark.slow
 def test_the_bound_of_a_formula_is_proved():
     """Formulas run on intervals: the optimum of Michaelis and Menten over all doses."""
     region = edtk.Region.of_model(ENZYME, AT, {"x": (0.0, 4.0)})
@@ -551,6 +552,7 @@ def test_a_mean_over_ranges_is_that_of_a_uniform_prior(make, sites):
     assert 1 / (mean.value * alone.value) == pytest.approx(4 / np.e, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_mean_over_two_ranges_is_that_of_many_theta():
     """A product of rules agrees with another one of twice as many nodes a range."""
     ranges = {"V": (1.0, 2.0), "K": (0.5, 2.0)}

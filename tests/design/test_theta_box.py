@@ -33,6 +33,7 @@ def d_efficiency(design, K):
     return np.sqrt(np.linalg.det(M)) / best
 
 
+@pytest.mark.slow
 def test_a_narrow_range_has_the_design_of_two_points():
     """A half at one, and a half where both ends of the range are equally efficient.
 
@@ -300,6 +301,7 @@ def test_a_deviance_is_twice_the_divergence(name):
     assert near == pytest.approx(step / np.sqrt(variance), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_counts_are_told_from_a_constant():
     """Two points; the rival's best constant is the mean, and one weight is left to choose."""
     x = np.linspace(-1, 1, 41)
@@ -328,6 +330,7 @@ def test_a_plan_tells_rivals():
     assert "least deviance 0.25 at p = 0.5" in plan.headline()
 
 
+@pytest.mark.slow
 def test_a_certificate_is_about_the_list(tmp_path):
     """It holds for the problem of the design, which is that of the list."""
     path = tmp_path / "proof.json"

@@ -137,6 +137,7 @@ def test_exact_positions_are_fitted_exactly(robot: Robot, rank: int, poses: int)
 
 
 @pytest.mark.parametrize("half_turn", [3.14159265, 3.14159, 3.1416])
+@pytest.mark.slow
 def test_axes_that_a_file_has_parallel_to_five_digits_tell_no_height(half_turn: float) -> None:
     """Base and markers of a SCARA would stand a hundred metres up, which fits tilts of its axes."""
     joints = list(SCARA.joints)
@@ -229,6 +230,7 @@ def test_joint_errors_are_told_from_white_ones() -> None:
     assert np.sqrt((told.joints**2).mean()) == pytest.approx(0.2, rel=0.25)
 
 
+@pytest.mark.slow
 def test_bands_hold_what_they_promise() -> None:
     """95 % bands of poses that were not fitted hold nearly so many of their coordinates."""
     model = model_of(SIX, 3)
@@ -265,6 +267,7 @@ def test_too_few_poses_are_counted() -> None:
         fit_geometry(model, data, white(SIX, 0.03))
 
 
+@pytest.mark.slow
 def test_springs_are_identified_with_the_geometry() -> None:
     """Loaded and unloaded poses tell springs and geometry at once."""
     model = model_of(SIX, 3, compliance=("q2", "q3"))
@@ -331,6 +334,7 @@ def test_markers_of_parallel_axes_stay_near_where_the_study_has_them() -> None:
 
 
 @pytest.mark.cell("the model's error, estimated", "parameters")
+@pytest.mark.slow
 def test_bands_hold_where_a_load_that_nobody_told_bends_two_joints() -> None:
     """Sizes of the model's error are one a joint where the residuals say so, and bands hold."""
     model = model_of(SIX, 3)
@@ -392,6 +396,7 @@ def test_full_poses_tell_thirty_parameters() -> None:
     assert np.sqrt((fit.turns.residual**2).mean()) == pytest.approx(0.8e-4, rel=0.3)
 
 
+@pytest.mark.slow
 def test_repeated_poses_tell_both_kinds_of_noise() -> None:
     """Repeats tell the scatter of positions, and of orientations, each in its unit."""
     fit, _, _ = pose_day(SIX, 12, repeats=4)

@@ -31,6 +31,7 @@ def test_textbook_example():
     assert found.common == pytest.approx(np.sqrt((16 / 3 - 2) / 2))
 
 
+@pytest.mark.slow
 def test_level_and_power():
     """Good data are doubted at 1 % in about 1 % of cases; noise common to a pose is found."""
     rng = np.random.default_rng(0)

@@ -79,6 +79,7 @@ def test_rows_are_those_of_the_springs_of_drives():
         np.testing.assert_allclose(rows, by_drives * torque, rtol=1e-7, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_rows_at_rest_are_differences_of_the_least_energy():
     """What instruments read of the bent arm moves with each spring as two rests of the truth do."""
     springs = all_parameters(ROBOT, ("M",), [], ROBOT.joint_names, base=False, tool=False)

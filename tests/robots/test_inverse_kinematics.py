@@ -60,6 +60,7 @@ def test_what_is_called_the_nearest_is_so() -> None:
     assert said == [False, False, False, True, True, True]
 
 
+@pytest.mark.slow
 def test_what_cannot_be_reached_has_no_solution() -> None:
     """Too far away, or beyond the limits, which is told."""
     far = KR270.forward(np.zeros(6))

@@ -110,6 +110,7 @@ def test_pairs_of_one_joint_are_not_looked_at() -> None:
     assert pairs - {frozenset(pair) for pair in less.pairs} == {frozenset(("table", "forearm"))}
 
 
+@pytest.mark.slow
 def test_a_weight_hangs_down_in_every_pose() -> None:
     """The weight is below the tool point by its rope, however the flange is turned."""
     hanging = {"rope_mm": 400, "radius_mm": 100, "height_mm": 200, "swing_deg": 0}

@@ -69,6 +69,7 @@ def test_levels_are_used_as_often_as_asked() -> None:
     assert used(found, "time") == {10: 3, 20: 3, 30: 3}
 
 
+@pytest.mark.slow
 def test_an_expression_of_columns_counts() -> None:
     """Coefficients are what it gives for each candidate."""
     sums = [("oven == 'left'", None, 1), ("time", 0, 120)]

@@ -433,6 +433,7 @@ def test_a_size_that_is_no_number(size):
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-100, 1e100])
+@pytest.mark.slow
 def test_a_plan_is_proved_to_be_the_best(scale):
     """The proof closes the gap that weights leave, in any units, and the plan says so."""
     x = np.linspace(-1, 1, 101)
@@ -488,6 +489,7 @@ def test_a_proof_that_time_has_ended_has_a_summary():
 
 
 @pytest.mark.parametrize("name", ["I", "prediction_G"])
+@pytest.mark.slow
 def test_predictions_are_at_all_candidates_unless_places_are_stated(name):
     """By the name alone, in plans, weights, comparisons and what comes next."""
     x = np.linspace(-1, 1, 21)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matrices import EPS, orthogonal, positive, slip, units, with_spectrum
 
-from criteria.linalg.inverse import guarded_inverse, power_trace, whitener
+from criteria.linalg.inverse import guarded_inverse, power_trace, rounding_of_rows, whitener
 
 sizes = pytest.mark.parametrize("p", [1, 2, 3, 6, 9])
 powers = pytest.mark.parametrize("exponent", [1 / 3, 0.5, 1.0])
@@ -117,3 +117,17 @@ def test_power_trace_is_never_above_the_sum(exponent):
         found = power_trace(np.diag([1.0, small]), exponent)
         assert 1 - 64 * EPS <= found <= (1 + small**exponent) * (1 + 4 * EPS)
     assert power_trace(np.zeros((2, 2)), exponent) == 0.0
+
+
+def test_rounding_of_many_sums_is_that_of_each():
+    """Each sum has units of its own, and one of nothing loses nothing."""
+    rng = np.random.default_rng(0)
+    rows = rng.normal(size=(5, 2, 4)) * 1e200 ** rng.uniform(-1, 1, (5, 1, 1))
+    rows[2] = 0.0
+    W = rng.normal(size=(4, 3))
+    found = rounding_of_rows(rows, W)
+    np.testing.assert_array_equal(found, [rounding_of_rows(one, W) for one in rows])
+    assert found[2] == 0.0
+    # Where both products cancel, all that is left is rounding.
+    cancels = rounding_of_rows(np.array([[1.0, -1.0 + 1e-9]]), np.ones((2, 1)))
+    assert cancels == pytest.approx(4 * EPS * 2e9, rel=1e-6)

@@ -121,6 +121,7 @@ def test_a_maximum_on_two_constraints_takes_few_boxes(monkeypatch: pytest.Monkey
     assert together.boxes < cover(question, 1e-6).boxes / 2
 
 
+@pytest.mark.slow
 def test_a_planted_narrow_peak_is_found(rng: np.random.Generator) -> None:
     """A peak a hundredth of the box wide, on top of waves, which random places miss."""
     axis = Axis("angle", -3.0, 3.0)

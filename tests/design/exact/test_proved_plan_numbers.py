@@ -128,6 +128,7 @@ def test_blocks_far_from_the_origin(name, scale):
 @pytest.mark.parametrize(
     ("name", "sigma"), some_pairs(["D", "G", "Ds", "rho_max", "I"], [1.0, 0.3])
 )
+@pytest.mark.slow
 def test_blocks_of_nearly_dependent_columns(name, sigma):
     """Neither taking the middle out nor dividing by the noise rounds what tells columns apart."""
     rng = np.random.default_rng(9)

@@ -81,6 +81,7 @@ def test_markers_at_the_edge_of_what_is_seen_are_read_as_before():
     np.testing.assert_allclose(steps, np.round(steps, DIGITS), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_markers_in_a_corner_of_what_is_seen_are_read_as_before():
     """Where two markers are at their edges, no step nearby may read both: farther ones do.
 

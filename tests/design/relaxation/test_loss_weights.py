@@ -77,6 +77,7 @@ def test_far_extrapolation():
 
 
 @pytest.mark.parametrize("case", ["D, A", "phi"])
+@pytest.mark.slow
 def test_same_as_cvxpy(case):
     """The relaxation by this method has the cost of the one by cvxpy's."""
     problem = Problem(off_centre(8, 60))

@@ -84,6 +84,7 @@ def test_another_scale_of_the_variable():
 
 
 @pytest.mark.parametrize(("degree", "low", "high"), [(2, 2000, 2030), (3, 300, 310), (10, 0, 1)])
+@pytest.mark.slow
 def test_polynomials_far_from_the_origin(degree, low, high):
     """Squares of such rows have no digits; D is that of [-1, 1] times h^degree, h half the length.
 

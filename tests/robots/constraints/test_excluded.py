@@ -27,6 +27,7 @@ def poses(robot, *batch, seed=1):
 
 
 @both
+@pytest.mark.slow
 def test_gradient_of_excluded_poses(robot, derivative):
     """Gradients of distances agree with differences, away from the pose and from half a turn."""
     forbidden = poses(robot, 3, seed=7)

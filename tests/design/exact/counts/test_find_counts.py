@@ -66,6 +66,7 @@ def test_ties_are_decided_by_order_and_not_by_last_digits(name, levels, factors,
 
 
 @pytest.mark.parametrize("name", ["D", "A", "E"])
+@pytest.mark.slow
 def test_what_blocks_leave_open_is_no_matter_for_an_interest(name):
     """Contrasts of treatments beside a constant, in blocks of two: the plan without a constant."""
     contrasts = np.eye(5)[:, 1:]
