@@ -255,37 +255,31 @@ def _first_steps(
     Returns:
         The fits by the faults' places.
     """
-    dims = np.array([family.dims for family in families], dtype=int)
-    first = np.cumsum(dims) - dims
+    dims = np.array([family.dims for family in families])
+    owner = np.repeat(np.arange(len(dims)), dims)
     columns = [np.moveaxis(family.derivative_at_zero(k), -1, 0) for family in families]
-    D = whitened.in_sigma(np.concatenate(columns)).reshape(int(dims.sum()), -1)
+    D = whitened.in_sigma(np.concatenate(columns)).reshape(len(owner), -1)
+    length = np.linalg.norm(D, axis=1)
     Q = whitened.Q.reshape(-1, len(k))
     E = D - (D @ Q) @ Q.T
     E = E - (E @ Q) @ Q.T  # once more, against rounding
-    length = np.linalg.norm(D, axis=1)
+    E = E / np.where(length > 0, length, 1.0)[:, None]
     z = whitened.residual(measured).ravel()
-    added = np.array([isinstance(family.predict, Added) for family in families])
     found = {}
     for size in np.unique(dims):
-        at = np.flatnonzero(dims == size)
-        own = first[at, None] + np.arange(size)
-        seen = length[own].all(axis=1)
-        at, own = at[seen], own[seen]
-        parts = E[own] / length[own][..., None]
-        gram = parts @ np.swapaxes(parts, 1, 2)
-        clear = np.linalg.eigvalsh(gram)[:, 0] > CLEAR**2
-        at, own, parts = at[clear], own[clear], parts[clear]
-        inverse = np.linalg.inv(gram[clear])
-        c = (inverse @ (parts @ z)[..., None])[..., 0]
-        left = np.square(z - (c[:, None] @ parts)[:, 0]).sum(axis=1)
+        own = np.flatnonzero(dims[owner] == size).reshape(-1, size)
+        own = own[np.linalg.eigvalsh(E[own] @ np.swapaxes(E[own], 1, 2))[:, 0] > CLEAR**2]
+        inverse = np.linalg.inv(E[own] @ np.swapaxes(E[own], 1, 2))
+        c = (inverse @ (E[own] @ z)[..., None])[..., 0]
+        left = np.square(z - (c[:, None] @ E[own])[:, 0]).sum(axis=1)
         std = np.sqrt(np.diagonal(inverse, axis1=1, axis2=2))
         settled = np.abs(c / std).max(axis=1) < CONVERGED
-        remarkable = z @ z - left >= UNREMARKABLE
-        # Of what is added to the readings, whatever its size, the first step is the last one.
-        ends = ~settled & (~remarkable | added[at])
-        covariance = inverse / (length[own][:, :, None] * length[own][:, None])
-        for i in np.flatnonzero(ends):
-            found[int(at[i])] = FamilyFit(c[i] / length[own[i]], covariance[i], float(left[i]))
+        for i in np.flatnonzero(~settled):
+            at, scale = int(owner[own[i, 0]]), length[own[i]]
+            # Of what is added to the readings, whatever its size, the first step is the last one.
+            if z @ z - left[i] < UNREMARKABLE or isinstance(families[at].predict, Added):
+                covariance = inverse[i] / np.outer(scale, scale)
+                found[at] = FamilyFit(c[i] / scale, covariance, float(left[i]))
     return found
 
 

@@ -445,19 +445,19 @@ def _as_tried(fitted: Sequence[tuple[Family, FamilyFit]], chi2: float) -> list[T
         chi2: Sum of squares of the fit without a fault.
     """
     found: dict[int, Tried] = {}
-    dims = np.array([family.dims for family, _ in fitted], dtype=int)
-    for number in np.unique(dims):
-        at = np.flatnonzero(dims == number).tolist()
-        c = np.stack([fitted[i][1].c for i in at])
-        covariance = np.stack([fitted[i][1].covariance for i in at])
-        usual = np.array([fitted[i][0].usual for i in at])
-        positive = np.array([fitted[i][0].only_positive for i in at])
-        cost = rarity(c, covariance, usual, positive)
-        sizes, covariances = likely_size(c, covariance, usual)
-        for i, size, of_size, own in zip(at, sizes, covariances, cost.tolist(), strict=True):
+    for dims in {family.dims for family, _ in fitted}:
+        at = [i for i, (family, _) in enumerate(fitted) if family.dims == dims]
+        values = [
+            (fit.c, fit.covariance, family.usual, family.only_positive)
+            for family, fit in (fitted[i] for i in at)
+        ]
+        c, covariance, usual, positive = map(np.array, zip(*values, strict=True))
+        costs = rarity(c, covariance, usual, positive).tolist()
+        likely = likely_size(c, covariance, usual)
+        for i, cost, size, of_size in zip(at, costs, *likely, strict=True):
             family, fit = fitted[i]
             cause = _sized_cause(family, size, of_size, chi2 - fit.chi2)
-            found[i] = Tried(cause, fit.chi2, family.dims, family.tries, own, family, size)
+            found[i] = Tried(cause, fit.chi2, dims, family.tries, cost, family, size)
     return [found[i] for i in range(len(fitted))]
 
 
