@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from readings import STUDY
 
+from edtk.findings.causes.family import fit_families
+from edtk.findings.causes.faults import families
 from edtk.findings.causes.find_causes import find_causes
 from edtk.findings.causes.try_faults import PlainFit
 from edtk.fit.distributions import chi_square_tail
@@ -320,3 +322,27 @@ def test_json():
     assert found["cause"] == "pose"
     assert found["rows"] == [7, 8, 9]
     assert found["unit"] == "deg"
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.2], ids=["sound", "springs beyond the noise"])
+def test_faults_are_fitted_together_as_each_alone(scale):
+    """Most take their first step together, and others go on by themselves: each as without others.
+
+    Columns of no length and of what springs do have no fit either way.
+    """
+    sign = np.sign(Q[:, 2])[:, None, None]
+    data = measured(0, A=MODEL.regressor(Q, WRENCH) * np.where(sign > 0, scale, 1.0))
+    plain = PlainFit.of(MODEL, data, data.deflection, {}, None)
+    every = [*families(plain.scene)]
+    given = plain.whitened, plain.measured, plain.noise, plain.k
+    together = fit_families(every, *given)
+    assert {family.dims for family in every} == {1, 2, 3}
+    assert sum(fit is None for fit in together) < len(every) / 2
+    for family, fit in zip(every, together, strict=True):
+        (alone,) = fit_families([family], *given)
+        assert (fit is None) == (alone is None)
+        if fit is not None:
+            assert fit.chi2 == pytest.approx(alone.chi2, rel=1e-12)
+            std = np.sqrt(np.diag(alone.covariance))
+            np.testing.assert_allclose(fit.c, alone.c, rtol=1e-9, atol=1e-9 * std.max())
+            np.testing.assert_allclose(fit.covariance, alone.covariance, rtol=1e-9, atol=1e-300)

@@ -103,3 +103,19 @@ def test_no_variance_at_all_is_no_fault(variance, only_positive):
     """Rounding may leave a variance of zero or below: the cost is finite, and no warning comes."""
     found = rarity(np.array([0.1]), np.array([[variance]]), 100.0, only_positive)
     assert 500 < found < 1000
+
+
+def test_many_faults_at_once_are_each_alone():
+    """Sizes of many faults have the rarity and the likely size that each of them has."""
+    rng = np.random.default_rng(0)
+    c, root, usual = rng.normal(size=(4, 2)), rng.normal(size=(4, 2, 2)), np.geomspace(0.1, 10, 4)
+    covariance = root @ np.swapaxes(root, 1, 2)
+    each = [rarity(*one) for one in zip(c, covariance, usual, strict=True)]
+    np.testing.assert_allclose(rarity(c, covariance, usual), each, rtol=1e-12)
+    for i, found in enumerate(zip(*likely_size(c, covariance, usual), strict=True)):
+        for one, alone in zip(found, likely_size(c[i], covariance[i], usual[i]), strict=True):
+            np.testing.assert_allclose(one, alone, rtol=1e-10)
+    sizes, variance = np.array([[-0.3], [0.3]]), np.full((2, 1, 1), 0.04)
+    mixed = rarity(sizes, variance, 1.0, np.array([True, False]))
+    alone = [rarity(sizes[i], variance[i], 1.0, only_positive=i == 0) for i in range(2)]
+    np.testing.assert_allclose(mixed, alone, rtol=1e-12)
