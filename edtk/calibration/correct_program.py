@@ -3,7 +3,7 @@
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +16,9 @@ from edtk.measure.cells import csv_text
 from edtk.measure.pose_table import pose_columns, pose_factors
 from edtk.programs.program import Axis, axes_of
 from edtk.programs.targets.brand import MARK, Brand
-from edtk.programs.targets.brands import brand_of
+from edtk.programs.targets.fanuc_ls_targets import FanucTargets
+from edtk.programs.targets.krl_targets import KrlTargets
+from edtk.programs.targets.rapid_targets import RapidTargets
 from edtk.programs.targets.reading import (
     Frames,
     Left,
@@ -26,6 +28,7 @@ from edtk.programs.targets.reading import (
     targets_of,
     written,
 )
+from edtk.programs.targets.urscript_targets import UrTargets
 from edtk.robots.frames import MM
 from edtk.robots.inverse import Posture, is_nearest, solutions, solve
 from edtk.robots.joint import AT_LIMIT
@@ -46,7 +49,15 @@ NO_TEXT = "\0"  # in a program that is no text of one byte a character
 OTHER_BRANCH = "its corrected joints are on another branch than it states"
 OTHER_SIDES = "no joints within the limits are on the branch that it states"
 
+BRANDS: tuple[Brand, ...] = (KrlTargets(), RapidTargets(), UrTargets(), FanucTargets())
+
 Commands = Callable[[Plan], Compensation]
+
+
+def brand_of(name: str) -> Brand | None:
+    """The reader of programs in files of such a name; None of a table of poses."""
+    suffix = PurePath(name).suffix.lower()
+    return next((brand for brand in BRANDS if suffix in brand.suffixes), None)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.compensate import Compensation
+from edtk.calibration.correct_program import brand_of
 from edtk.calibration.geometric_calibration import GeometricCalibration
 from edtk.calibration.prediction import Prediction
 from edtk.findings.fitted_data import HowFitted
 from edtk.measure.pose_table import Table
-from edtk.programs.targets.brands import brand_of
 from edtk.system.arguments import checked
 from edtk.system.errors import ArgumentError, whole_number
 from edtk.verbs.bayes import Sampling

@@ -7,9 +7,9 @@ import pytest
 from click.testing import CliRunner
 
 import edtk
+from edtk.calibration.correct_program import brand_of
 from edtk.cli import main
 from edtk.programs.program import Move, Program, axes_of
-from edtk.programs.targets.brands import brand_of
 from edtk.programs.targets.reading import Frames, targets_of
 from edtk.programs.writer import get
 
