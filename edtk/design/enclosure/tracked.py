@@ -25,9 +25,7 @@ from edtk.design.enclosure.boxes import Grid, limits_on
 from edtk.design.enclosure.polynomial import ROUNDOFF, Objective, Polynomial
 from edtk.system.typing import Array
 
-NEAR_TRACKER = (
-    4.0  # a box is near where its largest squared distance is as many times its least one
-)
+CLOSE_BY = 4.0  # a box is near where its largest squared distance is as many times its least one
 OF_WEIGHTS = 64 * ROUNDOFF  # roundings of variances, chords and their products, from above
 
 
@@ -144,7 +142,7 @@ class TrackedObjective(Objective):
         more = np.zeros((2, len(s)))  # of Q, and of s - s_0 by it
         size = u * variance + u * slope * high
         if self.inline is not None:
-            is_near = high > NEAR_TRACKER * s
+            is_near = high > CLOSE_BY * s
             own = np.where(is_near, self.growth.aside(high) / self.growth.inline(s), own)
             far = np.where(is_near, high, s)
             first = self.growth.excess(far)

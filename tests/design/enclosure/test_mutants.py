@@ -188,7 +188,7 @@ def laws_of_a_tracker(tracked: ModuleType) -> None:
     assert objective.plus(0.5)(t[:1]) == pytest.approx(told[:1] + 0.5, rel=1e-13)
     assert objective.scale[0] <= aside.min() <= aside.max() <= objective.scale[1]
     assert objective.most >= told.max()
-    for least in (S.min(), S.min() / tracked.NEAR):
+    for least in (S.min(), S.min() / tracked.CLOSE_BY):
         low = np.array([[least], [Q(t).min()]])
         factors, constant, error = objective.weights(u, low, np.array([S.max()]))
         parts = [objective.tested(u)(t), S, Q(t)]
