@@ -102,7 +102,8 @@ def test_a_slip_so_large_that_arcs_are_no_tangents_is_named(tmp_path: Path) -> N
     """By 3 deg at a lever of 0.4 m; chords are shorter than arcs, which looks like a scale."""
     rng = np.random.default_rng(6)
     model = StudyGeometry.of(SCARA).model
-    q = rng.uniform(*SCARA.robot.limits, (36, 4))
+    low, high = SCARA.robot.limits
+    q = rng.uniform(low, high, (36, 4))
     slip = np.deg2rad(3.0) * (np.arange(36) >= 18)
     theta = rng.normal(0, 0.3, model.p) * model.scales
     x = model.see(theta, q + slip[:, None] * np.eye(4)[1], derivatives=False).points

@@ -37,7 +37,9 @@ def identified(path: Path, joint: int, first: int, degrees: float, seed: int = 0
         np.hstack([np.rad2deg(q), seen]), columns=[*COLUMNS, "dx_mm", "dy_mm", "dz_mm"]
     )
     sheet.to_csv(path / "day.csv", index=False)
-    return edtk.identify(STUDY, path / "day.csv", linear=True)
+    found = edtk.identify(STUDY, path / "day.csv", linear=True)
+    assert isinstance(found, Calibration)
+    return found
 
 
 @pytest.mark.parametrize(
