@@ -13,6 +13,12 @@ from edtk.design.problem import Problem
 from edtk.design.relaxation.proof import is_normalised
 from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
+from edtk.measure.pose_table import (
+    in_file_units,
+    pose_columns,
+    wrench_columns,
+    wrench_in_file_units,
+)
 from edtk.report.draw.bars import weight_bars
 from edtk.report.draw.designs import draw
 from edtk.report.draw.plans import design_stems
@@ -213,13 +219,16 @@ def _among(plan: RelaxedPlan) -> str:
 
 def _poses(plan: RelaxedPlan) -> list[str]:
     """A header, and a line for each pose, the heaviest first; what was cut off has many."""
-    table = plan.to_frame()
-    rest = table[table.columns[-1]][MOST_LINES:]
-    table = table[:MOST_LINES]
-    weights = table.pop(table.columns[-1])
-    numbers = [[f"{x:.3f}" for x in row] for row in table.to_numpy()]
-    header, *rows = number_columns(list(table.columns), numbers, 10)
-    lines = [f"{weight:.5f} {row}" for weight, row in zip(weights, rows, strict=True)]
+    robot, shown = plan.space.workspace.robot, plan.plan
+    columns, numbers = list(pose_columns(robot)), in_file_units(robot, shown.q)
+    if plan.space.load.limits.size:
+        columns += wrench_columns(shown.wrench)
+        numbers = np.hstack([numbers, wrench_in_file_units(shown.wrench)])
+    weights = np.sort(plan.weights)[::-1]
+    rest = weights[MOST_LINES:]
+    texts = [[f"{x:.3f}" for x in row] for row in numbers[:MOST_LINES]]
+    header, *rows = number_columns(columns, texts, 10)
+    lines = [f"{weight:.5f} {row}" for weight, row in zip(weights[:MOST_LINES], rows, strict=True)]
     if len(rest):
         lines.append(f"... and {len(rest)} more, {rest.sum():.2f} together, in --json or --out")
     return [f"weight  {header}", *lines]
