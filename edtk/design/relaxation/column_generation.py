@@ -271,15 +271,15 @@ class ColumnGeneration:
         return Effort(solvers, INNER if loose else FINEST)
 
     def _first_active(self) -> Indices:
-        """The candidates to begin with: the most sensitive, and others if these leave some open."""
-        T = range_whitener(self.problem.mean)
-        sensitivities = self.problem.sensitivities(T @ T.T)
-        most = entering_candidates(sensitivities, np.empty(0, dtype=int), self._batch)
-        if is_clearly_regular(self.problem[most].mean):
-            return most
+        """The candidates to begin with: some that tell all parameters, and the most sensitive."""
         # A choice one after another takes its time; as many as there are parameters will do.
         chosen = first_active_set(self.problem, self.problem.width)
-        return np.concatenate([chosen, most[~np.isin(most, chosen)]])
+        missing = self._batch - len(chosen)
+        if missing <= 0 or len(chosen) == self.problem.n:
+            return chosen
+        T = range_whitener(self.problem.mean)
+        sensitivities = self.problem.sensitivities(T @ T.T)
+        return np.concatenate([chosen, entering_candidates(sensitivities, chosen, missing)])
 
     def _kept(
         self, step: Step, sensitivities: Array, gap: float, least: float

@@ -7,6 +7,7 @@ from relaxations import SMOOTH, blocks_of, criterion_of, off_centre
 import criteria
 from criteria import ConvexCriterion
 from edtk.design.problem import Problem
+from edtk.design.relaxation import newton_weights as newton_module
 from edtk.design.relaxation.master_equations import ActiveInformation
 from edtk.design.relaxation.newton_weights import NewtonError, newton_weights, suits_newton
 from edtk.design.relaxation.relax import relax
@@ -118,3 +119,17 @@ def test_suits():
     assert suits_newton(Inhomogeneous(), 40)
     assert not suits_newton(Inhomogeneous(), 41)
     assert suits_newton(criteria.create("A"), 1000)
+
+
+def test_goes_on_from_an_answer(monkeypatch):
+    """Programs with new candidates start inside: a polynomial under A took 40 steps in all before.
+
+    Neighbours of its points got weights so large that the first steps had to be short.
+    """
+    steps = []
+    step = newton_module._Point.step
+    monkeypatch.setattr(newton_module._Point, "step", lambda self: steps.append(0) or step(self))
+    x = np.linspace(-1, 1, 2001)
+    found = relax(Problem(np.vander(x, 6, increasing=True)[:, None, :]), criteria.create("A"))
+    assert found.gap <= 1e-6
+    assert len(steps) < 40

@@ -5,6 +5,7 @@ import pytest
 from relaxations import off_centre
 
 import criteria
+import edtk
 from edtk.design.problem import Problem
 from edtk.design.relaxation.proof import Proof
 
@@ -29,6 +30,17 @@ def test_worthless_multiplier():
     alone, _ = Proof.of(problem, criteria.create("A"), problem.mean, [-G])
     both, _ = Proof.of(problem, criteria.create("A"), problem.mean, [Z, -G])
     assert both.lower_bound == alone.lower_bound > 0
+
+
+def test_enough_is_proved():
+    """A multiplier that proves enough is the last one tried; of several the best one counts."""
+    problem = Problem(off_centre(8, 50))
+    G = criteria.create("D").gradient(problem.mean)
+    best = edtk.relax(problem, "D").multipliers[0]
+    first, _ = Proof.of(problem, criteria.create("D"), problem.mean, [-G, best], enough=1e-9)
+    every, _ = Proof.of(problem, criteria.create("D"), problem.mean, [-G, best])
+    np.testing.assert_allclose(first.multiplier, -G)
+    assert every.lower_bound > first.lower_bound > 0
 
 
 def test_rounding_of_a_parameter_without_sensitivity():
