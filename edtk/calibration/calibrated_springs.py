@@ -269,10 +269,9 @@ class SpringsWithTool(Commanded):
         noise, dof = (own, found.covariance_dof) if left is None else (left.noise, left.dof)
         transposed = np.swapaxes(A, -1, -2)
         p, a = len(noise), A.shape[-1] - len(noise)
-        # At least what the budget counts without errors of the model, see `Propagation.budget`.
-        V = A @ (found.covariance + np.pad(noise - own, (0, a))) @ transposed
         by_noise = compensation_accuracy(A[..., :p], noise)
         if left is None:
+            V = A @ (found.covariance + np.pad(noise - own, (0, a))) @ transposed
             total = compensation_accuracy(A, found.covariance)
             every = NormalMixture.single(still, V, _degrees_of_freedom(dof, total, by_noise))
         else:
@@ -281,14 +280,13 @@ class SpringsWithTool(Commanded):
             mixture = left.mixture(self.model, bare.desired, bare.wrench)
             every = mixture.plus(A @ beside @ transposed, still)
         alone = NormalMixture.single(still, A[..., :p] @ noise @ transposed[:, :p], dof)
-        squares = np.einsum("trr->t", V) + np.square(still).sum(axis=-1)
         each = [
             (one.joint, A[..., :p] @ one.shifts - A[..., p + j] * one.joint.std)
             for j, one in enumerate(found.assumed)
         ]
         return replace(
             bare,
-            remaining=np.sqrt(np.maximum(np.square(every.size), squares)),
+            remaining=every.size,
             band=band_of(every, alone),
             by_noise=by_noise,
             by_joints=tuple((joint, np.linalg.norm(error, axis=-1)) for joint, error in each),

@@ -36,6 +36,7 @@ from edtk.system.typing import Array, Indices, Mask
 TOOL = ("tool_x", "tool_y", "tool_z")
 DIRECTION = ("load_direction",)
 ESTIMATED = ("noise", "model", "known_joints")  # parts whose covariance is that of a posterior
+UNTOLD = ("repeatability", "rigid_joints", "known_joints")  # that no sheet tells, as a load's size
 MOST_ROWS = 5000  # measurements over which the circumstances are propagated
 
 
@@ -154,7 +155,6 @@ class Propagation:
             "rigid_joints": told.rigid,
             "known_joints": told.known,
         }
-        untold = ("repeatability", "rigid_joints", "known_joints")
         return cls(
             unknown=tuple(int(j) for j in model.joints),
             assumed=told.joints,
@@ -162,7 +162,7 @@ class Propagation:
             roots=roots,
             told=tuple(map(inverse.told, told.columns)),
             absolute=data.absolute,
-            beside=np.hstack([*of_load, *(roots[name] for name in untold)]),
+            beside=np.hstack([*of_load, *(roots[name] for name in UNTOLD)]),
         )
 
     @property
@@ -211,11 +211,8 @@ class Propagation:
         for name, size in ({} if self.visits is None else self.visits.there(tasks)).items():
             parts[name] = float(np.hypot(parts.get(name, 0.0), size))
         if self.model is not None and self.beside is not None:
-            # What all makes together, beside what it would make without errors of the model.
-            parts["model"] = 0.0
-            others = sum(part**2 for part in parts.values())
-            more = self.model.size(tasks) ** 2 + float(np.square(A0 @ self.beside).sum()) - others
-            parts["model"] = float(np.sqrt(max(more, 0.0)))
+            whole = self.model.size(tasks) ** 2
+            parts |= _as_told(parts, whole, float(np.square(A0 @ self.beside).sum()))
         parts["model"] = float(np.hypot(parts.get("model", 0.0), model_error))
         of_joints = np.linalg.norm(A0 @ self.of_joints, axis=0)
         own = slice(self.p, self.p + len(self.assumed))
@@ -335,6 +332,28 @@ class OfVisits:
         s = np.asarray(self.setting.noise.joints) / 1e3
         moved = float(np.linalg.norm(tasks.with_columns(motion).target * s)) if s.any() else 0.0
         return {"model": float(np.sqrt(3) * self.discrepancy), "repeatability": moved}
+
+
+def _as_told(parts: Mapping[str, float], whole: float, untold: float) -> dict[str, float]:
+    """Parts of the error by circumstances, as a sheet tells them, and by the model.
+
+    The sheet may tell a tool point, the direction of a load or a drift better than the study does:
+    what it leaves of all that it tells is then less than they would make by themselves.
+
+    Args:
+        parts: Errors by the circumstances as the study states them [m].
+        whole: Square of what the sheet leaves of all that it tells: these, noise and model [m^2].
+        untold: Square of what it cannot tell [m^2].
+    """
+    size = max(untold - sum(parts[name] ** 2 for name in UNTOLD), 0.0)  # by the load's size
+    doubts = {"load": max(parts["load"] ** 2 - size, 0.0)}
+    doubts |= {name: parts[name] ** 2 for name in ("tool", "drift")}
+    left, stated = max(whole - parts["noise"] ** 2, 0.0), sum(doubts.values())
+    share = min(left / stated, 1.0) if stated else 1.0
+    found = {name: float(np.sqrt(share * one)) for name, one in doubts.items()}
+    found["load"] = float(np.hypot(found["load"], np.sqrt(size)))
+    found["model"] = float(np.sqrt(max(left - stated, 0.0)))
+    return found
 
 
 def root_of(covariance: Array) -> Array:
