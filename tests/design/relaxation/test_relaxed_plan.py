@@ -10,6 +10,7 @@ import pytest
 from designs import DESIGNS, KR270, LOADED, STUDY
 
 from criteria import create
+from criteria.criterion import unit_of
 from edtk.design.bound import Bound, BoundKind
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.relaxation.relax_poses import relax_poses
@@ -229,12 +230,13 @@ def test_csv_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
 @either
 @every
 def test_summary(name, searched):
-    """A person reads value, proved and searched bound, and poses; rho0 in millimetres."""
+    """A person reads value, proved and searched bound with their unit, and poses."""
     plan = as_if_searched(plan_of(name)) if searched else plan_of(name)
     head, *lines = plan.summary().splitlines()
     assert head.startswith(f"{name}, {plan.criterion.title}")
     assert head.endswith(f"{plan.criterion.sense}imised")
-    factor, unit = (1e3, " mm") if name == "rho0" else (1.0, "")
+    factor = 1e3 if name == "rho0" else 1.0
+    unit = f" {unit_of(plan.criterion, plan.space.units)}".rstrip()
     assert lines[0].split(maxsplit=1)[1] == f"{factor * plan.value:.7g}{unit}"
     assert "proved on 300 candidates" in lines[1]
     assert f" {factor * plan.bound:.7g}{unit} " in lines[1]
