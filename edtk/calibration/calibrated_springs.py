@@ -271,7 +271,7 @@ class SpringsWithTool(Commanded):
         p, a = len(noise), A.shape[-1] - len(noise)
         by_noise = compensation_accuracy(A[..., :p], noise)
         if left is None:
-            V = A @ (found.covariance + np.pad(noise - own, (0, a))) @ transposed
+            V = A @ found.covariance @ transposed
             total = compensation_accuracy(A, found.covariance)
             every = NormalMixture.single(still, V, _degrees_of_freedom(dof, total, by_noise))
         else:

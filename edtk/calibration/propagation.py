@@ -36,7 +36,8 @@ from edtk.system.typing import Array, Indices, Mask
 TOOL = ("tool_x", "tool_y", "tool_z")
 DIRECTION = ("load_direction",)
 ESTIMATED = ("noise", "model", "known_joints")  # parts whose covariance is that of a posterior
-UNTOLD = ("repeatability", "rigid_joints", "known_joints")  # that no sheet tells, as a load's size
+# Parts that no sheet tells, as little as the size of a load.
+NO_SHEET_TELLS = ("repeatability", "rigid_joints", "known_joints")
 MOST_ROWS = 5000  # measurements over which the circumstances are propagated
 
 
@@ -162,7 +163,7 @@ class Propagation:
             roots=roots,
             told=tuple(map(inverse.told, told.columns)),
             absolute=data.absolute,
-            beside=np.hstack([*of_load, *(roots[name] for name in UNTOLD)]),
+            beside=np.hstack([*of_load, *(roots[name] for name in NO_SHEET_TELLS)]),
         )
 
     @property
@@ -338,22 +339,24 @@ def _as_told(parts: Mapping[str, float], whole: float, untold: float) -> dict[st
     """Parts of the error by circumstances, as a sheet tells them, and by the model.
 
     The sheet may tell a tool point, the direction of a load or a drift better than the study does:
-    what it leaves of all that it tells is then less than they would make by themselves.
+    what it leaves of all that it tells is then less than they would make by themselves. Where it
+    leaves more, they count in full, and the model has the rest.
 
     Args:
         parts: Errors by the circumstances as the study states them [m].
         whole: Square of what the sheet leaves of all that it tells: these, noise and model [m^2].
         untold: Square of what it cannot tell [m^2].
     """
-    size = max(untold - sum(parts[name] ** 2 for name in UNTOLD), 0.0)  # by the load's size
+    size = max(untold - sum(parts[name] ** 2 for name in NO_SHEET_TELLS), 0.0)  # by the load's size
     doubts = {"load": max(parts["load"] ** 2 - size, 0.0)}
     doubts |= {name: parts[name] ** 2 for name in ("tool", "drift")}
-    left, stated = max(whole - parts["noise"] ** 2, 0.0), sum(doubts.values())
+    noise = min(parts["noise"] ** 2, whole)
+    left, stated = whole - noise, sum(doubts.values())
     share = min(left / stated, 1.0) if stated else 1.0
     found = {name: float(np.sqrt(share * one)) for name, one in doubts.items()}
     found["load"] = float(np.hypot(found["load"], np.sqrt(size)))
     found["model"] = float(np.sqrt(max(left - stated, 0.0)))
-    return found
+    return found | {"noise": float(np.sqrt(noise))}
 
 
 def root_of(covariance: Array) -> Array:

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
 
+import numpy as np
+
 LEAST = 1e-300  # probability below which a double has no digits left
 MOST_PARTS = 12  # single rows and runs of rows that a sentence names
 MOST_ROWS_NAMED = 10  # rows that a sentence names one by one
@@ -108,7 +110,7 @@ def notes(findings: Iterable[Finding]) -> list[str]:
 
 def leading_digit(value: float) -> str:
     """A standard deviation by its leading digit, without a power of ten: 60, 0.01."""
-    return f"{float(f'{value:.1g}'):g}"
+    return np.format_float_positional(float(f"{value:.1g}"), trim="-")
 
 
 def shown_probability(p: float, digits: int = 2) -> str:

@@ -9,6 +9,7 @@ from small_arm import ROBOT
 
 import edtk
 from edtk.calibration.calibration import Calibration
+from edtk.calibration.propagation import _as_told
 
 POSES = 16
 MASS = {"mass_kg": 8, "center_m": [0.02, 0, 0.05]}
@@ -60,3 +61,19 @@ def test_commands_promise_what_the_budget_does(tmp_path: Path) -> None:
     expected = edtk.compensate(found.study, found)
     assert found.budget is not None
     assert expected.remaining[0] == pytest.approx(found.budget.total, rel=0.01)
+
+
+def test_a_doubt_that_no_sheet_tells_stays_as_stated() -> None:
+    """Where the sheet leaves more than doubts and noise make, all parts stay; the rest is model."""
+    parts = {"noise": 3.0, "load": 5.0, "tool": 2.0, "drift": 1.0, "repeatability": 2.0}
+    parts |= {"rigid_joints": 0.0, "known_joints": 1.0}
+    untold = 16.0 + 4.0 + 1.0  # of the load's size, of repeatability and of known joints
+    found = parts | _as_told(parts, 9.0 + 9.0 + 4.0 + 1.0 + 36.0, untold)
+    assert found == pytest.approx(parts | {"model": 6.0})
+    less = parts | _as_told(parts, 9.0 + 3.5, untold)
+    assert less["tool"] == pytest.approx(2.0 * 0.5)
+    assert less["load"] == pytest.approx(np.hypot(4.0, 3.0 * 0.5))
+    assert less["model"] == 0.0
+    assert sum(part**2 for part in less.values()) == pytest.approx(12.5 + untold)
+    least = parts | _as_told(parts, 4.0, untold)
+    assert sum(part**2 for part in least.values()) == pytest.approx(4.0 + untold)

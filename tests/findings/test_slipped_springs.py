@@ -24,15 +24,18 @@ STUDY = edtk.Study(
 COLUMNS = [f"q{i}_deg" for i in range(1, 7)]
 
 
-def identified(path: Path, joint: int, first: int, degrees: float, seed: int = 0) -> Calibration:
-    """What is found of a day in which a joint slips at a row."""
+def identified(
+    path: Path, joint: int, first: int, degrees: float, seed: int = 0, times: int = 1
+) -> Calibration:
+    """What is found of a day in which a joint slips at a pose, and each is read so many times."""
     rng = np.random.default_rng(seed)
     q = np.deg2rad(np.round(rng.uniform(-100, 100, (POSES, 6)), 3))
-    wrench = np.tile([*FORCE, 0.0, 0.0, 0.0], (POSES, 1))
     there = q + np.deg2rad(degrees) * np.outer(np.arange(POSES) >= first, np.eye(6)[joint])
+    q, there = (np.repeat(one, times, axis=0) for one in (q, there))
+    wrench = np.tile([*FORCE, 0.0, 0.0, 0.0], (len(q), 1))
     model, robot = STUDY.model, STUDY.model.robot
     moved = (robot.forward(there) - robot.forward(q))[:, :3, 3]
-    seen = 1e3 * (model.regressor(there, wrench) @ K + moved) + rng.normal(0, 0.02, (POSES, 3))
+    seen = 1e3 * (model.regressor(there, wrench) @ K + moved) + rng.normal(0, 0.02, (len(q), 3))
     sheet = pd.DataFrame(
         np.hstack([np.rad2deg(q), seen]), columns=[*COLUMNS, "dx_mm", "dy_mm", "dz_mm"]
     )
@@ -58,6 +61,13 @@ def test_a_joint_that_slips_is_named(
     side = "further than" if degrees > 0 else "short of"
     assert f"q{joint + 1} looks slipped: from row {first + 1} on it is" in found.findings[0].words
     assert f"deg {side} what is written" in found.findings[0].words
+
+
+def test_a_last_pose_that_is_off_is_no_slip(tmp_path: Path) -> None:
+    """Read twice, it is two rows and one pose."""
+    found = identified(tmp_path, 1, POSES - 1, 0.5, times=2)
+    assert found.verdict == "bad"
+    assert all(one.cause != "joint_slipped" for one in found.causes)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -255,6 +255,8 @@ def _first_steps(
     Returns:
         The fits by the faults' places.
     """
+    if not families:
+        return {}
     dims = np.array([family.dims for family in families])
     owner = np.repeat(np.arange(len(dims)), dims)
     columns = [np.moveaxis(family.derivative_at_zero(k), -1, 0) for family in families]

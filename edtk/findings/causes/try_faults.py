@@ -40,7 +40,7 @@ from edtk.fit.prior import PriorRows
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.instruments.pose_marker import COORDINATES
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 
 NO_SIZE = 1e-12  # size of nothing [m, rad]
 LEVEL = 0.01  # p of faults that are named
@@ -51,7 +51,8 @@ LOUDEST = 4.0  # noise over the stated one, beyond which rather something unknow
 # Noise that repetitions share, over their own or the stated one: beyond it is a fault of the model.
 NO_NOISE = 6.0
 BESIDE_ERROR = 8.0  # fall of the sum of squares, below which no error of the model hides a fault
-BESIDE_SLIP = 2  # readings before a joint slipped, and after: one that is off is a wrong pose
+BESIDE_SLIP = 2  # poses before a joint slipped, and after: one that is off is a wrong pose
+MOST_SLIPS = 200  # poses at which a slip is tried, before those between them
 AS_MUCH = 0.5  # scatter of repetitions over that of all residuals, from which it confirms this one
 
 
@@ -364,20 +365,29 @@ def _slips(plain: PlainFit) -> Iterator[Family]:
     Positions show it, counted from the rigid robot; displacements are read on one side of it.
     """
     m, n = len(plain.data), plain.model.robot.n
-    ways = range(BESIDE_SLIP, m - BESIDE_SLIP + 1)
-    if not (plain.data.absolute and ways):
+    begins = np.append(0, 1 + np.flatnonzero(np.diff(plain.data.pose)))
+    ways = begins[BESIDE_SLIP : len(begins) - BESIDE_SLIP + 1]
+    if not (plain.data.absolute and len(ways)):
         return
-    later = [np.arange(s, m) for s in ways]
-    residual = plain.whitened.residual(plain.measured)
+    step = 1 + len(ways) // MOST_SLIPS
     for j in range(n):
-        whole = plain.below(slipped_at(plain.scene, j, np.ones(m, dtype=bool)))
-        units = whole.derivative_at_zero(plain.k)
-        gram, along = by_shifts(plain.whitened, residual, later, units)
-        left, seen = gram[:, 0, 0], (units**2).sum()
-        drops = np.divide(along[:, 0] ** 2, left, out=np.zeros(len(left)), where=left > SEEN * seen)
-        rows = later[int(drops.argmax())]
-        family = slipped_at(plain.scene, j, np.arange(m) >= rows[0])
-        yield replace(family, tries=n * len(ways), rows=tuple(rows.tolist()))
+        at = step * int(_fall_by_slips(plain, j, ways[::step]).argmax())
+        near = ways[max(at - step + 1, 0) : at + step]
+        first = int(near[_fall_by_slips(plain, j, near).argmax()])
+        family = slipped_at(plain.scene, j, np.arange(m) >= first)
+        yield replace(family, tries=n * len(ways), rows=tuple(range(first, m)))
+
+
+def _fall_by_slips(plain: PlainFit, j: int, first: Indices) -> Array:
+    """By how much the sum of squares falls (w,) if a joint slipped before these rows (w,)."""
+    m = len(plain.data)
+    whole = plain.below(slipped_at(plain.scene, j, np.ones(m, dtype=bool)))
+    units = whole.derivative_at_zero(plain.k)
+    residual = plain.whitened.residual(plain.measured)
+    later = [np.arange(row, m) for row in first]
+    gram, along = by_shifts(plain.whitened, residual, later, units)
+    left, seen = gram[:, 0, 0], (units**2).sum()
+    return np.divide(along[:, 0] ** 2, left, out=np.zeros(len(left)), where=left > SEEN * seen)
 
 
 def beside_error(plain: PlainFit, found: Sequence[Tried]) -> list[Tried]:

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from readings import STUDY
 
-from edtk.findings.causes.family import fit_families
+from edtk.findings.causes.family import Added, fit_families
 from edtk.findings.causes.faults import families
 from edtk.findings.causes.find_causes import find_causes
 from edtk.findings.causes.try_faults import PlainFit
+from edtk.fit.correlated_noise import whiten, whiten_columns
 from edtk.fit.distributions import chi_square_tail
 from edtk.fit.measurements import Measurements, simulate
 from edtk.measure.equilibrium import torque_and_derivative
@@ -346,3 +347,12 @@ def test_faults_are_fitted_together_as_each_alone(scale):
             std = np.sqrt(np.diag(alone.covariance))
             np.testing.assert_allclose(fit.c, alone.c, rtol=1e-9, atol=1e-9 * std.max())
             np.testing.assert_allclose(fit.covariance, alone.covariance, rtol=1e-9, atol=1e-300)
+        if fit is not None and isinstance(family.predict, Added):
+            by_size = family.derivative_at_zero(plain.k)
+            columns = np.concatenate([plain.data.regressor(MODEL), by_size], axis=-1)
+            X = whiten_columns(columns, plain.noise).reshape(-1, columns.shape[-1])
+            z = whiten(plain.measured, plain.noise).ravel()
+            size = np.linalg.norm(X, axis=0)
+            solved = np.linalg.lstsq(X / size, z)[0] / size
+            assert fit.chi2 == pytest.approx(np.square(z - X @ solved).sum(), rel=1e-9)
+            np.testing.assert_allclose(fit.c, solved[-family.dims :], 1e-7, 1e-7 * std.max())
