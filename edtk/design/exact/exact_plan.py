@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from criteria import Criterion
-from criteria.criterion import printed
 from criteria.linalg.estimable import range_whitener
 from criteria.linalg.inverse import whitener
 from edtk.cell.plan_check import PlanCheck, Seen
@@ -473,7 +472,7 @@ class ExactPlan(BoundedDesign):
 
     def headline(self) -> str:
         """Criterion, value, size and efficiency."""
-        value = printed(self.relaxed.criterion, self.value, self.relaxed.space.units, HEADLINE)
+        value = self.relaxed.printed(self.value, HEADLINE)
         return (
             f"{self.relaxed.criterion.label} = {value} with {self.whole.experiments} experiments, "
             f"efficiency {100 * self.efficiency:.2f} %"

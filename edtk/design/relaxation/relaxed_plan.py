@@ -57,12 +57,16 @@ class RelaxedPlan(RelaxedDesign):
 
     def headline(self) -> str:
         """Criterion, value, number of poses and proved gap."""
-        value = printed(self.criterion, self.value, self.space.units, HEADLINE)
+        value = self.printed(self.value, HEADLINE)
         proved = "gap by a solver's word" if self.rests_on_solver else "proved gap"
         return (
             f"{self.criterion.label} = {value} with weights on {len(self.x)} poses, "
             f"{proved} {self.gap:.1e}"
         )
+
+    def printed(self, value: float, digits: int = 6) -> str:
+        """A value of the criterion with its unit."""
+        return printed(self.criterion, value, self.space.units, digits)
 
     @property
     def rests_on_solver(self) -> bool:

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from criteria.criterion import printed
 from edtk.design.bound import BoundKind, printed_form
 from edtk.design.detection import ENOUGH, Detection, Separation
 from edtk.design.exact.day import DayPlan
@@ -195,8 +194,8 @@ def search_lines(
     beside = f", beside what {known}" if found.with_prior else ""
     return [
         f"{criterion.name}, {criterion.title}; {made}{kept}{beside}",
-        f"  value       {_printed(found, found.value)}",
-        f"  bound       {_printed(found, found.bound)}  ({reach(found)})",
+        f"  value       {found.relaxed.printed(found.value)}",
+        f"  bound       {found.relaxed.printed(found.bound)}  ({reach(found)})",
         f"  efficiency  {100 * found.efficiency:.2f} %{among(found)}",
         *without_cell(found),
         *seen(found),
@@ -212,18 +211,13 @@ def search_lines(
     ]
 
 
-def _printed(found: ExactPlan, value: float) -> str:
-    """A value of the criterion with its unit."""
-    return printed(found.relaxed.criterion, value, found.relaxed.space.units)
-
-
 def without_cell(found: ExactPlan) -> list[str]:
     """The bound over all poses, free or not, and how free the plan is; nothing without a cell."""
     check = found.in_cell
     if check is None or check.cell is None:
         return []
     beyond = found.certified
-    bound = _printed(found, beyond.bound)
+    bound = found.relaxed.printed(beyond.bound)
     lines = [
         f"  without the cell the bound is {bound} ({reach(beyond)}), the efficiency "
         f"{100 * beyond.efficiency:.2f} %"
@@ -269,7 +263,7 @@ def placed(found: ExactPlan) -> list[str]:
         searched = ", and of a search in the box" * bool(one.looked)
         lines = [f"{place}, the best of {listed}{searched}"]
     if one.bound is not None:
-        bound = _printed(found, one.bound.value)
+        bound = found.relaxed.printed(one.bound.value)
         share = 100 * one.bound.efficiency(found.cost)
         lines += [
             f"              {bound} bounds plans at any listed {kind}: the best of the bounds of "
@@ -300,8 +294,8 @@ def _listed_places(found: ExactPlan) -> list[str]:
         if one.bound is None or one.cost is None:
             lines.append(f"{where}: no plan, {one.why}")
             continue
-        value = _printed(found, printed_form(one.cost, one.bound.sense))
-        lines.append(f"{where}: {value}, bound {_printed(found, one.bound.value)}")
+        value = found.relaxed.printed(printed_form(one.cost, one.bound.sense))
+        lines.append(f"{where}: {value}, bound {found.relaxed.printed(one.bound.value)}")
     return lines
 
 
@@ -310,7 +304,7 @@ def on_candidates(found: ExactPlan) -> list[str]:
     one = found.on_candidates
     if one is None:
         return []
-    best, bound = (_printed(found, x) for x in (one.value, one.bound.value))
+    best, bound = (found.relaxed.printed(x) for x in (one.value, one.bound.value))
     free = "" if found.in_cell is None else "free "
     plans = (
         f"all plans of {found.plan.experiments} experiments on these {one.candidates:,} "
@@ -337,7 +331,7 @@ def exchanged(found: ExactPlan) -> list[str]:
     if one is None:
         return []
     factor, other = one.shown
-    without = _printed(found, one.value_alone)
+    without = found.relaxed.printed(one.value_alone)
     values = f"{factor * one.second_value:.4g} {other}".rstrip()
     before = f"{factor * one.second_alone:.4g} {other}".rstrip()
     allowed = f"{100 * one.allowed:g} %"
@@ -467,7 +461,7 @@ def exact_plan_notebook(found: ExactPlan) -> str:
         for i, row in enumerate(table.to_numpy())
     ]
     kind = found.lower_bound.kind.value
-    value, bound = (_printed(found, number) for number in (found.value, found.bound))
+    value, bound = (found.relaxed.printed(number) for number in (found.value, found.bound))
     notes = [f"value {value}, and no plan of as many is better than {bound} ({kind})"]
     notes += [line.strip() for line in (*seen(found), *placed(found), *on_candidates(found))]
     if found.expected is not None:

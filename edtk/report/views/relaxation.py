@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from criteria.criterion import printed
 from edtk.design.bound import VISIBLE
 from edtk.design.enclosure.prove_continuum import ProvedPlan
 from edtk.design.problem import Problem
@@ -32,6 +31,7 @@ from edtk.system.typing import Array
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+OF_WEIGHTS = 7  # digits of a value of weights
 NUMBERED = "candidate"  # the axis of candidates that have numbers alone
 MANY_CANDIDATES = 5000  # candidates beyond which the largest sensitivity of neighbours is drawn
 
@@ -196,17 +196,12 @@ def relaxed_plan_text(plan: RelaxedPlan) -> str:
     lines = [
         f"{criterion.name}, {criterion.title}, for a single experiment's worth of weight"
         f"{_among(plan)}; {criterion.sense}imised",
-        f"  {'value':{width}}  {_printed(plan, plan.value)}",
+        f"  {'value':{width}}  {plan.printed(plan.value, OF_WEIGHTS)}",
     ]
     for label, bound, proof in bounds:
-        number = _printed(plan, bound.value)
+        number = plan.printed(bound.value, OF_WEIGHTS)
         lines.append(f"  {label:{width}}  {number}  (relative gap {bound.gap:.1e}{proof})")
     return "\n".join([*lines, *_poses(plan)])
-
-
-def _printed(plan: RelaxedPlan, value: float, digits: int = 7) -> str:
-    """A value of the criterion with its unit."""
-    return printed(plan.criterion, value, plan.space.units, digits)
 
 
 def _among(plan: RelaxedPlan) -> str:
@@ -244,7 +239,8 @@ def relaxed_plan_notebook(plan: RelaxedPlan) -> str:
     if isinstance(plan, ProvedPlan):
         bounds.append(plan.continuum_bound)
     notes = [
-        f"bound {_printed(plan, bound.value)} ({bound.kind.value}), relative gap {bound.gap:.1e}"
+        f"bound {plan.printed(bound.value, OF_WEIGHTS)} ({bound.kind.value}), "
+        f"relative gap {bound.gap:.1e}"
         for bound in bounds
     ]
     return notebook_table(plan.headline(), ["pose", *table.columns], rows, notes)
@@ -262,8 +258,8 @@ def relaxed_plan_plot(plan: RelaxedPlan, ax: Any = None) -> Any:
     name = plan.criterion.label
     bound = plan.best_bound
     ax.set_title(
-        f"{plain(name)} = {_printed(plan, plan.value, 5)} per experiment, "
-        f"bound {_printed(plan, bound.value, 5)} ({bound.kind.value})",
+        f"{plain(name)} = {plan.printed(plan.value, 5)} per experiment, "
+        f"bound {plan.printed(bound.value, 5)} ({bound.kind.value})",
         fontsize=10,
     )
     return ax
