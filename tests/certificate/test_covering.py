@@ -475,6 +475,18 @@ def test_bounds_under_a_tracker_are_confirmed(noise: str, tmp_path: Path) -> Non
         assert failure(enemy), key
 
 
+def test_errors_that_vanish_at_a_tracker_are_confirmed(tmp_path: Path) -> None:
+    """Out of reach they do not vanish, though the wide boxes do not know; within reach they do."""
+    path = tmp_path / "proof.json"
+    noise = {"tracker_position_mm": [2600, 600, 600], "along": [0, 6], "across": [10, 6]}
+    study = Study(**THREE | {"measurement": {}, "noise": noise})
+    assert edtk.relax(study, "D", prove=0.2, certificate=path).continuum_bound.gap <= 0.2
+    content = json.loads(path.read_text(encoding="utf-8"))
+    assert not failure(content)
+    content["setting"]["noise"]["tracker"]["position"] = [0.7, 0.3, 0.6]
+    assert "with such a tracker" in failure(content)
+
+
 @pytest.mark.parametrize("noise", ["alike", "less along"])
 def test_boxes_say_what_a_tracker_tells(noise: str) -> None:
     """The check's own polynomials are no lower than sensitivities anywhere in a box."""

@@ -183,7 +183,7 @@ class Covering:
                 self._largest(about.domain, [f], leaves, np.full((len(leaves), 1), sign))
                 for f, sign in ((beam.squared, -1.0), (beam.squared, 1.0), (beam.inline, -1.0))
             ]
-            s = np.maximum([-ends[0], ends[1]], 0.0)
+            s = np.maximum([-ends[0], ends[1]], beam.growth.nearest)
             own = beam.growth.factors(rest, s, -ends[2], near)
             top = self._largest(about.domain, forms, leaves, np.concatenate([own, mu], axis=1))
             still = ~(top <= 0)

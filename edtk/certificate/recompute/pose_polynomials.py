@@ -573,9 +573,9 @@ def _growth(setting: Setting) -> Growth | None:
     physics = setting.physics
     if physics is None or [kind for kind, _, _ in physics.sensors] != ["position"]:
         raise ValueError("a covering of poses is not checked here with a tracker's other readings")
-    growth = Growth.of(noise, float(white[0]))
+    growth = Growth.of(noise, float(white[0]), _reach(setting))
     slides = setting.chain.slides.any() and not growth.is_round
-    if np.ptp(white) or slides or not growth.white + growth.readings * growth.along[0] ** 2 > 0:
+    if np.ptp(white) or slides or growth.vanishes:
         raise ValueError("a covering of poses is not checked here with such a tracker")
     return growth
 
@@ -668,6 +668,16 @@ def _roundings(setting: Setting) -> float:
     angles = np.where(setting.chain.slides, 0.0, np.sqrt(2) * terms * _travel(setting))
     of_angle = float(np.where(alone, OF_ANGLE, np.maximum(angles, OF_ANGLE)).max())
     return (OF_JOINT + 3 * of_angle) * len(P) * U
+
+
+def _reach(setting: Setting) -> float:
+    """How far the one marker is from the origin at most [m]."""
+    assert setting.physics is not None
+    ((_, place, _),) = setting.physics.sensors
+    chain = setting.chain
+    links = np.concatenate([[chain.base, chain.tool], chain.origins])[:, :3, 3]
+    own = np.linalg.norm(links, axis=1).sum() + _travel(setting)[chain.slides].sum()
+    return float(own + np.linalg.norm(place.offset))
 
 
 def _lengths(setting: Setting) -> Array:

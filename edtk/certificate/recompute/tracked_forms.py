@@ -26,19 +26,34 @@ class Growth:
         readings: Readings of which a row is made.
         along: a [m] and b [m/m] along the beam (2,), at most those across it.
         across: a and b across it (2,).
+        nearest: No squared distance is less [m^2].
     """
 
     white: float
     readings: int
     along: Array
     across: Array
+    nearest: float
 
     @classmethod
-    def of(cls, noise: Noise, white: float) -> "Growth":
-        """That of a tracker; along the beam errors count as no larger than across it."""
+    def of(cls, noise: Noise, white: float, reach: float) -> "Growth":
+        """That of a tracker; along the beam errors count as no larger than across it.
+
+        Args:
+            noise: The noise.
+            white: The white part [m^2].
+            reach: The largest distance of its marker from the origin [m].
+        """
         assert noise.tracker is not None
-        _, along, across = noise.tracker
-        return cls(white, noise.readings, np.minimum(along, across), across)
+        position, along, across = noise.tracker
+        away = float(np.linalg.norm(position))
+        apart = max(0.0, away - reach - OF_FACTORS * (away + reach))
+        return cls(white, noise.readings, np.minimum(along, across), across, apart**2)
+
+    @property
+    def vanishes(self) -> bool:
+        """Whether there may be no error at the least distance."""
+        return not float(self.along_beam(np.array(self.nearest))) > 0
 
     @property
     def is_round(self) -> bool:
@@ -49,16 +64,19 @@ class Growth:
         """The variance l [m^2] across beams of squared lengths (L,)."""
         return self.white + self.readings * self._spread(self.across, squared) ** 2
 
+    def along_beam(self, squared: Array) -> Array:
+        """The variance e [m^2] along them."""
+        return replace(self, across=self.along).variance(squared)
+
     def ratio(self, longest: Array, shortest: Array) -> Array:
         """The variance l at a distance over e at another one."""
-        return self.variance(longest) / replace(self, across=self.along).variance(shortest)
+        return self.variance(longest) / self.along_beam(shortest)
 
     def inline(self, squared: Array) -> Array:
         """``(l - e)/(e s)`` [1/m^2]."""
         apart = self._spread(self.across - self.along, squared)
         both = self._spread(self.across + self.along, squared)
-        e = replace(self, across=self.along).variance(squared)
-        return self.readings * apart * both / (e * squared)
+        return self.readings * apart * both / (self.along_beam(squared) * squared)
 
     def factors(self, limit: float, s: Array, Q: Array, near: bool) -> Array:
         """Factors (L, 4) of N, s, Q and one, whose sum is at most zero only if d is at most u.

@@ -100,7 +100,7 @@ class RobotPolynomials(SpacePolynomials):
         growth = Growth(float(white[0]), readings, least, across, float(self._variances.min()))
         squared = sum_of_squares(self._away).trimmed()
         inline = None if least == across else self._inline
-        return Beam(growth, squared, inline, len(self.chart.bases))
+        return Beam(growth, squared, inline, len(self.chart.bases), self._nearest**2)
 
     @cached_property
     def _away(self) -> list[Polynomial]:
@@ -110,8 +110,23 @@ class RobotPolynomials(SpacePolynomials):
         assert tracker is not None
         point = self.space.model.whole_instruments[0].point
         away = point.position(self.frames) - tracker.position[:, None]
-        far = float(np.linalg.norm(tracker.position)) + self.space.model.reach_of(point)
-        return [self.chart.polynomial(one, self.steps * far) for one in away]
+        error = self.steps * sum(self._apart)
+        return [self.chart.polynomial(one, error) for one in away]
+
+    @property
+    def _nearest(self) -> float:
+        """No pose has the marker nearer to the tracker [m]."""
+        away, reach = self._apart
+        return max(0.0, away - reach - self.steps * (away + reach))
+
+    @cached_property
+    def _apart(self) -> tuple[float, float]:
+        """How far the tracker is from the world's origin, and its marker at most [m]."""
+        assert self.space.noise is not None
+        tracker = self.space.noise.tracker
+        assert tracker is not None
+        reach = self.space.model.reach_of(self.space.model.whole_instruments[0].point)
+        return float(np.linalg.norm(tracker.position)), reach
 
     @cached_property
     def _variances(self) -> Array:

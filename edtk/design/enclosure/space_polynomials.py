@@ -181,12 +181,14 @@ class Beam:
         inline: What is read along it times its length, squared, of a multiplier and an objective;
             None where errors are alike along the beam and across it. See `tracked`.
         objectives: Number of objectives.
+        nearest: No squared length is less [m^2].
     """
 
     growth: Growth
     squared: Polynomial
     inline: Callable[[Array, int], Polynomial] | None
     objectives: int
+    nearest: float
 
     def forms(self, Z: Array) -> list[Polynomial]:
         """The squared length, and `inline` of each objective where errors differ."""
@@ -415,9 +417,11 @@ class SpacePolynomials(ABC):
         objectives = [Objective(part.of(f)) for f in self.in_kept(Z)]
         if self.beam is not None:
             squared, *inline = [part.of(self.own(f)) for f in self.beam.forms(Z)]
-            growth = self.beam.growth
+            growth, least = self.beam.growth, self.beam.nearest
             objectives = [
-                TrackedObjective(f.numerator, growth=growth, squared=squared, inline=own)
+                TrackedObjective(
+                    f.numerator, growth=growth, squared=squared, inline=own, nearest=least
+                )
                 for f, own in zip_longest(objectives, inline)
             ]
         return Enclosed(

@@ -78,17 +78,20 @@ class TrackedObjective(Objective):
         growth: How variances grow.
         squared: The squared distance s [m^2].
         inline: Q, for N in variances of `growth.least` [m^2]; None where k is zero.
+        nearest: No place has a smaller s [m^2], which a wide box cannot tell. Where it is zero
+            errors have a part that no distance changes.
         constant: What every place has besides.
     """
 
     growth: Growth
     squared: Polynomial
     inline: Polynomial | None
+    nearest: float
     constant: float = 0.0
 
     def __call__(self, places: Array) -> Array:
         """Values (m,) at places (m, d)."""
-        s = np.maximum(self.squared(places), 0.0)
+        s = np.maximum(self.squared(places), self.nearest)
         above = self.numerator(places)
         if self.inline is not None:
             above = above + self.growth.excess(s) * self.inline(places)
@@ -135,7 +138,7 @@ class TrackedObjective(Objective):
             these may be off by rounding (b,).
         """
         u = level - self.constant
-        s = np.maximum(low[0], 0.0)
+        s = np.maximum(low[0], self.nearest)
         variance = self.growth.aside(s)
         slope = _slope(variance, self.growth.aside(high), s, high)
         own = np.ones_like(s)
@@ -161,7 +164,7 @@ class TrackedObjective(Objective):
     def _distances(self) -> tuple[float, float]:
         """A lower and an upper bound of s."""
         low, high = limits_on(self.squared, Grid(self.squared.axes))
-        return max(low, 0.0), high
+        return max(low, self.nearest), high
 
     @cached_property
     def _line(self) -> tuple[float, float]:

@@ -177,7 +177,7 @@ def laws_of_a_tracker(tracked: ModuleType) -> None:
         for c in ([5.0, 2.0, 1.0], [3.0, 0.5, 0.2], [4.0, 1.0, -0.5])
     )
     growth = tracked.Growth(1e-10, 2.0, (1e-6, 2e-6), (8e-6, 5e-6), 2e-10)
-    objective = tracked.TrackedObjective(N, growth=growth, squared=s, inline=Q)
+    objective = tracked.TrackedObjective(N, growth=growth, squared=s, inline=Q, nearest=2.0)
     t = np.linspace(-1.0, 1.2, 201)[:, None]
     S, r, u = s(t), np.sqrt(s(t)), 2.0
     aside, inline = (
@@ -188,6 +188,10 @@ def laws_of_a_tracker(tracked: ModuleType) -> None:
     assert objective.plus(0.5)(t[:1]) == pytest.approx(told[:1] + 0.5, rel=1e-13)
     assert objective.scale[0] <= aside.min() <= aside.max() <= objective.scale[1]
     assert objective.most >= told.max()
+    # A wide box knows less of the distance than the whole arm does.
+    high = np.array([S.max()])
+    wide, known = (objective.weights(u, np.array([[s], [0.0]]), high) for s in (0.0, 2.0))
+    assert all((one == other).all() for one, other in zip(wide, known, strict=True))
     for least in (S.min(), S.min() / tracked.CLOSE_BY):
         low = np.array([[least], [Q(t).min()]])
         factors, constant, error = objective.weights(u, low, np.array([S.max()]))

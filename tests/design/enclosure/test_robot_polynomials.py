@@ -255,6 +255,24 @@ def test_a_tracker_counts_as_it_errs(beam: str) -> None:
     assert (robot.beam.inline is None) == (beam in ("alike", "less across"))
 
 
+def test_errors_may_grow_from_nothing() -> None:
+    """Errors that vanish at a tracker out of reach: a wide box must not count it as that near."""
+    tracker = Tracker(np.array([5.0, 1.0, 1.0]), (0.0, 6e-6), (1e-5, 6e-6))
+    space = seen_by(tracker, white=np.zeros(3))
+    told, found, robot = told_and_enclosed(space)
+    assert found == pytest.approx(told, rel=1e-10)
+    (objective,) = robot.enclosed(multiplier(space, drawn(space))).objectives
+    assert isinstance(objective, TrackedObjective)
+    points = space.model.points_of(space.model.frames(drawn(space)[:, : len(space.fixed)]))
+    nearest = np.square(points[0] - tracker.position[:, None]).sum(axis=0).min()
+    assert 0 < objective.nearest <= nearest
+    assert told.max() <= objective.most < np.inf
+    assert objective.scale[0] > 0
+    (*found, error) = objective.weights(1.0, np.zeros((2, 1)), np.array([50.0]))
+    assert np.isfinite(error).all()
+    assert all(np.isfinite(one).all() for one in found)
+
+
 def test_a_looser_noise_counts_more() -> None:
     """Joints that scatter add to a tracker's errors, which alone are enclosed."""
     space = seen_by(BEAMS["alike"], repeatability=np.full(6, 1e-6))
