@@ -234,6 +234,32 @@ def test_means_over_a_box_are_exact_for_polynomials(degree):
     )
 
 
+def test_a_peak_between_nodes_is_not_passed_over():
+    """Two rules that both miss a peak agree: the mean of its square is 0.0125, not nothing."""
+
+    def rows(x):
+        return np.column_stack([np.ones(len(x)), np.exp(-(((x[:, 0] - 0.3) / 0.01) ** 2))])
+
+    region = edtk.Region(rows, 0, 1)
+    A, weights = region.mean_over_points()
+    M = np.einsum("k,krp,krq->pq", weights, A, A)
+    np.testing.assert_allclose(M[1], [0.01 * np.sqrt(np.pi), 0.01 * np.sqrt(np.pi / 2)], rtol=1e-3)
+    assert len(edtk.relax(region, "I").points) == 2
+
+
+@pytest.mark.parametrize("size", [2, 3, 4, 5, 6])
+def test_means_over_boxes_of_more_variables_are_exact_for_polynomials(size):
+    """A rule has room for a second one that confirms it: ``1, x_1^2, x_d`` over a unit cube."""
+
+    def rows(x):
+        return np.column_stack([np.ones(len(x)), x[:, 0] ** 2, x[:, -1]])
+
+    A, weights = edtk.Region(rows, [0] * size, [1] * size).mean_over_points()
+    M = np.einsum("k,krp,krq->pq", weights, A, A)
+    expected = [[1, 1 / 3, 1 / 2], [1 / 3, 1 / 5, 1 / 6], [1 / 2, 1 / 6, 1 / 3]]
+    np.testing.assert_allclose(M, expected, rtol=1e-12)
+
+
 @pytest.mark.parametrize("size", [1, 2, 3])
 def test_means_over_a_constrained_region_are_those_of_even_points(size):
     """Over a simplex the mean of a variable is 1/(d + 1), of its square 2/((d + 1)(d + 2))."""
