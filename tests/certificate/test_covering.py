@@ -27,6 +27,8 @@ from edtk.certificate.recompute.pose_polynomials import (
     require_checkable,
 )
 from edtk.certificate.recompute.setting import Setting
+from edtk.certificate.recompute.tasks import EPS
+from edtk.certificate.recompute.tracked_forms import Growth
 from edtk.certificate.verify_certificate import verify_certificate
 from edtk.design.enclosure.boxes import Reason
 from edtk.design.enclosure.cover import cover
@@ -473,6 +475,17 @@ def test_bounds_under_a_tracker_are_confirmed(noise: str, tmp_path: Path) -> Non
         else:
             enemy["setting"]["noise"]["tracker"][key] = value
         assert failure(enemy), key
+
+
+def test_no_rounding_makes_a_factor_less() -> None:
+    """That of Q is no less than k(s_0), and that of N no less than the variances' ratio."""
+    growth = Growth(1e-10, 2, np.array([1e-6, 2e-6]), np.array([8e-6, 5e-6]), 0.0)
+    s = np.array([np.linspace(1.0, 9.0, 50), np.linspace(1.5, 9.5, 50)])
+    of_N, _, of_Q, _ = growth.factors(2.0, s, np.ones(50), near=False).T
+    assert (of_N == 1).all()
+    assert (of_Q >= growth.inline(s[0]) * (1 + 40 * EPS)).all()
+    near = growth.factors(2.0, s, np.ones(50), near=True)[:, 0]
+    assert (near >= growth.ratio(s[1], s[0]) * (1 + 40 * EPS)).all()
 
 
 def test_errors_that_vanish_at_a_tracker_are_confirmed(tmp_path: Path) -> None:

@@ -103,6 +103,7 @@ class Growth:
             found[close, 0] = self.ratio(s[1, close], s[0, close]) * (1 + OF_FACTORS)
             of, ends = np.maximum(Q[~close], 0.0), s[:, ~close]
             before, after = self.inline(ends)
+            before = before * (1 + OF_FACTORS)
             fall = of * _chord(before, after, ends)
             found[~close, 1] += fall
             found[~close, 2] = before

@@ -146,9 +146,10 @@ class TrackedObjective(Objective):
         size = u * variance + u * slope * high
         if self.inline is not None:
             is_near = high > CLOSE_BY * s
-            own = np.where(is_near, self.growth.aside(high) / self.growth.inline(s), own)
+            ratio = self.growth.aside(high) / self.growth.inline(s) * (1 + OF_WEIGHTS)
+            own = np.where(is_near, ratio, own)
             far = np.where(is_near, high, s)
-            first = self.growth.excess(far)
+            first = self.growth.excess(far) * (1 + OF_WEIGHTS)
             falling = _slope(first, self.growth.excess(high), far, high)
             least = np.maximum(low[1], 0.0)
             more = np.where(is_near, 0.0, [first, least * falling])

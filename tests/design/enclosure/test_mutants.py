@@ -177,7 +177,7 @@ def laws_of_a_tracker(tracked: ModuleType) -> None:
         for c in ([5.0, 2.0, 1.0], [3.0, 0.5, 0.2], [4.0, 1.0, -0.5])
     )
     growth = tracked.Growth(1e-10, 2.0, (1e-6, 2e-6), (8e-6, 5e-6), 2e-10)
-    objective = tracked.TrackedObjective(N, growth=growth, squared=s, inline=Q, nearest=2.0)
+    objective = tracked.TrackedObjective(N, growth=growth, squared=s, inline=Q, nearest=1.0)
     t = np.linspace(-1.0, 1.2, 201)[:, None]
     S, r, u = s(t), np.sqrt(s(t)), 2.0
     aside, inline = (
@@ -190,11 +190,23 @@ def laws_of_a_tracker(tracked: ModuleType) -> None:
     assert objective.most >= told.max()
     # A wide box knows less of the distance than the whole arm does.
     high = np.array([S.max()])
-    wide, known = (objective.weights(u, np.array([[s], [0.0]]), high) for s in (0.0, 2.0))
+    wide, known = (objective.weights(u, np.array([[s], [0.0]]), high) for s in (0.0, 1.0))
     assert all((one == other).all() for one, other in zip(wide, known, strict=True))
     for least in (S.min(), S.min() / tracked.CLOSE_BY):
         low = np.array([[least], [Q(t).min()]])
         factors, constant, error = objective.weights(u, low, np.array([S.max()]))
+        is_near = S.max() > tracked.CLOSE_BY * least
+        aside_last, inline_first, k = (
+            one(np.array(at))
+            for one, at in (
+                (growth.aside, S.max()),
+                (growth.inline, least),
+                (growth.excess, least),
+            )
+        )
+        # No rounding makes a factor less than what it stands for.
+        assert factors[0, 0] >= (aside_last / inline_first * (1 + 60 * U) if is_near else 1.0)
+        assert factors[2, 0] >= (0.0 if is_near else k * (1 + 60 * U))
         parts = [objective.tested(u)(t), S, Q(t)]
         above = sum(f * part for f, part in zip(factors[:, 0], parts, strict=True)) + constant
         own = aside * (told - u)
