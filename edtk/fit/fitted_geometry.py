@@ -600,7 +600,7 @@ class GeometricFit:
         left_out_half: Half the widths of the 95 % bands of those (m, k, 3) [m].
         surprise: Squared size (m,) of each pose's error left out, over its covariance: chi-square
             with as many degrees of freedom as coordinates. Of visits of one pose the larger of
-            that of their mean, and of the visit's where the others are known.
+            the visit's own, and of its own where the others are known, see `SamePoses.surprise`.
         independent: As many independent coordinates tell as much by how many are inside their
             bands, see `independent_coordinates`.
         weights: Weights (m,) of the poses' rows: one, or less where a robust loss trusts them less;

@@ -257,12 +257,14 @@ class _SomePoses:
             return np.asarray(self.work @ (both * inverse[:, None]) @ np.swapaxes(both, 1, 2))
         return np.asarray(self.work @ np.linalg.inv(left))
 
-    def surprise(self, V: Scatter, S: Array) -> Array:
+    def surprise(self, R: Array) -> Array:
         """Squared sizes (m,) of errors left out, over covariances of which some are singular.
 
         Errors left out are sums of the residuals that can be undone, so that these have the same.
+
+        Args:
+            R: Covariances (m, r, r) of the residuals.
         """
-        R = self.of_residuals(V, S)
         # The least that counts, beside the mean of those of a pose: of most sheets all of them do.
         sizes = np.einsum("mrr->m", R) / np.einsum("mrr->m", self.work)
         try:
@@ -288,6 +290,7 @@ class _LeftOutPoses:
     Attributes:
         errors: Measured less predicted coordinates (m, r) [mm].
         covariance_of_errors: Of those of each pose (m, r, r) [mm^2].
+        common: The same with one size of the model's error for all joints.
         surprise: Squared sizes (m,) of the errors over covariances.
         covariance: Of the parameters (p, p), in their units: ``H S H`` (Huber 1967).
         H: ``(X' W X)^-1`` (p, p).
@@ -295,6 +298,7 @@ class _LeftOutPoses:
 
     errors: Array
     covariance_of_errors: Array
+    common: Array
     surprise: Array
     covariance: Array
     H: Array
@@ -304,14 +308,16 @@ class _LeftOutPoses:
         """Of poses whose errors have covariances V, and surprise beside others."""
         S, of_common = told.sandwich(V), told.sandwich(common)
         m, r = told.poses, told.residual.shape[1]
-        errors, surprise, covariance = np.empty((m, r)), np.empty(m), np.empty((m, r, r))
+        errors, surprise, covariances = np.empty((m, r)), np.empty(m), np.empty((2, m, r, r))
         for some, poses in told.parts:
             T = poses.without
             errors[some] = (T @ poses.residual[..., None])[..., 0]
-            covariance[some] = T @ poses.of_residuals(V[some], S) @ np.swapaxes(T, 1, 2)
-            surprise[some] = poses.surprise(common[some], of_common)
+            R = poses.of_residuals(common[some], of_common)
+            both = np.stack([poses.of_residuals(V[some], S), R])
+            covariances[:, some] = T @ both @ np.swapaxes(T, 1, 2)
+            surprise[some] = poses.surprise(R)
         root = told.beside.root
-        return cls(errors, covariance, surprise, root @ S @ root.T, told.H)
+        return cls(errors, *covariances, surprise, root @ S @ root.T, told.H)
 
     def of_rows(self, own: Array, apart: Array) -> tuple[Array, Array, int]:
         """Rows of the prior without them: in the directions that all else tells, too.
@@ -341,8 +347,8 @@ class _LeftOutVisits:
     Attributes:
         errors: Measured less predicted coordinates (m, k, rows) [mm].
         std: Their standard deviations (m, k, rows).
-        surprise: Squared sizes (m,) over covariances: of what visits of a pose have in common, or
-            of one beside all others, whichever is larger.
+        surprise: Squared sizes (m,) over covariances: that of a visit, or where the others of its
+            pose are known, whichever is larger.
         independent: As many independent coordinates tell as much, see `independent_coordinates`.
     """
 
@@ -368,8 +374,8 @@ class _LeftOutVisits:
         std = np.sqrt(np.maximum(same.variances(own), 0.0))
         # A pose that a robust loss trusts less surprises all the same.
         surprise = out.surprise / weights
-        for visits, alone in same.beside_others(C * weights[:, None, None], out.errors):
-            surprise[visits] = np.maximum(surprise[visits[:, :1]], alone)
+        for visits, each in same.surprise(out.common * weights[:, None, None], out.errors):
+            surprise[visits] = each
         read = std.reshape(len(C), -1) > 0
         read &= means.rows_seen.reshape(read.shape)
         unit = np.divide(1.0, std.reshape(read.shape), out=np.zeros(read.shape), where=read)

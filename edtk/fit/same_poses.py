@@ -149,21 +149,33 @@ class SamePoses:
                 V = (B[:, i, :, :, None] * C * B[:, j, :, None]).sum(axis=1)
                 yield one.members[:, i], one.members[:, j], V
 
-    def beside_others(self, covariances: Array, errors: Array) -> Iterator[tuple[Indices, Array]]:
-        """Squared sizes (G, s) of errors of visits (G, s) of a pose where all its others are known.
+    def surprise(self, covariances: Array, errors: Array) -> Iterator[tuple[Indices, Array]]:
+        """Squared sizes (G, s) of errors of visits (G, s) of a pose, over their covariances.
 
-        With the inverse P of the covariance of all visits, and the rows i of one, it is
-        ``(P e)_i' (P_ii)^-1 (P e)_i``.
+        It is the larger of two: that of the visit alone, ``e_i' (V_ii)^-1 e_i``, and that where all
+        its others are known, ``b_i = (P e)_i' (P_ii)^-1 (P e)_i`` with the inverse P of the
+        covariance V of all visits. What another visit explains more, ``max_j b_j - b_i``, is taken
+        from the latter: a sound visit is far from a wrong one, too, and all squares but ``b_i``
+        stay when it is left out.
 
         Args:
             covariances: Those (m, r, r) of the rows.
             errors: Errors (m, r) of the rows.
         """
         for one in self.groups:
-            A = one.apart.reshape(*one.apart.shape[:3], -1)
+            A, B = (each.reshape(*each.shape[:3], -1) for each in (one.apart, one.back))
             C, e = covariances[one.members], errors[one.members]
             inverse = np.linalg.pinv(C, rcond=SINGULAR, hermitian=True)
+            own = np.einsum("giar,gar->gir", B, e)
             Pe = np.einsum("gbir,gbrq,gbq->gir", A, inverse, e)
+            V = np.einsum("giar,garq,giaq->girq", B, C, B)
             P = np.einsum("gbir,gbrq,gbiq->girq", A, inverse, A)
-            own = np.linalg.pinv(P, rcond=SINGULAR, hermitian=True)
-            yield one.members, np.einsum("gir,girq,giq->gi", Pe, own, Pe)
+            beside = _squares(Pe, P)
+            beside = 2 * beside - beside.max(axis=1, keepdims=True)
+            yield one.members, np.maximum(_squares(own, V), beside)
+
+
+def _squares(errors: Array, covariances: Array) -> Array:
+    """Squared sizes (G, s) of errors (G, s, r) over covariances, of which some are singular."""
+    inverse = np.linalg.pinv(covariances, rcond=SINGULAR, hermitian=True)
+    return np.asarray(np.einsum("gir,girq,giq->gi", errors, inverse, errors))

@@ -156,6 +156,18 @@ def test_a_wrong_visit_stands_out_of_its_pose() -> None:
     assert (np.abs(k - K[:3] / 1e-6) < 4 * std).all()
 
 
+@pytest.mark.parametrize("hidden", [False, True])
+def test_where_the_drawing_is_exact_only_the_wrong_visit_stands_out(hidden: bool) -> None:
+    """A sound visit does not stand out with it, whether or not one of its markers is hidden."""
+    model, data = day(drawing_mm=0.0)
+    measured = data.measured.copy()
+    measured[5] += 0.1e-3
+    measured[4, 0] = np.nan if hidden else measured[4, 0]
+    fit = fit_of(model, replace(data, measured=measured), robust=True)
+    assert fit.surprise[5] > 1000
+    assert np.delete(fit.surprise, 5).max() < 9 + 5 * np.sqrt(18)
+
+
 def test_base_and_tool_alone_are_compared_by_poses_left_out_too() -> None:
     """Poses predict another one worse than those that were fitted, with springs or without."""
     model, data = day(drawing_mm=0.5)
