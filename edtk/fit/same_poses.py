@@ -89,8 +89,7 @@ class SamePoses:
             counts: Readings (m, k, rows) of each row.
             differs: Which visits (m,) are differences, that share nothing with others.
         """
-        each = np.arange(1, len(q) + 1) * differs
-        pose = row_numbers(np.rint(q / SAME_ANGLES), each[:, None])
+        pose = _near(q, np.arange(1, len(q) + 1) * differs)
         # A difference has the noise of two readings, and counts as half of one.
         worth = counts * np.where(differs, 0.5, 1.0)[:, None, None]
         several = (one for one in groups_by_size(pose) if one.shape[1] > 1)
@@ -173,6 +172,29 @@ class SamePoses:
             beside = _squares(Pe, P)
             beside = 2 * beside - beside.max(axis=1, keepdims=True)
             yield one.members, np.maximum(_squares(own, V), beside)
+
+
+def _near(q: Array, number: Indices) -> Indices:
+    """Numbers (m,) of poses, of visits that some numbers (m,) do not tell apart.
+
+    In each joint the values of a pose are steps of `SAME_ANGLES` at most apart. Where many such
+    steps lead on, as along a path, a pose ends after two.
+
+    Args:
+        q: Joint variables (m, n) [rad or m].
+        number: The numbers, from 0 on.
+    """
+    told = -1
+    while told < (told := number.max(initial=-1)):
+        for values in q.T:
+            order = np.lexsort((values, number))
+            begins = np.zeros(len(q), dtype=bool)
+            begins[1:] = np.diff(number[order]) > 0
+            begins[1:] |= np.diff(values[order]) > SAME_ANGLES
+            number[order] = np.cumsum(begins)
+    least = np.full((len(q) + 1, q.shape[1]), np.inf)
+    np.minimum.at(least, number, q)
+    return row_numbers(number[:, None], (q - least[number]) // (2 * SAME_ANGLES))
 
 
 def _squares(errors: Array, covariances: Array) -> Array:

@@ -62,6 +62,25 @@ def test_rows_are_independent_and_lead_back() -> None:
         assert pytest.approx(together.reshape(1, 3, 2, 3, 2)[:, a, :, b]) == V
 
 
+def test_poses_are_the_same_where_they_are_near() -> None:
+    """Wherever a grid's limits would be; and a path of small steps is more than one pose."""
+
+    def numbers(q: Array) -> list[int]:
+        one = np.ones((len(q), 1, 1))
+        return SamePoses.of(q, one, np.zeros(len(q), dtype=bool)).pose.tolist()
+
+    assert numbers(SAME_ANGLES * np.array([[500.49], [500.51], [502.0]])) == [0, 0, 1]
+    rng = np.random.default_rng(1)
+    written = np.deg2rad(rng.integers(-9000, 9000, (50, 6)) / 100 + 0.005)
+    q = np.repeat(written, 2, axis=0) + 1e-9 * rng.standard_normal((100, 6))
+    assert numbers(q) == np.repeat(np.arange(50), 2).tolist()
+    # Of other poses, visits between two say nothing of these.
+    between = SAME_ANGLES * np.array([[0.0, 0], [0.9, 7], [1.8, 0]])
+    assert numbers(between) == [0, 1, 2]
+    path = SAME_ANGLES * np.linspace(0, 8, 33)[:, None]
+    assert np.bincount(numbers(path)).tolist() == [8, 8, 8, 8, 1]
+
+
 def day(drawing_mm: float, moved: float = 0.0) -> tuple[MeasuredModel, MarkerPositions]:
     """Positions of markers without a load and with it, of a robot that errs anew in each pose.
 
