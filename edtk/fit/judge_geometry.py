@@ -1,7 +1,7 @@
 """A fit of geometry and springs, judged: what it is worth, and each pose predicted without it."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -111,13 +111,14 @@ def judge_fit(
 def left_out_alone(model: MeasuredModel, theta: Array, means: MarkerPositions) -> Array:
     """Measured less predicted (m, k, 3) [m] of poses that are left out, of base and tools alone.
 
-    All readings have equal weights, as where a robot is placed.
+    All means have equal weights, as where a robot is placed.
 
     Args:
         model: The drawing.
         theta: Its parameters (p,), of base and tools where they fit best.
         means: Absolute readings, a visit a pose.
     """
+    means = replace(means, readings=None)
     own = [i for i, one in enumerate(model.parameters) if one.place in ("base", "tool")]
     some = model.with_parameters(tuple(model.parameters[i] for i in own))
     rows = PoseRows.of(some, theta[own], means, None)
@@ -317,7 +318,8 @@ class _LeftOutPoses:
             covariances[:, some] = T @ both @ np.swapaxes(T, 1, 2)
             surprise[some] = poses.surprise(R)
         root = told.beside.root
-        return cls(errors, *covariances, surprise, root @ S @ root.T, told.H)
+        own, shared = covariances
+        return cls(errors, own, shared, surprise, root @ S @ root.T, told.H)
 
     def of_rows(self, own: Array, apart: Array) -> tuple[Array, Array, int]:
         """Rows of the prior without them: in the directions that all else tells, too.

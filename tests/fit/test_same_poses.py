@@ -187,9 +187,12 @@ def test_where_the_drawing_is_exact_only_the_wrong_visit_stands_out(hidden: bool
     assert np.delete(fit.surprise, 5).max() < 9 + 5 * np.sqrt(18)
 
 
-def test_base_and_tool_alone_are_compared_by_poses_left_out_too() -> None:
-    """Poses predict another one worse than those that were fitted, with springs or without."""
+@pytest.mark.parametrize("most", [1, 9])
+def test_base_and_tool_alone_are_compared_by_poses_left_out_too(most: int) -> None:
+    """Poses predict another one worse than those that were fitted, however often they were read."""
     model, data = day(drawing_mm=0.5)
+    often = np.random.default_rng(2).integers(1, most + 1, data.seen.shape)
+    data = replace(data, readings=often)
     every = model.with_parameters(all_parameters(SIX, MARKERS, (), SIX.joint_names))
     placed, start = place_robot(every, data)
     errors = left_out_alone(placed, start, data)
