@@ -127,7 +127,8 @@ class SamePoses:
 
     def together(self, covariances: Array) -> Iterator[tuple[Indices, Array]]:
         """Covariances (G, s r, s r) of visits (G, s) of a pose, of those (m, r, r) of the rows."""
-        yield self.alone[:, None], covariances[self.alone]
+        if len(self.alone):
+            yield self.alone[:, None], covariances[self.alone]
         for one in self.groups:
             G, s = one.members.shape
             B = one.back.reshape(G, s, s, -1)
@@ -140,7 +141,8 @@ class SamePoses:
         Args:
             covariances: Those (m, r, r) of the rows.
         """
-        yield self.alone, self.alone, covariances[self.alone]
+        if len(self.alone):
+            yield self.alone, self.alone, covariances[self.alone]
         for one in self.groups:
             G, s = one.members.shape
             B, C = one.back.reshape(G, s, s, -1), covariances[one.members]

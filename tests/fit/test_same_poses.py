@@ -62,6 +62,15 @@ def test_rows_are_independent_and_lead_back() -> None:
         assert pytest.approx(together.reshape(1, 3, 2, 3, 2)[:, a, :, b]) == V
 
 
+def test_where_each_pose_is_visited_twice_no_visits_are_alone() -> None:
+    """Then there is no group of them."""
+    q = np.repeat([[0.0], [1.0]], 2, axis=0)
+    same = SamePoses.of(q, np.ones((4, 1, 1)), np.zeros(4, dtype=bool))
+    V = np.ones((4, 1, 1))
+    assert [len(visits) for visits, _ in same.together(V)] == [2]
+    assert [len(visits) for visits, _, _ in same.of_pairs(V)] == [2, 2, 2, 2]
+
+
 def test_poses_are_the_same_where_they_are_near() -> None:
     """Wherever a grid's limits would be; and a path of small steps is more than one pose."""
 
