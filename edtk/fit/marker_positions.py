@@ -103,6 +103,7 @@ class MarkerPositions(Presented):
             markers=tuple(self.markers[i] for i in order),
             turns=None if self.turns is None else self.turns[:, order],
             kinds=tuple(self.kinds[i] for i in order) if self.kinds else (),
+            readings=None if self.readings is None else self.readings[:, order],
         )
 
     @property
@@ -132,6 +133,7 @@ class MarkerPositions(Presented):
             row=np.concatenate([self.row, others.row]),
             turns=turns,
             differs=differs if differs.any() else None,
+            readings=_all_readings(self, others, axis=0),
         )
 
     def with_markers(self, others: "MarkerPositions") -> "MarkerPositions":
@@ -147,6 +149,7 @@ class MarkerPositions(Presented):
             markers=(*self.markers, *others.markers),
             turns=turns,
             kinds=(*(self.kinds or (usual,) * len(self.markers)), *others.kinds),
+            readings=_all_readings(self, others, axis=1),
         )
 
     @cached_property
@@ -170,6 +173,11 @@ class MarkerPositions(Presented):
     def seen(self) -> Mask:
         """Which markers (v, k) were seen."""
         return np.asarray((np.isfinite(self.measured) | ~self.present[:, :3]).all(axis=-1))
+
+    @cached_property
+    def often(self) -> Indices:
+        """Of how many readings (v, k) each is the mean; zero where nothing was seen."""
+        return self.seen * (1 if self.readings is None else self.readings)
 
     @cached_property
     def rows_seen(self) -> Mask:
@@ -206,23 +214,23 @@ class MarkerPositions(Presented):
 
     @cached_property
     def counts(self) -> Indices:
-        """How often each marker was seen in each pose (poses, k)."""
+        """How many readings of each marker there are in each pose (poses, k)."""
         found = np.zeros((self.poses, len(self.markers)), dtype=int)
-        np.add.at(found, self.pose, self.seen)
+        np.add.at(found, self.pose, self.often)
         return found
 
     @cached_property
     def same_poses(self) -> SamePoses:
         """Which visits are of one pose, and their rows as independent ones."""
-        counts = self.seen if self.readings is None else self.readings
-        each = (counts[..., None] * self.present).astype(float)
+        each = (self.often[..., None] * self.present).astype(float)
         return SamePoses.of(self.q, each, self.is_difference)
 
     @cached_property
     def means(self) -> "MarkerPositions":
         """The mean of the visits of each pose, a visit a pose."""
         total = np.zeros((self.poses, len(self.markers), 3))
-        np.add.at(total, self.pose, np.where(self.seen[..., None], self.measured, 0.0))
+        each = self.often[..., None] * self.measured
+        np.add.at(total, self.pose, np.where(self.seen[..., None], each, 0.0))
         with np.errstate(invalid="ignore"):
             mean = total / self.counts[..., None]
         _, first = np.unique(self.pose, return_index=True)
@@ -242,7 +250,8 @@ class MarkerPositions(Presented):
         """The rotations (poses, k, 3, 3) nearest to the sums of those of the visits."""
         total = np.zeros((self.poses, len(self.markers), 3, 3))
         turned = self.rows_seen[..., 3]
-        np.add.at(total, self.pose, np.where(turned[..., None, None], turns, 0.0))
+        each = self.often[..., None, None] * turns
+        np.add.at(total, self.pose, np.where(turned[..., None, None], each, 0.0))
         unseen = ((self.counts == 0) | ~self.present[:, 3])[..., None, None]
         U, _, Vt = np.linalg.svd(np.where(unseen, np.eye(3), total))
         sign = np.ones((*unseen.shape[:2], 3))
@@ -253,6 +262,15 @@ class MarkerPositions(Presented):
         """Rows of the file that a pose is in, counted from 0."""
         rows = self.row[self.pose == pose]
         return sorted(set(rows[rows >= 0].tolist()))
+
+
+def _all_readings(some: MarkerPositions, others: MarkerPositions, axis: int) -> Indices | None:
+    """Readings of all visits, or of all instruments; None where each is one."""
+    both = [some, others]
+    if all(one.readings is None for one in both):
+        return None
+    once = (np.ones_like(one.row) if one.readings is None else one.readings for one in both)
+    return np.concatenate(list(once), axis=axis)
 
 
 def without_strange(table: PoseTable, robot: Robot, known: Sequence[str]) -> PoseTable:

@@ -62,6 +62,24 @@ def test_rows_are_independent_and_lead_back() -> None:
         assert pytest.approx(together.reshape(1, 3, 2, 3, 2)[:, a, :, b]) == V
 
 
+def test_means_know_how_many_readings_they_are_of() -> None:
+    """Through a choice of markers, further visits and instruments, and means of means."""
+    _, data = day(drawing_mm=0.5)
+    thrice = replace(data, readings=np.full(data.seen.shape, 3)).of_markers([2, 0])
+    assert thrice.often.shape == thrice.seen.shape
+    both = thrice.with_visits(data.of_markers([2, 0]))
+    assert both.counts == pytest.approx(np.full((len(data), 2), 4))
+    first, again = thrice.measured, data.measured[:, [2, 0]] + 4e-3
+    mean = thrice.with_visits(replace(data.of_markers([2, 0]), measured=again)).means
+    assert mean.measured == pytest.approx(first + 1e-3)
+    assert mean.means.counts.tolist() == mean.readings.tolist()
+    other = replace(data.of_markers([1]), kinds=("position",))
+    more = thrice.with_markers(other).means
+    assert more.counts.tolist() == [[3, 3, 1]] * len(data)
+    hidden = replace(thrice, measured=np.where([[[True], [False]]], np.nan, first))
+    assert hidden.counts.tolist() == [[0, 3]] * len(data)
+
+
 def test_where_each_pose_is_visited_twice_no_visits_are_alone() -> None:
     """Then there is no group of them."""
     q = np.repeat([[0.0], [1.0]], 2, axis=0)
