@@ -43,8 +43,8 @@ FEASIBLE = 1e-10  # by which rounding may carry a point over a constraint, in th
 GRADIENT_ALIKE = 1e-5
 POINTS_TRIED = 128  # points of a box at which a nonlinear model is tried
 # Means over a box: nodes of a rule at most, in all and by each variable; nodes of the first one of
-# each variable, if so many may be; relative difference of two rules that are both exact; points that
-# a rule must roughly agree with, and how much of the diagonal it may differ; points where none is.
+# each variable, if so many may be; relative difference of two rules that are both exact; points a
+# rule must roughly agree with, and by how much of the diagonal it may differ; points where none is.
 RULE_NODES = 100_000
 MOST_OF_EACH = 150
 FIRST_OF_EACH = 13
