@@ -313,9 +313,17 @@ def noise_of_frame(frame: "pd.DataFrame", sigma: ArrayLike | str) -> ArrayLike:
     if not isinstance(sigma, str):
         return sigma
     if sigma not in frame.columns:
-        message = f"{sigma!r} is no column; expected numbers, or one of {', '.join(frame.columns)}"
+        columns = ", ".join(map(str, frame.columns))
+        message = f"{sigma!r} is no column; expected numbers, or one of {columns}"
         raise ArgumentError(message, argument="sigma")
     return frame[sigma].to_numpy()[:, None]
+
+
+def free_name(name: str, frame: "pd.DataFrame") -> str:
+    """A name of a new column: with underscores behind it, where the frame has such a column."""
+    while name in frame.columns:
+        name += "_"
+    return name
 
 
 def _require_frame(frame: object) -> None:

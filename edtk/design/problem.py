@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from criteria import Criterion
 from criteria.linalg.spectrum import is_semidefinite
-from edtk.design.formula import LinearFormula, noise_of_frame
+from edtk.design.formula import LinearFormula, free_name, noise_of_frame
 from edtk.design.information import ModelRows, Rows, nearly_equal
 from edtk.design.theta_box import Robust, RowsAt, RowsOfEach, Sites, told_names
 from edtk.design.weighted_candidates import (
@@ -397,9 +397,7 @@ class Problem(WeightedCandidates):
         if self.frame is None:
             index = pd.Index(np.flatnonzero(found), name="candidate")
             return pd.DataFrame({name: found[index]}, index=index)
-        while name in self.frame.columns:
-            name += "_"
-        return self.frame.assign(**{name: found})[found > 0]
+        return self.frame.assign(**{free_name(name, self.frame): found})[found > 0]
 
     def require_identifiable(self, criterion: Criterion | None = None) -> None:
         """Check that the candidates and the prior together excite all that has to be known.

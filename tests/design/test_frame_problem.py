@@ -39,6 +39,17 @@ def test_results_come_back_as_rows_of_the_frame():
     assert edtk.relax(named, "D").to_frame()["weight_"].sum() == pytest.approx(1)
 
 
+def test_counts_are_of_the_weights_that_were_found():
+    """Within limits, a column of the frame that is called weight or count is left as it is."""
+    named = edtk.Problem.from_frame(FRAME.assign(weight=3.0, count=7.0), "1 + x")
+    within = edtk.relax(named, "D", size=8, most=3)
+    found = within.to_frame()
+    assert (found["weight"] == 3.0).all()
+    assert (found["count"] == 7.0).all()
+    np.testing.assert_allclose(found["count_"], within.counts[within.support])
+    np.testing.assert_allclose(found["count_"], 8 * found["weight_"])
+
+
 def test_texts_show_the_rows_of_the_frame():
     """Beside the number of a candidate stands what it is, in relaxations and in plans."""
     problem = edtk.Problem.from_frame(FRAME, "x + C(group)")
@@ -156,3 +167,5 @@ def test_a_column_has_the_noise():
     assert kept.cost == pytest.approx(alike.cost, rel=1e-12)
     with pytest.raises(UserError, match=r"^sigma: 'noise' is no column"):
         edtk.Problem.from_frame(frame, "1 + x", sigma="noise")
+    with pytest.raises(UserError, match=r"'noise' is no column; .* one of x, group, 3$"):
+        edtk.Problem.from_frame(FRAME.assign(**{"3": X}).rename(columns={"3": 3}), "1 + x", "noise")

@@ -9,6 +9,7 @@ import numpy as np
 import criteria
 from criteria import Relaxable
 from edtk.design.bound import BLURRED, VISIBLE, Bound, BoundKind, RelaxedDesign, printed_form
+from edtk.design.formula import free_name
 from edtk.design.problem import Problem, problem_digest
 from edtk.design.relaxation.certify import certify, inside
 from edtk.design.relaxation.proof import InnerProof, normalised
@@ -275,8 +276,8 @@ class RelaxationWithin(Relaxation):
     def to_frame(self) -> "pd.DataFrame":
         """The candidates that carry weight, with their weights and counts."""
         frame = super().to_frame()
-        frame["count"] = self.experiments * frame["weight"]
-        return frame
+        name = free_name("count", frame)
+        return frame.assign(**{name: self.counts[self.support]})
 
 
 def _dual_weights(
