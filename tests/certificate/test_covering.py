@@ -579,7 +579,8 @@ def test_polynomials_of_geometry_are_what_poses_say(tmp_path: Path) -> None:
     content = json.loads(path.read_text(encoding="utf-8"))
     setting = Setting.from_dict(content["setting"])
     Z = Multipliers.from_list(content["proof"]["multipliers"], "D", setting.p)
-    for wrench in setting.load.listed if setting.load.listed is not None else []:
+    assert setting.load.listed is not None
+    for wrench in setting.load.listed:
         found = Polynomials.of(setting, Z, np.zeros((setting.p, setting.p)), wrench, False)
         rng = np.random.default_rng(4)
         q = rng.uniform(*found.domain.limits, (200, 3))
