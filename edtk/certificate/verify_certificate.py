@@ -125,12 +125,15 @@ class Verification(Presented):
         """What is proved, and on what: a sentence that cannot be read as more."""
         if not self.valid:
             return "nothing is proved"
-        return f"{self._of_weights}; {self.exact}{self._seed}" if self.exact else self._of_weights
+        if not self.exact:
+            return self._of_weights
+        seed = f"{self._seed}," if self._seed else ""
+        return f"{self._of_weights}; {self.exact}{seed} is proved"
 
     @property
     def _seed(self) -> str:
         """That candidates are not those of the study: of many seeds one has the poorest."""
-        return " of another seed than the study's" if self.other_seed else ""
+        return ", drawn with another seed than the study's" if self.other_seed else ""
 
     @property
     def _of_weights(self) -> str:
@@ -142,7 +145,7 @@ class Verification(Presented):
         if self.kind == "plan" and self.searched:
             return f"{where}; its efficiency beside {self._plans} is {searched}"
         plural = "" if self.candidates == 1 else "s"
-        drawn = f"{self.candidates:,} {self.sampling} candidate pose{plural}{self._seed} alone"
+        drawn = f"{self.candidates:,} {self.sampling} candidate pose{plural} alone{self._seed}"
         of = f" on {self._plans}" if self.kind == "plan" else ""
         beyond = "other poses may be better"
         if self.searched:
@@ -252,7 +255,7 @@ def _exact_in_words(case: Case) -> str:
     number = int(case.made.amount.sum())
     plans = f"plans of {number} experiment{'' if number == 1 else 's'}"
     what = "the best of all" if one.stated["proved_exact"] else "a bound on all"
-    return f"{what} {plans} on the first {one.number:,} candidates is proved"
+    return f"{what} {plans} on the first {one.number:,} candidates"
 
 
 def _exact(case: Case) -> list[Claim]:

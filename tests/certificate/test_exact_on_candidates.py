@@ -153,6 +153,13 @@ def test_forged_files_are_found_out(true: Content, name: str) -> None:
     assert failed & {"value_exact", "bound_exact", "proved_exact"}
 
 
+def test_candidates_of_another_seed_are_said(tmp_path: Path) -> None:
+    """The study's own candidates may have a better plan."""
+    content = written(KINDS["springs"], "A", tmp_path / "c.json", size=3, candidates=30, seed=7)
+    said = "on the first 30 candidates, drawn with another seed than the study's, is proved"
+    assert said in edtk.verify(content, KINDS["springs"]).proved
+
+
 def test_other_candidates_are_found_out(true: Content) -> None:
     """Another seed draws other candidates, of which nothing is proved."""
     content = copy.deepcopy(true)
