@@ -102,10 +102,11 @@ def _few(fit: GeometricFit) -> list[Finding]:
         "count": count,
         "missing": int(np.ceil((FEW_COORDINATES * count - coordinates) / each)),
     }
-    if not fit.loo_rms > WORSE * fit.placed:  # nothing is placed by differences alone
+    placed = fit.placed_left_out
+    if not fit.loo_rms > WORSE * placed:  # nothing is placed by differences alone
         return [_say(Severity.WARNING, "few_poses", **data)]
     # Neither residuals nor poses left out speak for such a fit, and an error of one pose is all in.
-    return [_say(Severity.ALARM, "few_poses", **data, loo_rms=fit.loo_rms, placed=fit.placed)]
+    return [_say(Severity.ALARM, "few_poses", **data, loo_rms=fit.loo_rms, placed=placed)]
 
 
 def _alone(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
@@ -197,7 +198,7 @@ def _worse(fit: GeometricFit) -> list[Finding]:
     """Poses that are left out are predicted worse than with base and tool alone."""
     if not fit.worse_than_placed:
         return []
-    data = {"loo_rms": fit.loo_rms, "placed": fit.placed, "poses": fit.data.poses}
+    data = {"loo_rms": fit.loo_rms, "placed": fit.placed_left_out, "poses": fit.data.poses}
     return [_say(Severity.ALARM, "worse_than_placed", count=fit.rank, **data)]
 
 

@@ -596,7 +596,8 @@ class GeometricFit:
         placed: Root mean square distance [m] with base and tools fitted alone.
         residual: Measured less fitted positions of the poses' means (m, k, 3) [m]; NaN where a
             marker was not seen.
-        left_out: The same for each pose predicted without any visit of it (m, k, 3).
+        left_out: The same for each pose predicted without it (m, k, 3); of visits of one pose, by
+            their mean and differences, each predicted without itself alone, see `SamePoses`.
         left_out_half: Half the widths of the 95 % bands of those (m, k, 3) [m].
         surprise: Squared size (m,) of each pose's error left out, over its covariance: chi-square
             with as many degrees of freedom as coordinates. Of visits of one pose the larger of
@@ -692,6 +693,11 @@ class GeometricFit:
         return root_mean_square(self.left_out)
 
     @property
+    def placed_left_out(self) -> float:
+        """The same with base and tools fitted alone [m]; NaN where nothing is placed."""
+        return max(self.placed, self.placed_apart)
+
+    @property
     def worse_than_placed(self) -> bool:
         """Whether a pose left out is predicted worse than with base and tool alone.
 
@@ -699,7 +705,7 @@ class GeometricFit:
         """
         fitted = self.fitted.model.parameters
         more = any(one.place in ("joint", "compliance") for one in fitted)
-        return more and self.loo_rms > max(self.placed, self.placed_apart)
+        return more and self.loo_rms > self.placed_left_out
 
     @cached_property
     def share_inside(self) -> float:

@@ -90,6 +90,12 @@ def test_a_fit_that_is_worse_than_base_and_tool_alone_is_bad() -> None:
     fit = fit_geometry(model, data, StudyGeometry.of(STUDY).noise)
     assert fit.loo_rms > fit.placed
     assert kinds_of(fit)["worse_than_placed"] == Severity.ALARM
+    # What is compared is what is said.
+    for times in (20, 2):
+        few = replace(fit, structural=99, placed=fit.loo_rms / 30, placed_apart=fit.loo_rms / times)
+        said = {one.kind: one for one in geometric_findings(few, StudyGeometry.of(STUDY))}
+        assert said["worse_than_placed"].data["placed"] == few.placed_apart
+        assert said["few_poses"].data.get("placed") == (few.placed_apart if times > 10 else None)
     assert "worse_than_placed" not in kinds_of(sound_fit(0))
 
 
