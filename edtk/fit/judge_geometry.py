@@ -344,7 +344,7 @@ class _LeftOutPoses:
 
 @dataclass(frozen=True, eq=False)
 class _LeftOutVisits:
-    """Visits as they are predicted without any of their pose.
+    """Visits by the mean of their pose and differences, each predicted without itself alone.
 
     Attributes:
         errors: Measured less predicted coordinates (m, k, rows) [mm].

@@ -65,8 +65,10 @@ class SamePoses:
     pose, each the mean of n_i readings with the covariance R, have ``R / n_i + D``, and D between
     them. Their mean ``sum n_i y_i / N`` has ``R / N + D``, and a visit less the mean of those
     before it, of N_i readings, ``R (1 / n_i + 1 / N_i)`` without any D: it is a difference, as if
-    that had been read. All these are independent. The mean stands where the first of the visits
-    was, and each difference where its visit was.
+    that had been read. These are independent where all markers of a pose are read as often, or
+    joints return exactly. The mean stands where the first of the visits was, and each difference
+    where its visit was. What a loaded visit has beside, the model's error of a change, comes into
+    the mean of two by half.
 
     Attributes:
         pose: Number (m,) of each visit's pose, counted from 0.

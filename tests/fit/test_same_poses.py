@@ -171,10 +171,10 @@ def test_where_the_drawing_is_exact_nothing_changes() -> None:
     assert data.same_poses.groups
     assert not apart.same_poses.groups
     assert std == pytest.approx(springs(fit_of(model, apart))[1], rel=0.02)
-    assert np.abs(k - K[:3] / 1e-6) == pytest.approx(0 * k, abs=5 * std.max())
+    assert (np.abs(k - K[:3] / 1e-6) < 4 * std).all()
 
 
-def test_a_pose_is_left_out_with_all_its_visits() -> None:
+def test_a_mean_is_left_out_as_a_pose_that_nobody_visited() -> None:
     """Bands are those of a pose that nobody visited, and coordinates of visits count once."""
     model, data = day(drawing_mm=0.5)
     fit = fit_of(model, data)
