@@ -42,12 +42,11 @@ FEASIBLE = 1e-10  # by which rounding may carry a point over a constraint, in th
 # Relative difference of a gradient from the difference of rows, beyond which it is another one.
 GRADIENT_ALIKE = 1e-5
 POINTS_TRIED = 128  # points of a box at which a nonlinear model is tried
-# Means over a box: nodes of a rule at most, in all and by each variable; nodes of the first one of
-# each variable, if so many may be; relative difference of two rules that are both exact; points a
-# rule must roughly agree with, and by how much of the diagonal it may differ; points where none is.
+# Means over a box: nodes of a rule at most, in all and by each variable; relative difference of two
+# rules that are both exact; points a rule must roughly agree with, and by how much of the diagonal
+# it may differ; points where none is.
 RULE_NODES = 100_000
 MOST_OF_EACH = 150
-FIRST_OF_EACH = 13
 EXACT = 1e-11
 FEW_POINTS = 4_096
 ROUGHLY = 0.05
@@ -493,9 +492,7 @@ class Region(Presented):
         sequence that are feasible, which count alike.
         """
         last = None
-        n = FIRST_OF_EACH
-        while n > 2 and (n + n // 2) ** self.size > RULE_NODES:
-            n -= 1
+        n = 2
         while not self._constraints and n <= MOST_OF_EACH and n**self.size <= RULE_NODES:
             A, weights = self._gauss_legendre(n)
             M = _mean(A, weights)
