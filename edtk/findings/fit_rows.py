@@ -40,7 +40,8 @@ SHARE_OF_SCALE = 1e-9  # of what is known, which rounding makes where the poses 
 class FitRows:
     """What the positions of the poses leave, in millimetres; orientations are left aside.
 
-    Rows of what was not seen are zero.
+    Rows of what was not seen are zero. Here each visit has an error of the drawing of its own, also
+    where it shares its pose with others; the fit knows better, see `SamePoses`.
 
     Attributes:
         fit: The fit.
