@@ -24,6 +24,7 @@ from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.place_robot import place_robot
 from edtk.fit.pose_rows import working
 from edtk.fit.restricted_likelihood import Blocks, contrasts_of, fit_model_error, fit_variances
+from edtk.measure.few_columns import FewColumns
 from edtk.measure.position_noise import PositionNoise
 from edtk.report.tables import markdown_table
 from edtk.robots.frames import MM
@@ -187,7 +188,7 @@ def _chi_squares(z: Array, J: Array, pose: Array, joints: bool) -> list[float]:
         others = pose != left_out
         nothing = np.zeros((int(others.sum()), width, 0))
         others_kinds = [kind[others] for kind in kinds]
-        told = fit_variances([Blocks(1e-12 * eye[others], others_kinds, z[others], nothing)])
+        told = fit_variances([Blocks.dense(1e-12 * eye[others], others_kinds, z[others], nothing)])
         own = ~others
         V[own] = sum(v * kind[own] for v, kind in zip(told.variances, kinds, strict=True))
     mean = np.kron(np.ones((1, width // 3)), np.eye(3)) * 3 / width
@@ -287,7 +288,8 @@ def _weighting_noise(
 ) -> PositionNoise:
     """The noise by which a fit weights poses: with one size of the model's error for all joints."""
     rigid = np.zeros(motion.shape[2], dtype=bool)
-    return fit_model_error(fit.fitted.noise, motion, places, fit.data.counts, r, J, rigid)
+    design = FewColumns.among(J, len(fit.data.markers))
+    return fit_model_error(fit.fitted.noise, motion, places, fit.data.counts, r, design, rigid)
 
 
 def rows_of_design(
