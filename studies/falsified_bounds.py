@@ -16,7 +16,8 @@ import numpy as np
 
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.enclosure.cover import cover
-from edtk.design.enclosure.polynomial import Axis, Enclosed, Objective, Polynomial
+from edtk.design.enclosure.objective import Enclosed, Objective
+from edtk.design.enclosure.polynomial import Axis, Polynomial
 from edtk.design.enclosure.robot_polynomials import RobotPolynomials
 from edtk.design.relaxation.search_continuum import ascend
 from edtk.study.plan_study import relax_study

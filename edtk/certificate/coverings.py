@@ -6,11 +6,11 @@ import numpy as np
 
 from edtk.certificate.recompute.covering import BOUNDED, COMBINED
 from edtk.certificate.recompute.pose_polynomials import COUPLED, OF_LINKS
-from edtk.design.enclosure.boxes import Covering, Grid, Leaves, Reason, coefficients
+from edtk.design.enclosure.boxes import Grid, Leaves, Reason, coefficients
+from edtk.design.enclosure.cover import Covering
 from edtk.design.enclosure.polynomial import Polynomial
 from edtk.design.enclosure.space_polynomials import SpacePolynomials
 from edtk.design.enclosure.symmetry import TURN, Halving
-from edtk.design.enclosure.tracked import TrackedObjective
 from edtk.robots.constraints.constraint import Constraint
 from edtk.robots.constraints.height import Height
 from edtk.robots.constraints.joint_limits import CoupledLimits
@@ -47,10 +47,8 @@ def coverings_to_list(robot: SpacePolynomials, covering: Covering) -> list[dict[
     for leaves, objective in zip(covering.leaves, covering.enclosed.objectives, strict=True):
         letters = _reasons(leaves, covering, slacks)
         tree, combined = tree_of(leaves, letters, covering.grid.parts)
-        factors = leaves.penalties[combined]
-        if isinstance(objective, TrackedObjective):
-            # The check's rows are in metres.
-            factors = factors * objective.growth.least
+        # The check's rows are in metres.
+        factors = leaves.penalties[combined] * objective.unit
         of_one = {"tree": tree, "factors": factors.tolist()}
         found.append({"limit": float(leaves.bound.max())} | of_all | of_one)
     return found

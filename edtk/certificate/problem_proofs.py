@@ -9,7 +9,8 @@ from edtk.certificate.coverings import largest_on, tree_of
 from edtk.certificate.recompute.covering import BOUNDED, COMBINED
 from edtk.certificate.recompute.region import rounding_of_check
 from edtk.design.bound import printed_form
-from edtk.design.enclosure.boxes import Covering, Leaves, Reason
+from edtk.design.enclosure.boxes import Leaves, Reason
+from edtk.design.enclosure.cover import Covering
 from edtk.design.enclosure.prove_region import ProvedRegion
 from edtk.design.enclosure.region_polynomials import RegionPolynomials
 from edtk.design.exact.counts.problem_plan import ProblemPlan

@@ -8,7 +8,8 @@ from loaded_arm import STUDY
 
 from edtk.calibration.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_space import GeometrySpace
-from edtk.design.enclosure.polynomial import Enclosed, NotEnclosedError
+from edtk.design.enclosure.objective import Enclosed
+from edtk.design.enclosure.polynomial import NotEnclosedError
 from edtk.design.enclosure.robot_polynomials import polynomials_of
 from edtk.measure.noise import Tracker
 from edtk.system.typing import Array

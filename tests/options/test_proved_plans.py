@@ -16,8 +16,7 @@ import edtk
 from edtk.cli import main
 from edtk.design.bound import BoundKind
 from edtk.design.enclosure import prove_continuum
-from edtk.design.enclosure.boxes import CoveringInterrupted
-from edtk.design.enclosure.cover import cover
+from edtk.design.enclosure.cover import CoveringInterrupted, cover
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 

@@ -1,4 +1,4 @@
-"""Boxes that cover a domain, and coefficients of polynomials on them: the data of a covering."""
+"""Boxes that cover a domain, and coefficients of polynomials on them."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from edtk.design.enclosure import basis
-from edtk.design.enclosure.polynomial import ROUNDOFF, Axis, Enclosed, Polynomial
+from edtk.design.enclosure.polynomial import ROUNDOFF, Axis, Polynomial
 from edtk.system.typing import Array, Indices, Mask
 
 TENSORS_AT_ONCE = 128  # boxes at a time: their tensors stay in the cache
@@ -146,43 +146,6 @@ class Leaves:
             np.concatenate([part.bound for part in parts]),
             np.concatenate([part.penalties for part in parts]),
         )
-
-
-class CoveringInterrupted(KeyboardInterrupt):
-    """The user has interrupted a covering; `best` is the covering so far, which is one."""
-
-    def __init__(self, best: "Covering") -> None:
-        super().__init__("interrupted")
-        self.best = best
-
-
-@dataclass(frozen=True, eq=False)
-class Covering:
-    """An upper bound of the objectives over all feasible places, and what proves it.
-
-    Attributes:
-        enclosed: What is bounded.
-        grid: The first boxes.
-        leaves: Of each objective the boxes that cover the domain.
-        lower: The largest objective that is known of a place that is feasible, within the errors of
-            slacks; -inf where none is known.
-        place: That place (d,).
-        seconds: Time that it took [s].
-        boxes: Number of boxes that were looked at.
-    """
-
-    enclosed: Enclosed
-    grid: Grid
-    leaves: tuple[Leaves, ...]
-    lower: float
-    place: Array
-    seconds: float
-    boxes: int
-
-    @property
-    def upper(self) -> float:
-        """No feasible place has an objective above; -inf where no place is feasible."""
-        return max(float(leaves.bound.max()) for leaves in self.leaves)
 
 
 def coefficients(polynomial: Polynomial, middles: Array, halves: Array) -> tuple[Array, float]:

@@ -1,72 +1,30 @@
 """An upper bound of polynomials over a box and constraints, by halving: branch and bound.
 
-A box is closed, that is not halved any more, where one of these holds of its coefficients in the
-basis of `basis.py`, to a level u:
-
-- *below*: those of ``N - u D`` are at most zero, of an objective N/D;
-- *infeasible*: those of a slack c are negative;
-- *penalised*: those of ``N - u D + sum_i mu_i c_i`` are at most zero, for some ``mu >= 0``: where
-  the box is feasible, ``c_i >= 0``.
-
-Where D is that of `tracked.py`, what is above ``N - u D`` is another polynomial on each box.
-
-Then no feasible place of the box has an objective above u. Levels fall from far above the largest
-value that is known towards it; each begins with the boxes that the last one has closed, so that a
-run that is stopped keeps the bound of all that was closed.
+Boxes are closed or halved as `stage.py` says, until no feasible place has an objective above a
+level. Levels fall from far above the largest value that is known towards it; each begins with the
+boxes that the last one has closed, so that a run that is stopped keeps the bound of all that was
+closed.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from itertools import product
 from time import perf_counter
 
 import numpy as np
 
-from edtk.design.enclosure import basis
 from edtk.design.enclosure.boxes import (
-    DEEPEST,
     Boxes,
-    Covering,
-    CoveringInterrupted,
     Grid,
     Leaves,
     Reason,
-    along,
-    at_once,
-    coefficients,
-    limits_on,
-    rounding_of_halves,
     rounding_of_slack,
 )
-from edtk.design.enclosure.polynomial import ROUNDOFF, Enclosed, Objective, Polynomial
-from edtk.design.enclosure.tracked import TrackedObjective
+from edtk.design.enclosure.objective import Enclosed
+from edtk.design.enclosure.stage import OpenBoxes, Stage, corners
 from edtk.system.time_limit import no_progress, out_of_time
-from edtk.system.typing import Array, Indices, Mask
+from edtk.system.typing import Array, Indices
 
-# Levels above the largest known value, of which the next one is reached from the leaves of the
-# last, whose coefficients are made anew: a tenth of the gap takes twice the boxes, or fewer.
-FIRST_LEVEL = 0.3
-NEXT_LEVEL = 0.1
-# Where D is small in a box, a quotient's leaf says little of another level, at which all leaves are
-# looked at anew: there are fewer levels.
-OF_QUOTIENT = (0.03, 0.01)
-PENALTIES = 6  # factors of a slack that are tried
-LEVELLED = 20  # rounds of factors of several slacks together
-TINY = float(np.finfo(float).tiny)
-SINGLE = np.float32
-UNIT = float(np.finfo(SINGLE).eps) / 2
-EIGHT = 8 * UNIT  # roundings
-# Rounding of halvings, in parts of what errors of the polynomials leave of the gap, from which on a
-# tensor is made anew.
-PART_OF_GAP = 0.25
-# Error of the polynomials, in parts of the gap, up to which boxes are halved until what is left of
-# the gap closes them: a quarter of it, which takes four times as many boxes for each two joints.
-FINE = 0.75
-FRESH = 4  # roundings, or least errors, up to which making a tensor anew gains little
-UNDIVIDED = (1.0, 1.0)  # limits of a denominator that there is none of
 SMALL_DENOMINATOR = 1e-3  # part of the largest denominator
-STRIDE = 2  # places of a tensor that are left out where an axis is chosen
 # A search for a large value that begins nowhere: places that are drawn, and rounds around the best.
 DRAWN_PLACES = 4096
 SEARCH_ROUNDS = 30
@@ -76,441 +34,41 @@ PLACES_AROUND = 64
 Progress = Callable[[float, float], object]
 
 
+class CoveringInterrupted(KeyboardInterrupt):
+    """The user has interrupted a covering; `best` is the covering so far, which is one."""
+
+    def __init__(self, best: "Covering") -> None:
+        super().__init__("interrupted")
+        self.best = best
+
+
 @dataclass(frozen=True, eq=False)
-class _Chunk:
-    """Open boxes with their coefficients.
+class Covering:
+    """An upper bound of the objectives over all feasible places, and what proves it.
 
     Attributes:
-        boxes: The boxes (b).
-        bound: What is known from the boxes around them (b,).
-        penalties: The factors mu of the slacks (b, c) that prove it.
-        values: Coefficients (b, ...) of ``N - u D``.
-        error: By how much these may be off (b,).
-        rounding: How much of that each halving adds (b,).
-        slacks: Coefficients (b, ...) of each slack.
-        forms: Those of what else an objective is made of on each box; none of most.
+        enclosed: What is bounded.
+        grid: The first boxes.
+        leaves: Of each objective the boxes that cover the domain.
+        lower: The largest objective that is known of a place that is feasible, within the errors of
+            slacks; -inf where none is known.
+        place: That place (d,).
+        seconds: Time that it took [s].
+        boxes: Number of boxes that were looked at.
     """
 
-    boxes: Boxes
-    bound: Array
-    penalties: Array
-    values: Array
-    error: Array
-    rounding: Array
-    slacks: tuple[Array, ...]
-    forms: tuple[Array, ...]
+    enclosed: Enclosed
+    grid: Grid
+    leaves: tuple[Leaves, ...]
+    lower: float
+    place: Array
+    seconds: float
+    boxes: int
 
     @property
-    def leaves(self) -> Leaves:
-        """The boxes as leaves."""
-        return replace(
-            Leaves.unknown(self.boxes, self.bound, len(self.slacks)), penalties=self.penalties
-        )
-
-    def __len__(self) -> int:
-        return len(self.boxes)
-
-    def __getitem__(self, which: Indices | Mask | slice) -> "_Chunk":
-        return _Chunk(
-            self.boxes[which],
-            self.bound[which],
-            self.penalties[which],
-            self.values[which],
-            self.error[which],
-            self.rounding[which],
-            tuple(slack[which] for slack in self.slacks),
-            tuple(form[which] for form in self.forms),
-        )
-
-
-@lru_cache(maxsize=1024)
-def _by_depth(
-    matrix: Callable[..., Array], kind: str, degrees: tuple[int, ...], widest: float
-) -> Array:
-    """A matrix of `basis` for the half width at each depth (DEEPEST + 1, ...)."""
-    return np.stack([matrix(kind, *degrees, widest / 2**k) for k in range(DEEPEST + 1)])
-
-
-class _Stage:
-    """One level u of one objective, at which boxes are closed or halved.
-
-    Attributes:
-        tested: ``N - u D``, in degrees no lower than those of slacks.
-        least: A lower bound of D; its upper one is `most`.
-    """
-
-    def __init__(self, enclosed: Enclosed, objective: Objective, grid: Grid, level: float) -> None:
-        self.enclosed = enclosed
-        self.grid = grid
-        self.level = level
-        self.objective = objective
-        self.forms = objective.forms if isinstance(objective, TrackedObjective) else ()
-        tested = objective.tested(level)
-        others = [f.degrees for f in (*enclosed.slacks, *self.forms)]
-        self.tested = tested.raised(np.max([tested.degrees, *others], axis=0).tolist())
-        self.least, self.most = _scale(objective, grid)
-        self.degrees = self.tested.degrees
-        self.chunk = at_once(self.tested)
-        self.least_error = 0.0  # of coefficients that are made anew
-        self.off = np.zeros(len(self.forms))  # by which those of forms are lifted at most
-
-    def opened(self, leaves: Leaves) -> _Chunk:
-        """Boxes with their coefficients, made from the polynomials."""
-        middles = self.grid.middles(leaves.boxes)
-        halves = self.grid.halves(leaves.boxes)
-        values, error = coefficients(self.tested, middles, halves)
-        largest = np.abs(values).reshape(len(values), -1).max(axis=1)
-        self.least_error = error
-        lifted, by = [], []
-        for form in (*self.enclosed.slacks, *self.forms):
-            found, wrong = coefficients(form, middles, halves)
-            by.append(wrong + rounding_of_slack(form))
-            lifted.append(found + by[-1])
-        count = len(self.enclosed.slacks)
-        self.off = np.maximum(self.off, by[count:])
-        return _Chunk(
-            leaves.boxes,
-            leaves.bound,
-            leaves.penalties,
-            values.astype(SINGLE),
-            error + UNIT * largest,
-            rounding_of_halves(self.tested, UNIT) * largest,
-            tuple(lifted[:count]),
-            tuple(lifted[count:]),
-        )
-
-    def bound(self, top: Array) -> Array:
-        """What ``N - u D <= top`` says of N/D."""
-        if self.least <= 0:
-            return np.where(top <= 0, self.level, np.inf)
-        return self.level + top / np.where(top > 0, self.least, self.most)
-
-    def halved(self, chunk: _Chunk, axis: int) -> _Chunk:
-        """Both halves of boxes along one axis, lower ones first."""
-        depth = chunk.boxes.depth[:, axis]
-        kind = self.enclosed.axes[axis].kind
-        widest = float(self.grid.widest[axis])
-
-        def cut(values: Array, degree: int) -> Array:
-            H = _by_depth(basis.halves, kind, (degree,), widest)[depth].astype(values.dtype)
-            return np.concatenate([along(H[:, side], values, axis) for side in (0, 1)])
-
-        return _Chunk(
-            Boxes.joined([chunk.boxes.half(axis, 0), chunk.boxes.half(axis, 1)]),
-            np.tile(chunk.bound, 2),
-            np.tile(chunk.penalties, (2, 1)),
-            cut(chunk.values, self.degrees[axis]),
-            np.tile(chunk.error + chunk.rounding, 2),
-            np.tile(chunk.rounding, 2),
-            tuple(
-                cut(values, slack.degrees[axis])
-                for values, slack in zip(chunk.slacks, self.enclosed.slacks, strict=True)
-            ),
-            tuple(
-                cut(values, form.degrees[axis])
-                for values, form in zip(chunk.forms, self.forms, strict=True)
-            ),
-        )
-
-    def above(self, chunk: _Chunk) -> _Chunk:
-        """Boxes with the coefficients of what is above ``N - u D`` there, in double precision.
-
-        Forms stand too high by as much as they may be off, and twice that is taken from their least
-        coefficients. A sum of products rounds by few units of each, and by those of raised forms.
-        """
-        if not isinstance(self.objective, TrackedObjective):
-            return chunk
-        b = len(chunk)
-        depth = chunk.boxes.depth
-        flat = [form.reshape(b, -1) for form in chunk.forms]
-        low = np.stack([own.min(axis=1) for own in flat]) - 2 * self.off[:, None]
-        (own, *factors), constant, error = self.objective.weights(
-            self.level, low, flat[0].max(axis=1)
-        )
-        tested = chunk.values.reshape(b, -1)
-        values = own[:, None] * tested + constant[:, None]
-        size = own * np.abs(tested).max(axis=1) + np.abs(constant)
-        error += own * chunk.error
-        for i, (factor, form) in enumerate(zip(factors, self.forms, strict=True)):
-            raised = self.elevated(chunk.forms[i], form.degrees, depth)
-            values += factor[:, None] * raised.reshape(b, -1)
-            size += np.abs(factor) * np.abs(flat[i]).max(axis=1) * self.rounds(form)
-            error += 2 * np.abs(factor) * self.off[i]
-        error += 8 * ROUNDOFF * size
-        return replace(chunk, values=values.reshape(chunk.values.shape), error=error)
-
-    def elevated(self, values: Array, degrees: tuple[int, ...], depth: Indices) -> Array:
-        """Coefficients (b, ...) of a slack in the degrees of the objective."""
-        # The last axis comes first: its products are the narrowest, while the tensor is small.
-        for j in reversed(range(len(degrees))):
-            if degrees[j] == self.degrees[j]:
-                continue
-            kind = self.enclosed.axes[j].kind
-            E = _by_depth(
-                basis.elevation, kind, (degrees[j], self.degrees[j]), float(self.grid.widest[j])
-            )
-            values = along(E[depth[:, j]].astype(values.dtype), values, j)
-        return values
-
-    def rounds(self, form: Polynomial) -> float:
-        """Roundings of a form's product with a factor in a sum, over eight.
-
-        Each axis along which it is raised adds a sum of products; averages are not larger than what
-        they are of.
-        """
-        raised = [j for j, n in enumerate(form.degrees) if n != self.degrees[j]]
-        rounds = 12 + sum(form.coefficients.shape[j] + 3 for j in raised)
-        return rounds / 8
-
-    def close(self, chunk: _Chunk, shift: float, gap: float) -> tuple[Leaves, Mask, Array]:
-        """What is known of open boxes at ``level + shift``, and which of them are closed.
-
-        Args:
-            chunk: The boxes.
-            shift: By how much the largest known value has risen since the level was set.
-            gap: How far the level is above that value.
-
-        Returns:
-            What is known, whether each is closed, and the coefficients (b, ...) with penalties.
-        """
-        b = len(chunk)
-        top = chunk.values.reshape(b, -1).max(axis=1) + chunk.error
-        reason = np.where(top <= shift, Reason.BELOW, Reason.OPEN)
-        cut = np.zeros((b, len(chunk.slacks)), dtype=bool)
-        for i, slack in enumerate(chunk.slacks):
-            own = slack.reshape(b, -1)
-            reason[own.max(axis=1) < 0] = Reason.INFEASIBLE
-            cut[:, i] = own.min(axis=1) < 0
-        values = chunk.values
-        penalties = np.zeros((b, len(chunk.slacks)))
-        some = np.flatnonzero((reason == Reason.OPEN) & cut.any(axis=1))
-        if len(some):
-            values = values.copy()
-            penalised = _Penalised(self, chunk[some], top[some], shift)
-            for i in range(len(chunk.slacks)):
-                penalised.add(i, cut[some, i])
-            penalised.join(cut[some])
-            top[some] = penalised.top
-            penalties[some] = penalised.penalties
-            values[some] = penalised.values
-            reason[some[penalised.top <= shift]] = Reason.PENALISED
-        # Where errors of the polynomials alone keep a box open, and leave little of the gap, no
-        # halving will close it.
-        hidden = (top - chunk.error <= shift) & (chunk.error <= FRESH * self.least_error)
-        hidden &= self.least_error > FINE * gap
-        hidden |= (chunk.boxes.depth >= DEEPEST - 1).any(axis=1)
-        hidden &= reason == Reason.OPEN
-        reason[hidden] = np.where(penalties[hidden].any(axis=1), Reason.PENALISED, Reason.BELOW)
-        bound = self.bound(top)
-        # What is known from a box around this one rests on that one's factors.
-        inherited = (chunk.bound <= bound) & (reason == Reason.OPEN)
-        penalties[inherited] = chunk.penalties[inherited]
-        bound = np.minimum(chunk.bound, bound)
-        bound[reason == Reason.INFEASIBLE] = -np.inf
-        leaves = Leaves(chunk.boxes, reason, bound, penalties)
-        return leaves, reason != Reason.OPEN, values
-
-    def split(self, chunk: _Chunk, values: Array) -> list[_Chunk]:
-        """Halves of boxes, each along the axis of the largest second difference of coefficients.
-
-        What coefficients are above the values of a polynomial comes from second differences, of
-        which a few tell.
-        """
-        axes, differences = _largest_second_difference(values)
-        # Differences of rounding alone would always choose the same axis.
-        lost = differences <= 4 * chunk.error
-        axes[lost] = chunk.boxes.depth[lost].argmin(axis=1)
-        parts = []
-        for axis in np.unique(axes).tolist():
-            both = self.halved(chunk[axes == axis], axis)
-            parts += [both[i : i + self.chunk] for i in range(0, len(both), self.chunk)]
-        return parts
-
-    def is_coarse(self, chunk: _Chunk, gap: float) -> bool:
-        """Whether halvings have rounded by much of what is left of a gap, and by much anew."""
-        rounded = chunk.error - self.least_error
-        left = max(gap - self.least_error, (1 - FINE) * gap)
-        if not (rounded > PART_OF_GAP * left).any():
-            return False
-        largest = np.abs(chunk.values).reshape(len(chunk), -1).max(axis=1)
-        anew = rounding_of_halves(self.tested, UNIT) * largest
-        return bool((rounded > FRESH * anew).any())
-
-
-def _largest_second_difference(values: Array) -> tuple[Indices, Array]:
-    """The axis (b,) of the largest second difference of some coefficients, and its size (b,)."""
-    found = np.full((values.ndim - 1, len(values)), -1.0)
-    for j in range(1, values.ndim):
-        if values.shape[j] < 3:
-            # A degree of one by a length: first differences are all there is.
-            if values.shape[j] == 2:
-                found[j - 1] = 0.0
-            continue
-        every: list[slice] = [slice(None)] + [slice(None, None, STRIDE)] * (values.ndim - 1)
-        every[j] = slice(None)
-        some = np.moveaxis(values[tuple(every)], j, 1)
-        second = some[:, :-2] - 2 * some[:, 1:-1] + some[:, 2:]
-        found[j - 1] = np.abs(second).reshape(len(values), -1).max(axis=1)
-    return found.argmax(axis=0), found.max(axis=0)
-
-
-class _Penalised:
-    """Coefficients of some boxes with those of slacks added, so that the largest one falls.
-
-    Attributes:
-        values: Coefficients (b, ...) of ``N - u D + sum_i mu_i c_i``.
-        top: The largest of each (b,), with its error.
-        penalties: Factors mu (b, c).
-    """
-
-    def __init__(self, stage: _Stage, chunk: _Chunk, top: Array, shift: float) -> None:
-        self.stage = stage
-        self.chunk = chunk
-        self.shift = shift
-        self.values = chunk.values.copy()
-        self.top = top.copy()
-        self.error = chunk.error.copy()
-        self.penalties = np.zeros((len(chunk), len(chunk.slacks)))
-
-    def add(self, i: int, cut: Mask) -> None:
-        """Add the best factor of a slack, where it cuts a box that is still open."""
-        which = np.flatnonzero(cut & (self.top > self.shift))
-        if not len(which):
-            return
-        f = self.values[which].reshape(len(which), -1)
-        c = self._raised(i, which)
-        size = self._rounded_size(i, which)
-        best, top = _best_factors(f, c, self.top[which], self.error[which], size, self.shift)
-        gained = np.flatnonzero(best > 0)
-        if not len(gained):
-            return
-        own, mu = which[gained], best[gained]
-        penalised = f[gained] + mu[:, None] * c[gained]
-        self.values[own] = penalised.reshape(len(own), *self.values.shape[1:])
-        self.error[own] += EIGHT * (np.abs(penalised).max(axis=1) + mu * size[gained])
-        self.top[own] = top[gained]
-        self.penalties[own, i] = mu
-
-    def join(self, cut: Mask) -> None:
-        """Try factors of several slacks (b, c) together, where these cut a box that is still open.
-
-        At a maximum on several constraints ``f + sum_i mu_i c_i`` is level for the multipliers of
-        Karush, Kuhn and Tucker, and one factor after the other does not find them. So the factors
-        make it as level as they can, by least squares of its slopes at the corners of the box.
-        """
-        which = np.flatnonzero((cut.sum(axis=1) > 1) & (self.top > self.shift))
-        if not len(which):
-            return
-        f = _corners(self.chunk.values[which])
-        c = np.stack([_corners(slack[which]) for slack in self.chunk.slacks], axis=1)
-        mu = _levelling(_slopes(f), _slopes(c) * cut[which, :, None])
-        level = (f + (mu[:, None] @ c)[:, 0]).max(axis=1)
-        hopeful = ((mu > 0).sum(axis=1) > 1) & (level <= self.shift)
-        which, mu = which[hopeful], mu[hopeful]
-        if not len(which):
-            return
-        total = self.chunk.values[which].reshape(len(which), -1)
-        error = self.chunk.error[which]
-        for i in np.flatnonzero(mu.any(axis=0)).tolist():
-            own = mu[:, i].astype(total.dtype)
-            total = total + own[:, None] * self._raised(i, which)
-            error = error + EIGHT * (np.abs(total).max(axis=1) + own * self._rounded_size(i, which))
-        top = total.max(axis=1) + error
-        better = top < self.top[which]
-        at = which[better]
-        self.values[at] = total[better].reshape(len(at), *self.values.shape[1:])
-        self.error[at], self.top[at], self.penalties[at] = error[better], top[better], mu[better]
-
-    def _raised(self, i: int, which: Indices) -> Array:
-        """Coefficients (b, n) of a slack in the degrees of the objective and in its precision."""
-        own = self.chunk.slacks[i][which].astype(self.values.dtype)
-        degrees = self.stage.enclosed.slacks[i].degrees
-        raised = self.stage.elevated(own, degrees, self.chunk.boxes.depth[which])
-        return raised.reshape(len(which), -1)
-
-    def _rounded_size(self, i: int, which: Indices) -> Array:
-        """How large a slack is on each box (b,), times its roundings over eight.
-
-        A slack is rounded to single precision, and three terms, none above f, the sum or the slack,
-        by three operations.
-        """
-        own = self.chunk.slacks[i][which].reshape(len(which), -1)
-        rounds = self.stage.rounds(self.stage.enclosed.slacks[i])
-        return np.asarray(np.abs(own).max(axis=1) * rounds)
-
-
-def _slopes(corners: Array) -> Array:
-    """How much values (..., 2^d) at the corners of boxes rise along each axis (..., d), halved."""
-    d = corners.shape[-1].bit_length() - 1
-    upper = np.array(list(product((-1.0, 1.0), repeat=d))) / 2**d
-    return np.asarray(corners @ upper)
-
-
-def _levelling(g: Array, A: Array) -> Array:
-    """Factors mu (b, c), none negative, with the least ``|g + mu A|`` for g (b, d) and A (b, c, d).
-
-    By rounds of best single factors: such a sum of squares has no other resting points.
-    """
-    square = A @ np.swapaxes(A, 1, 2)
-    right = (A @ g[..., None])[..., 0]
-    mu = np.zeros_like(right)
-    size = np.maximum(np.einsum("bii->bi", square), TINY)
-    for _ in range(LEVELLED):
-        for i in range(mu.shape[1]):
-            rest = right[:, i] + (square[:, i] * mu).sum(axis=1)
-            mu[:, i] = np.maximum(mu[:, i] - rest / size[:, i], 0.0)
-    return mu
-
-
-def _best_factors(
-    f: Array, c: Array, top: Array, error: Array, size: Array, shift: float
-) -> tuple[Array, Array]:
-    """The factors mu (b,) for which the largest of ``f + mu c`` is small, and that one (b,).
-
-    ``max_k (f_k + mu c_k)`` is convex in mu, and each trial tells one of its lines. The next trial
-    is where the best falling and the best rising line meet, whose height no factor can go below: a
-    box that it leaves open is given up.
-
-    Args:
-        f: Coefficients (b, n).
-        c: Those of a slack.
-        top: The largest of f (b,), with its error.
-        error: By how much f may be off (b,).
-        size: Of what `EIGHT` is the rounding by mu one (b,).
-        shift: A box is closed where the largest is no more.
-    """
-    rows = np.arange(len(f))
-    at = f.argmax(axis=1)
-    falling = np.stack([f[rows, at], c[rows, at]])
-    at = c.argmax(axis=1)
-    rising = np.stack([f[rows, at], c[rows, at]])
-    best = np.zeros(len(f))
-    top = top.copy()
-    live = np.flatnonzero(falling[1] < 0)
-    for _ in range(PENALTIES):
-        apart = rising[1, live] - falling[1, live]
-        mu = np.maximum((falling[0, live] - rising[0, live]) / apart, 0.0)
-        height = falling[0, live] + mu * falling[1, live]
-        hopeful = height <= shift
-        live, mu = live[hopeful], mu[hopeful]
-        if not len(live):
-            break
-        # Of all boxes, as at first, a copy would take a third of the time.
-        some = slice(None) if len(live) == len(f) else live
-        total = c[some] * mu[:, None]
-        total += f[some]
-        k = total.argmax(axis=1)
-        line = np.stack([f[live, k], c[live, k]])
-        wrong = error[live] + EIGHT * (np.abs(line[0]) + mu * size[live])
-        found = total[np.arange(len(live)), k] + wrong
-        better = found < top[live]
-        top[live[better]] = found[better]
-        best[live[better]] = mu[better]
-        falls = line[1] < 0
-        falling[:, live[falls]] = line[:, falls]
-        rising[:, live[~falls]] = line[:, ~falls]
-        live = live[top[live] > shift]
-    return best, top
+    def upper(self) -> float:
+        """No feasible place has an objective above; -inf where no place is feasible."""
+        return max(float(leaves.bound.max()) for leaves in self.leaves)
 
 
 class _Search:
@@ -585,7 +143,7 @@ class _Search:
         """Open boxes that cover the domain, with the bound that follows from the first of all."""
         objective = self.enclosed.objectives[index]
         slacks = len(self.enclosed.slacks)
-        bound = min(_most(objective, self.grid), ceiling)
+        bound = min(objective.most(self.grid), ceiling)
         if earlier is None:
             boxes = self.grid.first()
             return Leaves.unknown(boxes, np.full(len(boxes), bound), slacks)
@@ -606,15 +164,13 @@ class _Search:
             _Stopped: Time is up, or Ctrl-C; the exception has the leaves so far.
         """
         objective = self.enclosed.objectives[index]
-        is_quotient = _scale(objective, self.grid) != UNDIVIDED
-        first, next_level = OF_QUOTIENT if is_quotient else (FIRST_LEVEL, NEXT_LEVEL)
-        for above in _levels(first, next_level, self.tolerance):
+        for above in _levels(*objective.levels, self.tolerance):
             level = self.lower + above * self.unit
-            stage = _Stage(self.enclosed, objective, self.grid, level)
+            stage = Stage(self.enclosed, objective, self.grid, level)
             leaves = self._descend(stage, leaves, above)
         return leaves
 
-    def _descend(self, stage: _Stage, leaves: Leaves, above: float) -> Leaves:
+    def _descend(self, stage: Stage, leaves: Leaves, above: float) -> Leaves:
         """Halve boxes until all are closed at a level, which rises where a value is above it.
 
         Raises:
@@ -625,7 +181,7 @@ class _Search:
         closed = [leaves[~is_open]]
         # Ctrl-C finds every box in one of both lists, or in both: one statement takes a box from
         # the second one, after it has got into the first.
-        stack: list[Leaves | _Chunk] = [leaves[is_open]]
+        stack: list[Leaves | OpenBoxes] = [leaves[is_open]]
         done = _volume(closed[0].boxes)
         # Where D is small, coefficients and their rounding are.
         gap = above * self.unit * max(stage.least, SMALL_DENOMINATOR * stage.most)
@@ -644,7 +200,7 @@ class _Search:
                 known, is_closed, values = stage.close(above_all, shift, gap)
                 self.boxes += len(item)
                 rest = np.flatnonzero(~is_closed)
-                parts: list[_Chunk | Leaves] = []
+                parts: list[OpenBoxes | Leaves] = []
                 if len(rest):
                     self._see_corners(stage, above_all, rest, shift)
                     own = replace(
@@ -660,7 +216,7 @@ class _Search:
             raise _Stopped(_joined(closed, stack), interrupt) from None
         return Leaves.joined(closed)
 
-    def _opened(self, stage: _Stage, leaves: Leaves) -> "list[Leaves | _Chunk]":
+    def _opened(self, stage: Stage, leaves: Leaves) -> "list[Leaves | OpenBoxes]":
         """The first boxes with their coefficients, above the others in a stack."""
         if not len(leaves):
             return []
@@ -668,12 +224,12 @@ class _Search:
         chunk = stage.opened(leaves[: stage.chunk])
         return [rest, chunk] if len(rest) else [chunk]
 
-    def _see_corners(self, stage: _Stage, chunk: _Chunk, which: Indices, shift: float) -> None:
+    def _see_corners(self, stage: Stage, chunk: OpenBoxes, which: Indices, shift: float) -> None:
         """Look at the corners of boxes, whose coefficients are values."""
-        values = _corners(chunk.values[which])
+        values = corners(chunk.values[which])
         feasible = np.ones(values.shape, dtype=bool)
         for slack in chunk.slacks:
-            feasible &= _corners(slack[which]) >= 0
+            feasible &= corners(slack[which]) >= 0
         values = np.where(feasible, values, -np.inf)
         box, corner = divmod(int(values.argmax()), values.shape[1])
         wanted = self.lower - stage.level
@@ -685,25 +241,6 @@ class _Search:
         own = chunk.boxes[which[box : box + 1]]
         side = np.array(np.unravel_index(corner, (2,) * own.depth.shape[1]))
         self.see(self.grid.middles(own) + (2 * side - 1) * self.grid.halves(own))
-
-
-def _scale(objective: Objective, grid: Grid) -> tuple[float, float]:
-    """A lower and an upper bound of an objective's denominator."""
-    if isinstance(objective, TrackedObjective):
-        return objective.scale
-    D = objective.denominator
-    return UNDIVIDED if D is None else limits_on(D, grid)
-
-
-def _most(objective: Objective, grid: Grid) -> float:
-    """What no place has an objective above."""
-    if isinstance(objective, TrackedObjective):
-        return objective.most
-    least, most = _scale(objective, grid)
-    if least <= 0:
-        return np.inf
-    bound = limits_on(objective.numerator, grid)[1]
-    return bound / (least if bound > 0 else most)
 
 
 def _levels(first: float, ratio: float, last: float) -> list[float]:
@@ -728,14 +265,7 @@ def _volume(boxes: Boxes) -> float:
     return float(np.ldexp(1.0, -boxes.depth.sum(axis=1)).sum())
 
 
-def _corners(values: Array) -> Array:
-    """Coefficients (b, 2^d) at the corners of boxes."""
-    for j in range(1, values.ndim):
-        values = values.take([0, -1], axis=j)
-    return values.reshape(len(values), -1)
-
-
-def _joined(closed: list[Leaves], stack: "list[Leaves | _Chunk]") -> Leaves:
+def _joined(closed: list[Leaves], stack: "list[Leaves | OpenBoxes]") -> Leaves:
     """All boxes, once each: those that an interruption has left in both lists are closed."""
     parts = [item if isinstance(item, Leaves) else item.leaves for item in stack]
     leaves = Leaves.joined(closed + parts)

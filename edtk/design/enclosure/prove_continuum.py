@@ -17,9 +17,9 @@ from criteria import Criterion, Relaxable
 from edtk.design.bound import Bound, BoundKind
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
-from edtk.design.enclosure.boxes import Covering, CoveringInterrupted
-from edtk.design.enclosure.cover import cover
-from edtk.design.enclosure.polynomial import Enclosed, NotEnclosedError, Objective
+from edtk.design.enclosure.cover import Covering, CoveringInterrupted, cover
+from edtk.design.enclosure.objective import Enclosed, Objective
+from edtk.design.enclosure.polynomial import NotEnclosedError
 from edtk.design.enclosure.robot_polynomials import polynomials_of
 from edtk.design.enclosure.space_polynomials import SpacePolynomials
 from edtk.design.relaxation.certify import semidefinite

@@ -8,7 +8,7 @@ import numpy as np
 from criteria import Criterion
 from criteria.linalg.inverse import EPS
 from edtk.design.bound import BLURRED, Bound, BoundKind
-from edtk.design.enclosure.boxes import Covering, CoveringInterrupted
+from edtk.design.enclosure.cover import Covering, CoveringInterrupted
 from edtk.design.enclosure.region_intervals import RegionIntervals, Spans
 from edtk.design.enclosure.region_polynomials import RegionPolynomials
 from edtk.design.region import Region

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from criteria import Criterion
-from edtk.design.enclosure.boxes import Covering
-from edtk.design.enclosure.cover import cover
-from edtk.design.enclosure.polynomial import ROUNDOFF, Axis, Enclosed, Objective, Polynomial
+from edtk.design.enclosure.cover import Covering, cover
+from edtk.design.enclosure.objective import Enclosed, Objective
+from edtk.design.enclosure.polynomial import ROUNDOFF, Axis, Polynomial
 from edtk.design.expansion import Expansion
 from edtk.design.region import FEASIBLE, Region
 from edtk.design.relaxation.proof import is_normalised, trace_matrix

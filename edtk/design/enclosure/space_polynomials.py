@@ -9,12 +9,11 @@ from itertools import pairwise, zip_longest
 import numpy as np
 
 from edtk.design.design_space import DesignSpace
+from edtk.design.enclosure.objective import Enclosed, Objective
 from edtk.design.enclosure.polynomial import (
     ROUNDOFF,
     Axis,
-    Enclosed,
     NotEnclosedError,
-    Objective,
     Polynomial,
     sum_of_squares,
 )

@@ -22,7 +22,8 @@ from functools import cached_property
 import numpy as np
 
 from edtk.design.enclosure.boxes import Grid, limits_on
-from edtk.design.enclosure.polynomial import ROUNDOFF, Objective, Polynomial
+from edtk.design.enclosure.objective import OF_QUOTIENT, Objective
+from edtk.design.enclosure.polynomial import ROUNDOFF, Polynomial
 from edtk.system.typing import Array
 
 CLOSE_BY = 4.0  # a box is near where its largest squared distance is as many times its least one
@@ -112,18 +113,27 @@ class TrackedObjective(Objective):
         """What `weights` are of, besides: s, and Q if there is any."""
         return (self.squared,) if self.inline is None else (self.squared, self.inline)
 
-    @cached_property
-    def scale(self) -> tuple[float, float]:
+    def scale(self, grid: Grid) -> tuple[float, float]:
         """A lower and an upper bound of l."""
+        del grid
         least, most = self.growth.aside(np.array(self._distances)).tolist()
         return least * (1 - OF_WEIGHTS), most * (1 + OF_WEIGHTS)
 
-    @cached_property
-    def most(self) -> float:
+    def most(self, grid: Grid) -> float:
         """No place has a value above, as ``Q <= s N``."""
-        largest = limits_on(self.numerator, Grid(self.numerator.axes))[1]
+        largest = limits_on(self.numerator, grid)[1]
         least = float(self.growth.inline(np.array(self._distances[0])))
         return largest / least * (1 + OF_WEIGHTS) + self.constant
+
+    @property
+    def levels(self) -> tuple[float, float]:
+        """Those of a quotient: it has a denominator on each box."""
+        return OF_QUOTIENT
+
+    @property
+    def unit(self) -> float:
+        """N is in parts of the least variance [m^2]."""
+        return self.growth.least
 
     def weights(self, level: float, low: Array, high: Array) -> tuple[Array, Array, Array]:
         """On boxes, what is to be at most zero, see this module's head.

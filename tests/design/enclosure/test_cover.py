@@ -7,20 +7,19 @@ import numpy as np
 import pytest
 
 from edtk.design.enclosure import boxes as module
-from edtk.design.enclosure import cover as cover_module
+from edtk.design.enclosure import stage as stage_module
 from edtk.design.enclosure.boxes import (
     TENSORS_AT_ONCE,
     Boxes,
-    Covering,
-    CoveringInterrupted,
     Grid,
     Reason,
     at_once,
     coefficients,
     limits_on,
 )
-from edtk.design.enclosure.cover import cover
-from edtk.design.enclosure.polynomial import Axis, Enclosed, Objective, Polynomial
+from edtk.design.enclosure.cover import Covering, CoveringInterrupted, cover
+from edtk.design.enclosure.objective import Enclosed, Objective
+from edtk.design.enclosure.polynomial import Axis, Polynomial
 from edtk.system.time_limit import time_limit
 from edtk.system.typing import Array
 
@@ -117,7 +116,7 @@ def test_a_maximum_on_two_constraints_takes_few_boxes(monkeypatch: pytest.Monkey
     together = cover(question, 1e-6)
     assert ((together.leaves[0].penalties > 0).sum(axis=1) == 2).any()
     assert largest(question, places(np.random.default_rng(1), axes=axes)) <= together.upper
-    monkeypatch.setattr(cover_module._Penalised, "join", lambda self, cut: None)
+    monkeypatch.setattr(stage_module.Penalised, "join", lambda self, cut: None)
     assert together.boxes < cover(question, 1e-6).boxes / 2
 
 

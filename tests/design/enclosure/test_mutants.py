@@ -6,6 +6,7 @@ no experiment sees half of a margin that is counted for the worst case.
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from importlib import util
 from pathlib import Path
 from types import ModuleType
@@ -15,8 +16,9 @@ import pytest
 
 import edtk.design.enclosure.basis as basis_module
 import edtk.design.enclosure.boxes as boxes_module
-import edtk.design.enclosure.cover as cover_module
+import edtk.design.enclosure.objective as objective_module
 import edtk.design.enclosure.polynomial as polynomial_module
+import edtk.design.enclosure.stage as stage_module
 import edtk.design.enclosure.tracked as tracked_module
 
 U = 2.0**-53
@@ -92,21 +94,21 @@ def cutting(f: polynomial_module.Polynomial) -> polynomial_module.Polynomial:
     return polynomial_module.Polynomial(AXES, -f.coefficients[:3])
 
 
-def laws_of_covering(cover: ModuleType) -> None:
-    """Chunks keep their margins, and what closes a box is true of it."""
+def laws_of_a_stage(stage_of: ModuleType) -> None:
+    """Open boxes keep their margins, and what closes a box is true of it."""
     rng = np.random.default_rng(4)
-    assert cover.UNIT == SINGLE
+    assert stage_of.UNIT == SINGLE
     f = drawn(rng)
     slack = cutting(f)
     grid = boxes_module.Grid(AXES)
     boxes = grid.first()
     _, error = boxes_module.coefficients(f, grid.middles(boxes), grid.halves(boxes))
     none = np.zeros((1, 2))
-    question = polynomial_module.Enclosed(
-        AXES, (polynomial_module.Objective(f),), (slack,), none, np.eye(2)
+    question = objective_module.Enclosed(
+        AXES, (objective_module.Objective(f),), (slack,), none, np.eye(2)
     )
     objective = question.objectives[0]
-    stage = cover._Stage(question, objective, grid, 0.0)
+    stage = stage_of.Stage(question, objective, grid, 0.0)
     chunk = stage.opened(boxes_module.Leaves.unknown(boxes, np.full(len(boxes), np.inf), 1))
     largest = np.abs(chunk.values).reshape(len(boxes), -1).max(axis=1).astype(float)
     assert (chunk.error >= error + SINGLE * largest * 0.999).all()
@@ -124,9 +126,9 @@ def laws_of_covering(cover: ModuleType) -> None:
     # One coefficient is far below the others, so that it alone sets the margin.
     c = 0.1 - chunk.values.astype(float)
     c[:, 0, 0] = -1e4
-    chunk = cover.replace(chunk, slacks=(c,))
-    stage.enclosed = cover.replace(question, slacks=(f,))
-    penalised = cover._Penalised(stage, chunk, np.full(len(boxes), 1e30), 1e20)
+    chunk = replace(chunk, slacks=(c,))
+    stage.enclosed = replace(question, slacks=(f,))
+    penalised = stage_of.Penalised(stage, chunk, np.full(len(boxes), 1e30), 1e20)
     penalised.add(0, np.ones(len(boxes), dtype=bool))
     mu = penalised.penalties[:, 0]
     top = (chunk.values.astype(float) + mu[:, None, None] * c).max(axis=(1, 2))
@@ -186,8 +188,10 @@ def laws_of_a_tracker(tracked: ModuleType) -> None:
     told = N(t) / aside + (1 / inline - 1 / aside) * Q(t) / S
     assert np.allclose(objective(t), told, rtol=1e-13)
     assert objective.plus(0.5)(t[:1]) == pytest.approx(told[:1] + 0.5, rel=1e-13)
-    assert objective.scale[0] <= aside.min() <= aside.max() <= objective.scale[1]
-    assert objective.most >= told.max()
+    grid = boxes_module.Grid(axes)
+    scale = objective.scale(grid)
+    assert scale[0] <= aside.min() <= aside.max() <= scale[1]
+    assert objective.most(grid) >= told.max()
     # A wide box knows less of the distance than the whole arm does.
     high = np.array([S.max()])
     wide, known = (objective.weights(u, np.array([[s], [0.0]]), high) for s in (0.0, 1.0))
@@ -215,7 +219,7 @@ def laws_of_a_tracker(tracked: ModuleType) -> None:
         if least == S.min():
             assert (above - own)[S.argmin()] == pytest.approx(0, abs=1e-12)
     # Where Q is its least value everywhere, both chords meet what they are of at both ends.
-    flat = cover_module.replace(objective, inline=polynomial_module.Polynomial.constant(axes, 4.0))
+    flat = replace(objective, inline=polynomial_module.Polynomial.constant(axes, 4.0))
     low = np.array([[S.min()], [4.0]])
     factors, constant, _ = flat.weights(u, low, np.array([S.max()]))
     parts = [flat.tested(u)(t), S, np.full(len(t), 4.0)]
@@ -228,7 +232,7 @@ Laws = Callable[[ModuleType], None]
 MODULES: dict[str, tuple[ModuleType, Laws]] = {
     "basis": (basis_module, laws_of_the_basis),
     "boxes": (boxes_module, laws_of_boxes),
-    "cover": (cover_module, laws_of_covering),
+    "stage": (stage_module, laws_of_a_stage),
     "polynomial": (polynomial_module, laws_of_polynomials),
     "tracked": (tracked_module, laws_of_a_tracker),
 }
@@ -263,27 +267,27 @@ MUTANTS = [
         'if axis.kind == "length":\n        return 0.5',
     ),
     ("boxes", "WIDER = 2.0**-40", "WIDER = 2.0**-41"),
-    ("cover", "UNIT = float(np.finfo(SINGLE).eps) / 2", "UNIT = float(np.finfo(SINGLE).eps) / 4"),
+    ("stage", "UNIT = float(np.finfo(SINGLE).eps) / 2", "UNIT = float(np.finfo(SINGLE).eps) / 4"),
     (
         "boxes",
         "size * units * (1 + units) + polynomial.error",
         "size * units / 2 + polynomial.error",
     ),
     ("boxes", "(1 + units) + polynomial.error", "(1 + units) + polynomial.error / 2"),
-    ("cover", "error + UNIT * largest", "error + UNIT * largest / 2"),
+    ("stage", "error + UNIT * largest", "error + UNIT * largest / 2"),
     (
-        "cover",
+        "stage",
         "rounding_of_halves(self.tested, UNIT) * largest,",
         "rounding_of_halves(self.tested, UNIT) * largest / 2,",
     ),
     (
-        "cover",
+        "stage",
         "np.tile(chunk.error + chunk.rounding, 2)",
         "np.tile(chunk.error + chunk.rounding / 2, 2)",
     ),
-    ("cover", "+ chunk.error\n", "+ chunk.error / 2\n"),
-    ("cover", "rounds = 12 +", "rounds = 6 +"),
-    ("cover", "rounds / 8", "rounds / 16"),
+    ("stage", "+ chunk.error\n", "+ chunk.error / 2\n"),
+    ("stage", "rounds = 12 +", "rounds = 6 +"),
+    ("stage", "rounds / 8", "rounds / 16"),
     ("polynomial", "float(np.finfo(float).eps) / 2", "float(np.finfo(float).eps) / 4"),
     ("polynomial", "(2 * count + 12) * ROUNDOFF", "(count + 6) * ROUNDOFF"),
     ("polynomial", "noise = largest *", "noise = 0.5 * largest *"),

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from edtk.design.enclosure.polynomial import Axis, Objective, Polynomial, sum_of_squares
+from edtk.design.enclosure.objective import Objective
+from edtk.design.enclosure.polynomial import Axis, Polynomial, sum_of_squares
 from edtk.system.typing import Array
 
 AXES = (Axis("angle", -1.0, 2.0), Axis("length", -0.5, 3.5), Axis("angle", 0.0, 0.5))

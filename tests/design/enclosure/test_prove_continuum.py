@@ -11,7 +11,7 @@ from edtk.design.bound import BoundKind
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.design_space import DesignSpace
 from edtk.design.enclosure import prove_continuum
-from edtk.design.enclosure.boxes import Covering
+from edtk.design.enclosure.cover import Covering
 from edtk.design.enclosure.polynomial import NotEnclosedError
 from edtk.design.enclosure.prove_continuum import ProvedPlan, prove_poses
 from edtk.design.relaxation.proof import normalised

@@ -10,10 +10,10 @@ import pytest
 import criteria
 from edtk.design.design_space import DesignSpace
 from edtk.design.enclosure.boxes import Boxes, Grid, Leaves
-from edtk.design.enclosure.cover import _Stage
 from edtk.design.enclosure.polynomial import NotEnclosedError
 from edtk.design.enclosure.prove_continuum import enclosed as with_criterion
 from edtk.design.enclosure.robot_polynomials import RobotPolynomials
+from edtk.design.enclosure.stage import Stage
 from edtk.design.enclosure.tracked import TrackedObjective
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.friction import Friction
@@ -266,8 +266,9 @@ def test_errors_may_grow_from_nothing() -> None:
     points = space.model.points_of(space.model.frames(drawn(space)[:, : len(space.fixed)]))
     nearest = np.square(points[0] - tracker.position[:, None]).sum(axis=0).min()
     assert 0 < objective.nearest <= nearest
-    assert told.max() <= objective.most < np.inf
-    assert objective.scale[0] > 0
+    grid = Grid(objective.numerator.axes)
+    assert told.max() <= objective.most(grid) < np.inf
+    assert objective.scale(grid)[0] > 0
     (*found, error) = objective.weights(1.0, np.zeros((2, 1)), np.array([50.0]))
     assert np.isfinite(error).all()
     assert all(np.isfinite(one).all() for one in found)
@@ -301,7 +302,7 @@ def test_boxes_bound_what_a_tracker_tells(beam: str) -> None:
         t = t.reshape(-1, t.shape[2])
         values = objective(t)
         level = float(np.median(values))
-        stage = _Stage(enclosed, objective, grid, level)
+        stage = Stage(enclosed, objective, grid, level)
         leaves = Leaves.unknown(boxes, np.full(40, np.inf), len(enclosed.slacks))
         above = stage.above(stage.opened(leaves))
         top = above.values.reshape(40, -1).max(axis=1) + above.error
@@ -309,7 +310,7 @@ def test_boxes_bound_what_a_tracker_tells(beam: str) -> None:
         largest = own.reshape(40, -1).max(axis=1)
         assert (top >= largest).all()
         assert (stage.bound(top) >= values.reshape(40, -1).max(axis=1)).all()
-        assert objective.most >= values.max()
+        assert objective.most(grid) >= values.max()
         excess.append(float(np.median(top - largest)) / level)
     assert excess[2] < excess[1] / 6 < excess[0] / 36
 
