@@ -110,7 +110,7 @@ def cases() -> dict[str, tuple[Callable[[], Study], tuple[str, ...], tuple[float
             (1e-1, 3e-2),
         ),
         "KR 270, geometry": (geometry, ("D",), (1e-1, 5e-2)),
-        "KR 270, force aside, six free joints": (aside, ("rho0", "D"), (5e-2,)),
+        "KR 270, force aside, six free joints": (aside, ("rho0", "D"), (5e-2, 1e-2)),
         "7R arm": (partial(of_faults, "7R arm, 14 kg"), ("D",), (0.3, 0.2, 0.1)),
     }
 
