@@ -17,13 +17,13 @@ from time import process_time
 
 import numpy as np
 
+import edtk
 from edtk.design.candidate_source import CandidateSource
 from edtk.design.enclosure.cover import cover
 from edtk.design.enclosure.objective import Enclosed, Objective
 from edtk.design.enclosure.polynomial import Axis, Polynomial
 from edtk.design.enclosure.prove_continuum import ProvedPlan
 from edtk.design.relaxation.search_continuum import ascend
-from edtk.study.plan_study import relax_study
 
 ROOT = Path(__file__).parent
 sys.path.insert(0, str(ROOT / "benchmarks"))
@@ -49,7 +49,7 @@ def attacked(name: str) -> str:
     """A row of the table: the bound, and the largest of all poses beside it."""
     make, criterion, gap, random = CASES[name]
     start = process_time()
-    plan = relax_study(make(), criterion, prove=gap)
+    plan = edtk.relax(make(), criterion, prove=gap)
     seconds = process_time() - start
     assert isinstance(plan, ProvedPlan)
     covering = plan.coverings[0]
