@@ -620,7 +620,7 @@ class FittedSprings:
             np.hstack([*own, *beside]),
             fitted.fit.covariance_dof,
             propagation.of_joints[:, left],
-            ReadingNoise.of(fitted),
+            fitted.reading_noise,
             np.hstack(beside),
             propagation.model,
         )

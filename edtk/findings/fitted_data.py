@@ -7,62 +7,65 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from edtk.design.plan import Plan
+from edtk.findings.causes.evidence import USUAL_SHARE
 from edtk.findings.causes.family import NOISE, Cause
 from edtk.findings.causes.faults import FAULTS
 from edtk.findings.causes.find_causes import (
     MOST_SEARCHED,
     FoundCauses,
-    look_for_causes,
+    find_causes,
     most_outliers,
 )
-from edtk.findings.match_plan import EqualRows, PlanMatch, equal_rows, match_plan
+from edtk.findings.left_out import LeftOutReadings
+from edtk.findings.match_plan import EqualRows, PlanMatch, equal_rows, match_plan, some_rows
 from edtk.findings.model_error import ModelErrorFound, find_model_error
 from edtk.findings.moving_joints import (
-    constant_error,
+    ReadingNoise,
+    asked_of_sheets,
+    estimated_noise,
     joint_unit,
+    moving_joints,
     own_of_visits,
-    readings_alone,
-    repetitions_agree,
+    shared_by_repetitions,
     sizes_beside,
-    with_common_noise,
+    visits_lack_of_fit,
 )
 from edtk.findings.nonlinear_part import bends_much, known_part
 from edtk.findings.readings import Explanation, explanation
 from edtk.fit.correlated_noise import (
     CorrelatedNoise,
     RowNoise,
-    groups_by_size,
-    std_of,
+    scaled,
     whiten,
     whiten_columns,
-    whole_groups,
 )
-from edtk.fit.distributions import chi_square_tail, student_quantile
-from edtk.fit.equilibrium import LinearisedData, NoFitError, fit_equilibrium, linearise
+from edtk.fit.distributions import chi_square_tail
+from edtk.fit.equilibrium import (
+    LinearisedData,
+    NoFitError,
+    fit_common_noise,
+    fit_equilibrium,
+    linearise,
+)
 from edtk.fit.estimate_noise import NoiseEstimate, estimate_noise, visit_residuals
-from edtk.fit.fit_huber import huber_weights
 from edtk.fit.identify import Identification, identify
-from edtk.fit.least_squares import (
-    NEARLY,
-    Estimate,
-    LeftOut,
-    independent_coordinates,
-    share_inside,
-)
+from edtk.fit.least_squares import Estimate, SingularPlanError, Whitened
 from edtk.fit.measurements import Measurements
-from edtk.fit.noise import MOST_COORDINATES
-from edtk.fit.outliers import LackOfFit
+from edtk.fit.outliers import LackOfFit, lack_of_fit
 from edtk.fit.prior import Prior, PriorRows, fit_with_prior
 from edtk.measure.equilibrium import NoEquilibriumError
 from edtk.measure.pose_table import TURN_COLUMN, coordinate_columns
 from edtk.measure.task import all_compliances
 from edtk.study.study import Study
+from edtk.study.study_model import assumed_joints
 from edtk.study.study_parts import study_prior
 from edtk.system.errors import UserError
-from edtk.system.typing import Array, Indices, Mask
+from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:
     import pandas as pd
+
+OUTLIER_ROUNDS = 4  # of finding outliers; two are the rule
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,197 +97,6 @@ class HowFitted:
 
 
 AS_USUAL = HowFitted()
-
-
-@dataclass(frozen=True, eq=False)
-class LeftOutReadings:
-    """Readings as all other poses predict them.
-
-    Attributes:
-        data: The readings.
-        errors: Measured less predicted (m, rows) [m, rad]; NaN where only its own pose tells
-            enough.
-        half: Half the width (m, rows) of the 95 % bands of these [m, rad].
-        out: The fits without each pose.
-        unit: Parameters (p, p) for a unit of each of the coordinates that these are in.
-        a: Regressors (m, rows, p) in these coordinates.
-        own: Noise of the readings, and by how much larger it is than that.
-        scaled: Whether the size of the noise was fitted to the residuals.
-        model: Variances (m, rows) of the errors by what the model leaves out [m^2, rad^2]; `half`
-            is without them.
-    """
-
-    data: Measurements
-    errors: Array
-    half: Array
-    out: LeftOut
-    unit: Array
-    a: Array
-    own: tuple[RowNoise, float]
-    scaled: bool
-    model: Array
-
-    @property
-    def share_inside(self) -> float:
-        """Share of coordinates that, left out, are within 95 % bands of the noise alone, or NaN."""
-        return share_inside(self.errors, self.half)
-
-    @property
-    def share_with_model(self) -> float:
-        """The same within bands that count what the model leaves out, too."""
-        of_model = student_quantile(0.975, np.inf) * np.sqrt(self.model)
-        return share_inside(self.errors, np.hypot(self.half, of_model))
-
-    @property
-    def rms(self) -> float:
-        """Root mean square distance of markers, or of distances [m]; NaN without any."""
-        return self._size(self.data.lengths)
-
-    @property
-    def turn_rms(self) -> float:
-        """Root mean square angle of rotations [rad]; NaN where none was measured."""
-        return self._size(~self.data.lengths)
-
-    def _size(self, chosen: Mask) -> float:
-        """Root mean square length of the chosen coordinates (m, rows) of the readings."""
-        rows = chosen.any(axis=1)
-        squares = np.where(chosen, self.errors**2, 0.0).sum(axis=1)[rows]
-        known = np.isfinite(squares)
-        return float(np.sqrt(squares[known].mean())) if known.any() else np.nan
-
-    def growth(self) -> Array:
-        """Growth (poses, p) of each parameter's variance without a pose; inf if it is open then."""
-        variances = np.einsum("ip,bpq,iq->bi", self.unit, self.out.C, self.unit)
-        only = np.einsum("ip,bpq,iq->bi", self.unit, self.out.alone, self.unit)
-        whole = np.einsum("ip,pq,iq->i", self.unit, self.out.S, self.unit)
-        squares = (self.unit**2).sum(axis=1)
-        return np.where(only > NEARLY * squares, np.inf, variances / whole)
-
-    @property
-    def _covariance(self) -> Array:
-        """Covariance (m rows, m rows) of all errors; of few poses, each moves the other fits."""
-        noise, factor = self.own
-        count, rows = self.errors.shape
-        pose, a = np.repeat(self.data.pose, rows), self.a.reshape(count * rows, -1)
-        readings = CorrelatedNoise.of_any(noise, self.errors.shape).among(np.arange(count)[None])
-        own = factor**2 * readings.reshape(len(a), len(a))
-        spread = np.einsum("ip,ipq,jq->ij", a, self.out.C[pose], a)
-        return np.where(pose[:, None] == pose, own + spread, self.out.between(a, pose))
-
-    def independent(self) -> float:
-        """Find as many independent coordinates whose share inside their bands varies as much."""
-        noise, factor = self.own
-        rows = self.errors.shape[1]
-        noise = CorrelatedNoise.of_any(noise, self.errors.shape)
-        if self.errors.size <= MOST_COORDINATES:
-            seen = np.isfinite(self.errors).reshape(1, -1)
-            return independent_coordinates(self._covariance[None], seen, self.scaled)
-        count = squares = 0.0
-        for members in groups_by_size(self.data.pose):
-            some = members[:, : max(1, MOST_COORDINATES // rows)]
-            G, s = some.shape
-            own = factor**2 * noise.among(some).reshape(G, s * rows, s * rows)
-            a = self.a[some].reshape(G, s * rows, -1)
-            spread = a @ self.out.C[self.data.pose[some[:, 0]]] @ np.swapaxes(a, 1, 2)
-            seen = np.isfinite(self.errors[some]).reshape(G, -1)
-            number = independent_coordinates(own + spread, seen, self.scaled)
-            times = members.shape[1] / s
-            count += times * seen.sum()
-            squares += (times * seen.sum()) ** 2 / number if number else 0.0
-        return count**2 / squares if squares else 0.0
-
-
-def left_out_readings(fitted: "FittedData") -> LeftOutReadings | None:
-    """Predict each pose by a fit of all others, see `LeftOut`; of a robust fit with its weights.
-
-    Returns:
-        The readings; None where the estimate rests on a prior, too.
-    """
-    fit = fitted.fit
-    data = fitted.data
-    if fitted.untold:
-        return None
-    size = 1.0 if fit.known or fitted.common_noise else fit.scale
-    X = whiten_columns(fitted.A, fitted.noise)
-    z = whiten(fitted.measured - fitted.A @ fit.unbounded, fitted.noise)
-    weights = huber_weights(z, size) if fit.robust else np.ones_like(z)
-    root = np.sqrt(weights)
-    length = np.linalg.norm(X.reshape(-1, X.shape[-1]), axis=0)
-    Q, R = np.linalg.qr((X * root[..., None]).reshape(-1, len(length)) / length)
-    Q = Q.reshape(X.shape)
-    transposed = np.swapaxes(Q, 1, 2)
-    out = LeftOut.of(
-        _sums(transposed @ Q, data.pose),
-        _sums((transposed @ (root * z)[..., None])[..., 0], data.pose),
-        size**2 * _sums(transposed @ (weights[..., None] * Q), data.pose),
-    )
-    own = (fitted.noise, size)
-    raw = fitted.A
-    if fitted.common_noise and fitted.estimated is None:
-        # A and measured are of rows without what repetitions share.
-        test = fitted.lack_of_fit
-        own = (data.noise, 1.0 if test is None else float(np.hypot(test.pure_error, test.common)))
-        raw = fitted.linear_regressor
-    unit = np.linalg.inv(R) / length[:, None]
-    a = raw @ unit
-    errors = fit.residual + np.einsum("mrp,mp->mr", a, out.u[data.pose])
-    only = np.einsum("mrp,mpq,mrq->mr", a, out.alone[data.pose], a)
-    errors[only > NEARLY * np.einsum("mrp,mrp->mr", a, a)] = np.nan
-    variance = (own[1] * std_of(own[0])) ** 2
-    variance = variance + np.einsum("mrp,mpq,mrq->mr", a, out.C[data.pose], a)
-    half = student_quantile(0.975, fit.covariance_dof) * np.sqrt(variance)
-    scaled = not fit.known or fitted.common_noise
-    model = _by_model(fitted, raw, a, Q * root[..., None], out)
-    return LeftOutReadings(data, errors, half, out, unit, a, own, scaled, model)
-
-
-def _by_model(fitted: "FittedData", raw: Array, a: Array, Q: Array, out: LeftOut) -> Array:
-    """Variances (m, rows) of readings, left out, by what the model leaves out; zero for nothing.
-
-    Its columns U of a reading's own pose are in the reading, and those of all others in the fit
-    without that pose: ``U_b - a_b (I - G_b)^-1 sum_(c != b) Q_c' U_c``.
-
-    Args:
-        fitted: The fit.
-        raw: Regressors (m, rows, p) of the readings themselves.
-        a: The same in the coordinates of Q.
-        Q: Weighted and whitened rows (m, rows, p).
-        out: The fits without each pose.
-    """
-    found, pose = fitted.model_error, fitted.data.pose
-    if found is None or not found.counts:
-        return np.zeros(raw.shape[:2])
-    # Rows that were freed of what repeats share are parts of the readings.
-    squares = np.einsum("mrp,mrp->mr", raw, raw)
-    along = np.einsum("mrp,mrp->mr", fitted.A, raw)
-    part = np.divide(along, squares, out=np.ones_like(squares), where=squares > 0)[..., None]
-    blocks = list(whole_groups(pose))
-    each = []
-    for rows in blocks:
-        own = pose[rows] - pose[rows].min()
-        shown = (part[rows] * one for one in found.columns(rows))
-        noise, transposed = fitted.noise[rows], np.swapaxes(Q[rows], 1, 2)
-        each.append([_sums(transposed @ whiten_columns(one, noise), own) for one in shown])
-    in_fit, turns_in_fit = (np.concatenate(one) for one in zip(*each, strict=True))
-    by_others = out.by_others(in_fit)
-    S = turns_in_fit @ np.swapaxes(turns_in_fit, 1, 2)
-    C = out.inverse @ (S.sum(axis=0) - S) @ out.inverse
-    variances = np.einsum("mrp,mpq,mrq->mr", a, C[pose], a)
-    for rows in blocks:
-        shared, turns = found.columns(rows)
-        together = shared - a[rows] @ by_others[pose[rows]]
-        variances[rows] += np.square(together).sum(axis=-1) + np.square(turns).sum(axis=-1)
-    return variances
-
-
-def _sums(values: Array, pose: Indices) -> Array:
-    """Sums (poses, ...) of the values (m, ...) of the rows of each pose."""
-    count = int(pose.max()) + 1
-    if count == len(pose):
-        return values  # poses are numbered as they appear
-    total = np.zeros((count, *values.shape[1:]))
-    np.add.at(total, pose, values)
-    return total
 
 
 @dataclass(frozen=True, eq=False)
@@ -347,7 +159,7 @@ class FittedData:
         found = cls(study, data, A, unexplained, fit, how=how)
         if not how.linear and bends_much(study, data, A, fit):
             found = found._of_equilibrium()
-        return with_common_noise(found)._with_model_error(found)
+        return found._with_common_noise()._with_model_error(found)
 
     @classmethod
     def with_prior(
@@ -429,6 +241,46 @@ class FittedData:
             return self
         return replace(self, A=seen.A, measured=seen.measured, fit=again, nonlinear=True)
 
+    def _with_common_noise(self) -> "FittedData":
+        """The same with the noise that repetitions or visits share, where no fault explains it.
+
+        Outliers are told by the noise, and the noise by rows that are none: each is found anew with
+        the other one until they agree.
+        """
+        asked = asked_of_sheets(self.study)
+        if self.fit.robust or (self.data.tracker is not None and not asked):
+            return self  # the study says what visits share
+        known = self
+        for _ in range(OUTLIER_ROUNDS):
+            found = known._with_noise_of_rows()
+            if np.array_equal(found.fit.outliers, known.fit.outliers):
+                return found
+            known = self.with_outliers(found.fit.outliers)
+        return found
+
+    def _with_noise_of_rows(self) -> "FittedData":
+        """The same with shared noise as rows have it that are no outliers so far."""
+        data = self.data
+        found = self.noise_estimate
+        test = self.lack_of_fit
+        shared = (test is not None and test.seen) or (found is not None and found.moves)
+        if asked_of_sheets(self.study):
+            shared = found is not None
+        if not shared or self.structural_causes:
+            return self
+        seen = LinearisedData(self.A, self.measured)
+        again = None
+        if found is not None:
+            again = moving_joints(self.study, data, seen, found, self.fit)
+        elif test is not None and data.covariance is not None:
+            again = shared_by_repetitions(data, seen, test, self.fit)
+        elif test is not None:
+            seen, fit = fit_common_noise(seen, data.sigma, data.places, test, self.fit)
+            return replace(self, A=seen.A, measured=seen.measured, fit=fit, common_noise=True)
+        if again is None:
+            return self
+        return replace(self, fit=again[1], common_noise=True, estimated=again[0])
+
     def _with_model_error(self, alone: "FittedData") -> "FittedData":
         """The same with what the sheet says of all that the model leaves out.
 
@@ -453,7 +305,7 @@ class FittedData:
         elif first is not None and FAULTS[first.cause].in_tasks:
             # So they are where the robot itself is the cause, but for those that are off beside it.
             rows = np.delete(every, list(self.found_causes.outliers))
-        given = (readings_alone(self), rows, constant_error(self), most)
+        given = (self._readings_alone, rows, self._constant_error, most)
         found = find_model_error(self.study, self.data, seen, (alone.fit, self.fit), *given)
         if found is None:
             return self
@@ -471,7 +323,21 @@ class FittedData:
     @cached_property
     def left_out(self) -> LeftOutReadings | None:
         """Readings as all other poses predict them; None where the estimate rests on a prior."""
-        return left_out_readings(self)
+        fit, data = self.fit, self.data
+        if self.untold:
+            return None
+        size = 1.0 if fit.known or self.common_noise else fit.scale
+        own = (self.noise, size)
+        raw = self.A
+        if self.common_noise and self.estimated is None:
+            # A and measured are of rows without what repetitions share.
+            test = self.lack_of_fit
+            alone = 1.0 if test is None else float(np.hypot(test.pure_error, test.common))
+            own = (data.noise, alone)
+            raw = self.linear_regressor
+        rows = (LinearisedData(self.A, self.measured), self.noise)
+        scaled = not fit.known or self.common_noise
+        return LeftOutReadings.of(data, fit, rows, size, own, raw, scaled, self.model_error)
 
     @cached_property
     def noise_estimate(self) -> NoiseEstimate | None:
@@ -488,6 +354,48 @@ class FittedData:
             self.study.model, data, linear.A, linear.measured, joint_unit(self.study), own
         )
         return None if seen is None else estimate_noise(seen, stated)
+
+    @property
+    def reading_noise(self) -> ReadingNoise:
+        """By how much a further reading scatters."""
+        if not self.common_noise:
+            return ReadingNoise(1.0 if self.fit.known else self.fit.scale)
+        found = self.noise_estimate
+        # What repetitions share is no scatter of a reading where the model's errors count.
+        own = self.model_error is None
+        if found is not None and self.estimated is not None:
+            return ReadingNoise(found.tracker, (found.joints, found.discrepancy))
+        test = self.lack_of_fit
+        if test is None:
+            return ReadingNoise()
+        return ReadingNoise(float(np.hypot(test.pure_error, test.common if own else 0.0)))
+
+    @property
+    def _readings_alone(self) -> RowNoise:
+        """The noise of the readings, without what repetitions of a pose share.
+
+        Where several markers tell a discrepancy by motions that no arm makes, it is a part of it.
+
+        Raises:
+            NotPositiveDefiniteError: The tracker errs next to nothing beside the joints.
+        """
+        data = self.data
+        found = self.noise_estimate
+        test = self.lack_of_fit
+        if not self.common_noise:
+            return scaled(data.noise, 1.0 if self.fit.known else self.fit.scale)
+        if found is not None and self.estimated is not None:
+            return estimated_noise(self.study, data, found, found.discrepancy)
+        return scaled(data.noise, 1.0 if test is None else test.pure_error)
+
+    @property
+    def _constant_error(self) -> float:
+        """Discrepancy of a coordinate, the same in all poses, as stated or estimated [m]."""
+        found = self.noise_estimate
+        if self.estimated is not None and found is not None:
+            return found.discrepancy
+        noise = self.study.noise
+        return 0.0 if noise is None else float(noise.discrepancy.max())
 
     @property
     def plan(self) -> Plan | None:
@@ -517,8 +425,35 @@ class FittedData:
 
     @cached_property
     def found_causes(self) -> FoundCauses:
-        """Faults that explain the residuals, and readings that are off by themselves."""
-        return look_for_causes(self)
+        """Faults that explain the residuals, and readings that are off by themselves.
+
+        Of very many rows, these are looked for in some.
+        """
+        if self.fit.robust:
+            return FoundCauses()  # a robust fit sets aside what a fault makes
+        study = self.study
+        rows = some_rows(len(self.data), MOST_SEARCHED)
+        typed = tuple(
+            j
+            for j, joint in enumerate(study.robot.joints)
+            if joint.kind == "revolute" and j not in study.fixed
+        )
+        measured = self.as_linear[rows]
+        others = assumed_joints(study, np.maximum(self.fit.k, 0.0))
+        noise = study.specification.noise
+        stated = None if noise is None else noise.model_error_percent
+        found = find_causes(
+            study.model,
+            self.data[rows],
+            measured,
+            typed,
+            study.known,
+            self.told_before,
+            others,
+            study.tasks,
+            USUAL_SHARE if stated is None else stated / 100,
+        )
+        return found.in_rows(rows)
 
     @property
     def causes(self) -> tuple[Cause, ...]:
@@ -584,8 +519,34 @@ class FittedData:
 
     @cached_property
     def lack_of_fit(self) -> LackOfFit | None:
-        """Whether repetitions agree better with each other than with the model."""
-        return repetitions_agree(self)
+        """Test repetitions, or visits where joints move all markers of one.
+
+        A reading that is off by itself disagrees with the model and not with what is not repeated,
+        or with its repetitions: either way it says nothing of noise, and counts as not measured.
+
+        Returns:
+            The test; None where nothing is repeated, or not all parameters are told.
+        """
+        if self.untold:
+            return None
+        data = self.data
+        found = self.noise_estimate
+        if found is not None and (data.tracker is None or asked_of_sheets(self.study)):
+            others, seen = self.others
+            return visits_lack_of_fit(self.study, others, seen, found)
+        p = len(self.fit.k)
+        test = lack_of_fit(whiten(self.fit.residual, data.noise), data.places, p)
+        if test is None or not (test.seen or len(self.fit.outliers)):
+            return test  # nothing was found that an outlier could have made
+        if not self.found_causes.outliers:
+            return test
+        rows = np.delete(np.arange(len(data)), self.found_causes.outliers)
+        rest = data[rows]
+        try:
+            whitened = Whitened.of(self.linear_regressor[rows], rest.noise, self.fit.parameters)
+        except SingularPlanError:
+            return test
+        return lack_of_fit(whitened.residual(self.as_linear[rows]), rest.places, p)
 
     @property
     def _sound_rows(self) -> Indices:

@@ -1,7 +1,6 @@
 """The fit where joints move between visits, or repetitions share a part of their noise."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,10 +8,8 @@ from edtk.fit.correlated_noise import (
     CorrelatedNoise,
     NotPositiveDefiniteError,
     RowNoise,
-    scaled,
-    whiten,
 )
-from edtk.fit.equilibrium import LinearisedData, fit_common_noise
+from edtk.fit.equilibrium import LinearisedData
 from edtk.fit.estimate_noise import NoiseEstimate, StatedSizes
 from edtk.fit.identify import Identification, identify
 from edtk.fit.least_squares import SingularPlanError, Whitened
@@ -23,11 +20,6 @@ from edtk.measure.noise import VisitNoise, shared_visits
 from edtk.measure.pose_table import pose_factors
 from edtk.study.study import Study
 from edtk.system.typing import Array, Indices
-
-if TYPE_CHECKING:
-    from edtk.findings.fitted_data import FittedData
-
-OUTLIER_ROUNDS = 4  # of finding outliers; two are the rule
 
 
 def stated_noise(study: Study, data: Measurements, repeats: Indices | None = None) -> Measurements:
@@ -81,21 +73,6 @@ class ReadingNoise:
     ratio: float = 1.0
     joints: tuple[float, float] | None = None
 
-    @classmethod
-    def of(cls, fitted: "FittedData") -> "ReadingNoise":
-        """That of a fit."""
-        if not fitted.common_noise:
-            return cls(1.0 if fitted.fit.known else fitted.fit.scale)
-        found = fitted.noise_estimate
-        # What repetitions share is no scatter of a reading where the model's errors count.
-        own = fitted.model_error is None
-        if found is not None and fitted.estimated is not None:
-            return cls(found.tracker, (found.joints, found.discrepancy))
-        test = fitted.lack_of_fit
-        if test is None:
-            return cls()
-        return cls(float(np.hypot(test.pure_error, test.common if own else 0.0)))
-
     def variance(self, study: Study, data: Measurements) -> Array:
         """Variances (m, rows) of single readings, each by itself [m^2, rad^2].
 
@@ -115,33 +92,6 @@ class ReadingNoise:
             model = float(stated.discrepancy.max())
         moved = ((joint_motion(study.model, data) * moves) ** 2).sum(axis=-1)
         return self.ratio**2 * (own**2 + moved + np.where(data.lengths, model, 0.0) ** 2)
-
-
-def readings_alone(fitted: "FittedData") -> RowNoise:
-    """The noise of readings of a fit, without what repetitions of a pose share.
-
-    Where several markers tell a discrepancy by motions that no arm makes, it is a part of it.
-
-    Raises:
-        NotPositiveDefiniteError: The tracker errs next to nothing beside the joints.
-    """
-    data = fitted.data
-    found = fitted.noise_estimate
-    test = fitted.lack_of_fit
-    if not fitted.common_noise:
-        return scaled(data.noise, 1.0 if fitted.fit.known else fitted.fit.scale)
-    if found is not None and fitted.estimated is not None:
-        return _noise(fitted.study, data, found, found.discrepancy)
-    return scaled(data.noise, 1.0 if test is None else test.pure_error)
-
-
-def constant_error(fitted: "FittedData") -> float:
-    """The discrepancy of a coordinate that is the same in all poses, stated or estimated [m]."""
-    found = fitted.noise_estimate
-    if fitted.estimated is not None and found is not None:
-        return found.discrepancy
-    noise = fitted.study.noise
-    return 0.0 if noise is None else float(noise.discrepancy.max())
 
 
 def _model_errors(
@@ -171,37 +121,6 @@ def _model_errors(
     return counted * np.hypot(sizes, anywhere), counted[..., None] * turns
 
 
-def repetitions_agree(fitted: "FittedData") -> LackOfFit | None:
-    """Test repetitions, or visits where joints move all markers of one.
-
-    A reading that is off by itself disagrees with the model and not with what is not repeated, or
-    with its repetitions: either way it says nothing of noise, and counts as not measured.
-
-    Returns:
-        The test; None where nothing is repeated, or not all parameters are told.
-    """
-    if fitted.untold:
-        return None
-    data = fitted.data
-    found = fitted.noise_estimate
-    if found is not None and (data.tracker is None or asked_of_sheets(fitted.study)):
-        others, seen = fitted.others
-        return visits_lack_of_fit(fitted.study, others, seen, found)
-    p = len(fitted.fit.k)
-    test = lack_of_fit(whiten(fitted.fit.residual, data.noise), data.places, p)
-    if test is None or not (test.seen or len(fitted.fit.outliers)):
-        return test  # nothing was found that an outlier could have made
-    if not fitted.found_causes.outliers:
-        return test
-    rows = np.delete(np.arange(len(data)), fitted.found_causes.outliers)
-    rest = data[rows]
-    try:
-        whitened = Whitened.of(fitted.linear_regressor[rows], rest.noise, fitted.fit.parameters)
-    except SingularPlanError:
-        return test
-    return lack_of_fit(whitened.residual(fitted.as_linear[rows]), rest.places, p)
-
-
 def moving_joints(
     study: Study,
     data: Measurements,
@@ -224,7 +143,7 @@ def moving_joints(
         next to nothing beside the joints.
     """
     try:
-        noise = _noise(study, data, found, found.discrepancy)
+        noise = estimated_noise(study, data, found, found.discrepancy)
     except (TooManyVisitsError, NotPositiveDefiniteError):
         return None
     return noise, _refit(seen, noise, fit, found.common_dof)
@@ -288,7 +207,7 @@ def visits_lack_of_fit(
     if not found.revisited:
         return found.lack_of_fit
     try:
-        noise = _noise(study, data, found, 0.0)
+        noise = estimated_noise(study, data, found, 0.0)
         whitened = Whitened.of(seen.A, noise, study.model.parameters)
     except (TooManyVisitsError, NotPositiveDefiniteError, SingularPlanError):
         return found.lack_of_fit
@@ -296,7 +215,7 @@ def visits_lack_of_fit(
     return lack_of_fit(z, data.places, study.model.p)
 
 
-def _noise(
+def estimated_noise(
     study: Study, data: Measurements, found: NoiseEstimate, discrepancy: float
 ) -> CorrelatedNoise:
     """The estimated noise of tracker and joints, and of a discrepancy [m].
@@ -369,45 +288,3 @@ def stated_repeatability(study: Study) -> float | None:
         return None
     sizes = study.noise.repeatability / pose_factors(study.robot)
     return float(np.sqrt(np.mean(sizes**2)))
-
-
-def with_common_noise(fitted: "FittedData") -> "FittedData":
-    """The same with the noise that repetitions or visits share, where no fault explains it.
-
-    Outliers are told by the noise, and the noise by rows that are none: each is found anew with the
-    other one until they agree.
-    """
-    asked = asked_of_sheets(fitted.study)
-    if fitted.fit.robust or (fitted.data.tracker is not None and not asked):
-        return fitted  # the study says what visits share
-    known = fitted
-    for _ in range(OUTLIER_ROUNDS):
-        found = _with_noise_of(known)
-        if np.array_equal(found.fit.outliers, known.fit.outliers):
-            return found
-        known = fitted.with_outliers(found.fit.outliers)
-    return found
-
-
-def _with_noise_of(fitted: "FittedData") -> "FittedData":
-    """The same with shared noise as rows have it that are no outliers so far."""
-    data = fitted.data
-    found = fitted.noise_estimate
-    test = fitted.lack_of_fit
-    shared = (test is not None and test.seen) or (found is not None and found.moves)
-    if asked_of_sheets(fitted.study):
-        shared = found is not None
-    if not shared or fitted.structural_causes:
-        return fitted
-    seen = LinearisedData(fitted.A, fitted.measured)
-    again = None
-    if found is not None:
-        again = moving_joints(fitted.study, data, seen, found, fitted.fit)
-    elif test is not None and data.covariance is not None:
-        again = shared_by_repetitions(data, seen, test, fitted.fit)
-    elif test is not None:
-        seen, fit = fit_common_noise(seen, data.sigma, data.places, test, fitted.fit)
-        return replace(fitted, A=seen.A, measured=seen.measured, fit=fit, common_noise=True)
-    if again is None:
-        return fitted
-    return replace(fitted, fit=again[1], common_noise=True, estimated=again[0])

@@ -4,8 +4,6 @@ import re
 from importlib import import_module
 from typing import Any
 
-from edtk.system.presented import Presented
-
 # The page of `edtk.report.views` that shows a result. It holds `exact_plan_text`, and where there
 # are a table and a picture `exact_plan_notebook` and `exact_plan_plot`.
 PAGES = {
@@ -46,7 +44,7 @@ PAGES = {
 }
 
 
-def render(form: str, result: Presented, *arguments: Any, **options: Any) -> Any:
+def render(form: str, result: object, *arguments: Any, **options: Any) -> Any:
     """Render a result in one form, with the function of its class, or else of its nearest base.
 
     Args:

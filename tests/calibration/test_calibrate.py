@@ -188,10 +188,8 @@ def test_causes_are_looked_for_once(save, monkeypatch):
     from edtk.findings import fitted_data
 
     looks = []
-    look = fitted_data.look_for_causes
-    monkeypatch.setattr(
-        fitted_data, "look_for_causes", lambda fitted: looks.append(fitted) or look(fitted)
-    )
+    look = fitted_data.find_causes
+    monkeypatch.setattr(fitted_data, "find_causes", lambda *of: looks.append(of) or look(*of))
     table = filled()
     table.loc[[1, 4], "dz_mm"] += [0.2, -0.2]
     found = calibrate(STUDY, save(table), HowFitted(linear=True))

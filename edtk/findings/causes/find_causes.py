@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,7 +19,6 @@ from edtk.findings.causes.try_faults import (
     try_faults,
 )
 from edtk.findings.causes.wrong_pose import wrong_pose
-from edtk.findings.match_plan import some_rows
 from edtk.fit.distributions import chi_square_tail
 from edtk.fit.least_squares import SingularPlanError, Whitened
 from edtk.fit.measurements import Measurements
@@ -28,11 +26,7 @@ from edtk.fit.prior import PriorRows
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.task import Tasks
-from edtk.study.study_model import assumed_joints
 from edtk.system.typing import Array, Indices
-
-if TYPE_CHECKING:
-    from edtk.findings.fitted_data import FittedData
 
 MOST_OFF = 6  # one of so many rows may be an outlier, and one in any case
 MOST_LOOKS = 20  # outliers that anybody would look at one by one
@@ -418,32 +412,3 @@ def _explained(one: Tried, plain: PlainFit) -> float:
 def _is_most(one: Tried, plain: PlainFit) -> bool:
     """Whether a fault explains so much of the misfit that it is what is wrong."""
     return _explained(one, plain) >= MOSTLY
-
-
-def look_for_causes(fitted: "FittedData") -> FoundCauses:
-    """Look for faults and outliers in the residuals of a fit, or of some of very many rows."""
-    if fitted.fit.robust:
-        return FoundCauses()  # a robust fit sets aside what a fault makes
-    study = fitted.study
-    rows = some_rows(len(fitted.data), MOST_SEARCHED)
-    typed = tuple(
-        j
-        for j, joint in enumerate(study.robot.joints)
-        if joint.kind == "revolute" and j not in study.fixed
-    )
-    measured = fitted.as_linear[rows]
-    others = assumed_joints(study, np.maximum(fitted.fit.k, 0.0))
-    noise = study.specification.noise
-    stated = None if noise is None else noise.model_error_percent
-    found = find_causes(
-        study.model,
-        fitted.data[rows],
-        measured,
-        typed,
-        study.known,
-        fitted.told_before,
-        others,
-        study.tasks,
-        USUAL_SHARE if stated is None else stated / 100,
-    )
-    return found.in_rows(rows)
