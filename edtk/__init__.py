@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from edtk.calibration.posterior_check import PosteriorCheck as PosteriorCheck
     from edtk.calibration.prediction import Prediction as Prediction
     from edtk.calibration.robot_program import WrittenProgram as WrittenProgram
+    from edtk.calibration.spring_calibration import SpringCalibration as SpringCalibration
     from edtk.cell.cell import Cell as Cell
     from edtk.cell.plan_check import PlanCheck as PlanCheck
     from edtk.certificate.verify_certificate import Verification as Verification
@@ -123,6 +124,7 @@ _HOME = {
     "Cell": "edtk.cell.cell",
     "PlanCheck": "edtk.cell.plan_check",
     "Calibration": "edtk.calibration.calibration",
+    "SpringCalibration": "edtk.calibration.spring_calibration",
     "GeometricCalibration": "edtk.calibration.geometric_calibration",
     "Prediction": "edtk.calibration.prediction",
     "WrittenProgram": "edtk.calibration.robot_program",

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from pydantic import BaseModel
 
 import criteria
-from edtk.calibration.calibration import Calibration
+from edtk.calibration.spring_calibration import SpringCalibration
 from edtk.cli import main
 from edtk.findings.fitted_data import FittedData
 from edtk.fit.measurements import Measurements
@@ -154,7 +154,7 @@ def test_every_key_of_a_result_is_documented() -> None:
     wrench = np.tile([0, 0, -100.0, 0, 0, 0], (3, 1))
     moved = study.model.regressor(q, wrench) @ np.array([3e-6, 5e-6]) + 1e-5 * np.eye(3)
     data = Measurements(q, wrench, moved, np.full((3, 3), 1e-4), np.zeros((3, 3)))
-    found = Calibration(FittedData.of(study, data), findings=(), path=Path("day.csv"))
+    found = SpringCalibration(FittedData.of(study, data), findings=(), path=Path("day.csv"))
     text = (ROOT / "docs/reference/files.md").read_text(encoding="utf-8")
     section = text.partition("## Compliances")[2].partition("## Certificates")[0]
     rows = re.findall(r"^\| `(\w+)` \| ([^|]*) \| (.*) \|$", section, flags=re.MULTILINE)

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from edtk.calibration.calibration import Calibration, Origin
+from edtk.calibration.calibration import Origin
+from edtk.calibration.spring_calibration import SpringCalibration
 from edtk.calibration.told_part import ToldPart, measured_known, told_part
 from edtk.findings.causes.faults import cause_of
 from edtk.findings.finding import Finding, worst_first
@@ -53,13 +54,13 @@ class InputError(UserError):
             of the error.
     """
 
-    def __init__(self, path: Path, finding: Finding, calibration: Calibration) -> None:
+    def __init__(self, path: Path, finding: Finding, calibration: SpringCalibration) -> None:
         super().__init__(finding.words, where=path)
         self.finding = finding
         self.calibration = calibration
 
 
-def misread_sheet(found: Calibration) -> dict[str, Any] | None:
+def misread_sheet(found: SpringCalibration) -> dict[str, Any] | None:
     """Name the causes of a sheet that was taken as it is, without the estimate.
 
     A person reads one line that says which columns look misread, and no result. A program asks for
@@ -69,8 +70,8 @@ def misread_sheet(found: Calibration) -> dict[str, Any] | None:
         found: The calibration of the sheet as it is.
 
     Returns:
-        The keys of `Calibration.to_dict`, where all that rests on the estimate is null; None where
-        no columns are misread.
+        The keys of its `to_dict`, where all that rests on the estimate is null; None where no
+        columns are misread.
     """
     if not any(cause_of(one) for one in found.findings):
         return None
@@ -80,7 +81,7 @@ def misread_sheet(found: Calibration) -> dict[str, Any] | None:
     return {**said, **empty, **dict.fromkeys(OTHERS), "k_bias": None}
 
 
-def calibrate(study: Study, path: Table, how: HowFitted = AS_USUAL) -> Calibration:
+def calibrate(study: Study, path: Table, how: HowFitted = AS_USUAL) -> SpringCalibration:
     """Identify the study's unknown compliances from a measurement file.
 
     Args:
@@ -108,7 +109,9 @@ def calibrate(study: Study, path: Table, how: HowFitted = AS_USUAL) -> Calibrati
     except (SingularPlanError, NothingLeftError, SigmaTooSmallError) as error:
         raise UserError(str(error), where=path) from error
     fitted = fitted.naming_outliers()
-    bare = Calibration(fitted, _bias(fitted), findings=(), path=path, origin=origin, part=part)
+    bare = SpringCalibration(
+        fitted, _bias(fitted), findings=(), path=path, origin=origin, part=part
+    )
     tasks = fitted.study.tasks
     budget = bare.propagation.budget(tasks, bare.rho0_bias or 0.0) if tasks else None
     named = spring_findings(fitted, bare.rho0_bias, budget)

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from edtk.calibration.calibration import Calibration
 from edtk.calibration.compensate import Calibrated, Commanded, Compensation, band_of
 from edtk.calibration.model_left import ModelLeft
 from edtk.calibration.prediction import Columns, Prediction, beyond_limits, in_columns
 from edtk.calibration.propagation import FittedSprings, root_of
 from edtk.calibration.result_file import OTHER_ROBOT, springs_of_dict
+from edtk.calibration.spring_calibration import SpringCalibration
 from edtk.calibration.tasks_in_use import ToolInUse, reading_findings
 from edtk.design.plan import REPEATS
 from edtk.findings.moving_joints import ReadingNoise
@@ -55,7 +55,7 @@ class CalibratedSprings(Calibrated):
     """
 
     study: Study
-    given: "Calibration | Compliances | Mapping[str, Any]"
+    given: "SpringCalibration | Compliances | Mapping[str, Any]"
     where: Path | str = "compliances"
 
     @cached_property
@@ -68,7 +68,7 @@ class CalibratedSprings(Calibrated):
         """
         if isinstance(self.given, Compliances):
             return self.given
-        content = self.given.to_dict() if isinstance(self.given, Calibration) else self.given
+        content = self.given.to_dict() if isinstance(self.given, SpringCalibration) else self.given
         robot = self.study.robot
         needed = self.study.specification.joints.unknown
         found = Compliances.from_dict(content, robot.joint_names, needed, self.where)
@@ -137,7 +137,7 @@ class CalibratedSprings(Calibrated):
             UserError: The result is not valid, or of another robot.
         """
         content = self.given
-        if isinstance(content, Calibration):
+        if isinstance(content, SpringCalibration):
             return content.springs, False
         if isinstance(content, Compliances):
             return self._by_joint()

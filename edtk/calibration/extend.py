@@ -4,13 +4,13 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from edtk.calibration.calibrate import calibrate
-from edtk.calibration.calibration import Calibration
-from edtk.calibration.extension import UNDECIDED, Extension, WeighedModel
+from edtk.calibration.calibration import UNDECIDED, Calibration, Extension, WeighedModel
+from edtk.calibration.spring_calibration import SpringCalibration
 from edtk.findings.causes.evidence import Evidence, Pieces, Weighed
 from edtk.findings.causes.faults import (
     LEVERS,
@@ -35,9 +35,6 @@ from edtk.study.study import Study
 from edtk.study.study_model import assumed_joints
 from edtk.system.errors import UserError
 from edtk.system.typing import Array, Indices
-
-if TYPE_CHECKING:
-    from edtk.calibration.geometric_calibration import GeometricCalibration
 
 MOST_PIECES = 10  # of a model
 PAIRED = 8  # likeliest pieces, of which pairs are tried where no single one helps
@@ -266,7 +263,7 @@ class InTasks:
         return math.sqrt(float(self.shares @ squares))
 
 
-def extend(study: Study, sheet: Table, how: HowFitted) -> "Calibration | GeometricCalibration":
+def extend(study: Study, sheet: Table, how: HowFitted) -> Calibration:
     """Find the richest model that a sheet supports, and calibrate with it.
 
     Models are nested: ideal springs, and any pieces beside them. Each is weighed by its marginal
@@ -334,7 +331,7 @@ def extension_of(
     return Extension(models, len(weights), inclusion, undecided, expected, study_of(order[0]))
 
 
-def _search_of(found: Calibration) -> tuple[PlainFit, Search]:
+def _search_of(found: SpringCalibration) -> tuple[PlainFit, Search]:
     """The fit of a sheet without its outliers, and the models."""
     fitted = found.fitted
     data, rows = fitted.data, np.arange(len(fitted.data))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.calibration.calibration import Judged
+from edtk.calibration.calibration import Calibration
 from edtk.calibration.model_left import LeftInTasks, PiecesLeft
 from edtk.calibration.posterior_check import PosteriorCheck, compared_with_fit, pose_error
 from edtk.calibration.propagation import Propagation
@@ -54,7 +54,7 @@ OWN_WEIGHTS = (
 
 
 @dataclass(frozen=True, eq=False)
-class GeometricCalibration(Judged):
+class GeometricCalibration(Calibration):
     """Geometry, base, tools and springs that a sheet of positions tells, and whether to trust them.
 
     Attributes:

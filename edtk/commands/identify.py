@@ -24,7 +24,6 @@ from edtk.system.parsing import json_text
 
 if TYPE_CHECKING:
     from edtk.calibration.calibration import Calibration
-    from edtk.calibration.geometric_calibration import GeometricCalibration
     from edtk.findings.finding import Finding
 
 # Characters of a message and its hint, which leaves some of a line for the name of the file.
@@ -128,7 +127,7 @@ def command(
         warn_in_full(text, measurements)
 
 
-def _harmful(found: "Calibration | GeometricCalibration", robust: bool) -> Iterator[str]:
+def _harmful(found: "Calibration", robust: bool) -> Iterator[str]:
     """What is worse than a note, each with the options that help."""
     from edtk.findings.finding import Severity
 

@@ -54,7 +54,6 @@ from edtk.fit.measurements import Measurements
 from edtk.fit.outliers import LackOfFit, lack_of_fit
 from edtk.fit.prior import Prior, PriorRows, fit_with_prior
 from edtk.measure.equilibrium import NoEquilibriumError
-from edtk.measure.pose_table import TURN_COLUMN, coordinate_columns
 from edtk.measure.task import all_compliances
 from edtk.study.study import Study
 from edtk.study.study_model import assumed_joints
@@ -63,7 +62,7 @@ from edtk.system.errors import UserError
 from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:
-    import pandas as pd
+    pass
 
 OUTLIER_ROUNDS = 4  # of finding outliers; two are the rule
 
@@ -589,32 +588,3 @@ class FittedData:
     def equal_rows(self) -> EqualRows | None:
         """Rows that are the same to the last digit; None where all are different."""
         return equal_rows(self.data)
-
-
-def residual_table(fitted: FittedData) -> "pd.DataFrame":
-    """A row for each measured coordinate.
-
-    `row` and `pose` count from 1; `coordinate` has the unit of `residual` in its name, and of
-    `left_out`, the error of a fit without the pose.
-    """
-    import pandas as pd
-
-    fit = fitted.fit
-    m, rows = fit.residual.shape
-    units = np.where(fitted.data.lengths, 1e3, 180 / np.pi)
-    out = fitted.left_out
-    left_out = np.full((m, rows), np.nan) if out is None else out.errors
-    columns = np.tile(coordinate_columns(rows), (m, 1)).astype(object)
-    if fitted.data.turn is not None:
-        columns[fitted.data.turn] = TURN_COLUMN
-    return pd.DataFrame(
-        {
-            "row": np.repeat(np.arange(1, m + 1), rows),
-            "pose": np.repeat(fitted.data.pose + 1, rows),
-            "coordinate": columns.ravel(),
-            "residual": (fit.residual * units).ravel(),
-            "leverage": fit.leverage.ravel(),
-            "standardised": fit.standardised.ravel(),
-            "left_out": (left_out * units).ravel(),
-        }
-    )

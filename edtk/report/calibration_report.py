@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from criteria.linalg.inverse import TINY
-from edtk.calibration.calibration import Calibration, Judged
+from edtk.calibration.calibration import Calibration, Extension
 from edtk.calibration.geometric_calibration import GeometricCalibration
+from edtk.calibration.spring_calibration import SpringCalibration
 from edtk.findings.finding import Finding, shown_probability
 from edtk.fit.identify import Identification
 from edtk.measure.cells import csv_text
@@ -23,7 +24,6 @@ from edtk.report.calibration_sections import (
 from edtk.report.draw.bars import correlation, intervals
 from edtk.report.draw.names import room_for
 from edtk.report.draw.residuals import ResidualPanel, drawn_rows, quantiles, residuals
-from edtk.report.extension import extension_files, extension_section
 from edtk.report.figures import new_figure
 from edtk.report.geometry_report import (
     ROWS_SHOWN,
@@ -47,8 +47,15 @@ from edtk.report.show.page import page_html
 from edtk.report.show.plate import PAGE, poses_section
 from edtk.report.show.stage import stage_of_calibration
 from edtk.report.shown import digits, left_out_sentence
-from edtk.report.views.calibration import of_the_total, total_expected
+from edtk.report.views.calibration import (
+    EXTENDED,
+    models_sentences,
+    models_table,
+    of_the_total,
+    total_expected,
+)
 from edtk.study.study import Study
+from edtk.study.study_toml import toml_in
 from edtk.system.files import Content
 from edtk.system.parsing import json_text
 
@@ -77,7 +84,7 @@ def calibration_title(study: Study) -> str:
     return title if title.startswith(WORD) else f"{WORD}: {title}"
 
 
-def calibration_verdict(found: Calibration) -> str:
+def calibration_verdict(found: SpringCalibration) -> str:
     """The box at the top of the report, the most important line first."""
     harmful = [d for d in found.findings if d.kind == "do_not_compensate"]
     others = [d for d in found.findings if d.kind != "do_not_compensate"]
@@ -93,12 +100,12 @@ def calibration_verdict(found: Calibration) -> str:
     return verdict(level, lines)
 
 
-def _sentence(found: Calibration, one: Finding) -> str:
+def _sentence(found: SpringCalibration, one: Finding) -> str:
     """The words of a finding as a sentence, which may begin with the name of a parameter."""
     return sentence(one.words.replace("+-", "\N{PLUS-MINUS SIGN}"), found.parameters)
 
 
-def _expected(found: Calibration) -> str:
+def _expected(found: SpringCalibration) -> str:
     """The accuracy to expect, in one sentence."""
     fit = found.fit
     if found.budget is None:
@@ -109,7 +116,7 @@ def _expected(found: Calibration) -> str:
     return total_expected(found.budget, found.study.tasks)
 
 
-def _parts(found: Calibration) -> list[str]:
+def _parts(found: SpringCalibration) -> list[str]:
     """The largest part of the error, what is assumed, and what the noise makes of it."""
     budget = found.budget
     if budget is None or found.expected is None or found.study.target is None:
@@ -134,7 +141,7 @@ def _parts(found: Calibration) -> list[str]:
     return [*of_the_total(budget), f"{first}{rest}"]
 
 
-def _untold(found: Calibration) -> list[str]:
+def _untold(found: SpringCalibration) -> list[str]:
     """Joints that the loads turn, and that are not fitted: what does not fit may be theirs."""
     joints = () if found.budget is None else found.budget.joints
     return [
@@ -145,7 +152,7 @@ def _untold(found: Calibration) -> list[str]:
     ]
 
 
-def _facts(found: Calibration) -> list[str]:
+def _facts(found: SpringCalibration) -> list[str]:
     """What is in order; nothing where a finding says otherwise."""
     noted = {one.kind for one in found.findings}
     if noted - {"gains_little"}:
@@ -159,13 +166,13 @@ def _facts(found: Calibration) -> list[str]:
     return [f"Nothing is wrong: {facts}"]
 
 
-def calibration_report(found: Judged) -> str:
+def calibration_report(found: Calibration) -> str:
     """The text of `report.html`."""
     if isinstance(found, GeometricCalibration):
         sections = geometry_sections(found)
         facts = measured_positions(found), evaluated_geometry(found)
     else:
-        assert isinstance(found, Calibration)
+        assert isinstance(found, SpringCalibration)
         sections = _sections(found)
         facts = measured_facts(found), evaluated_facts(found)
     parts = [
@@ -178,7 +185,7 @@ def calibration_report(found: Judged) -> str:
     return Page(calibration_title(found.study), tuple(parts)).html()
 
 
-def _sections(found: Calibration) -> list[str]:
+def _sections(found: SpringCalibration) -> list[str]:
     """What a report says of compliances, the verdict first."""
     return [
         calibration_verdict(found),
@@ -206,7 +213,7 @@ def _sections(found: Calibration) -> list[str]:
     ]
 
 
-def _compliances(found: Calibration) -> str:
+def _compliances(found: SpringCalibration) -> str:
     """A table with a row for each parameter."""
     fit = found.fit
     low, high = fit.interval
@@ -229,7 +236,7 @@ def _compliances(found: Calibration) -> str:
     return table(named, rows, full=True)
 
 
-def _interest(found: Calibration) -> list[str]:
+def _interest(found: SpringCalibration) -> list[str]:
     """What is of interest, where the study says so, and what is left open."""
     rows = [
         [name, digits(value, std), f"{std:.1e}"] for name, (value, std) in found.interest.items()
@@ -247,7 +254,7 @@ def _interest(found: Calibration) -> list[str]:
     return parts
 
 
-def _noise(found: Calibration) -> str:
+def _noise(found: SpringCalibration) -> str:
     """The noise, by chi-square."""
     fit = found.fit
     if not fit.dof:
@@ -263,7 +270,7 @@ def _noise(found: Calibration) -> str:
     return f"{text}. The noise was estimated: it is {fit.scale:.3g} times the stated.{loss}"
 
 
-def _left_out(found: Calibration) -> list[str]:
+def _left_out(found: SpringCalibration) -> list[str]:
     """How well poses are predicted by the others."""
     out = found.fitted.left_out
     if out is None or not np.isfinite(out.rms):
@@ -272,7 +279,7 @@ def _left_out(found: Calibration) -> list[str]:
     return [paragraph(f"{sentence} The error is {1e3 * out.rms:.3g} mm (root mean square).")]
 
 
-def _worst(found: Calibration) -> str:
+def _worst(found: SpringCalibration) -> str:
     """A table of the measurements that fit least."""
     fit = found.fit
     z = np.abs(fit.standardised)
@@ -297,7 +304,7 @@ def _worst(found: Calibration) -> str:
     return table(["row", "pose", *units, "largest [sigma]", "leverage", "outlier"], rows, full=True)
 
 
-def _intervals(found: Calibration) -> str:
+def _intervals(found: SpringCalibration) -> str:
     """The picture of the compliances."""
     figure = new_figure(PICTURE_WIDTH, 0.8 + 0.4 * len(found.fit.k))
     model = found.study.model
@@ -309,7 +316,7 @@ def _intervals(found: Calibration) -> str:
     return picture(figure, caption)
 
 
-def _residuals(found: Calibration) -> str:
+def _residuals(found: SpringCalibration) -> str:
     """The picture of the residuals, those of rotations below those of positions."""
     fit = found.fit
     parts = ResidualPanel.of(fit, found.data.turn)
@@ -333,7 +340,7 @@ def _quantiles(fit: Identification) -> str:
     return picture(figure, caption)
 
 
-def _correlation(found: Calibration) -> str:
+def _correlation(found: SpringCalibration) -> str:
     """The picture of the correlations."""
     p = len(found.fit.k)
     names = found.parameters
@@ -343,7 +350,7 @@ def _correlation(found: Calibration) -> str:
     return picture(figure, "Correlation of the estimates.")
 
 
-def _pairs(found: Calibration) -> str:
+def _pairs(found: SpringCalibration) -> str:
     """A table of the pairs of parameters that depend on each other most."""
     names = found.parameters
     above = np.stack(np.triu_indices(len(names), 1), axis=1)
@@ -353,7 +360,19 @@ def _pairs(found: Calibration) -> str:
     return table(["pair", "correlation"], rows) if rows else ""
 
 
-def calibration_files(found: Judged, folder: Path) -> dict[Path, Content]:
+def extension_section(found: Extension | None) -> list[str]:
+    """A section of a report; none likewise."""
+    if found is None:
+        return []
+    weighed = f"{found.tried} models were weighed: those that count, the likeliest first."
+    header, rows = models_table(found)
+    lines = [paragraph(f"{line[0].upper()}{line[1:]}.") for line in models_sentences(found)]
+    return [
+        section("Which model does the sheet need?", paragraph(weighed), table(header, rows), *lines)
+    ]
+
+
+def calibration_files(found: Calibration, folder: Path) -> dict[Path, Content]:
     """The contents of `k.json`, `residuals.csv`, `report.html` and `poses.html`, by path.
 
     Args:
@@ -369,3 +388,10 @@ def calibration_files(found: Judged, folder: Path) -> dict[Path, Content]:
     )
     files = {folder / name: content for name, content in zip(NAMES, contents, strict=True)}
     return files | extension_files(found, folder)
+
+
+def extension_files(found: Calibration, folder: Path) -> dict[Path, Content]:
+    """The study of the chosen model, which `compensate` and `predict` need; none if it is given."""
+    if found.extension is None or not found.extension.chosen.pieces:
+        return {}
+    return {folder / EXTENDED: toml_in(found.extension.study, folder)}

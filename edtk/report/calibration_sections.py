@@ -4,7 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from edtk.calibration.calibration import Calibration, Judged
+from edtk.calibration.calibration import Calibration
+from edtk.calibration.spring_calibration import SpringCalibration
 from edtk.findings.causes.family import NOISE, Cause
 from edtk.findings.finding import leading_digit, row_names, shown_probability
 from edtk.findings.noise import UNLIKELY_NOISE
@@ -47,7 +48,7 @@ TASK_SIZE = (6.8, 3.6)  # of the picture [inch]
 Facts = list[tuple[str, str]]  # names with what there is to say of each; empty for nothing
 
 
-def facts_section(found: Judged, measured: Facts, evaluated: Facts) -> str:
+def facts_section(found: Calibration, measured: Facts, evaluated: Facts) -> str:
     """The section that lets somebody else repeat a result.
 
     Args:
@@ -75,7 +76,7 @@ def facts_section(found: Judged, measured: Facts, evaluated: Facts) -> str:
     return section("What was measured, and how was it evaluated?", *parts)
 
 
-def measured_facts(found: Calibration) -> Facts:
+def measured_facts(found: SpringCalibration) -> Facts:
     """The noise, the load and the tool."""
     data = found.data
     poses = int(data.pose.max()) + 1
@@ -96,7 +97,7 @@ def measured_facts(found: Calibration) -> Facts:
     ]
 
 
-def evaluated_facts(found: Calibration) -> Facts:
+def evaluated_facts(found: SpringCalibration) -> Facts:
     """The options."""
     plan = found.fitted.plan
     known = found.study.specification.joints.known_in_words("\N{PLUS-MINUS SIGN}")
@@ -112,7 +113,7 @@ def evaluated_facts(found: Calibration) -> Facts:
     ]
 
 
-def _model(found: Calibration) -> str:
+def _model(found: SpringCalibration) -> str:
     """The model that was fitted, and why."""
     tenth = "moves a compliance by more than a tenth of its standard deviation"
     if found.fitted.nonlinear:
@@ -122,7 +123,7 @@ def _model(found: Calibration) -> str:
     return f"linear; the loaded equilibrium is fitted where it {tenth}"
 
 
-def _fit(found: Calibration) -> str:
+def _fit(found: SpringCalibration) -> str:
     """The loss."""
     if found.fit.robust:
         return "robust: Huber's loss, by which outliers count less"
@@ -148,7 +149,7 @@ def _stated_noise(data: Measurements) -> str:
     return text
 
 
-def _estimated_noise(found: Calibration) -> str:
+def _estimated_noise(found: SpringCalibration) -> str:
     """The sigma by the residuals."""
     if not np.isfinite(found.sigma_hat):
         return "unknown: as many coordinates as parameters were measured"
@@ -173,7 +174,7 @@ def _load(wrench: Array) -> str:
     return f"{len(different)} different ones, with forces of {_range(forces)} N"
 
 
-def _marker(found: Calibration) -> str:
+def _marker(found: SpringCalibration) -> str:
     """The instruments of the study, or how far markers are from the tool point; empty for none."""
     model = found.study.model
     if model.sensors:
@@ -199,7 +200,7 @@ def _vector(values: Array | tuple[float, ...]) -> str:
 
 
 def budget_section(
-    found: Judged,
+    found: Calibration,
     budget: ErrorBudget,
     noise: str,
     model: str,
@@ -225,12 +226,12 @@ def budget_section(
     )
 
 
-def budget_of_springs(found: Calibration, budget: ErrorBudget) -> str:
+def budget_of_springs(found: SpringCalibration, budget: ErrorBudget) -> str:
     """That of a calibration of springs by displacements."""
     return budget_section(found, budget, _noise(found), _model_of_budget(found))
 
 
-def _meaning(found: Judged, budget: ErrorBudget, advice: Mapping[str, str]) -> str:
+def _meaning(found: Calibration, budget: ErrorBudget, advice: Mapping[str, str]) -> str:
     """The result in words."""
     tasks = found.study.tasks
     otherwise = "If nothing else was wrong, the" if found.verdict == "bad" else "The"
@@ -262,7 +263,7 @@ def _parts(budget: ErrorBudget, assumed: Mapping[str, str], advice: Mapping[str,
     return table(header, rows, words=2)
 
 
-def _assumed(found: Judged, budget: ErrorBudget) -> dict[str, str]:
+def _assumed(found: Calibration, budget: ErrorBudget) -> dict[str, str]:
     """What each part by circumstances rests on, with the keys of the study's [uncertainty]."""
     given = found.study.specification.uncertainty
     load = f"{given.load_percent:g} % of its size (load_percent)"
@@ -276,7 +277,7 @@ def _assumed(found: Judged, budget: ErrorBudget) -> dict[str, str]:
     }
 
 
-def _noise(found: Calibration) -> str:
+def _noise(found: SpringCalibration) -> str:
     """The noise that the standard deviations are of."""
     stated = 1e3 * float(np.sqrt(np.mean(found.data.sigma[found.data.lengths] ** 2)))
     shared = ", and what repetitions share" if found.fitted.common_noise else ""
@@ -285,7 +286,7 @@ def _noise(found: Calibration) -> str:
     return f"{1e3 * found.sigma_hat:.3g} mm for each coordinate, as estimated{shared}"
 
 
-def _model_of_budget(found: Calibration) -> str:
+def _model_of_budget(found: SpringCalibration) -> str:
     """The model, and how far it is trusted."""
     error = found.fitted.model_error
     if error is not None:
@@ -333,7 +334,7 @@ def _stated(size_mm: float, key: str) -> str:
     return f"{size_mm:g} mm along each axis ({key})" if size_mm else f"none stated ({key} = 0)"
 
 
-def noise_parts(found: Calibration) -> list[str]:
+def noise_parts(found: SpringCalibration) -> list[str]:
     """A sentence on what moves together and a table of three errors; nothing if none is told."""
     noise = found.noise
     if noise is None:
@@ -353,7 +354,7 @@ def _together(noise: NoiseEstimate) -> str:
     return f"Measurements of a visit are not off together by more than chance ({numbers})."
 
 
-def _noise_rows(found: Calibration, noise: NoiseEstimate) -> list[list[str]]:
+def _noise_rows(found: SpringCalibration, noise: NoiseEstimate) -> list[list[str]]:
     """Tracker, repeatability, and what remains."""
     sigma = 1e3 * float(np.sqrt(np.mean(found.data.own_sigma[found.data.lengths] ** 2)))
     unit = "deg" if any(one.kind == "revolute" for one in found.study.robot.joints) else "mm"
@@ -376,7 +377,7 @@ def _number(noise: NoiseEstimate, i: int, value: float, factor: float) -> tuple[
     return f"{factor * value:.3g}", leading_digit(factor * std) if np.isfinite(std) else "-"
 
 
-def residual_causes(found: Calibration) -> list[str]:
+def residual_causes(found: SpringCalibration) -> list[str]:
     """Sentences on lack of fit and causes, and a table of the causes, as pieces of HTML."""
     test = found.lack_of_fit
     parts = [] if test is None else [paragraph(_repetitions(found, test))]
@@ -399,12 +400,12 @@ def residual_causes(found: Calibration) -> list[str]:
     return parts
 
 
-def _told(found: Calibration) -> bool:
+def _told(found: SpringCalibration) -> bool:
     """Whether errors of joints or model, which visits tell, explain the residuals."""
     return found.noise is not None and found.fitted.common_noise
 
 
-def _repetitions(found: Calibration, test: LackOfFit) -> str:
+def _repetitions(found: SpringCalibration, test: LackOfFit) -> str:
     """Whether repetitions agree among themselves better than with the model."""
     numbers = f"F = {test.F:.3g} for {test.dof[0]} and {test.dof[1]} degrees of freedom"
     numbers = f"{numbers}, p {shown_probability(test.p)}"

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.compensate import Compensation
 from edtk.calibration.correct_program import brand_of
-from edtk.calibration.geometric_calibration import GeometricCalibration
 from edtk.calibration.prediction import Prediction
 from edtk.findings.fitted_data import HowFitted
 from edtk.measure.pose_table import Table
@@ -38,7 +37,7 @@ def identify(
     extend: bool = False,
     bayes: Sampling | bool = False,
     out: Path | str | None = None,
-) -> Calibration | GeometricCalibration:
+) -> Calibration:
     """Identify the unknown compliances of a study by weighted least squares, and judge the result.
 
     Args:
@@ -81,7 +80,7 @@ def identify(
 @checked
 def predict(
     study: StudyLike,
-    result: Calibration | GeometricCalibration | Mapping[str, Any] | Path | str,
+    result: Calibration | Mapping[str, Any] | Path | str,
     poses: PlanLike,
     *,
     tool_rows: int = 0,

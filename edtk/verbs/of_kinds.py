@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from edtk.calibration.calibration import Calibration
     from edtk.calibration.compensate import Calibrated
     from edtk.calibration.detect import Promised
-    from edtk.calibration.geometric_calibration import GeometricCalibration
     from edtk.calibration.geometry_question import GeometryQuestion
     from edtk.calibration.template import SheetColumns
     from edtk.design.design_space import DesignSpace
@@ -85,7 +84,7 @@ class OfCompliances(OfStudy):
 
         return SheetColumns.of_displacements(self.study, positions, markers)
 
-    def _calibrated(self, sheet: Table, how: "HowFitted") -> "Calibration | GeometricCalibration":
+    def _calibrated(self, sheet: Table, how: "HowFitted") -> "Calibration":
         from edtk.calibration.calibrate import calibrate
         from edtk.calibration.extend import extend
 
@@ -93,13 +92,13 @@ class OfCompliances(OfStudy):
 
     def _robot(self, result: Any, argument: str) -> "Calibrated":
         from edtk.calibration.calibrated_springs import CalibratedSprings
-        from edtk.calibration.calibration import Calibration
         from edtk.calibration.geometric_calibration import GeometricCalibration
+        from edtk.calibration.spring_calibration import SpringCalibration
 
         if isinstance(result, GeometricCalibration):
             message = "expected a study of geometry, as the result is of one"
             raise self.study.error("parameters", message)
-        as_it_is = isinstance(result, Calibration | Compliances)
+        as_it_is = isinstance(result, SpringCalibration | Compliances)
         content: Any = result if as_it_is else content_of(result)
         if isinstance(result, str | Path):
             content = compliances_file(result)
@@ -152,7 +151,7 @@ class OfGeometry(OfStudy):
 
         return position_columns(self.study)
 
-    def _calibrated(self, sheet: Table, how: "HowFitted") -> "GeometricCalibration":
+    def _calibrated(self, sheet: Table, how: "HowFitted") -> "Calibration":
         from edtk.calibration.calibrate_geometry import calibrate_geometry
         from edtk.calibration.extend_geometry import extend_geometry
 

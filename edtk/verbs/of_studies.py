@@ -53,7 +53,6 @@ if TYPE_CHECKING:
     from edtk.calibration.compensate import Calibrated, Compensation
     from edtk.calibration.correct_program import CorrectedProgram
     from edtk.calibration.detect import Promised
-    from edtk.calibration.geometric_calibration import GeometricCalibration
     from edtk.calibration.prediction import Prediction
     from edtk.calibration.template import SheetColumns
     from edtk.calibration.timetable import Day
@@ -86,9 +85,7 @@ def _of_parameters(given: CriterionLike | None) -> CriterionLike | None:
     return {"name": "Ds", "interest": names}
 
 
-CompliancesLike = Union[
-    Compliances, "Calibration", "GeometricCalibration", Mapping[str, Any], Path, str
-]
+CompliancesLike = Union[Compliances, "Calibration", Mapping[str, Any], Path, str]
 
 
 @dataclass(frozen=True)
@@ -691,10 +688,10 @@ class OfStudy(Question):
         plan: PlanLike | None,
         sampling: "Sampling | None",
         out: Path | str | None,
-    ) -> "Calibration | GeometricCalibration":
+    ) -> "Calibration":
         """The parameters from measurements, and their files; see `edtk.identify`."""
         from edtk.report.calibration_report import NAMES, calibration_files
-        from edtk.report.extension import NAME
+        from edtk.report.views.calibration import EXTENDED
 
         study = self.study
         sheet = as_table(sheet, "measurements")
@@ -703,7 +700,7 @@ class OfStudy(Question):
         if sampling is not None:
             sampling.require_writable(*inputs)
         require_folder(out)
-        names = (*NAMES, NAME) if how.extended else NAMES
+        names = (*NAMES, EXTENDED) if how.extended else NAMES
         for name in names if out is not None else ():
             require_output(Path(out or "") / name, *inputs, *own)
         planned = None if plan is None else as_plan(study, plan)
@@ -712,7 +709,7 @@ class OfStudy(Question):
             with sampling.arguments(path_of(sheet), study.specification.seed) as arguments:
                 found = found.sampled(**arguments)
         files: dict[Path, Content] = {}
-        if sampling is not None and sampling.export is not None:
+        if sampling is not None and sampling.export is not None and found.check is not None:
             from edtk.calibration.posterior_check import inference_data
 
             files[Path(sampling.export)] = inference_data(found.check)
@@ -722,7 +719,7 @@ class OfStudy(Question):
         return found
 
     @abstractmethod
-    def _calibrated(self, sheet: Table, how: "HowFitted") -> Any:
+    def _calibrated(self, sheet: Table, how: "HowFitted") -> "Calibration":
         """The calibration."""
 
     def compensate(

@@ -29,11 +29,10 @@ from edtk.verbs.of_studies import OfStudy
 
 if TYPE_CHECKING:
     from edtk.calibration.calibration import Calibration
-    from edtk.calibration.geometric_calibration import GeometricCalibration
     from edtk.report.show.page import ShownPage
     from edtk.report.show.stage import Shade, Stage
 
-    Given = PlanLike | Calibration | GeometricCalibration | Mapping[str, Any] | None
+    Given = PlanLike | Calibration | Mapping[str, Any] | None
 
 
 @checked

@@ -17,7 +17,7 @@ from edtk.fit.run_chain import Demand
 from edtk.measure.compliances import Compliances
 from edtk.measure.pose_table import TURN_COLUMN
 from edtk.report.calibration_report import calibration_report
-from edtk.report.views.calibration import calibration_text
+from edtk.report.views.calibration import spring_calibration_text
 from edtk.robots.load_robot import load_robot
 from edtk.robots.robot import Robot
 from edtk.robots.robot_file import robot_to_dict
@@ -334,7 +334,7 @@ def test_report_of_a_mix(tmp_path):
     assert "rotation [deg]" in page
     assert "deg for each rotation" in page
     assert len(found.plot()) == 3
-    assert "largest leverage" in calibration_text(found)
+    assert "largest leverage" in spring_calibration_text(found)
 
 
 @pytest.mark.slow

@@ -8,8 +8,8 @@ import pytest
 from readings import STUDY, measured
 
 from edtk.calibration.calibrate import calibrate
-from edtk.calibration.calibration import Calibration
 from edtk.calibration.planned import check_plan_posterior
+from edtk.calibration.spring_calibration import SpringCalibration
 from edtk.design.plan import Plan
 from edtk.findings.fitted_data import FittedData, HowFitted
 from edtk.findings.prior import posterior_findings
@@ -58,7 +58,7 @@ def test_one_pose_and_a_prior():
     """One pose and a prior give the posterior's summary, which is said; JSON is whole."""
     study = STUDY.replace(prior=LOG_NORMAL)
     fitted = FittedData.with_prior(study, ONE, study_prior(study), ("k2", "k3"))
-    bare = Calibration(fitted, findings=(), path=Path("sheet.csv"))
+    bare = SpringCalibration(fitted, findings=(), path=Path("sheet.csv"))
     found = bare.sampled(np.random.default_rng(1), ROUGH)
     posterior = found.check.posterior
     np.testing.assert_allclose(list(found.k.values()), posterior.mean)

@@ -8,8 +8,8 @@ import pytest
 from small_arm import ROBOT
 
 import edtk
-from edtk.calibration.calibration import Calibration
 from edtk.calibration.propagation import _as_told
+from edtk.calibration.spring_calibration import SpringCalibration
 
 POSES = 16
 MASS = {"mass_kg": 8, "center_m": [0.02, 0, 0.05]}
@@ -20,7 +20,7 @@ SIGMA = 0.02
 COLUMNS = [f"q{i}_deg" for i in range(1, 7)]
 
 
-def identified(path: Path, seed: int, tool_mm: float) -> Calibration:
+def identified(path: Path, seed: int, tool_mm: float) -> SpringCalibration:
     """What is found of a sound day, whose positions are counted from the rigid robot."""
     study = edtk.Study(
         robot=ROBOT | {"joints": [{**one, **MASS} for one in ROBOT["joints"]]},
@@ -40,7 +40,7 @@ def identified(path: Path, seed: int, tool_mm: float) -> Calibration:
     )
     sheet.to_csv(path / "day.csv", index=False)
     found = edtk.identify(study, path / "day.csv")
-    assert isinstance(found, Calibration)
+    assert isinstance(found, SpringCalibration)
     return found
 
 

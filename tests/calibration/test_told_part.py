@@ -12,7 +12,7 @@ from edtk.calibration.calibrate import calibrate
 from edtk.design.plan import Plan
 from edtk.findings.fitted_data import HowFitted
 from edtk.report.calibration_report import calibration_report
-from edtk.report.views.calibration import calibration_text as text
+from edtk.report.views.calibration import spring_calibration_text as text
 from edtk.study.study import Study
 from edtk.system.errors import UserError
 from edtk.verbs.template import template

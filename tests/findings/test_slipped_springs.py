@@ -8,7 +8,7 @@ import pytest
 from small_arm import ROBOT
 
 import edtk
-from edtk.calibration.calibration import Calibration
+from edtk.calibration.spring_calibration import SpringCalibration
 
 POSES = 16
 FORCE = [300.0, -200.0, -800.0]
@@ -26,7 +26,7 @@ COLUMNS = [f"q{i}_deg" for i in range(1, 7)]
 
 def identified(
     path: Path, joint: int, first: int, degrees: float, seed: int = 0, times: int = 1
-) -> Calibration:
+) -> SpringCalibration:
     """What is found of a day in which a joint slips at a pose, and each is read so many times."""
     rng = np.random.default_rng(seed)
     q = np.deg2rad(np.round(rng.uniform(-100, 100, (POSES, 6)), 3))
@@ -41,7 +41,7 @@ def identified(
     )
     sheet.to_csv(path / "day.csv", index=False)
     found = edtk.identify(STUDY, path / "day.csv", linear=True)
-    assert isinstance(found, Calibration)
+    assert isinstance(found, SpringCalibration)
     return found
 
 

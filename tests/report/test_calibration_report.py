@@ -12,8 +12,9 @@ from browser import CHROMIUM, WIDTHS, in_browser
 from matplotlib.figure import Figure
 from scipy.stats import probplot
 
-from edtk.calibration.calibration import Calibration, Origin
+from edtk.calibration.calibration import Origin
 from edtk.calibration.propagation import calibration_budget
+from edtk.calibration.spring_calibration import SpringCalibration
 from edtk.findings.finding import Finding, Severity
 from edtk.findings.fitted_data import FittedData, HowFitted
 from edtk.findings.springs import spring_findings
@@ -49,7 +50,7 @@ def calibrated(spoil=lambda y: y, k=STUDY.compliances, known=True, seed=3, study
     fitted = FittedData.of(study, data, HowFitted(sigma_unknown=not known))
     budget = calibration_budget(fitted, None)
     found = spring_findings(fitted, budget=budget)
-    return Calibration(fitted, findings=found, path=Path("day <1>.csv"), budget=budget)
+    return SpringCalibration(fitted, findings=found, path=Path("day <1>.csv"), budget=budget)
 
 
 @pytest.fixture(scope="module")

@@ -14,9 +14,9 @@ from matplotlib.text import Text
 import criteria
 import edtk
 from edtk.calibration.calibrated_springs import CalibratedSprings
-from edtk.calibration.calibration import Calibration
 from edtk.calibration.compensate import compensate
 from edtk.calibration.planned import check_plan_posterior, plan_bias
+from edtk.calibration.spring_calibration import SpringCalibration
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem
 from edtk.design.relaxation.relax import relax
@@ -57,7 +57,7 @@ def _calibration():
     moved = simulate(A, STUDY.compliances, STUDY.sigma, np.random.default_rng(0))[0]
     sigma = np.tile(STUDY.sigma, (len(q), 1))
     data = Measurements(q, wrench, moved, sigma, np.zeros((len(q), 3)))
-    return Calibration(FittedData.of(STUDY, data), findings=(), path=Path("day <1>.csv"))
+    return SpringCalibration(FittedData.of(STUDY, data), findings=(), path=Path("day <1>.csv"))
 
 
 def _compensation():

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from criteria import Criterion
-from edtk.calibration.calibration import Judged
+from edtk.calibration.calibration import Calibration
 from edtk.calibration.result_file import MeasuredPoses
 from edtk.calibration.template import sheet_order
 from edtk.calibration.timetable import day_of, has_day
@@ -552,7 +552,7 @@ def _stage(
     )
 
 
-def stage_of_calibration(found: Judged) -> Stage:
+def stage_of_calibration(found: Calibration) -> Stage:
     """The poses of a calibration, with the springs that it found and the residuals."""
     poses = found.measured_poses
     study = found.study

@@ -4,9 +4,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.calibration.calibration import Calibration, Judged
+from edtk.calibration.calibration import Calibration, Extension
 from edtk.calibration.model_left import SHARE
 from edtk.calibration.posterior_check import PoseError, PosteriorCheck
+from edtk.calibration.spring_calibration import SpringCalibration
 from edtk.findings.finding import notes, row_names, shown_probability
 from edtk.fit.estimate_noise import NoiseEstimate
 from edtk.fit.identify import Identification
@@ -17,7 +18,6 @@ from edtk.measure.task import Tasks
 from edtk.report.draw.bars import intervals
 from edtk.report.draw.posterior import LabelledSamples, corner
 from edtk.report.draw.residuals import ResidualPanel, residuals
-from edtk.report.extension import extension_lines
 from edtk.report.figures import panels
 from edtk.report.show.page import ShownPage
 from edtk.report.show.stage import stage_of_calibration
@@ -29,7 +29,7 @@ from edtk.report.shown import (
     places_of,
     with_digits,
 )
-from edtk.report.tables import MOST_LINES, name_width, notebook_table
+from edtk.report.tables import MOST_LINES, name_width, notebook_table, percent, text_table
 
 if TYPE_CHECKING:
     from edtk.calibration.prediction import Prediction
@@ -59,6 +59,10 @@ ADVICE_OF_VISITS = ADVICE | {
     "model": "ask for more parameters, as the model leaves that much out of a coordinate",
     "repeatability": "none by a calibration: the joints come back no better",
 }
+
+MODELS_HEADER = ["model", "log evidence", "weight", "left out [mm]"]
+IN_TASKS = "expected [mm]"
+EXTENDED = "extended.toml"  # the study of the chosen model
 
 
 def error_budget(found: ErrorBudget, of_visits: bool = False, planned: bool = True) -> str:
@@ -147,12 +151,59 @@ def assumed_joint(part: JointPart, key: str = SPRINGS) -> str:
     return f"{error} by {joint.name}, which counts as known: {known}{told}"
 
 
-def judged_show(found: Judged) -> ShownPage:
+def calibration_show(found: Calibration) -> ShownPage:
     """The poses of the sheet, with the distances of their readings from the fit."""
     return ShownPage(stage_of_calibration(found))
 
 
-def calibration_text(found: Calibration) -> str:
+def extension_lines(found: Extension | None) -> list[str]:
+    """Lines for terminals; none where nobody asked for models."""
+    if found is None:
+        return []
+    header, rows = models_table(found)
+    return [
+        f"which model the sheet needs, of {found.tried} that were weighed",
+        text_table(header, rows),
+        *models_sentences(found),
+    ]
+
+
+def models_table(found: Extension) -> tuple[list[str], list[list[str]]]:
+    """A header, and a row for each model."""
+    tells = found.expected == found.expected
+    rows = [
+        [
+            one.words,
+            f"{-one.weighed.score / 2:.1f}",
+            percent(one.weight),
+            f"{1e3 * one.left_out:.3g}",
+            *([f"{1e3 * one.expected:.2g}"] if tells else []),
+        ]
+        for one in found.shown
+    ]
+    return MODELS_HEADER + [IN_TASKS] * tells, rows
+
+
+def models_sentences(found: Extension) -> list[str]:
+    """What remains undecided, what that costs, and which study has the chosen model."""
+    sentences = []
+    if found.open:
+        pieces = ", ".join(f"{name} ({percent(found.inclusion[name])})" for name in found.open)
+        sentences.append(f"undecided, with the probability that it is there: {pieces}")
+    if found.expected == found.expected:
+        sentences.append(
+            f"expected error {1e3 * found.expected:.2g} mm {found.study.tasks.place}, with "
+            f"{1e3 * found.undecided:.2g} mm that remain undecided between the models"
+        )
+    if found.chosen.pieces:
+        sentences.append(
+            f"this is the result of the first model; {EXTENDED} beside k.json is its study, for "
+            "predictions and commands"
+        )
+    return sentences
+
+
+def spring_calibration_text(found: SpringCalibration) -> str:
     """Compliances, how well they fit, the accuracy to expect, and the verdict."""
     lines = [*_compliances(found), *_fit(found), *_rows(found), *_accuracy(found)]
     lines += extension_lines(found.extension)
@@ -161,7 +212,7 @@ def calibration_text(found: Calibration) -> str:
     return "\n".join([*lines, *notes(found.findings), f"verdict: {found.verdict}"])
 
 
-def _compliances(found: Calibration) -> list[str]:
+def _compliances(found: SpringCalibration) -> list[str]:
     """Estimates with standard deviations, and their correlation."""
     fit = found.fit
     names = found.parameters
@@ -190,7 +241,7 @@ def _compliances(found: Calibration) -> list[str]:
     return lines
 
 
-def _fit(found: Calibration) -> list[str]:
+def _fit(found: SpringCalibration) -> list[str]:
     """Chi-square and the noise."""
     fit = found.fit
     p = (
@@ -220,7 +271,7 @@ def _parts_of_noise(noise: NoiseEstimate) -> str:
     return f"noise by visits and markers: {', '.join(told)}"
 
 
-def _accuracy(found: Calibration) -> list[str]:
+def _accuracy(found: SpringCalibration) -> list[str]:
     """The error to expect in the test pose; nothing without one."""
     lines = []
     if found.verdict == "bad":
@@ -240,7 +291,7 @@ def _accuracy(found: Calibration) -> list[str]:
     return lines
 
 
-def _rows(found: Calibration) -> list[str]:
+def _rows(found: SpringCalibration) -> list[str]:
     """The pose that fits least, the row that counts most, and the outliers."""
     fit = found.fit
     pose = found.data.pose
@@ -263,7 +314,7 @@ def _rows(found: Calibration) -> list[str]:
     return lines
 
 
-def calibration_notebook(found: Calibration) -> str:
+def spring_calibration_notebook(found: SpringCalibration) -> str:
     """A row for each compliance, and the findings."""
     rows = []
     for row in found.to_frame().to_dict(orient="records"):
@@ -276,7 +327,7 @@ def calibration_notebook(found: Calibration) -> str:
     return notebook_table(found.headline(), header, rows, said)
 
 
-def calibration_plot(found: Calibration, ax: Any = None) -> Any:
+def spring_calibration_plot(found: SpringCalibration, ax: Any = None) -> Any:
     """Draw 95 % intervals of the compliances, and the residuals below them.
 
     Returns:
@@ -291,7 +342,7 @@ def calibration_plot(found: Calibration, ax: Any = None) -> Any:
     return axes
 
 
-def _title(found: Calibration) -> str:
+def _title(found: SpringCalibration) -> str:
     """The accuracy to expect, and the verdict."""
     if found.study.target is None:
         return f"verdict: {found.verdict}"

@@ -10,13 +10,12 @@ from edtk.design.exact.day import PosesByLoad
 from edtk.findings.finding import notes
 from edtk.fit.fitted_geometry import root_mean_square
 from edtk.measure.pose_table import in_file_units, pose_columns
-from edtk.report.extension import extension_lines
 from edtk.report.geometry_report import MOST_MARKERS, robot_stands
 from edtk.report.show.page import ShownPage
 from edtk.report.show.stage import shares, stage_of_plan
 from edtk.report.shown import expected_rho0, left_out_line, places_of
 from edtk.report.tables import name_width, number_columns
-from edtk.report.views.calibration import budget_lines
+from edtk.report.views.calibration import budget_lines, extension_lines
 from edtk.report.views.evaluation import criteria_lines, deviation_lines
 from edtk.report.views.plan import experiments, on_limits, search_lines
 from edtk.robots.frames import MM
