@@ -17,7 +17,7 @@ from edtk.calibration.prediction import (
     in_columns,
     tool_from_rows,
 )
-from edtk.calibration.result_file import read_geometry
+from edtk.calibration.result_file import POSSIBLE, possible_springs, read_geometry
 from edtk.calibration.tasks_in_use import ToolInUse, reading_findings
 from edtk.findings.counting import Counting
 from edtk.findings.prior import unstated
@@ -221,14 +221,13 @@ class CalibratedGeometry(Calibrated):
         Raises:
             UserError: It is not valid.
         """
-        given = self.result.get("possible_springs")
-        if given is None:
-            return None
         names = tuple(one.name for one in self.fitted.model.parameters)
-        try:
-            return PiecesLeft.from_dict(given, names, self.fitted.model.robot.n)
-        except (ValueError, AttributeError) as error:
-            raise UserError(str(error), where=self.where, key="possible_springs") from error
+        n = self.fitted.model.robot.n
+        return possible_springs(
+            self.result.get(POSSIBLE),
+            lambda table: PiecesLeft.from_dict(table, names, n),
+            self.where,
+        )
 
     @cached_property
     def on_tool(self) -> FittedGeometry:

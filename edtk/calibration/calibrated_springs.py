@@ -12,7 +12,12 @@ from edtk.calibration.compensate import Calibrated, Commanded, Compensation, ban
 from edtk.calibration.model_left import ModelLeft
 from edtk.calibration.prediction import Columns, Prediction, beyond_limits, in_columns
 from edtk.calibration.propagation import FittedSprings, root_of
-from edtk.calibration.result_file import OTHER_ROBOT, springs_of_dict
+from edtk.calibration.result_file import (
+    OTHER_ROBOT,
+    POSSIBLE,
+    possible_springs,
+    springs_of_dict,
+)
 from edtk.calibration.spring_calibration import SpringCalibration
 from edtk.calibration.tasks_in_use import ToolInUse, reading_findings
 from edtk.design.plan import REPEATS
@@ -40,7 +45,6 @@ from edtk.study.study_model import assumed_joints, study_sigma
 from edtk.system.errors import UserError
 from edtk.system.typing import Array, Indices
 
-POSSIBLE = "possible_springs"  # key of what errors of the model leave possible
 BUCKLED = 1e-8  # [rad or m]: an arm that settles farther from the desired joints has buckled
 
 
@@ -95,22 +99,14 @@ class CalibratedSprings(Calibrated):
         Raises:
             UserError: What the result says of them is not valid.
         """
-        return self._model(self.identified.possible, POSSIBLE)
+        return self._model(self.identified.possible)
 
-    def _model(self, given: object, key: str) -> ModelLeft | None:
-        """What errors of the model leave possible, as a file says it; None where it does not.
-
-        Raises:
-            UserError: It is not valid.
-        """
-        if given is None:
-            return None
-        try:
-            if not isinstance(given, Mapping):
-                raise ValueError(f"{POSSIBLE}: expected a table")
-            return ModelLeft.from_dict(given, self.study.model.unknown or (), self.study.robot.n)
-        except ValueError as error:
-            raise UserError(str(error), where=self.where, key=key) from error
+    def _model(self, given: object, key: str = POSSIBLE) -> ModelLeft | None:
+        """The same, as a file says it."""
+        joints, n = self.study.model.unknown or (), self.study.robot.n
+        return possible_springs(
+            given, lambda table: ModelLeft.from_dict(table, joints, n), self.where, key
+        )
 
     @property
     def compliances(self) -> Mapping[str, float]:

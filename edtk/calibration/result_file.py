@@ -4,10 +4,10 @@ Commands and predictions need the table `prediction` of compliances alone, or `g
 of the measured poses need `poses`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -41,9 +41,37 @@ OTHERWISE = {
     "shown": "the study's controller counts joints otherwise than when the result was made",
     "loads": "the study's load point, payload or masses are not those of the result",
 }
+POSSIBLE = "possible_springs"  # key of what errors of the model leave possible
 OTHER_ROBOT = "the result is of another robot or tool than the study's"
 MOST_POSES = 2000  # of a file, which people read too
 POSE_KEYS = ("q", "wrench", "repeats", "residual_mm")
+
+
+Left = TypeVar("Left")
+
+
+def possible_springs(
+    given: object, read: Callable[[Mapping[str, Any]], Left], where: Path | str, key: str = POSSIBLE
+) -> Left | None:
+    """What errors of the model leave possible, as a file says it; None where it does not.
+
+    Args:
+        given: What stands there.
+        read: Reads the table.
+        where: The file, for messages.
+        key: The place in it.
+
+    Raises:
+        UserError: It is not valid.
+    """
+    if given is None:
+        return None
+    try:
+        if not isinstance(given, Mapping):
+            raise ValueError(f"{POSSIBLE}: expected a table")
+        return read(given)
+    except ValueError as error:
+        raise UserError(str(error), where=where, key=key) from error
 
 
 def geometry_result(given: object) -> Mapping[str, Any]:

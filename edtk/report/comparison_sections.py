@@ -14,7 +14,7 @@ from edtk.report.calibration_sections import TOOL_POINT, task_sentence, task_tab
 from edtk.report.shown import other_plans, plans_of, run_unit, shown_unit
 from edtk.report.tables import markdown_table, number, percent
 from edtk.report.views.calibration import assumed_besides
-from edtk.report.views.geometry import about
+from edtk.report.views.evaluation import about
 from edtk.report.views.study import budget_of_run
 from edtk.robots.workspace import joints_on_limits, on_limits_in_words
 from edtk.study.plan_study import day_costs

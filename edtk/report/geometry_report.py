@@ -20,7 +20,13 @@ from edtk.report.page import (
     verdict,
 )
 from edtk.report.shown import left_out_sentence, places_of
-from edtk.report.views.calibration import ADVICE_OF_VISITS, of_the_total, total_expected
+from edtk.report.views.calibration import (
+    ADVICE_OF_VISITS,
+    MOST_MARKERS,
+    of_the_total,
+    robot_stands,
+    total_expected,
+)
 from edtk.robots.frames import MM
 from edtk.study.schema import describe_noise
 from edtk.system.typing import Array
@@ -28,7 +34,6 @@ from edtk.system.typing import Array
 ROWS_SHOWN = 8  # rows of the table of poses
 PICTURE_HEIGHT = 2.9
 MOST_PICTURES = 8  # of markers
-MOST_MARKERS = 12  # whose places are listed
 
 
 def measured_positions(found: GeometricCalibration) -> Facts:
@@ -81,16 +86,6 @@ def _loads(wrench: Array) -> str:
     """How many poses are loaded."""
     loaded = int(wrench.any(axis=1).sum())
     return f"{loaded} of {len(wrench)} visits" if loaded else ""
-
-
-def robot_stands(base: Array) -> str:
-    """Where the world of the drawing is in the frame of the instrument, in words."""
-    from scipy.spatial.transform import Rotation
-
-    vector = np.rad2deg(Rotation.from_matrix(base[:3, :3]).as_rotvec())
-    place = ", ".join(f"{x:.2f}" for x in MM * base[:3, 3])
-    turn = ", ".join(f"{x:.3f}" for x in vector)
-    return f"at ({place}) mm, turned by the rotation vector ({turn}) deg"
 
 
 def geometry_sections(found: GeometricCalibration) -> list[str]:

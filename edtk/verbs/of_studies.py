@@ -277,8 +277,7 @@ class OfStudy(Question):
 
     def _proved_on_candidates(self, found: "ExactPlan", call: PlanCall) -> "ExactPlan":
         """The plan with what is proved of all plans of as many experiments on candidates."""
-        from edtk.study.plan_study import RunOptions, study_errors
-        from edtk.study.prove_study import prove_on_candidates
+        from edtk.study.plan_study import RunOptions, prove_on_candidates, study_errors
 
         options = RunOptions(seed=call.seed, progress=call.progress)
         try:

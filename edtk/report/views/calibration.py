@@ -1,15 +1,13 @@
-"""Calibrations of compliances, posteriors, and predictions by any calibration."""
+"""Calibrations of springs and of geometry, their posteriors and predictions."""
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edtk.calibration.calibration import Calibration, Extension
 from edtk.calibration.model_left import SHARE
-from edtk.calibration.posterior_check import PoseError, PosteriorCheck
-from edtk.calibration.spring_calibration import SpringCalibration
 from edtk.findings.finding import notes, row_names, shown_probability
 from edtk.fit.estimate_noise import NoiseEstimate
+from edtk.fit.fitted_geometry import root_mean_square
 from edtk.fit.identify import Identification
 from edtk.fit.posterior import Posterior
 from edtk.measure.expected_error import ErrorBudget, JointPart
@@ -25,19 +23,27 @@ from edtk.report.shown import (
     SMALL,
     digits,
     displacement_in_words,
+    expected_rho0,
     left_out_line,
     places_of,
     with_digits,
 )
 from edtk.report.tables import MOST_LINES, name_width, notebook_table, percent, text_table
+from edtk.robots.frames import MM
+from edtk.system.typing import Array
 
 if TYPE_CHECKING:
+    from edtk.calibration.calibration import Calibration, Extension
+    from edtk.calibration.geometric_calibration import GeometricCalibration
+    from edtk.calibration.posterior_check import PoseError, PosteriorCheck
     from edtk.calibration.prediction import Prediction
+    from edtk.calibration.spring_calibration import SpringCalibration
 
 
 ERRORS = ("error_mm", "error_deg")
 # What the parts leave out where displacements are counted from the rigid robot.
 NOT_IN_IT = "errors of the robot's geometry, and of its place in the measuring frame"
+MOST_MARKERS = 12  # whose places are listed
 # What makes each part smaller.
 ADVICE = {
     "noise": "measure more experiments, or with less noise",
@@ -151,12 +157,12 @@ def assumed_joint(part: JointPart, key: str = SPRINGS) -> str:
     return f"{error} by {joint.name}, which counts as known: {known}{told}"
 
 
-def calibration_show(found: Calibration) -> ShownPage:
+def calibration_show(found: "Calibration") -> ShownPage:
     """The poses of the sheet, with the distances of their readings from the fit."""
     return ShownPage(stage_of_calibration(found))
 
 
-def extension_lines(found: Extension | None) -> list[str]:
+def extension_lines(found: "Extension | None") -> list[str]:
     """Lines for terminals; none where nobody asked for models."""
     if found is None:
         return []
@@ -168,7 +174,7 @@ def extension_lines(found: Extension | None) -> list[str]:
     ]
 
 
-def models_table(found: Extension) -> tuple[list[str], list[list[str]]]:
+def models_table(found: "Extension") -> tuple[list[str], list[list[str]]]:
     """A header, and a row for each model."""
     tells = found.expected == found.expected
     rows = [
@@ -184,7 +190,7 @@ def models_table(found: Extension) -> tuple[list[str], list[list[str]]]:
     return MODELS_HEADER + [IN_TASKS] * tells, rows
 
 
-def models_sentences(found: Extension) -> list[str]:
+def models_sentences(found: "Extension") -> list[str]:
     """What remains undecided, what that costs, and which study has the chosen model."""
     sentences = []
     if found.open:
@@ -203,7 +209,7 @@ def models_sentences(found: Extension) -> list[str]:
     return sentences
 
 
-def spring_calibration_text(found: SpringCalibration) -> str:
+def spring_calibration_text(found: "SpringCalibration") -> str:
     """Compliances, how well they fit, the accuracy to expect, and the verdict."""
     lines = [*_compliances(found), *_fit(found), *_rows(found), *_accuracy(found)]
     lines += extension_lines(found.extension)
@@ -212,7 +218,7 @@ def spring_calibration_text(found: SpringCalibration) -> str:
     return "\n".join([*lines, *notes(found.findings), f"verdict: {found.verdict}"])
 
 
-def _compliances(found: SpringCalibration) -> list[str]:
+def _compliances(found: "SpringCalibration") -> list[str]:
     """Estimates with standard deviations, and their correlation."""
     fit = found.fit
     names = found.parameters
@@ -241,7 +247,7 @@ def _compliances(found: SpringCalibration) -> list[str]:
     return lines
 
 
-def _fit(found: SpringCalibration) -> list[str]:
+def _fit(found: "SpringCalibration") -> list[str]:
     """Chi-square and the noise."""
     fit = found.fit
     p = (
@@ -271,7 +277,7 @@ def _parts_of_noise(noise: NoiseEstimate) -> str:
     return f"noise by visits and markers: {', '.join(told)}"
 
 
-def _accuracy(found: SpringCalibration) -> list[str]:
+def _accuracy(found: "SpringCalibration") -> list[str]:
     """The error to expect in the test pose; nothing without one."""
     lines = []
     if found.verdict == "bad":
@@ -291,7 +297,7 @@ def _accuracy(found: SpringCalibration) -> list[str]:
     return lines
 
 
-def _rows(found: SpringCalibration) -> list[str]:
+def _rows(found: "SpringCalibration") -> list[str]:
     """The pose that fits least, the row that counts most, and the outliers."""
     fit = found.fit
     pose = found.data.pose
@@ -314,7 +320,7 @@ def _rows(found: SpringCalibration) -> list[str]:
     return lines
 
 
-def spring_calibration_notebook(found: SpringCalibration) -> str:
+def spring_calibration_notebook(found: "SpringCalibration") -> str:
     """A row for each compliance, and the findings."""
     rows = []
     for row in found.to_frame().to_dict(orient="records"):
@@ -327,7 +333,7 @@ def spring_calibration_notebook(found: SpringCalibration) -> str:
     return notebook_table(found.headline(), header, rows, said)
 
 
-def spring_calibration_plot(found: SpringCalibration, ax: Any = None) -> Any:
+def spring_calibration_plot(found: "SpringCalibration", ax: Any = None) -> Any:
     """Draw 95 % intervals of the compliances, and the residuals below them.
 
     Returns:
@@ -342,12 +348,130 @@ def spring_calibration_plot(found: SpringCalibration, ax: Any = None) -> Any:
     return axes
 
 
-def _title(found: SpringCalibration) -> str:
+def _title(found: "SpringCalibration") -> str:
     """The accuracy to expect, and the verdict."""
     if found.study.target is None:
         return f"verdict: {found.verdict}"
     rho0 = 1e3 * found.fitted.noise_fit.accuracy(found.study.target)[0]
     return f"rho0 = {rho0:.4g} mm, verdict: {found.verdict}"
+
+
+def robot_stands(base: Array) -> str:
+    """Where the world of the drawing is in the frame of the instrument, in words."""
+    from scipy.spatial.transform import Rotation
+
+    vector = np.rad2deg(Rotation.from_matrix(base[:3, :3]).as_rotvec())
+    place = ", ".join(f"{x:.2f}" for x in MM * base[:3, 3])
+    turn = ", ".join(f"{x:.3f}" for x in vector)
+    return f"at ({place}) mm, turned by the rotation vector ({turn}) deg"
+
+
+def geometric_calibration_text(found: "GeometricCalibration") -> str:
+    """Parameters, how well poses are predicted that were left out, and the verdict."""
+    fit = found.fit
+    lines = [
+        f"{fit.data.count} positions of {len(fit.data.markers)} markers in {fit.data.poses} poses"
+        + (f", {len(found.left_out)} visits left out" if found.left_out else ""),
+        f"{fit.rank} parameters can be told apart"
+        + (f" of {fit.structural} that better poses would tell" if fit.open else "")
+        + "; each is added to what the drawing, the study's markers",
+        "or the place of the robot say",
+        f"robot in the instrument's frame: {robot_stands(found.base)}",
+        *_parameters(found),
+        *_redundant(found),
+        *_quality(found),
+    ]
+    lines += extension_lines(found.extension)
+    lines += notes(found.findings)
+    lines += [f"assumed: {line}" for line in found.assumed]
+    if found.check is not None:
+        lines += ["posterior", found.check.summary()]
+    return "\n".join([*lines, f"verdict: {found.verdict}"])
+
+
+def _parameters(found: "GeometricCalibration") -> list[str]:
+    """A line for each parameter, but of the places of many markers for those of the first few."""
+    named = found.fit.data.markers[:MOST_MARKERS]
+    every = found.fit.fitted.model.parameters
+    parameters = [one for one in every if one.place != "tool" or one.of in named]
+    width = name_width([one.name for one in parameters], 6)
+    lines = []
+    for one in parameters:
+        own = found.parameters[one.name]
+        places = places_of(own["std"])
+        value = f"{own['value']:10.{places}f} +- {own['std']:.{places}f} {one.unit}"
+        lines.append(f"  {one.name:{width}}{value}  {one.words}")
+    others = [one for one in every if one not in parameters]
+    if others:
+        units = dict.fromkeys(one.unit for one in others)
+        std = " and ".join(
+            f"{max(found.parameters[o.name]['std'] for o in others if o.unit == unit):.2g} {unit}"
+            for unit in units
+        )
+        count = len({one.of for one in others})
+        lines.append(
+            f"  and the places of {count} more markers, each known to +- {std} or better; "
+            "--out or --json says where they are"
+        )
+    return lines
+
+
+def _redundant(found: "GeometricCalibration") -> list[str]:
+    """How many parameters are not fitted, since others do what they do."""
+    count = len(found.fit.redundant)
+    if not count:
+        return []
+    others = "1 other cannot" if count == 1 else f"{count} others cannot"
+    return [f"{others} be told apart from these, and count as drawn; the report says which"]
+
+
+def _turns(found: "GeometricCalibration") -> list[str]:
+    """How well orientations fit, where they were measured."""
+    turns = found.fit.turns
+    if turns is None:
+        return []
+    fit, left_out = (
+        float(np.rad2deg(root_mean_square(part))) for part in (turns.residual, turns.left_out)
+    )
+    return [f"orientations: {fit:.3g} deg rms off in the fit, {left_out:.3g} deg left out"]
+
+
+def _quality(found: "GeometricCalibration") -> list[str]:
+    """How well positions fit, and are predicted."""
+    fit = found.fit
+    noise = fit.fitted.noise
+    joints = max(noise.model_joints.tolist(), default=0.0)
+    sizes = {
+        "each joint were off by {:.3g} mrad": joints,
+        "each coordinate by {:.3g} mm": noise.model_white,
+        "each orientation by {:.3g} deg": np.rad2deg(1e-3 * (noise.model_turn or 0.0)),
+    }
+    parts = " and ".join(text.format(size) for text, size in sizes.items() if size)
+    left_out = f"errors that the model does not explain: as if {parts}, anew in each pose"
+    if not parts:
+        left_out = "the residuals show no errors that the model does not explain"
+    if noise.unknown:
+        size = f"the residuals tell the noise: a coordinate is off by {fit.reading:.3g} mm"
+        beside = f"; besides as if {parts}, anew in each pose" if parts else ""
+        left_out = f"{size}, with what the model leaves out of it{beside}"
+    repeats = f"; repeats of readings scatter by {fit.reading:.3g} mm" if noise.repeats else ""
+    if noise.repeats and noise.turn is not None:
+        repeats += f" and {np.rad2deg(1e-3 * noise.turn):.3g} deg"
+    alone = f"{MM * fit.placed:.4g} mm rms with base and tools fitted alone, "
+    if np.isnan(fit.placed):
+        alone = ""  # differences of readings place nothing
+    return [
+        f"distance of positions: {alone}{MM * fit.rms:.4g} mm rms with all fitted",
+        left_out_line(found.loo_rms_mm, fit.share_inside),
+        *_turns(found),
+        *(
+            [expected_rho0(found.rho0_mm, found.in_tasks), str(found.expected)]
+            if found.rho0_mm is not None
+            else []
+        ),
+        *budget_lines(found.budget, of_visits=True, planned=False),
+        left_out + repeats,
+    ]
 
 
 def identification_text(fit: Identification) -> str:
@@ -356,7 +480,7 @@ def identification_text(fit: Identification) -> str:
     return f"{fit.headline()}\n{table}"
 
 
-def pose_error_text(error: PoseError) -> str:
+def pose_error_text(error: "PoseError") -> str:
     """Error after compensation, and displacement under the task's load [mm]."""
     place = error.place.removeprefix("in the ").removeprefix("in ")
     text = (
@@ -410,7 +534,7 @@ def posterior_text(found: Posterior) -> str:
     return f"{found.headline()}\n{table}"
 
 
-def posterior_check_text(check: PosteriorCheck) -> str:
+def posterior_check_text(check: "PosteriorCheck") -> str:
     """Standard deviations beside those of the fit, intervals, noise, and the test pose."""
     column, label = check.compared
     width = name_width(check.table["parameter"], 8)
@@ -443,7 +567,7 @@ def posterior_check_text(check: PosteriorCheck) -> str:
     return "\n".join(lines)
 
 
-def posterior_check_notebook(check: PosteriorCheck) -> str:
+def posterior_check_notebook(check: "PosteriorCheck") -> str:
     """A row for each parameter, and the test pose."""
     column, label = check.compared
     rows = []
@@ -458,7 +582,7 @@ def posterior_check_notebook(check: PosteriorCheck) -> str:
     return notebook_table(check.headline(), header, rows, notes)
 
 
-def posterior_check_plot(check: PosteriorCheck, ax: Any = None) -> Any:
+def posterior_check_plot(check: "PosteriorCheck", ax: Any = None) -> Any:
     """Draw each parameter, and each pair of them; lines are at the reference.
 
     Returns:

@@ -1,18 +1,26 @@
 """The worth of plans under all criteria, and what the linear model costs."""
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import criteria
 from criteria.criterion import printed
 from edtk.calibration.planned import PlanBias
+from edtk.design.exact.day import PosesByLoad
 from edtk.report.draw.names import name_ticks
 from edtk.report.figures import BLUE, panels
+from edtk.report.shown import expected_rho0
 from edtk.report.tables import left_table, name_width, notebook_table, text_table
 from edtk.report.views.calibration import budget_lines
 from edtk.study.evaluate import Evaluation
+from edtk.system.typing import Array
+
+if TYPE_CHECKING:
+    from edtk.calibration.evaluate_geometry import GeometryEvaluation
+    from edtk.calibration.geometry_plan import GeometryPlan
+    from edtk.calibration.geometry_question import GeometryQuestion
 
 
 def criteria_table(rows: Iterable[Mapping[str, Any]]) -> str:
@@ -51,6 +59,77 @@ def evaluation_text(found: Evaluation) -> str:
         unit = found.units[-1]
         lines += [f"  {name:{width}}{std:.4g} {unit}" for name, std in found.interest.items()]
     return "\n".join(lines)
+
+
+def geometry_evaluation_text(found: "GeometryEvaluation") -> str:
+    """What is told, a line for each criterion, and one for each standard deviation."""
+    question = found.question
+    lines = [
+        f"{found.experiments} visits of {len(found.poses.q)} poses"
+        + (", beside what is known before" if found.with_prior else ""),
+        *visits_by_load(found.poses),
+        f"{found.rank} parameters can be told apart"
+        + (f" of {question.model.p} that better poses would tell" if found.open else ""),
+        *(f"open: {words}" for words in found.open),
+        *(f"not told by feasible poses: {words}" for words in question.untold),
+        *rho0_of_visits(found),
+        *about(question),
+    ]
+    deviations = deviation_lines(found, (one.words for one in found.parameters))
+    return "\n".join([*lines, *criteria_lines(found), *deviations])
+
+
+def rho0_of_visits(found: "GeometryEvaluation | GeometryPlan") -> list[str]:
+    """The error in the test poses, if nothing open moves it; it may be a criterion's value, too."""
+    tasks = found.question.study.tasks
+    if found.rho0 is None:
+        return [f"no rho0: what is open moves {tasks.subject} {tasks.place}"] if tasks else []
+    return [
+        expected_rho0(1e3 * found.rho0, tasks),
+        *([] if found.expected is None else [str(found.expected)]),
+        *budget_lines(found.error_budget, of_visits=True),
+        *(f"in the tasks taken as drawn: {words}" for words in found.question.as_drawn),
+    ]
+
+
+def about(question: "GeometryQuestion") -> list[str]:
+    """What the criteria are about, where that is not all that is unknown."""
+    table = question.study.specification.interest
+    if table is None:
+        return []
+    names = " and ".join(table.parameters)
+    return [f"criteria but rho0 and rho_max are about {names}; the rest is unknown too"]
+
+
+def visits_by_load(poses: PosesByLoad) -> list[str]:
+    """What loads the visits of each column; nothing where none is loaded."""
+    if len(poses.wrenches) == 1:
+        return []
+    lines = []
+    for i, (W, visits) in enumerate(zip(poses.wrenches, poses.visits.T, strict=True)):
+        what = "without a load" if not W.any() else f"under {load_name(poses, i)}, {_wrench(W)}"
+        count = visits.sum()
+        lines.append(f"{count} visit{'' if count == 1 else 's'} {what}")
+    both = int(((poses.visits > 0).sum(axis=1) > 1).sum())
+    if both:
+        lines.append(f"{both} of the poses are visited under more than one of them")
+    return lines
+
+
+def load_name(poses: PosesByLoad, load: int) -> str:
+    """What a load is called in the table."""
+    return "load" if len(poses.wrenches) == 2 else f"load {load}"
+
+
+def _wrench(W: Array) -> str:
+    """A wrench (6,) in words."""
+    parts = [
+        f"{letter} = ({', '.join(f'{x:g}' for x in part)}) {unit}"
+        for letter, part, unit in (("F", W[:3], "N"), ("T", W[3:6], "N m"))
+        if part.any()
+    ]
+    where = f" at ({', '.join(f'{x:g}' for x in 1e3 * W[6:])}) mm" if len(W) > 6 else ""
+    return ", ".join(parts) + where
 
 
 def criteria_lines(found: Evaluation) -> list[str]:

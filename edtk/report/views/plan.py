@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from edtk.design.bound import BoundKind, printed_form
 from edtk.design.detection import ENOUGH, Detection, Separation
-from edtk.design.exact.day import DayPlan
+from edtk.design.exact.day import DayPlan, PosesByLoad
 from edtk.design.exact.exact_plan import ExactPlan, Placement, TriedPlace
 from edtk.design.plan import Plan
 from edtk.measure.pose_table import (
@@ -25,11 +25,15 @@ from edtk.report.shown import plain
 from edtk.report.tables import notebook_table, number_columns, text_table
 from edtk.report.views.calibration import error_budget
 from edtk.report.views.day import day_lines
+from edtk.report.views.evaluation import about, load_name, rho0_of_visits, visits_by_load
 from edtk.robots.frames import MM
 from edtk.robots.robot import Robot
 from edtk.robots.workspace import on_limits_in_words
 from edtk.study.study import Study
 from edtk.system.typing import Array
+
+if TYPE_CHECKING:
+    from edtk.calibration.geometry_plan import GeometryPlan
 
 NO_BUDGET = "no error budget: it needs [simulation], and a plan that tells all compliances"
 # Guesses at which plans are local: where they stand, and what is other if they are off.
@@ -482,3 +486,68 @@ def exact_plan_plot(found: ExactPlan, ax: Any = None) -> Any:
         ax.set_xlabel(f"{ax.get_xlabel()}; grey: kept")
     ax.set_title(plain(found.headline()), fontsize=10)
     return ax
+
+
+def geometry_plan_show(found: "GeometryPlan") -> ShownPage:
+    """The visits in the order of their sheet, with the share of the information of each."""
+    question = found.question
+    criterion = found.relaxed.criterion
+    stage = stage_of_plan(
+        question.study, found.whole, lambda plan: shares(question.information, criterion, plan)
+    )
+    return ShownPage(stage)
+
+
+def geometry_plan_text(found: "GeometryPlan") -> str:
+    """Value, bound, what is identified, what the day costs, and the poses with their visits."""
+    poses = found.poses
+    lines = search_lines(
+        found,
+        f"{found.whole.experiments} visits of {len(poses.q)} poses",
+        "is known before",
+        [
+            *_identified(found),
+            *rho0_of_visits(found),
+            *_loads(found, poses),
+        ],
+        "the parameters",
+    )
+    table = experiments(found) if found.question.chooses_forces else _visits(found, poses)
+    return "\n".join([*lines, *table, *on_limits(found)])
+
+
+def _loads(found: "GeometryPlan", poses: PosesByLoad) -> list[str]:
+    """What loads the visits of each column, or each visit."""
+    if not found.question.chooses_forces:
+        return visits_by_load(poses)
+    return [f"each visit under {found.question.study.specification.describe_load()}"]
+
+
+def _identified(found: "GeometryPlan") -> list[str]:
+    """How many parameters a plan tells, and what no plan of this study does."""
+    question = found.question
+    lines = [f"{question.model.p} parameters can be told apart"]
+    if question.model.p < question.structural.p:
+        lines[0] += f" of {question.structural.p} that any poses would tell"
+    lines += [f"not told by feasible poses: {words}" for words in question.untold]
+    return [*lines, *about(question)]
+
+
+def _visits(found: "GeometryPlan", poses: PosesByLoad) -> list[str]:
+    """A header, and a line for each pose: its visits without and under each load, its joints."""
+    names = list(pose_columns(found.robot))
+    numbers = [[f"{x:.3f}" for x in row] for row in in_file_units(found.robot, poses.q)]
+    header, *rows = number_columns(names, numbers, 10)
+    if len(poses.wrenches) == 1:
+        heads = ["visits"]
+    elif len(poses.wrenches) == 2:
+        heads = ["unloaded", "loaded"]
+    else:
+        heads = ["no load", *(load_name(poses, i) for i in range(1, len(poses.wrenches)))]
+    lines = [f"{' '.join(f'{head:>8}' for head in heads)} {header}"]
+    kept = found.poses_kept
+    for own, row, times in zip(poses.visits, rows, kept, strict=True):
+        counts = " ".join(f"{number or '-':>8}" for number in own)
+        there = f"  {times} of them kept" if times else ""
+        lines.append(f"{counts} {row}{there}")
+    return lines
