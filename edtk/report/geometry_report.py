@@ -6,7 +6,13 @@ from edtk.calibration.geometric_calibration import GeometricCalibration
 from edtk.findings.finding import rows_in_words
 from edtk.fit.fitted_geometry import lengths, root_mean_square
 from edtk.measure.parameters import TITLES, Parameter
-from edtk.report.calibration_sections import Facts, budget_section, task_section
+from edtk.report.calibration_sections import (
+    ROWS_SHOWN,
+    Facts,
+    budget_section,
+    task_section,
+    verdict_box,
+)
 from edtk.report.draw.residuals import left_out_errors, marker_residuals
 from edtk.report.figures import new_figure
 from edtk.report.page import (
@@ -17,7 +23,6 @@ from edtk.report.page import (
     section,
     sentence,
     table,
-    verdict,
 )
 from edtk.report.shown import left_out_sentence, places_of
 from edtk.report.views.calibration import (
@@ -31,7 +36,6 @@ from edtk.robots.frames import MM
 from edtk.study.schema import describe_noise
 from edtk.system.typing import Array
 
-ROWS_SHOWN = 8  # rows of the table of poses
 PICTURE_HEIGHT = 2.9
 MOST_PICTURES = 8  # of markers
 
@@ -120,11 +124,10 @@ def _verdict(found: GeometricCalibration) -> str:
             total_expected(found.budget, found.in_tasks),
             *of_the_total(found.budget, of_visits=True),
         ]
-    lines = [sentence(one.words) for one in found.findings]
-    lines += [sentence(f"the study: {warning}") for warning in found.study.warnings]
-    if not lines:
-        lines = ["Nothing is wrong: all that was asked for is told, and no pose surprises."]
-    return verdict(level, [first, *(of_tasks if level != "bad" else ()), *lines])
+    promise = [first, *(of_tasks if level != "bad" else ())]
+    if not (found.findings or found.study.warnings):
+        promise.append("Nothing is wrong: all that was asked for is told, and no pose surprises.")
+    return verdict_box(found, promise, [sentence(one.words) for one in found.findings])
 
 
 def _expected(found: GeometricCalibration) -> str:

@@ -10,7 +10,7 @@ from edtk.findings.finding import Severity
 from edtk.findings.fitted_data import FittedData, HowFitted
 from edtk.fit.measurements import joint_motion, simulate
 from edtk.fit.noise import visit_covariance
-from edtk.report.calibration_sections import noise_parts
+from edtk.report.spring_report import noise_parts
 from edtk.report.views.calibration import spring_calibration_text as in_text
 from edtk.study.study import load_study
 from tests.support.readings import STUDY

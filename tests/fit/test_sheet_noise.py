@@ -17,7 +17,8 @@ from edtk.measure.pose_table import (
     PoseFileError,
     PoseTable,
 )
-from edtk.report.calibration_sections import evaluated_facts, facts_section, measured_facts
+from edtk.report.calibration_sections import facts_section
+from edtk.report.spring_report import evaluated_facts, measured_facts
 from edtk.verbs.template import template
 from tests.support.readings import PLAN, STUDY
 

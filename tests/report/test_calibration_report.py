@@ -22,11 +22,12 @@ from edtk.fit.measurements import Measurements, simulate
 from edtk.fit.posterior import SamplingOptions
 from edtk.fit.run_chain import Demand
 from edtk.measure.expected_error import ErrorBudget
-from edtk.report.calibration_report import calibration_report, calibration_verdict
-from edtk.report.calibration_sections import evaluated_facts, facts_section, measured_facts
+from edtk.report.calibration_report import calibration_report
+from edtk.report.calibration_sections import facts_section
 from edtk.report.draw.bars import error_budget, intervals
 from edtk.report.draw.residuals import drawn_rows, quantiles
 from edtk.report.shown import digits
+from edtk.report.spring_report import evaluated_facts, measured_facts, spring_verdict
 from edtk.study.study import load_study
 from edtk.version import __version__
 
@@ -82,7 +83,7 @@ def test_an_interval_where_sigma_is_estimated():
     found = calibrated(known=False)
     low, high = found.fit.accuracy(STUDY.target)[1]
     interval = f"(95 %: {1e3 * low:.2g} to {1e3 * high:.2g} mm)"
-    assert interval in calibration_verdict(found)
+    assert interval in spring_verdict(found)
 
 
 def test_one_bad_measurement():
@@ -94,7 +95,7 @@ def test_one_bad_measurement():
         return y
 
     found = calibrated(spoil)
-    text = calibration_verdict(found)
+    text = spring_verdict(found)
     assert level_of(text) == "bad"
     assert "Row 5: outlier" in text
     assert f"{found.fit.scale:.3g} times what the stated noise allows" in text
@@ -105,7 +106,7 @@ def test_nothing_is_wrong_if_nothing_is_noted():
     """Without a joint that counts as rigid nothing is noted, and only then nothing is wrong."""
     joints = STUDY.specification.joints.model_dump()
     study = STUDY.replace(joints=joints | {"known_rad_per_Nm": {"q1": 1e-7}})
-    box = calibration_verdict(calibrated(study=study))
+    box = spring_verdict(calibrated(study=study))
     assert "Nothing is wrong: the residuals fit the noise" in box
     assert "mm by q1, which counts as known: " in box
     assert box.count("<p>") == 4
@@ -128,7 +129,7 @@ def test_a_joint_that_the_loads_turn_is_named_where_the_sheet_does_not_fit(known
     )
     found = calibrated(study=study)
     assert found.verdict == "bad"
-    assert expected in calibration_verdict(found)
+    assert expected in spring_verdict(found)
 
 
 def test_a_headline_is_not_greener_than_a_warning(good):
@@ -137,7 +138,7 @@ def test_a_headline_is_not_greener_than_a_warning(good):
     doubt = Finding(Severity.WARNING, "test_pose", "test_pose.q_deg: are they in radians?", {})
     object.__setattr__(study, "warnings", (doubt,))
     found = replace(good[0], fitted=replace(good[0].fitted, study=study))
-    box = calibration_verdict(found)
+    box = spring_verdict(found)
     assert level_of(box) == found.to_dict()["verdict"] == "usable"
     assert found.to_dict()["study_warnings"] == [one.words for one in study.warnings]
     assert "<p>The study: test_pose.q_deg: are they in radians?</p>" in box
@@ -147,7 +148,7 @@ def test_a_compensation_that_does_harm():
     """Where doing nothing is better, the headline says so, and nothing promises accuracy."""
     study = STUDY.replace(uncertainty={"load_percent": 150.0})
     found = calibrated(study=study)
-    box = calibration_verdict(found)
+    box = spring_verdict(found)
     assert level_of(box) == "bad"
     assert "<p>Do not compensate with this: the expected error is" in box
     assert box.count("<p>") == 1
@@ -177,7 +178,7 @@ def test_the_picture_of_a_budget(largest):
 
 def test_negative_compliance():
     """Data of a joint that yields the wrong way are called wrong, and the parameter is named."""
-    text = calibration_verdict(calibrated(k=STUDY.compliances * [1, 1, 1, 1, -1]))
+    text = spring_verdict(calibrated(k=STUDY.compliances * [1, 1, 1, 1, -1]))
     assert level_of(text) == "bad"
     assert "<p>k6 comes out as -" in text
 
