@@ -185,7 +185,7 @@ class Beside:
         A, pieces = self._split(rows.design)
         m, r = rows.residual.shape
         noise = replace(fit.fitted.noise, model_change=(0.0, 0.0))
-        V = noise.of_pose(rows.motion, rows.places, rows.worth(fit.data), rows.differs(means))
+        V = rows.errors(noise)
         white = CorrelatedNoise.by_row(V.dense)
         data = Measurements(
             means.q, means.wrench, rows.residual, np.ones((m, r)), np.zeros((m, ROWS))

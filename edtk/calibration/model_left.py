@@ -347,8 +347,6 @@ class _Loaded:
         noise: The errors of a pose, as they were fitted.
         rows: Residuals and columns of the parameters.
         same: Of which visits these are.
-        worth: What the readings of each row are worth (m, k, rows).
-        differs: Which blocks (m,) are differences.
         pieces: What may be missing.
         columns: What they show.
     """
@@ -356,8 +354,6 @@ class _Loaded:
     noise: PositionNoise
     rows: PoseRows
     same: SamePoses
-    worth: Array
-    differs: Mask
     pieces: MissingPieces
     columns: MissingColumns
 
@@ -390,14 +386,11 @@ class _Loaded:
         # A stiffness that varies with the position is the same under all loads of a pose.
         pose = np.append(same.pose, 1 + same.pose.max() + np.arange(rows.beside))
         columns = MissingColumns(shown, pose, tilt * as_read(moved))
-        worth, differs = rows.worth(fit.data), rows.differs(means)
-        return cls(fitted.noise, rows, same, worth, differs, pieces, columns)
+        return cls(fitted.noise, rows, same, pieces, columns)
 
     def posterior(self, drawing: float, usual: float) -> "tuple[SizePosterior, float] | None":
         """Pieces beside errors of the drawing of a share, and the logarithm of its likelihood."""
-        rows = self.rows
-        given = (rows.motion, rows.places, self.worth, self.differs)
-        V = self.noise.of_drawing(drawing).of_pose(*given)
+        V = self.rows.errors(self.noise.of_drawing(drawing))
         noise = self._of_visits(V.dense)
         found = SizeLikelihood.of(*self._visits, noise, self.columns, usual).posterior
         return None if found is None else (found, found.evidence - V.inverse.log_det / 2)

@@ -353,14 +353,14 @@ def tool_from_rows(
     seen, motion, columns, apart = moved.moves(data.q, data.wrench, loads)
     seen = replace(seen, turns=tips.turns @ turned)
     slopes = moved.slopes(motion, seen.places)
-    own = moved.own_variances(motion, seen.places)
+    own = moved.own_variances(motion, seen.places, data.wrench)
     rows = moved.model.row_count
     for marker in range(len(data.markers)):
         chosen = np.flatnonzero(placing[:, marker])
         if not len(chosen):
             continue
         coordinates = slice(rows * marker, rows * (marker + 1))
-        placed = _Placing(moved, _axes(tips.turns[:, marker], rows), chosen, data.pose)
+        placed = _Placing(moved, _axes(tips.turns[:, marker], rows), chosen, data)
         columns[:, coordinates] = placed.less_mean(columns[:, coordinates])
         apart[:, coordinates] = placed.less_mean(apart[:, coordinates])
         placed.add_noise(motion, seen.places, coordinates, own, slopes)
@@ -373,21 +373,24 @@ def tool_from_rows(
 class _Placing:
     """The poses that place one marker, seen in the axes of the tool."""
 
-    def __init__(self, fitted: FittedGeometry, axes: Array, chosen: Indices, pose: Indices) -> None:
+    def __init__(
+        self, fitted: FittedGeometry, axes: Array, chosen: Indices, data: MarkerPositions
+    ) -> None:
         """Keep them.
 
         Args:
             fitted: The geometry, with the marker at its new place.
             axes: Axes (v, rows, rows) of the tool, in which the marker stands still.
             chosen: Visits (s,) that place it.
-            pose: Poses (v,) of all visits.
+            data: All visits.
         """
         self.fitted = fitted
         self.axes = axes
         self.chosen = chosen
-        self.pose = pose
+        self.pose = data.pose
+        self.loaded = np.asarray(data.wrench.any(axis=1))
         self.poses, self.first, self.counts = np.unique(
-            pose[chosen], return_index=True, return_counts=True
+            data.pose[chosen], return_index=True, return_counts=True
         )
 
     def less_mean(self, columns: Array) -> Array:
@@ -416,8 +419,9 @@ class _Placing:
         for pose, count in zip(self.poses, self.counts, strict=True):
             again[self.pose == pose] = -2 * count / s
         weights = (self.counts / s) ** 2
-        models = self._turned(noise.of_model(own_motion[self.first])[block], weights)
-        left = np.einsum("mrr->mr", noise.of_model(motion)[block])
+        every = noise.of_model(motion, loaded=self.loaded)[block]
+        models = self._turned(every[self._firsts], weights)
+        left = np.einsum("mrr->mr", every)
         own[:, coordinates] += readings + models + again[:, None] * left
         if slopes is None:
             return

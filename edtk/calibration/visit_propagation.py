@@ -201,10 +201,7 @@ class FitInverse(Inverse):
             before = known_before(fit.told_before.prior, fitted.model, fitted.theta)
         torque = loading_of(fitted.bending, means, setting.loads)
         rows = PoseRows.of(fitted.model, fitted.theta, means, torque, before)
-        V = fitted.noise.of_pose(
-            rows.motion, rows.places, rows.worth(fit.data), rows.differs(means)
-        )
-        work = rows.working(V, means).over(rows.weights(fit.weights))
+        work = rows.working(rows.errors(fitted.noise), means).over(rows.weights(fit.weights))
         return cls(Beside.of(rows.columns, work), work, fitted.model.scales, means.same_poses)
 
     @property
@@ -276,7 +273,7 @@ class OfFit(OfVisits):
         q = np.atleast_2d(task.q)
         wrench = np.tile(task.wrench, (len(q), 1))
         seen, motion, _, _ = robot.moves(q, wrench, self.setting.loads_of(task))
-        variances = np.einsum("mrr->mr", robot.anew(motion, seen.places))[:, robot.lengths]
+        variances = np.einsum("mrr->mr", robot.anew(motion, seen.places, wrench))[:, robot.lengths]
         return float(variances.sum(axis=1).mean()) / len(robot.model.markers) / MM**2
 
 

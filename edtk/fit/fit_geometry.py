@@ -23,7 +23,7 @@ from edtk.fit.pose_rows import (
     working,
 )
 from edtk.fit.prior import Prior, PriorRows
-from edtk.fit.restricted_likelihood import fit_model_error, noise_of_repeats
+from edtk.fit.restricted_likelihood import noise_of_repeats
 from edtk.measure.measured_model import MeasuredModel, Torque
 from edtk.measure.parameters import TURNS, Identifiable, Parameter, identifiable
 from edtk.measure.position_noise import PositionNoise
@@ -107,14 +107,14 @@ def fit_geometry(
     torque = loading_of(kept.bending(theta), means, loads)
     theta = fit_beside(kept, theta, means, torque, before, choice.size)
     theta, noise, weights = _in_turns(kept, theta, data, stated, loads, robust, before)
-    common, shown = _as_shown(kept, theta, noise, weights, data, loads, before)
+    shown = _as_shown(kept, theta, noise, weights, data, loads, before)
     beside = (
         choice.open,
         choice.told.shares,
         placed_tools(placed, start),
         placed_turns(placed, start),
     )
-    fit = judge_fit(kept, theta, shown, (common, weights), data, loads, beside, before)
+    fit = judge_fit(kept, theta, shown, (noise, weights), data, loads, beside, before)
     found = replace(
         fit,
         structural=choice.minimal.p,
@@ -417,21 +417,10 @@ def _in_turns(
     for turn in range(NOISE_ROUNDS):
         before = known_before(prior, model, theta)
         rows = PoseRows.of(model, theta, means, at_rest(theta, True), before)
-        differs = rows.differs(means)
         if not turn:
             noise = noise_of_repeats(data, rows.motion, rows.places, stated)[0]
-        trusted = rows.weighted(weights)
-        noise = fit_model_error(
-            noise,
-            rows.motion,
-            rows.places,
-            rows.worth(data),
-            trusted.residual,
-            trusted.columns,
-            slides,
-            differs=differs,
-        )
-        V = noise.of_pose(rows.motion, rows.places, rows.worth(data), differs)[: len(means)]
+        noise = rows.weighted(weights).with_model_error(noise, slides)
+        V = rows.errors(noise)[: len(means)]
         if robust:
             weights = _trusted(rows.residual[: len(means)], V, means)
         weighing = working(V, means).over(weights).inverse
@@ -454,8 +443,8 @@ def _as_shown(
     data: MarkerPositions,
     loads: Loads | None,
     prior: Prior,
-) -> tuple[Scatter, PositionNoise]:
-    """Covariances (m, r, r) that the fit was weighted by, and the noise that is stated with it.
+) -> PositionNoise:
+    """The noise that is stated with a fit, which was weighted by another.
 
     Weights have one size of the model's error for all joints, which predicts best; the stated noise
     has one a joint where the residuals say so, without which bands are too narrow where a load that
@@ -465,19 +454,7 @@ def _as_shown(
     torque = loading_of(model.bending(theta), means, loads)
     before = known_before(prior, model, theta)
     rows = PoseRows.of(model, theta, means, torque, before).weighted(weights)
-    differs = rows.differs(means)
-    shown = fit_model_error(
-        noise,
-        rows.motion,
-        rows.places,
-        rows.worth(data),
-        rows.residual,
-        rows.columns,
-        _slides(model),
-        singly=True,
-        differs=differs,
-    )
-    return noise.of_pose(rows.motion, rows.places, rows.worth(data), differs), shown
+    return rows.with_model_error(noise, _slides(model), singly=True)
 
 
 def _slides(model: MeasuredModel) -> Mask:

@@ -280,8 +280,8 @@ class FittedGeometry:
         """Positions of all markers in some poses, with 95 % bands.
 
         The covariance of a pose's coordinates is ``J C J' + R + D``, of the parameters, of a
-        reading and of what the model leaves out; and that of open parameters where they move the
-        markers.
+        reading and of what the model leaves out, under a load of that change besides; and that of
+        open parameters where they move the markers.
 
         Args:
             q: Joint variables (m, n) [rad or m].
@@ -290,7 +290,7 @@ class FittedGeometry:
             differs: Which readings (m,) are their changes under the wrench; None for none.
         """
         seen, motion, columns, apart = self.moves(q, wrench, loads, differs)
-        own = self.own_variances(motion, seen.places)
+        own = self.own_variances(motion, seen.places, wrench)
         slopes = self.slopes(motion, seen.places)
         if differs is not None and differs.any():
             changes = self.noise.of_change(motion[differs], seen.places[differs])
@@ -413,7 +413,8 @@ class FittedGeometry:
             assert slopes is not None
             slopes = slopes[:, kept].sum(axis=1)
             # Only the part that was fitted is uncertain.
-            own = np.einsum("mrr->mr", self.anew(motion, seen.places))[:, kept].sum(axis=1)
+            own = np.einsum("mrr->mr", self.anew(motion, seen.places, wrench))
+            own = own[:, kept].sum(axis=1)
             fitted = np.minimum(slopes @ fit.variances, own)
             share = fitted / np.einsum("mrr->m", C)
             dof = np.maximum(fit.relative_dof(slopes) / np.maximum(share, 1e-6) ** 2, LEAST_DOF)
@@ -441,23 +442,24 @@ class FittedGeometry:
             moved: What `moves` says there.
         """
         seen, motion, _, apart = moved
-        V = self.anew(motion, seen.places)
+        V = self.anew(motion, seen.places, wrench)
         by_cause = self.by_circumstances(q, wrench)
         for E in (apart, *(E for name, E in by_cause.items() if name != RIGID)):
             V = V + E @ np.swapaxes(E, 1, 2)
         return V
 
-    def anew(self, motion: Array, places: Array) -> Array:
+    def anew(self, motion: Array, places: Array, wrench: Array) -> Array:
         """Covariances (m, r, r) of what comes anew in each pose, whatever is known [mm^2, mrad^2].
 
         It is what the model leaves out, and the joints that do not come back. Where the noise is
         unknown, readings and model are not told apart, and both count.
         """
         noise = self.noise
+        left = noise.of_model(motion, loaded=np.asarray(wrench.any(axis=1)))
         if noise.unknown:
-            return np.asarray(noise.of_model(motion) + noise.of_reading(motion, places))
+            return np.asarray(left + noise.of_reading(motion, places))
         of_joints = motion * np.square(np.asarray(noise.joints)) @ np.swapaxes(motion, 1, 2)
-        return np.asarray(noise.of_model(motion) + of_joints)
+        return np.asarray(left + of_joints)
 
     def _left(self, q: Array, torque: Torque, J: Array) -> Array:
         """What open parameters that are a standard deviation off move (m, r, o) [mm or mrad].
@@ -478,24 +480,22 @@ class FittedGeometry:
         assert columns is not None
         return np.asarray(MM * (columns * every.scales).reshape(len(q), -1, every.p))
 
-    def own_variances(self, motion: Array, places: Array) -> Array:
+    def own_variances(self, motion: Array, places: Array, wrench: Array | None = None) -> Array:
         """Variances (m, r) of a reading, and of what the model leaves out [mm^2 or mrad^2].
 
         Args:
             motion: Motions (m, r, n) of the coordinates by the joints [mm/mrad].
             places: Where the markers are (m, k, 3), in the frame of the instrument [m].
+            wrench: Forces and torques (m, 6), of which it is but known whether there are any; None
+                for none.
         """
-        of_reading = self.noise.of_reading(motion, places)
-        return np.einsum("mrr->mr", of_reading + self.noise.of_model(motion))
+        loaded = None if wrench is None else np.asarray(wrench.any(axis=1))
+        left = self.noise.of_model(motion, loaded=loaded)
+        return np.einsum("mrr->mr", self.noise.of_reading(motion, places) + left)
 
-    def dof(self, motion: Array, places: Array) -> Array:
-        """Degrees of freedom (m, r) of the bands: those of the fitted variances.
-
-        Args:
-            motion: Motions (m, r, n) of the coordinates by the joints [mm/mrad].
-            places: Where the markers are (m, k, 3), in the frame of the instrument [m].
-        """
-        return self._dof(self.slopes(motion, places), self.own_variances(motion, places))
+    def dof(self, motion: Array, places: Array, wrench: Array | None = None) -> Array:
+        """Degrees of freedom (m, r) of bands, which fitted variances have; see `own_variances`."""
+        return self._dof(self.slopes(motion, places), self.own_variances(motion, places, wrench))
 
     def slopes(self, motion: Array, places: Array) -> Array | None:
         """Derivatives (m, r, c) of the coordinates' variances by the fitted ones; None without."""

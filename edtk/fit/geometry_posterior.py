@@ -1,6 +1,6 @@
 """The posterior of geometry and springs, sampled or by Laplace's approximation with a check."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -167,9 +167,8 @@ class GeometryDensity:
         means = fit.data.means
         torque = loading_of(fitted.bending, means, loads)
         rows = PoseRows.of(model, fitted.theta, means, torque)
-        given = (rows.motion, rows.places)
-        V = fitted.noise.of_pose(*given, rows.worth(fit.data), rows.differs(means))
-        there = (rows.worth(fit.data) > 0).reshape(len(means), -1)[:, :, None]
+        V = rows.errors(fitted.noise)
+        there = (rows.worth > 0).reshape(len(means), -1)[:, :, None]
         whitening = np.linalg.inv(np.linalg.cholesky(V.dense)) * there
         weights = np.sqrt(fit.weights)[:, None, None]
         prior = None if fit.told_before is None else fit.told_before.prior
@@ -183,8 +182,11 @@ class GeometryDensity:
         R = np.linalg.qr(np.concatenate([X, before.rows]), mode="r")
         root = np.linalg.inv(R)
         nu = NU if robust else None
-        each = means.same_poses.variances(V.variances.reshape(means.rows_seen.shape))
-        std = np.sqrt(np.where(means.rows_seen, each, 1.0)).reshape(len(means), -1)
+        still = rows.errors(replace(fitted.noise, model_change=(0.0, 0.0))).variances
+        changes = np.outer(means.same_poses.changed, fitted.noise.of_changes(still.shape[1]))
+        each = means.same_poses.variances(still.reshape(means.rows_seen.shape))
+        each = np.where(means.rows_seen, each + changes.reshape(each.shape), 1.0)
+        std = np.sqrt(each).reshape(len(means), -1)
         return cls(model, theta / model.scales, root, means, torque, whitening, std, nu, prior)
 
     @property

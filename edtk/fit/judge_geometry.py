@@ -18,7 +18,7 @@ from edtk.fit.least_squares import ALONE, alike
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.pose_rows import WHITE_SHARE, PoseRows, known_before
 from edtk.fit.prior import Prior, PriorRows
-from edtk.fit.same_poses import SINGULAR
+from edtk.fit.same_poses import SINGULAR, Groups, SamePoses, blocks_of, surprise_of
 from edtk.measure.few_columns import Beside, sandwich
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import Parameter
@@ -26,7 +26,7 @@ from edtk.measure.position_noise import PositionNoise
 from edtk.measure.rest import Loads
 from edtk.measure.whitening import Precision, Scatter, diagonal_blocks
 from edtk.robots.frames import MM
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices, Mask
 
 IN_CACHE = 1_000_000  # numbers of a matrix for each of some poses
 # Of a direction of the prior, that its own rows leave: all else tells it a thousand times worse.
@@ -37,7 +37,7 @@ def judge_fit(
     model: MeasuredModel,
     theta: Array,
     noise: PositionNoise,
-    weighting: tuple[Scatter, Array],
+    weighting: tuple[PositionNoise, Array],
     data: MarkerPositions,
     loads: Loads | None,
     beside: tuple[tuple[Parameter, ...], Array, Array, Array | None],
@@ -52,8 +52,8 @@ def judge_fit(
         model: The identified parameters.
         theta: Their values (p,) in SI units.
         noise: The errors of a pose, and so V.
-        weighting: Covariances (m, 3k, 3k) of the poses with one size of the model's error for all
-            joints, by which the fit weighted them, and weights (m,) of a robust loss.
+        weighting: The same with one size of the model's error for all joints, by which the fit
+            weighted the poses, and weights (m,) of a robust loss.
         data: The positions.
         loads: What loads the joints.
         beside: Open parameters, how they hang on the others, and where the markers were placed
@@ -67,11 +67,10 @@ def judge_fit(
     torque = loading_of(model.bending(theta), means, loads)
     rows = PoseRows.of(model, theta, means, torque, before)
     trust = rows.weights(weights)
-    work = rows.working(common, means).over(trust)
-    V = noise.of_pose(rows.motion, rows.places, rows.worth(data), rows.differs(means))
+    work = rows.working(rows.errors(common), means).over(trust)
     told = _Told.of(rows, work)
     # Sizes that each joint has of its own may be those of one wrong pose, which they would hide.
-    out = _LeftOutPoses.of(told, V.over(trust), common.over(trust))
+    out = _LeftOutPoses.of(told, *(_Errors.of(rows, one, trust) for one in (noise, common)))
     fitted = FittedGeometry(
         model=model,
         theta=theta,
@@ -82,12 +81,12 @@ def judge_fit(
         placed=placed,
         placed_turns=placed_turns,
     )
-    left = _LeftOutVisits.of(out, means, weights, noise.model_fit is not None)
-    dof = fitted.dof(rows.motion[: len(means)], rows.places[: len(means)])
-    half = left.std * _by_marker(student_quantile(dof), means)
+    dof = fitted.dof(rows.motion[: len(means)], rows.places[: len(means)], means.wrench)
+    half = _by_marker(out.std * student_quantile(dof), means)
     residual = means.same_poses.back(_by_marker(rows.residual, means))
+    every = (residual, _by_marker(out.errors, means), half)
     residual, left_out, left_out_half = parts = [
-        part / MM + np.where(means.rows_seen, 0.0, np.nan) for part in (residual, left.errors, half)
+        part / MM + np.where(means.rows_seen, 0.0, np.nan) for part in every
     ]
     turns = [part[..., 3:] for part in parts]
     return GeometricFit(
@@ -101,8 +100,8 @@ def judge_fit(
         left_out=left_out[..., :3],
         left_out_half=left_out_half[..., :3],
         turns=None if means.turns is None else TurnResiduals(*turns),
-        surprise=left.surprise,
-        independent=left.independent,
+        surprise=out.surprise,
+        independent=out.independent(means.rows_seen, noise.model_fit is not None),
         weights=weights,
         told_before=_told_before(out, prior, before, model, theta, float(np.median(dof))),
     )
@@ -125,10 +124,11 @@ def left_out_alone(model: MeasuredModel, theta: Array, means: MarkerPositions) -
     worth = means.same_poses.worth.reshape(rows.residual.shape)
     still = Scatter(diagonal_blocks(0.0 * means.same_poses.worth), rows.motion[..., :0])
     V = still.with_white(1 / np.where(worth > 0, worth, 1.0))
-    told = _Told(Beside.of(rows.columns.independent(), V), rows.residual, V, len(means))
-    errors = [(poses.without @ poses.residual[..., None])[..., 0] for _, poses in told.parts]
-    each = means.same_poses.back(_by_marker(np.concatenate(errors), means)) / MM
-    return np.where(means.rows_seen, each, np.nan)[..., :3]
+    told = _Told(Beside.of(rows.columns.independent(), V), rows.residual, V, means.same_poses)
+    errors = np.zeros_like(rows.residual)
+    for poses in told.parts:
+        errors[poses.group.members] = poses.left_out
+    return np.where(means.rows_seen, _by_marker(errors, means) / MM, np.nan)[..., :3]
 
 
 def _by_marker(rows: Array, means: MarkerPositions) -> Array:
@@ -166,6 +166,56 @@ def _told_before(
 
 
 @dataclass(frozen=True, eq=False)
+class _Errors:
+    """Covariances of rows, of which those of one pose have the changes of its visits in common.
+
+    Attributes:
+        apart: What errs in each row by itself (m, r, r).
+        change: Standard deviations (m, r) of what each visit errs by besides, under a load; no rows
+            where there is nothing.
+        trust: Weights (m,) of a robust loss, over which all covariances are.
+    """
+
+    apart: Scatter
+    change: Array
+    trust: Array
+
+    @classmethod
+    def of(cls, rows: PoseRows, noise: PositionNoise, trust: Array) -> "_Errors":
+        """Of a noise."""
+        still = replace(noise, model_change=(0.0, 0.0))
+        change = np.outer(rows.same.changed, np.sqrt(noise.of_changes(rows.residual.shape[1])))
+        return cls(rows.errors(still).over(trust), change if change.any() else change[:0], trust)
+
+    def roots(self, group: Groups) -> Array:
+        """What changes of the visits make of the rows of their pose (G, s, s, r)."""
+        if not len(self.change):
+            return np.zeros((*group.members.shape, 0, self.apart.together.shape[1]))
+        found = group.roots(self.change[group.members])
+        return np.asarray(found / np.sqrt(self.trust[group.members])[..., None, None])
+
+    def times(self, group: Groups, columns: Array) -> Array:
+        """Covariances of the rows of some poses times columns (G, s r, c)."""
+        G, s = group.members.shape
+        C = columns.reshape(G, s, -1, columns.shape[-1])
+        own = self.apart[group.members.ravel()].times(C.reshape(G * s, *C.shape[2:]))
+        U = self.roots(group)
+        shared = np.einsum("gair,gbir,gbrc->garc", U, U, C, optimize=True)
+        return np.asarray((own.reshape(C.shape) + shared).reshape(columns.shape))
+
+    def dense(self, group: Groups) -> Array:
+        """Covariances (G, s r, s r) of the rows of some poses."""
+        G, s = group.members.shape
+        own = self.apart[group.members.ravel()].dense
+        V = blocks_of(own.reshape(G, s, *own.shape[1:]))
+        U = self.roots(group)
+        by_row = np.einsum("gair,gbir->rgab", U, U)
+        r = np.arange(len(by_row))
+        V.reshape(G, s, len(r), s, len(r))[:, :, r, :, r] += by_row
+        return V
+
+
+@dataclass(frozen=True, eq=False)
 class _Told:
     """What the weighted rows of all poses tell of the parameters.
 
@@ -173,75 +223,103 @@ class _Told:
         beside: Columns X of all blocks and weights W, with C (p, p), ``C C' = H = (X' W X)^-1``.
         residual: Residuals (m, r).
         work: The covariances that W are the inverse of.
-        poses: How many of the blocks are poses; these come first.
+        same: Of which visits the first blocks are; any others are of no pose.
     """
 
     beside: Beside
     residual: Array
     work: Scatter
-    poses: int
+    same: SamePoses
 
     @classmethod
     def of(cls, rows: PoseRows, work: Scatter) -> "_Told":
         """Of rows with weights that are not those of their errors."""
-        poses = len(rows.residual) - rows.beside
-        return cls(Beside.of(rows.columns, work), rows.residual, work, poses)
+        return cls(Beside.of(rows.columns, work), rows.residual, work, rows.same)
 
     @cached_property
     def H(self) -> Array:
         """``(X' W X)^-1`` (p, p)."""
         return np.asarray(self.beside.root @ self.beside.root.T)
 
-    def sandwich(self, V: Scatter) -> Array:
+    def sandwich(self, V: _Errors) -> Array:
         """``C' X' W V W X C`` (p, p) of the errors' covariances V."""
         root = self.beside.root
-        return root.T @ sandwich(self.beside.design, self.beside.weights, V) @ root
+        S = root.T @ sandwich(self.beside.design, self.beside.weights, V.apart) @ root
+        for poses in self.parts if len(V.change) else ():
+            U = V.roots(poses.group)
+            G, s, _, r = U.shape
+            Y = poses.weighted(poses.columns).reshape(G, s, r, -1)
+            Z = np.einsum("gair,garp->girp", U, Y).reshape(-1, Y.shape[-1])
+            S = S + Z.T @ Z
+        return np.asarray(S)
 
     @property
-    def parts(self) -> Iterator[tuple[slice, "_SomePoses"]]:
+    def parts(self) -> Iterator["_SomePoses"]:
         """Poses, so many at once that their matrices stay in a core's cache."""
         r = self.residual.shape[1]
-        step = max(1, IN_CACHE // r**2)
-        for first in range(0, self.poses, step):
-            some = slice(first, min(first + step, self.poses))
-            columns = self.beside.design[some].combined(self.beside.root)
-            fitted = columns @ np.swapaxes(columns, 1, 2)
-            residual, weights = self.residual[some], self.beside.weights[some]
-            yield some, _SomePoses(residual, weights, self.work[some].dense, columns, fitted)
+        for every in self.same.every:
+            step = max(1, IN_CACHE // (r * every.members.shape[1]) ** 2)
+            for first in range(0, len(every.members), step):
+                yield self._some(every[first : first + step])
+
+    def _some(self, group: Groups) -> "_SomePoses":
+        """Some of the poses, of as many visits each."""
+        visits = group.members.ravel()
+        shape = (len(group.members), -1)
+        columns = self.beside.design[visits].combined(self.beside.root)
+        columns = columns.reshape(*shape, columns.shape[-1])
+        fitted = columns @ np.swapaxes(columns, 1, 2)
+        own = self.work[visits].dense
+        work = blocks_of(own.reshape(*group.members.shape, *own.shape[1:]))
+        residual, weights = self.residual[visits].reshape(shape), self.beside.weights[visits]
+        return _SomePoses(group, residual, weights, work, columns, fitted)
 
 
 @dataclass(frozen=True, eq=False)
 class _SomePoses:
-    """Some of the poses, of r rows each.
+    """Some of the poses, of s visits with r rows each, as independent rows.
 
     Attributes:
-        residual: Residuals (m, r).
-        weights: W.
-        work: ``W^-1`` (m, r, r).
-        columns: ``X C`` (m, r, p), orthonormal beside the weights of all.
-        fitted: ``F = X H X'`` (m, r, r).
+        group: Their visits.
+        residual: Residuals (G, s r).
+        weights: W, of one visit after another.
+        work: ``W^-1`` (G, s r, s r).
+        columns: ``X C`` (G, s r, p), orthonormal beside the weights of all.
+        fitted: ``F = X H X'`` (G, s r, s r).
     """
 
+    group: Groups
     residual: Array
     weights: Precision
     work: Array
     columns: Array
     fitted: Array
 
-    def of_residuals(self, V: Scatter, S: Array) -> Array:
-        """Covariances (m, r, r) of the residuals, ``V - V W F - F W V + X C S C' X'``.
+    def weighted(self, columns: Array) -> Array:
+        """``W C`` (G, s r, c) of columns C."""
+        each = columns.reshape(self.group.members.size, -1, columns.shape[-1])
+        return self.weights.times(each).reshape(columns.shape)
+
+    def of_residuals(self, V: _Errors, S: Array) -> Array:
+        """Covariances (G, s r, s r) of the residuals, ``V - V W F - F W V + X C S C' X'``.
 
         Args:
             V: Covariances of the errors.
             S: The `sandwich` of all poses.
         """
-        crossed = V.times(self.weights.times(self.fitted))
+        crossed = V.times(self.group, self.weighted(self.fitted))
         spread = self.columns @ S @ np.swapaxes(self.columns, 1, 2)
-        return V.dense - crossed - np.swapaxes(crossed, 1, 2) + spread
+        return V.dense(self.group) - crossed - np.swapaxes(crossed, 1, 2) + spread
+
+    @property
+    def left_out(self) -> Array:
+        """Errors (G, s, r) of the visits of poses that are left out."""
+        rows = (self.without @ self.residual[..., None]).reshape(*self.group.members.shape, -1)
+        return self.group.back_to_visits(rows)
 
     @cached_property
     def without(self) -> Array:
-        """T (m, r, r), ``T r`` the residuals r of a fit without the pose, see `_LeftOutPoses`.
+        """T (G, s r, s r), ``T r`` the residuals r of a fit without the pose, see `_LeftOutPoses`.
 
         A pose that alone tells something leaves nothing to compare it with: its residual is zero
         there.
@@ -258,13 +336,27 @@ class _SomePoses:
             return np.asarray(self.work @ (both * inverse[:, None]) @ np.swapaxes(both, 1, 2))
         return np.asarray(self.work @ np.linalg.inv(left))
 
-    def surprise(self, R: Array) -> Array:
-        """Squared sizes (m,) of errors left out, over covariances of which some are singular.
+    def surprise(self, R: Array, trust: Array) -> Array:
+        """Squared sizes (G, s) of errors of visits left out, see `surprise_of`.
 
-        Errors left out are sums of the residuals that can be undone, so that these have the same.
+        A pose that a robust loss trusts less surprises all the same.
 
         Args:
-            R: Covariances (m, r, r) of the residuals.
+            R: Covariances (G, s r, s r) of the residuals.
+            trust: Weights (m,) of such a loss.
+        """
+        own = trust[self.group.members]
+        if own.shape[1] == 1:
+            return self._alone(R)[:, None] / own
+        root = np.repeat(np.sqrt(own), R.shape[1] // own.shape[1], axis=1)
+        both = self.without * root[:, :, None]
+        C = both @ R @ np.swapaxes(both, 1, 2)
+        return surprise_of(self.group.of_visits(C), self.left_out)
+
+    def _alone(self, R: Array) -> Array:
+        """Squared sizes (G,) of errors left out, over covariances of which some are singular.
+
+        Errors left out are sums of the residuals that can be undone, so that these have the same.
         """
         # The least that counts, beside the mean of those of a pose: of most sheets all of them do.
         sizes = np.einsum("mrr->m", R) / np.einsum("mrr->m", self.work)
@@ -282,44 +374,67 @@ class _SomePoses:
 
 @dataclass(frozen=True, eq=False)
 class _LeftOutPoses:
-    """Poses as they are predicted without them.
+    """Poses as they are predicted without them, with all their visits.
 
     With weights W of the blocks and ``F_b = X_b H X_b'``, the residual r of a pose b becomes
     ``e = T r``, ``T = W^-1 (W^-1 - F_b)^-1``, where the fit is made without it: exactly so where
     the model is linear. The covariance of e is that of r on both sides of T.
 
     Attributes:
-        errors: Measured less predicted coordinates (m, r) [mm].
-        covariance_of_errors: Of those of each pose (m, r, r) [mm^2].
-        common: The same with one size of the model's error for all joints.
-        surprise: Squared sizes (m,) of the errors over covariances.
+        errors: Measured less predicted coordinates (m, r) of the visits [mm].
+        of_visits: Their covariances (G, s r, s r) of the visits (G, s) of some poses [mm^2].
+        surprise: Squared sizes (m,) of the errors over covariances, with one size of the model's
+            error for all joints: that of a visit, or where the others of its pose are known,
+            whichever is larger.
         covariance: Of the parameters (p, p), in their units: ``H S H`` (Huber 1967).
         H: ``(X' W X)^-1`` (p, p).
     """
 
     errors: Array
-    covariance_of_errors: Array
-    common: Array
+    of_visits: list[tuple[Indices, Array]]
     surprise: Array
     covariance: Array
     H: Array
 
     @classmethod
-    def of(cls, told: _Told, V: Scatter, common: Scatter) -> "_LeftOutPoses":
+    def of(cls, told: _Told, V: _Errors, common: _Errors) -> "_LeftOutPoses":
         """Of poses whose errors have covariances V, and surprise beside others."""
         S, of_common = told.sandwich(V), told.sandwich(common)
-        m, r = told.poses, told.residual.shape[1]
-        errors, surprise, covariances = np.empty((m, r)), np.empty(m), np.empty((2, m, r, r))
-        for some, poses in told.parts:
-            T = poses.without
-            errors[some] = (T @ poses.residual[..., None])[..., 0]
-            R = poses.of_residuals(common[some], of_common)
-            both = np.stack([poses.of_residuals(V[some], S), R])
-            covariances[:, some] = T @ both @ np.swapaxes(T, 1, 2)
-            surprise[some] = poses.surprise(R)
+        m, r = len(told.same.pose), told.residual.shape[1]
+        errors, surprise, covariances = np.empty((m, r)), np.empty(m), []
+        for poses in told.parts:
+            group, T = poses.group, poses.without
+            errors[group.members] = poses.left_out
+            own = T @ poses.of_residuals(V, S) @ np.swapaxes(T, 1, 2)
+            covariances.append((group.members, group.of_visits(own)))
+            R = poses.of_residuals(common, of_common)
+            surprise[group.members] = poses.surprise(R, common.trust)
         root = told.beside.root
-        own, shared = covariances
-        return cls(errors, own, shared, surprise, root @ S @ root.T, told.H)
+        return cls(errors, covariances, surprise, root @ S @ root.T, told.H)
+
+    @cached_property
+    def std(self) -> Array:
+        """Standard deviations (m, r) of the errors of visits."""
+        found = np.zeros_like(self.errors)
+        for visits, V in self.of_visits:
+            variances = np.einsum("grr->gr", V).reshape(*visits.shape, -1)
+            found[visits] = np.sqrt(np.maximum(variances, 0.0))
+        return found
+
+    def independent(self, seen: Mask, scaled: bool) -> float:
+        """As many independent coordinates tell as much, see `independent_coordinates`.
+
+        Args:
+            seen: Which coordinates of the visits (m, k, rows) were read.
+            scaled: Whether the size of the errors was fitted.
+        """
+        read = (self.std > 0) & seen.reshape(self.std.shape)
+        unit = np.divide(1.0, self.std, out=np.zeros(read.shape), where=read)
+        total = 0.0
+        for visits, V in self.of_visits:
+            own = unit[visits].reshape(len(visits), -1)
+            total += alike(V * own[:, :, None] * own[:, None], scaled)
+        return float(seen.sum()) ** 2 / total if total > 0 else 0.0
 
     def of_rows(self, own: Array, apart: Array) -> tuple[Array, Array, int]:
         """Rows of the prior without them: in the directions that all else tells, too.
@@ -340,48 +455,3 @@ class _LeftOutPoses:
         hidden = (U[:, told] / left[told]) @ U[:, told].T
         of_residual = V - P @ V - V @ P + own @ self.covariance @ own.T / size
         return hidden @ apart, size * hidden @ of_residual @ hidden, int(told.sum())
-
-
-@dataclass(frozen=True, eq=False)
-class _LeftOutVisits:
-    """Visits by the mean of their pose and differences, each predicted without itself alone.
-
-    Attributes:
-        errors: Measured less predicted coordinates (m, k, rows) [mm].
-        std: Their standard deviations (m, k, rows).
-        surprise: Squared sizes (m,) over covariances: that of a visit, or where the others of its
-            pose are known, whichever is larger.
-        independent: As many independent coordinates tell as much, see `independent_coordinates`.
-    """
-
-    errors: Array
-    std: Array
-    surprise: Array
-    independent: float
-
-    @classmethod
-    def of(
-        cls, out: _LeftOutPoses, means: MarkerPositions, weights: Array, scaled: bool
-    ) -> "_LeftOutVisits":
-        """Of rows that are independent, see `SamePoses`.
-
-        Args:
-            out: These.
-            means: The visits.
-            weights: Weights (m,) of a robust loss.
-            scaled: Whether the size of the errors was fitted.
-        """
-        same, C = means.same_poses, out.covariance_of_errors
-        own = _by_marker(np.einsum("mrr->mr", C), means)
-        std = np.sqrt(np.maximum(same.variances(own), 0.0))
-        # A pose that a robust loss trusts less surprises all the same.
-        surprise = out.surprise / weights
-        for visits, each in same.surprise(out.common * weights[:, None, None], out.errors):
-            surprise[visits] = each
-        read = std.reshape(len(C), -1) > 0
-        read &= means.rows_seen.reshape(read.shape)
-        unit = np.divide(1.0, std.reshape(read.shape), out=np.zeros(read.shape), where=read)
-        pairs = same.of_pairs(C)
-        total = sum(alike(V * unit[i, :, None] * unit[j, None], scaled) for i, j, V in pairs)
-        count = float(means.rows_seen.sum()) ** 2 / total if total > 0 else 0.0
-        return cls(same.back(_by_marker(out.errors, means)), std, surprise, count)

@@ -223,7 +223,8 @@ class MarkerPositions(Presented):
     def same_poses(self) -> SamePoses:
         """Which visits are of one pose, and their rows as independent ones."""
         each = (self.often[..., None] * self.present).astype(float)
-        return SamePoses.of(self.q, each, self.is_difference)
+        loaded = np.asarray(self.wrench.any(axis=1))
+        return SamePoses.of(self.q, each, self.is_difference, loaded)
 
     @cached_property
     def means(self) -> "MarkerPositions":

@@ -8,10 +8,11 @@ import numpy as np
 
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.prior import Prior, PriorRows
+from edtk.fit.restricted_likelihood import fit_model_error
 from edtk.fit.same_poses import SamePoses
 from edtk.measure.few_columns import FewColumns
 from edtk.measure.measured_model import MeasuredModel, Seen, Torque
-from edtk.measure.position_noise import white_kinds
+from edtk.measure.position_noise import PositionNoise, white_kinds
 from edtk.measure.whitening import Precision, Scatter
 from edtk.robots.frames import MM
 from edtk.robots.rotations import rotation_vectors
@@ -47,6 +48,7 @@ class PoseRows:
         columns: Columns X (m, r, p) of the parameters in their units.
         motion: Motions (m, r, n) by the joints.
         places: Where the markers are (m, k, 3) in the frame of the instrument [m].
+        same: Which rows of the visits these are.
         beside: Number of the last of these blocks that are no poses.
     """
 
@@ -54,6 +56,7 @@ class PoseRows:
     columns: FewColumns
     motion: Array
     places: Array
+    same: SamePoses
     beside: int = 0
 
     @classmethod
@@ -70,11 +73,13 @@ class PoseRows:
         assert seen.by_joints is not None
         m, k = means.seen.shape
         width = means.rows * k
+        same = means.same_poses
         found = cls(
-            MM * means.same_poses.apart(measured_less_seen(means, seen)).reshape(m, width),
-            columns_of(model, means, seen, means.same_poses),
+            MM * same.apart(measured_less_seen(means, seen)).reshape(m, width),
+            columns_of(model, means, seen, same),
             seen.by_joints.reshape(m, width, -1),
             seen.places,
+            same,
         )
         return found if before is None or not len(before) else found._with(before, theta, model)
 
@@ -88,16 +93,35 @@ class PoseRows:
         motion = np.concatenate([self.motion, still])
         places = np.concatenate([self.places, np.repeat(self.places[:1], extra, axis=0)])
         columns = FewColumns.among(design, places.shape[1])
-        return PoseRows(known.measured_below(self.residual), columns, motion, places, extra)
+        residual = known.measured_below(self.residual)
+        return PoseRows(residual, columns, motion, places, self.same, extra)
 
-    def worth(self, data: MarkerPositions) -> Array:
+    @property
+    def worth(self) -> Array:
         """What the readings of each row are worth (m, k, rows); nothing in blocks of no pose."""
-        worth = data.means.same_poses.worth
-        return np.concatenate([worth, np.zeros((self.beside, *worth.shape[1:]))])
+        return self._with_none(self.same.worth)
 
-    def differs(self, means: MarkerPositions) -> Mask:
+    @property
+    def differs(self) -> Mask:
         """Which of the blocks (m,) are differences of two readings."""
-        return np.concatenate([means.same_poses.differs, np.zeros(self.beside, dtype=bool)])
+        return np.concatenate([self.same.differs, np.zeros(self.beside, dtype=bool)])
+
+    def _with_none(self, each: Array) -> Array:
+        """Numbers of visits, and zero for the blocks that are no poses."""
+        return np.concatenate([each, np.zeros((self.beside, *each.shape[1:]))])
+
+    def errors(self, noise: PositionNoise) -> Scatter:
+        """Covariances (m, r, r) of the blocks, each by itself [mm^2]."""
+        changes = self._with_none(self.same.changes)
+        return noise.of_pose(self.motion, self.places, self.worth, self.differs, changes)
+
+    def with_model_error(
+        self, noise: PositionNoise, slides: Mask, singly: bool = False
+    ) -> PositionNoise:
+        """The noise, with what the model leaves out of these residuals, see `fit_model_error`."""
+        changes = self._with_none(self.same.changes)
+        given = (self.motion, self.places, self.worth, self.residual, self.columns, slides, singly)
+        return fit_model_error(noise, *given, self.differs, changes)
 
     @cached_property
     def design(self) -> Array:

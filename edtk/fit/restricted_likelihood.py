@@ -467,6 +467,7 @@ def fit_model_error(
     slides: Mask,
     singly: bool = False,
     differs: Mask | None = None,
+    changes: Array | None = None,
 ) -> PositionNoise:
     """Tell what the model leaves out from the residuals of poses.
 
@@ -488,6 +489,8 @@ def fit_model_error(
         singly: Whether each joint may have a size of its own.
         differs: Which poses (m,) are differences of two readings, whose errors have a size of
             their own; None for none.
+        changes: What shares (m, k, rows) of the variance of a change are in the rows, see
+            `PositionNoise.of_pose`.
     """
     rigid = np.zeros(len(slides))
     plain = replace(
@@ -499,7 +502,8 @@ def fit_model_error(
         model_change=(0.0, 0.0),
     )
     differs = np.zeros(len(motion), dtype=bool) if differs is None else differs
-    kinds = _model_kinds(plain, places, of_rows(counts, motion.shape[1]), differs)
+    share = of_rows(differs[:, None] if changes is None else changes, motion.shape[1])
+    kinds = _model_kinds(plain, places, of_rows(counts, motion.shape[1]), differs, share)
     J = motion * kinds.absolute[:, :, None]
     masks = joint_kinds(slides)
     exact = plain.sized((0.0, 0.0)) if plain.unknown else plain
@@ -532,7 +536,7 @@ class _ModelKinds:
     Attributes:
         absolute: Which rows (m, r) absolute readings have.
         whites: Of these by instrument (m, k, d, d), or of an instrument of unknown size.
-        changes: Of differences (m, k, d, d); none without any.
+        changes: Of changes (m, k, d, d); none without differences, which tell them.
     """
 
     absolute: Array
@@ -540,8 +544,18 @@ class _ModelKinds:
     changes: list[Array]
 
 
-def _model_kinds(noise: PositionNoise, places: Array, worth: Array, differs: Mask) -> _ModelKinds:
-    """The kinds of white errors of readings that are worth so much (m, r)."""
+def _model_kinds(
+    noise: PositionNoise, places: Array, worth: Array, differs: Mask, share: Array
+) -> _ModelKinds:
+    """The kinds of white errors of readings that are worth so much (m, r).
+
+    Args:
+        noise: The noise of a reading.
+        places: Where the markers are (m, k, 3).
+        worth: What the readings are worth.
+        differs: Which poses (m,) are differences.
+        share: What of the variance of a change is in each row (m, r).
+    """
     m, width = worth.shape
     shape = (m, places.shape[1], width // places.shape[1])
     there = (worth > 0).astype(float)
@@ -553,7 +567,7 @@ def _model_kinds(noise: PositionNoise, places: Array, worth: Array, differs: Mas
         V = noise.apart(places, width)
         return _ModelKinds(absolute, [V * (one[..., None] * one[..., None, :]) for one in own], [])
     whites = [diagonal_blocks((kind * absolute).reshape(shape)) for kind in alike]
-    changes = [diagonal_blocks((kind * (there - absolute)).reshape(shape)) for kind in alike]
+    changes = [diagonal_blocks((kind * there * share).reshape(shape)) for kind in alike]
     return _ModelKinds(absolute, whites, changes if differs.any() else [])
 
 

@@ -2,11 +2,12 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import product
+from functools import cached_property
 
 import numpy as np
 
 from edtk.fit.correlated_noise import groups_by_size, row_numbers
+from edtk.measure.whitening import Scatter
 from edtk.system.typing import Array, Indices, Mask
 
 # Joints nearer than a hundredth of a degree are where they were [rad, m]: controllers show no more,
@@ -16,7 +17,7 @@ SINGULAR = 1e-9  # relative variance of a sum of errors that rounding makes of n
 
 
 @dataclass(frozen=True, eq=False)
-class _Groups:
+class Groups:
     """Groups of s visits of a pose each.
 
     Attributes:
@@ -24,16 +25,18 @@ class _Groups:
         apart: A (G, s, s, k, rows): the mean of a group's visits, and what tells them apart.
         back: Its inverse, where something was read.
         worth: Readings (G, s, k, rows) that say as much as each of these.
+        changes: What shares (G, s, k, rows) of the variance of a change they have.
     """
 
     members: Indices
     apart: Array
     back: Array
     worth: Array
+    changes: Array
 
     @classmethod
-    def of(cls, members: Indices, worth: Array) -> "_Groups":
-        """Of visits that are worth so many readings (m, k, rows)."""
+    def of(cls, members: Indices, worth: Array, changed: Mask) -> "Groups":
+        """Of visits that are worth so many readings (m, k, rows), which (m,) a load changes."""
         n = worth[members]
         s = members.shape[1]
         A, told = np.zeros((len(n), s, *n.shape[1:])), np.zeros_like(n)
@@ -54,7 +57,31 @@ class _Groups:
         # Errors of visits have the variances 1 / n, and their rows 1 / told.
         each = np.divide(1.0, n, out=np.zeros_like(n), where=n > 0)
         back = np.swapaxes(A, 1, 2) * each[:, :, None] * told[:, None]
-        return cls(members, A, back, told)
+        changes = np.einsum("gaikr,gi->gakr", A**2, changed[members])
+        return cls(members, A, back, told, changes)
+
+    def __getitem__(self, some: slice) -> "Groups":
+        """Some of the groups."""
+        each = (self.apart[some], self.back[some], self.worth[some], self.changes[some])
+        return Groups(self.members[some], *each)
+
+    def of_visits(self, covariances: Array) -> Array:
+        """Covariances (G, s r, s r) of all visits of a pose, of those of its rows."""
+        G, s = self.members.shape
+        B = self.back.reshape(G, s, s, -1)
+        C = covariances.reshape(G, s, B.shape[-1], s, -1)
+        V = np.einsum("giar,garbq,gjbq->girjq", B, C, B, optimize=True)
+        return np.asarray(V.reshape(covariances.shape))
+
+    def back_to_visits(self, rows: Array) -> Array:
+        """What rows (G, s, r) are of the visits."""
+        B = self.back.reshape(*self.back.shape[:3], -1)
+        return np.asarray(np.einsum("giar,gar->gir", B, rows))
+
+    def roots(self, sizes: Array) -> Array:
+        """What errors (G, s, r) of visits, each by itself, make of the rows (G, s, s, r)."""
+        A = self.apart
+        return np.asarray(A.reshape(*A.shape[:3], -1) * sizes[:, None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,40 +94,51 @@ class SamePoses:
     before it, of N_i readings, ``R (1 / n_i + 1 / N_i)`` without any D: it is a difference, as if
     that had been read. These are independent where all markers of a pose are read as often, or
     joints return exactly. The mean stands where the first of the visits was, and each difference
-    where its visit was. What a loaded visit has beside, the model's error of a change, comes into
-    the mean of two by half.
+    where its visit was.
+
+    A visit under a load has an error of that change besides, of which the mean and differences have
+    shares: of a visit without and one with the load a quarter of its variance, and all of it. So
+    rows of a pose have these errors in common, which a fit does not count when it weighs them.
 
     Attributes:
         pose: Number (m,) of each visit's pose, counted from 0.
         worth: As many absolute readings say as much of each row (m, k, rows).
         differs: Which (m,) are differences of two readings.
+        changed: Which visits (m,) have the error of a change: they are under a load.
+        changes: What shares (m, k, rows) of the variance of a change the rows have.
         groups: Visits that share a pose, by their number.
     """
 
     pose: Indices
     worth: Array
     differs: Mask
-    groups: tuple[_Groups, ...]
+    changed: Mask
+    changes: Array
+    groups: tuple[Groups, ...]
 
     @classmethod
-    def of(cls, q: Array, counts: Array, differs: Mask) -> "SamePoses":
+    def of(cls, q: Array, counts: Array, differs: Mask, loaded: Mask) -> "SamePoses":
         """Find those that share a pose.
 
         Args:
             q: Joint variables (m, n) [rad or m].
             counts: Readings (m, k, rows) of each row.
             differs: Which visits (m,) are differences, that share nothing with others.
+            loaded: Which are under a load.
         """
         pose = _near(q, np.arange(1, len(q) + 1) * differs)
+        changed = differs | loaded
         # A difference has the noise of two readings, and counts as half of one.
         worth = counts * np.where(differs, 0.5, 1.0)[:, None, None]
         several = (one for one in groups_by_size(pose) if one.shape[1] > 1)
-        groups = tuple(_Groups.of(members, worth) for members in several)
+        groups = tuple(Groups.of(members, worth, changed) for members in several)
         told = differs.copy()
+        changes = (worth > 0) * changed[:, None, None].astype(float)
         for one in groups:
             worth[one.members] = one.worth
+            changes[one.members] = one.changes
             told[one.members[:, 1:]] = True
-        return cls(pose, worth, told, groups)
+        return cls(pose, worth, told, changed, changes, groups)
 
     def apart(self, visits: Array) -> Array:
         """The independent rows of what visits (m, k, rows, ...) are."""
@@ -121,61 +159,27 @@ class SamePoses:
             found[one.members] = np.einsum("gijkr,gjkr...->gikr...", A, each[one.members])
         return found
 
-    @property
-    def alone(self) -> Indices:
-        """The visits that share a pose with no other one."""
+    @cached_property
+    def every(self) -> "tuple[Groups, ...]":
+        """All visits in groups: those that share a pose with no other one come first."""
         several = [one.members.ravel() for one in self.groups]
-        return np.setdiff1d(np.arange(len(self.pose)), np.concatenate([[], *several]))
+        alone = np.setdiff1d(np.arange(len(self.pose)), np.concatenate([[], *several]))
+        if not len(alone):
+            return self.groups
+        worth, changes = self.worth[alone, None], self.changes[alone, None]
+        itself = (worth[:, None] > 0).astype(float)
+        return (Groups(alone[:, None], itself, itself, worth, changes), *self.groups)
 
     def together(self, covariances: Array) -> Iterator[tuple[Indices, Array]]:
         """Covariances (G, s r, s r) of visits (G, s) of a pose, of those (m, r, r) of the rows."""
-        if len(self.alone):
-            yield self.alone[:, None], covariances[self.alone]
-        for one in self.groups:
-            G, s = one.members.shape
-            B = one.back.reshape(G, s, s, -1)
-            V = np.einsum("giar,garq,gjaq->girjq", B, covariances[one.members], B, optimize=True)
-            yield one.members, V.reshape(G, s * B.shape[-1], -1)
+        for one in self.every:
+            yield one.members, one.of_visits(blocks_of(covariances[one.members]))
 
-    def of_pairs(self, covariances: Array) -> Iterator[tuple[Indices, Indices, Array]]:
-        """Covariances (n, r, r) of visits (n,) and visits (n,) of their poses, themselves included.
 
-        Args:
-            covariances: Those (m, r, r) of the rows.
-        """
-        if len(self.alone):
-            yield self.alone, self.alone, covariances[self.alone]
-        for one in self.groups:
-            G, s = one.members.shape
-            B, C = one.back.reshape(G, s, s, -1), covariances[one.members]
-            for i, j in product(range(s), repeat=2):
-                V = (B[:, i, :, :, None] * C * B[:, j, :, None]).sum(axis=1)
-                yield one.members[:, i], one.members[:, j], V
-
-    def surprise(self, covariances: Array, errors: Array) -> Iterator[tuple[Indices, Array]]:
-        """Squared sizes (G, s) of errors of visits (G, s) of a pose, over their covariances.
-
-        It is the larger of two: that of the visit alone, ``e_i' (V_ii)^-1 e_i``, and that where all
-        its others are known, ``b_i = (P e)_i' (P_ii)^-1 (P e)_i`` with the inverse P of the
-        covariance V of all visits. What another visit explains more, ``max_j b_j - b_i``, is taken
-        from the latter: a sound visit is far from a wrong one, too, and all squares but ``b_i``
-        stay when it is left out.
-
-        Args:
-            covariances: Those (m, r, r) of the rows.
-            errors: Errors (m, r) of the rows.
-        """
-        for one in self.groups:
-            A, B = (each.reshape(*each.shape[:3], -1) for each in (one.apart, one.back))
-            C, e = covariances[one.members], errors[one.members]
-            inverse = np.linalg.pinv(C, rcond=SINGULAR, hermitian=True)
-            own = np.einsum("giar,gar->gir", B, e)
-            Pe = np.einsum("gbir,gbrq,gbq->gir", A, inverse, e)
-            V = np.einsum("giar,garq,giaq->girq", B, C, B)
-            P = np.einsum("gbir,gbrq,gbiq->girq", A, inverse, A)
-            beside = _squares(Pe, P)
-            beside = 2 * beside - beside.max(axis=1, keepdims=True)
-            yield one.members, np.maximum(_squares(own, V), beside)
+def blocks_of(each: Array) -> Array:
+    """Matrices (G, s r, s r) with blocks (G, s, r, r) on their diagonals."""
+    G, s, r, _ = each.shape
+    return Scatter(each, np.zeros((G, s * r, 0))).dense
 
 
 def _near(q: Array, number: Indices) -> Indices:
@@ -199,6 +203,27 @@ def _near(q: Array, number: Indices) -> Indices:
     least = np.full((len(q) + 1, q.shape[1]), np.inf)
     np.minimum.at(least, number, q)
     return row_numbers(number[:, None], (q - least[number]) // (2 * SAME_ANGLES))
+
+
+def surprise_of(covariances: Array, errors: Array) -> Array:
+    """Squared sizes (G, s) of errors of visits (G, s, r) of a pose, over their covariances.
+
+    It is the larger of two: that of the visit alone, ``e_i' (V_ii)^-1 e_i``, and that where all its
+    others are known, ``b_i = (P e)_i' (P_ii)^-1 (P e)_i`` with the inverse P of the covariance V of
+    all visits. What another visit explains more, ``max_j b_j - b_i``, is taken from the latter: a
+    sound visit is far from a wrong one, too, and all squares but ``b_i`` stay when it is left out.
+
+    Args:
+        covariances: V (G, s r, s r).
+        errors: The errors.
+    """
+    G, s, r = errors.shape
+    inverse = np.linalg.pinv(covariances, rcond=SINGULAR, hermitian=True)
+    Pe = (inverse @ errors.reshape(G, s * r, 1)).reshape(errors.shape)
+    V, P = (np.einsum("girix->girx", one.reshape(G, s, r, s, r)) for one in (covariances, inverse))
+    beside = _squares(Pe, P)
+    beside = 2 * beside - beside.max(axis=1, keepdims=True)
+    return np.maximum(_squares(errors, V), beside)
 
 
 def _squares(errors: Array, covariances: Array) -> Array:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from edtk.measure.noise import Tracker, VisitNoise
-from edtk.measure.whitening import Scatter, component_first, of_rows
+from edtk.measure.whitening import Scatter, component_first, diagonal_blocks, of_rows
 from edtk.robots.frames import MM
 from edtk.system.typing import Array, Indices, Mask
 
@@ -60,8 +60,8 @@ class PositionNoise:
         turn: The same as r, of orientations [mrad], where they are measured; their rows follow the
             positions of each marker.
         model_turn: The same as w, of orientations [mrad].
-        model_change: The same as w and `model_turn`, of differences of two readings [mm, mrad]:
-            what both readings err by is not in them.
+        model_change: The same as w and `model_turn`, of what a load changes [mm, mrad]: readings
+            under a load have it besides, and differences of two readings it alone.
         tracker: The tracker, in the frame of the places that it is asked about; None where its
             errors are part of r.
         tracked: Which instruments (k,) it sees; None for all.
@@ -257,20 +257,45 @@ class PositionNoise:
         V = noise.scatter(np.moveaxis(places, 0, -1), component_first(motion))
         return np.asarray(np.moveaxis(V, -1, 0))
 
-    def of_model(self, motion: Array, differs: Mask | None = None) -> Array:
+    def of_model(
+        self, motion: Array, differs: Mask | None = None, loaded: Mask | None = None
+    ) -> Array:
         """Covariances D (m, r, r) [mm^2] of what the model leaves out.
 
         Args:
             motion: Motions (m, r, n) of the coordinates by the joints [mm/mrad].
             differs: Which poses (m,) are differences of two readings; None for none.
+            loaded: Which (m,) are under a load; by default those that are differences.
         """
-        noise = self.of_visits(motion.shape[1], 1).of_differences(differs)
-        return np.asarray(np.moveaxis(noise.shared(component_first(motion)), -1, 0))
+        white, turns = self._left_out(motion.shape[1], differs, loaded)
+        moved = motion[..., : turns.shape[1]] * turns[:, None]
+        return np.asarray(moved @ np.swapaxes(moved, 1, 2) + diagonal_blocks(white))
+
+    def _left_out(
+        self, width: int, differs: Mask | None, changes: Array | Mask | None
+    ) -> tuple[Array, Array]:
+        """What poses lack in the model: variances (m or 1, r), and turns of joints (m or 1, n).
+
+        Args:
+            width: Rows r of a pose.
+            differs: Which poses (m,) are differences of two readings; None for none.
+            changes: What shares (m,) or (m, k, rows) of the variance of a change the rows have; by
+                default those of differences.
+        """
+        differs = np.zeros(1, dtype=bool) if differs is None else differs
+        changes = differs if changes is None else changes
+        share = of_rows(changes, width) if changes.ndim == 3 else 1.0 * changes[:, None]
+        white = np.outer(~differs, self._white(self.model_white, self.model_turn, width))
+        turns = np.outer(~differs, self.model_joints)
+        return white + share * self.of_changes(width), turns
+
+    def of_changes(self, width: int) -> Array:
+        """Variances (r,) of what the model leaves out of a change [mm^2, mrad^2]."""
+        return self._white(*self.model_change, width)
 
     def of_change(self, motion: Array, places: Array) -> Array:
         """Covariances (m, r, r) of differences of two readings, with what the model leaves out."""
-        white = self._white(*self.model_change, motion.shape[1])
-        return 2 * self.of_reading(motion, places) + np.diag(white)
+        return 2 * self.of_reading(motion, places) + np.diag(self.of_changes(motion.shape[1]))
 
     def of_pose(
         self,
@@ -278,6 +303,7 @@ class PositionNoise:
         places: Array,
         counts: Array | Indices,
         differs: Mask | None = None,
+        changes: Array | None = None,
     ) -> Scatter:
         """Covariances (m, r, r) of means over some readings.
 
@@ -287,17 +313,19 @@ class PositionNoise:
             counts: Readings (m, k) of each marker, or what those of each row (m, k, rows) are
                 worth; where there is none, the coordinates count as independent and of size one.
             differs: Which poses (m,) are differences of two readings; None for none.
+            changes: What shares (m, k, rows) of the variance of a change the rows have; by default
+                those of differences.
         """
-        m, width, n = motion.shape
+        m, width, _ = motion.shape
         k = places.shape[1]
         worth = of_rows(counts, width)
         there = worth > 0
         share = there / np.sqrt(np.where(there, worth, 1.0))
-        noise = self.of_visits(width, k).of_differences(differs)
         own = share.reshape(m, k, -1)
         of_reading = self.apart(places, width) * own[..., None] * own[..., None, :]
-        left = np.broadcast_to((noise.discrepancy**2).T, (m, width))
-        turns = np.broadcast_to(noise.turns.T, (m, n)) if noise.turns.any() else np.zeros((m, 0))
+        left, turns = self._left_out(width, differs, changes)
+        turns = turns if turns.any() else turns[:, :0]
+        turns = np.broadcast_to(turns, (m, turns.shape[1]))
         joints = np.asarray(self.joints) if np.any(self.joints) else np.zeros(0)
         sizes = ((share, np.broadcast_to(joints, (m, len(joints)))), (1.0 * there, turns))
         together = [

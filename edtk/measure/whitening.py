@@ -161,7 +161,7 @@ class Scatter:
         """Of matrices V (m, r, r) without such a form: as of one instrument."""
         return cls(V[:, None], np.zeros((*V.shape[:2], 0)))
 
-    def __getitem__(self, chosen: slice) -> "Scatter":
+    def __getitem__(self, chosen: slice | Indices) -> "Scatter":
         """Of some of the visits."""
         return Scatter(self.apart[chosen], self.together[chosen])
 
@@ -229,7 +229,7 @@ class Precision:
     together: Array
     log_det: float
 
-    def __getitem__(self, chosen: slice) -> "Precision":
+    def __getitem__(self, chosen: slice | Indices) -> "Precision":
         """Of some of the visits; the determinant stays that of all."""
         return Precision(self.apart[chosen], self.together[chosen], self.log_det)
 

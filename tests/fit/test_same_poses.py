@@ -27,7 +27,7 @@ def test_rows_are_independent_and_lead_back() -> None:
     """Covariances of visits become those of a mean and of differences, and back."""
     n = np.array([[1, 2], [3, 1], [2, 0], [4, 2]])[:, :, None]
     q = SAME_ANGLES * np.array([[500], [4000], [500.2], [499.8]])
-    same = SamePoses.of(q, n.astype(float), np.zeros(4, dtype=bool))
+    same = SamePoses.of(q, n.astype(float), np.zeros(4, dtype=bool), np.zeros(4, dtype=bool))
     assert same.pose.tolist() == [0, 1, 0, 0]
     assert same.differs.tolist() == [False, False, True, True]
     assert same.worth[0, :, 0] == pytest.approx([7, 4])
@@ -55,11 +55,28 @@ def test_rows_are_independent_and_lead_back() -> None:
         assert same.variances(variances)[:, marker, 0] == pytest.approx(np.diag(V), abs=1e-9)
     (once, _), (thrice, together) = same.together(np.tile(np.eye(2), (4, 1, 1)))
     assert (once.tolist(), thrice.tolist()) == ([[1]], [[0, 2, 3]])
-    pairs = list(same.of_pairs(np.tile(np.eye(2), (4, 1, 1))))
-    assert len(pairs) == 10
-    for i, j, V in pairs[1:]:
-        a, b = ([0, 2, 3].index(int(one[0])) for one in (i, j))
-        assert pytest.approx(together.reshape(1, 3, 2, 3, 2)[:, a, :, b]) == V
+    assert together == pytest.approx(np.swapaxes(together, 1, 2))
+
+
+def test_rows_have_their_shares_of_what_a_load_changes() -> None:
+    """Changes of visits under a load are independent, and their rows lead back to the visits."""
+    loaded = np.array([False, True, True, False, True])
+    differs = np.arange(5) == 4
+    q = SAME_ANGLES * np.array([[500.0], [500], [500], [9000], [500]])
+    same = SamePoses.of(q, np.ones((5, 1, 2)), differs, loaded)
+    each = np.zeros((5, 1, 2, 5))
+    each[np.arange(5), :, :, np.arange(5)] = same.changed[:, None, None]
+    rows = same.apart(each)[:, 0, 0]
+    assert same.changes[:, 0, 0] == pytest.approx((rows**2).sum(axis=1))
+    assert same.changes[[3, 4], 0, 0].tolist() == [0, 1]
+    _, several = same.every
+    roots = several.roots(np.where(several.members, 1.0, 0.0)[..., None] * [1.0, 2.0])
+    U = roots[0, ..., 1]
+    V = np.einsum("ai,bi->ab", U, U)
+    every = np.zeros((1, 3, 2, 3, 2))
+    every[0, :, 1, :, 1] = V
+    found = several.of_visits(every.reshape(1, 6, 6)).reshape(3, 2, 3, 2)
+    assert found[:, 1, :, 1] == pytest.approx(np.diag([0.0, 4, 4]), abs=1e-12)
 
 
 def test_means_know_how_many_readings_they_are_of() -> None:
@@ -83,10 +100,9 @@ def test_means_know_how_many_readings_they_are_of() -> None:
 def test_where_each_pose_is_visited_twice_no_visits_are_alone() -> None:
     """Then there is no group of them."""
     q = np.repeat([[0.0], [1.0]], 2, axis=0)
-    same = SamePoses.of(q, np.ones((4, 1, 1)), np.zeros(4, dtype=bool))
+    same = SamePoses.of(q, np.ones((4, 1, 1)), np.zeros(4, dtype=bool), np.zeros(4, dtype=bool))
     V = np.ones((4, 1, 1))
     assert [len(visits) for visits, _ in same.together(V)] == [2]
-    assert [len(visits) for visits, _, _ in same.of_pairs(V)] == [2, 2, 2, 2]
 
 
 def test_poses_are_the_same_where_they_are_near() -> None:
@@ -94,7 +110,7 @@ def test_poses_are_the_same_where_they_are_near() -> None:
 
     def numbers(q: Array) -> list[int]:
         one = np.ones((len(q), 1, 1))
-        return SamePoses.of(q, one, np.zeros(len(q), dtype=bool)).pose.tolist()
+        return SamePoses.of(q, one, *np.zeros((2, len(q)), dtype=bool)).pose.tolist()
 
     assert numbers(SAME_ANGLES * np.array([[500.49], [500.51], [502.0]])) == [0, 0, 1]
     rng = np.random.default_rng(1)
