@@ -263,19 +263,13 @@ class SpringsWithTool(Commanded):
         assert found.covariance is not None
         assert own is not None
         noise, dof = (own, found.covariance_dof) if left is None else (left.noise, left.dof)
-        transposed = np.swapaxes(A, -1, -2)
-        p, a = len(noise), A.shape[-1] - len(noise)
+        p = len(noise)
         by_noise = compensation_accuracy(A[..., :p], noise)
+        every = self._left(self.model, bare.desired, bare.wrench, still)
         if left is None:
-            V = A @ found.covariance @ transposed
             total = compensation_accuracy(A, found.covariance)
-            every = NormalMixture.single(still, V, _degrees_of_freedom(dof, total, by_noise))
-        else:
-            more = a if len(left.beside) == p else 0
-            beside = np.pad(left.beside[: p + a, : p + a], (0, more))
-            mixture = left.mixture(self.model, bare.desired, bare.wrench)
-            every = mixture.plus(A @ beside @ transposed, still)
-        alone = NormalMixture.single(still, A[..., :p] @ noise @ transposed[:, :p], dof)
+            every = replace(every, dof=_degrees_of_freedom(dof, total, by_noise))
+        alone = NormalMixture.single(still, A[..., :p] @ noise @ np.swapaxes(A, -1, -2)[:, :p], dof)
         each = [
             (one.joint, A[..., :p] @ one.shifts - A[..., p + j] * one.joint.std)
             for j, one in enumerate(found.assumed)
@@ -287,6 +281,26 @@ class SpringsWithTool(Commanded):
             by_noise=by_noise,
             by_joints=tuple((joint, np.linalg.norm(error, axis=-1)) for joint, error in each),
         )
+
+    def _left(
+        self, model: ElastostaticModel, q: Array, wrench: Array, still: Array
+    ) -> NormalMixture:
+        """Errors (t, rows) by all that a sheet leaves open, and what it cannot tell.
+
+        Args:
+            model: The robot, and the rows that count.
+            q: Poses (t, n) [rad or m].
+            wrench: Loads (t, 6) [N, N m].
+            still: Mean errors (t, rows) by the linear model [m, rad].
+        """
+        found, left = self.springs.every, self.springs.left
+        A = model.regressor(q, wrench)
+        if left is None:
+            return NormalMixture.single(still, A @ found.covariance @ np.swapaxes(A, -1, -2))
+        p, order = len(left.noise), A.shape[-1]
+        more = order - p if len(left.beside) == p else 0
+        beside = np.pad(left.beside[:order, :order], (0, more))
+        return left.mixture(model, q, wrench).plus(A @ beside @ np.swapaxes(A, -1, -2), still)
 
     def _moved(self, q: Array, wrench: Array) -> Array:
         """Distance (t,) of the loaded tool point from the desired one without compensation [m]."""
@@ -315,10 +329,10 @@ class SpringsWithTool(Commanded):
         found = self.springs.every
         if found.covariance is None or not any(one.lever for one in self.springs.study.tasks):
             return None
-        A = replace(self.model, rows="pose").regressor(q, wrench)[:, 3:]
+        model = replace(self.model, rows="pose")
         bias = np.zeros(len(found.k)) if found.bias is None else found.bias
-        noise = compensation_accuracy(A, found.covariance)
-        return np.asarray(np.hypot(noise, np.linalg.norm(A @ bias, axis=-1)))
+        still = model.regressor(q, wrench) @ bias
+        return self._left(model, q, wrench, still).among(slice(3, None)).size
 
     def _require_settled(self, q: Array, wrench: Array, command: Array) -> None:
         """Check that the loaded robot comes to rest in the desired joints.

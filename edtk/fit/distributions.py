@@ -278,6 +278,11 @@ class NormalMixture:
         shifted = self.mean if mean is None else self.mean + mean
         return replace(self, mean=shifted, covariance=self.covariance + covariance)
 
+    def among(self, rows: slice) -> "NormalMixture":
+        """The same of some of the coordinates."""
+        mean, covariance = self.mean[..., rows], self.covariance[..., rows, rows]
+        return replace(self, mean=mean, covariance=covariance)
+
     @property
     def sizes(self) -> Array:
         """Root mean squares (s, t) of the errors [m]."""

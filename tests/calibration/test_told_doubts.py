@@ -20,7 +20,7 @@ SIGMA = 0.02
 COLUMNS = [f"q{i}_deg" for i in range(1, 7)]
 
 
-def identified(path: Path, seed: int, tool_mm: float) -> SpringCalibration:
+def identified(path: Path, seed: int, tool_mm: float, lever_mm: float = 0.0) -> SpringCalibration:
     """What is found of a sound day, whose positions are counted from the rigid robot."""
     study = edtk.Study(
         robot=ROBOT | {"joints": [{**one, **MASS} for one in ROBOT["joints"]]},
@@ -29,7 +29,12 @@ def identified(path: Path, seed: int, tool_mm: float) -> SpringCalibration:
         joints={"unknown": ["q2", "q3", "q5"]},
         measurement={"sigma_mm": SIGMA, "reference": "nominal"},
         uncertainty={"tool_mm": tool_mm},
-        test_pose={"q_deg": [10, -60, 50, 20, 40, 0], "tool": TOOL, "load": {"F_N": FORCE}},
+        test_pose={
+            "q_deg": [10, -60, 50, 20, 40, 0],
+            "tool": TOOL,
+            "load": {"F_N": FORCE},
+            **({"lever_mm": lever_mm} if lever_mm else {}),
+        },
     )
     rng = np.random.default_rng(seed)
     q = np.deg2rad(np.round(rng.uniform(-100, 100, (POSES, 6)), 3))
@@ -61,6 +66,18 @@ def test_commands_promise_what_the_budget_does(tmp_path: Path) -> None:
     expected = edtk.compensate(found.study, found)
     assert found.budget is not None
     assert expected.remaining[0] == pytest.approx(found.budget.total, rel=0.01)
+
+
+def test_rotations_count_what_the_sheet_leaves_as_positions_do(tmp_path: Path) -> None:
+    """A doubt of the tool that residuals rule out turns nothing; and both are what is expected."""
+    each = [identified(tmp_path, 0, tool_mm, 500.0) for tool_mm in (1.0, 10.0)]
+    few, many = (edtk.compensate(one.study, one) for one in each)
+    assert few.rotation is not None
+    assert many.rotation is not None
+    assert many.rotation[0] == pytest.approx(few.rotation[0], rel=0.02)
+    assert each[0].budget is not None
+    both = np.hypot(few.remaining[0], 0.5 * few.rotation[0])
+    assert both == pytest.approx(each[0].budget.total, rel=0.02)
 
 
 def test_a_doubt_that_no_sheet_tells_stays_as_stated() -> None:
