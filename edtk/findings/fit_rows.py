@@ -14,16 +14,16 @@ from edtk.findings.causes.scene import JointLoads, Positions, link_length, same_
 from edtk.fit.distributions import student_below
 from edtk.fit.fitted_geometry import FittedGeometry, GeometricFit
 from edtk.fit.marker_positions import MarkerPositions
-from edtk.fit.pose_rows import columns_of
+from edtk.fit.pose_rows import PoseRows, columns_of
 from edtk.fit.prior import PriorRows
-from edtk.fit.restricted_likelihood import fit_model_error
+from edtk.fit.same_poses import SamePoses
 from edtk.measure.few_columns import Beside, FewColumns, summed
 from edtk.measure.measured_model import Seen
 from edtk.measure.parameters import Parameter, all_parameters
 from edtk.measure.position_noise import PositionNoise
 from edtk.measure.rest import Loads
 from edtk.measure.task import Task
-from edtk.measure.whitening import Scatter, of_rows
+from edtk.measure.whitening import Scatter
 from edtk.robots.frames import MM
 from edtk.system.typing import Array, Indices, Mask
 
@@ -40,8 +40,8 @@ SHARE_OF_SCALE = 1e-9  # of what is known, which rounding makes where the poses 
 class FitRows:
     """What the positions of the poses leave, in millimetres; orientations are left aside.
 
-    Rows of what was not seen are zero. Here each visit has an error of the drawing of its own, also
-    where it shares its pose with others; the fit knows better, see `SamePoses`.
+    Rows of what was not seen are zero. Visits of one pose share what the drawing errs by: they are
+    weighed by rows that err independently, see `SamePoses`.
 
     Attributes:
         fit: The fit.
@@ -85,6 +85,31 @@ class FitRows:
             replace(fit.fitted.noise, turn=None, model_turn=0.0),
             loads,
         )
+
+    @cached_property
+    def same(self) -> SamePoses:
+        """Which visits are of one pose."""
+        return replace(self.fit.data.means, turns=None).same_poses
+
+    @cached_property
+    def independent(self) -> PoseRows:
+        """The same as rows that err independently."""
+        design = self._independent(self.design)
+        return PoseRows(self.apart(self.residual), design, self.motion, self.places, self.same)
+
+    def _independent(self, design: FewColumns) -> FewColumns:
+        """A design of the visits as one of such rows."""
+        return replace(design, part=self.same.apart(design.part))
+
+    def apart(self, columns: Array) -> Array:
+        """Columns (m, 3k, ...) of the visits as such rows."""
+        each = columns.reshape(*self.same.worth.shape, *columns.shape[2:])
+        return self.same.apart(each).reshape(columns.shape)
+
+    def left(self, columns: Array, by: Beside) -> Array:
+        """What a design of such rows leaves of columns (m, 3k, c) of the visits."""
+        rows = by.left(self.apart(columns))
+        return self.same.back(rows.reshape(*self.same.worth.shape, -1)).reshape(columns.shape)
 
     @cached_property
     def scene(self) -> Positions:
@@ -176,25 +201,27 @@ class FitRows:
         """The noise, fitted beside a design."""
         joints = self.fit.fitted.model.robot.joints
         slides = np.array([joint.kind == "prismatic" for joint in joints])
-        counts = self.fit.data.counts
-        return fit_model_error(
-            self.noise, self.motion, self.places, counts, self.residual, design, slides
-        )
+        rows = replace(self.independent, columns=self._independent(design))
+        return rows.with_model_error(self.noise, slides)
 
     def weighed(self, noise: PositionNoise | None) -> Beside:
-        """The design by weights of a noise; all coordinates alike where there is none."""
-        V = (noise or self.noise).of_pose(self.motion, self.places, self.fit.data.counts)
+        """The design by weights of a noise, as rows that err independently.
+
+        Where there is none, all readings count alike.
+        """
+        V = self.independent.errors(noise or self.noise)
         if noise is None:
             variances = V.variances
-            there = of_rows(self.fit.data.means.seen, variances.shape[1])
-            alike = np.where(there > 0, variances.mean(), 1.0)
+            worth = self.same.worth.reshape(variances.shape)
+            read = np.where(worth > 0, worth, 1.0)
+            alike = np.where(worth > 0, variances.mean() / read, 1.0)
             V = Scatter(np.zeros_like(V.apart), V.together[..., :0]).with_white(alike)
-        return Beside.of(self.design, V)
+        return Beside.of(self.independent.columns, V)
 
     def explained(self, columns: Array, by: Beside) -> "Explained":
         """What columns (m, 3k, c) explain of the residuals, beside the design."""
         both = np.concatenate([self.residual[..., None], columns], axis=-1)
-        left = by.left(both)
+        left = by.left(self.apart(both))
         squares = summed(left, by.weights.times(left))
         inverse = np.asarray(np.linalg.pinv(squares[1:, 1:], hermitian=True))
         values = inverse @ squares[1:, 0]
@@ -420,7 +447,7 @@ def _best(
         shapes = [np.ones(m)]
     steady = columns * shapes[0][:, None, None]
     by_noise = rows.weighed(rows.noise_beside(steady))
-    if np.linalg.norm(by_noise.left(steady)) < TAKEN * np.linalg.norm(steady):
+    if np.linalg.norm(rows.left(steady, by_noise)) < TAKEN * np.linalg.norm(steady):
         return None  # the fit takes it up
     tried = []
     for shape in shapes:

@@ -119,7 +119,8 @@ def _alone(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
         known = before.scaled(fit.fitted.model.scales, fit.fitted.noise.reading)
         design = FewColumns.among(known.below(design.dense), len(fit.data.markers))
     basis = design.independent()
-    alone = [pose for pose in range(len(fit.data.means)) if _tells_alone(basis[pose : pose + 1])]
+    every = (visits for one in fit.data.means.same_poses.every for visits in one.members)
+    alone = [pose for visits in every if _tells_alone(basis[visits]) for pose in visits]
     if not len(alone):
         return []
     rows = tuple(sorted({row for pose in alone for row in fit.data.rows_of_pose(int(pose))}))
@@ -127,8 +128,8 @@ def _alone(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
 
 
 def _tells_alone(basis: FewColumns) -> bool:
-    """Whether the rows of one visit hold a direction of an orthonormal basis of all as a whole."""
-    Q = basis.dense[0]
+    """Whether the visits of a pose hold a direction of an orthonormal basis of all as a whole."""
+    Q = basis.dense.reshape(-1, basis.p)
     left = (1 - ALONE) * np.eye(len(Q)) - Q @ Q.T
     try:
         np.linalg.cholesky(left)

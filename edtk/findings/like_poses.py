@@ -1,7 +1,7 @@
 """How likely causes are beside errors of a robot that are alike in like poses."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -34,10 +34,11 @@ class LikePoses:
 
         V = R + f^2 D + sum_j J_j J_j' (a^2 A_j + b^2 B)
 
-    with the noise R of readings, the errors D that were fitted as each pose's own, and correlations
-    of poses A_j by the angle of joint j and B by the places of the arm's bodies, each
-    ``exp(-d^2 / 2)``. The sizes f, a and b are not known: the restricted likelihood is averaged
-    over them (Patterson and Thompson 1971), with a cause and without.
+    with the noise R of readings, the errors D that were fitted as each pose's own, which visits of
+    one pose share but for what a load changes, and correlations of poses A_j by the angle of joint
+    j and B by the places of the arm's bodies, each ``exp(-d^2 / 2)``. The sizes f, a and b are not
+    known: the restricted likelihood is averaged over them (Patterson and Thompson 1971), with a
+    cause and without.
 
     Attributes:
         z: Residuals (N,): of each pose along the motions of its tool.
@@ -68,9 +69,8 @@ class LikePoses:
         basis = _motions(np.concatenate([motion, rows.frame[poses]], axis=-1))
         J = np.swapaxes(basis, 1, 2) @ motion
         counts = rows.fit.data.counts[poses]
-        own = replace(rows.noise, model_white=0.0, model_joints=np.zeros(motion.shape[2]))
+        own = rows.noise.of_drawing(0.0)
         R = _blocks(basis, own.of_pose(motion, places, counts))
-        both = _blocks(basis, rows.noise.of_pose(motion, places, counts))
         z = _along(basis, rows.residual[poses, :, None])[:, 0]
         squares = float((J**2).sum())
         unit = float(np.sqrt((z**2).sum() / squares)) if squares else 0.0
@@ -79,7 +79,8 @@ class LikePoses:
         X = columns[:, columns.any(axis=0)]
         # Where a tool moves in fewer ways, the others are of size one and hold nothing.
         still = (np.square(basis).sum(axis=1) == 0)[:, :, None] * np.eye(basis.shape[2])
-        return cls(z, X, _apart(R + still), _apart(both - R), alike, unit, basis, poses)
+        model = _left_out(rows, poses, basis)
+        return cls(z, X, _apart(R + still), model, alike, unit, basis, poses)
 
     def likelier(self, causes: Sequence[SizedColumns]) -> Array:
         """Logarithms (c,) of how much likelier the residuals are with each cause than without any.
@@ -159,6 +160,19 @@ def _apart(blocks: Array) -> Array:
     whole = np.zeros((m, k, m, k))
     whole[np.arange(m), :, np.arange(m)] = blocks
     return np.asarray(whole.reshape(m * k, m * k))
+
+
+def _left_out(rows: FitRows, poses: Indices, basis: Array) -> Array:
+    """D (6 m, 6 m): errors of poses, alike in all visits of one, and of changes by a load."""
+    there = np.repeat(rows.fit.data.means.seen[poses], 3, axis=1)
+    seen = np.swapaxes(basis * there[..., None], 1, 2)
+    noise, pose = rows.noise, rows.same.pose[poses]
+    joints = seen @ rows.motion[poses] * np.asarray(noise.model_joints)
+    of_poses = np.concatenate([noise.model_white * seen, joints], axis=-1)
+    alike = (pose[:, None] == pose).astype(float)
+    changed = noise.model_change[0] * seen * rows.same.changed[poses][:, None, None]
+    shared = _shared(of_poses, np.broadcast_to(alike, (of_poses.shape[2], *alike.shape)))
+    return shared + _apart(changed @ np.swapaxes(changed, 1, 2))
 
 
 def _correlations(rows: FitRows, poses: Indices) -> Iterator[Array]:

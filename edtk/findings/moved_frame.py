@@ -227,33 +227,39 @@ class _Sums:
     Attributes:
         total: The squares of the residuals, without what the columns explain.
         gradient: Sums of B'Wz (m + 1, c).
-        square: Sums of B'WB (m + 1, c, c).
+        square: Sums of B'WB (m + 1, c, c) of each visit by itself.
         along: Sums of what the columns take of B (m + 1, p, c), see `Beside.along`.
+        pairs: What two visits of a pose add to the squares, where both are between.
     """
 
     total: float
     gradient: Array
     square: Array
     along: Array
+    pairs: "_Pairs"
 
     @classmethod
-    def of(cls, by: Beside, residual: Array, B: Array) -> "_Sums":
-        """Of residuals (m, r) and motions B (m, r, c)."""
+    def of(cls, rows: FitRows, by: Beside, B: Array) -> "_Sums":
+        """Of residuals and motions B (m, r, c), by the weights of a design."""
         # The fit has other weights, so that something is left along its own columns.
-        z = by.left(residual[..., None])
+        z = by.left(rows.independent.residual[..., None])
         Wz = by.weights.times(z)
-        transposed = np.swapaxes(B, 1, 2)
+        each = B.reshape(*rows.same.worth.shape, -1)
+        parts = [(own, one.reshape(B.shape)) for own, one in rows.same.one_by_one(each)]
+        moved = [(own, np.swapaxes(E, 1, 2), by.weights.times(E)) for own, E in parts]
+        m = len(B)
         return cls(
             float((z * Wz).sum()),
-            _before((transposed @ Wz)[..., 0]),
-            _before(transposed @ by.weights.times(B)),
-            _before(by.along(B)),
+            _before(_added(m, [(own, (Et @ Wz)[..., 0]) for own, Et, _ in moved])),
+            _before(_added(m, [(own, Et @ WE) for own, Et, WE in moved])),
+            _before(_added(m, [(own, by.along(E)) for own, E in parts])),
+            _Pairs.of(moved),
         )
 
     def _motions(self, s: Indices, t: Indices) -> tuple[Array, Array]:
         """Motions (k, c) from poses s to t (k,) that lower the squares most, and how much (k,)."""
         gradient = self.gradient[t] - self.gradient[s]
-        square = self.square[t] - self.square[s]
+        square = self.square[t] - self.square[s] + self.pairs.between(s, t)
         return lowered(gradient, square, self.along[t] - self.along[s])
 
     def motion(self, s: int, t: int) -> Array:
@@ -264,6 +270,57 @@ class _Sums:
         """The pair of poses between which a motion lowers the squares most: how much, and it."""
         s, t = np.array(pairs).T
         return max(zip(self._motions(s, t)[1].tolist(), s.tolist(), t.tolist(), strict=True))
+
+
+def _added(m: int, terms: Sequence[tuple[Indices, Array]]) -> Array:
+    """Sums (m, ...) by visit of terms of rows, each with the visit that it is of; -1 for none."""
+    found = np.zeros((m, *terms[0][1].shape[1:]))
+    for own, term in terms:
+        np.add.at(found, own[own >= 0], term[own >= 0])
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """What two visits of a pose add to squares.
+
+    Attributes:
+        first: The earlier visits (n,).
+        last: The later ones (n,).
+        terms: What they add (n, c, c).
+        since: The same of all whose first visit is none before each (m + 1, c, c).
+    """
+
+    first: Indices
+    last: Indices
+    terms: Array
+    since: Array
+
+    @classmethod
+    def of(cls, moved: Sequence[tuple[Indices, Array, Array]]) -> "_Pairs":
+        """Of rows E' (m, c, r) of the first visits, and the others, and W E: with their visits."""
+        m, c, _ = moved[0][1].shape
+        numbers, terms = [np.zeros((0, 2), dtype=int)], [np.zeros((0, c, c))]
+        for i, (one, Et, _) in enumerate(moved):
+            for other, _, WE in moved[i + 1 :]:
+                both = np.flatnonzero(other >= 0)
+                term = Et[both] @ WE[both]
+                numbers.append(np.sort(np.stack([one[both], other[both]], axis=1)))
+                terms.append(term + np.swapaxes(term, 1, 2))
+        first, last = np.concatenate(numbers).T
+        every = np.concatenate(terms)
+        by_first = np.zeros((m + 1, c, c))
+        np.add.at(by_first, first, every)
+        return cls(first, last, every, np.cumsum(by_first[::-1], axis=0)[::-1])
+
+    def between(self, s: Indices, t: Indices) -> Array:
+        """What those add (k, c, c) of which both are from s to t (k,)."""
+        found = self.since[s]
+        m = len(self.since) - 1
+        inner = np.flatnonzero(t < m)
+        beyond = (self.first >= s[inner, None]) & (self.last >= t[inner, None])
+        found[inner] -= np.tensordot(beyond.astype(float), self.terms, axes=1)
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -331,7 +388,7 @@ class _Day:
 
     def sums(self, noise: PositionNoise | None) -> _Sums:
         """Running sums of all, weighted by a noise, or equally where there is none."""
-        return _Sums.of(self.rows.weighed(noise), self.rows.residual, self.moved)
+        return _Sums.of(self.rows, self.rows.weighed(noise), self.moved)
 
     def between(self, s: int, t: int, motion: Array, explained: float) -> _Step:
         """A motion (c,) from pose s to pose t."""
@@ -464,24 +521,26 @@ class _LoadedPoses:
     Attributes:
         z: What the fit leaves of residuals (m, r).
         C: Columns (m, r, c) of a weight.
-        by: The design, all coordinates alike.
+        rows: The residuals.
+        by: The design, all readings alike.
     """
 
     z: Array
     C: Array
+    rows: FitRows
     by: Beside
 
     @classmethod
     def of(cls, rows: FitRows, C: Array) -> "_LoadedPoses":
         """Of residuals, and columns (m, r, c) of a weight in all poses."""
         by = rows.weighed(None)
-        return cls(by.left(rows.residual[..., None])[..., 0], C, by)
+        return cls(rows.left(rows.residual[..., None], by)[..., 0], C, rows, by)
 
     def _apart(self, loaded: Mask) -> tuple[Array, Array]:
         """Residuals (m, r) with a weight in some poses, and its size (c,), none below zero."""
         from scipy.optimize import nnls
 
-        left = self.by.left(self.C * loaded[:, None, None])
+        left = self.rows.left(self.C * loaded[:, None, None], self.by)
         # Of as many rows as columns: the squares fall by as much.
         q, r = np.linalg.qr(left.reshape(-1, left.shape[-1]))
         size = nnls(r, q.T @ self.z.reshape(-1))[0]
@@ -523,7 +582,13 @@ def other_causes(rows: FitRows) -> list[NamedCause]:
         for family in scene.families(fault.models)
     ]
     read = rows.weighed(
-        replace(rows.noise, model_white=0.0, model_joints=np.zeros(0), model_fit=None)
+        replace(
+            rows.noise,
+            model_white=0.0,
+            model_joints=np.zeros(0),
+            model_fit=None,
+            model_change=(0.0, 0.0),
+        )
     )
     alike = rows.weighed(None)
     log_tries = float(np.log(len(families)))
@@ -548,7 +613,7 @@ def _explaining(
     """
     columns = family.derivative_at_zero(rows.scene.k)
     size = max(float(np.linalg.norm(columns)), 1e-300)
-    left = float(np.linalg.norm(alike.left(columns))) / size
+    left = float(np.linalg.norm(rows.left(columns, alike))) / size
     if left < SEEN_BESIDE or rows.dof(family.dims) < 2 * family.dims:
         return None
     # The noise is fitted anew for those alone that explain enough.

@@ -159,6 +159,21 @@ class SamePoses:
             found[one.members] = np.einsum("gijkr,gjkr...->gikr...", A, each[one.members])
         return found
 
+    def one_by_one(self, visits: Array) -> Iterator[tuple[Indices, Array]]:
+        """Rows that visits (m, k, rows, ...) make each by itself: the first of poses, and so on.
+
+        Returns:
+            By each, of which visit the rows (m,) are then, and -1 for none; and the rows.
+        """
+        for i in range(max((one.members.shape[1] for one in self.every), default=0)):
+            own, rows = np.full(len(self.pose), -1), np.zeros_like(visits)
+            for one in self.every:
+                if i < one.members.shape[1]:
+                    own[one.members] = one.members[:, [i]]
+                    some = visits[one.members[:, i]]
+                    rows[one.members] = np.einsum("gakr,gkr...->gakr...", one.apart[:, :, i], some)
+            yield own, rows
+
     @cached_property
     def every(self) -> "tuple[Groups, ...]":
         """All visits in groups: those that share a pose with no other one come first."""

@@ -10,7 +10,7 @@ from small_arm import ROBOT
 import criteria
 import edtk
 from edtk.calibration.geometry_plan import geometry_problem
-from edtk.fit import fit_geometry as module
+from edtk.fit import pose_rows as module
 from edtk.fit.fit_geometry import fit_geometry
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.measure.position_noise import PositionNoise
