@@ -92,10 +92,12 @@ class Form:
         """All of them."""
         return (*self.absolute, *self.loaded, *self.unloaded, *self.change)
 
-    def whole(self, table: PoseTable, reference: Reference) -> tuple[str, ...]:
-        """The columns of a reading that is no difference by itself."""
-        alone = reference != "unloaded" and not has_any(table, self.loaded)
-        return self.absolute if alone else self.loaded
+    def whole(self, table: PoseTable, reference: Reference) -> tuple[tuple[str, ...], ...]:
+        """The columns of a reading that is no difference by itself; some rows may have others."""
+        if reference == "unloaded":
+            return (self.loaded,)
+        either = dict.fromkeys((self.absolute, self.loaded))
+        return tuple(one for one in either if has_any(table, one)) or (self.absolute,)
 
     def missing(self, table: PoseTable, reference: Reference) -> PoseFileError:
         """The error of a table that has none of them."""
@@ -235,8 +237,9 @@ def _read(
     blank: bool,
 ) -> Readings:
     """Read the rows of one form; see `Readings.of`."""
-    whole = form.whole(table, reference)
-    groups = (whole, form.unloaded, form.change)
+    wholes = form.whole(table, reference)
+    whole = wholes[0]
+    groups = (*wholes, form.unloaded, form.change)
     if reference == "nominal" and has_any(table, form.unloaded):
         raise table.error(
             f"column {form.unloaded[0]!r}: the study counts from the nominal robot "
@@ -245,27 +248,22 @@ def _read(
     if not has_any(table, form.columns):
         raise form.missing(table, reference)
     rows = own | passed
-    is_whole, is_unloaded, is_change = (
+    *are_whole, is_unloaded, is_change = (
         rows & (table.filled(group) if has_any(table, group) else np.zeros_like(rows))
         for group in groups
     )
-    both = np.flatnonzero((is_whole | is_unloaded) & is_change)
-    if len(both):
-        other = whole if is_whole[both[0]] else form.unloaded
-        raise table.error(
-            f"a reading and a change, columns {form.change[0]!r} and {other[0]!r}; "
-            "expected one of them, not both",
-            f"row {both[0] + 1}",
-        )
+    _require_one_reading(table, groups, (*are_whole, is_unloaded, is_change))
     if not blank:  # such a row is refused for its first empty cell
-        empty = own & ~is_whole & ~is_change
-        more = is_change if has_any(table, form.change) else is_whole
+        empty = own & ~np.any(are_whole, axis=0) & ~is_change
+        more = is_change if has_any(table, form.change) else are_whole[0]
         more |= empty
+    is_whole = np.any(are_whole, axis=0)
     paired = is_whole & (is_unloaded | (reference == "unloaded"))
-    read, before, change = (
-        _numbers(table, group, chosen)
-        for group, chosen in zip(groups, (is_whole, is_unloaded | paired, is_change), strict=True)
-    )
+    read = np.full((len(table), 3), np.nan)
+    for group, chosen in zip(wholes, are_whole, strict=True):
+        read = np.where(chosen[:, None], _numbers(table, group, chosen), read)
+    before = _numbers(table, form.unloaded, is_unloaded | paired)
+    change = _numbers(table, form.change, is_change)
     moved = np.where(paired[:, None], read - before, np.nan) / form.per
     row = first_far(moved, read / form.per, reach)
     if row is not None:
@@ -277,6 +275,31 @@ def _read(
     alone = np.where(is_change[:, None], change, read) / form.per
     value = np.where(paired[:, None], moved, alone)
     return Readings(value, before / form.per, is_change | paired)
+
+
+def _require_one_reading(
+    table: PoseTable, groups: Sequence[tuple[str, ...]], filled: Sequence[Mask]
+) -> None:
+    """Check that no row has two readings in itself.
+
+    Args:
+        table: The sheet.
+        groups: The columns of whole readings, of unloaded ones and of changes, the last.
+        filled: The rows (m,) that have each.
+
+    Raises:
+        PoseFileError: A row has a reading and a change, or two whole readings; names the columns.
+    """
+    of_change = [(one, len(groups) - 1) for one in range(len(groups) - 1)]
+    for one, other in (*of_change, *((0, 1) for _ in groups[3:])):
+        both = np.flatnonzero(filled[one] & filled[other])
+        if len(both):
+            what = "a reading and a change" if groups[other] == groups[-1] else "two readings"
+            raise table.error(
+                f"{what}, columns {groups[other][0]!r} and {groups[one][0]!r}; "
+                "expected one of them, not both",
+                f"row {both[0] + 1}",
+            )
 
 
 def _numbers(table: PoseTable, columns: tuple[str, ...], rows: Mask) -> Array:

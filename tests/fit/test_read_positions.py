@@ -4,10 +4,12 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from geometry_sheets import STUDY, by_marker, by_pose, run, truth
 
 import edtk
+from edtk.fit.marker_positions import read_positions
 
 
 @pytest.fixture
@@ -78,3 +80,28 @@ def test_columns_that_may_matter_are_refused(study: Path, tmp_path: Path, column
     code, out, err = run("identify", study, sheet)
     assert (code, out) == (2, "")
     assert f"unknown column '{column}'" in err
+
+
+def distances(**columns: list[float | None]) -> pd.DataFrame:
+    """Two visits of the wire in two poses, the second under a load."""
+    q = {f"q{i}_deg": [10.0 * i, 20.0 + i] for i in range(1, 7)}
+    return pd.DataFrame({**q, "Fz_N": [0.0, -2500.0], "marker": ["wire", "wire"], **columns})
+
+
+def test_absolute_distances_count_beside_those_before_and_after_a_load() -> None:
+    """Each row is read by the columns that it fills in."""
+    robot = edtk.load_robot("kuka_kr270")
+    sheet = distances(distance_mm=[2500.0, None], before_mm=[None, 1800.0], after_mm=[None, 1801.5])
+    data = read_positions(sheet, robot, {}, {"wire": "distance"})
+    assert data.is_difference.tolist() == [False, True]
+    np.testing.assert_allclose(data.measured[:, 0, 0], [2.5, 1.5e-3], rtol=1e-12)
+
+
+def test_two_distances_in_one_row_are_refused() -> None:
+    """Which of them counts nobody knows."""
+    robot = edtk.load_robot("kuka_kr270")
+    sheet = distances(
+        distance_mm=[2500.0, 1801.0], before_mm=[None, 1800.0], after_mm=[None, 1801.5]
+    )
+    with pytest.raises(edtk.UserError, match="row 2: two readings, columns 'after_mm' and 'dist"):
+        read_positions(sheet, robot, {}, {"wire": "distance"})
