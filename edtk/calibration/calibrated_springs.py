@@ -294,6 +294,7 @@ class SpringsWithTool(Commanded):
             still: Mean errors (t, rows) by the linear model [m, rad].
         """
         found, left = self.springs.every, self.springs.left
+        assert found.covariance is not None
         A = model.regressor(q, wrench)
         if left is None:
             return NormalMixture.single(still, A @ found.covariance @ np.swapaxes(A, -1, -2))
