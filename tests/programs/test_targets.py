@@ -1,6 +1,7 @@
 """What readers of programs take for targets, and what they leave, with its line."""
 
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 import pytest
@@ -424,6 +425,41 @@ def test_broken_programs_are_read_without_an_error(name: str) -> None:
             for number in (*target.literal.joints.values(), *target.literal.pose):
                 assert text[number.start : number.end] == number.text
                 assert abs(number.value) < 1e11
+
+
+# What a reader goes through again from every place of a text, if its patterns are careless.
+REPEATED = {
+    "a.ls": [" ", "\n", "/PROG\n/MN\n", "P[", "P[1:", "1:J P[ ", "JMP LBL[ ", "IF (", "P[1]{X= "],
+    "a.src": [" ", "\n", "LIN a C_A ", "DECL ", "A ", "FOR "],
+    "a.mod": [" ", "\n", "IF ", "GOTO a;a:", "PROC a(", "VAR robtarget a ", "{"],
+    "a.script": [" ", "\n", "a ", "a[", "def "],
+}
+BEGIN = {"a.ls": "/PROG A\n/MN\n", "a.src": "DEF a()\nLIN a", "a.mod": "MODULE a\n", "a.script": ""}
+
+
+def read_in(name: str, text: str) -> float:
+    """Processor time to look for a program in a text, and to read it [s]."""
+    axes = axes_of([f"q{i}" for i in range(1, 7)], ["revolute"] * 6)
+    brand = brand_of(name)
+    assert brand is not None
+    since = process_time()
+    brand.content.search(text)
+    brand.read(text, axes, Frames(), {})
+    return process_time() - since
+
+
+@pytest.mark.parametrize("name", REPEATED)
+def test_the_time_to_read_a_program_grows_with_its_length(name: str) -> None:
+    """Not with a power of it: 30,000 blanks in a line took hours."""
+    for part in REPEATED[name]:
+        assert read_in(name, BEGIN[name] + part * (30_000 // len(part)) + "\n") < 1.5, part
+
+
+def test_many_targets_are_told_their_lines_at_once() -> None:
+    """A program of RAPID with 20,000 targets took many minutes, to count lines for each anew."""
+    lines = [f"CONST robtarget p{i}:={RP};" for i in range(200)]
+    text = "\n".join(["MODULE a", *["! nothing"] * 100_000, *lines, "ENDMODULE\n"])
+    assert read_in("a.mod", text) < 3.0
 
 
 def test_routines_that_set_tools_make_them_unknown_behind_calls(tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """Targets of FANUC programs: positions of the /POS section of an .ls file."""
 
 import re
-from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -29,20 +28,23 @@ from edtk.system.typing import Array
 
 HIDDEN = re.compile(r'"[^"\r\n]*"|![^\r\n]*')
 SECTION = re.compile(r"(?m)^[ \t]*/(\w+)")
-POSITION = re.compile(r"P\[\s*(\d+)\s*(?::[^\]]*)?\]\s*\{")
+POSITION = re.compile(r"P\[\s*+(\d++)\s*+(?::[^\]]{0,200})?\]\s*+\{")
 GROUP = re.compile(r"GP(\d+)\s*:")
 FRAME = {"tool": re.compile(r"\bUT\s*:\s*(\w+)"), "base": re.compile(r"\bUF\s*:\s*(\w+)")}
 CONFIG = re.compile(r"CONFIG\s*:\s*'([^']*)'")
-FIELD = r"\b{}\s*=([^,\r\n}}]*?)\s*(?:deg|mm)\b"
+FIELD = r"\b{}\s*+=([^,\r\n}}]{{0,60}}?)\s*+(?:deg|mm)\b"
 POSE = ("X", "Y", "Z", "W", "P", "R")
-MOTION = re.compile(r"^\s*\d*\s*:?\s*([JLCAS])\s+(P|PR)\[\s*([^\]:]*?)\s*(?::[^\]]*)?\](.*)$")
-POINT = re.compile(r"\b(P|PR)\[\s*(?:GP\d+:)?([^\]:]*?)\s*(?::[^\]]*)?\]")
-SECOND = re.compile(r"^\s*:?\s*(P|PR)\[\s*([^\]:]*?)\s*(?::[^\]]*)?\](.*)$")
+LINE = r"^\s*+\d*+\s*+:?+\s*+"
+NAME = r"([^\]:]{0,60}+)(?::[^\]]{0,200})?\]"  # with blanks, and a comment after it
+MOTION = re.compile(rf"{LINE}([JLCAS])\s++(P|PR)\[{NAME}(.*)$")
+POINT = re.compile(rf"\b(P|PR)\[\s*+(?:GP\d++:)?{NAME}")
+SECOND = re.compile(rf"^\s*+:?+\s*+(P|PR)\[{NAME}(.*)$")
+OF_TWO = re.compile(rf"{LINE}[CA]\s")
 SHIFTED = re.compile(r"\b(?:Tool_)?Offset\b|\bINC\b|\bVOFFSET\b", re.I)
-OPENS = re.compile(r"^\s*\d*\s*:?\s*(?:(IF)\s*\(.*\)\s*THEN\b|(FOR)\b)")
-CLOSES = re.compile(r"^\s*\d*\s*:?\s*(?:ENDIF|ENDFOR)\b")
-LABEL = re.compile(r"^\s*\d*\s*:?\s*LBL\[\s*(\w+)")
-JUMP = re.compile(r"\bJMP\s+LBL\[\s*([^\]]*?)\s*\]")
+OPENS = re.compile(rf"{LINE}(?:(IF)\s*+\(.*\)\s*+THEN\b|(FOR)\b)")
+CLOSES = re.compile(rf"{LINE}(?:ENDIF|ENDFOR)\b")
+LABEL = re.compile(rf"{LINE}LBL\[\s*+(\w+)")
+JUMP = re.compile(r"\bJMP\s++LBL\[([^\]]{0,60}+)\]")
 HALF = np.pi
 
 
@@ -51,7 +53,10 @@ class FanucTargets(Brand):
 
     title = "FANUC LS"
     suffixes = (".ls",)
-    content = re.compile(r"^\s*/PROG\b.*^\s*/MN\b.*^\s*/POS\b", re.M | re.S)
+    content = re.compile(
+        r"\A" + "".join(rf"(?>.*?^[^\S\n]*+/{name}\b)" for name in ("PROG", "MN", "POS")),
+        re.M | re.S,
+    )
     expected = "/PROG, /MN and /POS"
     joint_decimals: ClassVar[int] = 3
     decimals: ClassVar[tuple[int, ...]] = (3,) * 6
@@ -87,7 +92,7 @@ class FanucTargets(Brand):
         body = re.search(r"(?ms)^[ \t]*/MN\b[^\r\n]*(?:\r\n|\n|\r)(.*?)(?=^[ \t]*/POS\b)", text)
         if body is None:
             return text
-        count = len(re.findall(r"(?m)^\s*\d+\s*:", body[1])) + 1
+        count = len(re.findall(r"(?m)^[^\S\n]*+\d++\s*+:", body[1])) + 1
         marked = f"{text[: body.end()]}{count:4d}:  !{words} ;{end}{text[body.end() :]}"
         return re.sub(
             r"(LINE_COUNT\s*=\s*)(\d+)", lambda one: f"{one[1]}{int(one[2]) + 1}", marked, count=1
@@ -107,16 +112,12 @@ class _Parser(Parser):
             one[1].upper(): (one.end(), after.start() if after else len(self.text))
             for one, after in zip(sections, [*sections[1:], None], strict=True)
         }
-        self.starts = [at for _, at, _ in lines_of(self.clean)]
         if "MN" in spans:
             self._motions(*spans["MN"])
         if "POS" in spans:
             self._positions(*spans["POS"])
         self.reading.first = self.first()
         return self.reading
-
-    def _line(self, at: int) -> int:
-        return bisect_right(self.starts, at)
 
     def _motions(self, start: int, end: int) -> None:
         """Motions with their conditionals and jumps."""
@@ -135,7 +136,7 @@ class _Parser(Parser):
             label = LABEL.match(line)
             if label is not None:
                 labels[label[1]] = at
-            jumps += [(one[1], number, at) for one in JUMP.finditer(line)]
+            jumps += [(one[1].strip(), number, at) for one in JUMP.finditer(line)]
             self._motion(number, at, line, before)
             before = line if MOTION.match(line) else before
         for name, number, at in jumps:
@@ -146,9 +147,9 @@ class _Parser(Parser):
         found = MOTION.match(line)
         kind, name, rest = "", "", line
         if found is not None:
-            kind, name, rest = found[2], found[3], found[4]
-        elif (second := SECOND.match(line)) and re.match(r"^\s*\d*\s*:?\s*[CA]\s", before):
-            kind, name, rest = second[1], second[2], second[3]
+            kind, name, rest = found[2], found[3].strip(), found[4]
+        elif (second := SECOND.match(line)) and OF_TWO.match(before):
+            kind, name, rest = second[1], second[2].strip(), second[3]
         if kind == "PR":
             self.reading.left.append(Left(number, "is a register, which the program does not hold"))
         elif kind and not name.isdecimal():
@@ -160,7 +161,7 @@ class _Parser(Parser):
                 self.reading.computed.setdefault(point, number)
                 self.reading.left.append(Left(number, "is displaced at run time", point))
         for one in POINT.finditer(rest):
-            if one[1] == "P" and one[2].isdecimal():
+            if one[1] == "P" and one[2].strip().isdecimal():
                 self.reading.computed.setdefault(f"P[{int(one[2])}]", number)
 
     def _positions(self, start: int, end: int) -> None:
@@ -178,7 +179,7 @@ class _Parser(Parser):
     def _literal(self, found: re.Match[str], start: int, end: int) -> Literal:
         """One position of the robot, which is the first group."""
         name = f"P[{int(found[1])}]"
-        line = self._line(found.start())
+        line = self.line(found.start())
         place = found.start()
         joints = {axis.place: self._number(_joint(axis), start, end) for axis in self.axes}
         if all(joints.values()):

@@ -43,6 +43,8 @@ RELATIVE = re.compile(r"S?(?:PTP|LIN|CIRC)_REL|SPL_REL")
 SET = re.compile(r"\s*((?:[A-Z]\w*\s+)*)([A-Z_$][\w$]*(?:\[[^\]]*\])?)((?:\.\w+)*)\s*=(?!=)")
 BAS = re.compile(r"\s*BAS\s*\(\s*#(TOOL|BASE)\s*,\s*(\d+)\s*\)")
 LABEL = re.compile(r"\s*(\w+)\s*:\s*$")
+# What follows the last point of a motion; of approximations there are two at most.
+TAIL = re.compile(r"(?<!\s)\s++(?:C_\w++|WITH\b.*+)(?:\s++C_\w++){0,3}+\s*+$")
 TYPES = ("E6POS", "POS", "E6AXIS", "AXIS")
 TOOLS = ("TOOL_DATA", "BASE_DATA", "$TOOL", "$BASE")
 POSE = ("X", "Y", "Z", "A", "B", "C")
@@ -54,7 +56,7 @@ class KrlTargets(Brand):
 
     title = "KUKA KRL"
     suffixes = (".src", ".dat")
-    content = re.compile(r"^\s*(?:GLOBAL\s+|PUBLIC\s+)*DEF(?:DAT|FCT)?\s", re.I | re.M)
+    content = re.compile(r"^[^\S\n]*+(?:GLOBAL\s++|PUBLIC\s++)*+DEF(?:DAT|FCT)?\s", re.I | re.M)
     expected = "a DEF or a DEFDAT"
     joint_decimals: ClassVar[int] = 4
 
@@ -247,7 +249,7 @@ class _Parser(Parser):
         """Targets of one motion."""
         parts = pieces(self.clean, start, end)
         for first, last in parts[: 1 + (word in TWO_POINTS)]:
-            tail = re.search(r"\s+(?:C_\w+|WITH\b.*)(?:\s+C_\w+)*\s*$", self.clean[first:last])
+            tail = TAIL.search(self.clean[first:last])
             last = first + tail.start() if tail else last
             use = Use(number, first, self.routine)
             part = self.clean[first:last].rstrip()

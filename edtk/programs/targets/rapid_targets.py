@@ -1,8 +1,10 @@
 """Targets of ABB programs: jointtarget and robtarget literals of RAPID modules."""
 
 import re
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -30,7 +32,6 @@ from edtk.programs.targets.reading import (
     blanked,
     capitals,
     closing,
-    line_at,
     numbers_in,
     pieces,
 )
@@ -42,7 +43,9 @@ TOKEN = re.compile(r"[A-Z]\w*|;|:(?!=)")
 OPENS = {"FOR": "a loop", "WHILE": "a loop", "TEST": "a conditional", "IF": "a conditional"}
 CLOSES = {"ENDFOR": "FOR", "ENDWHILE": "WHILE", "ENDTEST": "TEST", "ENDIF": "IF"}
 HEADS = {"FOR": "DO", "WHILE": "DO", "IF": "THEN"}  # words that end the head of a block
-HEAD = re.compile(r"(?:(?:PROC|MODULE)\s+\w+|FUNC\s+\w+\s+\w+|TRAP\s+\w+)\s*(?:\([^)]*\))?|\w+")
+HEAD = re.compile(
+    r"(?:(?:PROC|MODULE)\s+\w+|FUNC\s+\w+\s+\w+|TRAP\s+\w+)\s*+(?:\([^)]{0,2000}\))?|\w+"
+)
 ROUTINES = (
     "MODULE",
     *("PROC", "FUNC", "TRAP", "ENDPROC", "ENDFUNC", "ENDTRAP", "ENDMODULE"),
@@ -51,11 +54,13 @@ MOVE = re.compile(r"(?:MOVE(?:J|L|C|ABSJ)|TRIGG[JLC]|ARC[LC])(?:DO|AO|GO|SYNC|ST
 INNER_MOVE = re.compile(rf"\b{MOVE.pattern}(?=\s)")
 DECLARED = re.compile(
     r"\s*(?:(?:LOCAL|TASK)\s+)?(?:CONST|PERS|VAR)\s+"
-    r"(ROBTARGET|JOINTTARGET|TOOLDATA|WOBJDATA)\s+(\w+)\s*(\{[^}]*\})?\s*(?::=\s*(.*))?",
+    r"(ROBTARGET|JOINTTARGET|TOOLDATA|WOBJDATA)\s+(\w+)\s*+(\{[^}]*\})?\s*+(?::=\s*(.*))?",
     re.S,
 )
-ASSIGNED = re.compile(r"\s*(\w+)\s*((?:\.\w+|\{[^}]*\})*)\s*:=")
+ASSIGNED = re.compile(r"\s*+(\w++)\s*+((?:\.\w++|\{[^}]*+\})*+)\s*+:=")
 WOBJ = re.compile(r"\\\s*WOBJ\s*:=\s*(\w+)")
+THEN = re.compile(r"\bTHEN\b|;")
+LABEL = re.compile(r"\b(\w++)\s*+:(?!=)")
 SHIFTS = re.compile(r"\b(PDISPON|PDISPSET|EOFFSON|EOFFSSET)\b")
 QUADRANTS = {"cf1": 0, "cf4": 3, "cf6": 5}  # joints by the names of their quadrants
 UNIT = 1e-3  # by which a quaternion's length may be off one
@@ -67,7 +72,7 @@ class RapidTargets(Brand):
 
     title = "ABB RAPID"
     suffixes = (".mod", ".prg", ".modx", ".sys")
-    content = re.compile(r"^\s*MODULE\s+\w+", re.I | re.M)
+    content = re.compile(r"^[^\S\n]*+MODULE\s++\w", re.I | re.M)
     expected = "a MODULE"
     joint_decimals: ClassVar[int] = 4
     decimals: ClassVar[tuple[int, ...]] = (3, 3, 3, 6, 6, 6, 6)
@@ -156,7 +161,7 @@ class _Parser(Parser):
             if word in (";", ":"):
                 self.statements.append((begin, at, routine))
                 if word == ";" and short >= 0:
-                    routine.close((short, line_at(self.text, short), OPENS["IF"]), at)
+                    routine.close((short, self.line(short), OPENS["IF"]), at)
                     short = -1
                 begin, head = token.end(), ""
             elif word in ROUTINES:
@@ -176,7 +181,7 @@ class _Parser(Parser):
                     open_.pop()
                 if open_:
                     opened, start = open_.pop()
-                    routine.close((start, line_at(self.text, start), OPENS[opened]), at)
+                    routine.close((start, self.line(start), OPENS[opened]), at)
                 begin = token.end()
             elif word in (head, "THEN", "DO", "ELSE"):
                 self.statements.append((begin, at, routine))
@@ -187,16 +192,26 @@ class _Parser(Parser):
 
     def _has_then(self, at: int) -> bool:
         """Whether an IF has THEN before its first statement ends."""
-        then = re.compile(r"\bTHEN\b").search(self.clean, at)
-        end = self.clean.find(";", at)
-        return then is not None and (end < 0 or then.start() < end)
+        first = bisect_left(self.ends_of_if, (at, ""))
+        following = self.ends_of_if[first : first + 1]
+        return bool(following) and following[0][1] == "THEN"
+
+    @cached_property
+    def ends_of_if(self) -> list[tuple[int, str]]:
+        """Each THEN and each end of a statement, with its place."""
+        return [(found.start(), found[0]) for found in THEN.finditer(self.clean)]
 
     def _jumps(self, routine: Routine, jumps: list[tuple[str, int]]) -> None:
         """GOTOs with their labels."""
         for rest, at in jumps:
             name = WORD.match(rest.strip())
-            label = name and re.search(rf"\b{re.escape(name[0])}\s*:(?!=)", self.clean)
-            routine.jump(line_at(self.text, at), at, label.start() if label else 0)
+            to = self.labels.get(name[0], 0) if name else 0
+            routine.jump(self.line(at), at, to)
+
+    @cached_property
+    def labels(self) -> dict[str, int]:
+        """Where each label stands first."""
+        return {found[1]: found.start() for found in [*LABEL.finditer(self.clean)][::-1]}
 
     def _declaration(self, start: int, end: int) -> bool:
         """Read a declaration of data; whether it is one."""
@@ -211,7 +226,7 @@ class _Parser(Parser):
                 self.data[name] = f"{name} has no value here"
             return True
         first, last = found.start(4), found.start(4) + len(found[4].rstrip())
-        line = line_at(self.text, found.start(2))
+        line = self.line(found.start(2))
         if kind in ("ROBTARGET", "JOINTTARGET"):
             shown = self.text[found.start(2) : found.end(2)]
             if found[3]:
@@ -285,11 +300,11 @@ class _Parser(Parser):
         """A tool or work object that gets another value, or a displacement of all targets."""
         found = ASSIGNED.match(self.clean, start, end)
         if found is not None and found[1] in self.data:
-            line = line_at(self.text, found.start(1))
+            line = self.line(found.start(1))
             self.data[found[1]] = f"line {line} changes {found[1]} at run time"
         shift = SHIFTS.search(self.clean, start, end)
         if shift is not None:
-            line = line_at(self.text, shift.start())
+            line = self.line(shift.start())
             self.shifted = f"line {line} displaces all targets ({shift[1]})"
 
     def _statement(self, start: int, end: int, routine: Routine) -> None:
@@ -297,7 +312,7 @@ class _Parser(Parser):
         word = WORD.search(self.clean, start, end)
         if word is None:
             return
-        line = line_at(self.text, word.start())
+        line = self.line(word.start())
         found = ASSIGNED.match(self.clean, start, end)
         if word[0] == "IF" and (move := INNER_MOVE.search(self.clean, start, end)):
             self.note(line, word.end(), move.start())

@@ -5,8 +5,10 @@ A brand's reader finds literals, the motions that use them, and what a program c
 """
 
 import re
+from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -300,6 +302,15 @@ class Parser:
     reading: Reading = field(default_factory=Reading, kw_only=True)
     clean: str = field(default="", init=False)
 
+    @cached_property
+    def starts(self) -> list[int]:
+        """Where each line begins."""
+        return [at for _, at, _ in lines_of(self.text)]
+
+    def line(self, at: int) -> int:
+        """The line of a position, from 1."""
+        return bisect_right(self.starts, at)
+
     def note(self, line: int, start: int, end: int) -> None:
         """Names that something is computed with."""
         for one in WORD.finditer(self.clean, start, end):
@@ -379,11 +390,6 @@ def lines_of(text: str) -> Iterator[tuple[int, int, str]]:
         yield number, start, line
         start += len(line)
         start += 2 if text.startswith("\r\n", start) else 1
-
-
-def line_at(text: str, at: int) -> int:
-    """The line of a position, from 1."""
-    return len(re.findall(r"\r\n|\n|\r", text[:at])) + 1
 
 
 def blanked(text: str, pattern: re.Pattern[str]) -> str:

@@ -30,7 +30,7 @@ OPENS = re.compile(r"\s*(if|while|for|thread|def|sec)\b")
 WORDS = {"if": "a conditional", "while": "a loop", "for": "a loop", "thread": "a thread"}
 END = re.compile(r"\s*end\s*$")
 CALL = re.compile(r"\b(movej|movel|movep|movec|set_tcp)\s*\(")
-ASSIGNED = re.compile(r"\s*(?:(?:global|local)\s+)?(\w+)\s*((?:\[[^\]]*\])?)\s*=(?!=)\s*")
+ASSIGNED = re.compile(r"\s*+(?:(?:global|local)\s++)?(\w++)\s*+((?:\[[^\]]*\])?)\s*+=(?!=)\s*")
 KEYWORD = re.compile(r"[A-Za-z_]\w*\s*=(?!=)\s*")
 POSE = 6
 
@@ -40,7 +40,7 @@ class UrTargets(Brand):
 
     title = "URScript"
     suffixes = (".script", ".urscript")
-    content = re.compile(r"^\s*def\s+\w+\s*\(|\bmove[jlpc]\s*\(", re.M)
+    content = re.compile(r"^[^\S\n]*+def\s++\w++\s*+\(|\bmove[jlpc]\s*+\(", re.M)
     expected = "a def or a move"
     joint_decimals: ClassVar[int] = 6
     decimals: ClassVar[tuple[int, ...]] = (6,) * 6

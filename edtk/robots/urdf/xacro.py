@@ -191,7 +191,7 @@ def _operated(sign: ast.AST, *given: Value) -> Value:
 
 
 SUBSTITUTION = re.compile(
-    r"(?P<dollars>\$\$+)(?=[{(])|\$\{(?P<expression>(?:[^}$]|\$(?!\{))*)\}|\$\((?P<word>[^)$]*)\)"
+    r"(?P<dollars>(?<!\$)\$\$++)(?=[{(])|\$\{(?P<expression>(?:[^}$]|\$(?!\{))*)\}|\$\((?P<word>[^)$]*)\)"
 )
 PARAMETER = re.compile(rf"\s*([^\s:=]+)(?:\s*:?=\s*({DEFAULT}))?(?:\s+|$)")
 

@@ -214,6 +214,7 @@ TWICE = "".join(
         '<link name="${%s1}"/>' % ("-" * 290),
         '<link name="${' + "(" * 140 + "1" + ")" * 140 + '}"/>',
         '<link name="%s"/>' % ("${" * 5000),
+        '<link name="%s"/>' % ("$" * 100_000),
         '<xacro:property name="a" value="${a}"/><link name="${a}"/>',
         '<xacro:property name="a" value="${b}"/><xacro:property name="b" value="${a}"/>'
         '<link name="${a}"/>',
