@@ -57,6 +57,7 @@ def region_certificate(found: RelaxedRegion) -> dict[str, Any]:
     cost = float(criterion.lower_bound(Z[None], np.array([limit]), M))
     low, high = found.region.limits
     content["bound_proved"] = printed_form(cost * (1 - found.accuracy), criterion.sense)
+    shares = criterion.dual_weights(Z, M)
     content["region"] = {
         "low": low.tolist(),
         "high": high.tolist(),
@@ -73,6 +74,7 @@ def region_certificate(found: RelaxedRegion) -> dict[str, Any]:
         ],
         "multiplier": Z.tolist(),
         "limit": limit,
+        **({} if shares is None else {"dual_weights": shares.tolist()}),
         "tree": tree,
         "factors": factors[combined].tolist(),
         "points": np.concatenate([found.points, found.grid]).tolist(),

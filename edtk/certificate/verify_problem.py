@@ -10,6 +10,7 @@ import criteria
 from edtk.certificate.recompute.array_criteria import (
     Found,
     as_cost,
+    beside_precision,
     recompute,
     require_little_work,
     unknown,
@@ -245,6 +246,7 @@ def _over_region(content: dict[str, Any], candidates: Candidates, weights: Array
     """
     stated = number(content.get(OVER_REGION), OVER_REGION)
     region = Region.from_dict(content["region"], candidates.rows.shape[1], candidates.p)
+    criterion, candidates = beside_precision(content["criterion"], candidates)
     prior = candidates.prior.astype(float)
     strangers = region.strangers(content["region"]["points"], candidates)
     left = region.open_leaves(prior)
@@ -252,14 +254,15 @@ def _over_region(content: dict[str, Any], candidates: Candidates, weights: Array
         found = f"{strangers} candidates are no points of it, {left} boxes are open"
         return Claim(OVER_REGION, False, stated, None, found)
     Z = region.Z[None]
-    name = content["criterion"]["name"]
-    by_candidates = recompute(content["criterion"], candidates, weights, Z, None, [None])
+    given = content["region"].get("dual_weights")
+    shares = _shares(None if given is None else [given], 1)
+    by_candidates = recompute(criterion, candidates, weights, Z, None, shares)
     AZ = candidates.rows @ region.Z
     largest = float((AZ * candidates.rows).sum(axis=(1, 2)).max() + (region.Z * prior).sum())
     proved = by_candidates.bound * (largest / region.limit) ** by_candidates.degree
-    holds = 0 < as_cost(name, stated) <= proved * (1 + AGREE)
+    holds = 0 < as_cost(criterion["name"], stated) <= proved * (1 + AGREE)
     reason = "" if holds else "the recomputed number differs"
-    return Claim(OVER_REGION, holds, stated, as_cost(name, proved), reason)
+    return Claim(OVER_REGION, holds, stated, as_cost(criterion["name"], proved), reason)
 
 
 def candidates_of(problem: Problem) -> Candidates:

@@ -1,6 +1,7 @@
 """Certificates of bounds over a region: checked by other code, and what an enemy may do to them."""
 
 import json
+from time import process_time
 
 import numpy as np
 import pytest
@@ -62,6 +63,40 @@ def test_polynomials_on_an_interval_are_checked(tmp_path):
     region = Region(lambda x: np.vander(x[:, 0], 6), -1, 1)
     found = edtk.relax(region, "D", prove=1e-9, certificate=tmp_path / "proof.json")
     assert edtk.verify(tmp_path / "proof.json", found.on_grid().problem).valid
+
+
+@pytest.mark.parametrize(
+    "criterion",
+    [
+        {"name": "G"},
+        {"name": "rho_max", "targets": [[[1.0, 2.0, 3.0]], [[3.0, -1.0, 0.0]]]},
+        {"name": "prediction_G", "points": [[1.0, 1.2, 1.44], [1.0, 0.0, 0.0]]},
+        {"name": "minimax", "criteria": ["D", "A"]},
+        {"name": "bayes_A", "precision": np.eye(3).tolist()},
+        {"name": "bayes_D", "precision": np.eye(3).tolist()},
+    ],
+    ids=lambda given: given["name"],
+)
+def test_the_worst_of_several_and_what_is_known_before_are_checked(criterion, tmp_path):
+    """Shares that go with the multiplier of the region, and a precision that all points have."""
+    region = Region(lambda x: np.vander(x[:, 0], 3), -1, 1.5, sigma=0.3)
+    path = tmp_path / "proof.json"
+    found = edtk.relax(region, criterion, candidates=40, prove=1e-3, certificate=path)
+    result = edtk.verify(path, found.on_grid().problem)
+    assert result.valid, result.summary()
+    if criterion["name"] in ("G", "bayes_A"):
+        content = json.loads(path.read_text())
+        content["bound_proved"] *= 1 + 1e-3
+        assert not checked(content, found.on_grid().problem, tmp_path).valid
+
+
+def test_a_polynomial_of_high_degree_is_turned_at_once():
+    """Terms of 150 powers in Bernstein's basis, whose sums are one, took 3 seconds."""
+    since = process_time()
+    ends = np.array([0.0]), np.array([0.5])
+    found = basis_on(151, True, *ends, (0.0, 1.0))
+    assert found[0, :, 0] == pytest.approx(np.ones(151))
+    assert process_time() - since < 1.5
 
 
 def halved(times):

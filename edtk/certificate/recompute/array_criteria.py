@@ -475,6 +475,19 @@ class Found:
     degree: float
 
 
+def beside_precision(given: Any, candidates: Candidates) -> tuple[Any, Candidates]:
+    """A criterion without its precision (p, p), which its candidates then have as a prior.
+
+    Raises:
+        ValueError: The precision is none.
+    """
+    if given["name"] not in BAYESIAN:
+        return given, candidates
+    precision = numbers(given["precision"], (candidates.p,) * 2, "criterion.precision")
+    known = candidates.with_prior(0.5 * (precision + precision.T))
+    return {"name": given["name"].removeprefix("bayes_")}, known
+
+
 def recompute(
     given: Any,
     candidates: Candidates,
@@ -498,12 +511,8 @@ def recompute(
     Raises:
         ValueError: A parameter of the criterion is not what it should be.
     """
+    given, candidates = beside_precision(given, candidates)
     name = given["name"]
-    if name in BAYESIAN:
-        p = candidates.p
-        precision = numbers(given["precision"], (p, p), "criterion.precision")
-        candidates = candidates.with_prior(0.5 * (precision + precision.T))
-        given = {"name": name.removeprefix("bayes_")}
     if name in BALANCES:
         power = candidates.power
         candidates = candidates.scaled(power)

@@ -379,12 +379,12 @@ def _shares(degree: int, power: int) -> Array:
 
     Of the terms of a power of x in Bernstein's basis, exact but for one rounding.
     """
-    indices = range(degree + 1)
-    chosen = [
-        [comb(power, i) * comb(degree - power, k - i) if k >= i else 0 for k in indices]
-        for i in range(power + 1)
-    ]
-    return np.array([[a / comb(degree, k) for k, a in enumerate(row)] for row in chosen])
+    # Whole numbers of any length: of a high degree they are no doubles.
+    rest = [comb(degree - power, k) for k in range(degree + 1)]
+    whole = np.array([comb(degree, k) for k in range(degree + 1)], dtype=object)
+    rows = [[0] * i + rest[: degree + 1 - i] for i in range(power + 1)]
+    chosen = np.array([comb(power, i) for i in range(power + 1)], dtype=object)
+    return np.asarray(chosen[:, None] * np.array(rows, dtype=object) / whole, dtype=float)
 
 
 def _power(factor: Array, n: int) -> Array:

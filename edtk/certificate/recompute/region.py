@@ -55,7 +55,7 @@ class Region:
         Raises:
             ValueError: It is none; one line says where.
         """
-        table(content, (*KEYS, "factors", "points"), "region")
+        table(content, (*KEYS, "factors", "points"), "region", ("dual_weights",))
         low = numbers(rows(content["low"], MOST_VARIABLES, "region.low"), (None,), "region.low")
         high = numbers(content["high"], low.shape, "region.high")
         if not (low < high).all():
