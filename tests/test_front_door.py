@@ -48,12 +48,23 @@ HEAVY = ("numpy", "scipy", "pandas", "cvxpy", "matplotlib", "emcee", "pydantic",
 
 
 def loaded_by(code: str) -> set[str]:
-    """Top-level modules that a new interpreter has loaded after some code."""
-    command = f"{code}\nimport sys\nprint(*{{name.split('.')[0] for name in sys.modules}})"
+    """Modules that a new interpreter has loaded after some code."""
+    command = f"{code}\nimport sys\nprint(*sys.modules)"
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", command], capture_output=True, text=True, check=True
     )
     return set(done.stdout.split())
+
+
+def test_what_reads_sheets_and_results_loads_no_search() -> None:
+    """Fits, reports and commands need neither searches for plans nor all of scipy.stats."""
+    rooms = ("verbs.of_kinds", "report.calibration_report", "report.views.compensation")
+    fits = ("calibrate", "calibrate_geometry", "calibrated_springs", "calibrated_geometry")
+    names = [f"edtk.{room}" for room in rooms] + [f"edtk.calibration.{fit}" for fit in fits]
+    loaded = loaded_by(f"import edtk; edtk.identify\nimport {', '.join(names)}")
+    searches = {"edtk.study.plan_study", "edtk.design.exact.find_plan", "scipy.stats"}
+    assert set(names) <= loaded
+    assert not loaded & searches
 
 
 def printed(*words: object) -> dict[str, object]:

@@ -11,7 +11,7 @@ import numpy as np
 from edtk.findings.causes.family import Cause, Family
 from edtk.findings.causes.faults import FAULTS, USUAL_DRIFT, USUAL_GROWTH
 from edtk.findings.causes.scene import JointLoads, Positions, link_length, same_in, since_first
-from edtk.fit.distributions import student_below
+from edtk.fit.distributions import fisher_tail, student_below
 from edtk.fit.fitted_geometry import FittedGeometry, GeometricFit
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.pose_rows import PoseRows, columns_of
@@ -315,9 +315,9 @@ class Explained:
 
 def log_chance(share: float, count: int, dof: float) -> float:
     """Logarithm of the probability that so many columns explain such a share by chance."""
-    from scipy.stats import f
-
-    return float(f.logsf(share / max(1 - share, 1e-12) * dof / count, count, dof))
+    ratio = max(share, 0.0) / max(1 - share, 1e-12) * dof / count
+    with np.errstate(divide="ignore"):
+        return float(np.log(fisher_tail(ratio, count, dof)))
 
 
 def of_positions(seen: Seen, means: MarkerPositions) -> FewColumns:

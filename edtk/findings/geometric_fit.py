@@ -41,6 +41,7 @@ from edtk.findings.prior import (
 )
 from edtk.findings.sound_rows import marker_findings
 from edtk.findings.springs import still_joints, untold_finding
+from edtk.fit.distributions import chi_square_tail
 from edtk.fit.fit_geometry import fit_geometry
 from edtk.fit.fitted_geometry import GeometricFit, root_mean_square
 from edtk.fit.least_squares import ALONE
@@ -282,11 +283,9 @@ def _apart(
 
 def _chances(fit: GeometricFit) -> Array:
     """How likely (m,) chance makes one of the poses as far off as each is."""
-    from scipy.stats import chi2
-
     coordinates = fit.data.means.rows_seen.sum(axis=(1, 2))
-    chances = chi2.sf(fit.surprise, np.maximum(coordinates, 1))
-    return np.asarray(chances * len(chances))
+    chances = chi_square_tail(fit.surprise, np.maximum(coordinates, 1))
+    return chances * len(chances)
 
 
 def _unlikely(fit: GeometricFit) -> Indices:

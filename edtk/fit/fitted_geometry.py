@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from edtk.fit.distributions import student_quantile
 from edtk.fit.least_squares import share_inside
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.prior import Prior
@@ -379,8 +380,8 @@ class FittedGeometry:
         var = np.maximum(known + parts.own + squares.sum(axis=-1), 0.0) * there
         rows = self.model.row_count
         shape = (m, k, rows)
-        half = (np.sqrt(var) * student_quantile(self._dof(parts.slopes, parts.own))).reshape(shape)
-        half = half / MM
+        quantile = student_quantile(0.975, self._dof(parts.slopes, parts.own))
+        half = (np.sqrt(var) * quantile).reshape(shape) / MM
         std = np.sqrt(var).reshape(shape) / MM
         return Predicted(
             points=seen.points,
@@ -534,13 +535,6 @@ def loading_of(
 ) -> Torque:
     """What loads the joints at rest in each visit, and what did before, see `loading_in`."""
     return loading_in(bending, data.q, data.wrench, loads, data.is_difference, derivatives)
-
-
-def student_quantile(dof: Array) -> Array:
-    """The 97.5 % quantiles of Student's t."""
-    from scipy.stats import t
-
-    return np.asarray(t.ppf(0.975, dof))
 
 
 @dataclass(frozen=True, eq=False)

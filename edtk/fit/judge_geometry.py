@@ -6,13 +6,13 @@ from functools import cached_property
 
 import numpy as np
 
+from edtk.fit.distributions import student_quantile
 from edtk.fit.fitted_geometry import (
     FittedGeometry,
     GeometricFit,
     ToldBefore,
     TurnResiduals,
     loading_of,
-    student_quantile,
 )
 from edtk.fit.least_squares import ALONE, alike
 from edtk.fit.marker_positions import MarkerPositions
@@ -82,7 +82,7 @@ def judge_fit(
         placed_turns=placed_turns,
     )
     dof = fitted.dof(rows.motion[: len(means)], rows.places[: len(means)], means.wrench)
-    half = _by_marker(out.std * student_quantile(dof), means)
+    half = _by_marker(out.std * student_quantile(0.975, dof), means)
     residual = means.same_poses.back(_by_marker(rows.residual, means))
     every = (residual, _by_marker(out.errors, means), half)
     residual, left_out, left_out_half = parts = [

@@ -8,11 +8,12 @@ import numpy as np
 import criteria
 from criteria.criterion import unit_of
 from edtk.measure.task import Tasks
-from edtk.study.study_run import StudyRun
 from edtk.system.typing import Array
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from edtk.study.study_run import StudyRun
 
 UNKNOWN = 3  # where nothing is said of the uncertainty
 MOST_FIGURES = 6
@@ -81,7 +82,7 @@ def shown_unit(name: str) -> tuple[float, str]:
     return (factor, unit) if unit else (factor, "SI")
 
 
-def run_unit(run: StudyRun, name: str) -> tuple[float, str]:
+def run_unit(run: "StudyRun", name: str) -> tuple[float, str]:
     """Factor and unit for a criterion's values; where it names none, those of the parameters."""
     factor, unit = shown_unit(name)
     if unit != "SI" or not criteria.get(name).degree:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from edtk.calibration.planned import check_plan_posterior
 from edtk.calibration.posterior_check import PosteriorCheck, inference_data
 from edtk.fit.noise import NU_IN_WORDS, Noise
 from edtk.study.tables_of_measurement import LEAST_NU
@@ -130,6 +129,8 @@ def bayes(
         UserError: A file is not valid, the plan leaves parameters open, or the chain does not
             converge.
     """
+    from edtk.calibration.planned import check_plan_posterior  # sheets are sampled without it
+
     question = as_study(study)
     sampling = sampling or Sampling()
     inputs = (*question.reads, *files_of(plan))

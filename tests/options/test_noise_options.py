@@ -13,8 +13,8 @@ from small_arm import ROBOT
 import edtk
 from edtk.calibration.calibrate import calibrate
 from edtk.calibration.result_file import geometry_of_dict
+from edtk.fit.distributions import student_quantile
 from edtk.fit.fit_geometry import fit_geometry
-from edtk.fit.fitted_geometry import student_quantile
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.pose_rows import PoseRows
 from edtk.measure.measured_model import MeasuredModel
@@ -115,7 +115,7 @@ def test_bands_follow_the_range(tmp_path: Path) -> None:
     np.savetxt(poses, np.rad2deg(q), delimiter=",", header=",".join(NAMES), comments="")
     predicted = edtk.predict(SMALL, result, poses)
     assert fitted.noise.model_fit is None
-    half = student_quantile(np.array(np.inf)) * np.sqrt(variance)
+    half = student_quantile(0.975, np.inf) * np.sqrt(variance)
     np.testing.assert_allclose(1e3 * predicted.half, half, rtol=1e-5)
 
 

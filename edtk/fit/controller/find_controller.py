@@ -8,6 +8,7 @@ import numpy as np
 
 from edtk.fit.controller.fits import Fits, Positions, descend, jacobian, place_frames
 from edtk.fit.controller.ways_to_count import Counted, SameArm, WayToCount, same_arms, ways_to_count
+from edtk.fit.distributions import fisher_quantile
 from edtk.robots.robot import Robot
 from edtk.system.errors import UserError
 from edtk.system.presented import Presented
@@ -244,9 +245,7 @@ def _few(positions: Positions, told: int) -> Positions:
 
 def _worse(freedom: int) -> float:
     """Factor of the rms by which another way has to be worse, so that it is none."""
-    from scipy.stats import f
-
-    return max(CLEAR, float(np.sqrt(f.ppf(SURE, freedom, freedom))))
+    return max(CLEAR, float(np.sqrt(fisher_quantile(SURE, freedom, freedom))))
 
 
 def _pose(fit: Fits) -> Array:

@@ -11,12 +11,13 @@ from edtk.measure.pose_table import pose_factors
 from edtk.report.figures import BLUE, COLOURS, GREY, MARKERS, ORANGE
 from edtk.report.shown import other_plans, plain, plans_of, run_unit
 from edtk.robots.robot import Robot
-from edtk.study.study_run import StudyRun
 from edtk.system.errors import shortened
 from edtk.system.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from edtk.study.study_run import StudyRun
 
 LONGEST_LABEL = 40  # characters of a plan's name in a picture
 AREA_OF_ONE = 30.0  # of the marker of a single measurement [pt^2]
@@ -25,7 +26,7 @@ FEW_POSES = 20  # poses up to which each has its number under the axis
 HALF = 0.25  # width of the bar of a pose to either side
 
 
-def criterion_by_size(run: StudyRun, ax: "Axes") -> None:
+def criterion_by_size(run: "StudyRun", ax: "Axes") -> None:
     """Draw the main criterion for every kind of plan, and the bound; without a legend."""
     main = run.study.main_criterion
     factor, unit = run_unit(run, main)
@@ -50,7 +51,7 @@ def criterion_by_size(run: StudyRun, ax: "Axes") -> None:
     _scales(run, f"{plain(main)} [{unit}]", ax)
 
 
-def _bound(run: StudyRun, factor: float, ax: "Axes") -> None:
+def _bound(run: "StudyRun", factor: float, ax: "Axes") -> None:
     """The bound over all poses, as a line over all numbers of experiments."""
     sizes = run.study.specification.sizes
     main = run.study.main_criterion
@@ -72,7 +73,7 @@ def _bound(run: StudyRun, factor: float, ax: "Axes") -> None:
     )
 
 
-def _scales(run: StudyRun, label: str, ax: "Axes") -> None:
+def _scales(run: "StudyRun", label: str, ax: "Axes") -> None:
     """Logarithmic axes with plain numbers, and a tick for each size."""
     from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 

@@ -10,7 +10,6 @@ import numpy as np
 from criteria import Criterion
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.result_file import MeasuredPoses
-from edtk.calibration.template import sheet_order
 from edtk.calibration.timetable import day_of, has_day
 from edtk.cell.shapes import Body, Box, Capsule, Cylinder, Mesh, Shape
 from edtk.cell.sight import Sight
@@ -459,6 +458,8 @@ def stage_of_plan(
         plan: The plan, in any order.
         shade: Numbers of the poses of the plan that is shown, such as their shares.
     """
+    from edtk.calibration.template import sheet_order  # loads searches, which results do without
+
     plan = Plan(rounded(study.robot, plan.q), plan.wrench, plan.repeats)
     order = list(dict.fromkeys(sheet_order(study, plan).tolist()))
     chosen = _chosen(plan, np.array(order))
