@@ -1,4 +1,4 @@
-"""Parts of a sheet that look written in another unit than the rest: some rows, or one column."""
+"""Parts of a sheet that are in another unit than the rest, or of another pose or load."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -21,6 +21,10 @@ SAME_UNIT = 1.2  # factor up to which a ratio of two loads is that of a unit
 # Factor up to which displacements of a part are, beside what springs move there, those of the rest:
 # a unit that makes numbers small makes any of them fit.
 LIKE_THE_REST = 5.0
+# Loads of one day that differ by more are in another unit.
+MOST_LOAD = 3.0
+LOADS = 25  # up to this, over the written ones, of which the best one is refined
+SINGULAR = 1e-12  # of the largest eigenvalue: below it springs are not told
 TINY = 1e-300  # in place of nothing, which nothing is divided by
 
 
@@ -204,3 +208,180 @@ def _angles(study: Study, data: Measurements) -> Iterator[Part]:
     if rows.any() and not rows.all():
         read = np.where(rows[:, None] & free, np.rad2deg(shown), shown)
         yield Part("angles", "radians", "", rows, replace(data, q=study.robot.of_shown(read)))
+
+
+@dataclass(frozen=True, eq=False)
+class OtherRows:
+    """Rows that are of another pose or load.
+
+    Attributes:
+        kind: A word for programs: "shifted_rows", "unloaded_rows" or "other_loads".
+        rows: Which rows they are.
+        data: All measurements, read so; without a row that is of no pose.
+        factor: Their load over the written one; 1 where poses differ.
+        step: From the row of a reading to that of its pose: -1, 1, or 0 where loads differ.
+    """
+
+    kind: str
+    rows: Indices
+    data: Measurements
+    factor: float = 1.0
+    step: int = 0
+
+
+def rows_of_others(study: Study, data: Measurements, adjacent: bool) -> Iterator[OtherRows]:
+    """Read some rows of displacements with another pose or load.
+
+    Args:
+        study: The model.
+        data: The measurements as they are written.
+        adjacent: Whether rows follow each other as in the file.
+    """
+    if len(data) < 2 * FEWEST_IN_PART:
+        return
+    own = _Sums.of(study, data)
+    without = _Sums.of(study, replace(data, wrench=np.zeros_like(data.wrench)), own.norms)
+    yield from _unloaded(data, own, without)
+    yield _under_other_loads(data, own, without)
+    if adjacent and data.sensor is None:
+        for step in (-1, 1):
+            yield _shifted(study, data, own, step)
+
+
+def _unloaded(data: Measurements, own: "_Sums", without: "_Sums") -> Iterator[OtherRows]:
+    """Rows that were read without their load: some that hardly move, or all from one on."""
+    each = np.arange(len(data))
+    orders = [each[::-1], each]
+    if not data.absolute:  # which move by the weight of the links, too
+        orders.append(np.argsort((own.y**2).sum(axis=1), kind="stable"))
+    found = [(*own.best_start(without, order), order) for order in orders]
+    _, count, order = min(found, key=lambda one: one[0])
+    yield _under(data, order[:count], 0.0)
+
+
+def _under_other_loads(data: Measurements, own: "_Sums", without: "_Sums") -> OtherRows:
+    """All rows up to one, or from one on, that were read under so many times their load."""
+    from scipy.optimize import minimize_scalar
+
+    # A smaller load in one part is a larger one in the other: either order has both.
+    order = np.arange(len(data))[::-1]
+    most = np.log(MOST_LOAD)
+
+    def left(log_factor: float) -> float:
+        return own.best_start(own.under(without, float(np.exp(log_factor))), order)[0]
+
+    tried = np.linspace(-most, most, LOADS)
+    best = int(np.argmin([left(one) for one in tried]))
+    near = (tried[max(best - 1, 0)], tried[min(best + 1, LOADS - 1)])
+    factor = float(np.exp(minimize_scalar(left, bounds=near, options={"xatol": 1e-6}).x))
+    count = own.best_start(own.under(without, factor), order)[1]
+    if 2 * count > len(data):  # the smaller part is named
+        return _under(data, order[count:], 1 / factor)
+    return _under(data, order[:count], factor)
+
+
+def _under(data: Measurements, rows: Indices, factor: float) -> OtherRows:
+    """Some rows under so many times their load."""
+    wrench = data.wrench.copy()
+    wrench[rows] *= factor
+    kind = "other_loads" if factor else "unloaded_rows"
+    return OtherRows(kind, np.sort(rows), replace(data, wrench=wrench), factor)
+
+
+def _shifted(study: Study, data: Measurements, own: "_Sums", step: int) -> OtherRows:
+    """All rows from one on, whose poses are those of the rows before (-1) or after (1).
+
+    At one end of them is a row whose pose has no reading, or whose reading has no pose.
+    """
+    m = len(data)
+    pose = np.clip(np.arange(m) + step, 0, m - 1)
+    other = replace(data, q=data.q[pose], wrench=data.wrench[pose])
+    if data.absolute:
+        moved = data.rigid(study.model) - other.rigid(study.model)
+        whole = data.deflection.copy()
+        whole[:, : moved.shape[1]] += moved
+        other = replace(other, deflection=whole)
+    read = _Sums.of(study, other, own.norms)
+    if step > 0:
+        own, read = own.without(m - 1), read.without(m - 1)
+    count = own.best_start(read, np.arange(m)[::-1], but_last=step < 0)[1]
+    rows = np.arange(m - count, m)
+    none = rows[0] if step < 0 else rows[-1]
+    late = (np.arange(m) >= rows[0])[:, None]
+    told = replace(
+        data,
+        q=np.where(late, other.q, data.q),
+        wrench=np.where(late, other.wrench, data.wrench),
+        deflection=np.where(late, other.deflection, data.deflection),
+    )[np.delete(np.arange(m), none)]
+    return OtherRows("shifted_rows", np.setdiff1d(rows, none), told, step=step)
+
+
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """Rows in units of the noise, and what least squares need of each.
+
+    Attributes:
+        A: Regressors (m, rows, p), in units of their norms.
+        y: Displacements (m, rows).
+        norms: Norms (p,) of the columns of the sheet as it is written.
+    """
+
+    A: Array
+    y: Array
+    norms: Array
+
+    @classmethod
+    def of(cls, study: Study, data: Measurements, norms: Array | None = None) -> "_Sums":
+        """Of measurements, read in one way."""
+        sigma = data.own_sigma
+        A = data.regressor(study.model) / sigma[..., None]
+        if norms is None:
+            norms = np.maximum(np.linalg.norm(A, axis=(0, 1)), TINY)
+        return cls(A / norms, (data.deflection - known_part(study, data)) / sigma, norms)
+
+    def under(self, without: "_Sums", factor: float) -> "_Sums":
+        """With loads that are as many times as large; what links weigh stays (`without`)."""
+        A = without.A + factor * (self.A - without.A)
+        return replace(self, A=A, y=without.y + factor * (self.y - without.y))
+
+    def without(self, row: int) -> "_Sums":
+        """Without what one row says."""
+        kept = (np.arange(len(self.y)) != row)[:, None]
+        return replace(self, A=self.A * kept[..., None], y=self.y * kept)
+
+    def best_start(
+        self, other: "_Sums", order: Indices, but_last: bool = False
+    ) -> tuple[float, int]:
+        """Read the first rows of an order in another way: what is left at best, and how many.
+
+        With ``G`` the sum of ``A'A``, ``b`` that of ``A'y`` and ``s`` that of ``|y|^2``, least
+        squares leave ``s - b'G^-1 b``. Running sums tell that of all choices.
+
+        Args:
+            other: The rows, read in the other way.
+            order: The rows, those first that are likeliest read so.
+            but_last: Whether the last of those that are read so does not count.
+        """
+        changed = order[: len(order) - FEWEST_IN_PART]
+        G, b, s = (
+            (mine.sum(axis=0) + np.cumsum((its - mine)[changed], axis=0) - but_last * its[changed])[
+                FEWEST_IN_PART - 1 :
+            ]
+            for mine, its in zip(self._of_rows, other._of_rows, strict=True)
+        )
+        values, vectors = np.linalg.eigh(G)
+        along = np.einsum("mpk,mp->mk", vectors, b)
+        told = values > SINGULAR * values[:, -1:]
+        left = s - np.where(told, along**2 / np.where(told, values, 1.0), 0.0).sum(axis=1)
+        first = int(left.argmin())
+        return float(left[first]), FEWEST_IN_PART + first
+
+    @property
+    def _of_rows(self) -> tuple[Array, Array, Array]:
+        """``A'A`` (m, p, p), ``A'y`` (m, p) and ``|y|^2`` (m,) of each row."""
+        return (
+            np.einsum("mri,mrj->mij", self.A, self.A),
+            np.einsum("mri,mr->mi", self.A, self.y),
+            (self.y**2).sum(axis=1),
+        )

@@ -10,7 +10,7 @@ from edtk.findings.causes.scene import AXES
 from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
 from edtk.findings.match_plan import some_rows
 from edtk.findings.nonlinear_part import known_part, nonlinear_part
-from edtk.findings.parts_of_sheet import parts_in_other_units
+from edtk.findings.parts_of_sheet import parts_in_other_units, rows_of_others
 from edtk.fit.correlated_noise import row_numbers
 from edtk.fit.distributions import chi_square_tail
 from edtk.fit.identify import Identification
@@ -274,6 +274,17 @@ def _parts(study: Study, data: Measurements, kept: Indices) -> Iterator[Reading]
         yield Reading(finding, part.data, part.density)
 
 
+def _rows(study: Study, data: Measurements, kept: Indices) -> Iterator[Reading]:
+    """Some rows are of another pose or load; arguments as of `_parts`."""
+    adjacent = bool(np.ptp(kept) == len(kept) - 1)
+    for other in rows_of_others(study, data, adjacent):
+        rows = tuple(kept[other.rows].tolist())
+        told = {"factor": other.factor, "step": other.step}
+        finding = Finding.of(Severity.ALARM, WORDING, other.kind, rows=rows, **told)
+        # A row that does not count has any reading, as an outlier has.
+        yield Reading(finding, other.data, -OUTLIER * (len(data) - len(other.data)))
+
+
 def _free(study: Study) -> list[int]:
     """The joints that the file must have."""
     return [j for j in range(study.robot.n) if j not in study.fixed]
@@ -452,8 +463,9 @@ def explanation(study: Study, data: Measurements, fit: Identification) -> Explan
     given = given.corrected(study)
     if not given.size > SUSPECT:
         return None
-    parts = [] if only_signs else _parts(study, data, kept)
-    every = chain(readings(study, data, only_signs), parts)
+    every = readings(study, data, only_signs)
+    if not only_signs:
+        every = chain(every, _parts(study, data, kept), _rows(study, data, kept))
     tried = [Refit.of(study, reading) for reading in every]
     return Explanation(given, _equally_good(study, tried, given.size / BETTER_READING))
 
@@ -526,6 +538,31 @@ def _part_unit(data: Data) -> str:
     )
 
 
+def _unloaded_rows(data: Data) -> str:
+    """Rows that were read without their load."""
+    return (
+        f"{rows_in_words(data['rows'])}: the robot moves as if it were not loaded there; expected "
+        "readings under the load that is written"
+    )
+
+
+def _other_loads(data: Data) -> str:
+    """Rows that were read under another load."""
+    return (
+        f"{rows_in_words(data['rows'])}: the load looks {data['factor']:.3g} times as large as "
+        "written, beside the other rows; expected the loads that acted"
+    )
+
+
+def _shifted_rows(data: Data) -> str:
+    """Readings beside another pose than theirs."""
+    which = "before" if data["step"] < 0 else "after"
+    return (
+        f"{rows_in_words(data['rows'])}: the readings look like those of the pose {which}; "
+        "expected each beside its own pose"
+    )
+
+
 def _swapped_markers_words(data: Data) -> str:
     """Two markers that were exchanged in all rows."""
     return f"the markers {' and '.join(data['columns'])} look swapped in all rows"
@@ -579,6 +616,9 @@ _CLAUSES: Wording = {
     "joint_offset": _joint_offset,
     "marker_unit": _marker_unit,
     "part_unit": _part_unit,
+    "unloaded_rows": _unloaded_rows,
+    "other_loads": _other_loads,
+    "shifted_rows": _shifted_rows,
     "swapped_markers": _swapped_markers_words,
     "other_axes": _other_axes_words,
     "several_readings": _several_readings,
