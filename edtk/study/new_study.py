@@ -40,6 +40,7 @@ COLUMN = 33  # characters before comments
 DECIDE = "DECIDE:"  # marks what only the engineer knows
 LEAST_SIZE = 4
 LEAST_RANGE = 10.0  # of a joint, beside the margin
+WRIST = 3  # joints at most that turn in a wrist
 
 
 TURN = 2 * np.pi  # of a joint that turns on and on, no more than a turn counts
@@ -50,7 +51,8 @@ class FirstChoices:
     """What suits a robot as far as its geometry tells.
 
     Attributes:
-        reach: Largest distance of the flange from the first joint [m].
+        reach: Largest distance of the flange from the first joint, of an arm behind slides from
+            its own first joint [m].
         payload: Mass whose weight is the load [kg].
         given: Whether somebody said so; otherwise it is a careful guess by the reach.
         tool_mm: Tool point in the frame in which tools are given (3,).
@@ -93,7 +95,8 @@ def first_choices(robot: Robot, payload: float | None = None) -> FirstChoices:
     """
     q = _spread(robot)
     flange = robot.with_tool(np.eye(4)).frames(q)
-    reach = float(np.linalg.norm(flange.position - flange.origins[0], axis=0).max())
+    first = _first_of_arm(robot)
+    reach = float(np.linalg.norm(flange.position - flange.origins[first], axis=0).max())
     if not reach > 0:
         raise UserError("the flange does not move; expected a robot with links", where=robot.name)
     tool_mm = _tool(robot, flange, reach)
@@ -125,6 +128,15 @@ def first_choices(robot: Robot, payload: float | None = None) -> FirstChoices:
         radius_mm=least_radius or None,  # of small arms it may round to 0, which bounds nothing
         q_deg=_test_pose(robot, q[room], force, free),
     )
+
+
+def _first_of_arm(robot: Robot) -> int:
+    """The joint from which the reach counts: the first one that turns, where an arm is behind it.
+
+    How far a track goes says nothing of what the arm on it carries.
+    """
+    turning = [j for j, joint in enumerate(robot.joints) if _kind(joint) == "revolute"]
+    return turning[0] if len(turning) > WRIST else 0
 
 
 def _spread(robot: Robot) -> Array:

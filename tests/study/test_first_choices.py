@@ -122,6 +122,17 @@ def test_the_load_is_one_that_any_arm_carries() -> None:
         assert 0.99 * weight < -found.force[2] <= weight
 
 
+def test_a_track_changes_nothing_of_what_its_arm_carries() -> None:
+    """However far it goes, tool and load are those of the arm; a wrist on slides is no arm."""
+    content = robot_to_dict(ROBOTS["kr270"])
+    track = {"name": "rail", "origin_m": [0, 0, 0], "axis": [0, 1, 0]} | slide(-5, 5)
+    alone = first_choices(ROBOTS["kr270"])
+    there = first_choices(robot_from_dict(content | {"joints": [track, *content["joints"]]}))
+    assert (there.payload, there.tool_mm) == (alone.payload, alone.tool_mm)
+    assert there.reach == pytest.approx(alone.reach, rel=0.01)
+    assert first_choices(ROBOTS["gantry"]).reach > 1
+
+
 def test_made_up_gears_are_those_of_a_usual_robot() -> None:
     """They do not follow the careful load, with which a heavy robot would be as soft as a cobot."""
     kr270 = first_choices(ROBOTS["kr270"])

@@ -311,6 +311,12 @@ class Tried:
     size: Array | None = None
     share: float = 0.0
 
+    @property
+    def is_told(self) -> bool:
+        """Whether its size is told from zero, where it has one."""
+        std = None if self.family is None else self.cause.std
+        return std is None or abs(self.cause.size) > std
+
     def score(self, coordinates: int) -> float:
         """Deviance, with what the parameters and the alternatives of the same kind cost.
 

@@ -256,8 +256,12 @@ def likely_faults(tried: Sequence[Tried]) -> list[Tried]:
     Each cause has the same share of the level, which its joints, poses or readings share. Where one
     fault is no chance, every fault that would be none, had nothing else been tried, may be what it
     is: that is for `rank_faults` to say. Their p is the least level at which they are among these.
+    A fault whose size may as well be zero explains nothing, however small a sum of squares some
+    size leaves: a joint that hardly gives way does so if it depends a thousandfold on the sign of
+    its torque, and usual sizes do not.
     """
     kinds = len({one.cause.cause for one in tried} - set(ALWAYS))
+    tried = [one for one in tried if one.is_told]
     whole = min(
         (one.cause.p * ALWAYS.get(one.cause.cause, OTHERS * kinds * one.tries) for one in tried),
         default=1.0,

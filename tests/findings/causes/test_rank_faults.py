@@ -2,9 +2,10 @@
 
 import math
 
+import numpy as np
 import pytest
 
-from edtk.findings.causes.family import NOISE, Cause, Tried
+from edtk.findings.causes.family import NOISE, Cause, Family, Tried
 from edtk.findings.causes.try_faults import (
     ALWAYS,
     COMMON,
@@ -50,6 +51,21 @@ def test_one_that_is_no_chance_brings_in_the_others():
     assert [one.cause.p for one in found] == [ALWAYS[NOISE] * 1e-3, LEVEL / 2]
     assert likely_faults([tried(COMMON, p=LEVEL / 5), drift, tried("tool_z", p=1)]) == []
     assert likely_faults([]) == []
+
+
+def test_a_fault_whose_size_may_be_zero_explains_nothing():
+    """A joint that hardly gives way fits anything at a size that no gear has."""
+
+    def nothing(c):
+        return np.zeros((3, 1, 1)), np.zeros((3, 1))
+
+    family = Family("torque_sign", "%", 100.0, 1, 0.15, nothing, 6, "q4")
+    found = []
+    for size, std in ((6e-5, 21.0), (-25.0, 4.0)):
+        cause = Cause("torque_sign", size, "%", std, 1e-6, joint="q4")
+        found.append(Tried(cause, -40.0, 1, 6, 0.0, family, np.array([size / 100])))
+    assert likely_faults([*found, tried(NOISE, p=1e-6)])[0].cause.size == -25.0
+    assert names(likely_faults([found[0], tried(NOISE, p=1e-6)])) == [NOISE]
 
 
 def test_a_cause_is_as_likely_as_its_joints_together():
