@@ -32,6 +32,7 @@ ROUNDING = 1e-9  # by which shapes are larger, relative, so that rounding leaves
 CIRCLE_ROUNDS = 16  # of the search for the middle of a circle, whose error falls as 1 / rounds
 STRETCHES = np.array([1.0, 1.04, 1.1, 1.2])  # of a capsule's least radius: thicker may be shorter
 SHARES = (0.12, 0.3, 0.5, 0.7, 0.88)  # of the surface, before a cut
+CORNERS_AT_ONCE = 100_000  # whose heights in all directions are in memory together
 SURFACE_POINTS = 3000  # points of a surface, to which distances are measured
 CLOSER = (0.3, 0.1, 0.03)  # [rad] about the best axis so far, among which a better one is sought
 
@@ -100,7 +101,13 @@ class _Piece:
     @cached_property
     def few(self) -> Array:
         """The corners that are extreme in some direction."""
-        return self.corners[np.unique((self.corners @ EXTREMES.T).argmax(axis=0))]
+        starts = range(0, len(self.corners), CORNERS_AT_ONCE)
+        some = (self.corners[i : i + CORNERS_AT_ONCE] for i in starts)
+        tops = np.add(
+            np.array(starts)[:, None], [(one @ EXTREMES.T).argmax(axis=0) for one in some]
+        ).ravel()
+        of_all = (self.corners[tops] @ EXTREMES.T).argmax(axis=0)
+        return self.corners[np.unique(tops[of_all])]
 
     @cached_property
     def axes(self) -> Array:

@@ -16,6 +16,7 @@ from edtk.system.typing import Array
 
 MOST_MB = 60.0  # of a file: a million triangles
 MOST_TRIANGLES = 1_000_000
+MOST_CORNERS = 10_000  # of a face
 HEADER, COUNT, RECORD = 80, 4, 50  # bytes of a binary STL: header, number of triangles, a triangle
 SMALLEST, LARGEST = 1e-3, 200.0  # [m] that a part of a cell may measure
 FORMATS = (".stl", ".obj", ".dae")
@@ -148,7 +149,7 @@ def _obj(text: str) -> Array:
     points: list[list[float]] = []
     faces: list[tuple[int, int, int]] = []
     for number, line in enumerate(text.splitlines(), 1):
-        words = line.split()
+        words = line.split(maxsplit=MOST_CORNERS)
         try:
             if words[:1] == ["v"]:
                 points.append([float(word) for word in words[1:4]])
@@ -157,6 +158,8 @@ def _obj(text: str) -> Array:
         except (ValueError, IndexError):
             what = "vertex" if words[0] == "v" else "face"
             raise ValueError(f"line {number} is no {what}: {line[:60]!r}") from None
+        # Looked at after each line, as each of them is many times as large in memory as on disk.
+        _require_number(max(len(faces), len(points) // 3, 1))
     _require_number(len(faces))
     if any(len(point) != 3 for point in points):
         raise ValueError("has a vertex that is not three numbers")

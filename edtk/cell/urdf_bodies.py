@@ -20,6 +20,7 @@ from edtk.system.typing import Array
 SIDES = 24  # of the prism around a cylinder that capsules are to hold
 PACKAGE, FILE = "package://", "file://"
 MOST_FITTED = 64  # meshes whose capsules are kept, of the files that were read last
+MOST_OF_ROBOT = 2_000_000  # triangles: a file of a few lines may name a mesh any number of times
 LARGEST_PART = 20.0  # [m]; a larger part of an arm is in millimetres
 
 
@@ -61,6 +62,7 @@ class _Shapes:
         self.tree = tree
         self.path = path
         self.where = where
+        self.triangles = 0
 
     def body(self, link: str, T: Array, carrier: int | None) -> Body | None:
         """The body of a link whose frame is T in that of its carrier; None without a shape."""
@@ -110,6 +112,12 @@ class _Shapes:
             raise ValueError(message)
         scale = _numbers(geometry, "scale", 3) if "scale" in geometry.attributes else np.ones(3)
         mesh = read_mesh(file, "m", f"mesh {file.name}", largest=np.inf)
+        self.triangles += len(mesh.faces)
+        if self.triangles > MOST_OF_ROBOT:
+            message = f"with mesh {file.name} the robot has {self.triangles:,} triangles"
+            raise ValueError(
+                f"{message}; expected at most {MOST_OF_ROBOT:,}: export coarser meshes"
+            )
         vertices = mesh.vertices * scale
         size = float(np.ptp(vertices, axis=0).max())
         if size > LARGEST_PART:

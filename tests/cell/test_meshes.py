@@ -1,9 +1,12 @@
 """Meshes are read from files of all kinds, and what is wrong with one is a line."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
 from edtk.cell.meshes import open_edges, read_mesh
+from edtk.cell.urdf_bodies import urdf_bodies
 from edtk.system.errors import UserError
 
 CORNERS = np.array([[0, 0, 0], [100, 0, 0], [0, 50, 0], [0, 0, 25]], dtype=float)
@@ -119,3 +122,38 @@ def test_a_huge_file_is_refused_before_it_is_read(tmp_path, monkeypatch) -> None
     path.write_bytes(binary(CORNERS[FACES]))
     with pytest.raises(UserError, match=r"larger than 0\.0001 MB"):
         read_mesh(path)
+
+
+@pytest.mark.parametrize(
+    "body", ["f " + "1 2 3 " * 50_000, "f 1 2 3\n" * 20_000, "v 0 0 0\n" * 50_000]
+)
+def test_a_file_of_many_faces_is_refused_as_soon_as_they_are_too_many(
+    body: str, tmp_path, monkeypatch
+) -> None:
+    """Not when all of them are in memory, where each is many times as large as on disk."""
+    monkeypatch.setattr("edtk.cell.meshes.MOST_TRIANGLES", 1000)
+    path = tmp_path / "part.obj"
+    path.write_text(f"v 0 0 0\nv 1 0 0\nv 0 1 0\n{body}\n")
+    tracemalloc.start()
+    with pytest.raises(UserError, match=r"has 1,00\d triangles|line 4 is no face"):
+        read_mesh(path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 15 * len(body)
+
+
+def test_a_robot_that_names_a_mesh_many_times_is_refused(tmp_path, monkeypatch) -> None:
+    """Thirty kilobytes that name one mesh 300 times took a minute, and 10 GB."""
+    monkeypatch.setattr("edtk.cell.urdf_bodies.MOST_OF_ROBOT", 40)
+    (tmp_path / "part.stl").write_bytes(binary(1e-3 * CORNERS[FACES]))
+    body = '<collision><geometry><mesh filename="part.stl"/></geometry></collision>'
+    joint = '<joint name="q1" type="revolute"><parent link="a"/><child link="b"/></joint>'
+    path = tmp_path / "arm.urdf"
+    for number in (10, 11):
+        path.write_text(
+            f'<robot name="r"><link name="a">{body * number}</link><link name="b"/>{joint}</robot>'
+        )
+        if number == 10:
+            assert len(urdf_bodies(path)) == 1
+    with pytest.raises(UserError, match=r"link a: with mesh part\.stl the robot has 44 triangles"):
+        urdf_bodies(path)
