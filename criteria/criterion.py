@@ -12,7 +12,8 @@ from criteria.curvature import Curvature
 from criteria.errors import CriterionError
 from criteria.linalg.estimable import open_directions, range_whitener
 from criteria.linalg.inverse import guarded_inverse, unit_scale
-from criteria.linalg.typing import Array, Mask, triangle
+from criteria.linalg.models import Models
+from criteria.linalg.typing import Array, Indices, Mask, triangle
 
 DESCRIBED = (
     "name",
@@ -68,6 +69,7 @@ class Criterion(ABC):
         takes_interest: Whether it can be about some of the parameters only, see `Interest`.
         per_task: Whether it takes a target of each task (tasks, rows, p) instead of one of all.
         batched_curvature: Whether `curvature` takes roots (..., p, p) of several covariances.
+        models: Of several models side by side that it does not mix; None of one.
         precision: Prior information (p, p) that the cost adds to M; None but for Bayesian criteria.
         shown: Factor and unit with which `value` is printed; the unit may be empty.
     """
@@ -87,6 +89,7 @@ class Criterion(ABC):
     needs_parameters: bool = False
     takes_interest: bool = True
     batched_curvature: bool = False
+    models: Models | None = None
     precision: Array | None = None
     shown: tuple[float, str] = (1.0, "")
 
@@ -401,9 +404,13 @@ class Criterion(ABC):
 
 
 @cache
-def _entries(p: int) -> Array:
-    """Symmetric matrices (1 + q, p, p): zero, then ones at each place of the triangle."""
-    i, j = triangle(p)
+def _all_entries(p: int) -> Array:
+    """The `_entries` of a whole triangle, which every step of a descent asks for."""
+    return _entries(p, *triangle(p))
+
+
+def _entries(p: int, i: Indices, j: Indices) -> Array:
+    """Symmetric matrices (1 + q, p, p): zero, then ones at each place (i, j) of a triangle."""
     E = np.zeros((1 + len(i), p, p))
     k = np.arange(1, 1 + len(i))
     E[k, i, j] = 1.0
@@ -411,7 +418,9 @@ def _entries(p: int) -> Array:
     return E
 
 
-def derivatives(criterion: Criterion, M: Array) -> tuple[Array, Array, Array]:
+def derivatives(
+    criterion: Criterion, M: Array, models: Models | None = None
+) -> tuple[Array, Array, Array]:
     """Cost, gradient, and second derivative by the entries of the upper triangle.
 
     With dM given by its triangle v (q,), row by row, q = p (p + 1)/2, the cost is
@@ -421,10 +430,12 @@ def derivatives(criterion: Criterion, M: Array) -> tuple[Array, Array, Array]:
     Args:
         criterion: A criterion that is smooth near M.
         M: Information matrices (b, p, p).
+        models: Models side by side; the entries are then those of `Models.triangles`.
 
     Returns:
         Costs f (b,), gradients G (b, p, p) and K (b, q, q); inf, nan and nan where M is singular.
     """
+    entries = triangle(M.shape[-1]) if models is None else models.triangles
     safe, cov, regular = criterion.inverse(M)
     cost = np.where(regular, criterion.cost_of_regular(safe, cov), np.inf)
     is_known = criterion.batched_curvature and criterion.needs_all
@@ -432,9 +443,9 @@ def derivatives(criterion: Criterion, M: Array) -> tuple[Array, Array, Array]:
     terms = criterion.curvatures(R) if is_known else ()
     if terms:
         G = criterion.gradient_of_regular(safe, cov)
-        K = _by_curvature(terms, R, cost)
+        K = _by_curvature(terms, R, cost, entries)
     else:
-        G, K = _by_differences(criterion, safe, cov)
+        G, K = _by_differences(criterion, safe, cov, entries)
     nan = np.where(regular, 0.0, np.nan)[:, None, None]
     return cost, G + nan, K + nan
 
@@ -445,11 +456,13 @@ def _root(cov: Array) -> Array:
     return d[:, :, None] * np.linalg.cholesky(cov / (d[:, :, None] * d[:, None]))
 
 
-def _by_curvature(terms: tuple[Curvature, ...], R: Array, cost: Array) -> Array:
+def _by_curvature(
+    terms: tuple[Curvature, ...], R: Array, cost: Array, entries: tuple[Indices, Indices]
+) -> Array:
     """Second derivatives (b, q, q) of costs (b,) whose logarithms are sums of terms."""
-    slope, K = terms[0].by_entries(R)
+    slope, K = terms[0].by_entries(R, *entries)
     for term in terms[1:]:
-        own_slope, own = term.by_entries(R)
+        own_slope, own = term.by_entries(R, *entries)
         slope += own_slope
         K += own
     # The second derivative of a cost, in parts of it, is that of its log and a square.
@@ -458,16 +471,20 @@ def _by_curvature(terms: tuple[Curvature, ...], R: Array, cost: Array) -> Array:
     return K
 
 
-def _by_differences(criterion: Criterion, safe: Array, cov: Array) -> tuple[Array, Array]:
+def _by_differences(
+    criterion: Criterion, safe: Array, cov: Array, entries: tuple[Indices, Indices]
+) -> tuple[Array, Array]:
     """Gradients (b, p, p) and second derivatives (b, q, q) at regular matrices and their inverses.
 
     One call evaluates all differences of all matrices; the inverse changes by
     ``-cov (dM - dM cov dM) cov``, to second order.
     """
-    i, j = triangle(safe.shape[-1])
+    i, j = entries
+    p = safe.shape[-1]
+    each = _all_entries(p) if len(i) == p * (p + 1) // 2 else _entries(p, i, j)
     # Steps follow the diagonal of M, so that parameters may have any units.
     d = unit_scale(np.diagonal(safe, axis1=1, axis2=2))
-    dM = STEP * (d[:, :, None] * d[:, None])[:, None] * _entries(safe.shape[-1])
+    dM = STEP * (d[:, :, None] * d[:, None])[:, None] * each
     C = np.broadcast_to(cov[:, None], dM.shape)
     change = dM @ C
     G = criterion.gradient_of_regular(safe[:, None] + dM, C - C @ (change - change @ change))

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from criteria.linalg.typing import Array, triangle
+from criteria.linalg.typing import Array, Indices, triangle
 
 # Log of the ratio of two eigenvalues that count as one: its square is rounding.
 SAME = 1e-8
@@ -40,17 +40,18 @@ class Curvature:
         """That of the cost to the power of an exponent, whose log is a multiple."""
         return replace(self, z=exponent * self.z, W=exponent * self.W, c=self.c / exponent)
 
-    def by_entries(self, R: Array) -> tuple[Array, Array]:
-        """The derivatives of log cost by the entries of the upper triangle of M.
+    def by_entries(self, R: Array, i: Indices, j: Indices) -> tuple[Array, Array]:
+        """The derivatives of log cost by some entries of the upper triangle of M.
 
         Args:
             R: The root (..., p, p) of the covariance.
+            i: Rows (q,) of the entries.
+            j: Their columns (q,).
 
         Returns:
-            The slope (..., q) and the second derivative (..., q, q), q = p (p + 1)/2.
+            The slope (..., q) and the second derivative (..., q, q).
         """
         p, s = self.V.shape[-2:]
-        i, j = triangle(p)
         a, b = triangle(s)
         # Products of large arrays take several times as long where the last axis is not dense.
         T = (R @ self.V).reshape(*R.shape[:-2], p * s)

@@ -32,6 +32,8 @@ class OneModel(Relaxable):
         number: The number j of the model.
     """
 
+    models: Models
+
     def __init__(self, base: Relaxable, models: Models, number: int) -> None:
         self.base = base
         self.models = models

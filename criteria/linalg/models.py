@@ -1,10 +1,10 @@
 """Where the parameters of several models stand in a block diagonal matrix."""
 
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
-from criteria.linalg.typing import Array, Indices, Mask
+from criteria.linalg.typing import Array, Indices, Mask, triangle
 
 
 class Models:
@@ -23,6 +23,12 @@ class Models:
         self.parts = tuple(
             slice(int(end) - size, int(end)) for size, end in zip(sizes, ends, strict=True)
         )
+
+    @classmethod
+    @cache
+    def single(cls, p: int) -> "Models":
+        """The places of one model of p parameters."""
+        return cls((p,))
 
     @property
     def p(self) -> int:
@@ -43,6 +49,16 @@ class Models:
         """Rows and columns (q,) of all entries of all blocks, block by block."""
         inside = [np.indices((size, size)).reshape(2, -1) for size in self.sizes]
         found = [part.start + each for part, each in zip(self.parts, inside, strict=True)]
+        rows, columns = np.concatenate(found, axis=1)
+        return rows, columns
+
+    @cached_property
+    def triangles(self) -> tuple[Indices, Indices]:
+        """Rows and columns (q,) of the upper triangles of all blocks, block by block."""
+        found = [
+            part.start + np.array(triangle(size))
+            for part, size in zip(self.parts, self.sizes, strict=True)
+        ]
         rows, columns = np.concatenate(found, axis=1)
         return rows, columns
 

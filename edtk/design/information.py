@@ -228,7 +228,7 @@ class PackedInformation:
     @property
     def models(self) -> Models:
         """One model: how the blocks of block diagonal information lie."""
-        return Models((self.p,))
+        return Models.single(self.p)
 
     def entries(self, chosen: Indices) -> Array:
         """The entries (k, e) of the blocks of some candidates, see `Models.entries`."""
@@ -333,12 +333,12 @@ class Rows:
     @property
     def n(self) -> int:
         """Number of candidates."""
-        return len(self.A)
+        return len(self.given)
 
     @property
     def p(self) -> int:
         """Number of parameters."""
-        return int(self.A.shape[-1])
+        return int(self.given.shape[-1])
 
     def __getitem__(self, chosen: Indices) -> "Rows":
         """Some of the candidates."""
@@ -471,7 +471,7 @@ class Rows:
     @property
     def models(self) -> Models:
         """One model: how the blocks of block diagonal information lie."""
-        return Models((self.p,))
+        return Models.single(self.p)
 
     def entries(self, chosen: Indices) -> Array:
         """The entries (k, e) of the blocks of some candidates, see `Models.entries`."""

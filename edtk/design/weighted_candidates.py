@@ -67,8 +67,9 @@ class WeightedCandidates(Presented):
     ) -> None:
         self.kept = kept
         self.p = kept.p
-        default = tuple(f"k{i + 1}" for i in range(self.p))
-        self.parameters = default if parameters is None else tuple(parameters)
+        if parameters is None:
+            parameters = tuple(f"k{i + 1}" for i in range(self.p))
+        self.parameters = tuple(parameters)
         if len(self.parameters) != self.p:
             raise UserError(f"{len(self.parameters)} names for {self.p} parameters")
         # None instead of zeros: without a prior nothing is added, and no last digit changes.
@@ -247,7 +248,7 @@ class WeightedCandidates(Presented):
     @property
     def width(self) -> int:
         """The order of a matrix with as many entries as the blocks have: p of a single model."""
-        return math.ceil(np.sqrt(np.square(self.models.sizes).sum()))
+        return math.ceil(math.sqrt(sum(size**2 for size in self.models.sizes)))
 
     @property
     def _is_apart(self) -> bool:

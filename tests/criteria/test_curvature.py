@@ -132,9 +132,9 @@ def test_curvatures_of_several_roots_are_those_of_each(name):
     assert criterion.batched_curvature
     rng = np.random.default_rng(5)
     roots = np.array([whitener(positive(rng, 4)) for _ in range(3)])
-    slopes, seconds = criterion.curvature(roots).by_entries(roots)
+    slopes, seconds = criterion.curvature(roots).by_entries(roots, *triangle(4))
     for R, slope, second in zip(roots, slopes, seconds, strict=True):
-        own_slope, own_second = criterion.curvature(R).by_entries(R)
+        own_slope, own_second = criterion.curvature(R).by_entries(R, *triangle(4))
         np.testing.assert_allclose(slope, own_slope, rtol=1e-10, atol=1e-12)
         np.testing.assert_allclose(second, own_second, rtol=1e-9, atol=1e-12)
 

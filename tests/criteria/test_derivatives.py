@@ -96,3 +96,24 @@ def test_convex_criteria_bend_upwards(name):
     for _ in range(5):
         K = derivatives(smooth(name, p), positive(rng, p)[None])[2][0]
         assert np.linalg.eigvalsh(K)[0] >= -1e-4 * np.abs(K).max()
+
+
+@pytest.mark.parametrize("name", ["compound", "minimax"])
+def test_of_models_side_by_side(name):
+    """By the entries of the blocks the derivatives are a part of those by all entries."""
+    rng = np.random.default_rng(6)
+    criterion = criteria.create(name, criteria=["D", "A", "D"], sizes=[2, 3, 2])
+    criterion = criterion if criterion.smooth else criterion.smoothed(20.0)
+    models = criterion.models
+    M = np.array([models.diagonal([positive(rng, s) for s in models.sizes]) for _ in range(2)])
+    rows, columns = np.triu_indices(models.p)
+    own = np.flatnonzero(~models.outside[rows, columns])
+    places = list(zip(rows[own].tolist(), columns[own].tolist(), strict=True))
+    told = list(zip(*(part.tolist() for part in models.triangles), strict=True))
+    order = own[[places.index(place) for place in told]]
+    cost, G, whole = derivatives(criterion, M)
+    of_blocks = derivatives(criterion, M, models)
+    np.testing.assert_array_equal(of_blocks[0], cost)
+    np.testing.assert_array_equal(of_blocks[1], G)
+    size = 1e-9 * np.abs(whole).max()
+    np.testing.assert_allclose(of_blocks[2], whole[:, order[:, None], order], rtol=1e-9, atol=size)

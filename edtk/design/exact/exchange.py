@@ -159,7 +159,8 @@ def _settled(
     All are as given where prices of exchanges in turn do not suit; those that tell too little for
     such prices are left to others.
     """
-    search = _in_turn(problem, criterion, times) if thorough else None
+    # Rows of many models are mostly zeros, which only prices in turn leave out.
+    search = _in_turn(problem, criterion, times) if thorough or len(problem.models) > 1 else None
     if search is None:
         return places.copy(), np.zeros(len(places), dtype=bool)
     return search.descended(places)
@@ -167,14 +168,16 @@ def _settled(
 
 def _in_turn(problem: Problem, criterion: Criterion, times: Array) -> CountsSearch | None:
     """What exchanges the places of plans (b, k) in turn; None where its prices do not suit."""
-    if not times.size or (times != 1.0).any() or problem.factors().shape[1] > 1:
+    if not times.size or (times != 1.0).any():
+        return None
+    if any(one.factors().shape[1] > 1 for one in problem.each):
         return None
     if not guarded_inverse(problem.mean, UPDATABLE)[2].all():
         return None
     m = times.shape[1]
     base = np.zeros((problem.p, problem.p)) if problem.prior is None else m * problem.prior
     search = search_for(problem.with_prior(None), criterion, Limits(m, base), None, thorough=True)
-    return None if isinstance(search.pricing, AnyPricing) else search
+    return None if type(search.pricing) is AnyPricing else search
 
 
 def _exchanged(

@@ -223,7 +223,7 @@ class ActiveInformation(ABC):
     @staticmethod
     def of_blocks(blocks: Array) -> "ActiveInformation":
         """Information that is given as matrices (k, p, p)."""
-        return _Blocks(blocks.reshape(len(blocks), -1), Models((blocks.shape[-1],)))
+        return _Blocks(blocks.reshape(len(blocks), -1), Models.single(blocks.shape[-1]))
 
     @abstractmethod
     def information(self, weights: Array) -> Array:

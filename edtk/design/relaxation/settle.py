@@ -9,6 +9,7 @@ from criteria import Criterion
 from criteria.criterion import derivatives
 from criteria.linalg.estimable import range_whitener
 from criteria.linalg.inverse import TINY
+from criteria.linalg.models import Models
 from criteria.linalg.typing import triangle
 from edtk.cell.sight import Sight
 from edtk.design.design_space import Points, Space, weighted_information
@@ -63,14 +64,14 @@ class LogCost(Objective):
         repeats = self.repeats[start, :, None, None]
         b = len(start)
         M = weighted_information(A[0], self.repeats[start], near.space.prior)
-        cost, G, K = derivatives(self.criterion, M)
+        cost, G, K = derivatives(self.criterion, M, self.criterion.models)
         # The logarithm divides its derivatives by the cost; singular plans have none.
         finite = np.isfinite(cost)[:, None, None]
         divisor = np.where(finite, cost[:, None, None], 1.0)
         G = np.where(finite, G / divisor, 0.0)
         K = np.where(finite, K / divisor, 0.0)
         slopes = near.first(experiments.slope(2.0 * repeats * (A @ G[:, None])))
-        own = repeats[..., 0] * _triangles(experiments)
+        own = repeats[..., 0] * _triangles(experiments, self.criterion.models)
         dM = near.differences(own).transpose(1, 2, 0, 3).reshape(b, -1, own.shape[-1])
         slope = slopes[0].reshape(b, -1)
         # The second term is that of the logarithm: (log c)'' = c''/c - (c'/c)^2.
@@ -78,15 +79,16 @@ class LogCost(Objective):
         return Local(np.log(cost), slopes[0], near.second(slopes), joint)
 
 
-def _triangles(experiments: Points) -> Array:
+def _triangles(experiments: Points, models: Models | None) -> Array:
     """Upper triangles (..., q) of the information of one measurement in each experiment.
 
-    Whole arrays are added for each entry of few, in a fifth of the time of many small products.
+    Those of several models are of the blocks: what is beside them is zero, and most of all. Whole
+    arrays are added for each entry of few, in a fifth of the time of many small products.
     """
     A = experiments.regressor
-    if A.shape[-1] <= FEW_PARAMETERS:
+    if models is None and A.shape[-1] <= FEW_PARAMETERS:
         return np.moveaxis(experiments.packed, 0, -1)
-    rows, columns = triangle(A.shape[-1])
+    rows, columns = triangle(A.shape[-1]) if models is None else models.triangles
     return np.asarray((np.swapaxes(A, -1, -2) @ A)[..., rows, columns])
 
 

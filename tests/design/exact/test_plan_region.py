@@ -189,3 +189,19 @@ def test_it_can_be_read_and_drawn():
     assert "dose" in r._repr_html_()
     assert "5 experiments" in r.plot().get_title()
     pyplot.close("all")
+
+
+@pytest.mark.slow
+def test_many_guesses_are_priced_model_by_model():
+    """A plan that is best on average over 25 guesses is of few points, and symmetric as they are.
+
+    Steps by all entries of the models together would take gigabytes.
+    """
+    guesses = [[a, b] for a in np.linspace(-1, 1, 5) for b in np.linspace(0.5, 2, 5)]
+    region = edtk.Region.of_model(
+        "a + b * x", guesses, (-6, 6), family="binomial", parameters=("a", "b"), robust="bayes"
+    )
+    plan = edtk.plan(region, size=10, starts=8)
+    assert plan.efficiency > 0.999
+    np.testing.assert_array_equal(plan.counts, [4, 1, 1, 4])
+    np.testing.assert_allclose(plan.points, -plan.points[::-1], atol=1e-6)
