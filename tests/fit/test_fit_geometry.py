@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from edtk.fit import fit_geometry as module
+from edtk.fit import pose_rows
 from edtk.fit.fit_geometry import TooFewPosesError, fit_geometry
 from edtk.fit.fitted_geometry import GeometricFit
 from edtk.fit.marker_positions import MarkerPositions
@@ -200,7 +201,7 @@ def test_left_out_residuals_are_those_of_refits(monkeypatch: pytest.MonkeyPatch)
     data, _, _ = simulate(model, 14, sigma_mm=0.05)
     fit = fit_geometry(model, data, white(SIX, 0.05))
     same = lambda noise, *rest, **_: fit.fitted.noise  # noqa: E731
-    monkeypatch.setattr(module, "fit_model_error", same)
+    monkeypatch.setattr(pose_rows, "fit_model_error", same)
     for pose in (0, 5, 13):
         kept = np.arange(len(data)) != pose
         without = fit_geometry(model, data[kept], white(SIX, 0.05))
