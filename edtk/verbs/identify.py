@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from edtk.calibration.calibration import Calibration
 from edtk.calibration.compensate import Compensation
-from edtk.calibration.correct_program import brand_of
 from edtk.calibration.prediction import Prediction
 from edtk.findings.fitted_data import HowFitted
 from edtk.measure.pose_table import Table
@@ -149,8 +148,11 @@ def compensate(
         UserError: A file is not valid, or no row has a command.
     """
     asked = of_study(study)
-    if isinstance(task, str | Path) and brand_of(Path(task).name) is not None:
-        return asked.correct(compliances, task, out, table, all_literals)
+    if isinstance(task, str | Path):
+        from edtk.calibration.correct_program import brand_of  # knows all brands of programs
+
+        if brand_of(Path(task).name) is not None:
+            return asked.correct(compliances, task, out, table, all_literals)
     for argument, given in (("table", table is not None), ("all_literals", all_literals)):
         if given:
             raise ArgumentError("is for robot programs; the task is none", argument=argument)
