@@ -224,10 +224,13 @@ def _proof(content: dict[str, Any], asked: _Asked, candidates: Candidates) -> li
     power = candidates.power
     part, known = _question(content["criterion"], candidates, asked.kept, asked.size, power)
     stated["proved_exact"] = content["proved_exact"]
+    # So has what the criterion is about a unit of its own.
+    size = int(np.frexp(np.abs(part.K).max())[1])
+    part = replace(part, K=np.ldexp(part.K, -size))
     units = known.units
     part, known = part.scaled(units), known.scaled(units)
     tree = replace(tree, T=np.ldexp(tree.T, -power - units[:, None]))
-    replay = Replay(tree, part, known, asked.told, asked.limits, asked.budget, power)
+    replay = Replay(tree, part, known, asked.told, asked.limits, asked.budget, power + size)
     return exact_claims(name, stated, replay, *_cost(replay, asked.plan))
 
 

@@ -263,8 +263,8 @@ class Replay:
         m: Number of experiments.
         most: How often each candidate may be chosen (n,); None for no limit.
         budget: What plans may cost; None for no limit.
-        power: The candidates have ``2^power`` times the rows that were given, and the tree's
-            parameters are in such units; costs are those of the rows as given.
+        power: A unit of rows, or of what the criterion is about: costs as given are
+            ``2^(2 power degree)`` times those here.
     """
 
     tree: Tree
@@ -276,13 +276,13 @@ class Replay:
     power: int = 0
 
     def given(self, cost: float) -> float:
-        """The cost for the rows as they were given, of a cost here."""
-        return cost * 2.0 ** (2 * self.power * self.part.degree)
+        """The cost in the units that were given, of a cost here."""
+        return float(np.ldexp(cost, int(2 * self.power * self.part.degree)))
 
     def proves(self, cost: float) -> str:
         """Why no plan is proved to cost at least so much; empty if it is."""
         multiplier, _, _, first, stop, count = self.tree.columns
-        cost = cost * 2.0 ** (-2 * self.power * self.part.degree)
+        cost = float(np.ldexp(cost, -int(2 * self.power * self.part.degree)))
         n = len(self.tree.order)
         if (first[0], stop[0], count[0]) != (0, n, self.m):
             return "the root is not all plans"

@@ -292,6 +292,7 @@ class Merits:
         m: Number of experiments.
         most: How often each candidate may be chosen (n,); None for no limit.
         budgets: Their number k.
+        unit: What the criterion's costs are counted in, so that they are of order one.
     """
 
     criterion: Relaxable
@@ -301,6 +302,7 @@ class Merits:
     m: int
     most: Indices | None = None
     budgets: int = 0
+    unit: float = 1.0
 
     @cached_property
     def q(self) -> int:
@@ -349,12 +351,12 @@ class Merits:
         return replace(self, F=np.ascontiguousarray(self.F[chosen]), most=most)
 
     def merit_of(self, cost: float) -> float:
-        """The merit of a cost."""
-        return float(cost ** (-1.0 / self.criterion.degree))
+        """The merit of a plan's cost."""
+        return float((cost / self.unit) ** (-1.0 / self.criterion.degree))
 
     def cost_of(self, merit: float) -> float:
-        """The cost of a merit; inf where it is zero."""
-        return float(merit**-self.criterion.degree) if merit > 0 else np.inf
+        """The cost of a plan's merit; inf where it is zero."""
+        return self.unit * float(merit**-self.criterion.degree) if merit > 0 else np.inf
 
     def unpacked(self, features: Array) -> Array:
         """Matrices (b, p, p) of features (b, q + k) that have each entry once."""

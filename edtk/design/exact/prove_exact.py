@@ -23,6 +23,7 @@ from edtk.design.exact.exact_weights import best_weights
 from edtk.design.exact.exchange import exchange
 from edtk.design.information import Known, Rows, sensitivity_rows
 from edtk.design.problem import Problem
+from edtk.design.relaxation.setting import LARGEST_OF_PARAMETER, SMALLEST_OF_PARAMETER
 from edtk.system.errors import UserError
 from edtk.system.time_limit import out_of_time, time_limit
 from edtk.system.typing import Array, Indices
@@ -215,8 +216,7 @@ class _Working:
         """Whiten the mean of the best weights and of all candidates."""
         M = 0.5 * (problem.mean + problem.information(weights) / limits.m) + limits.base / limits.m
         own = _parameters(M)
-        transformed = criterion.transformed(own)
-        assert isinstance(transformed, Relaxable)
+        transformed, unit_of_cost = _of_order_one(criterion, own)
         T = given.T @ own
         kept = given.problem.kept.times(T)
         error = given.problem.kept.rounding_of_times(T)
@@ -245,8 +245,26 @@ class _Working:
             m=limits.m,
             most=most,
             budgets=len(funds),
+            unit=unit_of_cost,
         )
         return cls(merits, T, members, place, unit)
+
+
+def _of_order_one(criterion: Relaxable, T: Array) -> tuple[Relaxable, float]:
+    """The criterion of k' with ``k = T k'``, and the unit of its costs: their size at the identity.
+
+    What a criterion is about may be in any units. A factor s on T, a power of two, changes no
+    digit, and multiplies costs by ``s^(2 degree)``.
+    """
+    found = criterion.transformed(T)
+    assert isinstance(found, Relaxable)
+    size = float(found.cost(np.eye(len(T))))
+    if SMALLEST_OF_PARAMETER < size < LARGEST_OF_PARAMETER or not 0 < size < np.inf:
+        return found, 1.0
+    power = int(-np.log2(size) / (2 * criterion.degree))
+    found = criterion.transformed(np.ldexp(T, power))
+    assert isinstance(found, Relaxable)
+    return found, float(np.ldexp(1.0, -int(2 * criterion.degree * power)))
 
 
 def _prices(limits: Limits, n: int) -> tuple[Array, Array, Array]:
@@ -632,7 +650,8 @@ class _Search:
         own = whole + (rank < missing[group])
         counts = np.zeros(len(nodes.weights))
         counts[some] = own
-        costs = self.merits.criterion.cost(self.merits.information(nodes, counts))
+        information = self.merits.information(nodes, counts)
+        costs = self.merits.unit * self.merits.criterion.cost(information)
         # Some have more experiments than candidates of any weight.
         short = np.bincount(group, own, groups) != nodes.counts
         costs[nodes.node_of_group[short]] = np.inf

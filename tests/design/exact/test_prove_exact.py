@@ -10,6 +10,7 @@ import pytest
 import criteria
 import edtk
 from criteria import Relaxable
+from edtk.certificate.problem_proofs import store_exact
 from edtk.design.exact.counts.counts_bound import relaxed_counts
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.exact_nodes import Merits, Nodes
@@ -423,3 +424,26 @@ def exact_sensitivity(A: Array, T: Array, Z: Array) -> Fraction:
         (Fraction(float(Z[j, k])) * x[j] * x[k] for x in X for j in range(p) for k in range(p)),
         Fraction(0),
     )
+
+
+@pytest.mark.parametrize("size", [1e-100, 1e100])
+@pytest.mark.parametrize("rows", [1.0, "alike"])
+@pytest.mark.parametrize("name", ["rho0", "rho_max", "c", "I", "prediction_G", "Ds"])
+def test_what_a_criterion_is_about_may_be_in_any_units(
+    name: str, rows: float | str, size: float
+) -> None:
+    """Beside rows of order one, or in their units: a proof is found, and its certificate holds."""
+    X = np.random.default_rng(1).normal(size=(4, 1, 2))
+    given = {
+        "rho0": {"target": X[0]},
+        "rho_max": {"targets": X[:2]},
+        "c": {"c": X[0, 0]},
+        "I": {"points": X[:, 0]},
+        "prediction_G": {"points": X[:2, 0]},
+        "Ds": {"interest": X[0, 0]},
+    }[name]
+    about = {key: size * value for key, value in given.items()}
+    problem = edtk.Problem(X * (size if rows == "alike" else 1.0))
+    plan = edtk.plan(problem, 2, criteria.create(name, **about), prove=20)
+    assert plan.proved_exact
+    assert edtk.verify(store_exact(plan), problem).valid
