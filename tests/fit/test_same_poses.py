@@ -124,14 +124,18 @@ def test_poses_are_the_same_where_they_are_near() -> None:
     assert np.bincount(numbers(path)).tolist() == [8, 8, 8, 8, 1]
 
 
-def day(drawing_mm: float, moved: float = 0.0) -> tuple[MeasuredModel, MarkerPositions]:
+def day(
+    drawing_mm: float, moved: float = 0.0, changed_mm: float = 0.0, seed: int = 1
+) -> tuple[MeasuredModel, MarkerPositions]:
     """Positions of markers without a load and with it, of a robot that errs anew in each pose.
 
     Args:
         drawing_mm: By how much.
         moved: How far the joints move between the two [rad].
+        changed_mm: By how much coordinates err under the load besides.
+        seed: Of the day.
     """
-    rng, poses = np.random.default_rng(1), 16
+    rng, poses = np.random.default_rng(seed), 16
     parameters = all_parameters(SIX, MARKERS, (), SIX.joint_names, base=False, tool=False)
     model = MeasuredModel(SIX, OFFSETS, MARKERS, parameters)
     q = np.repeat(rng.uniform(*SIX.limits, (poses, 6)), 2, axis=0)
@@ -143,6 +147,8 @@ def day(drawing_mm: float, moved: float = 0.0) -> tuple[MeasuredModel, MarkerPos
     x = model.see(K, q, torque, derivatives=False).points
     x = x + np.repeat(1e-3 * drawing_mm * rng.standard_normal((poses, 3, 3)), 2, axis=0)
     x = x + 1e-3 * SIGMA * rng.standard_normal(x.shape)
+    if changed_mm:
+        x[1::2] += 1e-3 * changed_mm * rng.standard_normal(x[1::2].shape)
     row = np.repeat(np.arange(2 * poses)[:, None], 3, axis=1)
     return model, MarkerPositions(q, wrench, x, row, MARKERS)
 
@@ -202,6 +208,26 @@ def test_a_mean_is_left_out_as_a_pose_that_nobody_visited() -> None:
     others = fit_of(model, data[2:]).fitted.predict(data.q[:2], data.wrench[:2], AtTool())
     apart = data.measured[:2] - others.points
     assert fit.left_out[:2] == pytest.approx(apart, abs=2e-6)
+
+
+def test_bands_under_a_load_count_what_it_changes() -> None:
+    """Of visits left out, and of other poses; and unloaded ones err by the drawing alone."""
+    sizes, shares = [], []
+    for seed in range(5):
+        model, data = day(drawing_mm=0.1, changed_mm=0.3, seed=seed)
+        every = model.with_parameters(all_parameters(SIX, MARKERS, (), SIX.joint_names))
+        fit = fit_of(every, data)
+        sizes.append(fit.fitted.noise.model_change[0])
+        _, other = day(drawing_mm=0.1, changed_mm=0.3, seed=100 + seed)
+        predicted = fit.fitted.predict(other.q, other.wrench, AtTool())
+        left_out = np.abs(fit.left_out) <= fit.left_out_half
+        both = (left_out, predicted.inside(other.measured))
+        shares.append([one[i::2].mean() for one in both for i in range(2)])
+    assert np.mean(sizes) == pytest.approx(0.3, rel=0.1)
+    unloaded, loaded = np.mean(shares, axis=0).reshape(2, 2).T
+    assert loaded == pytest.approx([0.95, 0.95], abs=0.03)
+    # Means of pairs tell what the drawing errs by beside a quarter of the changes: Student's t.
+    assert (unloaded > 0.92).all()
 
 
 def test_a_wrong_visit_stands_out_of_its_pose() -> None:
