@@ -17,7 +17,7 @@ from edtk.findings.causes.evidence import Weighed
 from edtk.findings.causes.family import Cause
 from edtk.findings.finding import Finding, verdict
 from edtk.fit.posterior import Posterior, SamplingOptions
-from edtk.measure.expected_error import ErrorBudget, ExpectedError, TaskAccuracy, expected_error
+from edtk.measure.expected_error import ExpectedError, TaskAccuracy, expected_error
 from edtk.measure.pose_table import Table
 from edtk.measure.task import Tasks
 from edtk.study.study import Study
@@ -212,11 +212,6 @@ class Calibration(Presented):
     @abstractmethod
     def in_tasks(self) -> Tasks:
         """The study's tasks, in which errors of the identified parameters do harm."""
-
-    @property
-    @abstractmethod
-    def budget(self) -> ErrorBudget | None:
-        """The error to expect in the tasks, in parts; None without tasks, or if it is unknown."""
 
     @property
     @abstractmethod
