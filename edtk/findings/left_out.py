@@ -1,5 +1,6 @@
 """Readings as all other poses predict them."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -206,20 +207,29 @@ def _by_model(
     along = np.einsum("mrp,mrp->mr", A, raw)
     part = np.divide(along, squares, out=np.ones_like(squares), where=squares > 0)[..., None]
     blocks = list(whole_groups(pose))
-    each = []
-    for rows in blocks:
+
+    def in_fit(rows: Indices) -> Iterator[Array]:
+        """``Q'U`` (poses, p, c) of the columns of both kinds, of whole poses."""
         own = pose[rows] - pose[rows].min()
-        shown = (part[rows] * one for one in found.columns(rows))
         own_noise, transposed = noise[rows], np.swapaxes(Q[rows], 1, 2)
-        each.append([_sums(transposed @ whiten_columns(one, own_noise), own) for one in shown])
-    in_fit, turns_in_fit = (np.concatenate(one) for one in zip(*each, strict=True))
-    by_others = out.by_others(in_fit)
-    S = turns_in_fit @ np.swapaxes(turns_in_fit, 1, 2)
+        for one in found.columns(rows):
+            yield _sums(transposed @ whiten_columns(part[rows] * one, own_noise), own)
+
+    # Columns of all poses together would take most of the memory.
+    total, squares_of_turns = 0.0, []
+    for rows in blocks:
+        shared, turns = in_fit(rows)
+        total = total + shared.sum(axis=0)
+        squares_of_turns.append(turns @ np.swapaxes(turns, 1, 2))
+    S = np.concatenate(squares_of_turns)
     C = out.inverse @ (S.sum(axis=0) - S) @ out.inverse
     variances = np.einsum("mrp,mpq,mrq->mr", a, C[pose], a)
     for rows in blocks:
+        first = pose[rows].min()
+        poses = slice(first, pose[rows].max() + 1)
+        by_others = out.inverse[poses] @ (total - next(in_fit(rows)))
         shared, turns = found.columns(rows)
-        together = shared - a[rows] @ by_others[pose[rows]]
+        together = shared - a[rows] @ by_others[pose[rows] - first]
         variances[rows] += np.square(together).sum(axis=-1) + np.square(turns).sum(axis=-1)
     return variances
 

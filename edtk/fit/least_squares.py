@@ -296,10 +296,6 @@ class LeftOut:
         C = inverse @ (whole - S) @ inverse
         return cls((inverse @ h[..., None])[..., 0], C, whole, alone, inverse)
 
-    def by_others(self, h: Array) -> Array:
-        """Shifts (b, p, c) that columns with the sums h (b, p, c) make in the fits without each."""
-        return np.asarray(self.inverse @ (h.sum(axis=0) - h))
-
     def between(self, a: Array, group: Indices) -> Array:
         """Covariances (n, n) of what rows of different groups are off where these are left out.
 
