@@ -2,7 +2,6 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-from functools import cache
 from typing import Any, Literal, Self, final
 
 import numpy as np
@@ -403,12 +402,6 @@ class Criterion(ABC):
         return f"{type(self).__name__}({self.name!r})"
 
 
-@cache
-def _all_entries(p: int) -> Array:
-    """The `_entries` of a whole triangle, which every step of a descent asks for."""
-    return _entries(p, *triangle(p))
-
-
 def _entries(p: int, i: Indices, j: Indices) -> Array:
     """Symmetric matrices (1 + q, p, p): zero, then ones at each place (i, j) of a triangle."""
     E = np.zeros((1 + len(i), p, p))
@@ -480,11 +473,9 @@ def _by_differences(
     ``-cov (dM - dM cov dM) cov``, to second order.
     """
     i, j = entries
-    p = safe.shape[-1]
-    each = _all_entries(p) if len(i) == p * (p + 1) // 2 else _entries(p, i, j)
     # Steps follow the diagonal of M, so that parameters may have any units.
     d = unit_scale(np.diagonal(safe, axis1=1, axis2=2))
-    dM = STEP * (d[:, :, None] * d[:, None])[:, None] * each
+    dM = STEP * (d[:, :, None] * d[:, None])[:, None] * _entries(safe.shape[-1], i, j)
     C = np.broadcast_to(cov[:, None], dM.shape)
     change = dM @ C
     G = criterion.gradient_of_regular(safe[:, None] + dM, C - C @ (change - change @ change))

@@ -4,7 +4,7 @@ from functools import cache, cached_property
 
 import numpy as np
 
-from criteria.linalg.typing import Array, Indices, Mask, triangle
+from criteria.linalg.typing import Array, Indices, Mask
 
 
 class Models:
@@ -55,12 +55,8 @@ class Models:
     @cached_property
     def triangles(self) -> tuple[Indices, Indices]:
         """Rows and columns (q,) of the upper triangles of all blocks, block by block."""
-        found = [
-            part.start + np.array(triangle(size))
-            for part, size in zip(self.parts, self.sizes, strict=True)
-        ]
-        rows, columns = np.concatenate(found, axis=1)
-        return rows, columns
+        rows, columns = self.entries
+        return rows[rows <= columns], columns[rows <= columns]
 
     @cached_property
     def outside(self) -> Mask:

@@ -67,9 +67,8 @@ class WeightedCandidates(Presented):
     ) -> None:
         self.kept = kept
         self.p = kept.p
-        if parameters is None:
-            parameters = tuple(f"k{i + 1}" for i in range(self.p))
-        self.parameters = tuple(parameters)
+        names = (f"k{i + 1}" for i in range(self.p)) if parameters is None else parameters
+        self.parameters = tuple(names)
         if len(self.parameters) != self.p:
             raise UserError(f"{len(self.parameters)} names for {self.p} parameters")
         # None instead of zeros: without a prior nothing is added, and no last digit changes.

@@ -168,9 +168,8 @@ def _settled(
 
 def _in_turn(problem: Problem, criterion: Criterion, times: Array) -> CountsSearch | None:
     """What exchanges the places of plans (b, k) in turn; None where its prices do not suit."""
-    if not times.size or (times != 1.0).any():
-        return None
-    if any(one.factors().shape[1] > 1 for one in problem.each):
+    several_rows = any(one.factors().shape[1] > 1 for one in problem.each)
+    if not times.size or (times != 1.0).any() or several_rows:
         return None
     if not guarded_inverse(problem.mean, UPDATABLE)[2].all():
         return None

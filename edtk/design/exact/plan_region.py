@@ -278,9 +278,7 @@ class _Search:
             if not cost < best.cost * (1 - SAME_COST):
                 break
             best = self._tidied(self._grouped(known, again, float(cost)))
-        if self.criterion.smooth:
-            return best
-        return min(best, self._moved(best, FINE), key=lambda plan: plan.cost)
+        return best if self.criterion.smooth else self._tidied(best, FINE)
 
     def _different(self, x: Array, places: Indices, costs: Array) -> list[_Plan]:
         """The plans of finite cost whose costs differ, the best first."""
@@ -308,13 +306,13 @@ class _Search:
         used, repeats = np.unique(places, return_counts=True)
         return _Plan(x[used], repeats.astype(float), cost)
 
-    def _tidied(self, plan: _Plan) -> _Plan:
+    def _tidied(self, plan: _Plan, sharpness: tuple[float, ...] = SHARPNESS) -> _Plan:
         """The plan after a last refinement, with few points; never worse."""
-        best = min(plan, self._moved(plan), key=lambda each: each.cost)
+        best = min(plan, self._moved(plan, sharpness), key=lambda each: each.cost)
         for close in CLOSE:
             fewer = self._merged(best, close)
             if len(fewer.x) < len(best.x):
-                fewer = self._moved(fewer)
+                fewer = self._moved(fewer, sharpness)
                 best = fewer if fewer.cost <= best.cost * (1 + LOSS_FOR_FEWER_POINTS) else best
         return best
 

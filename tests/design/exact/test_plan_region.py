@@ -205,3 +205,16 @@ def test_many_guesses_are_priced_model_by_model():
     assert plan.efficiency > 0.999
     np.testing.assert_array_equal(plan.counts, [4, 1, 1, 4])
     np.testing.assert_allclose(plan.points, -plan.points[::-1], atol=1e-6)
+
+
+@pytest.mark.slow
+def test_a_maximin_plan_has_each_point_once():
+    """Points that the last, sharpest descent has brought together are one."""
+    rng = np.random.default_rng(3)
+    both = np.column_stack([rng.normal(0, 0.3, 10), rng.uniform(0.5, 2, 10)])
+    guesses = both[:6].round(2).tolist()
+    region = edtk.Region.of_model(
+        "a + b * x", guesses, (-6, 6), family="binomial", parameters=("a", "b"), robust="maximin"
+    )
+    plan = edtk.plan(region, size=7, criterion="A", starts=2)
+    assert np.diff(plan.points, axis=0).min() > 1e-3
