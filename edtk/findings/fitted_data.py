@@ -1,6 +1,5 @@
 """Measurements with everything that is computed from them once: regressors, fit and plan match."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
