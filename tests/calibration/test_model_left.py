@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from kr270 import REQUIRED, TEST_POSE
 import edtk
 from edtk.calibration.model_left import ModelLeft, possible_from_dict, possible_to_dict
 from edtk.design.candidate_source import sample_feasible
+from edtk.findings.fitted_data import FittedData, left_out_readings
 from edtk.fit import correlated_noise
 from edtk.fit.distributions import NormalMixture, error_quantiles, weighted_median
 from edtk.fit.identify import identify
@@ -411,19 +413,31 @@ def test_rows_at_once_do_not_matter(monkeypatch):
     np.testing.assert_allclose(one.weights, other.weights, rtol=1e-6, atol=1e-12)
 
 
-def varying_day(number, off):
+def varying_day(number, off, m=30):
     """Readings of springs that vary by 15 % with the angle; two rows are off by so many sigma."""
     rng = RNG((number, 7))
-    q = sample_feasible(STUDY.space, 30, number)[:, :6]
-    wrench = np.tile(STUDY.space.load.always, (30, 1))
+    q = sample_feasible(STUDY.space, m, number)[:, :6]
+    wrench = np.tile(STUDY.space.load.always, (m, 1))
     soft = K / (1 + 0.15 * np.sin(q + rng.uniform(0, 2 * np.pi, 6)))[:, 1:]
     shown = np.einsum("mrp,mp->mr", STUDY.model.regressor(q, wrench), soft)
     shown = shown + STUDY.sigma * rng.standard_normal(shown.shape)
-    rows = np.sort(rng.choice(30, 2, replace=False))
+    rows = np.sort(rng.choice(m, 2, replace=False))
     away = rng.standard_normal((2, 3))
     shown[rows] += off * STUDY.sigma * away / np.linalg.norm(away, axis=1)[:, None]
-    data = Measurements(q, wrench, shown, np.tile(STUDY.sigma, (30, 1)), np.zeros((30, 3)))
+    data = Measurements(q, wrench, shown, np.tile(STUDY.sigma, (m, 1)), np.zeros((m, 3)))
     return data, tuple(rows.tolist())
+
+
+@pytest.mark.slow
+def test_columns_of_all_poses_are_not_in_memory_together(monkeypatch):
+    """Readings left out take some kilobytes a row where blocks are small beside the sheet."""
+    monkeypatch.setattr(correlated_noise, "ROWS_AT_ONCE", 8)
+    fitted = FittedData.of(STUDY, varying_day(0, 0, 160)[0])
+    tracemalloc.start()
+    left_out_readings(fitted)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 4000 * 160
 
 
 def test_rows_beyond_the_errors_of_the_model_are_named_first():
