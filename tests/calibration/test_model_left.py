@@ -13,7 +13,7 @@ from kr270 import REQUIRED, TEST_POSE
 import edtk
 from edtk.calibration.model_left import ModelLeft, possible_from_dict, possible_to_dict
 from edtk.design.candidate_source import sample_feasible
-from edtk.findings.fitted_data import FittedData, left_out_readings
+from edtk.findings.fitted_data import FittedData
 from edtk.fit import correlated_noise
 from edtk.fit.distributions import NormalMixture, error_quantiles, weighted_median
 from edtk.fit.identify import identify
@@ -434,7 +434,7 @@ def test_columns_of_all_poses_are_not_in_memory_together(monkeypatch):
     monkeypatch.setattr(correlated_noise, "ROWS_AT_ONCE", 8)
     fitted = FittedData.of(STUDY, varying_day(0, 0, 160)[0])
     tracemalloc.start()
-    left_out_readings(fitted)
+    assert fitted.left_out is not None
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 4000 * 160
