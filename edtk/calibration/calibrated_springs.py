@@ -332,7 +332,7 @@ class SpringsWithTool(Commanded):
             return None
         model = replace(self.model, rows="pose")
         bias = np.zeros(len(found.k)) if found.bias is None else found.bias
-        still = model.regressor(q, wrench) @ bias
+        still = -model.regressor(q, wrench) @ bias
         return self._left(model, q, wrench, still).among(slice(3, None)).size
 
     def _require_settled(self, q: Array, wrench: Array, command: Array) -> None:

@@ -590,12 +590,11 @@ class GeometricFit:
         placed: Root mean square distance [m] with base and tools fitted alone.
         residual: Measured less fitted positions of the poses' means (m, k, 3) [m]; NaN where a
             marker was not seen.
-        left_out: The same for each pose predicted without it (m, k, 3); of visits of one pose, by
-            their mean and differences, each predicted without itself alone, see `SamePoses`.
+        left_out: The same for each pose predicted without it (m, k, 3), with all its visits.
         left_out_half: Half the widths of the 95 % bands of those (m, k, 3) [m].
         surprise: Squared size (m,) of each pose's error left out, over its covariance: chi-square
             with as many degrees of freedom as coordinates. Of visits of one pose the larger of
-            the visit's own, and of its own where the others are known, see `SamePoses.surprise`.
+            the visit's own, and of its own where the others are known, see `surprise_of`.
         independent: As many independent coordinates tell as much by how many are inside their
             bands, see `independent_coordinates`.
         weights: Weights (m,) of the poses' rows: one, or less where a robust loss trusts them less;

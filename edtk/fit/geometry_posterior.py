@@ -6,6 +6,7 @@ import numpy as np
 
 from edtk.fit.fit_geometry import NU, fit_beside
 from edtk.fit.fitted_geometry import GeometricFit, loading_of
+from edtk.fit.judge_geometry import PoseErrors
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.pose_rows import PoseRows, known_before, measured_less_seen
 from edtk.fit.posterior import (
@@ -17,12 +18,13 @@ from edtk.fit.posterior import (
     weighted_draws,
 )
 from edtk.fit.prior import Prior
+from edtk.fit.same_poses import blocks_of
 from edtk.measure.measured_model import Load, LoadsOfReadings, MeasuredModel, Seen, Torque
 from edtk.measure.rest import Loads
 from edtk.robots.elastic_robot import widened
 from edtk.robots.frames import MM
 from edtk.robots.rotations import rotation
-from edtk.system.typing import Array
+from edtk.system.typing import Array, Indices
 
 COORDINATES_AT_ONCE = 3_000_000  # coordinates that are computed at once
 MOST_SAMPLED = 12  # parameters, up to which a chain converges in minutes
@@ -140,6 +142,8 @@ class GeometryDensity:
         torque: Loads of the joints (m, n), with those before where readings are differences.
         whitening: Matrices (m, k r, k r) that make errors of a pose independent, of size one
             [1/mm, 1/mrad], with the r = 3 coordinates of a marker, or 6 with its orientation.
+        apart: Visits (G, s) of a pose, with matrices (G, s k r, s k r) that take from each of their
+            rows what those before tell of it: rows share the error of a change by the load.
         std: Standard deviations (m, k r) of what was measured [mm, mrad].
         nu: Degrees of freedom of t errors; None for normal ones.
         prior: What is known of the parameters before, in SI units; None where nothing is.
@@ -154,6 +158,7 @@ class GeometryDensity:
     std: Array
     nu: float | None
     prior: Prior | None = None
+    apart: tuple[tuple[Indices, Array], ...] = ()
 
     @classmethod
     def of(cls, fit: GeometricFit, loads: Loads | None, robust: bool) -> "GeometryDensity":
@@ -169,7 +174,9 @@ class GeometryDensity:
         rows = PoseRows.of(model, fitted.theta, means, torque)
         V = rows.errors(fitted.noise)
         there = (rows.worth > 0).reshape(len(means), -1)[:, :, None]
-        whitening = np.linalg.inv(np.linalg.cholesky(V.dense)) * there
+        whitening = np.linalg.inv(np.linalg.cholesky(V.dense))
+        apart = _apart(whitening, PoseErrors.of(rows, fitted.noise, np.ones(len(means))), means)
+        whitening = whitening * there
         weights = np.sqrt(fit.weights)[:, None, None]
         prior = None if fit.told_before is None else fit.told_before.prior
         known = prior or Prior.flat(model.p, False)
@@ -178,7 +185,8 @@ class GeometryDensity:
         )
         before = known_before(known, model, theta)
         rows = PoseRows.of(model, theta, means, torque)
-        X = (whitening * weights @ rows.design).reshape(-1, model.p)
+        design = _freed(apart, rows.design[None])[0]
+        X = (whitening * weights @ design).reshape(-1, model.p)
         R = np.linalg.qr(np.concatenate([X, before.rows]), mode="r")
         root = np.linalg.inv(R)
         nu = NU if robust else None
@@ -187,13 +195,16 @@ class GeometryDensity:
         each = means.same_poses.variances(still.reshape(means.rows_seen.shape))
         each = np.where(means.rows_seen, each + changes.reshape(each.shape), 1.0)
         std = np.sqrt(each).reshape(len(means), -1)
-        return cls(model, theta / model.scales, root, means, torque, whitening, std, nu, prior)
+        return cls(
+            model, theta / model.scales, root, means, torque, whitening, std, nu, prior, apart
+        )
 
     @property
     def content(self) -> tuple[list[Array], str]:
         """What tells the density from others: numbers, and words."""
         means = self.means
         numbers = [means.q, means.measured, means.wrench, self.whitening, self.mode, self.root]
+        numbers += [each for _, each in self.apart]
         if means.turns is not None:
             numbers.append(means.turns)
         if self.prior is not None:
@@ -239,8 +250,33 @@ class GeometryDensity:
         seen = many_seen(self.model, theta, self.means.q, self.torque)
         apart = np.moveaxis(MM * measured_less_seen(self.means, seen), 0, -1)
         apart = np.moveaxis(self.means.same_poses.apart(apart), -1, 0)
-        z = np.einsum("mrs,nms->nmr", self.whitening, apart.reshape(len(x), len(self.means), -1))
+        rows = apart.reshape(len(x), len(self.means), -1, 1)
+        z = np.einsum("mrs,nms->nmr", self.whitening, _freed(self.apart, rows)[..., 0])
         return np.asarray((z**2).sum(axis=-1))
+
+
+def _apart(
+    whitening: Array, errors: PoseErrors, means: MarkerPositions
+) -> tuple[tuple[Indices, Array], ...]:
+    """`GeometryDensity.apart` of visits under loads, whose whitening is set in place."""
+    found = []
+    for group in means.same_poses.groups if len(errors.change) else ():
+        L = np.linalg.inv(np.linalg.cholesky(errors.dense(group)))
+        G, s = group.members.shape
+        own = np.einsum("gasat->gast", L.reshape(G, s, L.shape[1] // s, s, -1))
+        whitening[group.members] = own
+        found.append((group.members, blocks_of(np.linalg.inv(own)) @ L))
+    return tuple(found)
+
+
+def _freed(apart: tuple[tuple[Indices, Array], ...], rows: Array) -> Array:
+    """Rows (n, m, r, c) of visits, of which each is freed of what those before tell of it."""
+    found = rows.copy() if apart else rows
+    for members, each in apart:
+        some = rows[:, members]
+        together = some.reshape(len(rows), len(members), -1, rows.shape[-1])
+        found[:, members] = (each @ together).reshape(some.shape)
+    return found
 
 
 def geometry_posterior(

@@ -70,7 +70,7 @@ def judge_fit(
     work = rows.working(rows.errors(common), means).over(trust)
     told = _Told.of(rows, work)
     # Sizes that each joint has of its own may be those of one wrong pose, which they would hide.
-    out = _LeftOutPoses.of(told, *(_Errors.of(rows, one, trust) for one in (noise, common)))
+    out = _LeftOutPoses.of(told, *(PoseErrors.of(rows, one, trust) for one in (noise, common)))
     fitted = FittedGeometry(
         model=model,
         theta=theta,
@@ -166,7 +166,7 @@ def _told_before(
 
 
 @dataclass(frozen=True, eq=False)
-class _Errors:
+class PoseErrors:
     """Covariances of rows, of which those of one pose have the changes of its visits in common.
 
     Attributes:
@@ -181,7 +181,7 @@ class _Errors:
     trust: Array
 
     @classmethod
-    def of(cls, rows: PoseRows, noise: PositionNoise, trust: Array) -> "_Errors":
+    def of(cls, rows: PoseRows, noise: PositionNoise, trust: Array) -> "PoseErrors":
         """Of a noise."""
         still = replace(noise, model_change=(0.0, 0.0))
         change = np.outer(rows.same.changed, np.sqrt(noise.of_changes(rows.residual.shape[1])))
@@ -241,7 +241,7 @@ class _Told:
         """``(X' W X)^-1`` (p, p)."""
         return np.asarray(self.beside.root @ self.beside.root.T)
 
-    def sandwich(self, V: _Errors) -> Array:
+    def sandwich(self, V: PoseErrors) -> Array:
         """``C' X' W V W X C`` (p, p) of the errors' covariances V."""
         root = self.beside.root
         S = root.T @ sandwich(self.beside.design, self.beside.weights, V.apart) @ root
@@ -265,7 +265,7 @@ class _Told:
     def _some(self, group: Groups) -> "_SomePoses":
         """Some of the poses, of as many visits each."""
         visits = group.members.ravel()
-        shape = (len(group.members), -1)
+        shape = (len(group.members), group.members.shape[1] * self.residual.shape[1])
         columns = self.beside.design[visits].combined(self.beside.root)
         columns = columns.reshape(*shape, columns.shape[-1])
         fitted = columns @ np.swapaxes(columns, 1, 2)
@@ -300,7 +300,7 @@ class _SomePoses:
         each = columns.reshape(self.group.members.size, -1, columns.shape[-1])
         return self.weights.times(each).reshape(columns.shape)
 
-    def of_residuals(self, V: _Errors, S: Array) -> Array:
+    def of_residuals(self, V: PoseErrors, S: Array) -> Array:
         """Covariances (G, s r, s r) of the residuals, ``V - V W F - F W V + X C S C' X'``.
 
         Args:
@@ -397,7 +397,7 @@ class _LeftOutPoses:
     H: Array
 
     @classmethod
-    def of(cls, told: _Told, V: _Errors, common: _Errors) -> "_LeftOutPoses":
+    def of(cls, told: _Told, V: PoseErrors, common: PoseErrors) -> "_LeftOutPoses":
         """Of poses whose errors have covariances V, and surprise beside others."""
         S, of_common = told.sandwich(V), told.sandwich(common)
         m, r = len(told.same.pose), told.residual.shape[1]

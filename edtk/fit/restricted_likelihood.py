@@ -536,7 +536,9 @@ class _ModelKinds:
     Attributes:
         absolute: Which rows (m, r) absolute readings have.
         whites: Of these by instrument (m, k, d, d), or of an instrument of unknown size.
-        changes: Of changes (m, k, d, d); none without differences, which tell them.
+        changes: Of changes (m, k, d, d); none without differences, which tell them. Means have a
+            share, too, which is left to the whites: readings that scatter more than is stated look
+            in differences like a change, and must not count as none in means.
     """
 
     absolute: Array
@@ -567,7 +569,8 @@ def _model_kinds(
         V = noise.apart(places, width)
         return _ModelKinds(absolute, [V * (one[..., None] * one[..., None, :]) for one in own], [])
     whites = [diagonal_blocks((kind * absolute).reshape(shape)) for kind in alike]
-    changes = [diagonal_blocks((kind * there * share).reshape(shape)) for kind in alike]
+    told = there * share * differs[:, None]
+    changes = [diagonal_blocks((kind * told).reshape(shape)) for kind in alike]
     return _ModelKinds(absolute, whites, changes if differs.any() else [])
 
 
@@ -581,7 +584,7 @@ def _with_model_error(
     for mask, size in zip(masks, sizes[whites:last], strict=True):
         joints[mask] = size
     change = [*sizes[last:].tolist(), 0.0, 0.0]
-    # Bands are those of absolute readings, of which differences tell nothing.
+    # Bands take the size of a change, which differences tell, as known.
     of_told = found.covariance[:last, :last]
     told = replace(found, variances=found.variances[:last], covariance=of_told)
     if plain.unknown:

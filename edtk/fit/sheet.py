@@ -267,10 +267,12 @@ def _read(
     moved = np.where(paired[:, None], read - before, np.nan) / form.per
     row = first_far(moved, read / form.per, reach)
     if row is not None:
+        size = 1e3 * np.sqrt(np.nansum(moved[row] ** 2))
+        loaded = wholes[int(np.argmax([chosen[row] for chosen in are_whole]))]
         raise table.error(
-            f"the marker moved by {1e3 * np.linalg.norm(moved[row]):.4g} mm under load; are "
+            f"the marker moved by {size:.4g} mm under load; are "
             "columns swapped? expected positions without and with load, in the same frame",
-            f"row {row + 1}, columns {', '.join((*form.unloaded, *whole))}",
+            f"row {row + 1}, columns {', '.join((*form.unloaded, *loaded))}",
         )
     alone = np.where(is_change[:, None], change, read) / form.per
     value = np.where(paired[:, None], moved, alone)

@@ -551,7 +551,7 @@ def prove_on_candidates(
     Raises:
         UserError: Nothing can be proved for this criterion, or no weights were found.
     """
-    from edtk.design.exact.counts.find_counts import find_counts  # likewise
+    from edtk.design.exact.counts.find_counts import find_counts
     from edtk.design.exact.counts.limits import Limits
 
     relaxed = found.relaxed

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from readings import STUDY, measured, readings_of
 
+from edtk.findings.causes.faults import FAULTS, cause_of
 from edtk.findings.finding import Finding
 from edtk.findings.fitted_data import FittedData
 from edtk.fit.measurements import Measurements
@@ -17,6 +18,14 @@ def found_in(data: Measurements) -> Finding | None:
     """The reading that explains a sheet."""
     found = FittedData.of(STUDY, data).explanation
     return None if found is None else found.finding
+
+
+def said_of(found: Finding) -> tuple[str, float, tuple[int, ...]]:
+    """Name, size and rows of the cause that a program reads, which has words of its own."""
+    cause = cause_of(found)
+    assert cause is not None
+    assert "look" in FAULTS[cause.cause].words(cause)
+    return cause.cause, cause.size, cause.rows
 
 
 def under(data: Measurements, rows: list[int], factor: float) -> Measurements:
@@ -33,6 +42,7 @@ def test_rows_without_their_load_are_named(rows: list[int]) -> None:
     assert found is not None
     assert (found.kind, list(found.rows)) == ("unloaded_rows", rows)
     assert "as if it were not loaded there" in found.words
+    assert said_of(found) == ("unloaded_rows", 0.0, tuple(rows))
 
 
 @pytest.mark.parametrize("factor", [0.6, 1.4])
@@ -43,6 +53,7 @@ def test_rows_under_another_load_are_named_with_it(rows: range, factor: float) -
     assert found is not None
     assert (found.kind, list(found.rows)) == ("other_loads", [*rows])
     assert found.data["factor"] == pytest.approx(factor, rel=0.02)
+    assert said_of(found) == ("other_loads", found.data["factor"], tuple(rows))
 
 
 @pytest.mark.parametrize(("step", "which"), [(1, "before"), (-1, "after")])
@@ -57,6 +68,7 @@ def test_readings_of_the_pose_before_or_after_are_named(step: int, which: str) -
     assert list(found.rows) == ([*range(5, 12)] if step > 0 else [*range(4, 11)])
     assert f"rows {'6 to 12' if step > 0 else '5 to 11'}: the readings look like" in found.words
     assert f"those of the pose {which}" in found.words
+    assert said_of(found) == ("shifted_rows", -step, found.rows)
 
 
 @pytest.mark.parametrize("seed", range(5))

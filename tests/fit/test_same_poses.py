@@ -9,6 +9,7 @@ from test_fit_geometry import OFFSETS, SIX, AtTool, white
 
 from edtk.fit.fit_geometry import fit_geometry
 from edtk.fit.fitted_geometry import GeometricFit
+from edtk.fit.geometry_posterior import GeometryDensity
 from edtk.fit.judge_geometry import left_out_alone
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.place_robot import place_robot
@@ -228,6 +229,37 @@ def test_bands_under_a_load_count_what_it_changes() -> None:
     assert loaded == pytest.approx([0.95, 0.95], abs=0.03)
     # Means of pairs tell what the drawing errs by beside a quarter of the changes: Student's t.
     assert (unloaded > 0.92).all()
+
+
+def test_scatter_that_nobody_stated_is_no_change_by_the_load() -> None:
+    """Where readings scatter ten times as much as stated, bands of unloaded ones hold, too."""
+    shares = []
+    for seed in range(5):
+        model, data = day(drawing_mm=0.0, seed=seed)
+        every = model.with_parameters(all_parameters(SIX, MARKERS, (), SIX.joint_names))
+        more = 1e-2 * SIGMA * np.random.default_rng(seed).standard_normal(data.measured.shape)
+        fit = fit_of(every, replace(data, measured=data.measured + more))
+        shares.append([(np.abs(fit.left_out) <= fit.left_out_half)[i::2].mean() for i in (0, 1)])
+    assert (np.mean(shares, axis=0) > 0.85).all()
+
+
+@pytest.mark.parametrize("changed_mm", [0.0, 0.3])
+def test_a_posterior_counts_what_visits_of_a_pose_have_in_common(changed_mm: float) -> None:
+    """It tells springs as well as the fit does, whose errors it samples."""
+    model, data = day(drawing_mm=0.0, changed_mm=changed_mm)
+    fit = fit_of(model, data)
+    density = GeometryDensity.of(fit, AtTool(), robust=False)
+    std = np.sqrt(np.diag(density.root @ density.root.T))
+    assert std[-3:] == pytest.approx(springs(fit)[1], rel=0.12)
+
+
+def test_where_nothing_is_placed_all_else_is_compared_with_the_drawing() -> None:
+    """Visits of a pose are left out of a fit of no parameters, too: they are what they were."""
+    model, data = day(drawing_mm=0.5)
+    nothing = model.with_parameters(())
+    errors = left_out_alone(nothing, np.zeros(0), data)
+    seen = nothing.see(np.zeros(0), data.q, derivatives=False).points
+    assert errors == pytest.approx(data.measured - seen, abs=1e-9)
 
 
 def test_a_wrong_visit_stands_out_of_its_pose() -> None:

@@ -632,14 +632,16 @@ RADIANS = (57.29577951308232, "deg/rad")
 
 FRAMES = ("other_axes", "wrong_sign")
 COLUMNS = ("swapped_columns", "opposite_sign", "joint_offset", "swapped_markers")
+OTHER_ROWS = ("shifted_rows", "unloaded_rows", "other_loads")
 
 
 def cause_of(finding: Finding) -> Cause | None:
-    """Express a finding about units or columns as a cause.
+    """Express a finding about units, columns, or rows of another pose or load, as a cause.
 
     Returns:
         `unit` with its factor, `frame_axes` or `columns` with the number of columns that are to be
-        read otherwise; None for findings about other things.
+        read otherwise; `shifted_rows` with the step to the row of their pose, and `unloaded_rows`
+        and `other_loads` with the load over the written one. None for findings about other things.
     """
     kind = finding.kind
     if kind == "several_readings":
@@ -656,12 +658,27 @@ def cause_of(finding: Finding) -> Cause | None:
         return Cause("frame_axes", float(len(finding.columns) or 3), "axes", None, p, explained)
     if kind in COLUMNS:
         return Cause("columns", float(len(finding.columns)), "columns", None, p, explained)
+    if kind in OTHER_ROWS:
+        steps = kind == "shifted_rows"
+        size = float(finding.data["step" if steps else "factor"])
+        rows = tuple(finding.data["rows"])
+        return Cause(kind, size, "rows" if steps else "times", None, p, explained, rows=rows)
     return None
 
 
 def _misread(cause: Cause) -> str:
     """Columns that are to be read otherwise."""
     return f"the columns look misread ({cause.cause.replace('_', ' ')})"
+
+
+def _other_rows(cause: Cause) -> str:
+    """Rows that are of another pose or load."""
+    rows = row_names(cause.rows)
+    if cause.cause == "shifted_rows":
+        return f"{rows} look like readings of the pose {'before' if cause.size < 0 else 'after'}"
+    if not cause.size:
+        return f"{rows} look as if they were not loaded"
+    return f"the load of {rows} looks {cause.size:.3g} times as large as written"
 
 
 def _wrong_pose(cause: Cause) -> str:
@@ -730,4 +747,5 @@ FAULTS = _by_name(
     ),
     Fault("frame_axes", _misread),
     Fault("columns", _misread),
+    *(Fault(name, _other_rows) for name in OTHER_ROWS),
 )
