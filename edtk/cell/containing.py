@@ -101,13 +101,13 @@ class _Piece:
     @cached_property
     def few(self) -> Array:
         """The corners that are extreme in some direction."""
-        starts = range(0, len(self.corners), CORNERS_AT_ONCE)
-        some = (self.corners[i : i + CORNERS_AT_ONCE] for i in starts)
-        tops = np.add(
-            np.array(starts)[:, None], [(one @ EXTREMES.T).argmax(axis=0) for one in some]
-        ).ravel()
-        of_all = (self.corners[tops] @ EXTREMES.T).argmax(axis=0)
-        return self.corners[np.unique(tops[of_all])]
+        heights, tops = [], []
+        for first in range(0, len(self.corners), CORNERS_AT_ONCE):
+            height = self.corners[first : first + CORNERS_AT_ONCE] @ EXTREMES.T
+            heights.append(height.max(axis=0))
+            tops.append(first + height.argmax(axis=0))
+        highest = np.argmax(heights, axis=0)
+        return self.corners[np.unique(np.array(tops)[highest, np.arange(len(EXTREMES))])]
 
     @cached_property
     def axes(self) -> Array:

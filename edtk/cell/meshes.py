@@ -149,7 +149,9 @@ def _obj(text: str) -> Array:
     points: list[list[float]] = []
     faces: list[tuple[int, int, int]] = []
     for number, line in enumerate(text.splitlines(), 1):
-        words = line.split(maxsplit=MOST_CORNERS)
+        words = line.split(maxsplit=MOST_CORNERS + 1)
+        if words[:1] == ["f"] and len(words) > MOST_CORNERS + 1:
+            raise ValueError(f"line {number} is a face of more than {MOST_CORNERS:,} corners")
         try:
             if words[:1] == ["v"]:
                 points.append([float(word) for word in words[1:4]])
@@ -159,7 +161,9 @@ def _obj(text: str) -> Array:
             what = "vertex" if words[0] == "v" else "face"
             raise ValueError(f"line {number} is no {what}: {line[:60]!r}") from None
         # Looked at after each line, as each of them is many times as large in memory as on disk.
-        _require_number(max(len(faces), len(points) // 3, 1))
+        _require_number(max(len(faces), 1))
+        if len(points) > 3 * MOST_TRIANGLES:
+            raise ValueError(f"has more than {3 * MOST_TRIANGLES:,} vertices; expected fewer")
     _require_number(len(faces))
     if any(len(point) != 3 for point in points):
         raise ValueError("has a vertex that is not three numbers")

@@ -255,7 +255,7 @@ def _over_region(content: dict[str, Any], candidates: Candidates, weights: Array
         return Claim(OVER_REGION, False, stated, None, found)
     Z = region.Z[None]
     given = content["region"].get("dual_weights")
-    shares = _shares(None if given is None else [given], 1)
+    shares = _shares(None if given is None else [given], 1, "region.dual_weights")
     by_candidates = recompute(criterion, candidates, weights, Z, None, shares)
     AZ = candidates.rows @ region.Z
     largest = float((AZ * candidates.rows).sum(axis=(1, 2)).max() + (region.Z * prior).sum())
@@ -324,18 +324,18 @@ def _inner(given: Any, shape: tuple[int, ...]) -> tuple[Array, Array] | None:
     return numbers(given["T"], shape[1:], "inner.T"), 0.5 * (Z + np.swapaxes(Z, 1, 2))
 
 
-def _shares(given: Any, multipliers: int) -> list[Array | None]:
+def _shares(given: Any, multipliers: int, name: str = "dual_weights") -> list[Array | None]:
     """The shares that go with each multiplier; any prove a bound, so that they need no check."""
     if given is None:
         return [None] * multipliers
-    rows(given, multipliers, "dual_weights")
+    rows(given, multipliers, name)
     if len(given) != multipliers:
-        raise ValueError(f"dual_weights: expected shares for each of {multipliers} multipliers")
+        raise ValueError(f"{name}: expected shares for each of {multipliers} multipliers")
     found: list[Array | None] = []
     for each in given:
-        u = numbers(each, (None,), "dual_weights")
+        u = numbers(each, (None,), name)
         if not (u >= 0).all() or not 0 < u.sum() < math.inf:
-            raise ValueError("dual_weights: expected shares that are not negative")
+            raise ValueError(f"{name}: expected shares that are not negative")
         found.append(u / u.sum())
     return found
 

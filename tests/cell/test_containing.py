@@ -30,6 +30,14 @@ def in_any(shapes, points):
     return np.any([inside(shape, points) for shape in shapes], axis=0)
 
 
+def test_shapes_do_not_depend_on_how_many_corners_are_looked_at_at_once(monkeypatch) -> None:
+    """Also where several corners are as high in a direction, as those of a box are."""
+    part = np.concatenate([hull(CUBE), hull(CUBE * 0.5 + [0.5, 0.5, 1.0])])
+    at_once = containing(part, boxes=True)
+    monkeypatch.setattr("edtk.cell.containing.CORNERS_AT_ONCE", 7)
+    assert [str(one) for one in containing(part, boxes=True)] == [str(one) for one in at_once]
+
+
 @pytest.mark.parametrize("boxes", [False, True])
 @pytest.mark.parametrize("seed", range(3))
 def test_every_point_of_a_surface_is_within_a_shape(seed: int, boxes: bool) -> None:

@@ -135,11 +135,29 @@ def test_a_file_of_many_faces_is_refused_as_soon_as_they_are_too_many(
     path = tmp_path / "part.obj"
     path.write_text(f"v 0 0 0\nv 1 0 0\nv 0 1 0\n{body}\n")
     tracemalloc.start()
-    with pytest.raises(UserError, match=r"has 1,00\d triangles|line 4 is no face"):
+    with pytest.raises(
+        UserError, match=r"has 1,00\d triangles|more than (10,000 corners|3,000 vertices)"
+    ):
         read_mesh(path)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 15 * len(body)
+
+
+@pytest.mark.parametrize("corner", ["{0}", "{0}/1", "{0}//1"])
+def test_a_face_has_all_of_its_corners_or_is_refused(corner: str, tmp_path, monkeypatch) -> None:
+    """The last corner is one of them, and a longer face is never cut off."""
+    monkeypatch.setattr("edtk.cell.meshes.MOST_CORNERS", 8)
+    path = tmp_path / "part.obj"
+    for count in (8, 9):
+        angles = 2 * np.pi * np.arange(count) / count
+        points = [f"v {np.cos(a)} {np.sin(a)} 0" for a in angles]
+        face = "f " + " ".join(corner.format(i + 1) for i in range(count))
+        path.write_text("\n".join([*points, "# " + "word " * 20, face]))
+        if count == 8:
+            assert len(read_mesh(path).faces) == 6
+    with pytest.raises(UserError, match=r"line 11 is a face of more than 8 corners"):
+        read_mesh(path)
 
 
 def test_a_robot_that_names_a_mesh_many_times_is_refused(tmp_path, monkeypatch) -> None:

@@ -65,6 +65,16 @@ def test_polynomials_on_an_interval_are_checked(tmp_path):
     assert edtk.verify(tmp_path / "proof.json", found.on_grid().problem).valid
 
 
+@pytest.mark.parametrize("sigma", [1e-22, 1.2e-21, 1.0, 1e25])
+def test_a_region_is_bounded_in_any_units(sigma, tmp_path):
+    """Boxes are looked at in single precision, whose numbers end at 1e-45 and 3e38."""
+    region = Region(lambda x: np.vander(x[:, 0], 3), -1, 1.5, sigma=sigma)
+    path = tmp_path / "proof.json"
+    found = edtk.relax(region, "A", candidates=40, prove=1e-3, certificate=path)
+    assert 0 <= found.continuum_bound.gap <= 1e-3
+    assert edtk.verify(path, found.on_grid().problem).valid
+
+
 @pytest.mark.parametrize(
     "criterion",
     [

@@ -367,6 +367,16 @@ def test_rapid_moves_of_all_forms_are_read(tmp_path: Path) -> None:
     assert found.content.startswith(head.encode("latin-1"))
 
 
+def test_the_first_move_of_rapid_stands_behind_parameters_of_any_number(tmp_path: Path) -> None:
+    """Its parentheses end where they are closed."""
+    given = ",".join(f"num given{i}" for i in range(200))
+    move = f"MoveAbsJ {RJ}\\NoEOffs,v100,fine,tool0;"
+    text = f"MODULE demo\nPROC main({given})\n{move}\nENDPROC\nENDMODULE\n"
+    found = corrected(tmp_path, "demo.mod", text)
+    assert lines(found) == [3]
+    assert found.left == ()
+
+
 def test_arcs_of_fanuc_have_a_second_line(tmp_path: Path) -> None:
     """The end of an arc stands in the line behind, and registers there are named."""
     joints = ", ".join(f"J{i}= {x:9.3f} deg" for i, x in enumerate([5, -60, 60, 30, 30, 10], 1))

@@ -196,12 +196,18 @@ class _Prover:
         return False
 
     def _cover(self, proof: RegionProof, gap: float) -> RegionCovering:
-        """What the multipliers of a search prove, with coverings that leave a gap."""
+        """What the multipliers of a search prove, with coverings that leave a gap.
+
+        Multipliers are scaled by a power of two, so that sensitivities are of order one: boxes are
+        looked at in single precision, and a bound is the same for any scale of both.
+        """
         criterion = self.judged.criterion
         Z = _semidefinite(proof.multipliers) if criterion.monotone else proof.multipliers
         raised, lift = _lifted(criterion, Z)
         largest = proof.largest.values + lift
         tolerance = self._tolerance(proof, largest, gap)
+        unit = float(np.ldexp(1.0, -int(np.frexp(np.abs(largest).max())[1])))
+        Z, raised, lift, largest = unit * Z, unit * raised, unit * lift, unit * largest
         coverings: list[Covering | Spans] = []
         is_stopped = False
         for z, own in zip(raised, largest.tolist(), strict=True):
@@ -215,7 +221,7 @@ class _Prover:
         upper = np.array([covering.upper for covering in coverings])
         # What is subtracted is rounded, and so was what was added before.
         upper = upper - lift + 8 * EPS * np.abs(lift)
-        lower = np.array([covering.lower for covering in coverings]) - lift
+        lower = (np.array([covering.lower for covering in coverings]) - lift) / unit
         bound = float(criterion.lower_bound(Z, upper, proof.M))
         cost = bound if np.isfinite(bound) else 0.0
         return RegionCovering(Z, upper, lower, tuple(coverings), cost, is_stopped)

@@ -41,6 +41,7 @@ TINY = float(np.finfo(float).tiny)
 SINGLE = np.float32
 UNIT = float(np.finfo(SINGLE).eps) / 2
 EIGHT = 8 * UNIT  # roundings
+LEAST = 128 * float(np.finfo(SINGLE).smallest_subnormal)  # what roundings below normal numbers lose
 # Rounding of halvings, in parts of what errors of the polynomials leave of the gap, from which on a
 # tensor is made anew.
 PART_OF_GAP = 0.25
@@ -148,8 +149,8 @@ class Stage:
             leaves.bound,
             leaves.penalties,
             values.astype(SINGLE),
-            error + UNIT * largest,
-            rounding_of_halves(self.tested, UNIT) * largest,
+            error + UNIT * largest + LEAST,
+            rounding_of_halves(self.tested, UNIT) * largest + LEAST,
             tuple(lifted[:count]),
             tuple(lifted[count:]),
         )

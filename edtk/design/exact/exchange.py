@@ -193,7 +193,7 @@ def _exchanged(
     plans = search.plans(places)
     # Where a look at all candidates costs no more than one at a few, the best exchange is made.
     sizes = [size for size in shortlists if size < problem.n and prices is None]
-    thorough = thorough or prices is not None
+    thorough = thorough or not sizes
     left = np.arange(len(times))
     while len(left):
         # Without time one plan that tells all is enough.

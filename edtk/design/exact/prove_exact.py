@@ -264,7 +264,7 @@ def _of_order_one(criterion: Relaxable, T: Array) -> tuple[Relaxable, float]:
     power = int(-np.log2(size) / (2 * criterion.degree))
     found = criterion.transformed(np.ldexp(T, power))
     assert isinstance(found, Relaxable)
-    return found, float(np.ldexp(1.0, -int(2 * criterion.degree * power)))
+    return found, float(2.0 ** (-2 * criterion.degree * power))
 
 
 def _prices(limits: Limits, n: int) -> tuple[Array, Array, Array]:

@@ -43,9 +43,7 @@ TOKEN = re.compile(r"[A-Z]\w*|;|:(?!=)")
 OPENS = {"FOR": "a loop", "WHILE": "a loop", "TEST": "a conditional", "IF": "a conditional"}
 CLOSES = {"ENDFOR": "FOR", "ENDWHILE": "WHILE", "ENDTEST": "TEST", "ENDIF": "IF"}
 HEADS = {"FOR": "DO", "WHILE": "DO", "IF": "THEN"}  # words that end the head of a block
-HEAD = re.compile(
-    r"(?:(?:PROC|MODULE)\s+\w+|FUNC\s+\w+\s+\w+|TRAP\s+\w+)\s*+(?:\([^)]{0,2000}\))?|\w+"
-)
+HEAD = re.compile(r"(?:(?:PROC|MODULE)\s+\w+|FUNC\s+\w+\s+\w+|TRAP\s+\w+)\s*+(?:\([^();]*+\))?|\w+")
 ROUTINES = (
     "MODULE",
     *("PROC", "FUNC", "TRAP", "ENDPROC", "ENDFUNC", "ENDTRAP", "ENDMODULE"),

@@ -236,6 +236,17 @@ def test_costs_of_many_parameters_come_in_parts(monkeypatch):
     assert max(sizes) <= 2 * module.DOUBLES_AT_ONCE
 
 
+def test_where_candidates_are_fewer_than_a_list_all_are_tried():
+    """Though nobody asks for it: a search that looked at none of them ended where it began."""
+    problem = Problem(np.random.default_rng(2).normal(size=(6, 2, 3)))
+    criterion = criteria.create("G")
+    start = np.array([[0, 1, 2]])
+    _, few = exchange(problem, criterion, start, thorough=False)
+    _, every = exchange(problem, criterion, start)
+    assert few == pytest.approx(every, rel=1e-12)
+    assert few < criterion.cost(problem.plan_information(start, np.ones_like(start)))
+
+
 @pytest.mark.parametrize("name", ["rho0", "D", "O2"])
 @pytest.mark.parametrize("thorough", [False, True])
 def test_plans_of_a_batch_do_not_see_each_other(name, thorough):
