@@ -105,3 +105,12 @@ def test_two_distances_in_one_row_are_refused() -> None:
     )
     with pytest.raises(edtk.UserError, match="row 2: two readings, columns 'after_mm' and 'dist"):
         read_positions(sheet, robot, {}, {"wire": "distance"})
+
+
+def test_a_length_that_changes_too_much_is_said_with_its_columns() -> None:
+    """Those that were read, and by how much."""
+    robot = edtk.load_robot("kuka_kr270")
+    sheet = distances(distance_mm=[2500.0, None], before_mm=[None, 1800.0], after_mm=[None, 2801.5])
+    said = r"row 2, columns before_mm, after_mm.* moved by 1002 mm under load"
+    with pytest.raises(edtk.UserError, match=said):
+        read_positions(sheet, robot, {}, {"wire": "distance"})
