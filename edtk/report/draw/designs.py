@@ -399,7 +399,10 @@ def _alias(design: ModelDesign, ax: "Axes", beyond: Any = None) -> None:
     """
     names, bias = design.aliases(beyond)
     if not names:
-        message = "the model has all products of two variables; expected terms that it leaves out"
+        message = (
+            "the model leaves out no product of two numeric variables; expected the terms that it "
+            "leaves out, such as those of a factor"
+        )
         raise ArgumentError(message, argument="beyond")
     largest = float(np.abs(bias).max()) or 1.0
     label = "bias of the estimate / coefficient of the term"
