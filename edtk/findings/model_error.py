@@ -18,7 +18,6 @@ from edtk.measure.model_error import ASSUMED
 from edtk.measure.task import all_compliances
 from edtk.robots.frames import load_turns
 from edtk.study.study import Study
-from edtk.study.study_model import assumed_joints
 from edtk.system.typing import Array, Indices
 
 
@@ -173,15 +172,9 @@ def _circumstances(study: Study, data: Measurements, A: Array, k: Array) -> Arra
 
 
 def _tilted(study: Study, data: Measurements, k: Array) -> Array:
-    """What readings (m, rows, 3) show of all loads turned about each axis of the world [1/rad].
-
-    A load that is tilted turns joints that count as rigid, too, such as a first one that no weight
-    turns: these give way as is assumed of them.
-    """
-    rigid = [one for one in assumed_joints(study, k) if one.rigid]
-    joints = (*study.model.joints, *study.known, *(one.index for one in rigid))
-    model = replace(study.model.by_wrench, unknown=joints)
-    every = np.concatenate([k, list(study.known.values()), [one.std for one in rigid]])
+    """What readings (m, rows, 3) show of all loads turned about each axis of the world [1/rad]."""
+    model = replace(study.model.by_wrench, unknown=(*study.model.joints, *study.known))
+    every = np.append(k, list(study.known.values()))
     turned = load_turns(data.wrench)
     shown = [replace(data, wrench=wrench).regressor(model) @ every for wrench in turned]
     return np.stack(shown, axis=-1)
