@@ -218,6 +218,7 @@ class OtherRows:
         kind: A word for programs: "shifted_rows", "unloaded_rows" or "other_loads".
         rows: Which rows they are.
         data: All measurements, read so; without a row that is of no pose.
+        anew: Which of these are the rows.
         factor: Their load over the written one; 1 where poses differ.
         step: From the row of a reading to that of its pose: -1, 1, or 0 where loads differ.
     """
@@ -225,6 +226,7 @@ class OtherRows:
     kind: str
     rows: Indices
     data: Measurements
+    anew: Mask
     factor: float = 1.0
     step: int = 0
 
@@ -285,7 +287,8 @@ def _under(data: Measurements, rows: Indices, factor: float) -> OtherRows:
     wrench = data.wrench.copy()
     wrench[rows] *= factor
     kind = "other_loads" if factor else "unloaded_rows"
-    return OtherRows(kind, np.sort(rows), replace(data, wrench=wrench), factor)
+    anew = np.isin(np.arange(len(data)), rows)
+    return OtherRows(kind, np.flatnonzero(anew), replace(data, wrench=wrench), anew, factor)
 
 
 def _shifted(study: Study, data: Measurements, own: "_Sums", step: int) -> OtherRows:
@@ -307,14 +310,15 @@ def _shifted(study: Study, data: Measurements, own: "_Sums", step: int) -> Other
     count = own.best_start(read, np.arange(m)[::-1], but_last=step < 0)[1]
     rows = np.arange(m - count, m)
     none = rows[0] if step < 0 else rows[-1]
-    late = (np.arange(m) >= rows[0])[:, None]
+    late = np.arange(m) >= rows[0]
     told = replace(
         data,
-        q=np.where(late, other.q, data.q),
-        wrench=np.where(late, other.wrench, data.wrench),
-        deflection=np.where(late, other.deflection, data.deflection),
-    )[np.delete(np.arange(m), none)]
-    return OtherRows("shifted_rows", np.setdiff1d(rows, none), told, step=step)
+        q=np.where(late[:, None], other.q, data.q),
+        wrench=np.where(late[:, None], other.wrench, data.wrench),
+        deflection=np.where(late[:, None], other.deflection, data.deflection),
+    )
+    kept = np.delete(np.arange(m), none)
+    return OtherRows("shifted_rows", np.setdiff1d(rows, none), told[kept], late[kept], step=step)
 
 
 @dataclass(frozen=True, eq=False)

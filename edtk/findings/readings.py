@@ -26,7 +26,7 @@ from edtk.measure.pose_table import (
     pose_columns,
 )
 from edtk.study.study import Study
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
 
 MOST_EXCHANGED = 6  # of which each two may be exchanged
 OFFSETS_DEG = (90, -90, 180)  # by which zeros of joints differ between conventions
@@ -53,11 +53,13 @@ class Reading:
         data: The measurements, read so.
         density: Twice the logarithm of the density of the numbers read so, over that of the
             written ones; not zero where they are multiplied.
+        anew: Which rows are read anew; None for all, or where it does not matter.
     """
 
     finding: Finding
     data: Measurements
     density: float = 0.0
+    anew: Mask | None = None
 
 
 def readings(study: Study, data: Measurements, only_signs: bool = False) -> Iterator[Reading]:
@@ -282,7 +284,7 @@ def _rows(study: Study, data: Measurements, kept: Indices) -> Iterator[Reading]:
         told = {"factor": other.factor, "step": other.step}
         finding = Finding.of(Severity.ALARM, WORDING, other.kind, rows=rows, **told)
         # A row that does not count has any reading, as an outlier has.
-        yield Reading(finding, other.data, -OUTLIER * (len(data) - len(other.data)))
+        yield Reading(finding, other.data, -OUTLIER * (len(data) - len(other.data)), other.anew)
 
 
 def _free(study: Study) -> list[int]:
@@ -360,9 +362,12 @@ class Refit:
         return again if again.chi2 < self.chi2 else self
 
     def without_outliers(self, study: Study) -> "Refit":
-        """The fit without the rows that do not belong to the others; the same if they are many."""
-        data = self.reading.data
-        refit = self
+        """The fit without the rows that do not belong to the others.
+
+        The same if they are many, or most of those that are read anew: nothing would tell how.
+        """
+        data, anew = self.reading.data, self.reading.anew
+        refit, kept = self, np.arange(len(data))
         for _ in range(READING_ROUNDS):
             left = refit.reading.data
             outliers = refit._outliers(study)
@@ -371,7 +376,10 @@ class Refit:
             rest = np.delete(np.arange(len(left)), outliers)
             if len(rest) < (1 - MOST_OUTLIERS) * len(data):
                 return self
+            kept = kept[rest]
             refit = Refit.of(study, replace(self.reading, data=left[rest])).corrected(study)
+        if anew is not None and 2 * anew[kept].sum() <= anew.sum():
+            return self
         return replace(refit, left_out=len(data) - len(refit.reading.data))
 
     def _outliers(self, study: Study) -> Indices:
