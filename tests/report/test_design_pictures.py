@@ -201,7 +201,11 @@ def test_the_curve_over_sizes_has_plans_above_bounds(designs):
         ("plan", {"kind": "power", "parameters": ["z"]}, "parameters z: expected some of k1"),
         ("plan", {"kind": "power", "level": 2}, "level 2: expected between 0 and 1"),
         ("plan", {"kind": "alias", "beyond": [[1.0]]}, r"beyond: expected columns \(n, q\) of 41"),
-        ("region", {"kind": "alias"}, "beyond: the model has all products"),
+        (
+            "region",
+            {"kind": "alias"},
+            "beyond: the model leaves out no product",
+        ),
         (
             "plan",
             {"kind": "efficiencies", "criteria": [Hidden()]},

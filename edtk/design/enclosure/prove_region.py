@@ -38,9 +38,10 @@ class RegionCovering:
     """Why no design over a region costs less.
 
     Attributes:
-        multipliers: Multipliers (r, p, p), in the judged parameters.
+        multipliers: Multipliers (r, p, p), in the judged parameters; to those of the search in one
+            ratio, which makes sensitivities of order one.
         upper: No point of the region has a larger sensitivity to each (r,).
-        lower: The largest sensitivity that is known to each (r,).
+        lower: The largest sensitivity that is known to each of the search (r,).
         coverings: What proves these; for a criterion of degree zero of a sensitivity to which a
             constant was added.
         cost: The bound on the cost that follows.

@@ -277,8 +277,8 @@ MUTANTS = [
     ("stage", "error + UNIT * largest", "error + UNIT * largest / 2"),
     (
         "stage",
-        "rounding_of_halves(self.tested, UNIT) * largest,",
-        "rounding_of_halves(self.tested, UNIT) * largest / 2,",
+        "rounding_of_halves(self.tested, UNIT) * largest + LEAST,",
+        "rounding_of_halves(self.tested, UNIT) * largest / 2 + LEAST,",
     ),
     (
         "stage",
