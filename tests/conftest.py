@@ -94,6 +94,15 @@ def _is_slow(value: object) -> bool:
     return any(mark.name in ("slow", "zoo") for mark in getattr(value, "marks", ()))
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Skip on Windows what only Unix has."""
+    if sys.platform != "win32":
+        return
+    for item in items:
+        if item.get_closest_marker("unix"):
+            item.add_marker(pytest.mark.skip(reason="Windows has no such thing"))
+
+
 def pytest_collection_finish() -> None:
     """Spare the garbage collector what was imported, which it would look through time and again.
 

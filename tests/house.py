@@ -8,6 +8,7 @@ house cannot grow back unseen.
 """
 
 import ast
+import inspect
 import sys
 import threading
 from collections import defaultdict
@@ -174,7 +175,9 @@ class _calls:
         def note(frame: object, event: str, argument: object) -> None:
             code = frame.f_code  # type: ignore[attr-defined]
             file = code.co_filename
-            if event == "call" and code.co_name != "<module>" and file.startswith(homes):
+            # Bodies of modules and classes, which an import runs, are no functions.
+            is_function = code.co_flags & inspect.CO_OPTIMIZED
+            if event == "call" and is_function and file.startswith(homes):
                 self.files.add(file)
 
         sys.setprofile(note)

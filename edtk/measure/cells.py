@@ -107,8 +107,9 @@ def csv_text(table: "pd.DataFrame", digits: int = 10) -> str:
     columns = [safe.iloc[:, i] for i in range(safe.shape[1])]
     formats = [_format(column, digits) for column in columns]
     if len(table) < MANY or "" in formats:
-        return str(safe.to_csv(index=False, float_format=f"%.{digits}g"))
-    header = str(safe.iloc[:0].to_csv(index=False))
+        text = safe.to_csv(index=False, float_format=f"%.{digits}g", lineterminator="\n")
+        return str(text)
+    header = str(safe.iloc[:0].to_csv(index=False, lineterminator="\n"))
     line = ",".join(formats) + "\n"
     values = [column.tolist() for column in columns]
     parts = [header]

@@ -68,7 +68,7 @@ def compare(
         found = _of_study(named, model, criteria)
     if path is not None:
         is_page = path.suffix == ".html"
-        text = comparison_page(found) if is_page else found.to_frame().to_csv()
+        text = comparison_page(found) if is_page else found.to_frame().to_csv(lineterminator="\n")
         write_files({path: text})
     return found
 

@@ -129,6 +129,7 @@ def test_files(tmp_path):
     assert data.posterior["displacement"].shape[2:] == (3,)
 
 
+@pytest.mark.unix
 def test_killed_run_goes_on(tmp_path):
     """A run that is killed leaves a whole chain, and another goes on from it."""
     path = tmp_path / "chain.h5"

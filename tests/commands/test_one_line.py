@@ -66,6 +66,7 @@ def test_a_wrong_option_is_one_short_line(arguments, expected):
     assert expected in line
 
 
+@pytest.mark.unix
 def test_sigterm_is_like_ctrl_c():
     """A program that is asked to end says so, with the exit code of Ctrl-C."""
 

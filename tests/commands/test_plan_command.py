@@ -311,6 +311,7 @@ def test_budget(tmp_path):
     assert answer["value"] == pytest.approx(evaluated["criteria"]["rho0"], rel=1e-8)
 
 
+@pytest.mark.unix
 def test_ctrl_c_leaves_the_best_plan(tmp_path, monkeypatch):
     """Ctrl-C during the search prints and writes the best plan so far, says so, and
     exits with 130.
@@ -333,6 +334,7 @@ def test_ctrl_c_leaves_the_best_plan(tmp_path, monkeypatch):
     assert answer["value"] == pytest.approx(evaluated["criteria"]["A"], rel=1e-8)
 
 
+@pytest.mark.unix
 def test_ctrl_c_leaves_a_plan_while_the_bound_is_sought(tmp_path, monkeypatch):
     """Ctrl-C before the search has begun leaves a plan, rounded from the design so far."""
     study = write(tmp_path)

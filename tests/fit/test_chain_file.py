@@ -194,6 +194,7 @@ def test_a_forged_chain(stopped, loaded, forgery):
     assert_no_chain(loaded)
 
 
+@pytest.mark.unix
 def test_a_full_disk(stopped, tmp_path, capfd):
     """HDF5 ended the process there; now an error names the file, which stays as it was."""
     content = stopped.read_bytes()

@@ -211,6 +211,7 @@ def test_what_the_result_rests_on(tmp_path):
     )
 
 
+@pytest.mark.unix
 def test_a_pipe_has_no_hash(tmp_path):
     """What cannot be read twice is not read again."""
     os.mkfifo(tmp_path / "pipe")

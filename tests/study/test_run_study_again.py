@@ -121,6 +121,7 @@ def test_the_end_of_a_budget_is_said(tmp_path):
     assert (tmp_path / "out" / "plans" / "optimised_D_m3.csv").exists()
 
 
+@pytest.mark.unix
 def test_killed_run_goes_on(tmp_path):
     """Killed in the middle and started again, a run keeps what it had and ends as any other."""
     study = load_study_of(arm(sizes=[3, 4]), tmp_path)
@@ -139,6 +140,7 @@ def test_killed_run_goes_on(tmp_path):
     assert_same(tmp_path / "first", out)
 
 
+@pytest.mark.unix
 def test_ctrl_c_keeps_finished_cases_only(tmp_path):
     """Ctrl-C ends a run with code 130; the search that it interrupted is no finished case."""
     study = load_study_of(arm(sizes=[12, 13, 14], starts=9999), tmp_path)

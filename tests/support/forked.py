@@ -1,7 +1,6 @@
 """A copy of this process that may be killed, or lose its disk, without harm to the tests."""
 
 import os
-import resource
 import signal
 import sys
 import traceback
@@ -47,9 +46,13 @@ def kill_at(moment: int) -> None:
 
 def fill_disk(left: int) -> None:
     """Let no file of this process become larger than some bytes, as on a disk that is full."""
+    import resource  # which Windows has not
+
     resource.setrlimit(resource.RLIMIT_FSIZE, (left, resource.RLIM_INFINITY))
 
 
 def free_disk() -> None:
     """End the limit of `fill_disk`."""
+    import resource
+
     resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY,) * 2)

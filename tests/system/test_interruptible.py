@@ -19,6 +19,7 @@ def test_the_answer_and_the_error_are_those_of_the_call() -> None:
         interruptible(lambda: 1 / 0)
 
 
+@pytest.mark.unix
 def test_a_signal_need_not_wait_for_the_call() -> None:
     """Ctrl-C is heard at once while the call goes on."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)

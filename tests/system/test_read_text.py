@@ -39,7 +39,7 @@ def refusal(path: Path | str, **options: float) -> str:
 def test_text_is_read_whatever_its_name_says(tmp_path: Path, encoding: str) -> None:
     """A byte-order mark is left out, and a name of a compressed file means nothing."""
     path = tmp_path / "plan.csv.gz"
-    path.write_text(GERMAN, encoding=encoding)
+    path.write_bytes(GERMAN.encode(encoding))
     assert read_text(path) == GERMAN
 
 
@@ -69,6 +69,7 @@ def test_a_device_is_refused(device: str) -> None:
     assert refusal(device) == "is a device; expected a file or a pipe"
 
 
+@pytest.mark.unix
 def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
     """An absent file, a folder, a socket, a name that no file can have, bytes that are no text."""
     assert refusal(tmp_path / "absent") == "no such file"
@@ -95,6 +96,7 @@ def test_size_is_limited(tmp_path: Path) -> None:
     assert "is larger than 10 MB" in refusal(path)
 
 
+@pytest.mark.unix
 def test_a_pipe_is_read_to_its_end(tmp_path: Path) -> None:
     """Pieces of a pipe are put together, and a pipe without end is read to the limit."""
     path = tmp_path / "pipe"

@@ -33,7 +33,7 @@ SEARCH = SearchOptions(starts=64, patience=4)  # four batches, two at a time
 
 # Pieces of work from the standard library, so that a new process has little to import.
 NAP = partial(sleep, 0.2)
-DEADLY = partial(signal.raise_signal, signal.SIGKILL)
+DEADLY = partial(signal.raise_signal, getattr(signal, "SIGKILL", signal.SIGTERM))
 FAULTY = partial(operator.truediv, 1, 0)
 
 

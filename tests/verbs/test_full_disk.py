@@ -28,6 +28,7 @@ def content(folder):
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
+@pytest.mark.unix
 @pytest.mark.parametrize(
     ("line", "named"),
     [

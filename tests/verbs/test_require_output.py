@@ -10,6 +10,7 @@ from edtk.verbs.inputs import require_different, require_file, require_folder, r
 SHEET = "q2_deg,dx_mm,dy_mm,dz_mm\n0,{},,\n"
 
 
+@pytest.mark.unix
 def test_an_input_is_no_output_through_links_either(tmp_path):
     """A link to a file that is read is that file."""
     (tmp_path / "study.toml").write_text("title = 'mine'")
@@ -23,6 +24,7 @@ def test_an_input_is_no_output_through_links_either(tmp_path):
         require_output(loop, tmp_path / "study.toml")
 
 
+@pytest.mark.unix
 def test_measurements_are_kept(tmp_path):
     """A filled-in sheet is refused through a link too; an empty one, and a stream, are fine."""
     sheet = tmp_path / "sheet.csv"
@@ -40,6 +42,7 @@ def test_measurements_are_kept(tmp_path):
         require_output(path)
 
 
+@pytest.mark.unix
 def test_two_outputs_are_two_places(tmp_path):
     """Two names of one file, or of standard output, would leave one of two contents."""
     (tmp_path / "link").symlink_to("plan.csv")

@@ -373,6 +373,7 @@ def test_an_interrupt_asks_for_the_first_answer(monkeypatch):
     assert asked == [True, False]
 
 
+@pytest.mark.unix
 @pytest.mark.parametrize("calls", [1, 2])
 def test_interrupt_within_a_solver(monkeypatch, calls):
     """Ctrl-C within the first program is a plain interrupt; within the second it has a design."""
