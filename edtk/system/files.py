@@ -9,8 +9,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from importlib import import_module
-from importlib.util import find_spec
+from hashlib import sha256
 from pathlib import Path
 from secrets import token_hex
 
@@ -28,6 +27,7 @@ COMPRESSED = {
     b"\x28\xb5\x2f\xfd": "zstd",
 }
 OUTPUT_AND_ERRORS = (1, 2)  # file descriptors
+ALREADY_EXISTS = 183  # Windows: somebody else has made an object of this name
 
 
 def read_text(path: Path | str, most_mb: float = MOST_MB, utf_16: bool = False) -> str:
@@ -116,16 +116,17 @@ def _read(descriptor: int, most: int) -> bytes:
 class FolderLock:
     """An attempt to lock a folder for this process alone.
 
-    The system ends the lock when the folder is closed, also where the process is killed, so that
-    no lock is ever stale. The folder gets no file for it.
+    The system ends the lock when it is closed, also where the process is killed, so that no lock
+    is ever stale. The folder gets no file for it. Windows has no locks of folders: there it is an
+    object of the system whose name is made of the folder's, and which one may create at a time.
 
     Attributes:
         held: Whether the lock is held; None where the file system knows no locks of folders.
-        descriptor: Of the open folder; None where the system has no such descriptors.
+        handle: What is open: a descriptor of the folder, or of Windows' object; None if nothing is.
     """
 
     held: bool | None
-    descriptor: int | None
+    handle: int | None
 
     @classmethod
     def try_on(cls, folder: Path) -> "FolderLock":
@@ -134,10 +135,17 @@ class FolderLock:
         Raises:
             OSError: The folder cannot be opened.
         """
-        # Windows has neither these locks nor descriptors of folders.
-        if find_spec("fcntl") is None:
-            return cls(None, None)
-        fcntl = import_module("fcntl")
+        if sys.platform == "win32":
+            import ctypes
+
+            place = os.path.normcase(os.path.realpath(folder))
+            name = "edtk-" + sha256(place.encode("utf-8", "surrogatepass")).hexdigest()
+            kernel = ctypes.WinDLL("kernel32", use_last_error=True)
+            kernel.CreateMutexW.restype = ctypes.c_void_p
+            handle = kernel.CreateMutexW(None, False, name)
+            return cls(bool(handle) and ctypes.get_last_error() != ALREADY_EXISTS, handle)
+        import fcntl
+
         descriptor = os.open(folder, os.O_RDONLY)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -149,8 +157,14 @@ class FolderLock:
 
     def close(self) -> None:
         """End the lock."""
-        if self.descriptor is not None:
-            os.close(self.descriptor)
+        if self.handle is None:
+            return
+        if sys.platform == "win32":
+            import ctypes
+
+            ctypes.WinDLL("kernel32").CloseHandle(ctypes.c_void_p(self.handle))
+        else:
+            os.close(self.handle)
 
 
 STANDARD_OUTPUT = Path("-")

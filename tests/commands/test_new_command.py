@@ -168,6 +168,7 @@ def test_a_study_in_the_controllers_angles(tmp_path: Path) -> None:
     assert not (tmp_path / "other.toml").exists()
 
 
+@pytest.mark.unix
 def test_names_of_files_with_odd_characters(tmp_path: Path) -> None:
     """A study's own name stands in a comment as a shell reads it; a robot's must be plain."""
     out = tmp_path / "a bell\x07.toml"
