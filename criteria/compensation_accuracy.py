@@ -8,12 +8,12 @@ from numpy.typing import ArrayLike
 from criteria.convex_criterion import ConvexCriterion
 from criteria.curvature import Curvature, curvature_of_variances
 from criteria.linalg.inverse import (
-    long_product,
     lowered_root,
     power_trace_of_root,
     rounding_of_rows,
 )
 from criteria.linalg.logarithms import log_of_inverse
+from criteria.linalg.long_product import long_product
 from criteria.linalg.typing import Array
 from criteria.registry import register
 
@@ -69,7 +69,7 @@ class CompensationAccuracy(ConvexCriterion):
 
     def in_units(self, T: Array) -> Self:
         """The target becomes ``A0 T``."""
-        return type(self)(long_product(self.target, T))
+        return type(self)(long_product(self.target, T).astype(float))
 
     def transformed(self, T: Array) -> Self:
         """The same target says the same of other parameters."""

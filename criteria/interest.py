@@ -17,7 +17,8 @@ from criteria.linalg.estimable import (
     open_directions,
     strayed_part,
 )
-from criteria.linalg.inverse import long_product, rounding_of_rows, scaled_inverse, whitener
+from criteria.linalg.inverse import rounding_of_rows, scaled_inverse, whitener
+from criteria.linalg.long_product import long_product
 from criteria.linalg.spectrum import is_semidefinite
 from criteria.linalg.typing import Array, Indices, Mask
 from criteria.relaxable import Formulation, Relaxable, SpectralBand
@@ -176,7 +177,7 @@ class Interest(Relaxable):
 
     def in_units(self, T: Array) -> Self:
         """The combinations of k are ``T'K`` of k', where k = T k'."""
-        return self.of(long_product(self.K.T, T).T)
+        return self.of(long_product(self.K.T, T).T.astype(float))
 
     def transformed(self, T: Array) -> Self:
         """The same combinations, told by the other parameters.
@@ -186,7 +187,7 @@ class Interest(Relaxable):
         of which ``theta = R' theta'``. Where that is because of the units d of the parameters,
         ``T = diag(d) T_d``, they are factorized before T_d mixes rows of different sizes.
         """
-        told = long_product(self.K.T, T).T
+        told = long_product(self.K.T, T).T.astype(float)
         base = None
         d = np.linalg.norm(T, axis=1)
         if max(_condition(told), self.dependence(1.0 / d)) > DEPENDENT:

@@ -11,13 +11,13 @@ from criteria.criterion import KinkedCriterion
 from criteria.g_optimality import WEIGHT_STEPS
 from criteria.linalg.inverse import (
     TINY,
-    long_product,
     lowered_root,
     power_trace_of_root,
     rounding_of_rows,
     whitener,
 )
 from criteria.linalg.logarithms import soft_maximum
+from criteria.linalg.long_product import long_product
 from criteria.linalg.typing import Array, Indices, isometric, triangle
 from criteria.registry import register
 from criteria.relaxable import Formulation
@@ -81,7 +81,7 @@ class WorstTaskAccuracy(KinkedCriterion, ConvexCriterion):
 
     def in_units(self, T: Array) -> Self:
         """The targets become ``A_i T``."""
-        return type(self)(long_product(self.targets, T), self.sharpness)
+        return type(self)(long_product(self.targets, T).astype(float), self.sharpness)
 
     def transformed(self, T: Array) -> Self:
         """The same target says the same of other parameters."""

@@ -198,15 +198,6 @@ def full_rank_root(W: ArrayLike) -> Array:
     return np.stack(columns, axis=1)
 
 
-def long_product(rows: Array, T: Array) -> Array:
-    """``rows T`` (..., k, q), summed in the longest numbers of the machine.
-
-    Where T whitens nearly dependent parameters, the terms of a combination cancel, and doubles
-    would keep ``eps`` of the terms instead of their sum.
-    """
-    return np.asarray((rows.astype(np.longdouble) @ T.astype(np.longdouble)).astype(float))
-
-
 def rounding_of_rows(rows: Array, W: Array) -> Array:
     """Bound the relative error of ``sum_j |a_j W|^2`` where products of a_j and W cancel.
 

@@ -7,12 +7,12 @@ them are one matrix product.
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria.linalg.inverse import EPS, root
+from criteria.linalg.long_product import EPS_OF_SUM, long_product
 from criteria.linalg.models import Models, taken
 from criteria.linalg.typing import triangle
 from edtk.design.conditioning import Conditioning
@@ -438,17 +438,14 @@ class Rows:
         Where T whitens nearly dependent rows, their terms cancel. So they are summed in the longest
         numbers that the machine has, unless there are too many, and divided by sigma only then.
         """
-        long = self._long
-        wide = T.astype(long)
+        product = long_product if self._at_length else np.matmul
         step = max(ROWS_AT_ONCE // self.p, 1)
         flat = self.given.reshape(-1, self.p)
         found = np.empty(flat.shape)
         for start in range(0, len(flat), step):
             part = slice(start, start + step)
-            product = flat[part].astype(long, copy=False) @ wide
-            found[part] = (
-                product if self.sigma is None else product / self.sigma.reshape(-1, 1)[part]
-            )
+            own = product(flat[part], T)
+            found[part] = own if self.sigma is None else own / self.sigma.reshape(-1, 1)[part]
         return Rows(found.reshape(self.given.shape))
 
     def rounding_of_times(self, T: Array) -> Array:
@@ -460,13 +457,13 @@ class Rows:
         size = np.abs(T)
         squares = self._sums(lambda A: np.square(np.abs(A) @ size).sum(axis=1))
         rounded = self._sums(lambda A: np.square(A @ T).sum(axis=1))
-        eps = float(np.finfo(self._long).eps)
+        eps = EPS_OF_SUM if self._at_length else EPS
         return self.p * eps * np.sqrt(squares) + EPS * np.sqrt(rounded)
 
     @property
-    def _long(self) -> type[np.floating[Any]]:
-        """The numbers in which `times` sums."""
-        return np.longdouble if self.A.size * self.p <= AT_LENGTH else np.float64
+    def _at_length(self) -> bool:
+        """Whether `times` sums in longer numbers than doubles."""
+        return self.A.size * self.p <= AT_LENGTH
 
     @property
     def models(self) -> Models:

@@ -31,12 +31,37 @@ TINY = float(np.finfo(float).tiny)
 LONG = np.longdouble
 Long = NDArray[np.floating[Any]]
 LONG_EPS = float(np.finfo(LONG).eps)
+# x86 has longer numbers than doubles; Windows and Apple's machines have not.
+IS_LONGER = LONG_EPS < EPS
+EPS_OF_SUM = LONG_EPS if IS_LONGER else 0.0  # for each term of `long_product`
+SPLIT = 2.0**27 + 1  # halves the 53 digits of a double
 AT_ONCE = 2**18  # doubles of rows that are looked at together
 SWEEPS = 30  # of rotations; ten are the rule
 DIGITS = 4  # roundings of each number of a combination of rows, as it is given
 LOST = 1e3  # multiple of ``p eps`` up to which a singular value is rounding
 FAR = 1e-7  # ratio of singular values from which on a decomposition leaves no digits
 WELL = 1e3  # condition number of rows up to which their own parameters will do
+
+
+def long_product(A: Array, T: Array) -> Long:
+    """``A T`` (..., q) of A (..., p) and T (p, q), whose terms may cancel, in long numbers.
+
+    Where the machine has none each entry is the exact sum, rounded to a double: products of halves
+    of doubles are exact (Dekker), and so is Python's sum of them.
+    """
+    if IS_LONGER:
+        return np.asarray(A.astype(LONG) @ T.astype(LONG))
+    columns = T.T
+    halves = [(high, x - high) for x in (A[..., None, :], columns) for high in [_high(x)]]
+    terms = [a * t for a in halves[0] for t in halves[1]]
+    sums = np.concatenate(terms, axis=-1).reshape(-1, 4 * len(T))
+    return np.array([math.fsum(one) for one in sums.tolist()]).reshape(*A.shape[:-1], T.shape[1])
+
+
+def _high(x: Array) -> Array:
+    """The first 26 digits of numbers (Veltkamp)."""
+    scaled = SPLIT * x
+    return scaled - (scaled - x)
 
 
 def row_root(M: Array) -> tuple[Array, Array]:
@@ -228,14 +253,14 @@ class Frame:
         """
         if self.exact and sigma is None:
             return A * np.diag(self.T), np.zeros(len(A))
-        product = A.astype(LONG) @ self.T.astype(LONG)
+        product = long_product(A, self.T)
         sizes = np.abs(A) @ np.abs(self.T)
         if sigma is not None:
             product = product / sigma[..., None]
             sizes = sizes / sigma[..., None]
         found = np.asarray(product, dtype=float)
         rounded = EPS * np.linalg.norm(found, axis=(1, 2))
-        return found, len(self.T) * LONG_EPS * np.linalg.norm(sizes, axis=(1, 2)) + rounded
+        return found, len(self.T) * EPS_OF_SUM * np.linalg.norm(sizes, axis=(1, 2)) + rounded
 
     def squares(self, M: Long) -> tuple[Long, Array]:
         """``T'M T`` (..., p, p) in long numbers, and bounds (..., p, p) on its rounding."""
@@ -249,9 +274,11 @@ class Frame:
         if self.exact:
             found = (np.diag(self.T)[:, None] * K).astype(LONG)
             return Side(found, np.zeros(K.shape), DIGITS * EPS * sizes, (self.T, K))
-        found = self.T.T.astype(LONG) @ K.astype(LONG)
+        found = long_product(self.T.T, K)
         chooses = np.isin(K, (0.0, 1.0)).all(axis=0) & (K.sum(axis=0) == 1)
-        error = np.where(chooses, 0.0, len(K) * LONG_EPS * sizes)
+        # In longer numbers nothing is rounded after the sum.
+        last = 0.0 if IS_LONGER else EPS * np.abs(found)
+        error = np.where(chooses, 0.0, len(K) * EPS_OF_SUM * sizes + last)
         return Side(found, error, np.where(chooses, 0.0, DIGITS * EPS * sizes), (self.T, K))
 
 
