@@ -454,7 +454,7 @@ def read_in(name: str, text: str) -> float:
     assert brand is not None
     since = process_time()
     brand.content.search(text)
-    brand.read(text, axes, Frames(), {})
+    targets_of(brand.read(text, axes, Frames(), {}), every=True)
     return process_time() - since
 
 
@@ -470,6 +470,36 @@ def test_many_targets_are_told_their_lines_at_once() -> None:
     lines = [f"CONST robtarget p{i}:={RP};" for i in range(200)]
     text = "\n".join(["MODULE a", *["! nothing"] * 100_000, *lines, "ENDMODULE\n"])
     assert read_in("a.mod", text) < 3.0
+
+
+# Lines that a program may have a thousand times: frames that change, blocks, calls and routines.
+OFTEN = {
+    "a.src": [
+        f"IF a THEN\n$TOOL=TOOL_DATA[1]\nLIN {{{P}}}\nENDIF\n",
+        f"$TOOL={{{P}}}\n$BASE=$NULLFRAME\nLIN {{{P}}}\n",
+        f"LIN {{{P}}}\nGOTO b\n",
+        f"f()\nLIN {{{P}}}\nEND\nDEF f()\n$BASE=$NULLFRAME\n",
+    ],
+    "a.script": [
+        "if a:\nset_tcp(p[0,0,0,0,0,0])\nmovel(p[0,0,0,0,0,0])\nend\n",
+        "b=p[0,0,0,0,0,0]\nset_tcp(b)\nmovel(b)\n",
+        "movel(p[0,\n",
+    ],
+}
+
+
+@pytest.mark.parametrize("name", OFTEN)
+def test_a_thousand_frames_blocks_and_routines_are_read_at_once(name: str) -> None:
+    """Frames of each motion were sought from the beginning: a thousand blocks took 45 s."""
+    for part in OFTEN[name]:
+        assert read_in(name, BEGIN[name] + "\n" + part * 1000) < 1.5, part
+
+
+def test_a_call_of_several_lines_is_read_once(tmp_path: Path) -> None:
+    """Lines of a move in URScript had counted as others that compute with its target."""
+    move = "movel(\n p1,\n a=1.2)"
+    text = f"def demo():\nset_tcp(p[0,0,0,0,0,0])\np1=p[1.9,0,1.1,0,1,0]\n{move} x=p2\nend\n"
+    assert lines(corrected(tmp_path, "demo.script", text)) == [3]
 
 
 def test_routines_that_set_tools_make_them_unknown_behind_calls(tmp_path: Path) -> None:

@@ -166,7 +166,7 @@ class _Parser(Parser):
     values: dict[str, Frame] = field(default_factory=dict)
     fdat: dict[str, tuple[str, str]] = field(default_factory=dict)
     words: list[tuple[str, int]] = field(default_factory=list)
-    waiting: list[tuple[Routine, int, str, str]] = field(default_factory=list)
+    waiting: list[tuple[Routine, int, str, int, int]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.clean = capitals(blanked(self.text, HIDDEN))
@@ -281,9 +281,9 @@ class _Parser(Parser):
         if kind:
             types.setdefault(name, kind)
         if name in ("$TOOL", "$BASE") and not found[3]:
-            self.waiting.append((self.routine, at, name[1:].lower(), value))
+            self.waiting.append((self.routine, at, name[1:].lower(), first, last))
         elif name.startswith(TOOLS) or (name == "FDAT_ACT" and not found[3]):
-            self._frame_state(at, name, found[3], value, whole, first, last)
+            self._frame_state(at, name, found[3], whole, first, last)
         elif name == "$IPO_MODE" and "#TCP" in value:
             self._external(at)
         elif kind == "FDAT" or "TOOL_NO" in value:
@@ -308,11 +308,11 @@ class _Parser(Parser):
             self.values.setdefault(name, self._frame(literal))
 
     def _frame_state(
-        self, at: int, name: str, component: str, value: str, whole: bool, first: int, last: int
+        self, at: int, name: str, component: str, whole: bool, first: int, last: int
     ) -> None:
         """The table of tools and bases, a component of a frame, or the frames of a taught point."""
         if name == "FDAT_ACT":
-            self.waiting.append((self.routine, at, "fdat", value))
+            self.waiting.append((self.routine, at, "fdat", first, last))
         elif name in ("$TOOL", "$BASE"):
             which = name[1:].lower()
             self.routine.sets.append((at, which, f"the {which} is computed at run time"))
@@ -379,12 +379,13 @@ class _Parser(Parser):
 
     def resolve(self, types: Mapping[str, str], values: Mapping[str, Frame]) -> None:
         """Give names of frames their values, and taught points those of their FDAT."""
-        for routine, at, which, value in self.waiting:
+        for routine, at, which, first, last in self.waiting:
             if which == "fdat":
-                for kind, frame in zip(("tool", "base"), self._of_fdat(value, values), strict=True):
+                both = self._of_fdat(self.clean[first:last], values)
+                for kind, frame in zip(("tool", "base"), both, strict=True):
                     routine.sets.append((at, kind, frame))
             else:
-                routine.sets.append((at, which, self._stated(which, value, values)))
+                routine.sets.append((at, which, self._stated(which, first, last, values)))
         self._follow_calls()
         found = []
         for literal in self.reading.literals:
@@ -402,15 +403,22 @@ class _Parser(Parser):
         setting = {name: {kind for _, kind, _ in one.sets} for name, one in self.routines}
         name_of = {id(one): name for name, one in self.routines}
         calls = [call for call in self.calls if call[2] in setting]
-        for _ in self.routines:  # as deep as calls can go
-            for routine, _, name in calls:
-                setting[name_of[id(routine)]] |= setting[name]
+        callers: dict[str, set[str]] = {}
+        for routine, _, name in calls:
+            callers.setdefault(name, set()).add(name_of[id(routine)])
+        waiting = list(setting)
+        while waiting:  # a routine comes again when it sets more: at most once for each kind
+            name = waiting.pop()
+            for caller in callers.get(name, ()):
+                if not setting[name] <= setting[caller]:
+                    setting[caller] |= setting[name]
+                    waiting.append(caller)
         for routine, at, name in calls:
             kinds = sorted(setting[name])
             routine.sets += [(at, one, f"{name} sets the {one} before it") for one in kinds]
+        every = set().union(*setting.values())
         for _, routine in self.routines[2:]:  # the first one is before the first DEF
-            for kind in set().union(*setting.values()):
-                routine.first[kind] = f"the {kind} is that of the calling routine"
+            routine.first |= {kind: f"the {kind} is that of the calling routine" for kind in every}
         for _, routine in self.routines:
             routine.sets.sort(key=lambda one: one[0])
 
@@ -428,12 +436,11 @@ class _Parser(Parser):
             values.get(f"BASE_DATA[{base}]", self.frames.base(base)),
         )
 
-    def _stated(self, which: str, value: str, values: Mapping[str, Frame]) -> Frame:
+    def _stated(self, which: str, first: int, last: int, values: Mapping[str, Frame]) -> Frame:
         """The frame of a value that the program gives $TOOL or $BASE."""
-        name = "".join(value.split())
+        name = "".join(self.clean[first:last].split())
         if name.startswith("{"):
-            at = self.clean.find(value)
-            literal = self._aggregate(0, "", at, at + len(value))
+            literal = self._aggregate(0, "", first, last)
             return "the frame is computed" if literal is None else self._frame(literal)
         if name in values:
             return values[name]

@@ -5,10 +5,11 @@ A brand's reader finds literals, the motions that use them, and what a program c
 """
 
 import re
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from heapq import heappop, heappush
 
 import numpy as np
 
@@ -167,6 +168,8 @@ Opened = tuple[int, int, str]  # where a block begins, its line, and what it is 
 class Routine:
     """What holds in the lines of one routine: blocks, and the tools and bases that it sets.
 
+    It is asked when all of it is read.
+
     Attributes:
         first: Tool and base where it begins.
         blocks: Conditionals and loops: begin, end, and what they are in words; no words for lines
@@ -190,8 +193,29 @@ class Routine:
 
     def block(self, at: int) -> str:
         """What conditional or loop a position is in, in words; empty for none."""
-        inside = (words for start, end, words in self.blocks if start <= at < end)
-        return next(filter(None, inside), "")
+        places, words = self._words
+        return words[bisect_right(places, at)]
+
+    @cached_property
+    def _words(self) -> tuple[list[int], list[str]]:
+        """Places at which the words of `block` change, and the words between them.
+
+        Of the blocks around a place the one that was noted first counts.
+        """
+        begin: dict[int, list[int]] = {}
+        for order, (start, _, words) in enumerate(self.blocks):
+            if words:
+                begin.setdefault(start, []).append(order)
+        places = sorted({edge for start, end, _ in self.blocks for edge in (start, end)})
+        found = [""]
+        around: list[int] = []  # a heap of those that have begun
+        for place in places:
+            for order in begin.get(place, ()):
+                heappush(around, order)
+            while around and self.blocks[around[0]][1] <= place:
+                heappop(around)
+            found.append(self.blocks[around[0]][2] if around else "")
+        return places, found
 
     def frame(self, which: str, at: int) -> Frame:
         """The tool or base at a position.
@@ -199,17 +223,27 @@ class Routine:
         One that is set in a conditional or a loop is known if it is the one before: else it is not,
         neither there nor behind.
         """
-        state = self.first[which]
+        places, states = self._states[which]
+        return states[bisect_left(places, at)]
+
+    @cached_property
+    def _states(self) -> dict[str, tuple[list[int], list[Frame]]]:
+        """Places behind which another tool or base holds, and those between them."""
+        found: dict[str, tuple[list[int], list[Frame]]] = {
+            which: ([], [state]) for which, state in self.first.items()
+        }
         outer = _outermost([(start, end) for start, end, _ in self.blocks])
-        for place, kind, frame in self.sets:
-            block = next((one for one in outer if one[0] <= place < one[1]), None)
-            if kind != which or (place if block is None else block[0]) >= at:
-                continue
-            if block is None:
-                state = frame
-            elif not same_frame(state, frame):
-                state = f"the {which} is set in a conditional or a loop before it"
-        return state
+        begins = [start for start, _ in outer]
+        for place, which, frame in self.sets:
+            places, states = found[which]
+            start, end = outer[bisect_right(begins, place) - 1] if outer else (0, 0)
+            if not start <= place < end:
+                places.append(place)
+                states.append(frame)
+            elif not same_frame(states[-1], frame):
+                places.append(start)
+                states.append(f"the {which} is set in a conditional or a loop before it")
+        return found
 
 
 def _outermost(blocks: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
@@ -419,19 +453,22 @@ def pieces(
     return found
 
 
+def closings(text: str) -> dict[int, int]:
+    """Positions of brackets, and of those that close them; without those that nothing closes."""
+    pairs = {"(": ")", "[": "]", "{": "}"}
+    found: dict[int, int] = {}
+    waiting: list[tuple[int, str]] = []
+    for place, sign in enumerate(text):
+        if sign in pairs:
+            waiting.append((place, pairs[sign]))
+        elif waiting and sign == waiting[-1][1]:
+            found[waiting.pop()[0]] = place
+    return found
+
+
 def closing(text: str, at: int, end: int) -> int:
     """Position of the bracket that closes the one at a position; -1 without one before an end."""
-    pairs = {"(": ")", "[": "]", "{": "}"}
-    waiting: list[str] = []
-    for place in range(at, end):
-        sign = text[place]
-        if sign in pairs:
-            waiting.append(pairs[sign])
-        elif waiting and sign == waiting[-1]:
-            waiting.pop()
-            if not waiting:
-                return place
-    return -1
+    return at + closings(text[at:end]).get(0, -1 - at)
 
 
 def number_at(text: str, start: int, end: int) -> Number | None:

@@ -19,6 +19,7 @@ from edtk.programs.targets.reading import (
     Use,
     blanked,
     closing,
+    closings,
     lines_of,
     numbers_in,
     pieces,
@@ -70,14 +71,18 @@ class UrTargets(Brand):
 class _Parser(Parser):
     """One file, line by line."""
 
-    maybe: list[Literal] = field(default_factory=list)
+    maybe: dict[str, list[Literal]] = field(default_factory=dict)
     open: list[Opened] = field(default_factory=list)
+    done: int = 0  # where the last call ends, which may have several lines
 
     def parse(self) -> Reading:
         """Read all lines."""
         self.clean = blanked(self.text, HIDDEN)
+        self.closings = closings(self.clean)
         self.routine = self.new_routine()
-        for number, at, line in lines_of(self.clean):
+        for number, begin, whole in lines_of(self.clean):
+            at = max(begin, min(self.done, begin + len(whole)))
+            line = whole[at - begin :]
             opens = OPENS.match(line)
             if END.match(line):
                 self._close(at)
@@ -89,12 +94,9 @@ class _Parser(Parser):
             self._line(number, at, line)
         while self.open:
             self._close(len(self.text))
-        values: dict[str, list[Literal]] = {}
-        for one in self.maybe:
-            values.setdefault(one.name, []).append(one)
-        self.reading.literals += [
-            one for name in values if name in self.reading.uses for one in values[name]
-        ]
+        for name, values in self.maybe.items():
+            if name in self.reading.uses:
+                self.reading.literals += values
         self.reading.first = self.first()
         return self.reading
 
@@ -123,10 +125,9 @@ class _Parser(Parser):
         place = at
         while (call := CALL.search(self.clean, place, end)) is not None:
             self.note(number, place, call.start())
-            last = closing(self.clean, call.end() - 1, len(self.clean))
-            last = end if last < 0 else last
+            last = self.closings.get(call.end() - 1, end)
             self._call(number, call[1], call.start(), call.end(), last)
-            place = max(last, call.end())
+            place = self.done = max(last, call.end())
         self.note(number, place, end)
 
     def _value(self, number: int, at: int, line: str, found: re.Match[str]) -> None:
@@ -135,7 +136,7 @@ class _Parser(Parser):
         first, last = at + found.end(), at + len(line.rstrip())
         literal = None if found[2] else self._list(number, name, first, last)
         if literal is not None and not literal.problem:
-            self.maybe.append(literal)
+            self.maybe.setdefault(name, []).append(literal)
         else:
             self.reading.changed.setdefault(name, number)
             self.note(number, first, last)
@@ -184,7 +185,7 @@ class _Parser(Parser):
 
     def _tool(self, part: str, literal: Literal | None) -> Frame:
         """The tool that is set."""
-        named = [one for one in self.maybe if one.name == part and one.pose]
+        named = [one for one in self.maybe.get(part, ()) if one.pose]
         if literal is None and len(named) == 1 and part not in self.reading.changed:
             literal = named[0]
         if literal is not None and literal.pose:
