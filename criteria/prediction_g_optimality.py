@@ -2,11 +2,11 @@
 
 from typing import Any, Self
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria.errors import CriterionError
 from criteria.power_criterion import PowerCriterion
+from criteria.prediction_variance import regressors
 from criteria.registry import register
 from criteria.worst_task_accuracy import WorstTaskAccuracy
 
@@ -41,13 +41,10 @@ class PredictionGOptimality(PowerCriterion):
     expression_power = 1.0
 
     def __init__(self, points: ArrayLike) -> None:
-        X = np.asarray(points, dtype=float)
-        X = X[:, None, :] if X.ndim == 2 else X
-        if X.ndim != 3 or 0 in X.shape or not np.isfinite(X).all() or not X.any():
-            raise CriterionError(
-                "criterion 'prediction_G': expected finite regressors (k, p) or (k, rows, p), not "
-                "all zero"
-            )
+        try:
+            X = regressors(points)
+        except ValueError as error:
+            raise CriterionError(f"criterion 'prediction_G': points: {error}") from error
         super().__init__(WorstTaskAccuracy(X))
 
     @property

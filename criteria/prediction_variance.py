@@ -108,15 +108,31 @@ def _are_independent(K: Array) -> bool:
     return bool(lengths.all()) and np.linalg.matrix_rank(even / lengths) == K.shape[1]
 
 
+def regressors(points: ArrayLike | None) -> Array:
+    """The regressors (k, rows, p) of k places.
+
+    Raises:
+        ValueError: They are no such array, or zero.
+    """
+    try:
+        X = np.asarray(points, dtype=float)
+    except (TypeError, ValueError):
+        X = np.empty(0)
+    X = X[:, None, :] if X.ndim == 2 else X
+    if X.ndim != 3 or 0 in X.shape or not np.isfinite(X).all() or not X.any():
+        raise ValueError(
+            "expected finite regressors (k, p) or (k, rows, p), not all zero: what the model's "
+            "p parameters are multiplied with at k places"
+        )
+    return X
+
+
 def _of_points(points: ArrayLike | None, weights: ArrayLike | None) -> Array:
     """K (p, s) with ``K K'`` the weighted mean of the places' X'X.
 
     It is the triangle of a QR decomposition of their rows, so that nothing is squared.
     """
-    X = np.asarray(points, dtype=float)
-    X = X[:, None, :] if X.ndim == 2 else X
-    if X.ndim != 3 or 0 in X.shape or not np.isfinite(X).all():
-        raise ValueError("expected finite regressors (k, p) or (k, rows, p)")
+    X = regressors(points)
     w = np.ones(len(X)) if weights is None else np.asarray(weights, dtype=float)
     if w.shape != X.shape[:1] or not (np.isfinite(w) & (w >= 0)).all() or not w.any():
         raise ValueError("expected a weight of each point, at least zero, not all of them zero")
@@ -124,7 +140,7 @@ def _of_points(points: ArrayLike | None, weights: ArrayLike | None) -> Array:
     R = np.asarray(np.linalg.qr(rows, mode="r"))
     length = np.linalg.norm(R, axis=0)
     if not length.any():
-        raise ValueError("expected regressors that are not all zero")
+        raise ValueError("expected a weight for places whose regressors are not all zero")
     unit = np.where(length > 0, length, 1.0)
     _, s, V = np.linalg.svd(R / unit, full_matrices=False)
     told = s > len(unit) * ROUNDING * s[0]

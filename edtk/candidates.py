@@ -388,7 +388,7 @@ def extreme_vertices(
     *,
     total: float | None = 1.0,
     centroids: int = 0,
-    present: tuple[int, int] | None = None,
+    present: Sequence[int] | None = None,
 ) -> "pd.DataFrame":
     """The vertices of the mixtures within bounds and linear constraints (McLean, Anderson 1966).
 
@@ -472,14 +472,14 @@ def n_choose_k(
     return frame[fits].reset_index(drop=True)
 
 
-def _absences(q: int, present: tuple[int, int] | None) -> list[Mask]:
+def _absences(q: int, present: Sequence[int] | None) -> list[Mask]:
     """Which components (q,) are absent, in each of the sets that are asked for."""
     if present is None:
         return [np.zeros(q, dtype=bool)]
     try:
         least, most = present
     except (TypeError, ValueError) as error:
-        message = "expected the least and the largest number of components"
+        message = "expected two numbers: the least and the largest of components that are present"
         raise ArgumentError(message, argument="present", given=present) from error
     least = whole_number(least, "present", 0)
     most = whole_number(most, "present", least)

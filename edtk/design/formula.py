@@ -85,7 +85,7 @@ class Formula:
         shown = ", ".join(map(repr, texts))
         unused = [name for name in parameters if name not in found]
         if unused:
-            message = f"{shown} has no parameter {unused[0]!r}; it has {', '.join(found)}"
+            message = f"{shown} has no parameter {unused[0]!r}; it has {', '.join(found) or 'none'}"
             raise ArgumentError(message, argument="parameters")
         others = [name for name in found if name not in parameters and name not in CONSTANTS]
         if variables is None and len(others) > 1:
@@ -95,8 +95,9 @@ class Formula:
         columns = tuple(others) if variables is None else tuple(variables)
         unknown = [name for name in others if name not in columns]
         if unknown:
-            message = f"{shown} has {unknown[0]!r}; expected {', '.join(parameters)}"
-            raise ArgumentError(f"{message} and {', '.join(columns)}", argument="f")
+            known = f"expected parameters ({', '.join(parameters)}) and variables"
+            message = f"{shown} has {unknown[0]!r}; {known} ({', '.join(columns)})"
+            raise ArgumentError(message, argument="f")
         return [cls(text, columns, tuple(parameters)) for text in texts]
 
     def __call__(self, x: Array, theta: Array) -> Array:

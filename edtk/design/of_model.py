@@ -226,8 +226,8 @@ def _models(
 ) -> list[NonlinearModel]:
     """The model at each theta; where they have names, all are in the order of the first."""
     options = dict(options)
-    if isinstance(thetas[0], Mapping):
-        options["parameters"] = options.get("parameters") or tuple(thetas[0])
+    if isinstance(thetas[0], Mapping) and options.get("parameters") is None:
+        options["parameters"] = tuple(thetas[0])
     return [
         nonlinear_model(f, theta, sites.trial, variables=sites.variables, **options)
         for theta in thetas

@@ -531,7 +531,7 @@ class CandidateSites(Sites[Problem]):
         try:
             points = np.asarray(candidates, dtype=float)
         except (TypeError, ValueError, OverflowError) as error:
-            message = "expected numbers"
+            message = "expected numbers, a row for each candidate, or a data frame"
             if names is not None:
                 texts = candidates.select_dtypes(exclude=["number", "bool"]).columns
                 message = f"column {texts[0]!r} has no numbers; leave it out"

@@ -34,7 +34,7 @@ from edtk.design.user_model import (
     variable_names,
 )
 from edtk.system.arguments import checked
-from edtk.system.errors import ArgumentError
+from edtk.system.errors import ArgumentError, real_numbers
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Mask
 
@@ -232,11 +232,12 @@ class Region(Presented):
         if A.ndim not in (2, 3) or 0 in A.shape[1:]:
             raise self._rows.wrong_shape(A, "(n, rows, p) or (n, p) of n points")
         self._sigma: Array = np.ones(1 if A.ndim == 2 else int(A.shape[1]))
-        if np.shape(sigma) not in ((), self._sigma.shape):
-            message = f"shape {np.shape(sigma)}; expected a number, or {len(self._sigma)} of them"
+        noise = real_numbers(sigma, "sigma")
+        if noise.shape not in ((), self._sigma.shape):
+            message = f"shape {noise.shape}; expected a number, or {len(self._sigma)} of them"
             raise ArgumentError(message, argument="sigma")
-        problem = Problem(self.rows_at(one), sigma, as_names(parameters), prior)
-        self._sigma = np.broadcast_to(np.asarray(sigma, dtype=float), self._sigma.shape)
+        problem = Problem(self.rows_at(one), noise, as_names(parameters), prior)
+        self._sigma = np.broadcast_to(noise, self._sigma.shape)
         self.parameters = problem.parameters
         self.known = problem.known
         self.p = problem.p

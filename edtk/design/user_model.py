@@ -427,7 +427,7 @@ def variable_names(given: str | Sequence[str] | None, n: int) -> tuple[str, ...]
         return ("x",) if n == 1 else tuple(f"x{i + 1}" for i in range(n))
     names = as_names(given) or ()
     if len(names) != n or len(set(names)) != n:
-        message = f"{', '.join(names)}; expected {n} different names"
+        message = f"{', '.join(names) or 'no names'}; expected {n} different names"
         raise ArgumentError(message, argument="variables")
     return names
 

@@ -20,7 +20,7 @@ from edtk.design.information import (
     pack,
     sensitivity_rows,
 )
-from edtk.system.errors import UserError, real_numbers
+from edtk.system.errors import ArgumentError, UserError, real_numbers
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices, Mask
 
@@ -70,7 +70,8 @@ class WeightedCandidates(Presented):
         names = (f"k{i + 1}" for i in range(self.p)) if parameters is None else parameters
         self.parameters = tuple(names)
         if len(self.parameters) != self.p:
-            raise UserError(f"{len(self.parameters)} names for {self.p} parameters")
+            message = f"{len(self.parameters)} names for {self.p} parameters"
+            raise ArgumentError(message, argument="parameters")
         # None instead of zeros: without a prior nothing is added, and no last digit changes.
         known = prior
         if known is not None and not isinstance(known, Known):

@@ -25,6 +25,8 @@ WORDS: Mapping[Any, str] = {
     Sequence: "a list",
     Callable: "a function",
 }
+# What a message calls several of a kind; others are "entries".
+MANY: Mapping[Any, str] = {float: "numbers", int: "whole numbers", str: "texts"}
 READ_BY_CALL = frozenset((int, Any, None))
 # What is asked for in their place.
 CONTAINERS: Mapping[Any, Any] = {dict: Mapping, list: Sequence, tuple: Sequence}
@@ -91,7 +93,8 @@ def _entries(given: Any, hint: Any, argument: str) -> Iterator[tuple[Any, Any, A
         yield from ((name, entry, inner[1]) for name, entry in given.items())
     elif get_origin(hint) is tuple and Ellipsis not in inner:
         if len(given) != len(inner):
-            message = f"expected {len(inner)} entries, not {len(given)}"
+            entries = MANY.get(inner[0], "entries") if len(set(inner)) == 1 else "entries"
+            message = f"expected {len(inner)} {entries}, not {len(given)}"
             raise ArgumentError(message, argument=argument)
         yield from zip(range(1, len(inner) + 1), given, inner, strict=True)
     elif kind is Sequence and inner:

@@ -16,6 +16,7 @@ PROGRAM = 10  # of them for the program's name, which an error does not know
 WHERE = 90  # characters of a path, in a line that is too long
 KEY = 60  # characters of a key
 QUOTATION = 60  # characters of a quoted value
+NO_NUMBERS = "SUMm"  # kinds of arrays that are texts, dates and times
 MOST_SEARCHED = 4000  # a longer text is cut before the search for quotations, which takes time
 
 
@@ -182,14 +183,21 @@ def whole_number(given: object, argument: str, least: int) -> int:
 def real_numbers(given: object, argument: str) -> "Array":
     """The argument as an array of numbers of any shape, finite or not.
 
+    Texts, dates and a single switch are none, though numpy can make numbers of them.
+
     Raises:
         ArgumentError: It is none.
     """
     import numpy as np  # commands that read no numbers start without it
 
     try:
-        return np.asarray(given, dtype=float)
+        found = np.asarray(given)
+        if found.dtype.kind in NO_NUMBERS or (found.dtype.kind == "b" and not found.ndim):
+            raise ArgumentError("expected numbers", argument=argument)
+        return found.astype(float, copy=False)
     except (TypeError, ValueError, OverflowError) as error:
+        if isinstance(error, ArgumentError):
+            raise
         raise ArgumentError("expected numbers", argument=argument) from error
 
 

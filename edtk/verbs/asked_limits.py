@@ -33,6 +33,30 @@ def counts_of_candidates(given: ArrayLike, n: int, argument: str) -> Array:
     return np.broadcast_to(found, (n,))
 
 
+def whole_numbers(given: ArrayLike) -> Indices | None:
+    """An argument as an array of whole numbers; None if it is none."""
+    try:
+        found = np.asarray(given)
+    except ValueError:  # lists of different lengths
+        return None
+    if not found.size:
+        return found.astype(int)
+    return found if np.issubdtype(found.dtype, np.integer) else None
+
+
+def kept_candidates(keep: ArrayLike, n: int) -> Indices:
+    """Experiments that were made, as indices (k,) of n candidates.
+
+    Raises:
+        ArgumentError: They are none.
+    """
+    found = whole_numbers(keep)
+    if found is None or found.ndim != 1 or not ((found >= 0) & (found < n)).all():
+        message = f"expected indices of candidates, from 0 to {n - 1}, or a Problem"
+        raise ArgumentError(message, argument="keep")
+    return found
+
+
 @dataclass(frozen=True, eq=False)
 class Budgets:
     """What experiments cost, in one or several budgets.

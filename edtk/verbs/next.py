@@ -12,6 +12,7 @@ from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.system.arguments import checked
 from edtk.system.errors import ArgumentError, UserError, whole_number
+from edtk.verbs.asked_limits import kept_candidates
 from edtk.verbs.inputs import CriterionLike, at_hand
 from edtk.verbs.plan import plan
 from edtk.verbs.plan_problem import MOST_PLACES
@@ -219,12 +220,8 @@ def _cost_at_hand(problem: Problem | Region, keep: Any, criterion: Criterion) ->
         made = keep.n
     else:
         assert isinstance(problem, Problem)  # of a region they are a problem
-        counts = np.asarray(keep)
-        whole = counts.ndim == 1 and np.issubdtype(counts.dtype, np.integer)
-        if not whole or not ((counts >= 0) & (counts < problem.n)).all():
-            message = f"expected indices of candidates, from 0 to {problem.n - 1}, or a Problem"
-            raise ArgumentError(message, argument="keep")
-        M = problem.kept[counts].weighted(np.ones(len(counts)))
-        made = len(counts)
+        kept = problem.kept[kept_candidates(keep, problem.n)]
+        M = kept.weighted(np.ones(kept.n))
+        made = kept.n
     prior = problem.prior
     return float(criterion.cost(M if prior is None else M + made * prior))

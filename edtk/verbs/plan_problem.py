@@ -32,6 +32,8 @@ from edtk.verbs.asked_limits import (
     Constraint,
     asked_constraints,
     counts_of_candidates,
+    kept_candidates,
+    whole_numbers,
 )
 from edtk.verbs.inputs import CriterionLike
 from edtk.verbs.question import seconds_for
@@ -210,13 +212,7 @@ class _Kept:
                 message = f"kept experiments have {keep.p} parameters, expected {problem.p}"
                 raise ArgumentError(message, argument="keep")
             return cls(nothing, keep.kept, keep.n)
-        chosen = np.asarray(keep)
-        if chosen.shape == (0,):
-            chosen = chosen.astype(int)
-        whole = chosen.ndim == 1 and np.issubdtype(chosen.dtype, np.integer)
-        if not whole or not ((chosen >= 0) & (chosen < problem.n)).all():
-            message = f"expected indices of candidates, from 0 to {problem.n - 1}, or a Problem"
-            raise ArgumentError(message, argument="keep")
+        chosen = kept_candidates(keep, problem.n)
         counts = np.bincount(chosen, minlength=problem.n)
         return cls(counts, problem.kept[chosen], len(chosen))
 
@@ -402,8 +398,8 @@ def _left(most: ArrayLike | None, kept: Indices, n: int) -> Indices | None:
     """How often each candidate may still be chosen (n,)."""
     if most is None:
         return None
-    given = np.asarray(most)
-    if given.shape not in ((), (n,)) or not np.issubdtype(given.dtype, np.integer):
+    given = whole_numbers(most)
+    if given is None or given.shape not in ((), (n,)):
         message = f"expected a whole number, or one for each of {n} candidates"
         raise ArgumentError(message, argument="most")
     left = np.broadcast_to(given, (n,)) - kept
@@ -425,7 +421,8 @@ def _lacking(least: ArrayLike | None, kept: Indices, left: Indices | None, n: in
     given = counts_of_candidates(least, n, "least")
     if (given != np.round(given)).any():
         raise ArgumentError("expected whole numbers", argument="least")
-    lacking = np.maximum(given.astype(int) - kept, 0)
+    # More than a plan can have is as impossible as much more, which no integer holds.
+    lacking = np.maximum(np.minimum(given, MOST_PLACES + 1).astype(int) - kept, 0)
     if left is not None and (lacking > left).any():
         i = int(np.flatnonzero(lacking > left)[0])
         message = f"candidate {i}: {int(given[i])} or more, but most allows {left[i] + kept[i]}"

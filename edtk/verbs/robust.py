@@ -1,6 +1,6 @@
 """What a criterion means for several models at once: their mean, or the worst of them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -33,7 +33,6 @@ NEAR = 0.3
 GRID = 600  # points of a region where the first list of theta is found
 PART = 1e-3  # of the largest part in a proof, below which a theta has none
 VARIANCES = ("A", "I", "c")  # criteria that are sums of variances, with what each sums
-OF_ALL_PLACES = ("I", {"name": "I"})  # what asks for predictions, and does not say where
 
 
 def criterion_of(
@@ -63,7 +62,7 @@ def criterion_of(
         ArgumentError: The criterion has no such form.
     """
     robust = question.robust
-    if robust is None and isinstance(question, Region) and asked in OF_ALL_PLACES:
+    if robust is None and isinstance(question, Region) and _of_all_places(asked):
         rows, weights = question.mean_over_points()
         return criteria.create("I", points=rows, weights=weights)
     if robust is None:
@@ -73,7 +72,7 @@ def criterion_of(
         message = "has ranges, which edtk.relax and edtk.plan serve; expected a list of theta"
         raise ArgumentError(message, argument="theta")
     models = robust.models
-    if asked in OF_ALL_PLACES:
+    if _of_all_places(asked):
         each = [criterion_of(asked, model, best) for model in models]
     else:
         each = [criteria.as_criterion(asked, models[0].parameters)] * len(models)
@@ -91,6 +90,11 @@ def criterion_of(
         return criteria.create("I", root=_mean_root(each, robust))
     message = f"the mean over several theta is known of D, {', '.join(VARIANCES)}; not of {name}"
     raise ArgumentError(message, argument="criterion")
+
+
+def _of_all_places(asked: CriterionLike) -> bool:
+    """Whether it asks for predictions, and does not say where."""
+    return isinstance(asked, str | Mapping) and asked in ("I", {"name": "I"})
 
 
 def _mean_root(each: Sequence[criteria.Criterion], robust: Robust) -> Array:

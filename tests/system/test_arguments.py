@@ -64,7 +64,7 @@ def test_what_fits_is_called(given):
         ({"share": 10**400}, "share: expected a number, not int"),
         ({"limits": [1]}, "limits: expected a table by name, not list"),
         ({"limits": {"q1": 3}}, "limits q1: expected a list, not int"),
-        ({"limits": {"q1": (1, 2, 3)}}, "limits q1: expected 2 entries, not 3"),
+        ({"limits": {"q1": (1, 2, 3)}}, "limits q1: expected 2 numbers, not 3"),
         ({"limits": {"q1": (1, "x")}}, "limits q1 2: expected a number, not str"),
         ({"home": "123"}, "home: expected a list, not str"),
         ({"home": np.array(1.0)}, "home: expected a list, not ndarray"),

@@ -1,6 +1,7 @@
 """Verbs take what other verbs return, and sheets that are filled in by half."""
 
 import inspect
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -177,3 +178,48 @@ def test_wrong_types_are_one_line(call, said):
         call()
     assert said in str(error.value)
     assert "\n" not in str(error.value)
+
+
+ROWS = np.array([[1.0, x, x * x] for x in np.linspace(-1, 1, 21)])[:, None, :]
+LINE = edtk.Region(lambda x: np.stack([np.ones(len(x)), x[:, 0]], axis=1), [-1], [1])
+DECAY = {"f": "a + exp(-b*t)", "theta": {"a": 1.0, "b": 2.0}, "candidates": [0.0, 1.0, 2.0]}
+BOX = {"a": (0.0, 0.8), "b": (0.0, 0.8), "c": (0.0, 0.8)}
+
+WRONG_ARRAYS = [
+    (lambda: edtk.Problem(ROWS, sigma="3"), "sigma: expected numbers"),
+    (lambda: edtk.Problem(ROWS, sigma=True), "sigma: expected numbers"),
+    (lambda: edtk.Problem(ROWS, sigma=np.datetime64("2020-01-01")), "sigma: expected numbers"),
+    (lambda: edtk.Problem(ROWS, parameters=()), "parameters: 0 names for 3 parameters"),
+    (lambda: edtk.Region(LINE.rows_at, [-1], [1], sigma=[[1], [1, 2]]), "sigma: expected numbers"),
+    (lambda: edtk.Region(LINE.rows_at, [-1], [1], variables=()), "no names; expected 1 different"),
+    (lambda: edtk.relax(LINE, np.ones(3)), "expected a criterion, its name or a table"),
+    (lambda: edtk.Region(LINE.rows_at, [-1], [1], degree=[[1], [1, 2]]), "degree: 2 numbers"),
+    (lambda: edtk.plan(edtk.Problem(ROWS), 6, most=[[1], [1, 2]]), "most: expected a whole"),
+    (lambda: edtk.plan(edtk.Problem(ROWS), 6, least=1e300), "least: asks for 105021 new experiments, expected 6"),
+    (lambda: edtk.next(edtk.Problem(ROWS), [[1], [1, 2]]), "keep: expected indices of candidates"),
+    (
+        lambda: edtk.Problem.of_model(**DECAY | {"candidates": {"t": [0.0, 1.0]}}),
+        "candidates: expected numbers, a row for each candidate, or a data frame",
+    ),
+    (
+        lambda: edtk.Problem.of_model(**DECAY, variables="x"),
+        r"f: 'a \+ exp\(-b\*t\)' has 't'; expected parameters \(a, b\) and variables \(x\)",
+    ),
+    (
+        lambda: edtk.candidates.extreme_vertices(BOX, present=(1, 2, 3)),
+        "expected two numbers: the least and the largest of components that are present",
+    ),
+    (
+        lambda: edtk.relax(edtk.Problem(ROWS), {"name": "I", "points": [[0.0]]}),
+        "points: expected finite regressors .* not all zero: what the model's p parameters",
+    ),
+]
+
+
+@pytest.mark.parametrize(("call", "said"), WRONG_ARRAYS)
+def test_wrong_arrays_are_named_with_what_was_expected(
+    call: Callable[[], object], said: str
+) -> None:
+    """Lists of lists, texts, dates and switches in place of numbers: no library's own words."""
+    with pytest.raises((edtk.UserError, edtk.criteria.CriterionError), match=said):
+        call()
