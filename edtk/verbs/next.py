@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 import criteria
 from criteria import Criterion
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from edtk.design.exact.counts.problem_plan import ProblemPlan
     from edtk.design.exact.plan_region import RegionPlan
 
-BETWEEN = float(norm.ppf(0.975) - norm.ppf(0.025))  # width of a 95 % interval, by its deviation
+BETWEEN = float(ndtri(0.975) - ndtri(0.025))  # width of a 95 % interval, by its deviation
 REACHED = 1e-9  # part by which a cost may be above what was asked for
 TRIES = 20  # numbers of experiments from the least that the bound allows
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.stats import chi2, f, ncf, ncx2, qmc
 
 import criteria
 from criteria import Criterion, Relaxable
@@ -153,6 +152,8 @@ class ModelDesign:
         """Where a design is judged: all candidates, or points spread evenly over the region."""
         if isinstance(self.model, Problem):
             return Places.of_problem(self.model)
+        from scipy.stats import qmc
+
         low, high = self.model.limits
         x = low + (high - low) * qmc.Halton(self.model.size, scramble=False).random(
             PREDICTED_PLACES
@@ -248,6 +249,8 @@ class ModelDesign:
             freedom: Degrees of freedom for the noise; defaults to those of the design.
             size: Number of experiments that weights stand for.
         """
+        from scipy.stats import chi2, f, ncf, ncx2  # takes a second, which a stopped run has not
+
         variance = np.diag(self.covariance) / size
         given = np.asarray(effects, dtype=float)
         lam = (given if given.ndim == 2 else given[:, None]) ** 2 / variance
