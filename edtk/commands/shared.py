@@ -43,6 +43,7 @@ HINTS = {
     "UnconvergedError": " with --most, or expect less with --accuracy",
     "SigmaTooSmallError": ", or --sigma-unknown",
 }
+NO_ROOM = "failed to map segment"  # of a library that does not fit into the memory that is left
 SHOWN_AFTER_S = 1.0
 MOST_LINES = 4  # of a finding
 PARTIAL = 1  # exit code: there is an answer, but not to everything that was asked
@@ -84,6 +85,10 @@ class OneLine(click.Command):
             message = str(error)
         except OSError as error:
             message = str(UserError(error.strerror or str(error), where=error.filename))
+        except (MemoryError, ImportError) as error:
+            if isinstance(error, ImportError) and NO_ROOM not in str(error):
+                raise
+            message = f"out of memory: {error}"
         click.echo(shortened(f"{self.program}: {message}"), err=True)
         leave(code)
 

@@ -33,6 +33,8 @@ def command(error, size, kind):
         CriterionError(f"unknown criterion {LONG}"),
         OSError(errno.ENOENT, "No such file", f"folder/{LONG}"),
         OSError(LONG),
+        MemoryError(LONG),
+        ImportError(f"libx.so: failed to map segment from shared object {LONG}"),
         click.ClickException(LONG),
     ],
     ids=lambda error: type(error).__name__,
