@@ -184,8 +184,7 @@ class Beside:
         means, rows = fit.data.means, self._rows
         A, pieces = self._split(rows.design)
         m, r = rows.residual.shape
-        noise = replace(fit.fitted.noise, model_change=(0.0, 0.0))
-        V = rows.errors(noise)
+        V = rows.errors(fit.fitted.noise.without_changes)
         white = CorrelatedNoise.by_row(V.dense)
         data = Measurements(
             means.q, means.wrench, rows.residual, np.ones((m, r)), np.zeros((m, ROWS))

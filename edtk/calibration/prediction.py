@@ -352,7 +352,7 @@ def tool_from_rows(
     moved, turned = _moved(fitted, data, placing, tips)
     seen, motion, columns, apart = moved.moves(data.q, data.wrench, loads)
     seen = replace(seen, turns=tips.turns @ turned)
-    slopes = moved.slopes(motion, seen.places)
+    slopes = moved.slopes(motion, seen.places, data.wrench)
     own = moved.own_variances(motion, seen.places, data.wrench)
     rows = moved.model.row_count
     for marker in range(len(data.markers)):
@@ -430,6 +430,8 @@ class _Placing:
         for mask in self.fitted.joint_masks(motion.shape[1]):
             J = own_motion[:, coordinates][..., mask]
             kinds.append(J @ np.swapaxes(J, 1, 2))
+        for kind in noise.white_kinds(motion.shape[1])[: noise.changes]:
+            kinds.append(np.multiply.outer(self.loaded[self.chosen], np.diag(kind[coordinates])))
         for i, kind in enumerate(kinds):
             if noise.unknown and i < len(whites):  # readings, which err anew
                 slopes[:, coordinates, i] += self._turned(kind, np.full(s, 1 / s**2))

@@ -360,7 +360,7 @@ def _noise(given: object, setting: StudyGeometry) -> PositionNoise:
             covariance_of(given, "variances_covariance", c),
             float("nan"),
         )
-    return PositionNoise(
+    noise = PositionNoise(
         float(not_negative_of(given, "reading_mm", ())),
         not_negative_of(given, "joints_mrad", (n,)),
         float(not_negative_of(given, "model_white_mm", ())),
@@ -375,6 +375,15 @@ def _noise(given: object, setting: StudyGeometry) -> PositionNoise:
         ratios=setting.noise.ratios,
         model_change=_changes(given),
     )
+    if found is None or not noise.changes:
+        return noise
+    # Earlier results take the size of a change as known, and do not have it among the others.
+    change = np.square(noise.model_change)[: noise.changes]
+    if np.allclose(found.variances[-noise.changes :], change, atol=0):
+        return noise
+    known = np.pad(found.covariance, (0, noise.changes))
+    found = replace(found, variances=np.append(found.variances, change), covariance=known)
+    return replace(noise, model_fit=found)
 
 
 def _changes(given: Mapping[str, Any]) -> tuple[float, float]:

@@ -291,14 +291,9 @@ class FittedGeometry:
             differs: Which readings (m,) are their changes under the wrench; None for none.
         """
         seen, motion, columns, apart = self.moves(q, wrench, loads, differs)
-        own = self.own_variances(motion, seen.places, wrench)
-        slopes = self.slopes(motion, seen.places)
-        if differs is not None and differs.any():
-            changes = self.noise.of_change(motion[differs], seen.places[differs])
-            own[differs] = np.einsum("mrr->mr", changes)
-            if slopes is not None:
-                slopes[differs] *= 2.0 if self.noise.unknown else 0.0
-        return self.banded(seen, ErrorParts(columns, apart, own, slopes))
+        every = motion, seen.places, wrench, differs
+        parts = ErrorParts(columns, apart, self.own_variances(*every), self.slopes(*every))
+        return self.banded(seen, parts)
 
     def moves(
         self,
@@ -410,7 +405,7 @@ class FittedGeometry:
         fit = self.noise.model_fit
         dof = np.full(len(q), np.inf)
         if fit is not None:
-            slopes = self.slopes(motion, seen.places)
+            slopes = self.slopes(motion, seen.places, wrench)
             assert slopes is not None
             slopes = slopes[:, kept].sum(axis=1)
             # Only the part that was fitted is uncertain.
@@ -481,7 +476,13 @@ class FittedGeometry:
         assert columns is not None
         return np.asarray(MM * (columns * every.scales).reshape(len(q), -1, every.p))
 
-    def own_variances(self, motion: Array, places: Array, wrench: Array | None = None) -> Array:
+    def own_variances(
+        self,
+        motion: Array,
+        places: Array,
+        wrench: Array | None = None,
+        differs: Mask | None = None,
+    ) -> Array:
         """Variances (m, r) of a reading, and of what the model leaves out [mm^2 or mrad^2].
 
         Args:
@@ -489,24 +490,50 @@ class FittedGeometry:
             places: Where the markers are (m, k, 3), in the frame of the instrument [m].
             wrench: Forces and torques (m, 6), of which it is but known whether there are any; None
                 for none.
+            differs: Which readings (m,) are their changes under the wrench; None for none.
         """
         loaded = None if wrench is None else np.asarray(wrench.any(axis=1))
         left = self.noise.of_model(motion, loaded=loaded)
-        return np.einsum("mrr->mr", self.noise.of_reading(motion, places) + left)
+        own = np.einsum("mrr->mr", self.noise.of_reading(motion, places) + left)
+        if differs is not None and differs.any():
+            changes = self.noise.of_change(motion[differs], places[differs])
+            own[differs] = np.einsum("mrr->mr", changes)
+        return own
 
-    def dof(self, motion: Array, places: Array, wrench: Array | None = None) -> Array:
+    def dof(
+        self,
+        motion: Array,
+        places: Array,
+        wrench: Array | None = None,
+        differs: Mask | None = None,
+    ) -> Array:
         """Degrees of freedom (m, r) of bands, which fitted variances have; see `own_variances`."""
-        return self._dof(self.slopes(motion, places), self.own_variances(motion, places, wrench))
+        every = motion, places, wrench, differs
+        return self._dof(self.slopes(*every), self.own_variances(*every))
 
-    def slopes(self, motion: Array, places: Array) -> Array | None:
-        """Derivatives (m, r, c) of the coordinates' variances by the fitted ones; None without."""
-        if self.noise.model_fit is None:
+    def slopes(
+        self,
+        motion: Array,
+        places: Array,
+        wrench: Array | None = None,
+        differs: Mask | None = None,
+    ) -> Array | None:
+        """Derivatives (m, r, c) of `own_variances` by the fitted ones; None where none is."""
+        noise = self.noise
+        if noise.model_fit is None:
             return None
         shape = motion.shape[:2]
-        whites = self.noise.by_whites(places, shape[1])
+        differs = np.zeros(shape[0], dtype=bool) if differs is None else differs
+        changed = differs if wrench is None else differs | wrench.any(axis=1)
+        # A difference has the errors of two readings, and those of the drawing in neither.
+        read = np.where(differs, 2.0 * noise.unknown, 1.0)[:, None]
         parts = [
-            *(np.broadcast_to(np.einsum("mrr->mr", white), shape) for white in whites),
-            *((motion[..., mask] ** 2).sum(axis=-1) for mask in self.joint_masks(shape[1])),
+            *(read * np.einsum("mrr->mr", white) for white in noise.by_whites(places, shape[1])),
+            *(
+                (motion[..., mask] ** 2).sum(axis=-1) * ~differs[:, None]
+                for mask in self.joint_masks(shape[1])
+            ),
+            *(np.outer(changed, kind) for kind in noise.white_kinds(shape[1])[: noise.changes]),
         ]
         return np.stack(parts, axis=-1)
 
@@ -517,7 +544,8 @@ class FittedGeometry:
             return []
         joints = self.model.robot.joints
         slides = np.array([joint.kind == "prismatic" for joint in joints])
-        return fitted_kinds(slides, len(fit.variances), len(self.noise.white_kinds(width)))
+        drawn = len(fit.variances) - self.noise.changes
+        return fitted_kinds(slides, drawn, len(self.noise.white_kinds(width)))
 
     def _dof(self, slopes: Array | None, own: Array) -> Array:
         """Degrees of freedom (m, r) of bands with some variances."""

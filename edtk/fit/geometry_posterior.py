@@ -1,6 +1,6 @@
 """The posterior of geometry and springs, sampled or by Laplace's approximation with a check."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -190,7 +190,7 @@ class GeometryDensity:
         R = np.linalg.qr(np.concatenate([X, before.rows]), mode="r")
         root = np.linalg.inv(R)
         nu = NU if robust else None
-        still = rows.errors(replace(fitted.noise, model_change=(0.0, 0.0))).variances
+        still = rows.errors(fitted.noise.without_changes).variances
         changes = np.outer(means.same_poses.changed, fitted.noise.of_changes(still.shape[1]))
         each = means.same_poses.variances(still.reshape(means.rows_seen.shape))
         each = np.where(means.rows_seen, each + changes.reshape(each.shape), 1.0)

@@ -81,7 +81,8 @@ def judge_fit(
         placed=placed,
         placed_turns=placed_turns,
     )
-    dof = fitted.dof(rows.motion[: len(means)], rows.places[: len(means)], means.wrench)
+    own = rows.motion[: len(means)], rows.places[: len(means)]
+    dof = fitted.dof(*own, means.wrench, means.is_difference)
     half = _by_marker(out.std * student_quantile(0.975, dof), means)
     residual = means.same_poses.back(_by_marker(rows.residual, means))
     every = (residual, _by_marker(out.errors, means), half)
@@ -183,7 +184,7 @@ class PoseErrors:
     @classmethod
     def of(cls, rows: PoseRows, noise: PositionNoise, trust: Array) -> "PoseErrors":
         """Of a noise."""
-        still = replace(noise, model_change=(0.0, 0.0))
+        still = noise.without_changes
         change = np.outer(rows.same.changed, np.sqrt(noise.of_changes(rows.residual.shape[1])))
         return cls(rows.errors(still).over(trust), change if change.any() else change[:0], trust)
 

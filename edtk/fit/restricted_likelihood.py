@@ -584,9 +584,7 @@ def _with_model_error(
     for mask, size in zip(masks, sizes[whites:last], strict=True):
         joints[mask] = size
     change = [*sizes[last:].tolist(), 0.0, 0.0]
-    # Bands take the size of a change, which differences tell, as known.
-    of_told = found.covariance[:last, :last]
-    told = replace(found, variances=found.variances[:last], covariance=of_told)
+    told = found if any(change) else found.first(last)
     if plain.unknown:
         return replace(plain.sized(sizes.tolist()), model_joints=joints, model_fit=told)
     return replace(

@@ -38,6 +38,12 @@ class BlockVariances:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(spread > 0, 2 * mean**2 / spread, np.inf)
 
+    def first(self, count: int) -> "BlockVariances":
+        """The first of the variances alone."""
+        return replace(
+            self, variances=self.variances[:count], covariance=self.covariance[:count, :count]
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class PositionNoise:
@@ -55,7 +61,8 @@ class PositionNoise:
         model_white: w [mm].
         model_joints: e (n,) likewise: the same for all joints of a kind, or one size a joint where
             the residuals speak for that.
-        model_fit: The fitted variances of the model's part; None where none was fitted.
+        model_fit: The fitted variances of the model's part, those of `model_change` last where it
+            is not nothing; None where none was fitted.
         repeats: Degrees of freedom of the repeats that told r and s; zero where they were stated.
         turn: The same as r, of orientations [mrad], where they are measured; their rows follow the
             positions of each marker.
@@ -176,12 +183,23 @@ class PositionNoise:
         Differences of two readings have none: the drawing errs by the same in both.
         """
         return replace(
-            self,
+            self.without_changes,
             model_white=share * self.model_white,
             model_joints=share * np.asarray(self.model_joints),
             model_turn=share * self.model_turn,
-            model_change=(0.0, 0.0),
         )
+
+    @property
+    def changes(self) -> int:
+        """How many of the fitted variances are of changes."""
+        return self.rows // 3 if any(self.model_change) else 0
+
+    @property
+    def without_changes(self) -> "PositionNoise":
+        """The same, whose model leaves out nothing of what a load changes."""
+        fit = self.model_fit
+        told = None if fit is None else fit.first(len(fit.variances) - self.changes)
+        return replace(self, model_fit=told, model_change=(0.0, 0.0))
 
     @property
     def draws(self) -> bool:

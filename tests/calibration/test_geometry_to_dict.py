@@ -51,6 +51,22 @@ def written() -> dict[str, Any]:
     return geometry_to_dict(fitted, Counting(np.eye(2), ""))
 
 
+def test_a_result_from_before_took_the_size_of_a_change_as_known() -> None:
+    """It has no variance of a change: that counts as known, as it did."""
+    given = written()
+    given["noise"]["model_change"] = [0.03, 0.0]
+    setting = StudyGeometry.of(STUDY)
+    fitted, counting = geometry_of_dict(given, setting)
+    told = fitted.noise.model_fit
+    assert told is not None
+    assert told.variances.tolist() == [1e-4, 0, 0.03**2]
+    assert told.covariance.tolist() == np.diag([1.0, 1, 0]).tolist()
+    again = geometry_to_dict(fitted, counting)
+    back = geometry_of_dict(again, setting)[0].noise.model_fit
+    assert back is not None
+    assert back.variances == pytest.approx(told.variances, rel=1e-12)
+
+
 def test_there_and_back() -> None:
     """What is written and read again is the same."""
     given = written()

@@ -231,6 +231,33 @@ def test_bands_under_a_load_count_what_it_changes() -> None:
     assert (unloaded > 0.92).all()
 
 
+@pytest.mark.slow
+def test_bands_know_from_how_few_pairs_a_change_is_told() -> None:
+    """One marker in four poses with and without a load tells it with some ten degrees of freedom.
+
+    Quantiles of a known size would hold 91 % of other readings.
+    """
+    inside = []
+    for seed in range(16):
+        model, data = day(drawing_mm=0.02, changed_mm=0.3, seed=seed)
+        one = np.array([0])
+        pairs = np.concatenate([np.arange(8), np.arange(8, 32, 2)])
+        every = model.with_parameters(all_parameters(SIX, MARKERS, (), SIX.joint_names))
+        fit = fit_of(every.of_markers(one), data[pairs].of_markers(one)).fitted
+        other = day(drawing_mm=0.02, changed_mm=0.3, seed=100 + seed)[1].of_markers(one)[1::2]
+        inside.append(fit.predict(other.q, other.wrench, AtTool()).inside(other.measured).mean())
+        seen, motion, _, _ = fit.moves(other.q, other.wrench, AtTool())
+        # Three springs are told by twelve coordinates; means tell a little more.
+        differs = np.ones(len(other), dtype=bool)
+        own = motion, seen.places, other.wrench
+        assert 9 <= np.median(fit.dof(*own, differs)) < 12
+        assert 9 <= np.median(fit.dof(*own)) < 14
+        # Without a load bands are those of a robot whose changes nobody asks for.
+        still = replace(fit, noise=fit.noise.without_changes).dof(*own)
+        assert fit.dof(*own[:2]) == pytest.approx(still)
+    assert np.mean(inside) > 0.92
+
+
 def test_scatter_that_nobody_stated_is_no_change_by_the_load() -> None:
     """Where readings scatter ten times as much as stated, bands of unloaded ones hold, too."""
     shares = []
