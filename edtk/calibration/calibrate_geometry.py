@@ -30,10 +30,12 @@ from edtk.findings.finding import (
     rows_in_words,
     worst_first,
 )
+from edtk.findings.fit_rows import FitRows
 from edtk.findings.fitted_data import AS_USUAL, HowFitted
 from edtk.findings.geometric_fit import IS_IT_THIS_ROBOT, geometric_findings
 from edtk.findings.gross_errors import SCALES, GrossErrors, gross_errors, gross_findings
 from edtk.findings.match_plan import match_plan, not_measured, other_pose
+from edtk.findings.moved_frame import lost_load
 from edtk.findings.sound_rows import (
     reference_points,
     refuse_copied_visits,
@@ -52,7 +54,7 @@ from edtk.robots.frames import MM
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry, alone_load
 from edtk.system.errors import UserError
-from edtk.system.typing import Array, Mask
+from edtk.system.typing import Array, Indices, Mask
 
 SCALE_WITHIN = 0.2  # relative: how near to one of these a unit has to be
 AGREES = 5.0  # times the error of poses left out, within which a visit agrees with the others
@@ -230,12 +232,33 @@ def _fitted(
     squares = (predicted.std**2).sum(axis=-1) - predicted.open**2
     unsure = np.sqrt(np.where(data.seen, squares, 0.0).sum(axis=1) / data.seen.sum(axis=1))
     near = apart < np.maximum(AGREES * max(fit.loo_rms, fit.rms), UNSURE * unsure)
-    if not near.any():
-        return fit, gross
     kept[wrong[near]] = True
+    loaded = near | data.wrench.any(axis=1)
+    others = wrong[loaded & ~near]
+    bent = None
+    if len(others) and setting.loads is not None:
+        bent = _bent(setting, how, sound.data, np.union1d(np.flatnonzero(kept), others))
+    if bent is not None:
+        fit, near = bent, loaded
+    elif near.any():
+        fit = _fit(setting, how, sound.data[kept])
     still = tuple(one for one, is_near in zip(gross.wrong, near, strict=True) if not is_near)
-    fit = _fit(setting, how, sound.data[kept])
     return fit, replace(gross, wrong=still)
+
+
+def _bent(
+    setting: StudyGeometry, how: HowFitted, data: MarkerPositions, chosen: Indices
+) -> GeometricFit | None:
+    """The fit of visits (k,) with those that their load took far from the drawing.
+
+    Where others lack the load that is written, they and those without one agree with the drawing,
+    and tell springs that do not bend: then it is these others that are wrong. None where not.
+    """
+    try:
+        fit = _fit(setting, how, data[chosen])
+    except np.linalg.LinAlgError:
+        return None
+    return None if lost_load(FitRows.of(fit.of_positions, setting.loads)) is None else fit
 
 
 def _fit(

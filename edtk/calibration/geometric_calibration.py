@@ -273,7 +273,7 @@ class GeometricCalibration(Calibration):
     @property
     def causes(self) -> tuple[Cause, ...]:
         """A fault of the robot, the tool or the load that explains what positions leave."""
-        return tuple(one.data["cause"] for one in self.findings if one.kind == "cause")
+        return tuple(one.data["cause"] for one in self.findings if "cause" in one.data)
 
     @property
     def k(self) -> dict[str, float]:

@@ -27,6 +27,7 @@ from edtk.findings.moved_frame import (
     MovedFrame,
     SlippedJoint,
     UntoldLoad,
+    lost_load,
     moved_frame,
     other_causes,
     slipped_joint,
@@ -357,9 +358,9 @@ def _causes(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     found += [(trend, partial(_trend, fit, trend)) for trend in day_trends(rows)]
     rigid = not any(one.is_spring for one in fit.fitted.model.parameters)
     if fit.fitted.noise.model_fit is not None:
-        bent = untold_load(alone) if rigid else None
+        bent = untold_load(alone) if rigid else lost_load(alone)
         if bent is not None:
-            found.append((bent, partial(_bent, fit, bent)))
+            found.append((bent, partial(_bent, fit, bent, rigid)))
         others = other_causes(alone)
         rows = alone if others else rows  # these may be of errors that were not asked for
         found += [(one, partial(_other, one, alone, setting)) for one in others]
@@ -461,12 +462,19 @@ def _trend(fit: GeometricFit, trend: DayTrend) -> Finding:
     return _say(severity, trend.kind, size=trend.size, explained=trend.explained)
 
 
-def _bent(fit: GeometricFit, found: UntoldLoad) -> Finding:
-    """A weight that nobody told bends the robot; where springs are fitted, these take it."""
+def _bent(fit: GeometricFit, found: UntoldLoad, rigid: bool) -> Finding:
+    """A weight that nobody told bends the robot, or where springs are fitted, none that was told.
+
+    The former is taken by springs that a study asks for; without its load a visit tells false ones.
+    """
     poses = np.flatnonzero(found.loaded & ~found.loaded.all())  # none where all poses have it
     rows = tuple(sorted(row for pose in poses for row in fit.data.rows_of_pose(int(pose))))
     data = {"joints": tuple(found.joints), "explained": found.explained}
-    return _say(Severity.WARNING, "untold_load", rows=rows, **data)
+    if rigid:
+        return _say(Severity.WARNING, "untold_load", rows=rows, **data)
+    p = float(np.exp(found.log_chance))
+    cause = Cause("unloaded_rows", 0.0, "times", None, p, found.explained, rows=rows)
+    return _say(Severity.ALARM, "unloaded_rows", rows=rows, cause=cause, **data)
 
 
 def _loaded(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
@@ -777,6 +785,10 @@ WORDING: Wording = {
         'base would tell, as [[marker]] with joint = "base"'
     ),
     "untold_load": _untold_load,
+    "unloaded_rows": lambda data: (
+        f"{cause_wording(data['cause'])}: {_explains(data)}. Springs come out too stiff; expected "
+        f"readings under the load that is written"
+    ),
     "no_springs": lambda data: (
         f"{data['loaded']} of {data['visits']} visits are under a load, and the study asks for no "
         "compliance, so that the arm counts as rigid; expected joints in parameters.compliance"

@@ -437,15 +437,46 @@ def untold_load(rows: FitRows) -> UntoldLoad | None:
     robot = rows.scene.robot
     frames = robot.frames(rows.scene.q, ())
     torque = -frames.folded(frames.linear_of_each)[:, 2].T
+    every = np.ones(len(torque), dtype=bool)
+    return _likeliest(rows, torque, every, [(every, 0.0, LOAD_EXPLAINS)])
+
+
+def lost_load(rows: FitRows) -> UntoldLoad | None:
+    """Try the same with minus the torques of the stated load, which visits were not under.
+
+    Springs that all visits tell are too stiff then: each ``k_j`` is free, and not negative. Which
+    visits had no load is told among those that are under one.
+
+    Args:
+        rows: Of positions with springs among its parameters.
+    """
+    q, wrench = rows.scene.q, rows.scene.wrench
+    under, alone = (rows.fit.fitted.torque(q, own, rows.loads) for own in (wrench, 0 * wrench))
+    if under is None or alone is None:
+        return None
+    of_load = (alone.torque - under.torque)[:, : rows.motion.shape[2]]
+    return _likeliest(rows, of_load, wrench.any(axis=1), [])
+
+
+def _likeliest(
+    rows: FitRows, torque: Array, among: Mask, parts: list[tuple[Mask, float, float]]
+) -> UntoldLoad | None:
+    """The likeliest part of the day that is under torques (m, n), of some and those it tells.
+
+    Args:
+        rows: The residuals.
+        torque: Of springs of size one.
+        among: Which poses (m,) may be under them.
+        parts: Parts of the day, see `_parts_of_day`.
+    """
     turned = np.flatnonzero(np.ptp(torque, axis=0) > SAME_LOAD)
     if not len(turned) or rows.dof(len(turned)) < len(turned):
         return None
     bent = rows.motion * torque[:, None]
-    every = np.ones(len(bent), dtype=bool)
-    found = _judged(rows, bent, turned, every, 0.0, LOAD_EXPLAINS)
-    parts = [_judged(rows, bent, turned, *one) for one in _parts_of_day(rows, bent[..., turned])]
-    told = [one for one in (found, *parts) if one is not None]
-    return min(told, key=lambda one: one.log_chance, default=None)
+    parts = parts + _parts_of_day(rows, bent[..., turned], among)
+    told = [_judged(rows, bent, turned, *one) for one in parts]
+    found = [one for one in told if one is not None]
+    return min(found, key=lambda one: one.log_chance, default=None)
 
 
 def _judged(
@@ -486,25 +517,26 @@ def shares_of(rows: FitRows, columns: Array, noise: PositionNoise) -> tuple[floa
     return explained, log_chance(found, count, independent)
 
 
-def _parts_of_day(rows: FitRows, bent: Array) -> list[tuple[Mask, float, float]]:
-    """Masks (m,) of poses that a weight may load.
+def _parts_of_day(rows: FitRows, bent: Array, among: Mask) -> list[tuple[Mask, float, float]]:
+    """Masks (m,) of poses that a weight may load, of those (m,) that may be under it.
 
     Returns:
         The masks, logarithms of how many such there are, and the share that each has to explain.
     """
-    m = len(bent)
+    m = int(among.sum())
     if m < 2 * FEWEST_LOADED:
         return []
-    each = np.arange(m)
-    turns = [each % 2 == 0, each % 2 == 1]
+    # The poses that may be under it by number, and -1 for all others.
+    each = np.where(among, among.cumsum() - 1, -1)
+    turns = [among & (each % 2 == i) for i in (0, 1)]
     breaks = range(FEWEST_LOADED, m - FEWEST_LOADED + 1)
-    halves = [mask for s in breaks for mask in (each >= s, each < s)]
+    halves = [mask & among for s in breaks for mask in (each >= s, each < s)]
     day = _LoadedPoses.of(rows, bent)
     half = min(halves, key=day.left)
     turn = min(turns, key=day.left)
     rng = np.random.default_rng(0)
-    starts = [half, turn, *(rng.random((STARTS, m)) < 0.5)]
-    free = min((day.settled(start) for start in starts), key=day.left)
+    starts = [half, turn, *(among & (rng.random((STARTS, len(among))) < 0.5))]
+    free = min((day.settled(start, among) for start in starts), key=day.left)
     found = [
         (one, float(np.log(tries)), LOAD_EXPLAINS)
         for one, tries in ((half, len(halves)), (turn, len(turns)))
@@ -550,13 +582,13 @@ class _LoadedPoses:
         """Sum of squares."""
         return float((self._apart(loaded)[0] ** 2).sum())
 
-    def settled(self, loaded: Mask) -> Mask:
-        """The poses (m,) that fit better under the weight, told in turn with its size."""
+    def settled(self, loaded: Mask, among: Mask) -> Mask:
+        """The poses (m,) of some that fit better under the weight, told in turn with its size."""
         for _ in range(WEIGHT_ROUNDS):
             apart, size = self._apart(loaded)
             bend = self.C @ size
             without = apart + bend * loaded[:, None]
-            after = ((without - bend) ** 2).sum(axis=1) < (without**2).sum(axis=1)
+            after = among & (((without - bend) ** 2).sum(axis=1) < (without**2).sum(axis=1))
             if (after == loaded).all():
                 break
             loaded = after

@@ -6,6 +6,7 @@ from itertools import chain, combinations, permutations, product
 
 import numpy as np
 
+from edtk.findings.causes.faults import cause_of_rows, cause_wording
 from edtk.findings.causes.scene import AXES
 from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
 from edtk.findings.match_plan import some_rows
@@ -546,29 +547,9 @@ def _part_unit(data: Data) -> str:
     )
 
 
-def _unloaded_rows(data: Data) -> str:
-    """Rows that were read without their load."""
-    return (
-        f"{rows_in_words(data['rows'])}: the robot moves as if it were not loaded there; expected "
-        "readings under the load that is written"
-    )
-
-
-def _other_loads(data: Data) -> str:
-    """Rows that were read under another load."""
-    return (
-        f"{rows_in_words(data['rows'])}: the load looks {data['factor']:.3g} times as large as "
-        "written, beside the other rows; expected the loads that acted"
-    )
-
-
-def _shifted_rows(data: Data) -> str:
-    """Readings beside another pose than theirs."""
-    which = "before" if data["step"] < 0 else "after"
-    return (
-        f"{rows_in_words(data['rows'])}: the readings look like those of the pose {which}; "
-        "expected each beside its own pose"
-    )
+def _other_rows(kind: str, expected: str) -> Callable[[Data], str]:
+    """Rows that are of another pose or load, in the words of the cause that this is."""
+    return lambda data: f"{cause_wording(cause_of_rows(kind, data))}; expected {expected}"
 
 
 def _swapped_markers_words(data: Data) -> str:
@@ -624,9 +605,9 @@ _CLAUSES: Wording = {
     "joint_offset": _joint_offset,
     "marker_unit": _marker_unit,
     "part_unit": _part_unit,
-    "unloaded_rows": _unloaded_rows,
-    "other_loads": _other_loads,
-    "shifted_rows": _shifted_rows,
+    "unloaded_rows": _other_rows("unloaded_rows", "readings under the load that is written"),
+    "other_loads": _other_rows("other_loads", "the loads that acted"),
+    "shifted_rows": _other_rows("shifted_rows", "each beside its own pose"),
     "swapped_markers": _swapped_markers_words,
     "other_axes": _other_axes_words,
     "several_readings": _several_readings,

@@ -21,10 +21,10 @@ def found_in(data: Measurements) -> Finding | None:
 
 
 def said_of(found: Finding) -> tuple[str, float, tuple[int, ...]]:
-    """Name, size and rows of the cause that a program reads, which has words of its own."""
+    """Name, size and rows of the cause that a program reads, in the words of the finding."""
     cause = cause_of(found)
     assert cause is not None
-    assert "look" in FAULTS[cause.cause].words(cause)
+    assert found.words.startswith(FAULTS[cause.cause].words(cause))
     return cause.cause, cause.size, cause.rows
 
 

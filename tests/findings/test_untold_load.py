@@ -5,8 +5,9 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
-from geometry_sheets import OFFSETS, PLACE, STUDY, Array, by_pose
+from geometry_sheets import NAMES, OFFSETS, PLACE, STUDY, Array, by_pose
 
 import edtk
 from edtk.findings.fit_rows import FitRows
@@ -107,3 +108,50 @@ def test_a_weight_in_half_of_the_poses_is_named_with_their_rows(part: str, tmp_p
     told = np.isin(np.arange(POSES), named.rows)
     assert (told == loaded).mean() > 0.9
     assert "bent q2, q3 there alone" in named.words
+
+
+SPRUNG = STUDY.replace(parameters={"compliance": ["q2", "q3"], "base": True, "tool": True})
+NEWTON = 50.0  # of a load, without which each pose is visited first
+
+
+def visits_of(bent: float, lost: Array) -> tuple[Array, Array, Array]:
+    """Joint angles and loads of pairs of visits, and positions, of an arm that lacks some loads.
+
+    Args:
+        bent: Compliance of q2 and q3 times the load [rad/m].
+        lost: Which of the pairs (m,) have it on the sheet alone.
+    """
+    setting = StudyGeometry.of(SPRUNG)
+    assert setting.loads is not None
+    rng = np.random.default_rng(4)
+    model = replace(StudyGeometry.of(STUDY).model, offsets=OFFSETS, start=PLACE)
+    q = np.repeat(np.round(rng.uniform(-100, 100, (len(lost), 6)), 3), 2, axis=0)
+    wrench = np.zeros((len(q), 6))
+    wrench[1::2, 2] = -NEWTON
+    acts = wrench * ~np.repeat(lost, 2)[:, None]
+    sprung = bent / NEWTON * np.isin(np.arange(6), [1, 2])
+    shown = np.deg2rad(q) + sprung * setting.loads(np.deg2rad(q), acts)
+    x = model.see(np.zeros(model.p), shown, derivatives=False).points
+    return q, wrench, 1e3 * x + rng.normal(0, 0.02, x.shape)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("bent", "pairs"), [(2e-2, []), (3e-3, [*range(7, 14)]), (2e-2, [0, 3, 4, 8, 11, 13])]
+)
+def test_a_load_that_visits_lack_is_named_with_their_rows(bent: float, pairs: list[int]) -> None:
+    """Whether it moves the arm by parts of a millimetre or by as much as a wrong pose."""
+    lost = np.isin(np.arange(14), pairs)
+    q, wrench, x = visits_of(bent, lost)
+    names = [*NAMES, "Fx_N", "Fy_N", "Fz_N", *(f"{m}{a}_mm" for m in "ABC" for a in "xyz")]
+    cells = np.hstack([q, wrench[:, :3], x.reshape(len(q), -1)])
+    found = edtk.identify(SPRUNG, pd.DataFrame(cells, columns=names))
+    named = [one for one in found.findings if one.kind == "unloaded_rows"]
+    if not lost.any():
+        assert (named, found.verdict, found.causes) == ([], "good", ())
+        return
+    assert [one.rows for one in named] == [tuple((2 * np.flatnonzero(lost) + 1).tolist())]
+    assert "the robot moves as if it were not loaded there" in named[0].words
+    assert not {one.kind for one in found.findings} & {"gross", "typed", "outliers"}
+    assert [one.cause for one in found.causes] == ["unloaded_rows"]
+    assert found.verdict == "bad"

@@ -21,7 +21,7 @@ from edtk.findings.causes.scene import (
     play,
     turned_by,
 )
-from edtk.findings.finding import Finding, leading_digit, row_names
+from edtk.findings.finding import Data, Finding, leading_digit, row_names, rows_in_words
 from edtk.measure.parameters import ALONG
 from edtk.robots.frames import MM, shared_load
 from edtk.robots.joint import Joint
@@ -658,12 +658,14 @@ def cause_of(finding: Finding) -> Cause | None:
         return Cause("frame_axes", float(len(finding.columns) or 3), "axes", None, p, explained)
     if kind in COLUMNS:
         return Cause("columns", float(len(finding.columns)), "columns", None, p, explained)
-    if kind in OTHER_ROWS:
-        steps = kind == "shifted_rows"
-        size = float(finding.data["step" if steps else "factor"])
-        rows = tuple(finding.data["rows"])
-        return Cause(kind, size, "rows" if steps else "times", None, p, explained, rows=rows)
-    return None
+    return cause_of_rows(kind, finding.data) if kind in OTHER_ROWS else None
+
+
+def cause_of_rows(kind: str, data: Data) -> Cause:
+    """What a finding about rows of another pose or load says, as a cause."""
+    size, unit = ("step", "rows") if kind == "shifted_rows" else ("factor", "times")
+    told = float(data.get("p", 0.0)), float(data.get("explained", 1.0))
+    return Cause(kind, float(data[size]), unit, None, *told, rows=tuple(data["rows"]))
 
 
 def _misread(cause: Cause) -> str:
@@ -673,12 +675,13 @@ def _misread(cause: Cause) -> str:
 
 def _other_rows(cause: Cause) -> str:
     """Rows that are of another pose or load."""
-    rows = row_names(cause.rows)
+    rows = rows_in_words(cause.rows)
     if cause.cause == "shifted_rows":
-        return f"{rows} look like readings of the pose {'before' if cause.size < 0 else 'after'}"
+        which = "before" if cause.size < 0 else "after"
+        return f"{rows}: the readings look like those of the pose {which}"
     if not cause.size:
-        return f"{rows} look as if they were not loaded"
-    return f"the load of {rows} looks {cause.size:.3g} times as large as written"
+        return f"{rows}: the robot moves as if it were not loaded there"
+    return f"{rows}: the load looks {cause.size:.3g} times as large as written, beside other rows"
 
 
 def _wrong_pose(cause: Cause) -> str:
