@@ -30,12 +30,10 @@ from edtk.findings.finding import (
     rows_in_words,
     worst_first,
 )
-from edtk.findings.fit_rows import FitRows
 from edtk.findings.fitted_data import AS_USUAL, HowFitted
 from edtk.findings.geometric_fit import IS_IT_THIS_ROBOT, geometric_findings
 from edtk.findings.gross_errors import SCALES, GrossErrors, gross_errors, gross_findings
 from edtk.findings.match_plan import match_plan, not_measured, other_pose
-from edtk.findings.moved_frame import lost_load
 from edtk.findings.sound_rows import (
     reference_points,
     refuse_copied_visits,
@@ -47,7 +45,7 @@ from edtk.findings.sound_rows import (
 from edtk.findings.turn_reading import EXPECTED, turn_reading
 from edtk.findings.units import force_findings
 from edtk.fit.fit_geometry import NoiseNotToldError, TooFewPosesError, fit_geometry
-from edtk.fit.fitted_geometry import GeometricFit, root_mean_squares
+from edtk.fit.fitted_geometry import GeometricFit, Predicted, root_mean_squares
 from edtk.fit.marker_positions import MarkerPositions, read_positions
 from edtk.measure.pose_table import LOADED_COLUMNS, Table, path_of
 from edtk.robots.frames import MM
@@ -226,39 +224,46 @@ def _fitted(
     if not len(wrong):
         return fit, gross
     data = sound.data[wrong]
-    predicted = fit.fitted.predict(data.q, data.wrench, setting.loads)
-    apart = root_mean_squares(data.measured - predicted.points)
+    apart, predicted = _apart(setting, fit, data)
     # What is open everywhere excuses nothing.
     squares = (predicted.std**2).sum(axis=-1) - predicted.open**2
     unsure = np.sqrt(np.where(data.seen, squares, 0.0).sum(axis=1) / data.seen.sum(axis=1))
     near = apart < np.maximum(AGREES * max(fit.loo_rms, fit.rms), UNSURE * unsure)
+    bent = ~near & data.wrench.any(axis=1) & (setting.loads is not None)
+    near[bent] = _bent(setting, how, sound.data, kept, wrong[bent])
+    if not near.any():
+        return fit, gross
     kept[wrong[near]] = True
-    loaded = near | data.wrench.any(axis=1)
-    others = wrong[loaded & ~near]
-    bent = None
-    if len(others) and setting.loads is not None:
-        bent = _bent(setting, how, sound.data, np.union1d(np.flatnonzero(kept), others))
-    if bent is not None:
-        fit, near = bent, loaded
-    elif near.any():
-        fit = _fit(setting, how, sound.data[kept])
     still = tuple(one for one, is_near in zip(gross.wrong, near, strict=True) if not is_near)
+    fit = _fit(setting, how, sound.data[kept])
     return fit, replace(gross, wrong=still)
 
 
-def _bent(
-    setting: StudyGeometry, how: HowFitted, data: MarkerPositions, chosen: Indices
-) -> GeometricFit | None:
-    """The fit of visits (k,) with those that their load took far from the drawing.
+def _apart(
+    setting: StudyGeometry, fit: GeometricFit, data: MarkerPositions
+) -> tuple[Array, Predicted]:
+    """How far visits (m,) are from where a fit has them [m], and its predictions."""
+    predicted = fit.fitted.predict(data.q, data.wrench, setting.loads)
+    return root_mean_squares(data.measured - predicted.points), predicted
 
-    Where others lack the load that is written, they and those without one agree with the drawing,
-    and tell springs that do not bend: then it is these others that are wrong. None where not.
+
+def _bent(
+    setting: StudyGeometry, how: HowFitted, data: MarkerPositions, kept: Mask, loaded: Indices
+) -> Mask:
+    """Which visits (k,) under loads are as near as others where all of them are fitted.
+
+    A load takes them far from the drawing. Springs that visits tell which it hardly moved, or which
+    it was not applied to, do not predict them; wrong ones are far from a wary fit of all, too.
     """
+    if not len(loaded):
+        return np.zeros(0, dtype=bool)
     try:
-        fit = _fit(setting, how, data[chosen])
+        fit = _fit(setting, how, data[np.union1d(np.flatnonzero(kept), loaded)], wary=True)
     except np.linalg.LinAlgError:
-        return None
-    return None if lost_load(FitRows.of(fit.of_positions, setting.loads)) is None else fit
+        return np.zeros(len(loaded), dtype=bool)
+    others, _ = _apart(setting, fit, data[kept & ~data.is_difference])
+    apart, _ = _apart(setting, fit, data[loaded])
+    return np.asarray(apart < AGREES * np.sqrt(np.nanmean(others**2)))
 
 
 def _fit(

@@ -11,6 +11,7 @@ from geometry_sheets import NAMES, OFFSETS, PLACE, STUDY, Array, by_pose
 
 import edtk
 from edtk.findings.fit_rows import FitRows
+from edtk.findings.gross_errors import WRONG
 from edtk.findings.moved_frame import moved_frame, untold_load
 from edtk.fit.fit_geometry import fit_geometry
 from edtk.fit.fitted_geometry import GeometricFit
@@ -114,12 +115,13 @@ SPRUNG = STUDY.replace(parameters={"compliance": ["q2", "q3"], "base": True, "to
 NEWTON = 50.0  # of a load, without which each pose is visited first
 
 
-def visits_of(bent: float, lost: Array) -> tuple[Array, Array, Array]:
+def visits_of(bent: float, lost: Array, held: float = 0.0) -> tuple[Array, Array, Array]:
     """Joint angles and loads of pairs of visits, and positions, of an arm that lacks some loads.
 
     Args:
         bent: Compliance of q2 and q3 times the load [rad/m].
         lost: Which of the pairs (m,) have it on the sheet alone.
+        held: What friction holds of each joint's load [N m].
     """
     setting = StudyGeometry.of(SPRUNG)
     assert setting.loads is not None
@@ -130,9 +132,17 @@ def visits_of(bent: float, lost: Array) -> tuple[Array, Array, Array]:
     wrench[1::2, 2] = -NEWTON
     acts = wrench * ~np.repeat(lost, 2)[:, None]
     sprung = bent / NEWTON * np.isin(np.arange(6), [1, 2])
-    shown = np.deg2rad(q) + sprung * setting.loads(np.deg2rad(q), acts)
+    torque = setting.loads(np.deg2rad(q), acts)
+    torque = np.sign(torque) * np.maximum(np.abs(torque) - held, 0.0)
+    shown = np.deg2rad(q) + sprung * torque
     x = model.see(np.zeros(model.p), shown, derivatives=False).points
     return q, wrench, 1e3 * x + rng.normal(0, 0.02, x.shape)
+
+
+def sheet_of(q: Array, wrench: Array, x: Array) -> pd.DataFrame:
+    """The sheet of some visits."""
+    names = [*NAMES, "Fx_N", "Fy_N", "Fz_N", *(f"{m}{a}_mm" for m in "ABC" for a in "xyz")]
+    return pd.DataFrame(np.hstack([q, wrench[:, :3], x.reshape(len(q), -1)]), columns=names)
 
 
 @pytest.mark.slow
@@ -143,9 +153,7 @@ def test_a_load_that_visits_lack_is_named_with_their_rows(bent: float, pairs: li
     """Whether it moves the arm by parts of a millimetre or by as much as a wrong pose."""
     lost = np.isin(np.arange(14), pairs)
     q, wrench, x = visits_of(bent, lost)
-    names = [*NAMES, "Fx_N", "Fy_N", "Fz_N", *(f"{m}{a}_mm" for m in "ABC" for a in "xyz")]
-    cells = np.hstack([q, wrench[:, :3], x.reshape(len(q), -1)])
-    found = edtk.identify(SPRUNG, pd.DataFrame(cells, columns=names))
+    found = edtk.identify(SPRUNG, sheet_of(q, wrench, x))
     named = [one for one in found.findings if one.kind == "unloaded_rows"]
     if not lost.any():
         assert (named, found.verdict, found.causes) == ([], "good", ())
@@ -155,3 +163,18 @@ def test_a_load_that_visits_lack_is_named_with_their_rows(bent: float, pairs: li
     assert not {one.kind for one in found.findings} & {"gross", "typed", "outliers"}
     assert [one.cause for one in found.causes] == ["unloaded_rows"]
     assert found.verdict == "bad"
+
+
+@pytest.mark.slow
+def test_a_pose_that_its_load_moves_far_is_not_typed_wrongly() -> None:
+    """Friction holds a part of small loads: others then tell springs that move the arm too little.
+
+    A pose that was written wrongly is named as before.
+    """
+    q, wrench, x = visits_of(5e-2, np.zeros(12, dtype=bool), held=3.0)
+    assert edtk.identify(SPRUNG, sheet_of(q, wrench, x)).left_out == ()
+    q[5, 3] += 7
+    found = edtk.identify(SPRUNG, sheet_of(q, wrench, x))
+    (named,) = (one for one in found.findings if one.rows)
+    assert named.kind in WRONG
+    assert named.rows == (5,)
