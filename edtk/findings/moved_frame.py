@@ -455,7 +455,7 @@ def lost_load(rows: FitRows) -> UntoldLoad | None:
     if under is None or alone is None:
         return None
     of_load = (alone.torque - under.torque)[:, : rows.motion.shape[2]]
-    return _likeliest(rows, of_load, wrench.any(axis=1), [])
+    return _likeliest(rows, of_load, np.asarray(wrench.any(axis=1)), [])
 
 
 def _likeliest(

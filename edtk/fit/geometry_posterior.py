@@ -20,7 +20,9 @@ from edtk.fit.posterior import (
 from edtk.fit.prior import Prior
 from edtk.fit.same_poses import blocks_of
 from edtk.measure.measured_model import Load, LoadsOfReadings, MeasuredModel, Seen, Torque
+from edtk.measure.position_noise import PositionNoise
 from edtk.measure.rest import Loads
+from edtk.measure.whitening import Scatter
 from edtk.robots.elastic_robot import widened
 from edtk.robots.frames import MM
 from edtk.robots.rotations import rotation
@@ -174,8 +176,7 @@ class GeometryDensity:
         rows = PoseRows.of(model, fitted.theta, means, torque)
         V = rows.errors(fitted.noise)
         there = (rows.worth > 0).reshape(len(means), -1)[:, :, None]
-        whitening = np.linalg.inv(np.linalg.cholesky(V.dense))
-        apart = _apart(whitening, PoseErrors.of(rows, fitted.noise, np.ones(len(means))), means)
+        whitening, apart = _whitened(rows, fitted.noise, V)
         whitening = whitening * there
         weights = np.sqrt(fit.weights)[:, None, None]
         prior = None if fit.told_before is None else fit.told_before.prior
@@ -255,18 +256,23 @@ class GeometryDensity:
         return np.asarray((z**2).sum(axis=-1))
 
 
-def _apart(
-    whitening: Array, errors: PoseErrors, means: MarkerPositions
-) -> tuple[tuple[Indices, Array], ...]:
-    """`GeometryDensity.apart` of visits under loads, whose whitening is set in place."""
+def _whitened(
+    rows: PoseRows, noise: PositionNoise, V: Scatter
+) -> tuple[Array, tuple[tuple[Indices, Array], ...]]:
+    """`GeometryDensity.whitening` of visits with covariances V, and `GeometryDensity.apart`."""
+    errors = PoseErrors.of(rows, noise, np.ones(len(rows.residual)))
+    whitening = np.empty((*rows.residual.shape, rows.residual.shape[1]))
+    alone = np.ones(len(whitening), dtype=bool)
     found = []
-    for group in means.same_poses.groups if len(errors.change) else ():
+    for group in rows.same.groups if len(errors.change) else ():
+        alone[group.members] = False
         L = np.linalg.inv(np.linalg.cholesky(errors.dense(group)))
         G, s = group.members.shape
         own = np.einsum("gasat->gast", L.reshape(G, s, L.shape[1] // s, s, -1))
         whitening[group.members] = own
         found.append((group.members, blocks_of(np.linalg.inv(own)) @ L))
-    return tuple(found)
+    whitening[alone] = np.linalg.inv(np.linalg.cholesky(V[np.flatnonzero(alone)].dense))
+    return whitening, tuple(found)
 
 
 def _freed(apart: tuple[tuple[Indices, Array], ...], rows: Array) -> Array:
