@@ -66,6 +66,9 @@ SAME_POINTS = 1e-6  # ratio of singular values below which points are one, to be
 MOST_MOVED = 160  # a step takes their third power
 ITERATIONS = 200
 FINEST_LOGARITHM = 1e-16  # of the logarithm of the cost, at which to end
+# Likewise of a level, which SLSQP also asks of what exceeds it: losses have more rounding than that
+# of one logarithm, and below it line searches fail for the rest of all iterations.
+FINEST_LEVEL = 1e-12
 WORTHLESS = 1e3  # logarithm of the cost of a singular design, for the line search
 
 
@@ -554,7 +557,7 @@ class _Descent:
                 method="SLSQP",
                 bounds=[(0.0, 1.0)] * len(start) + [(None, None)],
                 constraints=[*map(with_level, rules), below],
-                options=options,
+                options={**options, "ftol": FINEST_LEVEL},
             ).x[:-1]
         )
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from matplotlib import pyplot
 from numpy.polynomial import legendre
+from scipy import optimize
 
 import criteria
 import edtk
@@ -12,7 +13,7 @@ from edtk.design.problem import RankDeficientError
 from edtk.design.region import Region
 from edtk.design.relaxation.proof import normalised
 from edtk.design.relaxation.relax import relax
-from edtk.design.relaxation.search_region import onto_walls, polish
+from edtk.design.relaxation.search_region import ITERATIONS, onto_walls, polish
 from edtk.system.errors import UserError
 
 
@@ -166,6 +167,25 @@ def test_polishing_brings_the_last_digits():
     assert cost < float(criterion.cost(region.problem(start).information([0.2, 0.2, 0.6])))
     again = polish(region, criterion, x, w)
     assert again[2] <= cost
+
+
+def test_a_level_of_several_models_settles(monkeypatch):
+    """A polish for the worst of six models ends by itself, and not after all iterations."""
+    ends = []
+    minimize = optimize.minimize
+
+    def counted(*args, **options):
+        found = minimize(*args, **options)
+        ends.append(found.nit)
+        return found
+
+    monkeypatch.setattr(optimize, "minimize", counted)
+    slow = np.linspace(0.1, 0.5, 6)
+    models = [{"A": 1, "a": 3 - 4 * b, "B": 1, "b": b} for b in slow]
+    formula = "A*exp(-a*t) + B*exp(-b*t)"
+    region = Region.of_model(formula, models, {"t": (0, 10)}, robust="maximin")
+    assert edtk.relax(region, criterion="D").gap < 1e-7
+    assert max(ends) < ITERATIONS
 
 
 @pytest.mark.parametrize("low", [0.0, 400.0], ids=["plain", "ill-conditioned"])
