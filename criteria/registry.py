@@ -204,7 +204,7 @@ def from_dict(data: Mapping[str, Any]) -> Criterion:
 def as_criterion(
     given: Criterion | str | Mapping[str, Any],
     names: Sequence[str] = (),
-    points: Callable[[], ArrayLike] | None = None,
+    places: Callable[[str], Mapping[str, Any]] | None = None,
 ) -> Criterion:
     """The criterion that somebody names: by itself, by its name, or by a table with its parameters.
 
@@ -217,17 +217,16 @@ def as_criterion(
     Args:
         given: The criterion.
         names: Names (p,) of the model's parameters, by which a table may name some of them.
-        points: Tells regressors (k, rows, p) of places, for a criterion about predictions that is
-            named without any.
+        places: Tells a criterion about predictions by its name where these are, for one that is
+            named without any, by itself or within others.
 
     Raises:
         CriterionError: There is no such criterion, or its parameters are wrong.
     """
+    if places is not None:
+        given = _placed(given, places)
     if isinstance(given, Criterion):
         return given
-    name = given["name"] if isinstance(given, Mapping) and set(given) == {"name"} else given
-    if points is not None and isinstance(name, str) and "points" in parameters_of(name):
-        return create(name, points=points())
     if isinstance(given, str):
         return create(given)
     if isinstance(given, Mapping) and isinstance(given.get("name"), str):
@@ -239,6 +238,16 @@ def as_criterion(
             raise CriterionError(f"criterion {given['name']!r}: {error}") from error
     shown = " ".join(shortened(given).split())
     raise CriterionError(f"expected a criterion, its name or a table with a name, not {shown}")
+
+
+def _placed(given: Any, places: Callable[[str], Mapping[str, Any]]) -> Any:
+    """The same with places of predictions for whatever is named without any."""
+    if isinstance(given, Mapping) and isinstance(given.get("criteria"), list | tuple):
+        return {**given, "criteria": [_placed(one, places) for one in given["criteria"]]}
+    name = given["name"] if isinstance(given, Mapping) and set(given) == {"name"} else given
+    if isinstance(name, str) and "points" in parameters_of(name):
+        return create(name, **places(name))
+    return given
 
 
 def parameters_of(name: str) -> tuple[str, ...]:

@@ -236,7 +236,7 @@ def _steps(squares: Array, Z: Array, weights: Array) -> list[Array]:
         values, U = np.linalg.eigh(np.tensordot(weights, turned, axes=1))
         # The gradient is K^(-1/2)/2; where K has no part, no task that has weight has one either.
         inverse = np.where(values > 1e-12 * values[-1], np.maximum(values, TINY) ** -0.5, 0.0)
-        gains = np.einsum("ki,dij,jk->dk", U.T, turned, U, optimize=True) @ inverse
+        gains = np.tensordot(turned, (U * inverse) @ U.T, axes=2)
         weights = weights * np.maximum(gains, 0.0)  # rounding may leave less than none
         total = weights.sum()
         weights = weights / total if total > 0 else weights

@@ -143,6 +143,8 @@ class Shares:
         return Shares(np.concatenate([self.x, other.x]), weights)
 
 
+# The criterion of one model, which may be about places where the model at a theta predicts.
+Own = Callable[["ThetaBox[Any]", Array], Criterion]
 # The best cost of one model alone, and how experiments are shared out then.
 Optimum = Callable[[Any, Criterion], tuple[float, Shares]]
 
@@ -283,7 +285,7 @@ class ThetaBox(ABC, Generic[Made]):
     def worst(
         self,
         design: Shares,
-        own: Criterion,
+        own: Own,
         optimum: Optimum,
         known: Sequence[Array],
         among: "ThetaBox[Any] | None" = None,
@@ -292,7 +294,7 @@ class ThetaBox(ABC, Generic[Made]):
 
         Args:
             design: How experiments are shared out.
-            own: The criterion of one model.
+            own: The criterion of one model, at a theta of this box.
             optimum: Finds the best weights for one model alone.
             known: Theta where the search begins, too.
             among: The same ranges for candidates, whose best weights tell where else to begin.
@@ -325,11 +327,11 @@ class ThetaBox(ABC, Generic[Made]):
         return np.asarray((up - down) / widths[:, None])
 
     @abstractmethod
-    def values(self, thetas: Array, design: Shares, own: Criterion, optimum: Optimum) -> Array:
+    def values(self, thetas: Array, design: Shares, own: Own, optimum: Optimum) -> Array:
         """How good a design is at each theta (t, p); the worst theta has the least."""
 
     @abstractmethod
-    def descend(self, u: Array, design: Shares, own: Criterion, optimum: Optimum) -> Array:
+    def descend(self, u: Array, design: Shares, own: Own, optimum: Optimum) -> Array:
         """Parts (q,) of the ranges of a local minimum of the value."""
 
     def is_new(self, theta: Array, thetas: Sequence[Array]) -> bool:
@@ -341,12 +343,13 @@ class ThetaBox(ABC, Generic[Made]):
 class EfficiencyBox(ThetaBox[Made]):
     """Ranges over which the least efficiency ``(best(theta) / cost(w, theta))^(1/d)`` counts."""
 
-    def values(self, thetas: Array, design: Shares, own: Criterion, optimum: Optimum) -> Array:
+    def values(self, thetas: Array, design: Shares, own: Own, optimum: Optimum) -> Array:
         """The efficiencies (t,) of a design at theta (t, p)."""
-        best = np.array([optimum(self.model(theta), own)[0] for theta in thetas])
-        return np.asarray((best / self._costs(thetas, own, design)) ** (1 / own.degree))
+        best = np.array([optimum(self.model(one), own(self, one))[0] for one in thetas])
+        degree = own(self, thetas[0]).degree
+        return np.asarray((best / self._costs(thetas, own, design)) ** (1 / degree))
 
-    def descend(self, u: Array, design: Shares, own: Criterion, optimum: Optimum) -> Array:
+    def descend(self, u: Array, design: Shares, own: Own, optimum: Optimum) -> Array:
         """A local minimum of the efficiency, by quasi-Newton steps.
 
         The slope of the best cost is that of the cost of the best weights, held fixed (Danskin).
@@ -358,11 +361,13 @@ class EfficiencyBox(ThetaBox[Made]):
             return float(np.log(max(value, NO_EFFICIENCY)))
 
         def slope(v: Array) -> Array:
-            _, ideal = optimum(self.model(self.at(v)), own)
+            here = self.at(v)
+            of_here = own(self, here)
+            _, ideal = optimum(self.model(here), of_here)
             return self.slope(
                 lambda thetas: (
                     np.log(self._costs(thetas, own, ideal) / self._costs(thetas, own, design))
-                    / own.degree
+                    / of_here.degree
                 ),
                 v,
             )[:, 0]
@@ -370,10 +375,11 @@ class EfficiencyBox(ThetaBox[Made]):
         bounds = [(0.0, 1.0)] * len(u)
         return np.asarray(minimize(logarithm, u, jac=slope, bounds=bounds, method="L-BFGS-B").x)
 
-    def _costs(self, thetas: Array, own: Criterion, design: Shares) -> Array:
-        """Costs (t,) of a design at theta (t, p), of which nothing is kept."""
+    def _costs(self, thetas: Array, own: Own, design: Shares) -> Array:
+        """Costs (t,) of a design at theta (t, p)."""
         rows = np.asarray(self.finite_rows(thetas, design.x))
-        return own.cost(np.einsum("nr,tnrp,tnrq->tpq", design.weights, rows, rows))
+        M = np.einsum("nr,tnrp,tnrq->tpq", design.weights, rows, rows)
+        return np.array([own(self, one).cost(each) for one, each in zip(thetas, M, strict=True)])
 
 
 class RivalBox(ThetaBox[Made]):
@@ -386,11 +392,11 @@ class RivalBox(ThetaBox[Made]):
     kind = "rivals"
     what = "least deviance"
 
-    def values(self, thetas: Array, design: Shares, own: Criterion, optimum: Optimum) -> Array:
+    def values(self, thetas: Array, design: Shares, own: Own, optimum: Optimum) -> Array:
         """The deviances (t,) of one experiment."""
         return self._deviances(thetas, design)
 
-    def descend(self, u: Array, design: Shares, own: Criterion, optimum: Optimum) -> Array:
+    def descend(self, u: Array, design: Shares, own: Own, optimum: Optimum) -> Array:
         """A local minimum of the deviance, by least squares."""
         return self._fitted(u, design)
 

@@ -1,6 +1,6 @@
 """What a criterion means for several models at once: their mean, or the worst of them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -10,6 +10,7 @@ from scipy.linalg import block_diag
 import criteria
 from edtk.design.bound import RelaxedDesign
 from edtk.design.exact.counts.problem_plan import ProblemPlan
+from edtk.design.exact.model_design import PREDICTED_PLACES
 from edtk.design.exact.plan_region import RegionPlan
 from edtk.design.problem import CandidateSites, Problem
 from edtk.design.region import Region
@@ -49,9 +50,8 @@ def criterion_of(
       (Dette 1997).
     - "rivals": the least of the deviances, which are the information of models of one parameter.
 
-    The places of I default to all candidates of a problem, and to all points of a region, see
-    `Region.mean_over_points`, and those of prediction_G to the candidates of one model; predictions
-    are in parts of the noise.
+    Where predictions are is told by `places_of` if nothing else does; they are in parts of the
+    noise.
 
     Args:
         asked: The criterion, about the parameters of one model.
@@ -62,20 +62,15 @@ def criterion_of(
         ArgumentError: The criterion has no such form.
     """
     robust = question.robust
-    if robust is None and isinstance(question, Region) and _of_all_places(asked):
-        rows, weights = question.mean_over_points()
-        return criteria.create("I", points=rows, weights=weights)
     if robust is None:
-        places = question.factors if isinstance(question, Problem) else None
-        return criteria.as_criterion(asked, question.parameters, places)
+        return criteria.as_criterion(
+            asked, question.parameters, lambda name: places_of(question, name)
+        )
     if has_ranges(question):
         message = "has ranges, which edtk.relax and edtk.plan serve; expected a list of theta"
         raise ArgumentError(message, argument="theta")
     models = robust.models
-    if _of_all_places(asked):
-        each = [criterion_of(asked, model, best) for model in models]
-    else:
-        each = [criteria.as_criterion(asked, models[0].parameters)] * len(models)
+    each = [criterion_of(asked, model, best) for model in models]
     sizes = [model.p for model in models]
     if robust.kind in ("maximin", "rivals"):
         values = None
@@ -92,9 +87,19 @@ def criterion_of(
     raise ArgumentError(message, argument="criterion")
 
 
-def _of_all_places(asked: CriterionLike) -> bool:
-    """Whether it asks for predictions, and does not say where."""
-    return isinstance(asked, str | Mapping) and asked in ("I", {"name": "I"})
+def places_of(model: Problem | Region, name: str) -> dict[str, Any]:
+    """Where a model predicts for a criterion that does not say where: at all its places.
+
+    Those of a problem are its candidates. Of a region a mean of predictions (I) is that over all
+    points, see `Region.mean_over_points`; the largest one is that over a grid with the walls, of
+    some 2,000 points.
+    """
+    if isinstance(model, Problem):
+        return {"points": model.factors()}
+    if "weights" in criteria.parameters_of(name):
+        rows, weights = model.mean_over_points()
+        return {"points": rows, "weights": weights}
+    return {"points": model.rows_at(RegionGrid.of(model, PREDICTED_PLACES).x)}
 
 
 def _mean_root(each: Sequence[criteria.Criterion], robust: Robust) -> Array:
@@ -130,7 +135,12 @@ def over_ranges(
     assert question.robust is not None
     assert question.robust.box is not None
     box = question.robust.box
-    own = criteria.as_criterion(asked, box.parameters)
+
+    def own(among: ThetaBox[Any], theta: Array) -> criteria.Criterion:
+        return criteria.as_criterion(
+            asked, box.parameters, lambda name: places_of(among.model(theta), name)
+        )
+
     grid: ThetaBox[Any] | None = None
     if not first and isinstance(question, Region):
         points = RegionGrid.of(question, GRID).x

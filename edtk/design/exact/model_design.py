@@ -318,7 +318,9 @@ class ModelDesign:
         """
         if names is not None:
             found = [
-                criteria.as_criterion(one, self.parameters, lambda: self.places.rows)
+                criteria.as_criterion(
+                    one, self.parameters, lambda name: {"points": self.places.rows}
+                )
                 for one in names
             ]
             if not found:

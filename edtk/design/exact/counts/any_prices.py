@@ -42,7 +42,7 @@ class AnyPricing(Pricing):
     scatter: Scatter
     mean: Array
     thorough: bool = field(default=True, kw_only=True)
-    guide: "AnyPricing | None" = field(default=None, kw_only=True)
+    guide: Pricing | None = field(default=None, kw_only=True)
     kicks = 2
     patience = 32
 

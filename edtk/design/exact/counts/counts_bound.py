@@ -62,28 +62,33 @@ class Scatter:
         starts = np.cumsum((0, *self.limits.blocks[:-1]))
         return np.asarray(np.add.reduceat(self.rows[places], starts, axis=1))
 
-    def without(self, M: Array, places: Indices, place: int) -> tuple[Array, Array, float]:
-        """Take the experiment at one place out of plans (b, m) of information M (b, p, p).
+    def joining(self, places: Indices, place: int) -> tuple[Array, float]:
+        """How a candidate joins plans (b, m) at a place.
 
-        Of a block with sum s of its other rows, and share a, a candidate U then adds
+        Of a block with sum s of its other rows, and share a, a candidate U adds
         ``(1 - a) (U - c s)' (U - c s)`` with ``c = a/(1 - a)``: its distance to the block's mean.
 
         Returns:
-            Information (b, p, p) of the rest; the center ``c s`` (b, r, p); and ``1 - a``.
+            The center ``c s`` (b, r, p), and ``1 - a``.
         """
-        U = self.rows[places[:, place]]
-        rest = M - np.swapaxes(U, -1, -2) @ U
-        if not self.limits.blocks:
-            return rest, np.zeros_like(U), 1.0
         block = self.limits.block_of[place]
         share = float(self.limits.shares[block])
         inside = np.flatnonzero(self.limits.block_of == block)
-        whole = self.rows[places[:, inside]].sum(axis=1)
-        others = whole - U
-        factor = share / (1.0 - share) if share < 1.0 else 0.0
-        rest = rest + share * np.swapaxes(whole, -1, -2) @ whole
-        rest = rest - factor * np.swapaxes(others, -1, -2) @ others
-        return rest, factor * others, 1.0 - share
+        others = self.rows[places[:, inside]].sum(axis=1) - self.rows[places[:, place]]
+        return (share / (1.0 - share) if share < 1.0 else 0.0) * others, 1.0 - share
+
+    def without(self, M: Array, places: Indices, place: int) -> tuple[Array, Array, float]:
+        """Take the experiment at one place out of plans (b, m) of information M (b, p, p).
+
+        Returns:
+            Information (b, p, p) of the rest; and what `joining` tells.
+        """
+        U = self.rows[places[:, place]]
+        if not self.limits.blocks:
+            return M - np.swapaxes(U, -1, -2) @ U, np.zeros_like(U), 1.0
+        center, scale = self.joining(places, place)
+        leaving = np.sqrt(scale) * (U - center)
+        return M - np.swapaxes(leaving, -1, -2) @ leaving, center, scale
 
 
 Question = tuple[Problem, Relaxable, Limits]

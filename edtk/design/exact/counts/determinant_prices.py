@@ -3,6 +3,7 @@
 import numpy as np
 
 from criteria.linalg.inverse import EPS
+from edtk.design.exact.counts.counts_bound import Scatter
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.prices import GAIN, ROUNDINGS, Prices, Pricing, first_of_largest
 from edtk.system.typing import Array, Indices, Mask
@@ -21,6 +22,9 @@ class DeterminantPricing(Pricing):
     The vector d of all candidates is kept, and changes by two products of an exchange. So a look at
     all n candidates costs one product of n times p, and no matrix is inverted.
 
+    In a block a candidate u joins as ``x = r (u - c)``, see `Scatter.joining`, and
+    ``d(x) = r^2 (d(u) - 2 c'C u + c'C c)``, so that a look costs one product more.
+
     Args:
         rows: Rows (n, p) of the candidates, in parameters that whiten their mean; a row of zeros at
             the end stands for an empty place.
@@ -35,6 +39,7 @@ class DeterminantPricing(Pricing):
         self.rows = rows
         self.turned = np.ascontiguousarray(rows.T)
         self.limits = limits
+        self.scatter = Scatter(rows[:, None], limits)
         self.candidates = len(rows) if limits.sized else len(rows) - 1
         self.batch = int(min(DETERMINANTS_AT_ONCE, max(1, PRICES_AT_ONCE // len(rows))))
 
@@ -48,9 +53,11 @@ class DeterminantPricing(Pricing):
 
     def information(self, places: Indices, ridge: float) -> Array:
         """Information (b, p, p) of plans (b, m)."""
+        alike = ridge * self.limits.m * np.eye(self.rows.shape[1])
+        if self.limits.blocks:
+            return self.scatter.information(places) + alike
         X = self.rows[places]
-        own = self.limits.base + ridge * self.limits.m * np.eye(X.shape[-1])
-        return np.asarray(np.swapaxes(X, 1, 2) @ X + own)
+        return np.asarray(np.swapaxes(X, 1, 2) @ X + (self.limits.base + alike))
 
     def scores(self, places: Indices, ridge: float) -> Array:
         """Minus the logarithms of determinants."""
@@ -66,7 +73,8 @@ class DeterminantPrices(Prices):
 
     Attributes:
         cov: C (b, p, p).
-        squares: ``1 + d(x)`` of all candidates, and what else a criterion keeps (b, s, n).
+        squares: ``1 + d(u)`` of all candidates, and what else a criterion keeps (b, s, n).
+        met: The same of what joins with each of them, after a look.
     """
 
     def __init__(self, pricing: DeterminantPricing, places: Indices, cov: Array) -> None:
@@ -98,17 +106,36 @@ class DeterminantPrices(Prices):
         """Ratios of determinants (b, n) with each candidate at a place.
 
         What an exchange needs is kept: the `_sides` of C o as `along`, their products with all
-        candidates as `joint` and with o as `own`, and ``1 - d(o)`` as `rest`.
+        candidates as `reached`, with what joins as `joint`, and with o as `own`; and ``1 - d(o)``
+        as `rest`.
         """
-        o = self.pricing.rows[self.places[:, place]][:, :, None]
+        o = self.pricing.rows[self.places[:, place]]
+        self.root, self.center = 1.0, None
+        if self.pricing.limits.blocks:
+            center, scale = self.pricing.scatter.joining(self.places, place)
+            self.root, self.center = float(np.sqrt(scale)), center[:, 0]
+            o = self.root * (o - self.center)
+        o = o[:, :, None]
         self.along = self._sides(self.cov, (self.cov @ o)[:, :, 0])
         self.own = (self.along @ o)[:, :, 0]
-        self.joint = self.along @ self.pricing.turned
+        self.reached = self.along @ self.pricing.turned
+        self.joint, self.met = self.reached, self.squares
+        if self.center is not None:
+            self._meet(self.center[:, :, None])
         self.rest = 1.0 - self.own[:, 0]
         g = self.joint[:, 0]
-        ratio = self.squares[:, 0] * self.rest[:, None]
+        ratio = self.met[:, 0] * self.rest[:, None]
         ratio += g * g
         return ratio
+
+    def _meet(self, c: Array) -> None:
+        """What an exchange needs of all ``r (u - c)``, with centers c (b, p, 1) of the blocks."""
+        self.joint = self.root * (self.reached - self.along @ c)
+        sides = self._sides(self.cov, (self.cov @ c)[:, :, 0])
+        self.met = self.squares - 2.0 * (sides @ self.pricing.turned)
+        self.met += sides @ c
+        self.met *= self.root**2
+        self.met[:, 0] += 1.0 - self.root**2
 
     def replace(self, which: Indices, place: int, new: Indices) -> None:
         """Update C and the squares by the lemma of Sherman, Morrison and Woodbury.
@@ -120,15 +147,18 @@ class DeterminantPrices(Prices):
             (g(x)       -(1 + d(x))) / D.
         """
         cov = self.cov[which]
-        joining = (cov @ self.pricing.rows[new][:, :, None])[:, :, 0]
+        x = self.pricing.rows[new]
+        if self.center is not None:
+            x = self.root * (x - self.center[which])
+        joining = (cov @ x[:, :, None])[:, :, 0]
         sides = np.stack([self._sides(cov, joining), self.along[which]], axis=2)
         reached = np.empty((*sides.shape[:3], len(self.pricing.rows)))
         reached[:, :, 0] = sides[:, :, 0] @ self.pricing.turned
-        reached[:, :, 1] = self.joint[which]
+        reached[:, :, 1] = self.reached[which]
         K = np.empty((len(which), 2, 2))
         K[:, 0, 0] = self.rest[which]
         K[:, 0, 1] = K[:, 1, 0] = self.joint[which, 0, new]
-        K[:, 1, 1] = -self.squares[which, 0, new]
+        K[:, 1, 1] = -self.met[which, 0, new]
         K /= self.ratio[which, None, None]
         B = sides[:, 0]
         self.cov[which] -= np.swapaxes(B, 1, 2) @ (K @ B)

@@ -58,8 +58,8 @@ class LinearPrices(DeterminantPrices):
     def best(self, place: int, allowed: Mask | None) -> tuple[Indices, Array]:
         """The candidate of the least trace, and the relative decrease."""
         ratio = self.look(place)
-        fall = self.squares[:, 1] * self.rest[:, None]
-        fall -= self.squares[:, 0] * self.own[:, 1, None]
+        fall = self.met[:, 1] * self.rest[:, None]
+        fall -= self.met[:, 0] * self.own[:, 1, None]
         fall += 2 * self.joint[:, 0] * self.joint[:, 1]
         fall = np.divide(fall, ratio, out=np.full_like(fall, -np.inf), where=ratio > LEAST_RATIO)
         if allowed is not None:
@@ -79,7 +79,7 @@ class LinearPrices(DeterminantPrices):
         ``e(y) - 2 k' P'C W C y + k' (P'C W C P) k``.
         """
         inner = np.empty((len(which), 2, 2))
-        inner[:, 0, 0] = self.squares[which, 1, new]
+        inner[:, 0, 0] = self.met[which, 1, new]
         inner[:, 0, 1] = inner[:, 1, 0] = self.joint[which, 1, new]
         inner[:, 1, 1] = self.own[which, 1]
         fall = inner @ turned

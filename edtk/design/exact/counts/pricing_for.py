@@ -50,9 +50,9 @@ def pricing_for(criterion: Criterion, scatter: Scatter, mean: Array) -> Pricing:
         return _of_models(criterion, scatter, mean)
     if limits.blocks and not criterion.smooth:
         # Where two eigenvalues are the least, no exchange of one place may be an improvement.
-        guide = AnyPricing(create("D").plan_criterion, scatter, mean)
+        guide = pricing_for(create("D").plan_criterion, scatter, mean)
         return AnyPricing(criterion, scatter, mean, guide=guide)
-    if scatter.rows.shape[1] > 1 or limits.blocks:
+    if scatter.rows.shape[1] > 1:
         return _of_several_rows(criterion, scatter, mean) or AnyPricing(criterion, scatter, mean)
     rows = scatter.rows[:, 0]
     if isinstance(criterion, DeterminantCriterion):
@@ -63,7 +63,8 @@ def pricing_for(criterion: Criterion, scatter: Scatter, mean: Array) -> Pricing:
     slope = constant_slope(criterion, mean)
     if slope is not None:
         return LinearPricing(rows, limits, slope)
-    return _with_kinks(criterion, rows, limits, mean) or AnyPricing(criterion, scatter, mean)
+    own = None if limits.blocks else _with_kinks(criterion, rows, limits, mean)
+    return own or AnyPricing(criterion, scatter, mean)
 
 
 def _of_models(criterion: Criterion, scatter: ModelScatter, mean: Array) -> Pricing:

@@ -1,5 +1,8 @@
 """Prices kept by low-rank updates against determinants and traces computed anew."""
 
+from dataclasses import replace
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -26,12 +29,16 @@ LIMITS = Limits(M, BASE)
 PLACES = RNG.integers(0, 12, size=(3, M))
 
 
-def informations(places: np.ndarray, place: int) -> np.ndarray:
+def informations(places: np.ndarray, place: int, limits: Limits = LIMITS) -> np.ndarray:
     """Information (b, n, p, p) with each candidate at a place."""
     trials = np.repeat(places[:, None], len(ROWS), axis=1)
     trials[:, :, place] = np.arange(len(ROWS))
     X = ROWS[trials]
-    return np.swapaxes(X, -1, -2) @ X + BASE
+    M = np.swapaxes(X, -1, -2) @ X + BASE
+    for block, share in enumerate(limits.shares):
+        whole = X[:, :, limits.block_of == block].sum(axis=2)
+        M = M - share * whole[..., :, None] * whole[..., None, :]
+    return M
 
 
 def costs_of(pricing, M):
@@ -46,13 +53,24 @@ def costs_of(pricing, M):
     return pricing.criterion.cost(M)
 
 
-@pytest.mark.parametrize("kind", ["determinant", "linear", "variance", "any"])
-def test_prices_stay_right_over_many_exchanges(kind):
+FREE = {"": LIMITS}
+FIXED = Limits(M, BASE, blocks=(1, 4, 2))
+BLOCKS = {" in blocks": FIXED, " in random blocks": replace(FIXED, block_variance=0.7)}
+PRICED = [
+    *product(["determinant", "linear", "variance", "any"], FREE.items()),
+    *product(["determinant", "linear", "any"], BLOCKS.items()),
+]
+
+
+@pytest.mark.parametrize(
+    ("kind", "limits"), [(a, b[1]) for a, b in PRICED], ids=[a + b[0] for a, b in PRICED]
+)
+def test_prices_stay_right_over_many_exchanges(kind, limits):
     """After each of a sweep's exchanges the best candidate and its gain are those of a new look."""
-    scatter = Scatter(ROWS[:, None], LIMITS)
+    scatter = Scatter(ROWS[:, None], limits)
     pricing = {
-        "determinant": DeterminantPricing(ROWS, LIMITS),
-        "linear": LinearPricing(ROWS, LIMITS, SLOPE),
+        "determinant": DeterminantPricing(ROWS, limits),
+        "linear": LinearPricing(ROWS, limits, SLOPE),
         "variance": LargestVariancePricing(ROWS, LIMITS, TARGETS),
         "any": AnyPricing(criteria.create("E"), scatter, BASE),
     }[kind]
@@ -62,7 +80,7 @@ def test_prices_stay_right_over_many_exchanges(kind):
     for place in [*range(M), *range(M)]:
         allowed = RNG.random((3, 12)) < 0.8
         new, gain = prices.best(place, allowed)
-        tried = costs_of(pricing, informations(places, place))
+        tried = costs_of(pricing, informations(places, place, limits))
         present = tried[np.arange(3), places[:, place]]
         tried = np.where(allowed, tried, np.inf)
         assert tried[np.arange(3), new] == pytest.approx(tried.min(axis=1), rel=1e-9)
