@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 import criteria
 from edtk.design.bound import RelaxedDesign
 from edtk.design.exact.counts.problem_plan import ProblemPlan
-from edtk.design.exact.model_design import PREDICTED_PLACES
+from edtk.design.exact.model_design import places_of
 from edtk.design.exact.plan_region import RegionPlan
 from edtk.design.problem import CandidateSites, Problem
 from edtk.design.region import Region
@@ -85,21 +85,6 @@ def criterion_of(
         return criteria.create("I", root=_mean_root(each, robust))
     message = f"the mean over several theta is known of D, {', '.join(VARIANCES)}; not of {name}"
     raise ArgumentError(message, argument="criterion")
-
-
-def places_of(model: Problem | Region, name: str) -> dict[str, Any]:
-    """Where a model predicts for a criterion that does not say where: at all its places.
-
-    Those of a problem are its candidates. Of a region a mean of predictions (I) is that over all
-    points, see `Region.mean_over_points`; the largest one is that over a grid with the walls, of
-    some 2,000 points.
-    """
-    if isinstance(model, Problem):
-        return {"points": model.factors()}
-    if "weights" in criteria.parameters_of(name):
-        rows, weights = model.mean_over_points()
-        return {"points": rows, "weights": weights}
-    return {"points": model.rows_at(RegionGrid.of(model, PREDICTED_PLACES).x)}
 
 
 def _mean_root(each: Sequence[criteria.Criterion], robust: Robust) -> Array:

@@ -53,3 +53,11 @@ def test_predictions_over_ranges_are_those_of_each_theta(is_region):
     assert min(seen) >= design.worst.value * (1 - 1e-6)
     assert min(seen) == pytest.approx(design.worst.value, rel=1e-2)
     assert design.worst.value <= 1 / design.bound * (1 + 1e-9)
+
+
+def test_designs_of_a_region_are_compared_by_the_mean_that_they_were_made_for():
+    """The best weights for I over a region are the best in a comparison under I."""
+    best = edtk.relax(CUBIC, criterion="I")
+    told = edtk.compare({"best": best}, criteria=["I"]).to_frame()
+    assert told["efficiency I"].item() == pytest.approx(1.0, rel=1e-6)
+    assert told["I"].item() == pytest.approx(best.value, rel=1e-9)

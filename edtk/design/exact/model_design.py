@@ -64,6 +64,21 @@ class Places:
         return cls(region.rows_at(x), region.variables, x)
 
 
+def places_of(model: Problem | Region, name: str) -> dict[str, Any]:
+    """Where a model predicts for a criterion that does not say where: at all its places.
+
+    Those of a problem are its candidates. Of a region a mean of predictions (I) is that over all
+    points, see `Region.mean_over_points`; the largest one is that over a grid with the walls, of
+    some 2,000 points.
+    """
+    if isinstance(model, Problem):
+        return {"points": model.factors()}
+    if "weights" in criteria.parameters_of(name):
+        rows, weights = model.mean_over_points()
+        return {"points": rows, "weights": weights}
+    return {"points": model.rows_at(RegionGrid.of(model, PREDICTED_PLACES).x)}
+
+
 @dataclass(frozen=True, eq=False)
 class ModelDesign:
     """A design, seen as the rows that it measures.
@@ -311,7 +326,7 @@ class ModelDesign:
         """Criteria by their labels; by default those that any model has.
 
         They are its own, D, A, E, the largest variance of a parameter (G), and the mean and the
-        largest variance of predictions at `places`: I, and prediction_G where it has a bound.
+        largest variance of predictions, see `places_of`: I, and prediction_G where it has a bound.
 
         Raises:
             ArgumentError: A criterion has no bound.
@@ -319,7 +334,7 @@ class ModelDesign:
         if names is not None:
             found = [
                 criteria.as_criterion(
-                    one, self.parameters, lambda name: {"points": self.places.rows}
+                    one, self.parameters, lambda name: places_of(self.model, name)
                 )
                 for one in names
             ]
@@ -332,7 +347,7 @@ class ModelDesign:
             return {one.label: one for one in found}
         asked: list[Criterion] = [self.criterion] if isinstance(self.criterion, Relaxable) else []
         asked += [criteria.create(name) for name in ("D", "A", "E", "G")]
-        asked.append(criteria.create("I", points=self.places.rows))
+        asked.append(criteria.create("I", **places_of(self.model, "I")))
         if self.largest_prediction is not None:
             asked.append(self.largest_prediction)
         return {one.label: one for one in asked}
