@@ -110,16 +110,18 @@ class DeterminantPrices(Prices):
         as `rest`.
         """
         o = self.pricing.rows[self.places[:, place]]
-        self.root, self.center = 1.0, None
+        self.center = None
         if self.pricing.limits.blocks:
             center, scale = self.pricing.scatter.joining(self.places, place)
-            self.root, self.center = float(np.sqrt(scale)), center[:, 0]
+            self.center = center[:, 0]
+            self.root = float(np.sqrt(scale))
             o = self.root * (o - self.center)
         o = o[:, :, None]
         self.along = self._sides(self.cov, (self.cov @ o)[:, :, 0])
         self.own = (self.along @ o)[:, :, 0]
         self.reached = self.along @ self.pricing.turned
-        self.joint, self.met = self.reached, self.squares
+        self.joint = self.reached
+        self.met = self.squares
         if self.center is not None:
             self._meet(self.center[:, :, None])
         self.rest = 1.0 - self.own[:, 0]
