@@ -11,6 +11,7 @@ from edtk.cell.shapes import Body, Box
 from edtk.certificate.certificate import certificate
 from edtk.certificate.verify_certificate import verify_certificate
 from edtk.design.candidate_source import CandidateSource, NothingFreeError
+from edtk.design.exact import day_search
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.robots.rotations import transform
 from edtk.study.plan_study import plan_study, relax_study, source_of
@@ -83,6 +84,22 @@ def test_a_certificate_proves_the_bound_without_the_cell(study, plan):
     found = verify_certificate(content)
     assert found.valid
     assert content["claims"]["bound_searched"] == pytest.approx(plan.certified.bound)
+
+
+def test_a_certificate_holds_where_time_ends_between_both_searches(study, monkeypatch):
+    relaxed_in_time = day_search.relaxed_in_time
+
+    def ended(*arguments):
+        relaxed, interrupted = relaxed_in_time(*arguments)
+        free = replace(relaxed.on_candidates, without_cell=relaxed.without_cell)
+        return free, interrupted
+
+    monkeypatch.setattr(day_search, "relaxed_in_time", ended)
+    found = plan_study(study, SIZE, "D")
+    made = certificate(study, found)
+    assert "bound_searched" not in made["claims"]
+    assert made["proof"]["searched"] == []
+    assert verify_certificate(made).valid
 
 
 def test_words_say_which_bound_is_with_the_cell(plan):

@@ -106,9 +106,11 @@ class LoadTrial:
 
     def on_candidates(self) -> "LoadTrial":
         """The trial with the bound that is proved on candidates and the plan's own poses alone."""
-        if self.relaxed.searched_bound is None:
+        relaxed = self.relaxed
+        # With a cell, time may have ended between the searches without it and with it.
+        if relaxed.searched_bound is None and relaxed.certified.searched_bound is None:
             return self
-        return self.of(self.loads, self.relaxed.on_candidates, self.total, self.found)
+        return self.of(self.loads, relaxed.on_candidates, self.total, self.found)
 
     def or_better(self, earlier: "LoadTrial | None") -> "LoadTrial":
         """The trial with what an earlier one knew better: its plan, and its bound of this kind."""
