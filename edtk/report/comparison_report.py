@@ -58,6 +58,7 @@ RELAXATION = (
 )
 PLATE = "poses.png"
 USUAL_LABEL = 20  # which have their place
+LEAST_HEAT_MAP = (4.8, 3.0)  # for the title and the label of the colours [inch]
 
 
 def comparison_report(run: StudyRun, sizes: Iterable[Efficiencies]) -> str:
@@ -325,7 +326,7 @@ def _heat_map(found: Efficiencies) -> "Figure":
     longer = max(0, *(len(name) - USUAL_LABEL for name in plans))
     width = 1.8 + 0.62 * len(found.names) + 0.09 * longer
     height = 1.1 + 0.36 * len(plans) + room_for(found.names)
-    figure = new_figure(width, height)
+    figure = new_figure(max(width, LEAST_HEAT_MAP[0]), max(height, LEAST_HEAT_MAP[1]))
     ax = figure.add_subplot()
     heat_map(100 * found.values, plans, found.names, ax)
     ax.set_title(f"Efficiency of plans of {found.size} experiments, by criterion", fontsize=10)

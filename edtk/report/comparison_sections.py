@@ -165,9 +165,9 @@ def fewer_poses(run: StudyRun) -> str:
     asked = run.table[run.table["kind"] == "distinct"]
     some = asked[asked[main].notna()]
     if some.empty:
-        return (
-            f"{'No size allows' if asked.empty else 'No plan was found of'} fewer distinct poses.\n"
-        )
+        reasons = ", or ".join(map(str, asked["reason"].unique()))
+        none = f"No plan of fewer distinct poses was found: {reasons}.\n"
+        return "No size allows fewer distinct poses.\n" if asked.empty else none
     numbers = sorted(some["distinct_at_most"].unique())
     rows = []
     advice = []

@@ -5,6 +5,7 @@ import numpy as np
 from criteria.linalg.inverse import TINY
 from edtk.calibration.spring_calibration import SpringCalibration
 from edtk.findings.causes.family import NOISE, Cause
+from edtk.findings.causes.wrong_pose import FITS
 from edtk.findings.finding import Finding, leading_digit, row_names, shown_probability
 from edtk.findings.noise import UNLIKELY_NOISE
 from edtk.fit.estimate_noise import NoiseEstimate
@@ -548,8 +549,10 @@ def residual_causes(found: SpringCalibration) -> list[str]:
 
 
 def _told(found: SpringCalibration) -> bool:
-    """Whether errors of joints or model, which visits tell, explain the residuals."""
-    return found.noise is not None and found.fitted.common_noise
+    """Whether errors of joints or model, which visits tell, or outliers explain the residuals."""
+    set_aside = (one.data["p_rest"] for one in found.findings if one.kind == "outliers")
+    others_fit = any(p is not None and p > FITS for p in set_aside)
+    return others_fit or (found.noise is not None and found.fitted.common_noise)
 
 
 def _repetitions(found: SpringCalibration, test: LackOfFit) -> str:

@@ -178,6 +178,18 @@ def test_what_identify_writes_is_read(given, tmp_path):
     assert found.uncompensated > 1.01 * np.linalg.norm(STUDY.target @ [*K.values()])
 
 
+def test_a_fit_of_the_loaded_equilibrium_leaves_nothing_by_a_linear_model(given):
+    """Its bias is zero: neither rounding errors nor words tell of one."""
+    k, task, _ = given
+    content = json.loads(k.read_text(encoding="utf-8"))
+    k.write_text(json.dumps(content | {"k_bias": dict.fromkeys(K, 0.0)}), encoding="utf-8")
+    assert [row["linear_model"] for row in json.loads(edtk(PATH, k, task, "--json").stdout)] == [
+        0,
+        0,
+    ]
+    assert "linear model" not in edtk(PATH, k, task).stdout
+
+
 @pytest.mark.parametrize(
     ("rows", "message"),
     [

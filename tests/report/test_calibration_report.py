@@ -27,7 +27,12 @@ from edtk.report.calibration_sections import facts_section
 from edtk.report.draw.bars import error_budget, intervals
 from edtk.report.draw.residuals import drawn_rows, quantiles
 from edtk.report.shown import digits
-from edtk.report.spring_report import evaluated_facts, measured_facts, spring_verdict
+from edtk.report.spring_report import (
+    evaluated_facts,
+    measured_facts,
+    residual_causes,
+    spring_verdict,
+)
 from edtk.study.study import load_study
 from edtk.version import __version__
 
@@ -98,6 +103,7 @@ def test_one_bad_measurement():
     text = spring_verdict(found)
     assert level_of(text) == "bad"
     assert "Row 5: outlier" in text
+    assert "None of the faults" not in " ".join(residual_causes(found))
     assert f"{found.fit.scale:.3g} times what the stated noise allows" in text
     assert "Expect an error" not in text
 

@@ -128,4 +128,4 @@ def test_a_plan_that_was_not_begun_has_no_efficiency(tmp_path, relaxed):
     text = text_of(replace(run, table=table))
     best = rows_of(text.split("## Which plan is best")[1].split("##")[0])
     assert best["4"][:2] == ["-", "-"]
-    assert "No plan was found of fewer distinct poses." in text
+    assert "No plan of fewer distinct poses was found: the time was over before" in text

@@ -4,10 +4,13 @@ import re
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from edtk.calibration.planned import plan_bias
 from edtk.design.plan import Plan
+from edtk.report.comparison_report import _heat_map
+from edtk.report.comparison_sections import Efficiencies
 from edtk.report.draw.bars import heat_map
 from edtk.report.draw.names import MOST_SIGNS, short_names
 from edtk.report.tables import name_width, number_columns
@@ -60,6 +63,16 @@ def test_short_names(names, expected):
     if expected is not None:
         assert found == expected
         assert all(len(name) <= MOST_SIGNS for name in found)
+
+
+def test_a_small_heat_map_shows_its_title_and_label():
+    """Nothing is cut off where few plans are held against few criteria."""
+    figure = _heat_map(Efficiencies(4, ["rho0", "D"], ["random"], np.full((1, 2), 50.0), ""))
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    drawn = figure.get_tightbbox(canvas.get_renderer())
+    assert (drawn.min >= 0).all()
+    assert (drawn.max <= figure.get_size_inches()).all()
 
 
 def test_names_of_a_heat_map():

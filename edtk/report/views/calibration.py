@@ -47,7 +47,7 @@ MOST_MARKERS = 12  # whose places are listed
 # What makes each part smaller.
 ADVICE = {
     "noise": "measure more experiments, or with less noise",
-    "model": "fit the loaded equilibrium, and the springs that the model lacks",
+    "model": "look for the springs that the model lacks, with edtk identify --extend",
     "load": "weigh the load, and measure its direction",
     "tool": "measure where the tool point and the marker are",
     "rigid_joints": "identify the joints that count as rigid too, or bound their compliances",
