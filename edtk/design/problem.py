@@ -104,6 +104,7 @@ class Problem(WeightedCandidates):
     # Whitened rows (k, r, p) of other frames with the same columns; None where they are not known.
     rows_of: "Callable[[pd.DataFrame], Array] | None" = None
     _linear: LinearFormula | None = None
+    _sigma: Array | float = 1.0
 
     @checked
     def __init__(
@@ -114,11 +115,18 @@ class Problem(WeightedCandidates):
         prior: ArrayLike | None = None,
     ) -> None:
         self._set(rows_of_blocks(blocks, sigma), parameters, prior)
+        self._sigma = np.asarray(sigma, dtype=float)
         self.is_exact = True
         named_twice = {name for name in self.parameters if self.parameters.count(name) > 1}
         if named_twice:
             raise UserError(f"several parameters have the name {min(named_twice)!r}")
         require_information(self.prior)
+
+    def sigma_of(self, rows: int) -> Array:
+        """Standard deviations (n, rows) by which the given rows of each candidate were divided."""
+        sigma = np.asarray(self._sigma)
+        each = sigma[:, None] if sigma.shape == (self.n,) != (rows,) else sigma
+        return np.broadcast_to(each, (self.n, rows))
 
     @classmethod
     @checked

@@ -158,6 +158,42 @@ def test_terms_beyond_may_be_given(designs):
     assert of_region.shape == (2, 1)
 
 
+def test_products_with_a_factor_are_beyond_a_model_of_main_effects():
+    """Each level but the first has its products, and a text that is in no model has none."""
+    runs = edtk.candidates.full_factorial({"x": [-1.0, 1.0], "z": [-1.0, 1.0], "oven": [*"lrt"]})
+    labelled = runs.assign(label=[f"run {i}" for i in runs.index])
+    problem = edtk.Problem.from_frame(labelled, "x * z + oven")
+    plan = edtk.plan(problem, size=8, starts=4)
+    names, bias = ModelDesign.of(plan).aliases()
+    assert names == ("x oven[r]", "x oven[t]", "z oven[r]", "z oven[t]")
+    X = problem.factors(plan.experiments)[:, 0]
+    chosen = runs.iloc[plan.experiments]
+    Z = chosen[["x"]].to_numpy() * (chosen[["oven"]].to_numpy() == ["r", "t"])
+    np.testing.assert_allclose(bias[:, :2], np.linalg.lstsq(X, Z, rcond=None)[0], atol=1e-12)
+    assert plan.plot(kind="alias").images[0].get_array().shape == (6, 4)
+
+
+@pytest.mark.parametrize("sigma", [0.1, np.linspace(0.1, 3, len(X))])
+def test_a_bias_is_in_units_of_its_term_whatever_the_noise(sigma):
+    """Weighted least squares of the term itself, where sigma is not one."""
+    columns = np.stack([X**0, X, X**2], axis=-1)
+    plan = edtk.plan(edtk.Problem(columns[:, None, :], sigma=sigma), size=5, starts=4)
+    weights = np.sqrt(plan.counts)[:, None] / np.reshape(sigma, (-1, 1))
+    expected = np.linalg.lstsq(weights * columns, weights * X[:, None] ** 3, rcond=None)[0]
+    found = ModelDesign.of(plan).aliases({"x^3": X**3})[1]
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+    names, own = ModelDesign.of(plan).aliases()
+    assert names == ("k2 k3",)
+    np.testing.assert_allclose(own, expected, atol=1e-9)
+
+
+def test_a_bias_over_a_region_is_in_units_of_its_term():
+    """A cube beside a parabola is a slope, whatever the noise."""
+    region = edtk.Region(lambda x: [1, x, x**2], -1, 1, sigma=0.1)
+    _, bias = ModelDesign.of(edtk.relax(region)).aliases(lambda x: x**3)
+    np.testing.assert_allclose(bias[:, 0], [0, 1, 0], atol=1e-6)
+
+
 def test_efficiencies_are_bounds_over_costs(designs):
     """Of a plan under D, A and the largest variance: against relaxations and Kiefer's p."""
     plan = designs["plan"]

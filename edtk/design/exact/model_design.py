@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -23,12 +23,16 @@ from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.relaxed_region import RelaxedRegion
 from edtk.design.relaxation.search_region import RegionGrid
 from edtk.system.errors import ArgumentError, UserError
-from edtk.system.typing import Array, Indices
+from edtk.system.typing import Array, Indices, Mask
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 PREDICTED_PLACES = 2000  # points of a region at which a design predicts
 FEWEST_PLACES = 200  # of them, below which they do not tell
 TEST_LEVEL = 0.05  # of a test
 LEFT_OF_COLUMN = 1e-9  # part of a column that others leave of it, below which it is theirs
+NUMBERS = "iuf"  # kinds of columns whose values are numbers; of others they are levels of a factor
 OPEN = 1e-13  # singular value, in parts of the largest in units of the columns, that is rounding
 
 Design = ProblemPlan | RegionPlan | Relaxation | RelaxedRegion
@@ -77,6 +81,25 @@ def places_of(model: Problem | Region, name: str) -> dict[str, Any]:
         rows, weights = model.mean_over_points()
         return {"points": rows, "weights": weights}
     return {"points": model.rows_at(RegionGrid.of(model, PREDICTED_PLACES).x)}
+
+
+def _coded(frame: "pd.DataFrame") -> tuple[tuple[str, ...], Indices, Mask, Array]:
+    """Columns (n, c) of a frame as numbers, with a column for each level of a factor but its first.
+
+    Returns:
+        Names (c,), of which column of the frame each is, whether it is a level, and the numbers.
+    """
+    found: list[tuple[str, int, bool, Array]] = []
+    for i, (name, column) in enumerate(frame.items()):
+        if column.dtype.kind in NUMBERS:
+            found.append((str(name), i, False, column.to_numpy(dtype=float)))
+            continue
+        values = column.to_numpy()
+        for level in sorted(set(values), key=str)[1:]:
+            found.append((f"{name}[{level}]", i, True, (values == level).astype(float)))
+    columns = np.reshape([one[3] for one in found], (len(found), len(frame))).T
+    of, is_level = np.array([one[1] for one in found]), np.array([one[2] for one in found], bool)
+    return tuple(one[0] for one in found), of, is_level, columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -357,39 +380,78 @@ class ModelDesign:
 
         Args:
             beyond: The terms: an array (n, q) of all candidates, or a function of points (k, d); a
-                mapping of names to columns (n,). By default products of two variables, or of two
-                regressors where the candidates have none.
+                mapping of names to columns (n,). By default products of two variables, levels of a
+                factor among them, or of two regressors where the candidates have none.
 
         Returns:
             Names (q,) of the terms, columns (k r, p) of the model, and (k r, q) of the terms.
         """
         X = self.support.rows.reshape(-1, self.p)
-        r = self.support.rows.shape[1]
         if beyond is None:
-            names, Z = self._products(X, r)
+            names, Z = self._products()
         else:
             names, Z = self._given(beyond)
-            Z = np.repeat(Z, r, axis=0)
-        return names, X, Z
+            Z = np.repeat(Z, self.support.rows.shape[1], axis=0)
+        return names, X, self._whitened(Z, self.chosen)
 
-    def _products(self, X: Array, r: int) -> tuple[tuple[str, ...], Array]:
-        """Products of two variables that the model does not have already."""
-        described = not isinstance(self.model, Problem) or self.model.frame is not None
-        names = self.support.names if described else self.parameters
-        own = np.repeat(self.support.values, r, axis=0) if described else X
-        pairs = list(combinations(range(len(names)), 2))
+    def _products(self) -> tuple[tuple[str, ...], Array]:
+        """Products (k r, q) of two variables that the model does not have already."""
+        names, of, every, own = self._variables()
+        pairs = [(i, j) for i, j in combinations(range(len(names)), 2) if of[i] != of[j]]
         if not pairs:
-            return (), np.zeros((len(X), 0))
-        Z = np.stack([own[:, i] * own[:, j] for i, j in pairs], axis=-1)
-        called = tuple(f"{names[i]} {names[j]}" for i, j in pairs)
-        # A term that all candidates have as a combination of columns is in the model already.
-        places = self.places
-        rows = places.rows.reshape(-1, self.p)
-        every = np.repeat(places.values, r, axis=0) if described else rows
-        whole = np.stack([every[:, i] * every[:, j] for i, j in pairs], axis=-1)
+            return (), np.zeros((len(own), 0))
+        i, j = np.transpose(pairs)
+        is_new = self._left_out(every[:, i] * every[:, j])
+        called = (f"{names[a]} {names[b]}" for a, b in pairs)
+        new = tuple(name for name, is_left in zip(called, is_new, strict=True) if is_left)
+        return new, own[:, i[is_new]] * own[:, j[is_new]]
+
+    def _variables(self) -> tuple[tuple[str, ...], Sequence[int], Array, Array]:
+        """Names (c,) of columns, of which variable each is, and the columns themselves.
+
+        A variable that is a number has one column. A factor of the model has one for each level but
+        the first, as in a formula. Candidates without a frame have their regressors.
+
+        Returns:
+            Names and variables (c,), and columns (n r, c) at all places, (k r, c) of the support.
+        """
+        r = self.support.rows.shape[1]
+        if isinstance(self.model, Region):
+            every, own = (np.repeat(at.values, r, axis=0) for at in (self.places, self.support))
+            return self.support.names, range(self.model.size), every, own
+        if self.model.frame is None:
+            every = self.places.rows * self.model.sigma_of(r)[..., None]
+            own = every[self.chosen].reshape(-1, self.p)
+            return self.parameters, range(self.p), every.reshape(-1, self.p), own
+        names, numbers, is_level, coded = _coded(self.model.frame)
+        of_model = ~(is_level & self._left_out(np.repeat(coded, r, axis=0)))
+        names = tuple(name for name, is_kept in zip(names, of_model, strict=True) if is_kept)
+        every = coded[:, of_model]
+        own = every[self.chosen]
+        return (
+            names,
+            numbers[of_model].tolist(),
+            np.repeat(every, r, axis=0),
+            np.repeat(own, r, axis=0),
+        )
+
+    def _left_out(self, Z: Array) -> Mask:
+        """Which terms (n r, q) at all places are no combination of the model's columns."""
+        rows = self.places.rows.reshape(-1, self.p)
+        whole = self._whitened(Z)
         left = whole - rows @ np.linalg.lstsq(rows, whole, rcond=None)[0]
-        new = np.linalg.norm(left, axis=0) > LEFT_OF_COLUMN * np.linalg.norm(whole, axis=0)
-        return tuple(name for name, is_new in zip(called, new, strict=True) if is_new), Z[:, new]
+        return np.asarray(
+            np.linalg.norm(left, axis=0) > LEFT_OF_COLUMN * np.linalg.norm(whole, axis=0)
+        )
+
+    def _whitened(self, Z: Array, chosen: Indices | None = None) -> Array:
+        """Terms (k r, q) of some candidates, of all, or of points, divided by sigma as rows are."""
+        r = self.support.rows.shape[1]
+        if isinstance(self.model, Region):
+            sigma = np.broadcast_to(self.model.judged_by[0], (len(Z) // r, r))
+        else:
+            sigma = self.model.sigma_of(r)[slice(None) if chosen is None else chosen]
+        return np.asarray(Z / sigma.reshape(-1, 1))
 
     def _given(self, beyond: Any) -> tuple[tuple[str, ...], Array]:
         """Terms (k, q) as they were given, with their names.

@@ -399,10 +399,7 @@ def _alias(design: ModelDesign, ax: "Axes", beyond: Any = None) -> None:
     """
     names, bias = design.aliases(beyond)
     if not names:
-        message = (
-            "the model leaves out no product of two numeric variables; expected the terms that it "
-            "leaves out, such as those of a factor"
-        )
+        message = "the model leaves out no product of two variables; expected what it leaves out"
         raise ArgumentError(message, argument="beyond")
     largest = float(np.abs(bias).max()) or 1.0
     label = "bias of the estimate / coefficient of the term"
