@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from edtk.commands.shared import FilePath, json_option, show, warn_about
+from edtk.commands.shared import FilePath, Whole, json_option, show, warn_about
 
 
 @click.command("predict", short_help="Predict readings in other poses, with bands.")
@@ -13,7 +13,7 @@ from edtk.commands.shared import FilePath, json_option, show, warn_about
 @click.argument("poses", type=FilePath)
 @click.option(
     "--tool-rows",
-    type=click.IntRange(min=0),
+    type=Whole(min=0),
     default=0,
     help="So many rows at the beginning of POSES place the markers on the tool anew.",
 )

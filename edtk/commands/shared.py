@@ -226,6 +226,8 @@ FolderPath = NamedPath(path_type=Path, file_okay=False)
 class Range(click.FloatRange):
     """A range of numbers that rejects NaN."""
 
+    name = "number"
+
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Convert to a number in the range.
 
@@ -238,7 +240,13 @@ class Range(click.FloatRange):
         return number
 
 
-class Number(click.IntRange):
+class Whole(click.IntRange):
+    """A range of whole numbers."""
+
+    name = "integer"
+
+
+class Number(Whole):
     """A whole number from 1 on, whose limit is written with few digits."""
 
     def __init__(self, most: int) -> None:
@@ -267,9 +275,7 @@ def time_until(end: float | None) -> float | None:
 
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, in SI units.")
-seed_option = click.option(
-    "--seed", type=click.IntRange(min=0), help="Seed [default: the study's]."
-)
+seed_option = click.option("--seed", type=Whole(min=0), help="Seed [default: the study's].")
 criterion_option = click.option(
     "--criterion",
     help="Criterion to optimise [default: rho0 if the study optimises it, else its first].",
@@ -279,7 +285,7 @@ certificate_option = click.option(
 )
 workers_option = click.option(
     "--workers",
-    type=click.IntRange(min=1),
+    type=Whole(min=1),
     help="Processes on this machine [default: one a core].",
 )
 dask_option = click.option(
@@ -348,7 +354,7 @@ _OPTIONS = (
         type=Range(min=1e-4, max=0.5),
         help="Monte-Carlo error of standard deviations, relative.  [default: 0.01]",
     ),
-    click.option("--most", type=click.IntRange(min=1), help="Limit on steps.  [default: 60000]"),
+    click.option("--most", type=Whole(min=1), help="Limit on steps.  [default: 60000]"),
     click.option(
         "--chain", type=FilePath, help="Keep the chain (HDF5), and go on from a kept one."
     ),

@@ -5,7 +5,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from edtk.commands.shared import FilePath, Range, json_option, print_out, show, warn, warn_about
+from edtk.commands.shared import (
+    FilePath,
+    Range,
+    Whole,
+    json_option,
+    print_out,
+    show,
+    warn,
+    warn_about,
+)
 from edtk.system.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -20,9 +29,7 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Columns for unloaded and loaded positions, not displacements.",
 )
-@click.option(
-    "--markers", type=click.IntRange(1, 100), help="Rows for so many markers in each repetition."
-)
+@click.option("--markers", type=Whole(1, 100), help="Rows for so many markers in each repetition.")
 @click.option(
     "--program",
     "writer",

@@ -90,7 +90,10 @@ class Formula:
         others = [name for name in found if name not in parameters and name not in CONSTANTS]
         if variables is None and len(others) > 1:
             known = ", ".join(others)
-            message = f"expected the order of {known}, unless theta has a value of one of them"
+            message = (
+                f"{shown} has {known} beside the parameters; expected one variable, or all of them "
+                "in the order of the points' columns"
+            )
             raise ArgumentError(message, argument="variables")
         columns = tuple(others) if variables is None else tuple(variables)
         unknown = [name for name in others if name not in columns]

@@ -114,7 +114,10 @@ def first_choices(robot: Robot, payload: float | None = None) -> FirstChoices:
     frames = robot.frames(q)
     room, height = _constraint(np.ones(len(q), bool), frames.position[2], HEIGHTS, reach)
     radius = np.hypot(frames.position[0], frames.position[1])
-    room, least_radius = _constraint(room, radius, RADII, reach)
+    # An arm on a track may stand aside of that axis, which then keeps the tool away from nothing.
+    aside = np.hypot(*frames.origins[first][:2]).max()
+    radii = RADII if aside < RADII[0] * reach else ()
+    room, least_radius = _constraint(room, radius, radii, reach)
     free = [j for j in range(robot.n) if robot.joint_names[j] not in fixed]
     return FirstChoices(
         reach=reach,

@@ -14,7 +14,7 @@ from edtk.measure.expected_error import SOFTEST, WITHIN, ExpectedError, compensa
 from edtk.measure.pose_table import of_file_units
 from edtk.robots.weights import GRAVITY
 from edtk.robots.workspace import neighbourhood
-from edtk.study.study_model import own_scale
+from edtk.study.study_model import on_robot, own_scale
 from edtk.study.study_objects import StudyObjects
 from edtk.study.tables_of_task import Tool
 from edtk.system.typing import Array, Indices
@@ -62,7 +62,7 @@ def plausibility(study: StudyObjects) -> tuple[Finding, ...]:
     if length > LONGEST_LINKS:
         # Nothing else can be judged by such an arm.
         return (Finding.of(Severity.WARNING, WORDING, "long_links", length=length),)
-    checks = (_tools, _pose_unit, _upwards, _in_cell, *study.kind.hard_to_believe)
+    checks = (_tools, _markers, _pose_unit, _upwards, _in_cell, *study.kind.hard_to_believe)
     return tuple(one for check in checks for one in check(study))
 
 
@@ -94,6 +94,16 @@ def _tools(study: StudyObjects) -> Iterator[Finding]:
             yield Finding.of(Severity.WARNING, WORDING, "short_tool", **there)
         elif length > LONGEST_TOOL * links > 0:
             yield Finding.of(Severity.WARNING, WORDING, "long_tool", links=links, **there)
+
+
+def _markers(study: StudyObjects) -> Iterator[Finding]:
+    """Markers that are counted from the flange, as the tool point is."""
+    tool = study.specification.tool
+    for marker, name in on_robot(study):
+        if tool is None or marker.joint is not None or not any(marker.position_mm):
+            continue
+        if tuple(marker.position_mm) == tuple(tool.position_mm):
+            yield Finding.of(Severity.WARNING, WORDING, "marker_as_tool", name=name)
 
 
 def _pose_unit(study: StudyObjects) -> Iterator[Finding]:
@@ -412,6 +422,10 @@ WORDING: Wording = {
     "short_tool": lambda data: f"{_of_tool(data)}; is it given in metres?",
     "long_tool": lambda data: (
         f"{_of_tool(data)}, and all links together are {1e3 * data['links']:.3g} mm long"
+    ),
+    "marker_as_tool": lambda data: (
+        f"marker {data['name']}: its position_mm is that of the tool, but is counted from the tool "
+        "point; expected [0, 0, 0] where the marker is at the tool point"
     ),
     "angle_unit": lambda data: (
         f"{data['key']}: all angles are within {data['largest']:.3g} deg of zero; are they in "

@@ -91,7 +91,7 @@ def test_a_plan_says_what_a_wrong_guess_of_the_springs_costs():
     cost = designed.criterion("D").cost(designed.information(found.plan))
     assert one.efficiency == pytest.approx(bound.cost / cost, rel=1e-3)
     assert 0.5 < one.efficiency < 1 + 1e-6
-    assert "guess       of the springs, [simulation]; its efficiency is" in found.summary()
+    assert "guess       of the springs, [simulation]; the plan's efficiency is" in found.summary()
     assert found.to_dict()["off_guess"][0]["factor"] == 0.5
     # Without a model error rows and noise do not depend on the guess.
     exact = study.replace(noise={"model_error_percent": 0})

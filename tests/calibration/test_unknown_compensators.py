@@ -225,7 +225,7 @@ def test_a_plan_says_what_a_wrong_guess_of_the_compensator_costs(monkeypatch):
     cost = question.criterion("D").cost(question.information(found.plan))
     bound = edtk.relax(weaker, "D", continuous=True).best_bound.scaled(4)
     assert found.off_guess[0].efficiency == pytest.approx(bound.cost / cost, rel=1e-3)
-    assert "of the compensators, in the robot; its efficiency is" in found.summary()
+    assert "of the compensators, in the robot; the plan's efficiency is" in found.summary()
 
 
 def test_a_guess_that_is_off_may_be_of_no_robot():

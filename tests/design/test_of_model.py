@@ -403,7 +403,7 @@ BAD = {
     "missing": ("a * x", [{"a": 1.0}, {"b": 1.0}], {"robust": "bayes"}, r"^theta: has b; expected"),
     "code": ("__import__('os')", [1.0], {}, r"^f: .* is no formula: there is no function"),
     "attribute": ("a.real * x", {"a": 1.0}, {}, r"^f: .* no formula: expected numbers, names"),
-    "variables": ("a * x * y", {"a": 1.0}, {}, r"^variables: expected the order of x, y"),
+    "variables": ("a * x * y", {"a": 1.0}, {}, r"^variables: 'a \* x \* y' has x, y beside"),
     "unused": (
         "a * x",
         {"a": 1.0, "b": 2.0},

@@ -137,7 +137,7 @@ def _value(option: click.Option, rng: Random) -> str:
         return rng.choice(HARMLESS[name])
     if isinstance(option.type, click.Path):
         return nasty.path(rng)
-    numeric = option.type.name in ("integer", "float", "integer range", "float range")
+    numeric = option.type.name in ("integer", "float", "number")
     if numeric or rng.random() < 0.5:
         return nasty.number(rng) if rng.random() < 0.9 else nasty.text(rng)
     return nasty.text(rng)

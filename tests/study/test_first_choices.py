@@ -57,6 +57,14 @@ ROBOTS = {
         ([0, 0, 0.126], [0, 0, 1], TURN),
     ),
     "planar": robot_of(([0, 0, 1], [0, 1, 0], TURN), ([0.7, 0, 0], [0, 1, 0], TURN)),
+    "track": robot_of(
+        ([0, 0, 0.4], [0, 1, 0], slide(0, 4)),
+        ([0, 0, 0.3], [0, 0, 1], TURN),
+        ([0.15, 0, 0.3], [0, 1, 0], TURN),
+        ([0, 0, 0.7], [0, 1, 0], TURN),
+        ([0.3, 0, 0.1], [1, 0, 0], TURN),
+        ([0.4, 0, 0], [0, 1, 0], TURN),
+    ),
     "gantry": robot_of(
         ([0, 0, 2], [1, 0, 0], slide(0, 3)),
         ([0, 0, 0], [0, 1, 0], slide(0, 2)),
@@ -107,6 +115,12 @@ def test_a_weight_does_not_turn_an_upright_joint() -> None:
     sideways = first_choices(ROBOTS["scara"])
     assert sideways.force[2] == 0
     assert sideways.fixed == {"q3": 100.0}  # the middle of its range, for zero is its end
+
+
+def test_an_arm_on_a_track_keeps_no_distance_from_an_axis_far_away() -> None:
+    """The track stands in its middle, two metres from the world's z-axis."""
+    assert first_choices(ROBOTS["track"]).radius_mm is None
+    assert first_choices(ROBOTS["kr270"]).radius_mm is not None
 
 
 def test_the_load_is_one_that_any_arm_carries() -> None:

@@ -52,6 +52,10 @@ NONSENSE = {
         "test_pose.tool.position_mm: .* 0.986 mm .* metres",
     ),
     "tool too long": ({"tool": {"position_mm": [61150, 0, 0]}}, "tool.position_mm: .*together"),
+    "marker counted from the flange": (
+        {"marker": [{"name": "A", "position_mm": KEYS["tool"]["position_mm"]}]},
+        "marker A: its position_mm is that of the tool, .* expected .0, 0, 0.",
+    ),
     "robot in millimetres": (joints_in_millimetres(), "robot: .* 3505 m; .* millimetres"),
     "pose in radians": (in_radians(), "test_pose.q_deg: .* radians"),
     "noise": ({"measurement": {"sigma_mm": 50}}, "sigma_mm: 50 mm is more than the load bends"),

@@ -360,7 +360,7 @@ def off_guess(found: ExactPlan) -> list[str]:
             for one in own
         )
         if own:
-            lines.append(f"  guess       of the {of}, {where}; its efficiency is {each}")
+            lines.append(f"  guess       of the {of}, {where}; the plan's efficiency is {each}")
     return lines
 
 
