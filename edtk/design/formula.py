@@ -302,10 +302,24 @@ class LinearFormula:
         """Regressors (k, p) at the rows of another data frame.
 
         Raises:
-            ArgumentError: A column is missing, or a value is.
+            ArgumentError: A column is missing, or a value is, or a factor has a level of its own.
         """
         _require_frame(frame)
+        self._require_levels(frame)
         return _numbers(_by_formulaic(self.spec.get_model_matrix, frame))
+
+    def _require_levels(self, frame: "pd.DataFrame") -> None:
+        """Reject levels that no candidate has: formulaic would take them for the first one."""
+        words = self.frame.select_dtypes(exclude="number").columns
+        for name in words.intersection(frame.columns):
+            if str(name) not in map(str, self.spec.required_variables):
+                continue
+            known = set(self.frame[name])
+            other = [value for value in frame[name] if value not in known]
+            if other:
+                levels = ", ".join(sorted(map(str, known)))
+                message = f"{name} is {other[0]} in a row; expected {levels}"
+                raise ArgumentError(message, argument="frame")
 
 
 def noise_of_frame(frame: "pd.DataFrame", sigma: ArrayLike | str) -> ArrayLike:

@@ -52,7 +52,8 @@ def kept_candidates(keep: ArrayLike, n: int) -> Indices:
     """
     found = whole_numbers(keep)
     if found is None or found.ndim != 1 or not ((found >= 0) & (found < n)).all():
-        message = f"expected indices of candidates, from 0 to {n - 1}, or a Problem"
+        message = f"expected indices of candidates, from 0 to {n - 1}, "
+        message += "a data frame with their columns, or a Problem"
         raise ArgumentError(message, argument="keep")
     return found
 

@@ -40,7 +40,8 @@ def compare(
     Returns:
         Values and efficiencies, with `.to_frame()`. Efficiencies of problems and regions are
         against the bound of each criterion over the model of the first design, for as many
-        experiments as each has; of a study, against the best plan of these.
+        experiments as each has; of a study, or with a structure of errors, against the best plan
+        of these.
 
     Raises:
         UserError: One line that says what cannot be compared.
@@ -104,7 +105,8 @@ def _seen(name: str, design: Any, model: Problem | Region | None) -> ModelDesign
     if hasattr(design, "told_bound"):
         return ModelDesign.of(design)
     if not isinstance(model, Problem):
-        message = "expected a plan or weights; indices of candidates need a Problem as model"
+        message = "expected a plan or weights; plans of a robot need their study beside them, and "
+        message += "indices of candidates their Problem"
         raise ArgumentError(message, argument="designs", given=name)
     try:
         chosen = np.asarray(design)

@@ -169,3 +169,14 @@ def test_a_column_has_the_noise():
         edtk.Problem.from_frame(frame, "1 + x", sigma="noise")
     with pytest.raises(UserError, match=r"'noise' is no column; .* one of x, group, 3$"):
         edtk.Problem.from_frame(FRAME.assign(**{"3": X}).rename(columns={"3": 3}), "1 + x", "noise")
+
+
+def test_a_level_that_no_candidate_has_is_named():
+    """It would count as the first level, silently, where experiments at hand have a slip."""
+    problem = edtk.Problem.from_frame(FRAME, "x + group")
+    made = FRAME.iloc[:2].assign(group="slip")
+    with pytest.raises(UserError, match=r"group is slip in a row; expected "):
+        problem.regressors(made)
+    with pytest.raises(UserError, match=r"group is slip in a row"):
+        edtk.next(problem, made, 3)
+    assert len(edtk.Problem.from_frame(FRAME, "1 + x").regressors(made)) == 2

@@ -194,6 +194,49 @@ def test_a_bias_over_a_region_is_in_units_of_its_term():
     np.testing.assert_allclose(bias[:, 0], [0, 1, 0], atol=1e-6)
 
 
+@pytest.fixture(scope="module")
+def split():
+    """A split plot: four whole plots with one temperature each."""
+    levels = {"temp": [-1, 0, 1], "A": [-1, 1], "cat": [*"xyz"]}
+    problem = edtk.Problem.from_frame(
+        edtk.candidates.full_factorial(levels), "temp * A + I(temp**2) + cat"
+    )
+    errors = edtk.Errors.split_plot(["temp"], whole_plots=4, variance=1.0)
+    return edtk.plan(problem, size=12, errors=errors, starts=2)
+
+
+def test_a_term_of_the_model_is_its_own_alias_in_a_split_plot(split):
+    """Generalised least squares of a column of the model finds it, and nothing else."""
+    column = split.problem.frame.temp.to_numpy()
+    _, bias = ModelDesign.of(split).aliases({"temp": column})
+    own = [float(name == "temp") for name in split.problem.parameters]
+    np.testing.assert_allclose(bias[:, 0], own, atol=1e-9)
+
+
+def test_a_split_plot_is_not_held_against_bounds_of_independent_errors(split):
+    """Its own bound says 95 %; that of independent runs would say 51."""
+    with pytest.raises(UserError, match="a bound of the plan's own criterion alone"):
+        split.plot(kind="efficiencies")
+    found = edtk.compare([split])
+    assert (found.efficiencies == 1).all()
+    assert found.basis == "of the best of these designs"
+    assert found.headline().startswith("1 design under 6 criteria")
+
+
+def test_variances_of_a_mixture_are_of_mixtures():
+    """The third share is what two leave of one; where nothing is left there is no prediction."""
+    shares = edtk.candidates.simplex_lattice(3, 3)
+    plan = edtk.plan(edtk.Problem.from_frame(shares, "0 + A + B + C + A:B"), size=8, starts=2)
+    axes = plan.plot(kind="variance", factors=("A", "B"))
+    assert axes.get_xlabel().endswith("at C as the others leave room")
+    corner = edtk.criteria.create("c", c=[0, 0, 1, 0]).cost(plan.problem.information(plan.counts))
+    line = plan.plot(kind="variance", factors="A", at={"B": 0.0}).lines[0]
+    assert line.get_ydata()[0] == pytest.approx(corner, rel=1e-9)
+    beyond = plan.plot(kind="variance", factors="A", at={"B": 0.5}).lines[0]
+    x, y = beyond.get_data()
+    assert (np.isnan(y) == (x > 0.5 + 1e-9)).all()
+
+
 def test_efficiencies_are_bounds_over_costs(designs):
     """Of a plan under D, A and the largest variance: against relaxations and Kiefer's p."""
     plan = designs["plan"]

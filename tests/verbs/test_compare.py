@@ -60,7 +60,11 @@ def test_plans_of_a_study_are_under_its_criteria(tmp_path):
     [
         ([], {}, "designs: expected at least one"),
         (3, {}, "designs: expected a list of designs"),
-        ([[0, 5, 10]], {}, "designs 1: expected a plan or weights; indices"),
+        (
+            [[0, 5, 10]],
+            {},
+            "designs 1: expected a plan or weights; plans of a robot need their study",
+        ),
         ([[0, 5, 11]], {"model": PARABOLA}, "designs 1: expected indices of candidates, from 0 to"),
         ([[0.5]], {"model": PARABOLA}, "designs 1: expected indices"),
         ({"mine": [0, 0]}, {"model": PARABOLA}, "designs mine: tells too little for a value"),

@@ -47,7 +47,8 @@ class Comparison(Presented):
         least = np.nanmin(self.efficiencies, axis=1)
         best = int(np.nanargmax(least))
         return (
-            f"{len(self.names)} designs under {len(self.criteria)} criteria; {self.names[best]} is "
+            f"{len(self.names)} design{'s' * (len(self.names) > 1)} under {len(self.criteria)} "
+            f"criteri{'a' if len(self.criteria) > 1 else 'on'}; {self.names[best]} is "
             f"at least {least[best]:.1%} efficient under each"
         )
 
@@ -88,7 +89,9 @@ def compare_designs(
             raise ArgumentError(message, argument="designs", given=name)
     asked = first.other_criteria(criteria)
     costs = np.array([[one.cost(criterion) for criterion in asked.values()] for one in seen])
-    least = np.array([_bounds(first, asked, one.new) for one in seen])
+    # Bounds are of independent errors: what such a plan could reach, they do not tell.
+    of_best = any(one.arranged is not None for one in seen)
+    least = costs.min(axis=0) if of_best else np.array([_bounds(first, asked, m.new) for m in seen])
     senses = [criterion.sense for criterion in asked.values()]
     values = [printed_form(costs[:, i], sense) for i, sense in enumerate(senses)]
     return Comparison(
@@ -97,7 +100,7 @@ def compare_designs(
         tuple(asked),
         np.stack(values, axis=-1),
         least / costs,
-        OF_BOUND,
+        OF_BEST if of_best else OF_BOUND,
         seen,
     )
 

@@ -115,7 +115,7 @@ class ModelDesign:
         known: What is known beside them, shared by `size` experiments; None for nothing.
         kept: Number of experiments at hand that are none of the support.
         chosen: Numbers (k,) of the support among the candidates; None in a region.
-        turned: Rows (k, p) of all runs, whitened, where their errors hang together.
+        arranged: The plan, where the errors of its runs hang together.
     """
 
     criterion: Criterion
@@ -126,7 +126,7 @@ class ModelDesign:
     known: Known | None
     kept: int = 0
     chosen: Indices | None = None
-    turned: Array | None = None
+    arranged: ArrangedPlan | None = None
 
     @classmethod
     def of(cls, design: Design) -> "ModelDesign":
@@ -151,7 +151,7 @@ class ModelDesign:
                 "blocks and experiments kept elsewhere are no candidates; expected counts alone"
             )
         found = cls.of_counts(problem, design.criterion, design.counts, design.size)
-        return replace(found, turned=design.turned) if isinstance(design, ArrangedPlan) else found
+        return replace(found, arranged=design) if isinstance(design, ArrangedPlan) else found
 
     @classmethod
     def of_counts(
@@ -209,7 +209,7 @@ class ModelDesign:
     def rows(self) -> Array:
         """Rows F (k, p) with ``F'F = M``: each times the root of its count, and what is known."""
         A = self.support.rows * np.sqrt(self.counts)[:, None, None]
-        parts = [A.reshape(-1, self.p) if self.turned is None else self.turned]
+        parts = [A.reshape(-1, self.p) if self.arranged is None else self.arranged.turned]
         if self.known is not None:
             # Weights are of one experiment, and new experiments share what is known.
             parts.append(np.sqrt(float(self.counts.sum())) * self.known.root)
@@ -486,8 +486,14 @@ class ModelDesign:
         """Names (q,) of terms that the model leaves out, and the bias (p, q) that each brings.
 
         It is ``inv(M) X1' X2``: what the estimates change by if the term's coefficient is one.
+        Where errors hang together, their precision stands between X1' and X2.
         """
         names, X, Z = self.columns(beyond)
+        if self.arranged is not None:
+            assert self.chosen is not None
+            runs = np.searchsorted(self.chosen, self.arranged.places)
+            Z = self.arranged.turn(Z.reshape(len(self.chosen), -1, len(names))[runs])
+            return names, np.asarray(self.covariance @ (self.arranged.turned.T @ Z))
         w = np.repeat(self.counts, self.support.rows.shape[1])
         return names, np.asarray(self.covariance @ (X.T @ (w[:, None] * Z)))
 

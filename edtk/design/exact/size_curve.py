@@ -55,7 +55,7 @@ def size_curve(design: Design, sizes: Iterable[int] | None = None) -> SizeCurve:
     seen = ModelDesign.of(design)
     if isinstance(design, ProblemPlan) and design.spent is not None:
         raise UserError("a plan within a budget has no number of experiments of its own")
-    if seen.turned is not None:
+    if seen.arranged is not None:
         raise UserError("a structure of errors is one of so many runs; plan each size by itself")
     made = _made(design)
     rows = seen.support.rows.shape[1]

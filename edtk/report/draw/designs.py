@@ -17,14 +17,16 @@ from edtk.design.region import Region
 from edtk.report.draw.names import name_ticks, short_names
 from edtk.report.figures import BLUE, COLOURS, GREY, ORANGE, panels
 from edtk.report.shown import plain
-from edtk.system.errors import ArgumentError
-from edtk.system.typing import Array
+from edtk.system.errors import ArgumentError, UserError
+from edtk.system.typing import Array, Mask
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.axes import Axes
 
 FINE = 201  # points of a curve
 GRID = 81  # points along each axis of a map
+FLAT = 1e-9  # spread of candidates beside the largest, below which they lie in a plane
 DISTANT = 10.0  # ratio of two effects beyond which they share a logarithmic axis
 WRITTEN = 12  # columns up to which each cell of a map has its number
 AREA_OF_MOST = 120.0  # of the marker of the experiment that is made most often [square points]
@@ -122,12 +124,18 @@ def _variance(
     names = _factors(places, factors)
     where = [places.names.index(name) for name in names]
     others = _others(design.model, names, at or {})
-    evaluate = None if x is not None else _evaluation(design, others, names)
+    frame = design.model.frame if isinstance(design.model, Problem) else None
+    plane = None if frame is None else _Plane.of(frame, (*names, *(at or {})))
+    evaluate = None if x is not None else _evaluation(design, others, names, plane)
     draw_over = _variance_curve if len(names) == 1 else _variance_map
     draw_over(design, places, where, evaluate, ax)
     if evaluate is not None and others:
-        held = ", ".join(f"{plain(str(name))} = {_text(value)}" for name, value in others.items())
-        ax.set_xlabel(f"{ax.get_xlabel()}\nat {held}")
+        moved = [] if plane is None else plane.moved
+        held = [f"{plain(str(k))} = {_text(v)}" for k, v in others.items() if k not in moved]
+        if moved:
+            what = " and ".join(map(plain, moved))
+            held.append(f"{what} as the other{'s leave' if len(names) > 1 else ' leaves'} room")
+        ax.set_xlabel(f"{ax.get_xlabel()}\nat {', '.join(held)}")
 
 
 def _placed(design: ModelDesign, x: ArrayLike | None) -> Places:
@@ -197,7 +205,10 @@ def _others(
 
 
 def _evaluation(
-    design: ModelDesign, others: Mapping[str, Any], names: tuple[str, ...]
+    design: ModelDesign,
+    others: Mapping[str, Any],
+    names: tuple[str, ...],
+    plane: "_Plane | None",
 ) -> Callable[[Array], Array] | None:
     """Variances (k,) at values (k, 1 or 2) of the named variables; nan outside of a region.
 
@@ -207,7 +218,8 @@ def _evaluation(
     if isinstance(model, Problem):
         if model.rows_of is None:
             return None
-        return partial(_of_frame, design, model, others, names)
+        assert plane is not None
+        return partial(_of_frame, design, model, others, names, plane)
     region = model
 
     def variances(values: Array) -> Array:
@@ -229,6 +241,7 @@ def _of_frame(
     model: Problem,
     others: Mapping[str, Any],
     names: tuple[str, ...],
+    plane: "_Plane",
     values: Array,
 ) -> Array:
     """The same for candidates of a data frame."""
@@ -237,7 +250,62 @@ def _of_frame(
     # The first row brings the type of each column, as of categories.
     table = model.frame.iloc[np.zeros(len(values), dtype=int)].reset_index(drop=True)
     given = {name: values[:, i] for i, name in enumerate(names)}
-    return design.variances(model.rows_of(table.assign(**others, **given)))
+    table, inside = plane.moves(table.assign(**others, **given))
+    return np.where(inside, design.variances(model.rows_of(table)), np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class _Plane:
+    """Where the variables of candidates may be together: the shares of a mixture have the sum one.
+
+    The variables over which nothing is drawn move the least that leads there.
+
+    Attributes:
+        moved: Names (h,) of the variables that move; none where the candidates lie in no plane.
+        middle: A point (d,) of the plane.
+        across: Directions (c, d) in which the candidates do not differ.
+        low, high: Ranges (h,) of the variables that move.
+    """
+
+    names: list[str]
+    moved: list[str]
+    middle: Array
+    across: Array
+    low: Array
+    high: Array
+
+    @classmethod
+    def of(cls, frame: "pd.DataFrame", held: Iterable[str]) -> "_Plane":
+        """The plane of a frame's candidates, in which some variables are held."""
+        numbers = frame.select_dtypes("number")
+        x = numbers.to_numpy(dtype=float)
+        middle = x.mean(axis=0)
+        size = np.abs(x - middle).max(axis=0)
+        unit = np.where(size > 0, size, np.inf)
+        _, s, V = np.linalg.svd((x - middle) / unit)
+        rank = int((s > FLAT * s.max(initial=0.0)).sum())
+        across = V[rank:] / unit
+        free = ~np.isin(numbers.columns, list(held)) & (np.abs(across) * unit > FLAT).any(axis=0)
+        slack = FLAT * size
+        return cls(
+            [str(name) for name in numbers],
+            [str(name) for name in numbers.columns[free]],
+            middle,
+            across,
+            (x.min(axis=0) - slack)[free],
+            (x.max(axis=0) + slack)[free],
+        )
+
+    def moves(self, table: "pd.DataFrame") -> tuple["pd.DataFrame", Mask]:
+        """Points (k) in the plane, and whether they are in the ranges there."""
+        if not self.moved:
+            return table, np.ones(len(table), dtype=bool)
+        z = table[self.names].to_numpy(dtype=float)
+        free = [self.names.index(name) for name in self.moved]
+        back = np.linalg.pinv(self.across[:, free])
+        there = z[:, free] - (z - self.middle) @ self.across.T @ back.T
+        inside = np.all((there >= self.low) & (there <= self.high), axis=1)
+        return table.assign(**dict(zip(self.moved, there.T, strict=True))), inside
 
 
 def _variance_curve(
@@ -438,7 +506,16 @@ def _number(value: float, largest: float) -> str:
 
 
 def _efficiencies(design: ModelDesign, ax: "Axes", criteria: Sequence[Any] | None = None) -> None:
-    """Efficiencies against the bound of each criterion as bars, with their numbers."""
+    """Efficiencies against the bound of each criterion as bars, with their numbers.
+
+    Raises:
+        UserError: Bounds are of independent errors, and those of the design are not.
+    """
+    if design.arranged is not None:
+        raise UserError(
+            "a structure of errors has a bound of the plan's own criterion alone; edtk.compare "
+            "puts such plans side by side"
+        )
     asked = design.other_criteria(criteria)
     values = 100 * np.array([design.efficiency(one) for one in asked.values()])
     at = np.arange(len(values))

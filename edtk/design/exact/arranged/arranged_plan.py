@@ -70,10 +70,13 @@ class ArrangedPlan(ProblemPlan):
     @property
     def turned(self) -> Array:
         """Rows (m r, p) of all runs, whitened: their squares are what the runs tell."""
-        X = self.problem.factors(self.places)
-        m, r, p = X.shape
-        turned = root(self.structure.precision) @ X.reshape(m, r * p)
-        return np.asarray(turned.reshape(m * r, p))
+        return self.turn(self.problem.factors(self.places))
+
+    def turn(self, rows: Array) -> Array:
+        """Rows (m r, q), whitened, of rows (m, r, q) of the runs."""
+        m, r, q = rows.shape
+        turned = root(self.structure.precision) @ rows.reshape(m, r * q)
+        return np.asarray(turned.reshape(m * r, q))
 
     def to_frame(self) -> "pd.DataFrame":
         """Make a table with a run a row, in order: the groups that it is in, and its settings.
