@@ -41,6 +41,7 @@ from edtk.robots.frames import MM
 from edtk.robots.rotations import rotation, rotation_vectors
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry, study_marks
+from edtk.study.study_model import own_weights
 from edtk.system.typing import Array
 
 if TYPE_CHECKING:
@@ -184,6 +185,9 @@ class GeometricCalibration(Calibration):
         lines = [self._assumed_scale()]
         if not self.fit.fitted.bending.is_rigid:
             lines.append("the loads are as stated: 1 % of a load is 1 % of every compliance")
+            links, _ = own_weights(self.study)
+            if links is not None and not self.setting.reads_changes:
+                lines.append("the links weigh what the robot's file says, and bend it in each pose")
         given = self.study.kind.parameters(self.study)
         if given.tool and any(task.tool is not None for task in self.in_tasks):
             lines.append(

@@ -107,11 +107,11 @@ def first_error(error: ValidationError, model: type[BaseModel]) -> tuple[str, st
             return whole, f"has {number}; expected {expected}{also}"
         all_missing = (one["loc"] for one in error.errors() if one["type"] == "missing")
         missing = [_key(place) for place in all_missing if isinstance(place[-1], str)]
+        unknown = [_key(one["loc"]) for one in error.errors() if one["type"] == UNKNOWN]
+        also = f"; there is no key {', '.join(unknown)}" if unknown else ""
         if len(missing) > 1:
-            unknown = [_key(one["loc"]) for one in error.errors() if one["type"] == UNKNOWN]
-            also = f"; there is no key {', '.join(unknown)}" if unknown else ""
             return "", f"these keys are required: {', '.join(missing)}{also}"
-        return key, f"this key is required{meaning and f': {meaning}'}"
+        return key, f"this key is required{meaning and f': {meaning}'}{also}"
     if first["type"] == "too_long":
         number = first["ctx"]["max_length"]
         return key, f"has {first['ctx']['actual_length']} entries; expected {number} at most"

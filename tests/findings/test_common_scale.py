@@ -11,6 +11,7 @@ from gantry import ROBOT
 from geometry_sheets import OFFSETS, PLACE, STUDY, by_pose
 
 import edtk
+from edtk.robots.robot_file import robot_to_dict
 from edtk.study.study_geometry import StudyGeometry
 
 # Where the markers are on the tool was measured to five micrometres: lengths of 0.2 m.
@@ -56,6 +57,18 @@ def test_none_is_named_where_lengths_err_alone(tmp_path: Path) -> None:
     assert "for each 100 um/m" in said
     assert f"assumed: {said}" in found.summary()
     assert found.to_dict()["assumed"] == [said]
+
+
+@pytest.mark.parametrize("mass", [0.0, 50.0])
+def test_weights_of_links_are_said_to_be_assumed(mass: float, tmp_path: Path) -> None:
+    """They bend an arm of known springs in each absolute position."""
+    content = robot_to_dict(STUDY.robot)
+    for joint in content["joints"] if mass else ():
+        joint |= {"mass_kg": mass, "center_m": [0.1, 0, 0]}
+    known = {"known_rad_per_Nm": {"q2": {"value": 1e-9, "std": 1e-10}}}
+    study = STUDY.replace(robot=content, joints=known, load={"F_N": [0, 0, -9]})
+    said = identified(tmp_path, 0, 1.0, study).assumed
+    assert any("links weigh what the robot's file says" in line for line in said) == bool(mass)
 
 
 @pytest.mark.parametrize("size", [0.0, 3e-4])

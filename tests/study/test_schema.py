@@ -151,3 +151,14 @@ def test_all_missing_keys_are_said_at_once(tmp_path):
     )
     shown = "".join(traceback.format_exception(error.value))
     assert "pydantic" not in shown
+
+
+def test_a_slip_in_the_name_of_a_table_is_told_beside_the_key_that_it_leaves_out(tmp_path):
+    """A study with [parameters] needs no [joints]; one with [parameter] is asked for them."""
+    path = tmp_path / "study.toml"
+    text = 'robot = "kuka_kr270"\n[parameter]\n[measurement]\nsigma_mm = 0.1\n'
+    path.write_text(f"{text}[tool]\nposition_mm = [0, 0, 0]\n[load]\nF_N = [0, 0, -1]\n")
+    with pytest.raises(
+        UserError, match=r"joints: this key is required.*; there is no key parameter$"
+    ):
+        load_study(path)
