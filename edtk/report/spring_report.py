@@ -522,7 +522,8 @@ def _number(noise: NoiseEstimate, i: int, value: float, factor: float) -> tuple[
     if not noise.told[i]:
         return "not told apart", "-"
     std = noise.std[i]
-    return f"{factor * value:.3g}", leading_digit(factor * std) if np.isfinite(std) else "-"
+    shown = np.format_float_positional(factor * value, 3, False, False, trim="-")
+    return shown, leading_digit(factor * std) if np.isfinite(std) else "-"
 
 
 def residual_causes(found: SpringCalibration) -> list[str]:

@@ -243,28 +243,38 @@ def _page(
     ]
     return f"""# Exact plans on candidates
 
-`python studies/benchmarks/exact.py` wrote this file; it ends with code 1 if a row does not hold.
+`python studies/benchmarks/exact.py` wrote this file. It ends with code 1 if a row of
+the first or the last table does not hold.
+
+## Plans from many starts
 
 det(M/n)^(1/p) of full quadratic models, from {1 + STARTS} starts of one seed on one thread. A
 start of `edtk.plan` is a descent and five kicks, each with a descent of its own; a start of
-AlgDesign is one descent. Asked: the best determinant that AlgDesign was seen to find, and at most
-{MOST:g} times its time for a start. {machine()}.
+AlgDesign is one descent. A row holds if the determinant is the best that AlgDesign was seen to find
+("asked"), and a start takes at most {MOST:g} times as long as one of AlgDesign. {machine()}.
 
 {markdown_table(header, rows)}
 
-One start of exchange alone, `edtk.exchange` beside `optFederov(nRepeats=1)`, in milliseconds of the
-processor: as one of the many starts of a call ({TOGETHER}, or {MANY} of the small models), and as
-a call of its own; the least of {REPEATS} times. Asked is a ratio of {ALONE:g} at most. Ours
-exchanges the places in turn (Cook and Nachtsheim 1980), AlgDesign's makes the best of all exchanges
-(Fedorov 1972), in C. What ours spends on small models is Python, not arithmetic. AlgDesign 1.2.1.2
-was built from its sources, with R of Debian's r-base-core. It takes each candidate once, so that
-the nine of nine experiments are given to it twice. Where a start of it is singular, its call may
-end there: no answer then.
+## One start of exchange alone
+
+`edtk.exchange` beside `optFederov(nRepeats=1)`, in milliseconds of the processor. First a start is
+one of many of a call ({TOGETHER}, or {MANY} of the small models), then it is a call of its own; the
+least of {REPEATS} times. A ratio of {ALONE:g} at most was asked for. "hold" says whether the first
+ratio keeps to it, and then the second one.
+
+Ours exchanges the places in turn (Cook and Nachtsheim 1980). AlgDesign's makes the best of all
+exchanges (Fedorov 1972), in C. What ours spends on small models is Python, not arithmetic.
+AlgDesign 1.2.1.2 was built from its sources, with R of Debian's r-base-core. It takes each
+candidate once at most; of the nine candidates of quadratic 3^2 it is given two copies, or nothing
+could be exchanged. "no answer": one of its starts was singular, and its call ended with an error.
 
 {markdown_table(EXCHANGES, exchanges)}
 
-Saturated plans of a constant and p - 1 factors of two levels, over all corners; Hadamard's bound
-is one. The time is that of the whole call, with the bound that proves the plan.
+## Hadamard matrices
+
+Plans of p experiments for a constant and p - 1 factors of two levels, over all corners. By
+Hadamard's bound no determinant is above one. The time is that of the whole call, with the bound
+that proves the plan.
 
 {markdown_table(["n = p", "det(M/n)^(1/p)", "starts", "seconds", "holds"], cubes)}
 """

@@ -229,13 +229,14 @@ def _report(
             f"{machine()}, one thread, load average {load:.1f} while it ran. Written by "
             "`general.py` beside this file.\n",
             "## Gaussian rows\n",
-            "Seconds of a first call by the clock and of the processor, with all that it loads; "
-            "the bound is proved over all candidates.\n",
+            "Seconds of a first call by the clock and of the processor, with all that it loads. "
+            "The bound is proved over all candidates; the support has those with weight. What was "
+            "asked for, seconds and gap, stands last.\n",
             _large(large),
             "## Beside a direct cvxpy model\n",
-            "One program with a variable for every candidate, by Clarabel with cvxpy's default "
-            f"settings; of edtk the median of {LATER} calls after a first one, each of a new "
-            "problem. Seconds of the processor; solvers are loaded before.\n",
+            "The direct model is one program with a variable for every candidate, by Clarabel with "
+            f"cvxpy's default settings; of edtk it is the median of {LATER} calls after a first "
+            "one, each of a new problem. Seconds of the processor; solvers are loaded before.\n",
             _beside(mine, others),
             "## Geometry and springs of a robot\n",
             "KUKA KR 270, three markers, 10,000 candidate poses of which half are loaded, blocks "
@@ -243,8 +244,8 @@ def _report(
             _robots(robots),
             "## A million pose blocks\n",
             "KUKA KR 270, 5 parameters. Seconds of the processor, the least of three calls after a "
-            f"first one, and the same in pricing passes `z @ P` over the data; asked were {ASKED} "
-            "for all ten.\n",
+            "first one. A pass is the time of one product `z @ P`, which prices every pose once; "
+            f"{ASKED} passes were asked for, for all ten criteria together.\n",
             _million(million),
         ]
     )
