@@ -13,7 +13,7 @@ from gantry import STUDY as GANTRY_STUDY
 from kr270 import REQUIRED, TEST_POSE
 
 import edtk
-from edtk.report.show.page import page_data
+from edtk.report.show.page import page_data, page_html
 from edtk.report.show.plate import plate, plate_words
 from edtk.report.show.stage import Stage
 from edtk.study.study import Study
@@ -206,6 +206,30 @@ def test_controls_have_names_and_the_table_is_there_without_a_script(stages: dic
     for label in ("Pose before", "Next pose", "Pose, in the order of measuring"):
         assert f'aria-label="{label}"' in text
     assert len(text) < 100_000
+
+
+def test_rods_lead_on_where_a_link_has_no_body(tmp_path: Path) -> None:
+    """An arm whose URDF gives bodies to some links alone does not fall in two."""
+    box = '<collision><geometry><box size="0.1 0.1 0.3"/></geometry></collision>'
+    links = "".join(f'<link name="l{i}">{box if i in (0, 1, 3) else ""}</link>' for i in range(4))
+    joints = "".join(
+        f'<joint name="q{i + 1}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/>'
+        '<origin xyz="0 0 0.4"/><axis xyz="0 1 0"/><limit lower="-2" upper="2"/></joint>'
+        for i in range(3)
+    )
+    (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{links}{joints}</robot>')
+    study = Study(
+        robot=str(tmp_path / "arm.urdf"),
+        tool={"position_mm": [200, 0, 0]},
+        load={"F_N": [0, 0, -9]},
+        measurement={"sigma_mm": 0.1},
+        joints={"unknown": ["q1", "q2", "q3"]},
+        scene={},
+    )
+    stage = edtk.show(study, plan_for(study, 1, (0, 0, -9, 0, 0, 0))).stage
+    rods = {part.name: part.carrier for part in stage.parts if part.kind == "joint"}
+    assert rods == {"link 2": 1}
+    assert "links without a body are thin rods from joint to joint" in page_html(stage)
 
 
 def test_thousands_of_poses_stay_small(stages: dict) -> None:

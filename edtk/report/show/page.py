@@ -115,8 +115,11 @@ def _subtitle(stage: Stage) -> str:
     """What is to be seen, in a line."""
     more = f", of {len(stage.q) + stage.left_out}" if stage.left_out else ""
     parts = [stage.robot.name, f"{_counted(len(stage.q))}{more}", stage.ordered]
-    if any(part.kind == "joint" for part in stage.parts):
-        parts.append("bodies are a sketch from joint to joint")
+    sketched = {part.name for part in stage.parts if part.kind == "joint"}
+    if sketched:
+        whole = sketched >= {joint.name for joint in stage.robot.chain}
+        what = "bodies are a sketch" if whole else "links without a body are thin rods"
+        parts.append(f"{what} from joint to joint")
     return "; ".join(filter(None, parts))
 
 

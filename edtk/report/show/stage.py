@@ -275,7 +275,15 @@ def parts_of(study: Study) -> tuple[Part, ...]:
     parts = tuple(_part_of(body, study.robot, around) for body in bodies)
     if not any(part.carrier != WORLD and part.kind == "link" for part in parts):
         return (*skeleton(study.robot), *parts)
+    parts += tuple(_rods(study.robot, {part.carrier for part in parts if part.kind == "link"}))
     return parts if any(part.kind == "tool" for part in parts) else (*parts, *_thin_tool(study))
+
+
+def _rods(robot: Robot, drawn: set[int]) -> Iterator[Part]:
+    """Links of the sketch that lead on where a link has no body, in the colour of joints."""
+    for one in skeleton(robot):
+        if one.kind == "link" and one.carrier not in drawn | {WORLD}:
+            yield replace(one, kind="joint")
 
 
 def _names_of_scene(study: Study) -> frozenset[str]:
