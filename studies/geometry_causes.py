@@ -118,7 +118,7 @@ def main(out: Path) -> None:
         near = f"{int((np.abs(found[named, 1]) <= 1).sum())}" if fault == "moved" else ""
         bent = f"{100 * found[:, 2].mean():.0f} %"
         lines.append([name, runs, f"{100 * named.mean():.0f} %", near, bent])
-    head = ["days", "number", "named as moved", "at the pose or beside it", "as bent by a weight"]
+    head = ["days", "number", "named as moved", "days at the right pose +-1", "as bent by a weight"]
     text = (
         "# Causes of what a geometry leaves\n\nFigures of `python studies/geometry_causes.py`: an "
         "ABB IRB 120 by its drawing, of six "
