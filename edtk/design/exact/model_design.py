@@ -83,8 +83,10 @@ def places_of(model: Problem | Region, name: str) -> dict[str, Any]:
     return {"points": model.rows_at(RegionGrid.of(model, PREDICTED_PLACES).x)}
 
 
-def _coded(frame: "pd.DataFrame") -> tuple[tuple[str, ...], Indices, Mask, Array]:
+def _coded(frame: "pd.DataFrame", most: int) -> tuple[tuple[str, ...], Indices, Mask, Array]:
     """Columns (n, c) of a frame as numbers, with a column for each level of a factor but its first.
+
+    A factor of more levels than `most` has none.
 
     Returns:
         Names (c,), of which column of the frame each is, whether it is a level, and the numbers.
@@ -95,7 +97,8 @@ def _coded(frame: "pd.DataFrame") -> tuple[tuple[str, ...], Indices, Mask, Array
             found.append((str(name), i, False, column.to_numpy(dtype=float)))
             continue
         values = column.to_numpy()
-        for level in sorted(set(values), key=str)[1:]:
+        levels = sorted(set(values), key=str)
+        for level in levels[1:] if len(levels) <= most else ():
             found.append((f"{name}[{level}]", i, True, (values == level).astype(float)))
     columns = np.reshape([one[3] for one in found], (len(found), len(frame))).T
     of, is_level = np.array([one[1] for one in found]), np.array([one[2] for one in found], bool)
@@ -423,7 +426,7 @@ class ModelDesign:
             every = self.places.rows * self.model.sigma_of(r)[..., None]
             own = every[self.chosen].reshape(-1, self.p)
             return self.parameters, range(self.p), every.reshape(-1, self.p), own
-        names, numbers, is_level, coded = _coded(self.model.frame)
+        names, numbers, is_level, coded = _coded(self.model.frame, self.p + 1)
         of_model = ~(is_level & self._left_out(np.repeat(coded, r, axis=0)))
         names = tuple(name for name, is_kept in zip(names, of_model, strict=True) if is_kept)
         every = coded[:, of_model]

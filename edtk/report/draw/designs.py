@@ -277,12 +277,12 @@ class _Plane:
     @classmethod
     def of(cls, frame: "pd.DataFrame", held: Iterable[str]) -> "_Plane":
         """The plane of a frame's candidates, in which some variables are held."""
-        numbers = frame.select_dtypes("number")
+        numbers = frame.select_dtypes("number").dropna(axis=1)
         x = numbers.to_numpy(dtype=float)
         middle = x.mean(axis=0)
         size = np.abs(x - middle).max(axis=0)
         unit = np.where(size > 0, size, np.inf)
-        _, s, V = np.linalg.svd((x - middle) / unit)
+        _, s, V = np.linalg.svd(np.linalg.qr((x - middle) / unit, mode="r"))
         rank = int((s > FLAT * s.max(initial=0.0)).sum())
         across = V[rank:] / unit
         free = ~np.isin(numbers.columns, list(held)) & (np.abs(across) * unit > FLAT).any(axis=0)
