@@ -137,10 +137,11 @@ class ShortChain(Demand):
 @pytest.fixture(scope="session", autouse=True)
 def small_searches() -> Iterator[pytest.MonkeyPatch]:
     """Searches over all poses, those of `verify` too, look at fewer poses from fewer starts, and
-    those for a bound are two; searches for a plan end after one batch of starts, whose best plans
-    are kicked in one turn; chains of verbs and commands end after fifteen autocorrelation times.
-    What is found is judged as anything else; tests of the searches and of chains themselves choose
-    their own numbers, see `sharp_bounds` and `whole_searches`.
+    those for a bound are two; searches for a plan end after one batch of starts and without kicks,
+    in regions after eight starts, among listed candidates after a tenth of the effort; chains of
+    verbs and commands end after fifteen autocorrelation times. What is found is judged as anything
+    else; tests of the searches and of chains themselves choose their own numbers, see
+    `sharp_bounds` and `whole_searches`.
     """
     with pytest.MonkeyPatch.context() as patch:
         _make_searches_small(patch)
@@ -154,7 +155,10 @@ def _make_searches_small(patch: pytest.MonkeyPatch) -> None:
     patch.setattr("edtk.certificate.proof.OWN_DRAWS", 256)
     patch.setattr("edtk.certificate.proof.STARTS", 4)
     patch.setattr("edtk.study.plan_study.STARTS", 16)
-    patch.setattr("edtk.design.exact.search_record.KICK_TURNS", 1)
+    patch.setattr("edtk.design.exact.search_record.KICK_TURNS", 0)
+    patch.setattr("edtk.design.exact.plan_region.REGION_PLAN_STARTS", 8)
+    patch.setattr("edtk.design.exact.plan_region.GRID", 150)
+    patch.setattr("edtk.design.exact.counts.counts_search.EFFORT", 1e9)
     patch.setattr("edtk.fit.run_chain.Demand", ShortChain)
 
 
