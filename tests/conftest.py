@@ -159,6 +159,13 @@ def _make_searches_small(patch: pytest.MonkeyPatch) -> None:
     patch.setattr("edtk.design.exact.plan_region.REGION_PLAN_STARTS", 8)
     patch.setattr("edtk.design.exact.plan_region.GRID", 150)
     patch.setattr("edtk.design.exact.counts.counts_search.EFFORT", 1e9)
+    patch.setattr("edtk.design.exact.visit_search.VISIT_ROUNDS", 1)
+    patch.setattr("edtk.calibration.evaluate_geometry.VISIT_STARTS", 3)
+    patch.setattr("edtk.calibration.evaluate_geometry.SEARCHES", 2)
+    patch.setattr("edtk.verbs.of_arrays.POINTS", 1500)
+    patch.setattr("edtk.design.relaxation.relax_region.FIRST_POINTS", 200)
+    patch.setattr("edtk.design.theta_box.THETA_TRIED", 64)
+    patch.setattr("edtk.design.theta_box.SEARCHES", 3)
     patch.setattr("edtk.fit.run_chain.Demand", ShortChain)
 
 

@@ -86,10 +86,10 @@ MODELS = {
     "mixture 5": scheffe(lattice(5, 3)),
     "mixture 4 of 4": scheffe(lattice(4, 4)),
 }
-# AlgDesign 1.2.1.2. "Printed" is in its vignette, where that is no worse than the repeats. The others are the best of 100 repeats of its
-# exchange on candidates of its manual; the number is that of the design which it returned, worked
-# out anew. D is det(M)^(1/p), A trace(inv(M))/p, and I the mean variance over the
-# candidates, each of one experiment.
+# AlgDesign 1.2.1.2. "Printed" is in its vignette, where no repeat is as good. The others are the
+# best of 100 repeats of its exchange on candidates of its manual; the number is that of the design
+# which it returned, worked out anew. D is det(M)^(1/p), A trace(inv(M))/p, and I the mean variance
+# over the candidates, each of one experiment.
 PRINTED = [
     ("two 2^7", 34, "D", 0.9223281),
     ("two 2^7", 32, "D", 0.8868),
