@@ -399,6 +399,7 @@ def of_line(x=(0.0, 1.0, 2.0), **options):
     return edtk.Problem.of_rivals("a * x^2", candidates=list(x), **(given | options))
 
 
+@pytest.mark.slow
 def test_a_rival_without_free_parameters_is_told_where_it_differs_most():
     """The deviance is linear in the weights, so that all experiments are at its largest value."""
     x = np.linspace(-1, 1, 21)

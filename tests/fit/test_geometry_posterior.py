@@ -67,6 +67,7 @@ def assert_normal(std: np.ndarray, density: GeometryDensity, error: np.ndarray) 
     assert (np.abs(std - normal) < 4 * error).all()
 
 
+@pytest.mark.slow
 def test_walkers_start_where_there_is_a_density(density: GeometryDensity) -> None:
     """A prior of positive numbers has none below zero; and its factor tells a density apart."""
     flat = (Flat(),) * (density.model.p - 1)

@@ -171,6 +171,7 @@ def springs(fit: GeometricFit) -> tuple[Array, Array]:
     return fit.fitted.values[-3:], fit.fitted.std[-3:]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("base", [False, True])
 def test_two_readings_tell_springs_as_their_difference_does(base: bool) -> None:
     """Where the drawing errs by much, base and tool known or told by the positions."""
@@ -186,6 +187,7 @@ def test_two_readings_tell_springs_as_their_difference_does(base: bool) -> None:
     assert both.fitted.noise.model_white == pytest.approx(0.5, rel=0.2)
 
 
+@pytest.mark.slow
 def test_where_the_drawing_is_exact_nothing_changes() -> None:
     """Positions that err by readings alone tell as much one by one."""
     model, data = day(drawing_mm=0.0)
@@ -197,6 +199,7 @@ def test_where_the_drawing_is_exact_nothing_changes() -> None:
     assert (np.abs(k - K[:3] / 1e-6) < 4 * std).all()
 
 
+@pytest.mark.slow
 def test_a_mean_is_left_out_as_a_pose_that_nobody_visited() -> None:
     """Bands are those of a pose that nobody visited, and coordinates of visits count once."""
     model, data = day(drawing_mm=0.5)
@@ -211,6 +214,7 @@ def test_a_mean_is_left_out_as_a_pose_that_nobody_visited() -> None:
     assert fit.left_out[:2] == pytest.approx(apart, abs=2e-6)
 
 
+@pytest.mark.slow
 def test_bands_under_a_load_count_what_it_changes() -> None:
     """Of visits left out, and of other poses; and unloaded ones err by the drawing alone."""
     sizes, shares = [], []
@@ -258,6 +262,7 @@ def test_bands_know_from_how_few_pairs_a_change_is_told() -> None:
     assert np.mean(inside) > 0.92
 
 
+@pytest.mark.slow
 def test_scatter_that_nobody_stated_is_no_change_by_the_load() -> None:
     """Where readings scatter ten times as much as stated, bands of unloaded ones hold, too."""
     shares = []
@@ -289,6 +294,7 @@ def test_where_nothing_is_placed_all_else_is_compared_with_the_drawing() -> None
     assert errors == pytest.approx(data.measured - seen, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_wrong_visit_stands_out_of_its_pose() -> None:
     """Though the drawing errs by as much, and a robust fit trusts it less."""
     model, data = day(drawing_mm=0.5)
@@ -303,6 +309,7 @@ def test_a_wrong_visit_stands_out_of_its_pose() -> None:
     assert (np.abs(k - K[:3] / 1e-6) < 4 * std).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hidden", [False, True])
 def test_where_the_drawing_is_exact_only_the_wrong_visit_stands_out(hidden: bool) -> None:
     """A sound visit does not stand out with it, whether or not one of its markers is hidden."""

@@ -1,6 +1,7 @@
 """Springs across joints, their matrices and their laws, from the study to commands and back."""
 
 import json
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -92,6 +93,14 @@ def measured(study: Study, visits: int = 20) -> pd.DataFrame:
     return table
 
 
+@cache
+def found_lateral() -> Any:
+    """The calibration of the arm with springs across its joints, in whose task nothing is open."""
+    exact = {"load_percent": 0, "load_direction_deg": 0, "tool_mm": 0}
+    study = study_of(uncertainty=exact)
+    return edtk.identify(study, measured(study))
+
+
 @pytest.mark.cell("springs across joints and along them", "parameters")
 @pytest.mark.cell("the 6 x 6 matrix of a joint", "parameters")
 @pytest.mark.cell("springs that are not linear", "parameters")
@@ -159,10 +168,10 @@ def test_commands_and_predictions_are_of_the_whole_model(tmp_path: Path) -> None
 
     Joints cannot turn the tool sideways: what a command leaves is what the model says of it.
     """
-    study = study_of()
+    calibration = found_lateral()
+    study = calibration.study
     sheet = measured(study)
     path = tmp_path / "result.json"
-    calibration = edtk.identify(study, sheet)
     path.write_text(json.dumps(calibration.to_dict()))
     again = edtk.predict(study, path, sheet)
     assert np.nanmax(np.abs(again.apart)) < 1e-8
@@ -185,8 +194,7 @@ def test_commands_and_predictions_are_of_the_whole_model(tmp_path: Path) -> None
 
 def test_arm_that_would_snap_is_refused(tmp_path: Path) -> None:
     """Loads that take more stiffness than a spring has leave no rest: each row says so."""
-    study = study_of(springs=["joints", "q2.rx"])
-    content = edtk.identify(study, measured(study)).to_dict()
+    study, content = found_lateral().study, found_lateral().to_dict()
     geometry = content["geometry"]
     geometry["values"][geometry["names"].index("k_q2")] = 3e4
     path = tmp_path / "soft.json"
@@ -266,10 +274,8 @@ def test_prior_of_a_spring_counts() -> None:
 
 def test_band_of_commands_is_that_of_errors_as_the_fit_has_them() -> None:
     """What a command leaves by the model, and errors of springs beside it: quantiles of draws."""
-    exact = {"load_percent": 0, "load_direction_deg": 0, "tool_mm": 0}
-    study = study_of(uncertainty=exact)
-    found = edtk.compensate(study, edtk.identify(study, measured(study)))
-    fitted = edtk.identify(study, measured(study)).fit.fitted
+    study, fitted = found_lateral().study, found_lateral().fit.fitted
+    found = edtk.compensate(study, found_lateral())
     setting = StudyGeometry.of(study)
     task = setting.study.tasks[0]
     robot = fitted.at_tool(task.tool)

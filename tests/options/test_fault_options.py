@@ -1,6 +1,7 @@
 """Plans beside sheets, causes and detection answer for springs and for geometry alike."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -181,6 +182,7 @@ def table_of(data: MarkerPositions) -> pd.DataFrame:
     return table.assign(marker=np.tile(list("ABC"), len(data)))
 
 
+@cache
 def day_of(seed: int, fault: str) -> tuple[list[Finding], Array]:
     """What is said of a day.
 

@@ -150,6 +150,7 @@ def test_a_notebook_shows_a_small_table(results, name):
     assert results[name].summary().strip()
 
 
+@pytest.mark.slow
 def test_a_plan_in_degrees(results):
     """With its robot a plan is drawn in degrees, the joints by their names."""
     ax = results["plan"].plot(robot=STUDY.robot)
@@ -247,6 +248,7 @@ def test_places_that_candidates_do_not_have(x, expected):
         plain.plot(x="dose")
 
 
+@pytest.mark.slow
 def test_a_study_is_drawn_in_its_test_poses() -> None:
     """The arm stands in the first test pose, others are lines, and an arrow is the load."""
     ax = STUDY.plot()

@@ -255,6 +255,7 @@ def test_a_tracker_counts_as_it_errs(beam: str) -> None:
     assert (robot.beam.inline is None) == (beam in ("alike", "less across"))
 
 
+@pytest.mark.slow
 def test_errors_may_grow_from_nothing() -> None:
     """Errors that vanish at a tracker out of reach: a wide box must not count it as that near."""
     tracker = Tracker(np.array([5.0, 1.0, 1.0]), (0.0, 6e-6), (1e-5, 6e-6))
@@ -283,6 +284,7 @@ def test_a_looser_noise_counts_more() -> None:
     assert not robot.is_exact
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("beam", BEAMS)
 def test_boxes_bound_what_a_tracker_tells(beam: str) -> None:
     """No place of a box has more than its coefficients say, whose excess falls by its square."""

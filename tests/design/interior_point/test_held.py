@@ -1,6 +1,7 @@
 """Descents where instruments are read in some poses only."""
 
 import numpy as np
+import pytest
 
 from criteria import create
 from edtk import Study
@@ -33,6 +34,7 @@ def worth(x: Array) -> Array:
     return np.asarray(np.square(STUDY.space.at(x).regressor).sum(axis=(-1, -2)))
 
 
+@pytest.mark.slow
 def test_a_descent_reads_what_its_start_reads() -> None:
     """Ends are no worse than starts, read all that these do, and often stand where a marker would
     be lost: beyond that bound the way would lead uphill, and down at the switch.
