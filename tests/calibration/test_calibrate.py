@@ -227,7 +227,7 @@ def test_many_rows_give_a_narrow_posterior_fast(save):
     """With many rows the sampler is fast, and agrees with Eq. (13)."""
     table = pd.concat([filled(seed=seed) for seed in range(100)])
     found = calibrate(STUDY, save(table)).sampled(
-        np.random.default_rng(0), SamplingOptions(Demand(0.1))
+        np.random.default_rng(0), SamplingOptions(Demand(0.2, length=20.0))
     )
     ratio = found.check.table["ratio"]
     error = found.check.table["ratio_error"]
@@ -240,7 +240,7 @@ def test_posterior_of_measurements(save):
     path = save(filled())
     for known in (True, False):
         plain = calibrate(STUDY, path, HowFitted(sigma_unknown=not known))
-        found = plain.sampled(np.random.default_rng(0), SamplingOptions(Demand(0.1)))
+        found = plain.sampled(np.random.default_rng(0), SamplingOptions(Demand(0.2, length=20.0)))
         table = found.check.table
         np.testing.assert_allclose(table["std_fit"], plain.fit.std, rtol=1e-6)
         np.testing.assert_allclose(table["reference"], plain.fit.k, rtol=1e-9)
@@ -259,7 +259,7 @@ def test_a_robust_posterior_is_not_spoiled(save):
     table = filled()
     table.loc[4, "dz_mm"] += 1
     found = calibrate(STUDY, save(table), HowFitted(robust=True)).sampled(
-        np.random.default_rng(0), SamplingOptions(Demand(0.1))
+        np.random.default_rng(0), SamplingOptions(Demand(0.2, length=20.0))
     )
     assert found.check.posterior.noise_names == ("nu",)
     rows = found.check.table

@@ -40,6 +40,12 @@ def study(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The calibration of thirty sound poses, for tests that only read it."""
+    return edtk.identify(STUDY, by_pose(tmp_path_factory.mktemp("sound") / "day.csv", *truth(30)))
+
+
 def test_a_study_of_geometry_is_written_and_read(study: Path) -> None:
     """Its keys come back from the file, without load, tool and joints."""
     again = edtk.load_study(study)
@@ -89,13 +95,11 @@ def test_predictions_are_compared_with_what_was_measured(study: Path, tmp_path: 
     assert "inside" in python.summary()
 
 
-def test_poses_alone_have_positions_of_all_markers(study: Path, tmp_path: Path) -> None:
+def test_poses_alone_have_positions_of_all_markers(sound: Any, study: Path, tmp_path: Path) -> None:
     """A file of poses without positions is answered with all markers and no comparison."""
-    q, x = truth(30)
-    found = edtk.identify(study, by_pose(tmp_path / "sheet.csv", q, x))
     poses = tmp_path / "poses.csv"
     poses.write_text("\n".join([",".join(NAMES), "10,20,30,-40,50,60", "0,0,0,0,0,0"]))
-    told = edtk.predict(study, found, poses).to_dict()
+    told = edtk.predict(study, sound, poses).to_dict()
     assert [one["marker"] for one in told["positions"]] == list("ABCABC")
     assert told["mean_mm"] is told["share_inside"] is None
 
@@ -286,10 +290,10 @@ def test_wrong_studies_of_geometry(keys: dict[str, object], said: str) -> None:
         STUDY.replace(**keys)
 
 
-def test_results_of_other_robots_are_refused(study: Path, tmp_path: Path) -> None:
+def test_results_of_other_robots_are_refused(sound: Any, study: Path, tmp_path: Path) -> None:
     """A result of another drawing, and a file that is none, are one line."""
-    q, x = truth(20)
-    found = edtk.identify(study, by_pose(tmp_path / "sheet.csv", q, x)).to_dict()
+    by_pose(tmp_path / "sheet.csv", *truth(3))
+    found = sound.to_dict()
     longer = {**ROBOT, "joints": [{**ROBOT["joints"][0], "origin_m": [0, 0, 0.3]}]}
     longer["joints"] = longer["joints"] + ROBOT["joints"][1:]
     with pytest.raises(edtk.UserError, match="another robot"):
@@ -303,10 +307,11 @@ def test_results_of_other_robots_are_refused(study: Path, tmp_path: Path) -> Non
 
 @pytest.mark.cell("`compensate`", "parameters")
 @pytest.mark.cell("`compensate` and `predict` name radians, and loads in kilonewtons", "parameters")
-def test_commands_bring_the_markers_where_the_drawing_has_them(study: Path, tmp_path: Path) -> None:
+def test_commands_bring_the_markers_where_the_drawing_has_them(
+    sound: Any, study: Path, tmp_path: Path
+) -> None:
     """The erring arm, commanded so, carries its markers where a perfect one would."""
-    q, x = truth(40)
-    found = edtk.identify(study, by_pose(tmp_path / "sheet.csv", q, x))
+    found = sound
     poses = tmp_path / "poses.csv"
     task = np.random.default_rng(8).uniform(-80, 80, (5, 6))
     np.savetxt(poses, task, delimiter=",", header=",".join(NAMES), comments="")
@@ -427,13 +432,11 @@ def test_springs_and_loads_belong_together(
     assert [name for name in compliance if k[name] is None] == compliance[load_N != 0 :]
 
 
-def test_the_text_counts_what_stays_as_drawn(study: Path, tmp_path: Path) -> None:
+def test_the_text_counts_what_stays_as_drawn(sound: Any) -> None:
     """What cannot be told apart is counted below the parameters."""
-    q, x = truth(25)
-    found = edtk.identify(study, by_pose(tmp_path / "sheet.csv", q, x))
-    count = len(found.fit.redundant)
+    count = len(sound.fit.redundant)
     assert count == 36 + 6 + 9 - 33
-    assert f"{count} others cannot be told apart from these" in found.summary()
+    assert f"{count} others cannot be told apart from these" in sound.summary()
 
 
 @pytest.fixture(scope="module")
@@ -497,10 +500,9 @@ def test_measured_positions_that_are_far_off_are_a_doubt(study: Path, tmp_path: 
     assert "--tool-rows 9:" in err
 
 
-def test_poses_beyond_limits_are_named(study: Path, tmp_path: Path) -> None:
+def test_poses_beyond_limits_are_named(sound: Any, study: Path, tmp_path: Path) -> None:
     """Predictions say so; commands leave them out, and are refused where none is left."""
-    q, x = truth(25)
-    found = edtk.identify(study, by_pose(tmp_path / "sheet.csv", q, x))
+    found = sound
     poses = tmp_path / "poses.csv"
     poses.write_text(f"{','.join(NAMES)}\n10,20,30,-40,50,60\n10,999,30,-40,50,60\n")
     assert [one.words for one in edtk.predict(study, found, poses).findings] == [
@@ -542,7 +544,7 @@ def test_a_sheet_that_nobody_filled_in(value: str, study: Path, tmp_path: Path) 
         edtk.identify(study, sheet)
 
 
-def test_too_few_poses_to_judge_by(study: Path, tmp_path: Path) -> None:
+def test_too_few_poses_to_judge_by(sound: Any, study: Path, tmp_path: Path) -> None:
     """Where poses left out are far off nothing speaks for the fit, or they cannot be left out."""
     q, x = truth(30)
     six = edtk.identify(study, by_pose(tmp_path / "six.csv", q[:6], x[:6]))
@@ -550,17 +552,15 @@ def test_too_few_poses_to_judge_by(study: Path, tmp_path: Path) -> None:
     assert "and by the drawing" in six.findings[0].words
     five = edtk.identify(study, by_pose(tmp_path / "five.csv", q[:5], x[:5]))
     assert {"few_poses", "alone"} <= {doubt.kind for doubt in five.findings}
-    many = edtk.identify(study, by_pose(tmp_path / "many.csv", q, x))
-    assert many.findings == ()
+    assert sound.findings == ()
 
 
-def test_poses_in_radians_are_doubted_where_nothing_is_measured(tmp_path: Path) -> None:
+def test_poses_in_radians_are_doubted_where_nothing_is_measured(sound: Any) -> None:
     """Bands say nothing of a unit: radians for degrees are a warning, degrees are none."""
-    q, x = truth(25)
-    found = edtk.identify(STUDY, by_pose(tmp_path / "day.csv", q, x))
+    q, _ = truth(25)
     for shown, count in ((np.deg2rad(q), 1), (np.deg2rad(q[:1]), 1), (q, 0), (q[:1], 0)):
         poses = pd.DataFrame(shown, columns=[f"q{i}_deg" for i in range(1, 7)])
-        kinds = [one.kind for one in edtk.predict(STUDY, found, poses).findings]
+        kinds = [one.kind for one in edtk.predict(STUDY, sound, poses).findings]
         assert kinds.count("angle_unit") == count
 
 

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.slow
 
 K0 = STUDY.compliances
 NAMES = STUDY.model.parameters
-ROUGH = SamplingOptions(Demand(accuracy=0.1))
+ROUGH = SamplingOptions(Demand(accuracy=0.2, length=20.0))
 LOG_NORMAL = {
     "all": {"kind": "log-normal", "median_rad_per_Nm": 1e-6, "factor": 3.0},
 }
