@@ -135,7 +135,7 @@ def test_repeats_do_not_average_errors_of_the_model():
     """
     few, repeated, more = (
         found_of(day(4, 0.1 * TURN, poses, repeats)[0])
-        for poses, repeats in ((8, 1), (8, 16), (64, 1))
+        for poses, repeats in ((6, 1), (6, 16), (48, 1))
     )
     assert repeated.budget.noise < 0.3 * few.budget.noise
     size = SIZES[np.abs(SIZES - 0.1).argmin()] * TURN
@@ -431,13 +431,13 @@ def varying_day(number, off, m=30):
 @pytest.mark.slow
 def test_columns_of_all_poses_are_not_in_memory_together(monkeypatch):
     """Readings left out take some kilobytes a row where blocks are small beside the sheet."""
-    monkeypatch.setattr(correlated_noise, "ROWS_AT_ONCE", 8)
-    fitted = FittedData.of(STUDY, varying_day(0, 0, 160)[0])
+    monkeypatch.setattr(correlated_noise, "ROWS_AT_ONCE", 4)
+    fitted = FittedData.of(STUDY, varying_day(0, 0, 80)[0])
     tracemalloc.start()
     assert fitted.left_out is not None
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert peak < 4000 * 160
+    assert peak < 4000 * 80
 
 
 def test_rows_beyond_the_errors_of_the_model_are_named_first():

@@ -36,6 +36,14 @@ GAP = 1e-3  # of the relaxations, searched over all poses
 RUNS = [("rho0", 2), ("rho0", 3), ("rho0", 4), ("rho0", 12), ("D", 3), ("D", 20), ("O2", 4)]
 
 
+@pytest.fixture(autouse=True, scope="module")
+def _kicked():
+    """The best plans of the starts are kicked in one turn."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("edtk.design.exact.search_record.KICK_TURNS", 1)
+        yield
+
+
 @cache
 def relaxed(name="rho0", space=KR270, continuous=False):
     """A relaxation over a few candidates; on request with a few ascents over all poses."""
