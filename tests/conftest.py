@@ -144,14 +144,40 @@ class ShortChain(Demand):
     length: float = 15.0
 
 
+SMALL: dict[str, object] = {
+    # Searches over all poses, those of `verify` too, look at fewer poses from fewer starts, and
+    # those for a bound are two.
+    "edtk.design.relaxation.search_continuum.SCREEN": 2000,
+    "edtk.design.relaxation.search_continuum.STARTS": 12,
+    "edtk.design.relaxation.relax_poses.ROUNDS": 2,
+    "edtk.calibration.evaluate_geometry.SEARCHES": 2,
+    "edtk.certificate.proof.OWN_DRAWS": 256,
+    "edtk.certificate.proof.STARTS": 4,
+    # Searches for a plan end after one batch of starts, few of which are refined, and none kicked.
+    "edtk.study.plan_study.STARTS": 16,
+    "edtk.design.exact.find_plan.ELITE": 2,
+    "edtk.design.exact.search_record.KICK_TURNS": 0,
+    "edtk.design.exact.visit_search.ELITE_VISITS": 1,
+    "edtk.design.exact.visit_search.VISIT_ROUNDS": 1,
+    "edtk.calibration.evaluate_geometry.VISIT_STARTS": 3,
+    # Among listed candidates they take a tenth of the effort, and in regions fewer starts.
+    "edtk.design.exact.counts.counts_search.EFFORT": 1e9,
+    "edtk.design.exact.plan_region.REGION_PLAN_STARTS": 8,
+    "edtk.design.exact.plan_region.GRID": 150,
+    # Of ranges of theta fewer are tried.
+    "edtk.design.theta_box.THETA_TRIED": 64,
+    "edtk.design.theta_box.SEARCHES": 3,
+    # Chains of verbs and commands end after fifteen autocorrelation times.
+    "edtk.fit.run_chain.Demand": ShortChain,
+}
+
+
 @pytest.fixture(scope="session", autouse=True)
 def small_searches() -> Iterator[pytest.MonkeyPatch]:
-    """Searches over all poses, those of `verify` too, look at fewer poses from fewer starts, and
-    those for a bound are two; searches for a plan end after one batch of starts and without kicks,
-    in regions after eight starts, among listed candidates after a tenth of the effort; chains of
-    verbs and commands end after fifteen autocorrelation times. What is found is judged as anything
-    else; tests of the searches and of chains themselves choose their own numbers, see
-    `sharp_bounds` and `whole_searches`.
+    """Searches and chains as `SMALL` has them.
+
+    What is found is judged as anything else; tests of the searches and of chains themselves choose
+    their own numbers, see `sharp_bounds` and `whole_searches`.
     """
     with pytest.MonkeyPatch.context() as patch:
         _make_searches_small(patch)
@@ -159,24 +185,8 @@ def small_searches() -> Iterator[pytest.MonkeyPatch]:
 
 
 def _make_searches_small(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr("edtk.design.relaxation.search_continuum.SCREEN", 2000)
-    patch.setattr("edtk.design.relaxation.search_continuum.STARTS", 12)
-    patch.setattr("edtk.design.relaxation.relax_poses.ROUNDS", 2)
-    patch.setattr("edtk.certificate.proof.OWN_DRAWS", 256)
-    patch.setattr("edtk.certificate.proof.STARTS", 4)
-    patch.setattr("edtk.study.plan_study.STARTS", 16)
-    patch.setattr("edtk.design.exact.search_record.KICK_TURNS", 0)
-    patch.setattr("edtk.design.exact.plan_region.REGION_PLAN_STARTS", 8)
-    patch.setattr("edtk.design.exact.plan_region.GRID", 150)
-    patch.setattr("edtk.design.exact.counts.counts_search.EFFORT", 1e9)
-    patch.setattr("edtk.design.exact.visit_search.VISIT_ROUNDS", 1)
-    patch.setattr("edtk.calibration.evaluate_geometry.VISIT_STARTS", 3)
-    patch.setattr("edtk.calibration.evaluate_geometry.SEARCHES", 2)
-    patch.setattr("edtk.verbs.of_arrays.POINTS", 1500)
-    patch.setattr("edtk.design.relaxation.relax_region.FIRST_POINTS", 200)
-    patch.setattr("edtk.design.theta_box.THETA_TRIED", 64)
-    patch.setattr("edtk.design.theta_box.SEARCHES", 3)
-    patch.setattr("edtk.fit.run_chain.Demand", ShortChain)
+    for name, few in SMALL.items():
+        patch.setattr(name, few)
 
 
 @pytest.fixture(scope="module")

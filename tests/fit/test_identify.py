@@ -31,7 +31,7 @@ def test_unbiased_with_the_covariance_of_eq_13(name, robust):
     between that and a quarter more.
     """
     A = regressor(name)
-    N = 100 if robust else 1000
+    N = 100 if robust else 400
     L = np.linalg.cholesky(covariance(np.einsum("mri,mrj->ij", A, A) / SIGMA**2, NAMES))
     k = np.array([fit.unbounded for fit in fits(name, N, robust=robust)])
     z = np.linalg.solve(L, (k - K0).T)

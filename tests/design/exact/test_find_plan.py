@@ -13,7 +13,7 @@ from criteria.linalg.inverse import whitener
 from edtk.design.candidate_source import CandidateSource, sample_feasible
 from edtk.design.design_space import DesignSpace
 from edtk.design.exact.exact_plan import TooFewExperimentsError, smallest_size
-from edtk.design.exact.find_plan import SearchOptions, find_plan
+from edtk.design.exact.find_plan import ELITE, SearchOptions, find_plan
 from edtk.design.exact.refine import draw_starts, refine
 from edtk.design.information import distinct
 from edtk.design.plan import Plan
@@ -38,8 +38,9 @@ RUNS = [("rho0", 2), ("rho0", 3), ("rho0", 4), ("rho0", 12), ("D", 3), ("D", 20)
 
 @pytest.fixture(autouse=True, scope="module")
 def _kicked():
-    """The best plans of the starts are kicked in one turn."""
+    """As many starts are refined as users have, and the best plans are kicked in one turn."""
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("edtk.design.exact.find_plan.ELITE", ELITE)
         patch.setattr("edtk.design.exact.search_record.KICK_TURNS", 1)
         yield
 
