@@ -1,5 +1,7 @@
 """Nonlinear models of textbooks and papers: points, weights and values as they are printed."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -148,6 +150,13 @@ PRINTED = {
 }
 
 
+@cache
+def relaxed(made):
+    """The region of a model, and its design."""
+    region, criterion = made()
+    return region, edtk.relax(region, criterion)
+
+
 @pytest.mark.parametrize("name", PRINTED)
 def test_designs_are_those_in_print(name):
     """Points to a unit of their last digit, and their weights; a cost that is no larger.
@@ -155,8 +164,7 @@ def test_designs_are_those_in_print(name):
     An optimum for one combination has fewer points than parameters, and is as exact.
     """
     made, points, unit, weights = PRINTED[name]
-    region, criterion = made()
-    found = edtk.relax(region, criterion)
+    region, found = relaxed(made)
     printed = np.reshape(points, (len(weights), -1))
     M = region.problem(printed).information(np.array(weights))
     assert found.gap < 1e-6
@@ -173,5 +181,4 @@ def test_designs_are_those_in_print(name):
 )
 def test_values_of_the_compartment_model_are_those_in_print(model, value):
     """What the slopes of area, time and height of the peak cost (Atkinson et al. 1993)."""
-    region, criterion = model()
-    assert edtk.relax(region, criterion).cost == pytest.approx(value, rel=2e-4)
+    assert relaxed(model)[1].cost == pytest.approx(value, rel=2e-4)

@@ -278,7 +278,7 @@ def test_markers():
 def test_many_rows_of_few_poses():
     """Noise four times as large in very many rows, the poses in turn, is not blamed on columns."""
     data = measured(repeats=1)
-    data = data[np.tile(np.arange(12), 40)]
+    data = data[np.tile(np.arange(12), 100)]
     clean = data.regressor(STUDY.model) @ STUDY.compliances
     noise = 4 * STUDY.sigma * np.random.default_rng(7).standard_normal(clean.shape)
     assert found(replace(data, deflection=clean + noise)) is None

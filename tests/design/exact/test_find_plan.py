@@ -33,7 +33,7 @@ pytestmark = pytest.mark.slow
 
 BATCH = 16  # starts of one
 GAP = 1e-3  # of the relaxations, searched over all poses
-RUNS = [("rho0", 2), ("rho0", 3), ("rho0", 4), ("rho0", 12), ("D", 3), ("D", 20), ("O2", 4)]
+RUNS = [("rho0", 2), ("rho0", 3), ("rho0", 4), ("D", 3), ("D", 20), ("O2", 4)]
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -135,12 +135,11 @@ def test_better_than_the_published_plans(index):
     assert found("rho0", published.experiments).cost <= theirs
 
 
-@pytest.mark.parametrize(("name", "m"), [("rho0", 12), ("D", 20)])
-def test_a_pose_that_occurs_twice_is_one_with_repetitions(name, m):
+def test_a_pose_that_occurs_twice_is_one_with_repetitions():
     """In a plan of many experiments no two poses have the same information."""
-    plan = found(name, m).plan
+    plan = found("D", 20).plan
     blocks = KR270.problem(plan.q).blocks()
-    assert len(distinct(blocks, whitener(blocks.mean(axis=0)), 1e-3)) == len(plan.q) < m
+    assert len(distinct(blocks, whitener(blocks.mean(axis=0)), 1e-3)) == len(plan.q) < 20
     assert len(plan.q) <= 16  # p(p + 1)/2 + 1
 
 
@@ -290,7 +289,7 @@ def test_a_team_that_goes_away():
         search(relaxed("D"), 3, workers=Leaving())
 
 
-@pytest.mark.parametrize(("m", "k"), [(3, 2), (12, 3), (3, 6)])
+@pytest.mark.parametrize(("m", "k"), [(3, 2), (4, 3), (3, 6)])
 def test_distinct_poses(m, k):
     """No more poses than one asks for, and more experiments than poses mean repetitions."""
     plan = search(relaxed(), m, k, starts=BATCH)
