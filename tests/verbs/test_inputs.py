@@ -195,7 +195,10 @@ WRONG_ARRAYS = [
     (lambda: edtk.relax(LINE, np.ones(3)), "expected a criterion, its name or a table"),
     (lambda: edtk.Region(LINE.rows_at, [-1], [1], degree=[[1], [1, 2]]), "degree: 2 numbers"),
     (lambda: edtk.plan(edtk.Problem(ROWS), 6, most=[[1], [1, 2]]), "most: expected a whole"),
-    (lambda: edtk.plan(edtk.Problem(ROWS), 6, least=1e300), "least: asks for 105021 new experiments, expected 6"),
+    (
+        lambda: edtk.plan(edtk.Problem(ROWS), 6, least=1e300),
+        "least: asks for 105021 new experiments, expected 6",
+    ),
     (lambda: edtk.next(edtk.Problem(ROWS), [[1], [1, 2]]), "keep: expected indices of candidates"),
     (
         lambda: edtk.Problem.of_model(**DECAY | {"candidates": {"t": [0.0, 1.0]}}),
