@@ -124,6 +124,7 @@ class _FaultOption(click.Option):
 )
 @json_option
 @click.option("--out", type=FilePath, help="Write all experiments (CSV, - to print).")
+@click.option("--rest", type=FilePath, help="With --keep: write the new experiments alone (CSV).")
 @certificate_option
 def command(
     study: Path,
@@ -147,6 +148,7 @@ def command(
     placed_study: Path | None,
     as_json: bool,
     out: Path | None,
+    rest: Path | None,
     certificate: Path | None,
 ) -> None:
     """Find the best plan of exactly m experiments for STUDY (TOML).
@@ -174,6 +176,7 @@ def command(
             dask=dask,
             out=out,
             certificate=certificate,
+            rest=rest,
             detect=_faults(detect) or None,
             second=second,
             give_up=give_up,
@@ -184,7 +187,7 @@ def command(
             placed_study=placed_study,
             progress=lambda label, number: say(label),
         )
-    show(found, as_json, out, certificate)
+    show(found, as_json, out, certificate, rest)
     warn_about(study, found.warnings)
     best = found.on_candidates
     for ended, words in (

@@ -350,18 +350,20 @@ def workers_for(workers: int | None, dask: str | None) -> Iterator[Workers]:
 
 @dataclass(frozen=True)
 class TableAndCertificate:
-    """Where they go; both may be standard output, `-`, but not at once.
+    """Where they go; each may be standard output, `-`, but one at a time.
 
     Attributes:
         out: The table (CSV); None for none.
         certificate: What proves the numbers (JSON); None for none.
+        rest: A table of what is new alone (CSV); None for none.
     """
 
     out: Path | str | None
     certificate: Path | str | None
+    rest: Path | str | None = None
 
     def require(self, *inputs: Path | str | None) -> None:
-        """Check, before long work, that both can be written.
+        """Check, before long work, that they can be written.
 
         Args:
             inputs: The files that the call reads; None entries do not count.
@@ -370,16 +372,22 @@ class TableAndCertificate:
             UserError: They are the same file, or one of them is an input or holds measurements.
             OSError: A file cannot be written.
         """
-        require_different(out=self.out, certificate=self.certificate)
-        for path in (self.out, self.certificate):
+        require_different(out=self.out, certificate=self.certificate, rest=self.rest)
+        for path in (self.out, self.certificate, self.rest):
             require_output(path, *inputs)
 
-    def write(self, table: Callable[[], "pd.DataFrame"], proof: Callable[[], str]) -> None:
-        """Write what was asked for, both files or none.
+    def write(
+        self,
+        table: Callable[[], "pd.DataFrame"],
+        proof: Callable[[], str],
+        new: Callable[[], "pd.DataFrame"] | None = None,
+    ) -> None:
+        """Write what was asked for, all files or none.
 
         Args:
             table: Makes the table.
             proof: Makes the text of the certificate.
+            new: Makes the table of what is new.
         """
         from edtk.measure.cells import csv_text
 
@@ -388,6 +396,8 @@ class TableAndCertificate:
             files[Path(self.out)] = csv_text(table())
         if self.certificate is not None:
             files[Path(self.certificate)] = proof()
+        if self.rest is not None and new is not None:
+            files[Path(self.rest)] = csv_text(new())
         write_files(files)
 
 

@@ -158,7 +158,7 @@ class OfStudy(Question):
         faults = self._faults(call.detect or {})
         exchange = self._exchange(asked, criterion, call)
         kept = None if call.keep is None else as_plan(asked, call.keep, "keep", made=True)
-        files = TableAndCertificate(call.out, call.certificate)
+        files = TableAndCertificate(call.out, call.certificate, call.rest)
         files.require(*self.study.reads, *files_of(call.keep))
         if call.certificate is not None:
             self._require_certifiable(asked, criterion, call)
@@ -186,7 +186,11 @@ class OfStudy(Question):
             found = replace(found, off_guess=self._off_guess(asked, criterion, call, found))
         except KeyboardInterrupt:
             found = replace(found, ended="interrupted")
-        files.write(lambda: found.whole.to_frame(asked.robot), lambda: self._proof(asked, found))
+        files.write(
+            lambda: found.whole.to_frame(asked.robot),
+            lambda: self._proof(asked, found),
+            lambda: found.plan.to_frame(asked.robot),
+        )
         return found
 
     def timetable(self, plan: Plan) -> "Day | None":
@@ -355,6 +359,9 @@ class OfStudy(Question):
         if call.cost_budget is not None and finite_numbers(call.cost_budget, "cost_budget").ndim:
             message = "expected one number, as a study has one budget of costs"
             raise ArgumentError(message, argument="cost_budget")
+        if call.rest is not None and call.keep is None:
+            message = "expected keep beside it; without it all experiments are new"
+            raise ArgumentError(message, argument="rest")
         if call.placed_study is not None and not call.place_tracker:
             message = "expected place_tracker beside it"
             raise ArgumentError(message, argument="placed_study")

@@ -39,6 +39,7 @@ def plan(
     dask: str | None = None,
     out: Path | str | None = None,
     certificate: Path | str | None = None,
+    rest: Path | str | None = None,
     detect: Mapping[str, str] | None = None,
     second: CriterionLike | None = None,
     give_up: float | None = None,
@@ -116,6 +117,7 @@ def plan(
     dask: str | None = None,
     out: Path | str | None = None,
     certificate: Path | str | None = None,
+    rest: Path | str | None = None,
     detect: Mapping[str, str] | None = None,
     second: CriterionLike | None = None,
     give_up: float | None = None,
@@ -186,6 +188,8 @@ def plan(
             output.
         certificate: File to write what proves the numbers to (JSON), for `edtk.verify`; likewise.
             Of a problem it is about a proof, see `prove`.
+        rest: Beside `keep`: file to write the new experiments alone to (CSV), from which
+            `edtk.template` makes the sheet of the rest of the day.
         detect: Sizes of faults like {"tool_z": "5mm", "load_direction": "2deg"}: the plan tells how
             likely each would be noticed, and each two be told apart, and the experiment that would
             help most.
@@ -252,6 +256,7 @@ def plan(
         workers=workers,
         dask=dask,
         certificate=certificate,
+        rest=rest,
         detect=detect,
         second=second,
         give_up=give_up,

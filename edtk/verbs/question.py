@@ -43,6 +43,7 @@ OF_STUDIES = (
     "budget",
     *OF_WORKERS,
     "certificate",
+    "rest",
     "detect",
     "second",
     "give_up",
@@ -139,6 +140,7 @@ class PlanCall:
     workers: int | None = None
     dask: str | None = None
     certificate: Path | str | None = None
+    rest: Path | str | None = None
     detect: Mapping[str, str] | None = None
     second: "CriterionLike | None" = None
     give_up: float | None = None

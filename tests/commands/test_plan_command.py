@@ -211,7 +211,9 @@ def test_keep(tmp_path):
     study.write_text(
         study.read_text().replace("plan_resolution_deg = 0.0 ", "plan_resolution_deg = 0.1 ")
     )
-    answer = plan(study, "--size", 5, "--keep", kept, "--budget", 1, "--workers", 1, "--out", out)
+    rest = tmp_path / "rest.csv"
+    options = ("--budget", 1, "--workers", 1, "--out", out, "--rest", rest)
+    answer = plan(study, "--size", 5, "--keep", kept, *options)
     assert answer["experiments"] == 5
     assert [row["kept"] for row in answer["plan"]][:3] == [True, True, False]
     assert not any(row["kept"] for row in answer["plan"][2:])
@@ -222,6 +224,11 @@ def test_keep(tmp_path):
     np.testing.assert_allclose(table[shared][:2], given[shared], rtol=1e-9)
     assert table["repeats"][:2].tolist() == [2, 1]
     assert table["Fz_N"][:2].tolist() == [-1000, -2500]
+    new = pd.read_csv(rest)
+    pd.testing.assert_frame_equal(new, table[2:][list(new)].reset_index(drop=True))
+    refused = CliRunner().invoke(main, ["plan", str(study), "--size", "5", "--rest", str(rest)])
+    assert (refused.exit_code, refused.stdout) == (2, "")
+    assert "rest: expected keep beside it" in refused.stderr
     evaluated = json.loads(edtk("evaluate", study, out, "--json").stdout)
     assert evaluated["experiments"] == 5
     assert answer["value"] == pytest.approx(evaluated["criteria"]["rho0"], rel=1e-8)
