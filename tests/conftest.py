@@ -14,6 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from criteria import registry
+from criteria.linalg.long_product import IS_LONGER
 from edtk.design.relaxation.relax_poses import ROUNDS
 from edtk.fit.run_chain import Demand
 from edtk.report.page import PX
@@ -96,12 +97,12 @@ def _is_slow(value: object) -> bool:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip on Windows what only Unix has."""
-    if sys.platform != "win32":
-        return
+    """Skip what this machine has not."""
+    missing = {"unix": sys.platform == "win32", "long_doubles": not IS_LONGER}
     for item in items:
-        if item.get_closest_marker("unix"):
-            item.add_marker(pytest.mark.skip(reason="Windows has no such thing"))
+        for name in (name for name, is_missing in missing.items() if is_missing):
+            if item.get_closest_marker(name):
+                item.add_marker(pytest.mark.skip(reason=f"this machine has no {name}"))
 
 
 @pytest.hookimpl(wrapper=True)

@@ -240,6 +240,7 @@ def is_lower(one, other, name):
     return one < other if criteria.get(name).sense == "min" else one > other
 
 
+@pytest.mark.long_doubles
 @pytest.mark.parametrize("i", range(30))
 def test_hard_problems_agree_with_the_search(i):
     """Nearly dependent columns, distant units, priors, packed information: all agree with it."""

@@ -40,6 +40,7 @@ OF_ITS_TYPE = {
     "detect": {"drift": "1mm"},
     "place_tracker": True,
     "placed_study": "no.toml",
+    "rest": "no.csv",
     "certificate": "no.json",
     "positions": True,
     "linear": True,

@@ -64,6 +64,7 @@ def test_cost_and_bound_are_right_in_fifty_digits(name, kind):
     assert checked >= 3
 
 
+@pytest.mark.long_doubles
 @pytest.mark.parametrize(
     ("name", "kind"), some_pairs(list(COSTS), [(KINDS[0], 1e8, 6, 3), (KINDS[3], 1e6, 2, 3)])
 )
@@ -95,6 +96,7 @@ SEVERAL = {
 }
 
 
+@pytest.mark.long_doubles
 @pytest.mark.parametrize(("name", "kind"), some_pairs([*COSTS, *SEVERAL], KINDS, 2))
 def test_true_proofs_are_confirmed_and_no_bound_above_the_cost(name, kind):
     """The second implementation has the digits that a proof needs, whatever the units.
