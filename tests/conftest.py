@@ -17,7 +17,7 @@ from criteria import registry
 from criteria.linalg.long_product import IS_LONGER
 from edtk.design.relaxation.relax_poses import ROUNDS
 from edtk.fit.run_chain import Demand
-from edtk.report.page import PX
+from edtk.report.page import PX, svg
 from edtk.system.workers import open_workers
 
 Array = NDArray[np.float64]
@@ -151,6 +151,14 @@ def undrawn(figure: Any) -> tuple[str, float]:
     return "<svg></svg>", PX * figure.get_figwidth()
 
 
+@pytest.fixture(scope="module")
+def drawn_pages() -> Iterator[None]:
+    """Pages with their pictures drawn, as users have them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("edtk.report.page.svg", svg)
+        yield
+
+
 SMALL: dict[str, object] = {
     # Searches over all poses, those of `verify` too, look at fewer poses from fewer starts, and
     # those for a bound are two.
@@ -176,7 +184,7 @@ SMALL: dict[str, object] = {
     "edtk.design.theta_box.SEARCHES": 3,
     # Chains of verbs and commands end after fifteen autocorrelation times.
     "edtk.fit.run_chain.Demand": ShortChain,
-    # Pages have their figures, which `tests/report` draws.
+    # Pages have no drawings, see `drawn_pages`.
     "edtk.report.page.svg": undrawn,
 }
 

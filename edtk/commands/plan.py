@@ -124,7 +124,9 @@ class _FaultOption(click.Option):
 )
 @json_option
 @click.option("--out", type=FilePath, help="Write all experiments (CSV, - to print).")
-@click.option("--rest", type=FilePath, help="With --keep: write the new experiments alone (CSV).")
+@click.option(
+    "--rest", type=FilePath, help="With --keep: write the new experiments alone (CSV, - to print)."
+)
 @certificate_option
 def command(
     study: Path,

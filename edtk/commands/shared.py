@@ -88,7 +88,7 @@ class OneLine(click.Command):
         except (MemoryError, ImportError) as error:
             if isinstance(error, ImportError) and NO_ROOM not in str(error):
                 raise
-            message = f"out of memory: {error}"
+            message = f"out of memory: {error}".rstrip(": ")
         click.echo(shortened(f"{self.program}: {message}"), err=True)
         leave(code)
 

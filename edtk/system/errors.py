@@ -16,7 +16,7 @@ PROGRAM = 10  # of them for the program's name, which an error does not know
 WHERE = 90  # characters of a path, in a line that is too long
 KEY = 60  # characters of a key
 QUOTATION = 60  # characters of a quoted value
-NO_NUMBERS = "SUMm"  # kinds of arrays that are texts, dates and times
+NO_NUMBERS = "SUMmc"  # kinds of arrays that are texts, dates, times and complex numbers
 MOST_SEARCHED = 4000  # a longer text is cut before the search for quotations, which takes time
 
 
@@ -192,7 +192,9 @@ def real_numbers(given: object, argument: str) -> "Array":
 
     try:
         found = np.asarray(given)
-        if found.dtype.kind in NO_NUMBERS or (found.dtype.kind == "b" and not found.ndim):
+        is_text = found.dtype.kind == "O" and any(isinstance(one, str) for one in found.flat)
+        is_switch = found.dtype.kind == "b" and not found.ndim
+        if found.dtype.kind in NO_NUMBERS or is_text or is_switch:
             raise ArgumentError("expected numbers", argument=argument)
         return found.astype(float, copy=False)
     except (TypeError, ValueError, OverflowError) as error:

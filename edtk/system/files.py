@@ -27,7 +27,8 @@ COMPRESSED = {
     b"\x28\xb5\x2f\xfd": "zstd",
 }
 OUTPUT_AND_ERRORS = (1, 2)  # file descriptors
-ALREADY_EXISTS = 183  # Windows: somebody else has made an object of this name
+# Of Windows: there is an object of this name already, and one of another user.
+ALREADY_EXISTS, ACCESS_DENIED = 183, 5
 
 
 def read_text(path: Path | str, most_mb: float = MOST_MB, utf_16: bool = False) -> str:
@@ -133,17 +134,20 @@ class FolderLock:
         """Try to lock a folder, without waiting.
 
         Raises:
-            OSError: The folder cannot be opened.
+            OSError: The folder cannot be opened, where folders are.
         """
         if sys.platform == "win32":
             import ctypes
 
             place = os.path.normcase(os.path.realpath(folder))
-            name = "edtk-" + sha256(place.encode("utf-8", "surrogatepass")).hexdigest()
+            name = "Global\\edtk-" + sha256(place.encode("utf-8", "surrogatepass")).hexdigest()
             kernel = ctypes.WinDLL("kernel32", use_last_error=True)
             kernel.CreateMutexW.restype = ctypes.c_void_p
             handle = kernel.CreateMutexW(None, False, name)
-            return cls(bool(handle) and ctypes.get_last_error() != ALREADY_EXISTS, handle)
+            error = ctypes.get_last_error()
+            if not handle:
+                return cls(False if error == ACCESS_DENIED else None, None)
+            return cls(error != ALREADY_EXISTS, handle)
         import fcntl
 
         descriptor = os.open(folder, os.O_RDONLY)

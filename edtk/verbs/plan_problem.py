@@ -421,8 +421,12 @@ def _lacking(least: ArrayLike | None, kept: Indices, left: Indices | None, n: in
     given = counts_of_candidates(least, n, "least")
     if (given != np.round(given)).any():
         raise ArgumentError("expected whole numbers", argument="least")
-    # More than a plan can have is as impossible as much more, which no integer holds.
-    lacking = np.maximum(np.minimum(given, MOST_PLACES + 1).astype(int) - kept, 0)
+    new = np.maximum(given - kept, 0)
+    if (new > MOST_PLACES).any():
+        i = int(np.flatnonzero(new > MOST_PLACES)[0])
+        message = f"candidate {i}: asks for more than {MOST_PLACES:,} new experiments"
+        raise ArgumentError(message, argument="least")
+    lacking = new.astype(int)
     if left is not None and (lacking > left).any():
         i = int(np.flatnonzero(lacking > left)[0])
         message = f"candidate {i}: {int(given[i])} or more, but most allows {left[i] + kept[i]}"

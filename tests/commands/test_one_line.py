@@ -34,6 +34,7 @@ def command(error, size, kind):
         OSError(errno.ENOENT, "No such file", f"folder/{LONG}"),
         OSError(LONG),
         MemoryError(LONG),
+        MemoryError(),
         ImportError(f"libx.so: failed to map segment from shared object {LONG}"),
         click.ClickException(LONG),
     ],

@@ -38,7 +38,7 @@ EXTRAS = {
     "bias": ("--json",),
     "verify": ("--json", "--study study.toml"),
     "relax": ("--json", "--out new.csv", "--certificate new.json", "--seed 3"),
-    "plan": ("--json", "--out new.csv", "--keep keep.csv", "--exclude exclude.csv"),
+    "plan": ("--json", "--out new.csv", "--keep keep.csv --rest rest.csv", "--exclude exclude.csv"),
     "run": ("--fresh",),
     "bayes": ("--json", "--nu normal", "--sigma-factor 1", "--seed 3"),
     "criteria": ("--json",),

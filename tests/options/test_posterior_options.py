@@ -113,6 +113,7 @@ def test_the_export_has_the_numbers_of_the_json(
     assert 0.2 < np.sqrt(np.nanmean((off / constant["sigma"].values) ** 2)) < 2
 
 
+@pytest.mark.usefixtures("drawn_pages")
 @pytest.mark.parametrize("question", ["many"], indirect=True)
 def test_the_report_shows_the_posterior(question: tuple[Path, Path], tmp_path: Path) -> None:
     """A row for each parameter, and of weighted draws two pictures: they have no trace."""

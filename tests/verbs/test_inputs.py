@@ -195,10 +195,9 @@ WRONG_ARRAYS = [
     (lambda: edtk.relax(LINE, np.ones(3)), "expected a criterion, its name or a table"),
     (lambda: edtk.Region(LINE.rows_at, [-1], [1], degree=[[1], [1, 2]]), "degree: 2 numbers"),
     (lambda: edtk.plan(edtk.Problem(ROWS), 6, most=[[1], [1, 2]]), "most: expected a whole"),
-    (
-        lambda: edtk.plan(edtk.Problem(ROWS), 6, least=1e300),
-        "least: asks for 105021 new experiments, expected 6",
-    ),
+    (lambda: edtk.plan(edtk.Problem(ROWS), 6, least=1e300), "least: candidate 0: asks for more"),
+    (lambda: edtk.plan(edtk.Problem(ROWS), 6, least=[1 + 2j] * 21), "least: expected numbers"),
+    (lambda: edtk.Problem(ROWS, sigma=1 + 2j), "sigma: expected numbers"),
     (lambda: edtk.next(edtk.Problem(ROWS), [[1], [1, 2]]), "keep: expected indices of candidates"),
     (
         lambda: edtk.Problem.of_model(**DECAY | {"candidates": {"t": [0.0, 1.0]}}),

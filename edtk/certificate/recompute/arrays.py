@@ -33,7 +33,7 @@ Long = NDArray[np.floating[Any]]
 LONG_EPS = float(np.finfo(LONG).eps)
 # x86 has longer numbers than doubles; Windows and Apple's machines have not.
 IS_LONGER = LONG_EPS < EPS
-EPS_OF_SUM = LONG_EPS if IS_LONGER else 0.0  # for each term of `long_product`
+EPS_OF_SUM = LONG_EPS if IS_LONGER else 2.0**-63  # for each term of `long_product`
 SPLIT = 2.0**27 + 1  # halves the 53 digits of a double
 AT_ONCE = 2**18  # doubles of rows that are looked at together
 SWEEPS = 30  # of rotations; ten are the rule
@@ -46,16 +46,23 @@ WELL = 1e3  # condition number of rows up to which their own parameters will do
 def long_product(A: Array, T: Array) -> Long:
     """``A T`` (..., q) of A (..., p) and T (p, q), whose terms may cancel, in long numbers.
 
-    Where the machine has none each entry is the exact sum, rounded to a double: products of halves
-    of doubles are exact (Dekker), and so is Python's sum of them.
+    Where the machine has none, the rounding of each product (Dekker) and of each sum (Knuth) is
+    added up beside the sum, and to it at the end.
     """
     if IS_LONGER:
         return np.asarray(A.astype(LONG) @ T.astype(LONG))
-    columns = T.T
-    halves = [(high, x - high) for x in (A[..., None, :], columns) for high in [_high(x)]]
-    terms = [a * t for a in halves[0] for t in halves[1]]
-    sums = np.concatenate(terms, axis=-1).reshape(-1, 4 * len(T))
-    return np.array([math.fsum(one) for one in sums.tolist()]).reshape(*A.shape[:-1], T.shape[1])
+    found = np.zeros((*A.shape[:-1], T.shape[1]))
+    rest = np.zeros_like(found)
+    for a, t in zip(np.moveaxis(A, -1, 0)[..., None], T, strict=True):
+        product = a * t
+        a_high, t_high = _high(a), _high(t)
+        crossed = a_high * (t - t_high) + (a - a_high) * t_high
+        rest += ((a_high * t_high - product) + crossed) + (a - a_high) * (t - t_high)
+        larger = found + product
+        of_product = larger - found
+        rest += (found - (larger - of_product)) + (product - of_product)
+        found = larger
+    return found + rest
 
 
 def _high(x: Array) -> Array:
