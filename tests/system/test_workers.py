@@ -24,7 +24,8 @@ from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.study.study import load_study
 from edtk.system.workers import Workers, WorkersLostError, open_workers
 
-pytestmark = pytest.mark.slow
+# What other processes search is what users search.
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("whole_searches")]
 
 LOOPBACK = "127.0.0.1"
 STARTED_S = 30.0  # for a process of ours to come up
