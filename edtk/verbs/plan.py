@@ -246,7 +246,7 @@ def plan(
         cost_budget=cost_budget,
         constraints=constraints,
         blocks=blocks,
-        block_variance=None if block_variance == FIXED else block_variance,
+        block_variance=None if block_variance == FIXED else float(block_variance),
         errors=errors,
         prove=prove,
         candidates=candidates,
