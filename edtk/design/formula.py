@@ -304,22 +304,54 @@ class LinearFormula:
         Raises:
             ArgumentError: A column is missing, or a value is, or a factor has a level of its own.
         """
-        _require_frame(frame)
-        self._require_levels(frame)
-        return _numbers(_by_formulaic(self.spec.get_model_matrix, frame))
+        from formulaic.errors import DataMismatchWarning
 
-    def _require_levels(self, frame: "pd.DataFrame") -> None:
-        """Reject levels that no candidate has: formulaic would take them for the first one."""
-        words = self.frame.select_dtypes(exclude="number").columns
-        for name in words.intersection(frame.columns):
-            if str(name) not in map(str, self.spec.required_variables):
-                continue
-            known = set(self.frame[name])
-            other = [value for value in frame[name] if value not in known]
-            if other:
-                levels = ", ".join(sorted(map(str, known)))
-                message = f"{name} is {other[0]} in a row; expected {levels}"
-                raise ArgumentError(message, argument="frame")
+        _require_frame(frame)
+        # A level that no candidate has is a warning of formulaic's, which takes it for the first.
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DataMismatchWarning)
+            try:
+                return _numbers(_by_formulaic(self.spec.get_model_matrix, frame))
+            except ArgumentError as error:
+                if isinstance(error.__cause__, DataMismatchWarning):
+                    raise self._of_other_level(frame) from error
+                raise
+
+    @property
+    def variables(self) -> frozenset[str]:
+        """Names of the columns that the formula needs."""
+        return frozenset(map(str, self.spec.required_variables))
+
+    @property
+    def coded(self) -> frozenset[str]:
+        """Names of those that it knows at their levels alone: k of C(k), not x of C(x > 0)."""
+        return frozenset(
+            name
+            for names, levels in self._coded_factors()
+            for name in names
+            if set(self.frame[name]) <= set(levels)
+        )
+
+    def _coded_factors(self) -> list[tuple[list[str], list[Any]]]:
+        """Columns of which each factor with levels is made, and its levels."""
+        of = {str(factor): names for factor, names in self.spec.factor_variables.items()}
+        return [
+            ([name for name in map(str, of[factor]) if name in self.variables], state["categories"])
+            for factor, (_, state) in self.spec.encoder_state.items()
+            if "categories" in state
+        ]
+
+    def _of_other_level(self, frame: "pd.DataFrame") -> ArgumentError:
+        """The error of a row with a level that no candidate has."""
+        message = "a row has a level that no candidate has"
+        for names, levels in self._coded_factors():
+            for name in names:
+                known = set(self.frame[name])
+                other = [value for value in frame[name] if value not in known]
+                if other:
+                    expected = ", ".join(map(str, levels))
+                    message = f"{name} is {other[0]} in a row; expected {expected}"
+        return ArgumentError(message, argument="frame")
 
 
 def noise_of_frame(frame: "pd.DataFrame", sigma: ArrayLike | str) -> ArrayLike:

@@ -180,3 +180,16 @@ def test_a_level_that_no_candidate_has_is_named():
     with pytest.raises(UserError, match=r"group is slip in a row"):
         edtk.next(problem, made, 3)
     assert len(edtk.Problem.from_frame(FRAME, "1 + x").regressors(made)) == 2
+    with pytest.raises(UserError, match=r"null values"):
+        problem.regressors(FRAME.iloc[:2].assign(group=None))
+
+
+@pytest.mark.parametrize("value", [4, 1.5])
+def test_a_number_that_is_no_level_of_a_factor_is_named(value):
+    """A factor of numbers has the levels of its candidates, as one of words has."""
+    frame = pd.DataFrame({"k": [1, 2, 3] * 2, "x": np.arange(6.0)})
+    problem = edtk.Problem.from_frame(frame, "C(k) + x + C(x > 2)")
+    assert problem.coded == {"k"}
+    np.testing.assert_array_equal(problem.regressors(frame), problem.factors()[:, 0])
+    with pytest.raises(UserError, match=rf"k is {value} in a row; expected 1, 2, 3$"):
+        problem.regressors(frame.iloc[:1].assign(k=value))
