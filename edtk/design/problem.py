@@ -367,6 +367,18 @@ class Problem(WeightedCandidates):
         """The formula of a data frame's columns, as it was given; None where there is none."""
         return None if self._linear is None else self._linear.text
 
+    @property
+    def needed(self) -> "pd.DataFrame | None":
+        """The columns of the frame that the model is made of."""
+        if self.frame is None or self._linear is None:
+            return self.frame
+        return self.frame[[name for name in self.frame if name in self._linear.variables]]
+
+    @property
+    def coded(self) -> frozenset[str]:
+        """Names of the columns that a formula knows at their levels alone, such as k of C(k)."""
+        return frozenset() if self._linear is None else self._linear.coded
+
     def regressors(self, frame: "pd.DataFrame") -> Array:
         """The regressors (k, p) of a formula at the rows of another data frame.
 

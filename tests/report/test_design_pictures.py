@@ -237,6 +237,56 @@ def test_variances_of_a_mixture_are_of_mixtures():
     assert (np.isnan(y) == (x > 0.5 + 1e-9)).all()
 
 
+def test_columns_that_no_model_uses_move_nothing():
+    """A number of runs, names that are no texts and a block of one value leave the curve alone."""
+    grid = pd.DataFrame(itertools.product([-1.0, 0.0, 1.0], repeat=2), columns=["a", "b"])
+    more = grid.assign(run=range(9), block=1, notes=[[1]] * 9)
+    more[7] = 1.0
+    for factors in ("a", ("a", "b")):
+        shown = []
+        for frame in (grid, more):
+            problem = edtk.Problem.from_frame(frame, "a * b + I(a**2)")
+            axes = edtk.plan(problem, size=8, starts=1).plot(kind="variance", factors=factors)
+            assert "room" not in axes.get_xlabel()
+            drawn = axes.lines[0].get_ydata() if factors == "a" else axes.collections[0].levels
+            shown.append(drawn)
+        np.testing.assert_array_equal(*shown)
+
+
+def test_two_shares_that_determine_each_other_have_no_map():
+    """One has a curve; of a third that is held two are left with no room of their own."""
+    share = np.linspace(0, 1, 11)
+    two = pd.DataFrame({"d": share, "e": 1 - share})
+    plan = edtk.plan(edtk.Problem.from_frame(two, "0 + d + e + d:e"), size=8, starts=1)
+    with pytest.raises(ArgumentError, match="d and e cannot be chosen freely, as"):
+        plan.plot(kind="variance")
+    assert np.isfinite(plan.plot(kind="variance", factors="d").lines[0].get_ydata()).all()
+    both = edtk.candidates.simplex_lattice(3, 3).merge(two.iloc[::5], how="cross")
+    plan = edtk.plan(edtk.Problem.from_frame(both, "0 + A + B + C + d:A + e:B"), size=9, starts=1)
+    for factors, at in ((("d", "e"), {}), (("A", "B"), {"C": 0.2}), ("A", {"B": 0.2, "C": 0.2})):
+        with pytest.raises(ArgumentError, match="cannot be chosen freely"):
+            plan.plot(kind="variance", factors=factors, at=at)
+    with pytest.raises(ArgumentError, match="leave no room"):
+        plan.plot(kind="variance", factors="A", at={"d": 0.9, "e": 0.9})
+
+
+def test_a_model_is_asked_inside_of_a_mixture_only():
+    """A logarithm of the share that is left is nothing where none is."""
+    shares = edtk.candidates.simplex_lattice(3, 10)
+    problem = edtk.Problem.from_frame(shares[shares["C"] >= 0.1], "0 + A + B + C + np.log(C)")
+    axes = edtk.plan(problem, size=8, starts=1).plot(kind="variance", factors=("A", "B"))
+    assert np.isfinite(axes.collections[0].levels).all()
+
+
+def test_a_factor_of_numbers_is_held_at_a_level():
+    """Between its levels a formula knows nothing."""
+    frame = pd.DataFrame({"k": [1, 2, 4] * 4, "x": np.linspace(0, 1, 12)})
+    plan = edtk.plan(edtk.Problem.from_frame(frame, "C(k) + x"), size=8, starts=1)
+    assert plan.plot(kind="variance").get_xlabel().endswith("at k = 1")
+    with pytest.raises(ArgumentError, match="expected one or two of x"):
+        plan.plot(kind="variance", factors="k")
+
+
 def test_efficiencies_are_bounds_over_costs(designs):
     """Of a plan under D, A and the largest variance: against relaxations and Kiefer's p."""
     plan = designs["plan"]

@@ -121,11 +121,12 @@ def _variance(
         x: Of candidates without a frame: numbers (n,) or (n, 2) to draw over.
     """
     places = _placed(design, x)
-    names = _factors(places, factors)
+    levels = design.model.coded if isinstance(design.model, Problem) and x is None else ()
+    names = _factors(places, factors, levels)
     where = [places.names.index(name) for name in names]
     others = _others(design.model, names, at or {})
-    frame = design.model.frame if isinstance(design.model, Problem) else None
-    plane = None if frame is None else _Plane.of(frame, (*names, *(at or {})))
+    needed = design.model.needed if isinstance(design.model, Problem) else None
+    plane = None if needed is None or x is not None else _Plane.of(needed, names, tuple(at or {}))
     evaluate = None if x is not None else _evaluation(design, others, names, plane)
     draw_over = _variance_curve if len(names) == 1 else _variance_map
     draw_over(design, places, where, evaluate, ax)
@@ -157,13 +158,15 @@ def _placed(design: ModelDesign, x: ArrayLike | None) -> Places:
     return Places(places.rows, names, values)
 
 
-def _factors(places: Places, asked: str | Sequence[str] | None) -> tuple[str, ...]:
-    """Names of one variable or two.
+def _factors(
+    places: Places, asked: str | Sequence[str] | None, levels: Iterable[str]
+) -> tuple[str, ...]:
+    """Names of one variable or two, none of which the model knows at its levels alone.
 
     Raises:
         ArgumentError: There are no such variables.
     """
-    known = places.names
+    known = tuple(name for name in places.names if name not in levels)
     names = known[:2] if asked is None else (asked,) if isinstance(asked, str) else tuple(asked)
     if not 1 <= len(names) <= 2 or any(name not in known for name in names):
         message = f"expected one or two of {', '.join(known)}"
@@ -190,7 +193,7 @@ def _others(
                 raise ArgumentError(message, argument="at")
             return {}
         frame = model.frame
-        numbers = frame.select_dtypes("number").columns
+        numbers = frame.select_dtypes("number").columns.difference([*model.coded])
         usual: dict[Any, Any] = {
             name: 0.5 * (column.min() + column.max()) if name in numbers else column.iloc[0]
             for name, column in frame.items()
@@ -249,9 +252,17 @@ def _of_frame(
     assert model.frame is not None
     # The first row brings the type of each column, as of categories.
     table = model.frame.iloc[np.zeros(len(values), dtype=int)].reset_index(drop=True)
-    given = {name: values[:, i] for i, name in enumerate(names)}
-    table, inside = plane.moves(table.assign(**others, **given))
-    return np.where(inside, design.variances(model.rows_of(table)), np.nan)
+    for name, value in others.items():
+        table[name] = [value] * len(table)
+    for name, column in zip(names, values.T, strict=True):
+        table[name] = column
+    table, inside = plane.moves(table)
+    if not inside.any():
+        message = "leave no room where candidates may be; expected other values"
+        raise ArgumentError(message, argument="at")
+    found = np.full(len(table), np.nan)
+    found[inside] = design.variances(model.rows_of(table[inside]))
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,9 +272,11 @@ class _Plane:
     The variables over which nothing is drawn move the least that leads there.
 
     Attributes:
+        names: Names (d,) of the variables that are numbers.
         moved: Names (h,) of the variables that move; none where the candidates lie in no plane.
         middle: A point (d,) of the plane.
         across: Directions (c, d) in which the candidates do not differ.
+        slack: How far (c,) they do by rounding.
         low, high: Ranges (h,) of the variables that move.
     """
 
@@ -271,40 +284,54 @@ class _Plane:
     moved: list[str]
     middle: Array
     across: Array
+    slack: Array
     low: Array
     high: Array
 
     @classmethod
-    def of(cls, frame: "pd.DataFrame", held: Iterable[str]) -> "_Plane":
-        """The plane of a frame's candidates, in which some variables are held."""
+    def of(cls, frame: "pd.DataFrame", drawn: tuple[str, ...], held: tuple[str, ...]) -> "_Plane":
+        """The plane of candidates, over some variables and with others held.
+
+        Raises:
+            ArgumentError: There is no room for those over which is drawn.
+        """
         numbers = frame.select_dtypes("number").dropna(axis=1)
         x = numbers.to_numpy(dtype=float)
         middle = x.mean(axis=0)
-        size = np.abs(x - middle).max(axis=0)
+        size = np.abs(x - middle).max(axis=0, initial=0.0)
         unit = np.where(size > 0, size, np.inf)
         _, s, V = np.linalg.svd(np.linalg.qr((x - middle) / unit, mode="r"))
         rank = int((s > FLAT * s.max(initial=0.0)).sum())
         across = V[rank:] / unit
-        free = ~np.isin(numbers.columns, list(held)) & (np.abs(across) * unit > FLAT).any(axis=0)
-        slack = FLAT * size
+        told = (np.abs(V[rank:]) > FLAT).any(axis=0) & (size > 0)
+        free = ~np.isin(numbers.columns, [*drawn, *held]) & told
+        # What the free ones cannot make good, the others have to keep among themselves.
+        back = across[:, free] @ np.linalg.pinv(across[:, free], FLAT)
+        left = (np.eye(len(across)) - back) @ across * size
+        if (np.abs(left[:, np.isin(numbers.columns, drawn)]) > FLAT).any():
+            words = " and ".join(drawn)
+            beside = f" beside {' and '.join(map(str, held))}" if held else ""
+            message = f"{words} cannot be chosen freely{beside}, as the candidates lie in a plane"
+            raise ArgumentError(message, argument="factors")
         return cls(
             [str(name) for name in numbers],
             [str(name) for name in numbers.columns[free]],
             middle,
             across,
-            (x.min(axis=0) - slack)[free],
-            (x.max(axis=0) + slack)[free],
+            FLAT + np.abs((x - middle) @ across.T).max(axis=0, initial=0.0),
+            (x.min(axis=0) - FLAT * size)[free],
+            (x.max(axis=0) + FLAT * size)[free],
         )
 
     def moves(self, table: "pd.DataFrame") -> tuple["pd.DataFrame", Mask]:
-        """Points (k) in the plane, and whether they are in the ranges there."""
-        if not self.moved:
-            return table, np.ones(len(table), dtype=bool)
-        z = table[self.names].to_numpy(dtype=float)
+        """Points (k) in the plane, and whether they are there and in the ranges."""
+        z = table[self.names].to_numpy(dtype=float, copy=True)
         free = [self.names.index(name) for name in self.moved]
-        back = np.linalg.pinv(self.across[:, free])
-        there = z[:, free] - (z - self.middle) @ self.across.T @ back.T
+        back = np.linalg.pinv(self.across[:, free], FLAT)
+        z[:, free] -= (z - self.middle) @ self.across.T @ back.T
+        there = z[:, free]
         inside = np.all((there >= self.low) & (there <= self.high), axis=1)
+        inside &= np.all(np.abs((z - self.middle) @ self.across.T) <= self.slack, axis=1)
         return table.assign(**dict(zip(self.moved, there.T, strict=True))), inside
 
 
