@@ -70,6 +70,26 @@ class NonlinearModel:
         of_noise = np.sqrt(2.0) * self.deviation.slope(x, self.theta)
         return np.concatenate([of_mean, of_noise], axis=1) if of_noise.any() else of_mean
 
+    def scale(self, x: Array) -> Array | None:
+        """By what the derivatives of predictors at points x (n, d) are divided in rows, (n, k).
+
+        It is infinite where a predictor tells nothing. None where errors of responses hang
+        together, or noise tells about theta: then rows are no multiples of derivatives.
+        """
+        own = np.diag(self.whitener)
+        if not np.array_equal(self.whitener, np.diag(own)):
+            return None
+        factor = np.broadcast_to(own, (len(x), len(own)))
+        if not self.response.is_plain:
+            factor = factor * self.response.root_weights(self.predicted(x))
+        with np.errstate(divide="ignore"):
+            scale = 1.0 / np.abs(factor)
+        if self.deviation is None:
+            return scale
+        if self.deviation.slope(x, self.theta).any():
+            return None
+        return np.asarray(scale * np.exp(self.deviation.value(x, self.theta)))
+
     def predicted(self, x: Any) -> Any:
         """Predictors (n, k) at points x (n, d)."""
         return self.predictor.value(x, self.theta)

@@ -49,6 +49,7 @@ def of_model(
     sites = _told(sites, models[0])
     each = [sites.alone(model.rows, model.parameters, prior) for model in models]
     if robust is None:
+        sites.scaled(each[0], models[0].scale)
         return each[0]
     found = sites.together(each, lambda x: of_each(models, x, NonlinearModel.rows))
     found.robust = Robust(robust, tuple(each), _shares(weights, len(each)))

@@ -3,7 +3,7 @@
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from criteria import Criterion
 from criteria.linalg.spectrum import is_semidefinite
 from edtk.design.formula import LinearFormula, free_name, noise_of_frame
-from edtk.design.information import ModelRows, Rows, nearly_equal
-from edtk.design.theta_box import Robust, RowsAt, RowsOfEach, Sites, told_names
+from edtk.design.information import Known, ModelRows, Rows, nearly_equal
+from edtk.design.theta_box import Robust, RowsAt, RowsOfEach, Scale, Sites, told_names
 from edtk.design.weighted_candidates import (
     WeightedCandidates,
     packed_information,
@@ -104,7 +104,8 @@ class Problem(WeightedCandidates):
     # Whitened rows (k, r, p) of other frames with the same columns; None where they are not known.
     rows_of: "Callable[[pd.DataFrame], Array] | None" = None
     _linear: LinearFormula | None = None
-    _sigma: Array | float = 1.0
+    # By what rows were divided, (n, rows) or one number; None where terms have no rows like theirs.
+    noise: Array | float | None = 1.0
 
     @checked
     def __init__(
@@ -114,19 +115,23 @@ class Problem(WeightedCandidates):
         parameters: tuple[str, ...] | None = None,
         prior: ArrayLike | None = None,
     ) -> None:
-        self._set(rows_of_blocks(blocks, sigma), parameters, prior)
-        self._sigma = np.asarray(sigma, dtype=float)
+        rows = rows_of_blocks(blocks, sigma)
+        self._set(rows, parameters, prior)
+        shape = rows.A.shape[:2]
+        told = np.asarray(sigma, dtype=float)
+        each = told[:, None] if told.shape == shape[:1] != shape[1:] else told
+        self.noise = np.broadcast_to(each, shape)
         self.is_exact = True
         named_twice = {name for name in self.parameters if self.parameters.count(name) > 1}
         if named_twice:
             raise UserError(f"several parameters have the name {min(named_twice)!r}")
         require_information(self.prior)
 
-    def sigma_of(self, rows: int) -> Array:
-        """Standard deviations (n, rows) by which the given rows of each candidate were divided."""
-        sigma = np.asarray(self._sigma)
-        each = sigma[:, None] if sigma.shape == (self.n,) != (rows,) else sigma
-        return np.broadcast_to(each, (self.n, rows))
+    def with_prior(self, prior: Array | Known | None) -> Self:
+        """The same candidates with other prior information (p, p), or without any."""
+        found = super().with_prior(prior)
+        found.noise = self.noise
+        return found
 
     @classmethod
     @checked
@@ -496,6 +501,8 @@ def several_models(problems: Sequence[Problem]) -> Problem:
     prior = block_diag(*(_prior_of(problem) for problem in problems)) if has_prior else None
     kept = ModelRows([_rows_of(problem) for problem in problems])
     found = Problem.of_kept(kept, _names(problems), prior)
+    if not all(problem.noise is not None and np.all(problem.noise == 1.0) for problem in problems):
+        found.noise = None
     found.is_exact = all(problem.is_exact for problem in problems)
     return found
 
@@ -586,6 +593,12 @@ class CandidateSites(Sites[Problem]):
         if self.noise is None:
             found.rows_of = lambda other: np.asarray(rows(other.to_numpy(dtype=float)))
         return found
+
+    def scaled(self, found: Problem, scale: Scale) -> None:
+        """Tell a problem by what its rows were divided."""
+        factor = scale(self.trial)
+        assert found.noise is not None
+        found.noise = None if factor is None else found.noise * factor
 
     def together(self, models: Sequence[Problem], rows_of_each: RowsOfEach) -> Problem:
         """The candidates under several models."""

@@ -21,7 +21,7 @@ from edtk.design.information import (
     side_by_side,
 )
 from edtk.design.problem import Problem, several_models
-from edtk.design.theta_box import Robust, RowsAt, RowsOfEach, Sites, told_names
+from edtk.design.theta_box import Robust, RowsAt, RowsOfEach, Scale, Sites, told_names
 from edtk.design.user_model import (
     ALIKE,
     UserEnclosure,
@@ -220,6 +220,7 @@ class Region(Presented):
         self.limits = box_limits(low, high)
         self.variables = variable_names(variables, self.size)
         self._T: Array | None = None
+        self._scale: Scale | None = None
         self._row_shape: tuple[int, ...] | None = None
         self._rows = UserFunction(rows, "rows").for_many(self.limits)
         self._gradient = None
@@ -453,6 +454,12 @@ class Region(Presented):
         if self._T is not None:
             A = Rows(A).times(self._T).A
         return np.asarray(A.reshape(x.shape[:-1] + A.shape[1:]))
+
+    def noise_at(self, x: Array) -> Array | None:
+        """By what the rows at points x (n, d) were divided, (n, rows), see `Problem`."""
+        sigma = np.broadcast_to(self._sigma, (len(x), len(self._sigma)))
+        factor = 1.0 if self._scale is None else self._scale(x)
+        return None if factor is None else np.asarray(sigma * factor)
 
     def derivative_at(self, x: Array) -> Array:
         """Derivatives (..., rows, p, d) of the whitened rows at points x (..., d)."""
@@ -730,6 +737,10 @@ class BoxSites(Sites[Region]):
             prior=prior,
             variables=self.variables,
         )
+
+    def scaled(self, found: Region, scale: Scale) -> None:
+        """Tell a region by what its rows were divided."""
+        found._scale = scale
 
     def together(self, models: Sequence[Region], rows_of_each: RowsOfEach) -> Region:
         """The box under several models."""

@@ -62,6 +62,7 @@ class Served(Protocol):
 Made = TypeVar("Made", bound=Served)
 # Points (n, d) to whitened rows (n, r, p).
 RowsAt = Callable[[Any], Any]
+Scale = Callable[[Array], Array | None]  # points (n, d) to (n, r)
 RowsOfEach = Callable[[Any], Sequence[Any]]
 
 
@@ -88,6 +89,15 @@ class Sites(ABC, Generic[Made]):
             rows: Points (n, d) to whitened rows (n, r, p).
             parameters: Names (p,).
             prior: Prior information (p, p); None for none.
+        """
+
+    @abstractmethod
+    def scaled(self, found: Made, scale: "Scale") -> None:
+        """Tell the problem or the region of one model by what its rows were divided.
+
+        Args:
+            found: What `alone` has made.
+            scale: Points (n, d) to positive numbers (n, r); to None, where rows are no multiples.
         """
 
     @abstractmethod

@@ -205,6 +205,51 @@ def split():
     return edtk.plan(problem, size=12, errors=errors, starts=2)
 
 
+SURFACE = ("a + b * x + c * y + d * x * y", {"a": 1.0, "b": 0.5, "c": 0.3, "d": 0.2})
+
+
+@pytest.mark.parametrize("kind", [edtk.Problem, edtk.Region])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"sigma": 0.5},
+        {"sigma": lambda x: 1 + x[:, 0] ** 2},
+        {"family": "poisson"},
+        {"family": "binomial", "sigma": lambda x: 1 + x[:, 0] ** 2},
+    ],
+)
+def test_a_column_of_a_nonlinear_model_is_its_own_alias(kind, options):
+    """Whatever weighs its rows, and no product of its variables is beyond it."""
+    grid = pd.DataFrame(itertools.product(np.linspace(-1, 1, 5), repeat=2), columns=["x", "y"])
+    where = grid if kind is edtk.Problem else {"x": (-1, 1), "y": (-1, 1)}
+    seen = ModelDesign.of(edtk.relax(kind.of_model(*SURFACE, where, **options)))
+    product = lambda x: (x[:, 0] * x[:, 1])[:, None]  # noqa: E731
+    beyond = {"xy": product(grid.to_numpy())[:, 0]} if kind is edtk.Problem else product
+    np.testing.assert_allclose(seen.aliases(beyond)[1][:, 0], [0, 0, 0, 1], atol=1e-9)
+    assert seen.aliases()[0] == ()
+
+
+def test_terms_keep_the_noise_beside_a_prior():
+    """And have none where the noise tells about theta itself, or models are several."""
+    columns = np.stack([np.ones(41), X], axis=-1)[:, None]
+    sigma = np.linspace(0.1, 1, 41)
+    told = [
+        ModelDesign.of(edtk.relax(problem)).aliases({"x": X})[1][:, 0]
+        for problem in (
+            edtk.Problem(columns, sigma=sigma),
+            edtk.Problem(columns, sigma=sigma).with_prior(1e-12 * np.eye(2)),
+        )
+    ]
+    np.testing.assert_allclose(told, [[0, 1]] * 2, atol=1e-9)
+    of_theta = edtk.Problem.of_model(
+        "a + b * x", {"a": 1.0, "b": 0.5}, X, sigma=lambda x, t: t[0] + x[:, 0] ** 2
+    )
+    both = edtk.several_models([edtk.Problem(columns, sigma=0.1)] * 2)
+    for problem in (of_theta, both):
+        with pytest.raises(UserError, match="terms beyond a model have no rows where"):
+            edtk.relax(problem).plot(kind="alias")
+
+
 def test_a_term_of_the_model_is_its_own_alias_in_a_split_plot(split):
     """Generalised least squares of a column of the model finds it, and nothing else."""
     column = split.problem.frame.temp.to_numpy()

@@ -395,7 +395,7 @@ class ModelDesign:
         else:
             names, Z = self._given(beyond)
             Z = np.repeat(Z, self.support.rows.shape[1], axis=0)
-        return names, X, self._whitened(Z, self.chosen)
+        return names, X, self._whitened(Z, self.support)
 
     def _products(self) -> tuple[tuple[str, ...], Array]:
         """Products (k r, q) of two variables that the model does not have already."""
@@ -423,7 +423,9 @@ class ModelDesign:
             every, own = (np.repeat(at.values, r, axis=0) for at in (self.places, self.support))
             return self.support.names, range(self.model.size), every, own
         if self.model.frame is None:
-            every = self.places.rows * self.model.sigma_of(r)[..., None]
+            rows = self.places.rows
+            noise = self._noise(self.places).reshape(-1, r, 1)
+            every = np.multiply(rows, noise, where=rows != 0, out=np.zeros(rows.shape))
             own = every[self.chosen].reshape(-1, self.p)
             return self.parameters, range(self.p), every.reshape(-1, self.p), own
         names, numbers, is_level, coded = _coded(self.model.frame, self.p + 1)
@@ -441,20 +443,35 @@ class ModelDesign:
     def _left_out(self, Z: Array) -> Mask:
         """Which terms (n r, q) at all places are no combination of the model's columns."""
         rows = self.places.rows.reshape(-1, self.p)
-        whole = self._whitened(Z)
+        whole = self._whitened(Z, self.places)
         left = whole - rows @ np.linalg.lstsq(rows, whole, rcond=None)[0]
         return np.asarray(
             np.linalg.norm(left, axis=0) > LEFT_OF_COLUMN * np.linalg.norm(whole, axis=0)
         )
 
-    def _whitened(self, Z: Array, chosen: Indices | None = None) -> Array:
-        """Terms (k r, q) of some candidates, of all, or of points, divided by sigma as rows are."""
-        r = self.support.rows.shape[1]
-        if isinstance(self.model, Region):
-            sigma = np.broadcast_to(self.model.judged_by[0], (len(Z) // r, r))
-        else:
-            sigma = self.model.sigma_of(r)[slice(None) if chosen is None else chosen]
-        return np.asarray(Z / sigma.reshape(-1, 1))
+    def _whitened(self, Z: Array, places: Places) -> Array:
+        """Terms (k r, q) of all places or of the support, divided as rows are."""
+        return np.asarray(Z / self._noise(places))
+
+    def _noise(self, places: Places) -> Array:
+        """By what rows of all places or of the support were divided, (k r, 1).
+
+        Raises:
+            UserError: Rows are no multiples of derivatives.
+        """
+        sigma: Array | float | None = None
+        if self.model.robust is None and isinstance(self.model, Region):
+            sigma = self.model.noise_at(places.values)
+        elif self.model.robust is None and isinstance(self.model, Problem):
+            sigma = self.model.noise
+            if isinstance(sigma, np.ndarray) and places is self.support:
+                sigma = sigma[self.chosen]
+        if sigma is None:
+            raise UserError(
+                "terms beyond a model have no rows where errors of responses hang together, noise "
+                "depends on theta, or models are several"
+            )
+        return np.broadcast_to(sigma, places.rows.shape[:2]).reshape(-1, 1)
 
     def _given(self, beyond: Any) -> tuple[tuple[str, ...], Array]:
         """Terms (k, q) as they were given, with their names.
