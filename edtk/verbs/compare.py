@@ -40,8 +40,8 @@ def compare(
     Returns:
         Values and efficiencies, with `.to_frame()`. Efficiencies of problems and regions are
         against the bound of each criterion over the model of the first design, for as many
-        experiments as each has; of a study, or with a structure of errors, against the best plan
-        of these.
+        experiments as each has; of a study against the best plan of these. With a structure of
+        errors they are against the best of these by experiment, each under its own errors.
 
     Raises:
         UserError: One line that says what cannot be compared.

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 OF_BOUND = "of the bound of each criterion"
 OF_BEST = "of the best of these designs"
+OF_EACH = f"{OF_BEST} by experiment, each under the errors of its own runs"
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +70,10 @@ def compare_designs(
     """Put designs for one model side by side.
 
     Efficiencies are against bounds over the model of the first design, for as many experiments as
-    each has. So one whose candidates are others may be above one.
+    each has. So one whose candidates are others may be above one. Where a plan has a structure of
+    errors, they are against the best of these designs if each had as many experiments, and each is
+    judged under its own errors: ``min_j(cost_j m_j^d) / (cost_i m_i^d)`` for a criterion of degree
+    d, and m new experiments, which are one of weights.
 
     Args:
         designs: Designs by their names.
@@ -89,9 +93,14 @@ def compare_designs(
             raise ArgumentError(message, argument="designs", given=name)
     asked = first.other_criteria(criteria)
     costs = np.array([[one.cost(criterion) for criterion in asked.values()] for one in seen])
-    # Bounds are of independent errors: what such a plan could reach, they do not tell.
     of_best = any(one.arranged is not None for one in seen)
-    least = costs.min(axis=0) if of_best else np.array([_bounds(first, asked, m.new) for m in seen])
+    if of_best:
+        # Bounds are of independent errors: what such a plan could reach, they do not tell.
+        degrees = [criterion.degree for criterion in asked.values()]
+        by_one = costs * np.power([[one.new] for one in seen], degrees)
+        efficiencies = by_one.min(axis=0) / by_one
+    else:
+        efficiencies = np.array([_bounds(first, asked, one.new) for one in seen]) / costs
     senses = [criterion.sense for criterion in asked.values()]
     values = [printed_form(costs[:, i], sense) for i, sense in enumerate(senses)]
     return Comparison(
@@ -99,8 +108,8 @@ def compare_designs(
         np.array([np.nan if one.size is None else one.size for one in seen]),
         tuple(asked),
         np.stack(values, axis=-1),
-        least / costs,
-        OF_BEST if of_best else OF_BOUND,
+        efficiencies,
+        OF_EACH if of_best else OF_BOUND,
         seen,
     )
 
