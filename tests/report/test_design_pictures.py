@@ -219,6 +219,22 @@ def test_split_plots_are_compared_by_experiment(split):
     assert found.efficiencies[0, 0] > 0.8 * found.efficiencies[1, 0]
 
 
+def test_products_of_a_frame_are_of_what_the_formula_uses():
+    """Levels are in their order, other columns may be of any kind, and there may be no product."""
+    levels = itertools.product([-1.0, 1.0], ["low", "mid", "high"])
+    frame = pd.DataFrame(levels, columns=["x", "dose"]).assign(notes=[[1]] * 6)
+    ordered = pd.Categorical(frame["dose"], ["low", "mid", "high"], ordered=True)
+    problem = edtk.Problem.from_frame(frame.assign(dose=ordered), "x + dose")
+    names, _ = ModelDesign.of(edtk.plan(problem, size=6, starts=1)).aliases()
+    assert names == ("x dose[mid]", "x dose[high]")
+    errors = edtk.Errors.split_plot(["x"], whole_plots=4, variance=1.0)
+    whole = edtk.Problem.from_frame(frame.drop(columns="notes"), "x * dose")
+    plan = edtk.plan(whole, size=12, errors=errors, starts=1)
+    assert ModelDesign.of(plan).aliases()[1].shape == (6, 0)
+    with pytest.raises(ArgumentError, match="leaves out no product"):
+        plan.plot(kind="alias")
+
+
 SURFACE = ("a + b * x + c * y + d * x * y", {"a": 1.0, "b": 0.5, "c": 0.3, "d": 0.2})
 
 

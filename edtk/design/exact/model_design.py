@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -24,9 +24,6 @@ from edtk.design.relaxation.relaxed_region import RelaxedRegion
 from edtk.design.relaxation.search_region import RegionGrid
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.typing import Array, Indices, Mask
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 PREDICTED_PLACES = 2000  # points of a region at which a design predicts
 FEWEST_PLACES = 200  # of them, below which they do not tell
@@ -83,23 +80,27 @@ def places_of(model: Problem | Region, name: str) -> dict[str, Any]:
     return {"points": model.rows_at(RegionGrid.of(model, PREDICTED_PLACES).x)}
 
 
-def _coded(frame: "pd.DataFrame", most: int) -> tuple[tuple[str, ...], Indices, Mask, Array]:
+def _coded(problem: Problem) -> tuple[tuple[str, ...], Indices, Mask, Array]:
     """Columns (n, c) of a frame as numbers, with a column for each level of a factor but its first.
 
-    A factor of more levels than `most` has none.
+    Its levels are in the order of the formula. One of more levels than columns of the model, and
+    one that the formula does not use, has none.
 
     Returns:
         Names (c,), of which column of the frame each is, whether it is a level, and the numbers.
     """
     found: list[tuple[str, int, bool, Array]] = []
+    frame, used = problem.frame, problem.needed
+    assert frame is not None
+    assert used is not None
     for i, (name, column) in enumerate(frame.items()):
         if column.dtype.kind in NUMBERS:
             found.append((str(name), i, False, column.to_numpy(dtype=float)))
             continue
-        values = column.to_numpy()
-        levels = sorted(set(values), key=str)
-        for level in levels[1:] if len(levels) <= most else ():
-            found.append((f"{name}[{level}]", i, True, (values == level).astype(float)))
+        codes = column.astype("category").cat if name in used else None
+        levels: list[Any] = [] if codes is None else list(codes.categories)
+        for level in levels[1:] if len(levels) <= problem.p + 1 else ():
+            found.append((f"{name}[{level}]", i, True, (column == level).to_numpy(dtype=float)))
     columns = np.reshape([one[3] for one in found], (len(found), len(frame))).T
     of, is_level = np.array([one[1] for one in found]), np.array([one[2] for one in found], bool)
     return tuple(one[0] for one in found), of, is_level, columns
@@ -428,7 +429,7 @@ class ModelDesign:
             every = np.multiply(rows, noise, where=rows != 0, out=np.zeros(rows.shape))
             own = every[self.chosen].reshape(-1, self.p)
             return self.parameters, range(self.p), every.reshape(-1, self.p), own
-        names, numbers, is_level, coded = _coded(self.model.frame, self.p + 1)
+        names, numbers, is_level, coded = _coded(self.model)
         of_model = ~(is_level & self._left_out(np.repeat(coded, r, axis=0)))
         names = tuple(name for name, is_kept in zip(names, of_model, strict=True) if is_kept)
         every = coded[:, of_model]
@@ -512,7 +513,8 @@ class ModelDesign:
         if self.arranged is not None:
             assert self.chosen is not None
             runs = np.searchsorted(self.chosen, self.arranged.places)
-            Z = self.arranged.turn(Z.reshape(len(self.chosen), -1, len(names))[runs])
+            k, r = self.support.rows.shape[:2]
+            Z = self.arranged.turn(Z.reshape(k, r, len(names))[runs])
             return names, np.asarray(self.covariance @ (self.arranged.turned.T @ Z))
         w = np.repeat(self.counts, self.support.rows.shape[1])
         return names, np.asarray(self.covariance @ (X.T @ (w[:, None] * Z)))
