@@ -34,7 +34,9 @@ def compare(
             measured; beside a study they are its plans, or the paths of their CSV files.
         model: The `Problem` that indices are of, or the study; not needed otherwise.
         criteria: Names of criteria, or criteria. By default the design's own, D, A, E, G, and the
-            mean (I) and the largest variance of predictions; of a study all of its criteria.
+            mean (I) and the largest variance of predictions (prediction_G; in a region it is that
+            over a grid of some 2,000 points and the experiments of the first design); of a study
+            all of its criteria.
         out: File to write: a page (.html), or the table (.csv).
 
     Returns:

@@ -104,7 +104,7 @@ def relax(
         criterion: Name of a criterion, a table of its name and parameters, or a `Criterion`;
             defaults to the study's main criterion, and to "D" for a problem or a region. The mean
             of predictions (I) that says no places is over all candidates or points, the largest one
-            (prediction_G) over all candidates, or a grid of some 2,000 points of a region.
+            (prediction_G) over all candidates; of a region it has to say places.
         candidates: Number of candidate poses; defaults to the study's. Of a region, about the
             number of points of the grid where ascents begin; defaults to 5000.
         continuous: Whether to search all feasible poses, beyond the candidates.

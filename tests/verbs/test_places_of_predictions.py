@@ -13,11 +13,11 @@ ENZYME = "V * x / (K + x)"
 
 def test_the_largest_prediction_over_a_region_is_that_of_kiefer_and_wolfowitz():
     """The optimum of D has the variance p on all of the interval, at its four points most."""
-    found = edtk.relax(CUBIC, criterion="prediction_G")
-    assert found.value == pytest.approx(4, rel=1e-6)
     of_D = edtk.relax(CUBIC, criterion="D")
-    np.testing.assert_allclose(found.points, of_D.points, atol=1e-3)
-    np.testing.assert_allclose(found.weights, 0.25, atol=1e-3)
+    for asked in (None, ["prediction_G"]):
+        told = edtk.compare({"D": of_D}, criteria=asked).to_frame()
+        assert told["prediction_G"].item() == pytest.approx(4, rel=1e-6)
+        assert told["efficiency prediction_G"].item() == pytest.approx(1, rel=1e-6)
 
 
 @pytest.mark.parametrize("outer", ["compound", "minimax"])

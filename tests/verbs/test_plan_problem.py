@@ -503,3 +503,9 @@ def test_predictions_are_at_all_candidates_unless_places_are_stated(name):
     )
     table = edtk.compare({"one": plan}, problem, criteria=[name]).to_frame()
     assert table[name]["one"] == pytest.approx(plan.value)
+
+
+def test_the_largest_variance_of_predictions_in_a_region_needs_places():
+    """A mean over all of its points is known, a maximum over them is not."""
+    with pytest.raises(criteria.CriterionError, match="points"):
+        edtk.relax(edtk.Region(lambda x: [1, x], 0, 1), "prediction_G")

@@ -69,15 +69,15 @@ def places_of(model: Problem | Region, name: str) -> dict[str, Any]:
     """Where a model predicts for a criterion that does not say where: at all its places.
 
     Those of a problem are its candidates. Of a region a mean of predictions (I) is that over all
-    points, see `Region.mean_over_points`; the largest one is that over a grid with the walls, of
-    some 2,000 points.
+    points, see `Region.mean_over_points`. The largest one (prediction_G) has to be told its places
+    there: of no finite list it is known that a peak between its points is not larger.
     """
     if isinstance(model, Problem):
         return {"points": model.factors()}
     if "weights" in criteria.parameters_of(name):
         rows, weights = model.mean_over_points()
         return {"points": rows, "weights": weights}
-    return {"points": model.rows_at(RegionGrid.of(model, PREDICTED_PLACES).x)}
+    return {}
 
 
 def _coded(problem: Problem) -> tuple[tuple[str, ...], Indices, Mask, Array]:
@@ -353,18 +353,14 @@ class ModelDesign:
         """Criteria by their labels; by default those that any model has.
 
         They are its own, D, A, E, the largest variance of a parameter (G), and the mean and the
-        largest variance of predictions, see `places_of`: I, and prediction_G where it has a bound.
+        largest variance of predictions: I, see `places_of`, and prediction_G where it has a bound,
+        see `largest_prediction`.
 
         Raises:
             ArgumentError: A criterion has no bound.
         """
         if names is not None:
-            found = [
-                criteria.as_criterion(
-                    one, self.parameters, lambda name: places_of(self.model, name)
-                )
-                for one in names
-            ]
+            found = [self._asked(one) for one in names]
             if not found:
                 raise ArgumentError("expected at least one", argument="criteria")
             for one in found:
@@ -378,6 +374,12 @@ class ModelDesign:
         if self.largest_prediction is not None:
             asked.append(self.largest_prediction)
         return {one.label: one for one in asked}
+
+    def _asked(self, one: Any) -> Criterion:
+        """The criterion that somebody names, with the places of `other_criteria`."""
+        if isinstance(one, str) and one == "prediction_G" and self.largest_prediction is not None:
+            return self.largest_prediction
+        return criteria.as_criterion(one, self.parameters, lambda name: places_of(self.model, name))
 
     def columns(self, beyond: Any = None) -> tuple[tuple[str, ...], Array, Array]:
         """Columns of the model and of terms that it leaves out, at the support.
