@@ -385,7 +385,11 @@ def degrees_of(given: int | Sequence[int], d: int) -> tuple[int, ...]:
     Raises:
         ArgumentError: It is neither.
     """
-    each = list(given) if isinstance(given, Sequence | np.ndarray) else [given] * d
+    try:
+        each = [given] * d if np.ndim(given) == 0 else list(given)  # type: ignore[arg-type]
+    except ValueError as error:  # lists of other lengths within
+        message = f"expected a number, or one for each of {d} variables"
+        raise ArgumentError(message, argument="degree") from error
     if len(each) != d:
         message = f"{len(each)} numbers; expected one, or one for each of {d} variables"
         raise ArgumentError(message, argument="degree")

@@ -4,9 +4,10 @@ from fractions import Fraction
 from math import comb
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from edtk.design.expansion import NotPolynomialError, derived, expand
+from edtk.design.expansion import NotPolynomialError, degrees_of, derived, expand
 from edtk.design.region import Region
 from edtk.system.errors import ArgumentError
 
@@ -105,6 +106,7 @@ def test_a_function_that_knows_what_it_runs_on_is_found_out():
         (lambda x: x**3, 2, r"rows: a value differs by .* degree 2 at x = "),
         (lambda x: np.stack([x, np.abs(x - 0.3)], axis=-1)[:, 0], 9, r"rows: .* degree 9 at x = "),
         (lambda x: x, [1, 1], "degree: 2 numbers; expected one, or one for each of 1 variables"),
+        (lambda x: x, [[1], [2, 3]], "degree: expected a number, or one for each of 1 variables"),
         (lambda x: x, -1, "degree -1: expected a whole number, 0 or more"),
         (lambda x: x, 1.5, "degree 1.5: expected a whole number, 0 or more"),
         (lambda x: np.exp(0 * x), 10**6, "rows: a degree of more than 20000 coefficients"),
@@ -115,6 +117,13 @@ def test_a_wrong_degree_is_refused_in_one_line(rows, degree, message):
     with pytest.raises(ArgumentError, match=message) as caught:
         Region(rows, 0, 1, degree=degree)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("degree", [np.array(2), np.array([2]), pd.Series([2], index=[7])])
+def test_a_degree_is_a_number_of_any_kind(degree):
+    """Arrays of no axis and columns of tables, too."""
+    assert degrees_of(degree, 1) == (2,)
+    assert Region(lambda x: x**2, 0, 1, degree=degree).p == 1
 
 
 def test_a_constraint_of_a_higher_degree_is_refused():

@@ -10,7 +10,8 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from criteria import create
 from edtk.design.candidate_source import CandidateSource
-from edtk.design.exact.find_plan import ELITE, Batch, Batches
+from edtk.design.exact import find_plan
+from edtk.design.exact.find_plan import Batch, Batches
 from edtk.design.exact.refine import draw_starts
 from edtk.design.relaxation.relax_poses import relax_poses
 
@@ -51,9 +52,9 @@ def assert_equal(one, other):
 
 
 def assert_sound(work, costs, plans):
-    """The plans are feasible, of m experiments, at most four, with their costs, the best first."""
+    """The plans kept are feasible, of m experiments, with their costs, the best first."""
     assert plans.x.shape == (len(costs), work.places, work.space.size)
-    assert 1 <= len(costs) <= ELITE
+    assert 1 <= len(costs) <= find_plan.ELITE
     assert work.space.at(plans.x).feasible.all()
     assert (plans.repeats.sum(axis=1) == work.m).all()
     assert ((plans.repeats >= 0) & (plans.repeats == np.round(plans.repeats))).all()
