@@ -224,8 +224,8 @@ def _check_joints(
         of = f"joint{'s' * (len(missing) > 1)} {listed}"
         raise UserError(
             f"expected the compliance of {of} in rad/(N m), which the study asks for. Where no "
-            "reading tells it, take the joint from joints.unknown, and give what is known of it in "
-            "joints.known_rad_per_Nm",
+            "reading tells it, remove the joint from joints.unknown, and give what is known of it "
+            "in joints.known_rad_per_Nm",
             where=where,
             key=f"{prefix}{missing[0]}",
         )

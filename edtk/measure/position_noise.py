@@ -19,7 +19,7 @@ class BlockVariances:
 
     Attributes:
         variances: One a kind (c,).
-        covariance: Of these (c, c); infinite where a variance is zero and so not bounded below.
+        covariance: Of these (c, c); zero where a variance is, which then counts as known.
         log_likelihood: The residual log-likelihood, up to a constant.
     """
 

@@ -292,11 +292,11 @@ def test_other_mistakes(given, tmp_path):
 
 
 def test_the_band_holds_where_sigma_was_estimated():
-    """Of 120 calibrations that estimate sigma, 95 % leave errors inside their own bands."""
+    """Of 310 calibrations that estimate sigma, 95 % leave errors inside their own bands."""
     A = STUDY.model.regressor(*_plan_3())
     A0 = STUDY.target
     rng = np.random.default_rng(4)
-    runs = 120
+    runs = 310  # of fewer all may be inside
     inside = 0
     for moved in simulate(A, STUDY.compliances, STUDY.sigma, rng, runs):
         fit = identify(

@@ -289,8 +289,8 @@ def test_a_bad_calibration_is_said_again(measured: Path, tmp_path: Path) -> None
     """`edtk compensate` warns if the calibration said not to use its compliances."""
     task = tmp_path / "task.csv"
     task.write_text("q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n-60,70,10,30,0\n")
-    result = tmp_path / "k.json"
-    result.write_text(edtk("identify", PAPER, measured, "--json").stdout)
+    result = tmp_path / "out" / "k.json"
+    assert edtk("identify", PAPER, measured, "--out", result.parent).exit_code == 0
     assert edtk("compensate", PAPER, result, task).stderr == ""
     table = pd.read_csv(measured)
     table[D] += np.random.default_rng(0).normal(size=(4, 3))

@@ -49,7 +49,7 @@ def test_standard_deviations_and_correlation(tmp_path):
         ("3", 'expected {"k"'),
         ({"k": [1, 2]}, "k: expected a value"),
         ({"k": {"q2": 1e-6}}, "k.q3: expected the compliance of joint 'q3'"),
-        ({"k": {"q2": 1e-6}}, "take the joint from joints.unknown, and give what is known of it"),
+        ({"k": {"q2": 1e-6}}, "remove the joint from joints.unknown, and give what is known of it"),
         ({"q3": 1e-6}, "json: q2: expected the compliance"),
         ({"k": {**K, "q7": 1e-6}}, "k.q7: no such joint; this robot has q1, q2, q3"),
         (
