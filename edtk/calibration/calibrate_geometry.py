@@ -230,7 +230,7 @@ def _fitted(
     unsure = np.sqrt(np.where(data.seen, squares, 0.0).sum(axis=1) / data.seen.sum(axis=1))
     near = apart < np.maximum(AGREES * max(fit.loo_rms, fit.rms), UNSURE * unsure)
     bent = ~near & data.wrench.any(axis=1) & (setting.loads is not None)
-    near[bent] = _bent(setting, how, sound.data, kept, wrong[bent])
+    near[bent] = _bent(setting, how, fit, sound.data, kept, wrong[bent])
     if not near.any():
         return fit, gross
     kept[wrong[near]] = True
@@ -248,22 +248,30 @@ def _apart(
 
 
 def _bent(
-    setting: StudyGeometry, how: HowFitted, data: MarkerPositions, kept: Mask, loaded: Indices
+    setting: StudyGeometry,
+    how: HowFitted,
+    sound: GeometricFit,
+    data: MarkerPositions,
+    kept: Mask,
+    loaded: Indices,
 ) -> Mask:
     """Which visits (k,) under loads are as near as others where all of them are fitted.
 
     A load takes them far from the drawing. Springs that visits tell which it hardly moved, or which
-    it was not applied to, do not predict them; wrong ones are far from a wary fit of all, too.
+    it was not applied to, do not predict them; wrong ones are far from a wary fit of all, too. But
+    it follows those that agree with each other, and is far from all others then: none counts.
     """
-    if not len(loaded):
-        return np.zeros(0, dtype=bool)
+    none = np.zeros(len(loaded), dtype=bool)
+    absolute = kept & ~data.is_difference
+    if not len(loaded) or not absolute.any():
+        return none
     try:
         fit = _fit(setting, how, data[np.union1d(np.flatnonzero(kept), loaded)], wary=True)
     except np.linalg.LinAlgError:
-        return np.zeros(len(loaded), dtype=bool)
-    others, _ = _apart(setting, fit, data[kept & ~data.is_difference])
-    apart, _ = _apart(setting, fit, data[loaded])
-    return np.asarray(apart < AGREES * np.sqrt(np.nanmean(others**2)))
+        return none
+    others, apart = (_apart(setting, fit, some)[0] for some in (data[absolute], data[loaded]))
+    size = float(np.sqrt(np.nanmean(others**2)))
+    return none if size > AGREES * max(sound.loo_rms, sound.rms) else apart < AGREES * size
 
 
 def _fit(

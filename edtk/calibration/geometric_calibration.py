@@ -13,6 +13,7 @@ from edtk.calibration.propagation import Propagation
 from edtk.calibration.result_file import MeasuredPoses, geometry_to_dict
 from edtk.design.plan import Plan
 from edtk.findings.causes.family import Cause
+from edtk.findings.causes.faults import OTHER_ROWS, cause_of
 from edtk.findings.counting import Counting
 from edtk.findings.finding import Finding, Severity
 from edtk.findings.geometric_fit import scale_in_words, scale_of
@@ -277,7 +278,9 @@ class GeometricCalibration(Calibration):
     @property
     def causes(self) -> tuple[Cause, ...]:
         """A fault of the robot, the tool or the load that explains what positions leave."""
-        return tuple(one.data["cause"] for one in self.findings if "cause" in one.data)
+        of_rows = [cause_of(one) for one in self.findings if one.kind in OTHER_ROWS]
+        told = [one.data.get("cause") for one in self.findings]
+        return tuple(one for one in (*of_rows, *told) if one is not None)
 
     @property
     def k(self) -> dict[str, float]:

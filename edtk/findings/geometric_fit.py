@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from edtk.findings.causes.family import POSE, Cause
-from edtk.findings.causes.faults import cause_wording
+from edtk.findings.causes.faults import cause_of_rows, cause_wording
 from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
 from edtk.findings.fit_rows import (
     CommonScale,
@@ -76,9 +76,9 @@ BY_PERCENT = 1e-3  # [m/m] a scale that is known no better is said in percent
 # (Markov's inequality), if they err as is assumed.
 LIKELIER = 300.0
 # These leave many outside by themselves.
-EXPLAINED = ("outliers", "frame_moved", "joint_slipped", "rough")
+EXPLAINED = ("outliers", "frame_moved", "joint_slipped", "unloaded_rows", "rough")
 # And these explain what a fit leaves.
-LEAVES = ("frame_moved", "joint_slipped", "rough", "rounded")
+LEAVES = ("frame_moved", "joint_slipped", "unloaded_rows", "rough", "rounded")
 IS_IT_THIS_ROBOT = (
     "is it this robot, are angles in degrees, and does the controller count joints as the study "
     "says? See edtk controller"
@@ -473,8 +473,7 @@ def _bent(fit: GeometricFit, found: UntoldLoad, rigid: bool) -> Finding:
     if rigid:
         return _say(Severity.WARNING, "untold_load", rows=rows, **data)
     p = float(np.exp(found.log_chance))
-    cause = Cause("unloaded_rows", 0.0, "times", None, p, found.explained, rows=rows)
-    return _say(Severity.ALARM, "unloaded_rows", rows=rows, cause=cause, **data)
+    return _say(Severity.ALARM, "unloaded_rows", rows=rows, factor=0.0, p=p, **data)
 
 
 def _loaded(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
@@ -683,6 +682,15 @@ def _growth(data: Data) -> str:
     )
 
 
+def _unloaded_rows(data: Data) -> str:
+    """Visits that lack their load."""
+    told = cause_wording(cause_of_rows("unloaded_rows", data))
+    return (
+        f"{told}: {_explains(data)}. Springs come out too stiff; expected readings under the load "
+        "that is written"
+    )
+
+
 def _untold_load(data: Data) -> str:
     """A weight that nobody told, in some rows or in all."""
     joints = data["joints"]
@@ -785,10 +793,7 @@ WORDING: Wording = {
         'base would tell, as [[marker]] with joint = "base"'
     ),
     "untold_load": _untold_load,
-    "unloaded_rows": lambda data: (
-        f"{cause_wording(data['cause'])}: {_explains(data)}. Springs come out too stiff; expected "
-        f"readings under the load that is written"
-    ),
+    "unloaded_rows": _unloaded_rows,
     "no_springs": lambda data: (
         f"{data['loaded']} of {data['visits']} visits are under a load, and the study asks for no "
         "compliance, so that the arm counts as rigid; expected joints in parameters.compliance"

@@ -13,6 +13,7 @@ from edtk.findings.fit_rows import (
     SizedColumns,
     log_chance,
     lowered,
+    own_columns,
 )
 from edtk.measure.few_columns import Beside
 from edtk.measure.position_noise import PositionNoise
@@ -42,6 +43,9 @@ MOST_OF_MISFIT = 0.7  # of the misfit, at least, that a fault explains which is 
 # Of the length of what a fault adds, that the parameters of the fit have to leave.
 SEEN_BESIDE = 1e-4
 SURE = 2.0  # standard deviations by which a joint gives way
+# Of a stated load: a share of it that may be larger is not said to be none.
+HARDLY_LOADED = 0.2
+LIKE_NONE = 3.0  # standard deviations within which a share agrees with none
 FEWEST_LOADED = 4  # poses with the weight, and without it
 STARTS = 6  # random ones of the search for poses with a weight
 WEIGHT_ROUNDS = 12  # of telling the weight and the poses, in turn
@@ -404,12 +408,12 @@ def _before(terms: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class UntoldLoad(SizedColumns):
-    """A weight that explains a good part of the residuals.
+    """A weight, or one that is lacking, which explains a good part of the residuals.
 
     Attributes:
         joints: Names of the joints that give way.
         explained: Share of the squared residuals that this explains.
-        loaded: Mask (m,) of the poses that are under it.
+        loaded: Mask (m,) of the poses that are under it, or of those that lack a stated load.
         log_chance: Logarithm of the probability that chance explains as much.
     """
 
@@ -434,18 +438,23 @@ def untold_load(rows: FitRows) -> UntoldLoad | None:
     Args:
         rows: Of positions without springs among its parameters.
     """
-    robot = rows.scene.robot
-    frames = robot.frames(rows.scene.q, ())
-    torque = -frames.folded(frames.linear_of_each)[:, 2].T
+    torque = _of_unit_weight(rows)
     every = np.ones(len(torque), dtype=bool)
     return _likeliest(rows, torque, every, [(every, 0.0, LOAD_EXPLAINS)])
+
+
+def _of_unit_weight(rows: FitRows) -> Array:
+    """Torques (m, n) of a unit force down at the tool [N m/N]."""
+    frames = rows.scene.robot.frames(rows.scene.q, ())
+    return -frames.folded(frames.linear_of_each)[:, 2].T
 
 
 def lost_load(rows: FitRows) -> UntoldLoad | None:
     """Try the same with minus the torques of the stated load, which visits were not under.
 
     Springs that all visits tell are too stiff then: each ``k_j`` is free, and not negative. Which
-    visits had no load is told among those that are under one.
+    visits had no load is told among those that are under one. Other loads than stated, and springs
+    of another law, leave much the same: nothing is said unless the load lacks as a whole.
 
     Args:
         rows: Of positions with springs among its parameters.
@@ -454,8 +463,47 @@ def lost_load(rows: FitRows) -> UntoldLoad | None:
     under, alone = (rows.fit.fitted.torque(q, own, rows.loads) for own in (wrench, 0 * wrench))
     if under is None or alone is None:
         return None
-    of_load = (alone.torque - under.torque)[:, : rows.motion.shape[2]]
-    return _likeliest(rows, of_load, np.asarray(wrench.any(axis=1)), [])
+    n = rows.motion.shape[2]
+    of_load = (alone.torque - under.torque)[:, :n]
+    found = _likeliest(rows, of_load, np.asarray(wrench.any(axis=1)), [])
+    if found is None or not _is_whole(rows, under.torque[:, :n], of_load, found):
+        return None
+    return found
+
+
+def _is_whole(rows: FitRows, under: Array, of_load: Array, found: UntoldLoad) -> bool:
+    """Whether visits that lack a part of their load lack all of it.
+
+    Springs k bend joints under the torques without that load, and springs d under the load where it
+    may be lacking. They are fitted anew, both free: ``d_j / k_j`` is the share of the load that
+    acts on joint j. With the k so found, ``d = f k`` tells one share f of all joints. Each d_j, and
+    f, have to agree with zero, and f to be known well enough.
+
+    Args:
+        rows: The residuals.
+        under: Torques (m, n) of all that is stated [N m].
+        of_load: Minus those of the load.
+        found: The visits that may lack it.
+    """
+    fitted = rows.fit.fitted
+    sprung = np.flatnonzero(fitted.compliances)
+    own = np.array([one.place == "compliance" for one in fitted.model.parameters])
+    others = own_columns(rows.fit, rows.loads).in_units(np.where(own, 0.0, 1.0)).independent()
+    lacking = np.where(found.loaded[:, None], of_load, 0.0)
+    bent, without, load = (
+        (rows.motion * torque[:, None])[..., sprung]
+        for torque in (under, under + lacking, -lacking)
+    )
+    whole = rows.residual + bent @ (MM * fitted.compliances[sprung])
+    rows = replace(rows, residual=whole, design=others)
+    free = np.concatenate([without, load], axis=-1)
+    by = rows.weighed(rows.noise_beside(free))
+    each = rows.explained(free, by)
+    k, d = np.split(each.values, 2)
+    alike = rows.explained(np.concatenate([without, (load @ k)[..., None]], axis=-1), by)
+    share, std = abs(float(alike.values[-1])), float(alike.std[-1])
+    is_none = share < LIKE_NONE * std and (np.abs(d) < LIKE_NONE * each.std[len(k) :]).all()
+    return bool(is_none and share + SURE * std < HARDLY_LOADED)
 
 
 def _likeliest(
@@ -473,14 +521,24 @@ def _likeliest(
     if not len(turned) or rows.dof(len(turned)) < len(turned):
         return None
     bent = rows.motion * torque[:, None]
+    # Of a weight at the tool, in the units of these torques.
+    under = torque.any(axis=1)
+    lever = np.linalg.norm(_of_unit_weight(rows)[under])
+    usual = USUAL_BEND * float(lever / np.linalg.norm(torque))
     parts = parts + _parts_of_day(rows, bent[..., turned], among)
-    told = [_judged(rows, bent, turned, *one) for one in parts]
+    told = [_judged(rows, bent, turned, usual, *one) for one in parts]
     found = [one for one in told if one is not None]
     return min(found, key=lambda one: one.log_chance, default=None)
 
 
 def _judged(
-    rows: FitRows, bent: Array, turned: Indices, loaded: Mask, log_tries: float, least: float
+    rows: FitRows,
+    bent: Array,
+    turned: Indices,
+    usual: float,
+    loaded: Mask,
+    log_tries: float,
+    least: float,
 ) -> UntoldLoad | None:
     """A weight in some poses, where it explains enough and chance does not."""
     bent = bent * loaded[:, None, None]
@@ -495,7 +553,7 @@ def _judged(
     if explained < least or chance > np.log(UNLIKELY_LOAD):
         return None
     names = tuple(rows.scene.robot.joint_names[j] for j in giving)
-    return UntoldLoad(columns, USUAL_BEND, log_tries, names, explained, loaded, chance)
+    return UntoldLoad(columns, usual, log_tries, names, explained, loaded, chance)
 
 
 def shares_of(rows: FitRows, columns: Array, noise: PositionNoise) -> tuple[float, float]:

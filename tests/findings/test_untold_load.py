@@ -10,9 +10,11 @@ import pytest
 from geometry_sheets import NAMES, OFFSETS, PLACE, STUDY, Array, by_pose
 
 import edtk
+from edtk.calibration.geometric_calibration import GeometricCalibration
+from edtk.findings.causes.faults import cause_of
 from edtk.findings.fit_rows import FitRows
 from edtk.findings.gross_errors import WRONG
-from edtk.findings.moved_frame import moved_frame, untold_load
+from edtk.findings.moved_frame import lost_load, moved_frame, untold_load
 from edtk.fit.fit_geometry import fit_geometry
 from edtk.fit.fitted_geometry import GeometricFit
 from edtk.fit.marker_positions import MarkerPositions
@@ -115,13 +117,21 @@ SPRUNG = STUDY.replace(parameters={"compliance": ["q2", "q3"], "base": True, "to
 NEWTON = 50.0  # of a load, without which each pose is visited first
 
 
-def visits_of(bent: float, lost: Array, held: float = 0.0) -> tuple[Array, Array, Array]:
+def visits_of(
+    bent: float,
+    lost: Array,
+    held: float = 0.0,
+    stated: Array | float = 1.0,
+    softer: float = 0.0,
+) -> tuple[Array, Array, Array]:
     """Joint angles and loads of pairs of visits, and positions, of an arm that lacks some loads.
 
     Args:
         bent: Compliance of q2 and q3 times the load [rad/m].
-        lost: Which of the pairs (m,) have it on the sheet alone.
+        lost: Share of the load on the sheet that each of the pairs (m,) lacks.
         held: What friction holds of each joint's load [N m].
+        stated: The load on the sheet (m,) over the usual one.
+        softer: By how much springs are softer under the largest torque than under none.
     """
     setting = StudyGeometry.of(SPRUNG)
     assert setting.loads is not None
@@ -129,11 +139,12 @@ def visits_of(bent: float, lost: Array, held: float = 0.0) -> tuple[Array, Array
     model = replace(StudyGeometry.of(STUDY).model, offsets=OFFSETS, start=PLACE)
     q = np.repeat(np.round(rng.uniform(-100, 100, (len(lost), 6)), 3), 2, axis=0)
     wrench = np.zeros((len(q), 6))
-    wrench[1::2, 2] = -NEWTON
-    acts = wrench * ~np.repeat(lost, 2)[:, None]
+    wrench[1::2, 2] = -NEWTON * stated
+    acts = wrench * (1.0 - np.repeat(lost, 2))[:, None]
     sprung = bent / NEWTON * np.isin(np.arange(6), [1, 2])
     torque = setting.loads(np.deg2rad(q), acts)
     torque = np.sign(torque) * np.maximum(np.abs(torque) - held, 0.0)
+    torque = torque * (1 + softer * (torque / np.abs(torque[:, 1:3]).max()) ** 2)
     shown = np.deg2rad(q) + sprung * torque
     x = model.see(np.zeros(model.p), shown, derivatives=False).points
     return q, wrench, 1e3 * x + rng.normal(0, 0.02, x.shape)
@@ -161,8 +172,64 @@ def test_a_load_that_visits_lack_is_named_with_their_rows(bent: float, pairs: li
     assert [one.rows for one in named] == [tuple((2 * np.flatnonzero(lost) + 1).tolist())]
     assert "the robot moves as if it were not loaded there" in named[0].words
     assert not {one.kind for one in found.findings} & {"gross", "typed", "outliers"}
-    assert [one.cause for one in found.causes] == ["unloaded_rows"]
+    assert [(one.cause, one.size, one.rows) for one in found.causes] == [
+        ("unloaded_rows", 0.0, named[0].rows)
+    ]
+    assert named[0].data["factor"] == 0.0
+    assert cause_of(named[0]) == found.causes[0]
     assert found.verdict == "bad"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("bent", "lost"),
+    [
+        (5e-3, np.where(np.arange(14) < 7, 0.0, 0.3)),
+        (2e-2, np.where(np.arange(14) < 7, 0.0, 0.1)),
+        (5e-3, np.where(np.arange(14) < 7, 0.0, -0.5)),
+        (2e-2, np.where(np.isin(np.arange(14), [1, 4, 6, 9, 12]), -1.0, 0.0)),
+    ],
+)
+def test_a_load_of_another_size_is_not_said_to_be_lacking(bent: float, lost: Array) -> None:
+    """Neither of these rows nor of all others, beside which more load looks like less."""
+    found = edtk.identify(SPRUNG, sheet_of(*visits_of(bent, lost)))
+    assert "unloaded_rows" not in {one.kind for one in found.findings}
+    assert "unloaded_rows" not in {one.cause for one in found.causes}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("softer", [1.0, -0.5])
+def test_springs_of_another_law_lack_no_load(softer: float) -> None:
+    """They move the arm more, or less, under the larger load than others tell."""
+    stated = np.where(np.arange(14) % 2, 2.0, 0.4)
+    found = edtk.identify(
+        SPRUNG, sheet_of(*visits_of(1e-2, np.zeros(14), stated=stated, softer=softer))
+    )
+    assert "unloaded_rows" not in {one.kind for one in found.findings}
+
+
+def test_a_lacking_load_is_as_likely_whatever_its_size() -> None:
+    """Of a load a hundred times as large, springs that bend as much are as much stiffer."""
+    lost = (np.arange(14) >= 7).astype(float)
+    usual = []
+    for times in (0.1, 10.0):
+        found = edtk.identify(SPRUNG, sheet_of(*visits_of(8e-4 / times, lost, stated=times)))
+        assert isinstance(found, GeometricCalibration)
+        lacking = lost_load(FitRows.of(found.fit, StudyGeometry.of(SPRUNG).loads))
+        assert lacking is not None
+        assert np.flatnonzero(lacking.loaded).tolist() == list(range(15, 28, 2))
+        usual.append(times * lacking.usual)
+    assert usual[0] == pytest.approx(usual[1])
+
+
+@pytest.mark.slow
+def test_wrong_poses_under_loads_that_agree_excuse_nothing() -> None:
+    """Two with the same error of a joint draw a fit with them: it is far from all others then."""
+    q, wrench, x = visits_of(2e-3, np.zeros(8))
+    q[[3, 9], 0] += 7
+    found = edtk.identify(SPRUNG, sheet_of(q, wrench, x))
+    assert found.left_out == (3, 9)
+    assert found.verdict == "usable"
 
 
 @pytest.mark.slow
