@@ -193,7 +193,7 @@ WRONG_ARRAYS = [
     (lambda: edtk.Region(LINE.rows_at, [-1], [1], sigma=[[1], [1, 2]]), "sigma: expected numbers"),
     (lambda: edtk.Region(LINE.rows_at, [-1], [1], variables=()), "no names; expected 1 different"),
     (lambda: edtk.relax(LINE, np.ones(3)), "expected a criterion, its name or a table"),
-    (lambda: edtk.Region(LINE.rows_at, [-1], [1], degree=[[1], [1, 2]]), "degree: 2 numbers"),
+    (lambda: edtk.Region(LINE.rows_at, [-1], [1], degree=[[1], [1, 2]]), "expected a number"),
     (lambda: edtk.plan(edtk.Problem(ROWS), 6, most=[[1], [1, 2]]), "most: expected a whole"),
     (lambda: edtk.plan(edtk.Problem(ROWS), 6, least=1e300), "least: candidate 0: asks for more"),
     (lambda: edtk.plan(edtk.Problem(ROWS), 6, least=[1 + 2j] * 21), "least: expected numbers"),
