@@ -40,9 +40,8 @@ def compensated_product(A: Array, T: Array) -> Array:
     for j in range(len(T)):
         a, a_high, a_low = (x[..., j, None] for x in (A, A_high, A_low))
         term = a * T[j]
-        lost += a_low * T_low[j] - (
-            term - a_high * T_high[j] - a_low * T_high[j] - a_high * T_low[j]
-        )
+        higher = term - a_high * T_high[j] - a_low * T_high[j] - a_high * T_low[j]
+        lost += a_low * T_low[j] - higher
         before = total
         total = before + term
         kept = total - before

@@ -230,7 +230,7 @@ def _fitted(
     unsure = np.sqrt(np.where(data.seen, squares, 0.0).sum(axis=1) / data.seen.sum(axis=1))
     near = apart < np.maximum(AGREES * max(fit.loo_rms, fit.rms), UNSURE * unsure)
     bent = ~near & data.wrench.any(axis=1) & (setting.loads is not None)
-    near[bent] = _bent(setting, how, fit, sound.data, kept, wrong[bent])
+    near[bent] = _fit_together(setting, how, fit, sound.data, kept, wrong[bent])
     if not near.any():
         return fit, gross
     kept[wrong[near]] = True
@@ -247,7 +247,7 @@ def _apart(
     return root_mean_squares(data.measured - predicted.points), predicted
 
 
-def _bent(
+def _fit_together(
     setting: StudyGeometry,
     how: HowFitted,
     sound: GeometricFit,

@@ -195,11 +195,9 @@ def real_numbers(given: object, argument: str) -> "Array":
         is_text = found.dtype.kind == "O" and any(isinstance(one, str) for one in found.flat)
         is_switch = found.dtype.kind == "b" and not found.ndim
         if found.dtype.kind in NO_NUMBERS or is_text or is_switch:
-            raise ArgumentError("expected numbers", argument=argument)
+            raise TypeError(f"{found.dtype} is no kind of numbers")
         return found.astype(float, copy=False)
     except (TypeError, ValueError, OverflowError) as error:
-        if isinstance(error, ArgumentError):
-            raise
         raise ArgumentError("expected numbers", argument=argument) from error
 
 
