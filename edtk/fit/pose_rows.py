@@ -249,6 +249,8 @@ def least_squares_fit(
             u, at = u + step, after
         if foreseen <= max(LAST_FALL * at.cost, squares.rounding):
             break
+        if fall <= 0 and foreseen <= rounding:
+            break  # as low as the squares tell: exact readings would be stepped about for ever
         if better:
             damping = damping / 10 if damping > LEAST_DAMPING else 0.0
             slope = squares.slope(u, at)

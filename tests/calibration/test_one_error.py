@@ -8,6 +8,7 @@ from arm import arm
 
 import edtk
 from edtk.design.plan import Plan
+from edtk.fit import pose_rows
 from edtk.measure.elastostatic_model import ElastostaticModel
 from edtk.measure.equilibrium import Rest
 
@@ -83,6 +84,16 @@ def test_texts_and_pages_say_it(tmp_path):
     for text in (found.summary(), page):
         assert "by q1, which counts as rigid" in text
         assert "nan mm" not in text
+
+
+def test_exact_readings_are_fitted_in_few_steps(monkeypatch):
+    """Squares that are rounding alone are not stepped about to the limit: three fits took 600."""
+    steps = []
+    at = pose_rows._Squares.at
+    monkeypatch.setattr(pose_rows._Squares, "at", lambda *given: steps.append(1) or at(*given))
+    asked = study("visits")
+    assert edtk.identify(asked, readings(asked)).fit.rms < 1e-9
+    assert len(steps) < 60
 
 
 def test_both_kinds_say_the_same():
