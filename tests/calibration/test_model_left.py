@@ -432,12 +432,12 @@ def varying_day(number, off, m=30):
 def test_columns_of_all_poses_are_not_in_memory_together(monkeypatch):
     """Readings left out take some kilobytes a row where blocks are small beside the sheet."""
     monkeypatch.setattr(correlated_noise, "ROWS_AT_ONCE", 4)
-    fitted = FittedData.of(STUDY, varying_day(0, 0, 80)[0])
+    fitted = FittedData.of(STUDY, varying_day(0, 0, 40)[0])
     tracemalloc.start()
     assert fitted.left_out is not None
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert peak < 4000 * 80
+    assert peak < 4000 * 40
 
 
 def test_rows_beyond_the_errors_of_the_model_are_named_first():

@@ -60,12 +60,11 @@ def test_swapped_displacements(i, j, options):
     assert "look swapped; this explains 99.9" in line
 
 
-@pytest.mark.parametrize(("i", "j"), [(1, 2), (3, 4), (1, 5)])
-def test_swapped_joints(i, j):
-    """Two joint columns that were exchanged are named."""
+def test_swapped_joints():
+    """Two joint columns that were exchanged are named, of different links too."""
     data = measured()
-    line = found(replace(data, q=exchanged(data.q, i, j)))
-    assert line.startswith(f"columns q{i + 1}_deg and q{j + 1}_deg look swapped")
+    line = found(replace(data, q=exchanged(data.q, 1, 5)))
+    assert line.startswith("columns q2_deg and q6_deg look swapped")
 
 
 def test_swapped_markers():
@@ -80,14 +79,11 @@ def test_swapped_markers():
     assert line.startswith("the markers (0, 0, 0) mm and (300, 0, 100) mm look swapped in all rows")
 
 
-@pytest.mark.parametrize("joint", [2, 4, 6])
-def test_a_joint_of_the_opposite_sign(joint):
+def test_a_joint_of_the_opposite_sign():
     """A joint that was counted the other way round is named, and so is what that explains."""
     data = measured()
-    q = data.q.copy()
-    q[:, joint - 1] *= -1
-    line = found(replace(data, q=q))
-    assert line.startswith(f"column q{joint}_deg looks measured with the opposite sign; this exp")
+    line = found(replace(data, q=data.q * [1, 1, 1, -1, 1, 1]))
+    assert line.startswith("column q4_deg looks measured with the opposite sign; this exp")
     assert "lains 99.9" in line
     assert "(leaves 0.94 sigma instead of " in line
 
@@ -108,18 +104,14 @@ def test_a_joint_with_another_zero():
     assert line.startswith("column q2_deg looks 90 degrees too small; ")
 
 
-@pytest.mark.parametrize(
-    ("axis", "order", "signs"),
-    [
-        ("180 degrees about x", (0, 1, 2), (1, -1, -1)),
-        ("120 degrees about a diagonal", (1, 2, 0), (1, 1, 1)),
-    ],
-)
-def test_a_frame_turned(axis, order, signs):
-    """A turned frame is told from exchanged positions, though all compliances are negative too."""
+def test_a_frame_turned():
+    """A turned frame is told from exchanged positions, though all compliances are negative too.
+
+    One that is turned about z is below.
+    """
     data = measured()
-    line = found(replace(data, deflection=data.deflection[:, order] * signs))
-    assert line.startswith(f"the measuring frame looks turned by {axis}: expected (")
+    line = found(replace(data, deflection=data.deflection[:, (1, 2, 0)]))
+    assert line.startswith("the measuring frame looks turned by 120 degrees about a diagonal: exp")
 
 
 def test_readings_that_are_equally_good_are_all_named():
@@ -148,7 +140,7 @@ def test_no_reading_that_does_not_fit():
     """Where no reading explains the residuals nothing is refused, and no reading is named."""
     rng = np.random.default_rng(3)
     data = measured(repeats=1)
-    for factor in (0.05, 0.2, 1.0):
+    for factor in (0.05, 1.0):
         q = data.q + factor * rng.uniform(-1, 1, data.q.shape)
         fitted = FittedData.of(STUDY, replace(data, q=q))
         assert fitted.fit.scale > 4
@@ -224,13 +216,12 @@ def _judged(model, data):
     return in_words(find_input_error(FittedData.of(study, data)))
 
 
-@pytest.mark.parametrize(("i", "j"), [(0, 2), (1, 2)])
-def test_swapped_rotations(i, j):
+def test_swapped_rotations():
     """Two rotation columns that were exchanged are named."""
     model, data = _poses()
     assert _judged(model, data) is None
-    line = _judged(model, replace(data, deflection=exchanged(data.deflection, 3 + i, 3 + j)))
-    assert line.startswith(f"columns dr{'xyz'[i]}_deg and dr{'xyz'[j]}_deg look swapped")
+    line = _judged(model, replace(data, deflection=exchanged(data.deflection, 3, 5)))
+    assert line.startswith("columns drx_deg and drz_deg look swapped")
 
 
 def test_rotations_of_the_opposite_sign():
@@ -275,10 +266,13 @@ def test_markers():
     assert "marker_z_mm look as if they were in metres" in found(replace(data, marker=marker / 1e3))
 
 
-def test_many_rows_of_few_poses():
-    """Noise four times as large in very many rows, the poses in turn, is not blamed on columns."""
+def test_many_rows_of_few_poses(monkeypatch):
+    """Noise four times as large in more rows than causes are looked for in, the poses in turn, is
+    not blamed on columns.
+    """
+    monkeypatch.setattr("edtk.findings.fitted_data.MOST_SEARCHED", 200)
     data = measured(repeats=1)
-    data = data[np.tile(np.arange(12), 100)]
+    data = data[np.tile(np.arange(12), 20)]
     clean = data.regressor(STUDY.model) @ STUDY.compliances
     noise = 4 * STUDY.sigma * np.random.default_rng(7).standard_normal(clean.shape)
     assert found(replace(data, deflection=clean + noise)) is None
