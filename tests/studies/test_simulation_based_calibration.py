@@ -8,6 +8,8 @@ import pytest
 from scipy import stats
 
 from edtk import load_study
+from edtk.fit.posterior import SamplingOptions
+from edtk.fit.run_chain import Demand
 
 pytestmark = pytest.mark.slow
 
@@ -52,13 +54,22 @@ def test_wrong_noise_is_found(check, monkeypatch):
     assert run(check, 3, 5).covered.mean() < 0.88
 
 
+@pytest.fixture
+def short(check, monkeypatch):
+    """Chains that end early, of which nothing is asked but their form."""
+    demand = Demand(accuracy=1.0, length=5.0)
+    monkeypatch.setattr(check, "OPTIONS", SamplingOptions(demand))
+
+
 @pytest.mark.cell("simulation-based calibration", "parameters")
+@pytest.mark.usefixtures("short")
 def test_every_case_can_be_run(check):
     """A run of each case has a rank for every parameter, those of the noise included."""
     for i, case in enumerate(check.CASES):
         assert run(check, i, 1).ranks.shape == (1, 5 + len(case.noise.names))
 
 
+@pytest.mark.usefixtures("short")
 def test_every_case_of_geometry_can_be_run(check):
     """A run has a rank for each parameter that was asked for by name, and for each coordinate."""
     for case in range(len(check.GEOMETRY_CASES)):
@@ -76,7 +87,17 @@ def test_errors_that_a_density_does_not_know_are_found(check, monkeypatch):
             replace(density, root=density.root / 3, whitening=3 * density.whitening), *given
         )
 
+    fits = []  # of the same seeds: the second time they are taken from here
+
+    def fitted_once(*given, of=check._fit):
+        fits.append(of(*given))
+        return fits[-1]
+
+    check.told(1)  # by a fit of its own, which is kept
+    monkeypatch.setattr(check, "_fit", fitted_once)
     assert check.geometry_ranks(1, range(4)).covered.mean() > 0.8
+    again = iter(fits.copy())
+    monkeypatch.setattr(check, "_fit", lambda *given: next(again))
     monkeypatch.setattr(check, "geometry_posterior", surer)
     assert check.geometry_ranks(1, range(4)).covered.mean() < 0.7
 
