@@ -151,6 +151,12 @@ def undrawn(figure: Any) -> tuple[str, float]:
     return "<svg></svg>", PX * figure.get_figwidth()
 
 
+@pytest.fixture
+def undrawn_pages(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages without their pictures, in a module that has them drawn otherwise."""
+    monkeypatch.setattr("edtk.report.page.svg", undrawn)
+
+
 @pytest.fixture(scope="module")
 def drawn_pages() -> Iterator[None]:
     """Pages with their pictures drawn, as users have them."""

@@ -150,6 +150,7 @@ def test_a_headline_is_not_greener_than_a_warning(good):
     assert "<p>The study: test_pose.q_deg: are they in radians?</p>" in box
 
 
+@pytest.mark.usefixtures("undrawn_pages")
 def test_a_compensation_that_does_harm():
     """Where doing nothing is better, the headline says so, and nothing promises accuracy."""
     study = STUDY.replace(uncertainty={"load_percent": 150.0})
@@ -161,6 +162,7 @@ def test_a_compensation_that_does_harm():
     assert "If nothing else was wrong" in calibration_report(found)
 
 
+@pytest.mark.usefixtures("undrawn_pages")
 def test_a_cause_is_shown():
     """A shift of all loaded readings is named in the box, and its size is in a table."""
     found = calibrated(lambda y: y + np.array([1e-4, 0, -1.2e-4]))

@@ -50,6 +50,7 @@ def test_it_says_what_a_person_wants_to_know(found: GeometricCalibration, text: 
     assert text.count("<figure") == 7
 
 
+@pytest.mark.usefixtures("undrawn_pages")
 def test_poses_that_no_other_predicts_are_no_promise(found: GeometricCalibration) -> None:
     """Where a pose is predicted worse than by base and tool alone, no such error is promised."""
     fit = replace(found.fit, placed=1e-9)
@@ -61,6 +62,7 @@ def test_poses_that_no_other_predicts_are_no_promise(found: GeometricCalibration
     assert "Do not use: a pose left out is" in text
 
 
+@pytest.mark.usefixtures("undrawn_pages")
 def test_open_directions_are_in_the_report(tmp_path: Path) -> None:
     """What the poses do not tell is named in a table, and two test poses have a row each."""
     q, x = truth(12)
@@ -82,8 +84,11 @@ def test_in_a_browser(text: str, tmp_path: Path) -> None:
     assert seen == [f"7 7 true true true {width}" for width in WIDTHS]
 
 
+@pytest.mark.usefixtures("undrawn_pages")
 def test_files_are_written_again(tmp_path: Path) -> None:
-    """The same command twice writes the same three files."""
+    """The same command twice writes the same files; that pictures are the same is shown of springs
+    in `test_calibration_report.py`, where one function draws them all.
+    """
     study = tmp_path / "study.toml"
     STUDY.to_toml(study)
     q, x = truth(10)
