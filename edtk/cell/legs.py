@@ -211,7 +211,7 @@ class _Motion:
         Returns:
             Bounds (w, k) [m], for t from 0 to 1.
         """
-        slides = np.array([joint.kind == "prismatic" for joint in self.robot.chain])
+        slides = self.robot.chain_slides
         x = np.abs(rates)[:, None] * self._between
         turning = np.where(slides, 0.0, x)
         before = np.cumsum(turning, axis=-1) - turning

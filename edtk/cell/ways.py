@@ -241,12 +241,10 @@ class Roadmap:
 
     def _is_apart(self, a: int, b: int) -> bool:
         """Whether the planner found no way between two poses from which these can be reached."""
-        joined = self.state == FREE
-        regions = [_reached(joined, one) for one in (a, b)]
-        return any(
-            (regions[0][i] and regions[1][j]) or (regions[0][j] and regions[1][i])
-            for i, j in self._apart
-        )
+        from scipy.sparse.csgraph import connected_components
+
+        region = connected_components(self.state == FREE, directed=False)[1]
+        return any({region[i], region[j]} == {region[a], region[b]} for i, j in self._apart)
 
     def _connect(self, a: int, b: int, limits: Array) -> Array | None:
         """Via poses (s, n) within limits of a free way that the planner found, or None."""
@@ -345,14 +343,3 @@ def _quickest(seconds: Array, a: int, b: int) -> list[int] | None:
     while places[-1] != a:
         places.append(int(before[places[-1]]))
     return places[::-1]
-
-
-def _reached(joined: Mask, start: int) -> Mask:
-    """Which places (k,) can be reached from one over legs (k, k)."""
-    found = np.zeros(len(joined), dtype=bool)
-    found[start] = True
-    while True:
-        more = found | joined[found].any(axis=0)
-        if (more == found).all():
-            return found
-        found = more

@@ -132,18 +132,16 @@ def is_nearest(robot: Robot, q: Array, start: Array) -> bool:
 
 def _drawn_limits(robot: Robot) -> Array:
     """Limits (2, n) of poses that are drawn: one turn of a joint is enough."""
-    slides = np.array([joint.kind == "prismatic" for joint in robot.joints])
     low, high = robot.limits
     turned = np.array([np.maximum(low, -np.pi), np.minimum(high, np.pi)])
     turned = np.where(turned[0] < turned[1], turned, [low, high])
-    return np.asarray(np.where(slides, [low, high], turned))
+    return np.asarray(np.where(robot.slides, [low, high], turned))
 
 
 def _reached(robot: Robot, goal: Array, starts: Array) -> Array:
     """Solutions (s, n) from some starts, each once, revolute joints between -180 and 180 deg."""
     q, good = solve(robot, np.broadcast_to(goal, (len(starts), 4, 4)), starts)
-    turns = np.array([joint.kind != "prismatic" for joint in robot.joints])
-    q = np.where(turns & (robot.ties is None), q - TURN * np.round(q / TURN), q)[good]
+    q = np.where(~robot.slides & (robot.ties is None), q - TURN * np.round(q / TURN), q)[good]
     return _once(q)
 
 

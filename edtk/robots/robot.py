@@ -238,10 +238,14 @@ class Robot(Presented):
         return np.array([joint.limits for joint in self.joints]).T
 
     @cached_property
+    def slides(self) -> Mask:
+        """Mask (n,) of the free joints that slide, and do not turn."""
+        return np.array([joint.kind == "prismatic" for joint in self.joints])
+
+    @cached_property
     def units(self) -> Array:
         """SI units (n,) in the unit in which people read a joint: degree or millimetre."""
-        slides = np.array([joint.kind == "prismatic" for joint in self.joints])
-        return np.where(slides, 1e-3, np.pi / 180)
+        return np.where(self.slides, 1e-3, np.pi / 180)
 
     def shown(self, q: Array) -> Array:
         """What the controller shows (..., n) for joint variables q (..., n) [rad or m]."""
@@ -338,7 +342,7 @@ class Robot(Presented):
         return [[terms_of(row) for row in joint.aligned] for joint in self.chain]
 
     @cached_property
-    def _prismatic(self) -> Mask:
+    def chain_slides(self) -> Mask:
         """Mask (N,) of the prismatic joints of the chain."""
         return np.array([joint.kind == "prismatic" for joint in self.chain])
 
@@ -392,7 +396,7 @@ class Robot(Presented):
         position[...] = p + combine_terms(R, t) if t else p
         for k in range(3):
             np.add(combine_terms(R, C[k]), 0.0, out=rotation[k])
-        return Frames(q, axes, origins, rotation, position, self._prismatic, kept, self.ties)
+        return Frames(q, axes, origins, rotation, position, self.chain_slides, kept, self.ties)
 
     def frames_of(self, known: Frames, bodies: Collection[int], chosen: Indices) -> Frames:
         """Frames of chosen ones of some poses, along one axis; bodies that are known stay.

@@ -7,9 +7,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import (
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Field,
     ValidationError,
     model_validator,
@@ -22,7 +20,7 @@ from edtk.robots.joint import ONE_TURN, Coupling, Joint, Link, TiedJoint
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import transform
 from edtk.system.errors import UserError
-from edtk.system.fields import ZERO, Finite, Line, Vector3, first_error
+from edtk.system.fields import ZERO, Finite, Line, Table, Vector3, first_error
 from edtk.system.typing import Array
 
 # As large numbers as the same per millimetre, a thousand times.
@@ -36,10 +34,8 @@ LARGEST_FACTOR = 1e3  # of a coupling; gears between joints of an arm are far be
 UNITS = {"deg": "revolute", "mm": "prismatic"}
 
 
-class Leader(BaseModel):
+class Leader(Table):
     """The joint that another one follows."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     joint: str = Field(description="Name of the joint that is followed, of the same kind")
     factor: Annotated[Finite, Field(ge=-LARGEST_FACTOR, le=LARGEST_FACTOR)] = Field(
@@ -54,12 +50,10 @@ def _name_or_table(value: object) -> object:
     return {"joint": value} if isinstance(value, str) else value
 
 
-class ControllerTable(BaseModel):
+class ControllerTable(Table):
     """How the controller counts the joints, where that differs from the model: for a joint,
     `model = sign * (shown - zero)`; joints that are not named count as in the model.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     sign: dict[str, Literal[1, -1]] = Field(
         {}, description="1, or -1 for a joint that the controller counts the other way round [-]"
@@ -156,10 +150,8 @@ def _is_rotation(R: Array) -> bool:
     return bool(np.abs(R @ R.T - np.eye(3)).max() < ROUNDED and np.linalg.det(R) > 0)
 
 
-class PlacedTable(BaseModel):
+class PlacedTable(Table):
     """A frame, turned by `rpy_deg`, or by the matrix `rotation` where angles are not exact."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     rpy_deg: Vector3 = Field(
         ZERO,
@@ -189,12 +181,10 @@ class PlacedTable(BaseModel):
         return T
 
 
-class CouplingTable(BaseModel):
+class CouplingTable(Table):
     """A joint whose drive stands on a body before the one that carries the joint: while the drive
     stands, the joint moves by `factor` for each degree that the other joint moves.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     joint: str = Field(description="Name of the joint, whose number in a pose is its drive's angle")
     follows: str = Field(description="Name of the other joint; both turn")
@@ -240,10 +230,8 @@ def coupled(robot: Robot, tables: Sequence[CouplingTable], where: str | None = N
         raise RobotFileError(str(error), where=where, key="coupling") from error
 
 
-class MimicTable(BaseModel):
+class MimicTable(Table):
     """A joint whose variable is `factor` times that of another joint, plus an offset."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     joint: str = Field(description="Name of the joint that is followed, which follows none")
     factor: Finite = Field(
@@ -387,13 +375,11 @@ class JointTable(PlacedTable):
         return float(lower), float(upper)
 
 
-class CompensatorTable(BaseModel):
+class CompensatorTable(Table):
     """A coil spring or a gas cylinder between the bodies before and behind a joint, which carries
     a part of the arm's weight. It pulls its two anchors together by
     `preload + stiffness (s - s0)`, with their distance s, s0 where the joint is at zero.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     joint: str = Field(description="Name of the joint, which turns and follows no other")
     anchors_mm: tuple[Vector3, Vector3] | None = Field(
@@ -449,13 +435,11 @@ class CompensatorTable(BaseModel):
         )
 
 
-class BodyTable(BaseModel):
+class BodyTable(Table):
     """A capsule of a part of the robot, in the frame of the joint that moves it.
 
     Capsules of one name are one body.
     """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: Line = Field(description="Name of the part, for people")
     joint: str | None = Field(
@@ -481,10 +465,8 @@ class _Frame(PlacedTable):
         return self.place(self.position_m)
 
 
-class RobotFile(BaseModel):
+class RobotFile(Table):
     """All keys of a robot file; the end of a key's name is its unit."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: Line = Field(description="Name of the robot, for people")
     source: str = Field(description="Where the numbers come from")
@@ -597,10 +579,8 @@ def _joint(joint: JointTable, index: int, where: str | None) -> Joint:
         raise RobotFileError(str(error), where=where, key=f"joints.{index}") from error
 
 
-class RobotAndMore(BaseModel):
+class RobotAndMore(Table):
     """A robot of a file, or a built-in one, and what its file does not say."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     file: Line = Field(description="Name of a built-in robot, or path of a robot file")
     coupling: tuple[CouplingTable, ...] = Field(

@@ -110,7 +110,7 @@ def _gear(space: DesignSpace, j: int) -> tuple[float, int]:
     """
     robot = space.model.robot
     matrix = np.eye(robot.n) if robot.ties is None else robot.ties.matrix
-    slides = np.array([joint.kind == "prismatic" for joint in robot.chain])
+    slides = robot.chain_slides
     turning, sliding = matrix[~slides, j], matrix[slides, j]
     name = robot.joint_names[j]
     if robot.joints[j].kind == "prismatic":
