@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria.criterion import Criterion, KinkedCriterion
-from criteria.linalg.logarithms import soft_maximum
+from criteria.linalg.spectrum import soft_maximum
 from criteria.linalg.typing import Array, isometric, triangle
 from criteria.registry import register
 from criteria.relaxable import Formulation

@@ -11,13 +11,13 @@ from criteria.criterion import KinkedCriterion
 from criteria.g_optimality import WEIGHT_STEPS
 from criteria.linalg.inverse import (
     TINY,
+    long_product,
     lowered_root,
     power_trace_of_root,
     rounding_of_rows,
     whitener,
 )
-from criteria.linalg.logarithms import soft_maximum
-from criteria.linalg.long_product import long_product
+from criteria.linalg.spectrum import soft_maximum
 from criteria.linalg.typing import Array, Indices, isometric, triangle
 from criteria.registry import register
 from criteria.relaxable import Formulation

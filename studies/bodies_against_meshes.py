@@ -19,7 +19,7 @@ import pinocchio as pin
 
 from edtk.cell.cell import Cell
 from edtk.cell.pairs import Pairs, pairs_to_look_at
-from edtk.cell.urdf_bodies import urdf_bodies
+from edtk.cell.robot_bodies import urdf_bodies
 from edtk.robots.robot import Robot
 from edtk.robots.urdf.load_urdf import load_urdf
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import pinocchio as pin
 
 from edtk.cell.pairs import pairs_to_look_at
-from edtk.cell.urdf_bodies import urdf_bodies
+from edtk.cell.robot_bodies import urdf_bodies
 from edtk.robots.joint import ONE_TURN
 from edtk.robots.robot import Robot
 from edtk.robots.urdf.load_urdf import OpenLimitsError, load_urdf

@@ -17,9 +17,9 @@ from edtk.certificate.recompute.candidates import candidates, of_rows, require
 from edtk.certificate.recompute.covering import largest_sensitivities
 from edtk.certificate.recompute.day import Day
 from edtk.certificate.recompute.exact_tree import Tree, plan_of
-from edtk.certificate.recompute.lower_bound import Multipliers, lower_bound
 from edtk.certificate.recompute.plain_data import number, table, text, whole
 from edtk.certificate.recompute.setting import Setting
+from edtk.certificate.recompute.values import Multipliers, lower_bound
 from edtk.system.typing import Array, Indices
 
 KEYS = ("criterion", "kind", "claims", "experiments", "kept", "proof", "setting")

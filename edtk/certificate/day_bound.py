@@ -9,9 +9,9 @@ import numpy as np
 from edtk.certificate.proof import Experiments, LargestSensitivities, Proof
 from edtk.certificate.recompute.candidates import candidates
 from edtk.certificate.recompute.day import MOST_LOADS, Day
-from edtk.certificate.recompute.lower_bound import Multipliers, lower_bound
 from edtk.certificate.recompute.plain_data import rows, table, whole
 from edtk.certificate.recompute.setting import TINY, Load, Setting
+from edtk.certificate.recompute.values import Multipliers, lower_bound
 from edtk.system.typing import Array
 
 DRAWS = 1024  # poses that show whether some loads can tell all parameters

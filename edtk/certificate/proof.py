@@ -15,9 +15,9 @@ from edtk.certificate.recompute.candidates import (
     of_sample,
     require,
 )
-from edtk.certificate.recompute.lower_bound import Multipliers
 from edtk.certificate.recompute.plain_data import numbers, rows, table, text, whole, wrenches_of
 from edtk.certificate.recompute.setting import Setting
+from edtk.certificate.recompute.values import Multipliers
 from edtk.system.typing import Array, Mask
 
 # A certificate has some hundred lines; one of 20,000 experiments has 20 MB. A larger file is

@@ -16,9 +16,9 @@ from edtk.certificate.recompute.array_criteria import (
     unknown,
 )
 from edtk.certificate.recompute.arrays import Candidates
-from edtk.certificate.recompute.lower_bound import MOST_MULTIPLIERS
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table, text
 from edtk.certificate.recompute.region import Region
+from edtk.certificate.recompute.values import MOST_MULTIPLIERS
 from edtk.certificate.recompute.weight_limits import WeightLimits
 from edtk.certificate.verify_certificate import ABSOLUTE, AGREE, Claim, Verification
 from edtk.design.information import Rows

@@ -8,9 +8,15 @@ import numpy as np
 from edtk.cell.cell import Cell
 from edtk.cell.meshes import open_edges, read_mesh
 from edtk.cell.pairs import pairs_to_look_at
-from edtk.cell.robot_bodies import default_tool, hanging_bodies, merged, robot_bodies, typed_bodies
+from edtk.cell.robot_bodies import (
+    default_tool,
+    hanging_bodies,
+    held,
+    merged,
+    robot_bodies,
+    typed_bodies,
+)
 from edtk.cell.shapes import Body, Mesh, Shape
-from edtk.cell.urdf_bodies import held
 from edtk.robots.frames import MILLIMETRE
 from edtk.robots.robot import Robot
 from edtk.robots.robot_file import RobotAndMore, RobotFile

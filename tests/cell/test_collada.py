@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from edtk.cell.collada import collada_corners
+from edtk.cell.meshes import collada_corners
 
 SQUARE = [[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]]
 TURNED = "<rotate>0 0 2 90</rotate><translate>10 0 0</translate>"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from edtk.cell.meshes import open_edges, read_mesh
-from edtk.cell.urdf_bodies import urdf_bodies
+from edtk.cell.robot_bodies import urdf_bodies
 from edtk.system.errors import UserError
 
 CORNERS = np.array([[0, 0, 0], [100, 0, 0], [0, 50, 0], [0, 0, 25]], dtype=float)
@@ -162,7 +162,7 @@ def test_a_face_has_all_of_its_corners_or_is_refused(corner: str, tmp_path, monk
 
 def test_a_robot_that_names_a_mesh_many_times_is_refused(tmp_path, monkeypatch) -> None:
     """Thirty kilobytes that name one mesh 300 times took a minute, and 10 GB."""
-    monkeypatch.setattr("edtk.cell.urdf_bodies.MOST_OF_ROBOT", 40)
+    monkeypatch.setattr("edtk.cell.robot_bodies.MOST_OF_ROBOT", 40)
     (tmp_path / "part.stl").write_bytes(binary(1e-3 * CORNERS[FACES]))
     body = '<collision><geometry><mesh filename="part.stl"/></geometry></collision>'
     joint = '<joint name="q1" type="revolute"><parent link="a"/><child link="b"/></joint>'

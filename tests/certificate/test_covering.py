@@ -15,9 +15,8 @@ import criteria
 import edtk
 import edtk.design.enclosure.cover as prover
 from edtk.certificate.certificate import certificate
-from edtk.certificate.coverings import coverings_to_list
+from edtk.certificate.problem_proofs import coverings_to_list
 from edtk.certificate.recompute.covering import Covering, largest_sensitivities
-from edtk.certificate.recompute.lower_bound import Multipliers
 from edtk.certificate.recompute.physics import Friction
 from edtk.certificate.recompute.pose_polynomials import (
     DEGREE,
@@ -29,6 +28,7 @@ from edtk.certificate.recompute.pose_polynomials import (
 from edtk.certificate.recompute.setting import Setting
 from edtk.certificate.recompute.tasks import EPS
 from edtk.certificate.recompute.tracked_forms import Growth
+from edtk.certificate.recompute.values import Multipliers
 from edtk.certificate.verify_certificate import verify_certificate
 from edtk.design.enclosure.boxes import Reason
 from edtk.design.enclosure.cover import cover

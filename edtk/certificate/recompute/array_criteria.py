@@ -34,9 +34,9 @@ from edtk.certificate.recompute.arrays import (
     same_multipliers,
 )
 from edtk.certificate.recompute.candidates import PER_CUBE, PER_SQUARE, require
-from edtk.certificate.recompute.lower_bound import Multipliers
 from edtk.certificate.recompute.plain_data import number, numbers, rows, text
 from edtk.certificate.recompute.tasks import EPS
+from edtk.certificate.recompute.values import Multipliers
 from edtk.certificate.recompute.weight_limits import WeightLimits
 from edtk.system.typing import Array, Indices
 

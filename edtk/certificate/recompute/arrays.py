@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edtk.certificate.recompute.lower_bound import Multipliers, factor_of, noise_amplification
 from edtk.certificate.recompute.tasks import EPS, CovarianceRoot
+from edtk.certificate.recompute.values import Multipliers, factor_of, noise_amplification
 from edtk.certificate.recompute.weight_limits import WeightLimits
 from edtk.system.typing import Array, Indices
 

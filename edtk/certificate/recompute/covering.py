@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from edtk.certificate.recompute.candidates import require
-from edtk.certificate.recompute.lower_bound import Multipliers
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table, whole
 from edtk.certificate.recompute.pose_polynomials import (
     COUPLED,
@@ -29,6 +28,7 @@ from edtk.certificate.recompute.pose_polynomials import (
     U,
 )
 from edtk.certificate.recompute.setting import Setting
+from edtk.certificate.recompute.values import Multipliers
 from edtk.system.typing import Array, Indices, Mask
 
 Letters = np.ndarray[tuple[int, ...], np.dtype[np.str_]]

@@ -25,9 +25,9 @@ import numpy as np
 from edtk.certificate.recompute.array_criteria import Part
 from edtk.certificate.recompute.arrays import Candidates, Design, Frame
 from edtk.certificate.recompute.candidates import require
-from edtk.certificate.recompute.lower_bound import factor_of
 from edtk.certificate.recompute.plain_data import in_range, numbers, rows, table
 from edtk.certificate.recompute.tasks import EPS
+from edtk.certificate.recompute.values import factor_of
 from edtk.system.typing import Array, Indices, Mask
 
 TREE = ("T", "order", "multipliers", "multiplier", "parent", "group", "first", "stop", "count")

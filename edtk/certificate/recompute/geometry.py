@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from edtk.certificate.recompute.chain import Chain
-from edtk.certificate.recompute.compensator import Gives, Pull
+from edtk.certificate.recompute.chain import Chain, Gives, Pull
 from edtk.certificate.recompute.physics import (
     GRAVITY,
     MEASURED,

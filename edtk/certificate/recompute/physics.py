@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from edtk.certificate.recompute.chain import Chain
-from edtk.certificate.recompute.compensator import Pull
+from edtk.certificate.recompute.chain import Chain, Pull
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table, text, whole
 from edtk.system.typing import Array, Mask
 

@@ -10,15 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from edtk.certificate.recompute.chain import Chain
-from edtk.certificate.recompute.compensator import Pull
+from edtk.certificate.recompute.chain import Chain, Pull
 from edtk.certificate.recompute.geometry import UNIT, Geometry, unit_of
-from edtk.certificate.recompute.lower_bound import Multipliers
 from edtk.certificate.recompute.physics import GRAVITY
 from edtk.certificate.recompute.plain_data import number, rows, table, whole
 from edtk.certificate.recompute.setting import Setting
 from edtk.certificate.recompute.tasks import EPS
 from edtk.certificate.recompute.tracked_forms import Growth
+from edtk.certificate.recompute.values import Multipliers
 from edtk.system.typing import Array, Indices, Mask
 
 U = EPS / 2  # of one operation

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from edtk.certificate.recompute.chain import Chain
-from edtk.certificate.recompute.compensator import Gives
+from edtk.certificate.recompute.chain import Chain, Gives
 from edtk.certificate.recompute.geometry import Geometry
 from edtk.certificate.recompute.physics import Friction, Noise, Physics, regressors
 from edtk.certificate.recompute.plain_data import (

@@ -9,8 +9,7 @@ from criteria import Criterion
 from criteria.linalg.inverse import EPS
 from edtk.design.bound import BLURRED, Bound, BoundKind
 from edtk.design.enclosure.cover import Covering, CoveringInterrupted
-from edtk.design.enclosure.region_intervals import RegionIntervals, Spans
-from edtk.design.enclosure.region_polynomials import RegionPolynomials
+from edtk.design.enclosure.region_functions import RegionIntervals, RegionPolynomials, Spans
 from edtk.design.region import Region
 from edtk.design.relaxation.proof import is_normalised, trace_matrix
 from edtk.design.relaxation.relax_poses import ActiveSet

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edtk.design.bound import printed_form
+from edtk.design.exact.comparison import SizeCurve, size_curve
 from edtk.design.exact.model_design import TEST_LEVEL, Design, ModelDesign, Places
-from edtk.design.exact.size_curve import SizeCurve, size_curve
 from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.report.draw.names import name_ticks, short_names

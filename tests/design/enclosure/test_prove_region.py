@@ -10,7 +10,7 @@ from edtk.design.bound import BoundKind
 from edtk.design.candidate_source import Candidates
 from edtk.design.enclosure.cover import cover
 from edtk.design.enclosure.prove_region import prove_region
-from edtk.design.enclosure.region_polynomials import RegionPolynomials
+from edtk.design.enclosure.region_functions import RegionPolynomials
 from edtk.design.region import Region
 from edtk.design.relaxation import relax_region
 from edtk.design.relaxation.proof import normalised

@@ -9,7 +9,7 @@ import edtk
 from edtk.design.bound import BoundKind
 from edtk.design.enclosure.intervals import run_on_boxes
 from edtk.design.enclosure.prove_region import enclosure_of, prove_region
-from edtk.design.enclosure.region_intervals import RegionIntervals
+from edtk.design.enclosure.region_functions import RegionIntervals
 from edtk.design.region import Region
 from edtk.system.errors import ArgumentError
 from edtk.system.time_limit import time_limit

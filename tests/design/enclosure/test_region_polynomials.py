@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import criteria
-from edtk.design.enclosure.region_polynomials import RegionPolynomials
+from edtk.design.enclosure.region_functions import RegionPolynomials
 from edtk.design.region import Region
 from edtk.design.relaxation.proof import normalised
 

@@ -133,29 +133,17 @@ class ArrangedSearch:
     ) -> FoundPlaces:
         """Search from so many starts, or until as many again as it took bring nothing better."""
         record = Record()
-        ended = "starts"
-        most = MOST_ARRANGED_WAVES * WAVE if starts is None else starts
-        try:
-            while record.starts < most:
-                size = min(WAVE, most - record.starts)
-                rng = np.random.default_rng((seed, record.waves))
-                kick = record.waves % 2 == 1
-                begin = self._kicked(rng, record, size) if kick else self.drawn(rng, size)
-                record.enter(self.improved(begin), not kick)
-                progress(record.starts, record.cost)
-                if out_of_time():
-                    ended = "budget"
-                    break
-                idle = record.starts - record.improved
-                if starts is None and idle >= max(self._patience(), record.starts // 2):
-                    ended = "stagnation"
-                    break
-        except KeyboardInterrupt:
-            if record.places is None:
-                raise
-            ended = "interrupted"
-        assert record.places is not None
-        return FoundPlaces(record.places, record.cost, record.starts, record.found, ended)
+
+        def enter(size: int) -> str:
+            rng = np.random.default_rng((seed, record.waves))
+            kick = record.waves % 2 == 1
+            begin = self._kicked(rng, record, size) if kick else self.drawn(rng, size)
+            record.enter(self.improved(begin), not kick)
+            progress(record.starts, record.cost)
+            is_over = starts is None and record.is_idle(self._patience())
+            return "stagnation" if is_over else ""
+
+        return record.filled(enter, WAVE, MOST_ARRANGED_WAVES * WAVE if starts is None else starts)
 
     def improved(self, places: Indices) -> tuple[Array, Indices]:
         """Costs (b,) and places (b, m) of plans that no move improves."""

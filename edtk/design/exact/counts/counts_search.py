@@ -8,13 +8,13 @@ import numpy as np
 from criteria import Criterion
 from criteria.linalg.inverse import guarded_inverse
 from edtk.design.exact.apportion import apportion
-from edtk.design.exact.counts.block_swaps import swap_between_blocks
 from edtk.design.exact.counts.counts_bound import Scatter
 from edtk.design.exact.counts.joint_exchanges import (
     KINDS,
     exchange_jointly,
     kicked_jointly,
     nearest_plans,
+    swap_between_blocks,
 )
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.prices import GAIN, Pricing, first_lowest, first_of_largest
@@ -247,31 +247,17 @@ class CountsSearch:
         # A wave of long searches shall not hold more starts than are worth it.
         wave = min(self.pricing.wave, patience) if starts is None else self.pricing.wave
         record = Record()
-        ended = "starts"
-        try:
-            while record.starts < most:
-                size = min(wave, most - record.starts)
-                around = self._around(record)
-                record.enter(self._wave(seed, record.waves, size, around), around is None)
-                progress(record.starts, record.cost)
-                if self._is_proved(record.cost):
-                    ended = "proved"
-                    break
-                if out_of_time():
-                    ended = "budget"
-                    break
-                idle = record.starts - record.improved
-                if starts is None and (
-                    idle >= max(patience, record.starts // 2) or self._is_settled(record)
-                ):
-                    ended = "stagnation"
-                    break
-        except KeyboardInterrupt:
-            if record.places is None:
-                raise
-            ended = "interrupted"
-        assert record.places is not None
-        return FoundPlaces(record.places, record.cost, record.starts, record.found, ended)
+
+        def enter(size: int) -> str:
+            around = self._around(record)
+            record.enter(self._wave(seed, record.waves, size, around), around is None)
+            progress(record.starts, record.cost)
+            if self._is_proved(record.cost):
+                return "proved"
+            is_over = record.is_idle(patience) or self._is_settled(record)
+            return "stagnation" if starts is None and is_over else ""
+
+        return record.filled(enter, wave, most)
 
     def _is_proved(self, cost: float) -> bool:
         """Whether no plan can be better than one of this cost."""
@@ -434,7 +420,7 @@ class CountsSearch:
 
 
 class Record:
-    """The best plan so far."""
+    """The best plan so far, of a search that goes on wave by wave of starts."""
 
     def __init__(self) -> None:
         self.places: Indices | None = None
@@ -444,6 +430,32 @@ class Record:
         self.starts = 0
         self.improved = 0
         self.found = 0
+
+    def filled(self, enter: Callable[[int], str], wave: int, most: int) -> FoundPlaces:
+        """Enter waves until the search ends; without time, or after Ctrl-C, what is found is told.
+
+        Args:
+            enter: Searches from so many starts, enters them, and says why the search ends; "" if it
+                goes on.
+            wave: Starts of a wave.
+            most: Starts in all.
+        """
+        ended = ""
+        try:
+            while not ended and self.starts < most:
+                ended = enter(min(wave, most - self.starts))
+                if ended != "proved" and out_of_time():
+                    ended = "budget"
+        except KeyboardInterrupt:
+            if self.places is None:
+                raise
+            ended = "interrupted"
+        assert self.places is not None
+        return FoundPlaces(self.places, self.cost, self.starts, self.found, ended or "starts")
+
+    def is_idle(self, patience: int) -> bool:
+        """Whether so many starts, and as many as it took, have brought no improvement."""
+        return self.starts - self.improved >= max(patience, self.starts // 2)
 
     @property
     def optima(self) -> int:

@@ -113,7 +113,7 @@ def find_counts(
         counts=counts + kept,
         cost=asked.sized.cost(cost, criterion),
         accuracy=of_cost + of_bound,
-        lower_bound=_bound(criterion, relaxed, asked.sized, cost, of_cost, of_bound),
+        lower_bound=told_bound(criterion, relaxed, asked.sized, cost, of_cost, of_bound),
         basis=f"no bound: {search.reason}" if relaxed is None else relaxed.basis,
         starts=found.starts,
         found=found.found,
@@ -501,7 +501,7 @@ def _untold(limits: Limits, p: int, criterion: Criterion, how: str, message: str
     return UserError(f"no plan of {experiments}{blocks} {how} {needed}; {message}")
 
 
-def _bound(
+def told_bound(
     criterion: Criterion,
     relaxed: RelaxedCounts | None,
     sized: OrderOne,

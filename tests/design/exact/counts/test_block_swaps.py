@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import criteria
-from edtk.design.exact.counts.block_swaps import BlockSwaps, swap_between_blocks
 from edtk.design.exact.counts.counts_bound import Scatter
+from edtk.design.exact.counts.joint_exchanges import BlockSwaps, swap_between_blocks
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.prices import GAIN
 
